@@ -1,0 +1,72 @@
+"""What can go wrong, as a tree; every branch is also the builtin that fits it.
+
+    RmrcError
+    ├── ScenarioError    (ValueError)       a scenario is wrong; all its problems at once
+    ├── ModelError       (ValueError)       a model cannot be loaded, or lacks what was named
+    ├── TargetError      (ValueError)       a target path cannot be timed
+    └── DivergenceError  (ArithmeticError)  the simulated state stopped being finite
+
+A singularity is not an error: it is a status, recorded at every control tick.
+Messages are one line: the thing, the value, the bound and the way out.
+"""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Sequence
+
+
+class RmrcError(Exception):
+    """Any error that rmrc reports in its own words; catch this to catch them all."""
+
+
+class ScenarioError(RmrcError, ValueError):
+    """A scenario cannot be used; `str()` is all its problems, one a line.
+
+    Attributes:
+        problems: One line for each problem, with file, line and key where they are known.
+    """
+
+    def __init__(self, problems: Sequence[str]) -> None:
+        """Keep the problems, a line each."""
+        self.problems: tuple[str, ...] = tuple(problems)
+        super().__init__(self.problems)
+
+    def __str__(self) -> str:
+        """Return all problems, one a line."""
+        return "\n".join(self.problems)
+
+
+class ModelError(RmrcError, ValueError):
+    """A model cannot be loaded, or lacks what the scenario names.
+
+    Attributes:
+        about: What was asked for in vain: `model`, `site`, `joints` or `start`.
+    """
+
+    def __init__(self, message: str, about: str = "model") -> None:
+        """Keep the message and what it is about."""
+        self.about = about
+        super().__init__(message)
+
+
+class TargetError(RmrcError, ValueError):
+    """A target path cannot be timed or followed as written."""
+
+
+class DivergenceError(RmrcError, ArithmeticError):
+    """The simulated state stopped being finite; what was recorded until then is kept."""
+
+
+def did_you_mean(name: str, options: Iterable[str]) -> str:
+    """Return a suggestion to append to a message, or nothing when no option is near.
+
+    Args:
+        name: What was written.
+        options: What could have been meant.
+
+    Returns:
+        `'; did you mean "velocity"?'` for the nearest option, else `''`.
+    """
+    near = difflib.get_close_matches(name, list(options), n=1)
+    return f'; did you mean "{near[0]}"?' if near else ""

@@ -1,0 +1,291 @@
+"""rmrc.spatial against scipy's rotations, matrix exponentials and homogeneous matrices."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.linalg import expm
+from scipy.spatial.transform import Rotation
+
+from rmrc import spatial
+
+# A few dozen roundings of numbers near 1; the arrays below are scaled so.
+ROUNDING = 1e-14
+
+numbers = st.floats(-1, 1, allow_subnormal=False)
+vectors = st.tuples(numbers, numbers, numbers).map(np.array)
+quats = st.builds(
+    lambda q: q / np.linalg.norm(q),
+    st.tuples(numbers, numbers, numbers, numbers).map(np.array).filter(lambda q: np.linalg.norm(q) > 0.1),
+)
+directions = vectors.filter(lambda v: np.linalg.norm(v) > 0.1).map(lambda v: v / np.linalg.norm(v))
+poses = st.builds(lambda p, q: np.concatenate([p, q]), vectors, quats)
+six = st.builds(lambda a, b: np.concatenate([a, b]), vectors, vectors)
+many = settings(max_examples=60, deadline=None)
+
+
+def assert_near(actual, expected, atol=ROUNDING, rtol=0.0):
+    np.testing.assert_allclose(actual, expected, rtol=rtol, atol=atol)
+
+
+def scipy_rotation(quat):
+    return Rotation.from_quat(quat, scalar_first=True)
+
+
+def homogeneous(R, p):
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = R, p
+    return T
+
+
+def twist_matrix(twist):
+    """The 4x4 matrix of a twist, written out here: Ṫ = [ω]× T + ... for a moving frame."""
+    vx, vy, vz, wx, wy, wz = twist
+    return np.array([[0, -wz, wy, vx], [wz, 0, -wx, vy], [-wy, wx, 0, vz], [0, 0, 0, 0.0]])
+
+
+def test_axes_are_the_rows_of_a_twist_linear_first():
+    assert spatial.AXES == ("x", "y", "z", "rx", "ry", "rz")
+
+
+@many
+@given(vectors, vectors)
+def test_skew_times_w_is_v_cross_w(v, w):
+    assert_near(spatial.skew(v) @ w, np.cross(v, w))
+
+
+@many
+@given(quats, quats, vectors)
+def test_quaternions_compose_and_rotate_as_scipys_do(a, b, v):
+    both = scipy_rotation(a) * scipy_rotation(b)
+    product = spatial.quat_multiply(a, b)
+    assert_near(spatial.quat_to_matrix(a), scipy_rotation(a).as_matrix())
+    assert_near(spatial.quat_to_matrix(product), both.as_matrix())
+    assert_near(spatial.rotate(product, v), both.apply(v))
+    identity = spatial.quat_multiply(a, spatial.quat_conjugate(a))
+    assert_near(identity, [1, 0, 0, 0])
+
+
+@many
+@given(directions, st.floats(0.1, 10), st.floats(-20, 20))
+def test_axis_and_angle_are_the_matrix_exponential_whatever_the_axis_length(axis, length, angle):
+    quat = spatial.quat_from_axis_angle(length * axis, angle)
+    # expm scales and squares: an angle of 20 loses a hundred roundings there.
+    expected = expm(angle * twist_matrix([0, 0, 0, *axis])[:3, :3])
+    assert_near(spatial.quat_to_matrix(quat), expected, atol=1e-12)
+
+
+@many
+@given(directions, st.floats(-20, 20))
+def test_axis_and_angle_are_continuous_a_full_turn_changes_the_sign(axis, angle):
+    quat = spatial.quat_from_axis_angle(axis, angle)
+    turned = spatial.quat_from_axis_angle(axis, angle + 2 * np.pi)
+    assert_near(turned, -quat)
+
+
+@many
+@given(directions, st.sampled_from([0.0, 1e-300, 1e-12, 1e-6, 1.0, 3.0, np.pi - 1e-12, np.pi]))
+def test_exp_is_the_matrix_exponential(axis, angle):
+    expected = expm(twist_matrix([0, 0, 0, *(angle * axis)])[:3, :3])
+    quat = spatial.exp_rotation(angle * axis)
+    assert_near(spatial.quat_to_matrix(quat), expected)
+    # a matrix rounds a tiny angle away from 1; the quaternion's vector must keep all its digits
+    assert_near(quat[1:], np.sin(angle / 2) * axis, rtol=ROUNDING, atol=1e-320)
+
+
+SMALL_TO_HALF_TURN = [1e-300, 1e-12, 1e-9, 1e-6, 0.3, 2.0, np.pi - 1e-6, np.pi - 1e-9, np.pi - 1e-12]
+
+
+def log_error(log, axis, angle):
+    quat = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * axis)])
+    return np.linalg.norm(log(quat) / angle - axis)
+
+
+@many
+@given(directions, st.sampled_from(SMALL_TO_HALF_TURN), st.sampled_from([1, -1]))
+def test_log_keeps_all_digits_from_tiny_angles_to_half_turns_for_either_sign(axis, angle, sign):
+    assert log_error(lambda quat: spatial.log_rotation(sign * quat), axis, angle) < ROUNDING
+
+
+def test_an_arc_cosine_would_fail_the_log_test():
+    def arc_cosine(quat):
+        angle = 2 * np.arccos(quat[0])
+        return angle * quat[1:] / max(np.linalg.norm(quat[1:]), 1e-300)
+
+    axis = np.array([0.6, 0.0, 0.8])
+    assert log_error(arc_cosine, axis, 1e-12) > 0.1
+    assert log_error(arc_cosine, axis, 1e-6) > 1e-6
+    assert log_error(arc_cosine, axis, 2.0) < ROUNDING
+
+
+@many
+@given(quats)
+def test_log_is_scipys_shortest_rotation_vector_and_exp_its_inverse(quat):
+    rotvec = spatial.log_rotation(quat)
+    expected = scipy_rotation(quat).as_rotvec()
+    # the two vectors of a half turn are equally short, and scipy's choice is its own
+    assert_near(rotvec, expected if quat[0] else expected * np.sign(expected @ rotvec))
+    assert np.linalg.norm(rotvec) < np.pi + ROUNDING
+    back = spatial.exp_rotation(rotvec)
+    assert_near(back * np.sign(back @ quat), quat)
+
+
+def test_log_of_the_identity_is_zero_and_of_a_half_turn_is_pi():
+    assert not spatial.log_rotation([1.0, 0, 0, 0]).any()
+    assert not spatial.log_rotation([-1.0, 0, 0, 0]).any()
+    np.testing.assert_array_equal(spatial.log_rotation([0.0, 0, 1, 0]), [0, np.pi, 0])
+
+
+@many
+@given(quats)
+def test_matrix_to_quat_inverts_quat_to_matrix_with_w_not_negative(quat):
+    back = spatial.matrix_to_quat(scipy_rotation(quat).as_matrix())
+    assert back[0] >= 0
+    assert_near(back * np.sign(back @ quat), quat)
+
+
+@many
+@given(directions, st.sampled_from([0.0, 1e-12, 1e-6, np.pi - 1e-6, np.pi - 1e-12, np.pi]))
+def test_matrix_to_quat_is_accurate_near_half_turns_and_the_identity(axis, angle):
+    R = Rotation.from_rotvec(angle * axis).as_matrix()
+    quat = spatial.matrix_to_quat(R)
+    assert_near(np.linalg.norm(quat), 1)
+    assert_near(scipy_rotation(quat).as_matrix(), R)
+
+
+@many
+@given(poses, poses)
+def test_pose_error_closes_the_gap_along_world_axes(pose_ref, pose):
+    error = spatial.pose_error(pose_ref, pose)
+    assert_near(pose[:3] + error[:3], pose_ref[:3])
+    # world axes: the error turns from the left
+    closed = Rotation.from_rotvec(error[3:]) * scipy_rotation(pose[3:])
+    expected = scipy_rotation(pose_ref[3:]).as_matrix()
+    assert_near(closed.as_matrix(), expected)
+    assert np.linalg.norm(error[3:]) < np.pi + ROUNDING
+
+
+@many
+@given(poses, six)
+def test_twist_transform_is_the_change_of_frame_of_a_homogeneous_matrix(pose_a_b, twist):
+    R, p = scipy_rotation(pose_a_b[3:]).as_matrix(), pose_a_b[:3]
+    T = homogeneous(R, p)
+    # for T_w_b(t) with T⁻¹Ṫ = [twist], and a fixed to b, T_w_a = T_w_b T_b_a has [T twist T⁻¹]
+    expected = T @ twist_matrix(twist) @ np.linalg.inv(T)
+    actual = spatial.twist_transform(R, p) @ twist
+    assert_near(twist_matrix(actual), expected)
+
+
+@many
+@given(poses, six, six)
+def test_power_is_the_same_in_both_frames(pose_a_b, twist, wrench):
+    R, p = scipy_rotation(pose_a_b[3:]).as_matrix(), pose_a_b[:3]
+    power = (spatial.wrench_transform(R, p) @ wrench) @ (spatial.twist_transform(R, p) @ twist)
+    assert_near(power, wrench @ twist)
+
+
+@many
+@given(vectors, six, six)
+def test_power_is_the_same_at_both_points(r, twist, wrench):
+    power = spatial.shift_wrench(wrench, r) @ spatial.shift_twist(twist, r)
+    assert_near(power, wrench @ twist)
+
+
+def test_power_is_not_kept_when_the_way_to_the_new_point_is_reversed_for_one_of_them():
+    wrench, twist, r = np.array([0.0, 1, 0, 0, 0, 0]), np.array([0.0, 0, 0, 0, 0, 1]), [1.0, 0, 0]
+    assert spatial.shift_wrench(wrench, r) @ spatial.shift_twist(twist, r) == wrench @ twist
+    assert spatial.shift_wrench(wrench, [-1.0, 0, 0]) @ spatial.shift_twist(twist, r) == -2
+
+
+@many
+@given(vectors, vectors, six)
+def test_shift_twist_is_the_velocity_of_the_other_point_of_a_turning_body(old, new, twist):
+    v, omega = twist[:3], twist[3:]
+    dt = 1e-4  # central differences of a rotation: an error of |ω|³ dt²/6 < 1e-8
+    paths = [Rotation.from_rotvec(s * dt * omega).apply(new - old) + s * dt * v for s in (1, -1)]
+    moved = (paths[0] - paths[1]) / (2 * dt)
+    shifted = spatial.shift_twist(twist, old - new)
+    assert_near(shifted, [*moved, *omega], atol=3e-8)
+
+
+@many
+@given(vectors, vectors, six)
+def test_shift_wrench_has_the_moment_of_the_force_about_the_new_point(old, new, wrench):
+    f, n = wrench[:3], wrench[3:]
+    expected = n + np.cross(old, f) - np.cross(new, f)  # moments about the origin, then back
+    shifted = spatial.shift_wrench(wrench, old - new)
+    assert_near(shifted, [*f, *expected])
+
+
+def quat_array(rng, *shape):
+    q = rng.normal(size=(*shape, 4))
+    return q / np.linalg.norm(q, axis=-1, keepdims=True)
+
+
+def pose_array(rng, *shape):
+    return np.concatenate([rng.normal(size=(*shape, 3)), quat_array(rng, *shape)], axis=-1)
+
+
+def matrix_array(rng, *shape):
+    rotations = scipy_rotation(quat_array(rng, *shape).reshape(-1, 4))
+    return rotations.as_matrix().reshape(*shape, 3, 3)
+
+
+def vector_array(rng, *shape):
+    return rng.normal(size=(*shape, 3))
+
+
+def six_array(rng, *shape):
+    return rng.normal(size=(*shape, 6))
+
+
+def number_array(rng, *shape):
+    return rng.normal(size=shape)
+
+
+@pytest.mark.parametrize(
+    ("function", "first", "second"),
+    [
+        (spatial.normalize, vector_array, None),
+        (spatial.skew, vector_array, None),
+        (spatial.quat_multiply, quat_array, quat_array),
+        (spatial.quat_conjugate, quat_array, None),
+        (spatial.quat_from_axis_angle, vector_array, number_array),
+        (spatial.quat_to_matrix, quat_array, None),
+        (spatial.matrix_to_quat, matrix_array, None),
+        (spatial.exp_rotation, vector_array, None),
+        (spatial.log_rotation, quat_array, None),
+        (spatial.rotate, quat_array, vector_array),
+        (spatial.pose_error, pose_array, pose_array),
+        (spatial.twist_transform, matrix_array, vector_array),
+        (spatial.wrench_transform, matrix_array, vector_array),
+        (spatial.shift_twist, six_array, vector_array),
+        (spatial.shift_wrench, six_array, vector_array),
+    ],
+)
+def test_leading_axes_broadcast_as_a_loop_would(function, first, second):
+    rng = np.random.default_rng(7)
+    a = first(rng, 5, 1)
+    if second is None:
+        expected = [[function(a[i, 0])] for i in range(5)]
+        assert_near(function(a), expected)
+        return
+    b = second(rng, 3)
+    expected = [[function(a[i, 0], b[j]) for j in range(3)] for i in range(5)]
+    assert_near(function(a, b), expected)
+    # and the other way round, so that neither argument alone sets the shape
+    a, b = first(rng, 3), second(rng, 5, 1)
+    expected = [[function(a[j], b[i, 0]) for j in range(3)] for i in range(5)]
+    assert_near(function(a, b), expected)
+
+
+@pytest.mark.parametrize("bad", [[0.0, 0, 0], [np.nan, 1, 0], [np.inf, 1, 0], [[1.0, 0], [0, 0]]])
+def test_what_has_no_direction_is_refused(bad):
+    with pytest.raises(ValueError, match=r".") as caught:
+        spatial.normalize(bad)
+    assert str(caught.value) == "cannot normalize a vector that is zero or not finite"
+
+
+@pytest.mark.parametrize("scale", [1e-200, 1.0, 1e200])
+def test_normalize_neither_overflows_nor_vanishes(scale):
+    assert_near(spatial.normalize(scale * np.array([3.0, 4.0])), [0.6, 0.8], atol=1e-15)
