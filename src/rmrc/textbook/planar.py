@@ -1,0 +1,271 @@
+"""Planar arms with revolute joints: n links in general, two and three as printed in the notes.
+
+All links move in the x-y plane, joint axes along +z, q = 0 stretched out along x. The rows of a
+planar Jacobian are x, y and the rotation about z; `lengths` is l_1..l_n in m, `q` is in radians.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+
+def planar_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return where the tip of an n-link arm is and where it points.
+
+    x = Σ l_i cos φ_i, y = Σ l_i sin φ_i, rz = φ_n, with φ_i = q_1 + ... + q_i [Khatib08].
+
+    Args:
+        lengths: l, (..., n) [m].
+        q: Joint positions, (..., n) [rad].
+
+    Returns:
+        [x, y, rz], (..., 3) [m, m, rad]; rz is the plain sum, not wrapped.
+
+    Example:
+        >>> planar_position([1, 1, 1], np.radians([90, -90, -90])).round(3)
+        array([ 1.   ,  0.   , -1.571])
+    """
+    phi, lengths = np.broadcast_arrays(
+        np.cumsum(np.asarray(q, dtype=np.float64), axis=-1), np.asarray(lengths, dtype=np.float64)
+    )
+    x, y = np.sum(lengths * np.cos(phi), axis=-1), np.sum(lengths * np.sin(phi), axis=-1)
+    return np.stack([x, y, phi[..., -1]], axis=-1)
+
+
+def planar_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the Jacobian of the tip of an n-link arm.
+
+    Column i is (−Σ_k l_k sin φ_k, Σ_k l_k cos φ_k, 1) with k = i..n [Khatib08].
+    With l_n = 0 it is that of the wrist point, which turns with the last link: J_W of the notes.
+
+    Args:
+        lengths: l, (..., n) [m].
+        q: Joint positions, (..., n) [rad].
+
+    Returns:
+        Rows x, y, rz in frame {0}, (..., 3, n).
+
+    Example:
+        >>> planar_jacobian([1, 1, 1], np.radians([90, -90, -90])).round(3) + 0.0
+        array([[0., 1., 1.],
+               [1., 1., 0.],
+               [1., 1., 1.]])
+    """
+    phi, lengths = np.broadcast_arrays(
+        np.cumsum(np.asarray(q, dtype=np.float64), axis=-1), np.asarray(lengths, dtype=np.float64)
+    )
+    x = np.cumsum((-lengths * np.sin(phi))[..., ::-1], axis=-1)[..., ::-1]
+    y = np.cumsum((lengths * np.cos(phi))[..., ::-1], axis=-1)[..., ::-1]
+    return np.stack([x, y, np.ones_like(phi)], axis=-2)
+
+
+def embed_planar_jacobian(jacobian: ArrayLike) -> NDArray[np.float64]:
+    """Return a planar Jacobian with all six rows: z, rx and ry of a planar arm are zero.
+
+    Args:
+        jacobian: Rows x, y, rz, (..., 3, n).
+
+    Returns:
+        Rows [v; ω], (..., 6, n).
+
+    Example:
+        >>> embed_planar_jacobian(planar_jacobian([1, 1], [0, 0])).T + 0.0
+        array([[0., 2., 0., 0., 0., 1.],
+               [0., 1., 0., 0., 0., 1.]])
+    """
+    jacobian = np.asarray(jacobian, dtype=np.float64)
+    spatial = np.zeros((*jacobian.shape[:-2], 6, jacobian.shape[-1]))
+    spatial[..., [0, 1, 5], :] = jacobian
+    return spatial
+
+
+def two_link_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the tip of the two-link arm.
+
+    x = l₁ c₁ + l₂ c₁₂, y = l₁ s₁ + l₂ s₁₂ [Khatib08].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+
+    Returns:
+        [x, y], (..., 2) [m].
+
+    Example:
+        >>> two_link_position([1, 1], np.radians([60, -120])).round(3) + 0.0
+        array([1., 0.])
+    """
+    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    x = l1 * np.cos(q1) + l2 * np.cos(q1 + q2)
+    y = l1 * np.sin(q1) + l2 * np.sin(q1 + q2)
+    return np.stack([x, y], axis=-1)
+
+
+def two_link_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the two rows that can move of the two-link arm's Jacobian, in frame {0}.
+
+    J = [[−l₁ s₁ − l₂ s₁₂, −l₂ s₁₂], [l₁ c₁ + l₂ c₁₂, l₂ c₁₂]] [Craig05, §5.7].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+
+    Returns:
+        Rows x, y, (..., 2, 2) [m].
+
+    Example:
+        >>> two_link_jacobian([1, 1], np.radians([0, 90])).round(3) + 0.0
+        array([[-1., -1.],
+               [ 1.,  0.]])
+    """
+    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    x2, y2 = l2 * np.cos(q1 + q2), l2 * np.sin(q1 + q2)
+    x, y = l1 * np.cos(q1) + x2, l1 * np.sin(q1) + y2
+    return np.stack([np.stack([-y, -y2], axis=-1), np.stack([x, x2], axis=-1)], axis=-2)
+
+
+def two_link_determinant(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return det J = l₁ l₂ s₂: singular stretched out or folded, θ₂ = kπ [Craig05, example 5.4].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+
+    Returns:
+        det J, (...) [m²].
+
+    Example:
+        >>> two_link_determinant([6, 3], np.radians([10, 30])).round(3)
+        np.float64(9.0)
+    """
+    (l1, l2), (_, q2) = _each(lengths), _each(q)
+    return np.asarray(l1 * l2 * np.sin(q2))[()]
+
+
+def two_link_jacobian_inverse(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the inverse of the two-link arm's Jacobian, in frame {0}.
+
+    J⁻¹ = [[l₂ c₁₂, l₂ s₁₂], [−l₁ c₁ − l₂ c₁₂, −l₁ s₁ − l₂ s₁₂]] / (l₁ l₂ s₂)
+    [Craig05, example 5.5].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+
+    Returns:
+        J⁻¹, columns x, y, (..., 2, 2) [1/m].
+
+    Raises:
+        numpy.linalg.LinAlgError: If a determinant is exactly zero. In floating point sin π is 1e-16
+            and not 0, so an arm folded by θ₂ = π gives huge numbers instead.
+
+    Example:
+        >>> two_link_jacobian_inverse([1, 1], np.radians([0, 90])).round(3) + 0.0
+        array([[ 0.,  1.],
+               [-1., -1.]])
+    """
+    determinant = np.asarray(two_link_determinant(lengths, q))
+    if np.any(determinant == 0.0):
+        raise np.linalg.LinAlgError("two-link arm: det J = l1 l2 sin(theta2) = 0, J has no inverse")
+    J = two_link_jacobian(lengths, q)
+    adjugate = np.stack(
+        [
+            np.stack([J[..., 1, 1], -J[..., 0, 1]], axis=-1),
+            np.stack([-J[..., 1, 0], J[..., 0, 0]], axis=-1),
+        ],
+        axis=-2,
+    )
+    return adjugate / determinant[..., None, None]
+
+
+def two_link_rates(lengths: ArrayLike, q: ArrayLike, speed: float = 1.0) -> NDArray[np.float64]:
+    """Return the joint rates that move the tip along x: they grow without bound as θ₂ → 0.
+
+    θ̇₁ = v c₁₂ / (l₁ s₂), θ̇₂ = −v c₁ / (l₂ s₂) − v c₁₂ / (l₁ s₂) [Craig05, example 5.5].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+        speed: v along x of frame {0} [m/s].
+
+    Returns:
+        [θ̇₁, θ̇₂], (..., 2) [rad/s].
+
+    Raises:
+        numpy.linalg.LinAlgError: If a determinant is exactly zero.
+
+    Example:
+        Each row is ten times nearer to full reach than the one before, and ten times faster:
+
+        >>> two_link_rates([1, 1], [[0, 0.1], [0, 0.01], [0, 0.001]]).round(1)
+        array([[   10.,   -20.],
+               [  100.,  -200.],
+               [ 1000., -2000.]])
+    """
+    if np.any(two_link_determinant(lengths, q) == 0.0):
+        raise np.linalg.LinAlgError(
+            "two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded"
+        )
+    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    rate1 = speed * np.cos(q1 + q2) / (l1 * np.sin(q2))
+    return np.stack([rate1, -speed * np.cos(q1) / (l2 * np.sin(q2)) - rate1], axis=-1)
+
+
+def three_link_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the tip of the three-link arm and where it points.
+
+    x = l₁ c₁ + l₂ c₁₂ + l₃ c₁₂₃, y = l₁ s₁ + l₂ s₁₂ + l₃ s₁₂₃, rz = θ₁ + θ₂ + θ₃
+    [Khatib08].
+
+    Args:
+        lengths: l₁, l₂, l₃, (..., 3) [m]; l₃ = 0 gives the wrist point.
+        q: θ₁, θ₂, θ₃, (..., 3) [rad].
+
+    Returns:
+        [x, y, rz], (..., 3) [m, m, rad].
+
+    Example:
+        >>> three_link_position([2, 1, 1], np.radians([0, 90, 0])).round(3)
+        array([2.   , 2.   , 1.571])
+    """
+    (l1, l2, l3), (q1, q2, q3) = _each(lengths), _each(q)
+    q12, q123 = q1 + q2, q1 + q2 + q3
+    x = l1 * np.cos(q1) + l2 * np.cos(q12) + l3 * np.cos(q123)
+    y = l1 * np.sin(q1) + l2 * np.sin(q12) + l3 * np.sin(q123)
+    return np.stack(np.broadcast_arrays(x, y, q123), axis=-1)
+
+
+def three_link_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the Jacobian of the three-link arm's tip, in frame {0}.
+
+    The columns (−l₁ s₁ − l₂ s₁₂ − l₃ s₁₂₃, l₁ c₁ + l₂ c₁₂ + l₃ c₁₂₃, 1) and so on; its determinant
+    l₁ l₂ s₂ does not depend on the third link [Khatib08].
+
+    Args:
+        lengths: l₁, l₂, l₃, (..., 3) [m]; l₃ = 0 gives J_W at the wrist point.
+        q: θ₁, θ₂, θ₃, (..., 3) [rad].
+
+    Returns:
+        Rows x, y, rz, (..., 3, 3).
+
+    Example:
+        At (0, 90°, 0) an error of 0.1 rad in θ₂ moves the tip by (−(l₂ + l₃)/10, 0):
+
+        >>> J = three_link_jacobian([2, 1, 1], np.radians([0, 90, 0]))
+        >>> (J @ [0, 0.1, 0]).round(3) + 0.0
+        array([-0.2,  0. ,  0.1])
+    """
+    (l1, l2, l3), (q1, q2, q3) = _each(lengths), _each(q)
+    q12, q123 = q1 + q2, q1 + q2 + q3
+    x3, y3 = l3 * np.cos(q123), l3 * np.sin(q123)
+    x2, y2 = l2 * np.cos(q12) + x3, l2 * np.sin(q12) + y3
+    x1, y1 = l1 * np.cos(q1) + x2, l1 * np.sin(q1) + y2
+    columns = [
+        np.stack([-y, x, np.ones_like(x)], axis=-1) for x, y in ((x1, y1), (x2, y2), (x3, y3))
+    ]
+    return np.stack(columns, axis=-1)
+
+
+def _each(values: ArrayLike) -> tuple[NDArray[np.float64], ...]:
+    return tuple(np.moveaxis(np.asarray(values, dtype=np.float64), -1, 0))

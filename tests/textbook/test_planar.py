@@ -1,0 +1,178 @@
+"""Planar arms: the printed closed forms against the general sums, DH, and finite differences."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose
+
+from rmrc.textbook import planar
+from rmrc.textbook.dh import DHChain
+
+# Sums of a few products of order one.
+ROUNDING = 1e-12
+# Central differences, step 1e-5: truncation (1e-5)^2/6 times |third derivative| <= 10 m.
+DIFFERENCE = 1e-8
+STEP = 1e-5
+
+links = st.integers(1, 6).flatmap(
+    lambda n: st.tuples(
+        arrays(float, n, elements=st.floats(0.1, 2.0)),
+        arrays(float, n, elements=st.floats(-3.0, 3.0)),
+    )
+)
+
+
+def fixed(n):
+    return st.tuples(
+        arrays(float, n, elements=st.floats(0.1, 2.0)),
+        arrays(float, n, elements=st.floats(-3.0, 3.0)),
+    )
+
+
+def differences(position, lengths, q):
+    steps = STEP * np.eye(len(q))
+    return ((position(lengths, q + steps) - position(lengths, q - steps)) / (2 * STEP)).T
+
+
+def dh(lengths):
+    """The same arm as a modified DH table; the tip is a point of the last frame."""
+    a = [0.0, *lengths[:-1]]
+    return DHChain(tuple((0.0, x, 0.0, 0.0) for x in a), ("revolute",) * len(lengths))
+
+
+@settings(max_examples=40, deadline=None)
+@given(links)
+def test_jacobian_is_the_derivative_of_the_position(case):
+    lengths, q = case
+    expected = differences(planar.planar_position, lengths, q)
+    assert_allclose(planar.planar_jacobian(lengths, q), expected, atol=DIFFERENCE)
+
+
+def test_a_jacobian_of_angles_that_are_not_summed_is_no_derivative():
+    """Negative control: absolute instead of relative angles must not pass the check above."""
+    lengths, q = np.array([1.0, 0.8, 0.6]), np.array([0.4, -0.9, 0.3])
+    absolute = planar.planar_jacobian(lengths, np.diff(q, prepend=0.0))
+    with pytest.raises(AssertionError):
+        assert_allclose(absolute, differences(planar.planar_position, lengths, q), atol=DIFFERENCE)
+
+
+@settings(max_examples=40, deadline=None)
+@given(links)
+def test_position_and_six_rows_equal_the_dh_chain(case):
+    lengths, q = case
+    chain, tip = dh(lengths), (lengths[-1], 0.0, 0.0)
+    pose = chain.frames(q)[-1]
+    x, y, rz = planar.planar_position(lengths, q)
+    assert_allclose(pose @ [*tip, 1.0], [x, y, 0.0, 1.0], atol=ROUNDING)
+    assert_allclose(pose[:2, 0], [np.cos(rz), np.sin(rz)], atol=ROUNDING)
+    six = planar.embed_planar_jacobian(planar.planar_jacobian(lengths, q))
+    assert_allclose(six, chain.jacobian(q, point=tip), atol=ROUNDING)
+
+
+@settings(max_examples=40, deadline=None)
+@given(fixed(2))
+def test_two_links_as_printed_equal_n_links(case):
+    lengths, q = case
+    assert_allclose(
+        planar.two_link_position(lengths, q), planar.planar_position(lengths, q)[:2], atol=ROUNDING
+    )
+    assert_allclose(
+        planar.two_link_jacobian(lengths, q), planar.planar_jacobian(lengths, q)[:2], atol=ROUNDING
+    )
+
+
+@settings(max_examples=40, deadline=None)
+@given(fixed(3))
+def test_three_links_as_printed_equal_n_links(case):
+    lengths, q = case
+    assert_allclose(
+        planar.three_link_position(lengths, q), planar.planar_position(lengths, q), atol=ROUNDING
+    )
+    assert_allclose(
+        planar.three_link_jacobian(lengths, q), planar.planar_jacobian(lengths, q), atol=ROUNDING
+    )
+
+
+@settings(max_examples=40, deadline=None)
+@given(fixed(3))
+def test_wrist_point_is_the_third_frame_of_the_dh_chain(case):
+    lengths, q = case
+    wrist = planar.embed_planar_jacobian(planar.three_link_jacobian(lengths * [1, 1, 0], q))
+    assert_allclose(wrist, dh(lengths).jacobian(q), atol=ROUNDING)
+
+
+@settings(max_examples=40, deadline=None)
+@given(fixed(3))
+def test_determinants_are_l1_l2_s2(case):
+    lengths, q = case
+    expected = lengths[0] * lengths[1] * np.sin(q[1])
+    assert_allclose(planar.two_link_determinant(lengths[:2], q[:2]), expected, atol=ROUNDING)
+    two = np.linalg.det(planar.two_link_jacobian(lengths[:2], q[:2]))
+    three = np.linalg.det(planar.three_link_jacobian(lengths, q))
+    assert_allclose([two, three], expected, atol=ROUNDING)
+
+
+@settings(max_examples=40, deadline=None)
+@given(fixed(2).filter(lambda case: abs(np.sin(case[1][1])) > 1e-3))
+def test_inverse_times_jacobian_is_the_identity(case):
+    lengths, q = case
+    J, inverse = planar.two_link_jacobian(lengths, q), planar.two_link_jacobian_inverse(lengths, q)
+    # Rounding of each factor is relative to its norm.
+    tolerance = ROUNDING * np.linalg.norm(J) * np.linalg.norm(inverse)
+    assert_allclose(J @ inverse, np.eye(2), atol=tolerance)
+    assert_allclose(inverse @ J, np.eye(2), atol=tolerance)
+
+
+@settings(max_examples=40, deadline=None)
+@given(fixed(2).filter(lambda case: abs(np.sin(case[1][1])) > 1e-3), st.floats(-2.0, 2.0))
+def test_rates_of_example_5_5_move_the_tip_along_x(case, speed):
+    lengths, q = case
+    rates = planar.two_link_rates(lengths, q, speed)
+    J = planar.two_link_jacobian(lengths, q)
+    # Terms of size |J||rates| cancel in y.
+    tolerance = ROUNDING * (1.0 + np.linalg.norm(J) * np.linalg.norm(rates))
+    assert_allclose(J @ rates, [speed, 0.0], atol=tolerance)
+
+
+def test_rates_of_example_5_5_grow_as_one_over_theta_2():
+    """The order of the pole, measured: slope −1 of log rate over log θ₂."""
+    theta = np.array([1e-2, 1e-3, 1e-4])
+    rates = planar.two_link_rates([1.0, 0.7], np.stack([np.full(3, 0.4), theta], axis=-1))
+    slopes = np.diff(np.log(np.abs(rates)), axis=0) / np.diff(np.log(theta))[:, None]
+    # cos(θ₁ + θ₂) is not constant: it bends the slope by about θ₂ = 1e-3.
+    assert_allclose(slopes[-1], [-1.0, -1.0], atol=1e-3)
+
+
+def test_there_is_no_inverse_at_full_reach():
+    with pytest.raises(np.linalg.LinAlgError) as caught:
+        planar.two_link_jacobian_inverse([1, 1], [0.3, 0.0])
+    assert str(caught.value) == "two-link arm: det J = l1 l2 sin(theta2) = 0, J has no inverse"
+    with pytest.raises(np.linalg.LinAlgError) as caught:
+        planar.two_link_rates([1, 1], [[0.3, 1.0], [0.3, 0.0]])
+    assert str(caught.value) == "two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded"
+
+
+@pytest.mark.parametrize(
+    ("function", "n"),
+    [
+        (planar.planar_position, 4),
+        (planar.planar_jacobian, 4),
+        (planar.two_link_position, 2),
+        (planar.two_link_jacobian, 2),
+        (planar.two_link_determinant, 2),
+        (planar.two_link_jacobian_inverse, 2),
+        (planar.two_link_rates, 2),
+        (planar.three_link_position, 3),
+        (planar.three_link_jacobian, 3),
+    ],
+)
+def test_leading_axes_are_arms_and_configurations(function, n):
+    rng = np.random.default_rng(2)
+    lengths, q = rng.uniform(0.5, 1.5, (5, 1, n)), rng.uniform(0.2, 1.2, (3, n))
+    both = function(lengths, q)
+    assert both.shape[:2] == (5, 3)
+    assert_allclose(both[4, 1], function(lengths[4, 0], q[1]), atol=ROUNDING)
+    one_arm = function(lengths[4, 0], q)
+    assert_allclose(one_arm, both[4], atol=ROUNDING)
