@@ -1,0 +1,414 @@
+"""An MJCF file as an arm: a chain of joints to a site, every name resolved once.
+
+Any model will do: the chain is found from the site, the limits are read from joints and actuators,
+and `adapted` gives each joint of the chain the one actuator that a plant needs. Nothing here steps
+the physics.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.errors import ModelError, did_you_mean
+from rmrc.spatial import matrix_to_quat
+
+Array = NDArray[np.float64]
+
+# MuJoCo's arrays hold plain integers, which its enums do not equal.
+HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+DRIVES_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
+NO_BIAS, NO_DYNAMICS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtDyn.mjDYN_NONE)
+SHAPES = {
+    int(mujoco.mjtGeom.mjGEOM_SPHERE): "sphere",
+    int(mujoco.mjtGeom.mjGEOM_CAPSULE): "capsule",
+    int(mujoco.mjtGeom.mjGEOM_CYLINDER): "cylinder",
+    int(mujoco.mjtGeom.mjGEOM_ELLIPSOID): "ellipsoid",
+    int(mujoco.mjtGeom.mjGEOM_BOX): "box",
+    int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
+}
+
+# A NaN in an MJCF file compiles without an error, so these are looked at.
+MUST_BE_FINITE = ("body_pos", "body_quat", "body_mass", "body_inertia", "jnt_axis", "jnt_pos",
+                  "jnt_range", "site_pos", "site_quat", "qpos0", "dof_damping", "dof_armature")  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A visible geometry, fixed to a body.
+
+    Attributes:
+        name: Its name in the model, or its number.
+        body: Index into the body poses.
+        kind: `sphere`, `capsule`, `cylinder`, `ellipsoid`, `box` or `mesh`.
+        size: MuJoCo's half sizes, (3,) [m].
+        pose: In the body's frame, [p, quat w x y z], (7,).
+        rgba: Color, (4,), 0 to 1.
+        vertices: Of a mesh, (v, 3) [m].
+        faces: Of a mesh, (f, 3).
+    """
+
+    name: str
+    body: int
+    kind: str
+    size: Array
+    pose: Array
+    rgba: Array
+    vertices: Array
+    faces: NDArray[np.int32]
+
+
+@dataclass(frozen=True)
+class Wiring:
+    """Where the arm is found in a model that MuJoCo compiled: four kinds of index, never mixed up.
+
+    Attributes:
+        joint: Joint ids, (n,).
+        qpos: Addresses in qpos, (n,).
+        dof: Addresses in qvel, (n,).
+        actuator: Actuator ids, (n,); -1 where the model has none.
+        site: Site id.
+        body: Id of the body that carries the site.
+    """
+
+    joint: NDArray[np.int64]
+    qpos: NDArray[np.int64]
+    dof: NDArray[np.int64]
+    actuator: NDArray[np.int64]
+    site: int
+    body: int
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A chain of hinge and slide joints from the world to a site.
+
+    Attributes:
+        path: The MJCF file.
+        site: Name of the controlled site.
+        joints: Names, from the world outward, n of them.
+        is_slide: Whether each joint slides, (n,).
+        position_limit: Lower and upper, (n, 2) [rad or m]; infinite where the model has none.
+        rate_limit: (n,) [rad/s or m/s]; infinite where the model has none.
+        torque_limit: (n,) [N·m or N]; infinite where the model has none.
+        keyframes: Configurations by name, each (nq,).
+        model: The model as its author wrote it.
+    """
+
+    path: Path
+    site: str
+    joints: tuple[str, ...]
+    is_slide: NDArray[np.bool_]
+    position_limit: Array
+    rate_limit: Array
+    torque_limit: Array
+    keyframes: Mapping[str, Array]
+    model: mujoco.MjModel
+    _spec: mujoco.MjSpec
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def _data(self) -> mujoco.MjData:
+        return mujoco.MjData(self.model)
+
+    @cached_property
+    def wiring(self) -> Wiring:
+        """Indices in the author's model."""
+        return wire(self.model, self.joints, self.site)
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Inertia that each joint feels alone at `home`, (n,) [kg·m² or kg]: the diagonal of M."""
+        self._kinematics(self.configuration("home")[self.wiring.qpos])
+        mujoco.mj_makeM(self.model, self._data)
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self._data, full)
+        return full[self.wiring.dof, self.wiring.dof]
+
+    def configuration(self, start: str | Sequence[float] | Array) -> Array:
+        """Return all of qpos, (nq,), for a keyframe's name or for positions of the arm's joints (n,).
+
+        Args:
+            start: `home` without a keyframe of that name means the model's zero position.
+
+        Raises:
+            ModelError: No such keyframe.
+        """
+        if isinstance(start, str):
+            if start not in self.keyframes and not (start == "home" and not self.keyframes):
+                known = ", ".join(sorted(self.keyframes)) or "none"
+                hint = did_you_mean(start, self.keyframes)
+                raise ModelError(
+                    f'{self.path}: has no keyframe "{start}"{hint}; its keyframes: {known}', "start"
+                )
+            return np.array(self.keyframes.get(start, self.model.qpos0))
+        qpos = np.array(self.keyframes.get("home", self.model.qpos0))
+        qpos[self.wiring.qpos] = start
+        return qpos
+
+    def pose(self, q: Sequence[float] | Array) -> Array:
+        """Return the site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,)."""
+        self._kinematics(q)
+        return np.concatenate(
+            [
+                self._data.site_xpos[self.wiring.site],
+                matrix_to_quat(self._data.site_xmat[self.wiring.site].reshape(3, 3)),
+            ]
+        )
+
+    def jacobian(self, q: Sequence[float] | Array) -> Array:
+        """Return J (6, n), rows [v; ω] of the site along world axes, by `mj_jacSite`."""
+        self._kinematics(q)
+        full = np.zeros((6, self.model.nv))
+        mujoco.mj_jacSite(self.model, self._data, full[:3], full[3:], self.wiring.site)
+        return full[:, self.wiring.dof]
+
+    def body_poses(self, q: Array) -> Array:
+        """Return the poses of all bodies in the world, (T, nbody, 7), for joint positions (T, n)."""
+        poses = np.empty((len(q), self.model.nbody, 7))
+        for row, positions in zip(poses, q, strict=True):
+            self._kinematics(positions)
+            row[:, :3], row[:, 3:] = self._data.xpos, self._data.xquat
+        return poses
+
+    def _kinematics(self, q: Sequence[float] | Array) -> None:
+        self._data.qpos[:] = self.configuration(q)
+        mujoco.mj_fwdKinematics(self.model, self._data)
+
+    def adapted(self, plant: str, kv: Array, timestep: float, gravity_compensation: bool) -> mujoco.MjModel:
+        """Compile the model with one actuator of the plant's kind on each joint of the arm.
+
+        Actuators of other joints stay. The law limits the rates, so that the controls are not clamped
+        here; torque limits are kept. Sensors are off, as nothing reads them. The integrator is
+        `implicitfast`: servos of the stiffness that tracking needs blow up under Euler.
+
+        Args:
+            plant: `ideal`, `servo` or `torque`.
+            kv: Gain of each rate servo, (n,) [N·m·s/rad or N·s/m].
+            timestep: MuJoCo's step [s].
+            gravity_compensation: Whether the arm's bodies float, as with balanced or compensated arms.
+        """
+        spec = self._spec.copy()
+        for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
+            spec.delete(key)
+        self._replace_actuators(spec, plant, kv)
+        if gravity_compensation:
+            root = self.model.jnt_bodyid[self.wiring.joint[0]]
+            for body in spec.bodies:
+                if self._descends(body.id, root):
+                    body.gravcomp = 1.0
+        option = spec.option
+        option.timestep = timestep
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+        if plant == "ideal":  # only kinematics are computed
+            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        return spec.compile()
+
+    def _replace_actuators(self, spec: mujoco.MjSpec, plant: str, kv: Array) -> None:
+        for actuator in list(spec.actuators):
+            if actuator.target in self.joints:
+                spec.delete(actuator)
+        for joint, gain, limit in zip(self.joints, kv, self.torque_limit, strict=True):
+            actuator = spec.add_actuator(
+                name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+            )
+            if plant == "torque":
+                actuator.set_to_motor()
+            else:
+                actuator.set_to_velocity(kv=gain)
+            if np.isfinite(limit):
+                actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+                actuator.forcerange = [-limit, limit]
+
+    def _descends(self, body: int, root: int) -> bool:
+        while body > root:
+            body = self.model.body_parentid[body]
+        return bool(body == root)
+
+    def shapes(self) -> list[Shape]:
+        """Return the visible geometries of the model, planes left out."""
+        shapes = []
+        for i in range(self.model.ngeom):
+            geom = self.model.geom(i)
+            kind = SHAPES.get(int(geom.type[0]))
+            # groups 3 to 5 are hidden by MuJoCo's own viewer, collision geometry by custom
+            if kind is None or geom.group[0] > 2 or geom.rgba[3] == 0.0:
+                continue
+            rgba = geom.rgba if geom.matid[0] < 0 else self.model.mat_rgba[geom.matid[0]]
+            vertices, faces = self._mesh(int(geom.dataid[0])) if kind == "mesh" else _NO_MESH
+            shapes.append(
+                Shape(
+                    geom.name or f"geom{i}", int(geom.bodyid[0]), kind, np.array(geom.size),
+                    np.concatenate([geom.pos, geom.quat]), np.array(rgba, np.float64), vertices, faces,
+                )
+            )  # fmt: skip
+        return shapes
+
+    def _mesh(self, mesh: int) -> tuple[Array, NDArray[np.int32]]:
+        model = self.model
+        first, count = model.mesh_vertadr[mesh], model.mesh_vertnum[mesh]
+        vertices = np.array(model.mesh_vert[first : first + count], np.float64)
+        first, count = model.mesh_faceadr[mesh], model.mesh_facenum[mesh]
+        return vertices, np.array(model.mesh_face[first : first + count], np.int32)
+
+
+_NO_MESH = (np.empty((0, 3)), np.empty((0, 3), np.int32))
+
+
+def load(path: Path, site: str, joints: Sequence[str] | None = None) -> Arm:
+    """Read an MJCF file and find the arm in it.
+
+    Args:
+        path: The file.
+        site: Name of the site to control.
+        joints: Names of the joints to drive, all on the chain to the site; None for all of them.
+
+    Raises:
+        ModelError: The file, the site or a joint is missing or will not do.
+    """
+    if not path.is_file():
+        raise ModelError(f"{path}: no such model file{did_you_mean(path.name, _siblings(path))}")
+    quiet_log()
+    try:
+        spec = mujoco.MjSpec.from_file(str(path))
+        model = spec.compile()
+    except (ValueError, mujoco.FatalError) as error:
+        raise ModelError(f"{path}: {one_line(error)}") from None
+    for field in MUST_BE_FINITE:
+        if not np.isfinite(getattr(model, field)).all():
+            raise ModelError(f"{path}: {field} is not finite everywhere; look for nan or inf in the file")
+    sites = [model.site(i).name for i in range(model.nsite)]
+    if site not in sites:
+        known = ", ".join(sites) or "none"
+        raise ModelError(
+            f'{path}: has no site "{site}"{did_you_mean(site, sites)}; its sites: {known}', "site"
+        )
+    chain = _chain(path, model, site)
+    names = tuple(chain) if joints is None else tuple(joints)
+    for name in names:
+        if name not in chain:
+            raise ModelError(
+                f'{path}: no hinge or slide joint "{name}" on the chain to site "{site}"'
+                f"{did_you_mean(name, chain)}; the chain: {', '.join(chain)}",
+                "joints",
+            )
+    wiring = wire(model, names, site)
+    return Arm(
+        path=path,
+        site=site,
+        joints=names,
+        is_slide=model.jnt_type[wiring.joint] == SLIDE,
+        position_limit=np.where(
+            model.jnt_limited[wiring.joint, None], model.jnt_range[wiring.joint], [-np.inf, np.inf]
+        ),
+        rate_limit=np.array([_rate_limit(model, joint) for joint in wiring.joint]),
+        torque_limit=np.array([_torque_limit(model, joint) for joint in wiring.joint]),
+        keyframes={model.key(i).name: np.array(model.key(i).qpos) for i in range(model.nkey)},
+        model=model,
+        _spec=spec,
+    )
+
+
+def wire(model: mujoco.MjModel, joints: Sequence[str], site: str) -> Wiring:
+    """Resolve the names of an arm in a compiled model."""
+    ids = np.array([model.joint(name).id for name in joints])
+    drives = {
+        int(model.actuator_trnid[i, 0]): i
+        for i in range(model.nu)
+        if model.actuator_trntype[i] == DRIVES_JOINT
+    }
+    return Wiring(
+        joint=ids,
+        qpos=model.jnt_qposadr[ids].astype(np.int64),
+        dof=model.jnt_dofadr[ids].astype(np.int64),
+        actuator=np.array([drives.get(int(i), -1) for i in ids]),
+        site=model.site(site).id,
+        body=int(model.site_bodyid[model.site(site).id]),
+    )
+
+
+def quiet_log() -> None:
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT into the user's directory; we read its counters."""
+    config = mujoco.MjLogConfig.get()
+    config.logto_file = False
+    config.logto_console = False
+    config.set()
+
+
+def one_line(error: Exception) -> str:
+    """Return a foreign error's text on one line."""
+    return " ".join(str(error).split())
+
+
+def _siblings(path: Path) -> list[str]:
+    return [p.name for p in path.parent.glob("*.xml")] if path.parent.is_dir() else []
+
+
+def _chain(path: Path, model: mujoco.MjModel, site: str) -> list[str]:
+    chain: list[str] = []
+    body = int(model.site_bodyid[model.site(site).id])
+    while body > 0:
+        first, count = model.body_jntadr[body], model.body_jntnum[body]
+        for i in reversed(range(first, first + count)):
+            joint = model.joint(i)
+            if joint.type[0] not in (HINGE, SLIDE):
+                raise ModelError(
+                    f'{path}: joint "{joint.name}" on the chain to site "{site}" is a ball or free '
+                    "joint; only hinge and slide joints can be driven at a rate"
+                )
+            if not joint.name:
+                raise ModelError(
+                    f'{path}: a joint of body "{model.body(body).name}" has no name; give it one'
+                )
+            chain.append(joint.name)
+        body = int(model.body_parentid[body])
+    if not chain:
+        raise ModelError(f'{path}: no joint moves site "{site}"; choose a site on a moving body', "site")
+    return chain[::-1]
+
+
+def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
+    return [
+        i
+        for i in range(model.nu)
+        if model.actuator_trntype[i] == DRIVES_JOINT and model.actuator_trnid[i, 0] == joint
+    ]
+
+
+def _rate_limit(model: mujoco.MjModel, joint: int) -> float:
+    """The smaller end of a rate servo's control range: only such a control is a rate."""
+    limits = [
+        np.abs(model.actuator_ctrlrange[i]).min() / abs(model.actuator_gear[i, 0])
+        for i in _actuators(model, joint)
+        if model.actuator_ctrllimited[i]
+        and model.actuator_biasprm[i, 1] == 0.0
+        and model.actuator_biasprm[i, 2] < 0.0
+        and model.actuator_dyntype[i] == NO_DYNAMICS
+    ]
+    return float(min(limits, default=np.inf))
+
+
+def _torque_limit(model: mujoco.MjModel, joint: int) -> float:
+    """The tightest of the joint's and its actuators' force ranges, and of a motor's control range."""
+    limits = [np.inf]
+    if model.jnt_actfrclimited[joint]:
+        limits.append(np.abs(model.jnt_actfrcrange[joint]).min())
+    for i in _actuators(model, joint):
+        gear = abs(model.actuator_gear[i, 0])
+        if model.actuator_forcelimited[i]:
+            limits.append(np.abs(model.actuator_forcerange[i]).min() * gear)
+        is_motor = model.actuator_biastype[i] == NO_BIAS
+        if is_motor and model.actuator_ctrllimited[i]:
+            gain = abs(model.actuator_gainprm[i, 0])
+            limits.append(np.abs(model.actuator_ctrlrange[i]).min() * gain * gear)
+    return float(min(limits))

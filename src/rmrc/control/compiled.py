@@ -1,0 +1,59 @@
+"""How this package compiles: two decorators, so that every function has the same flags."""
+
+import hashlib
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar, cast
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Array: TypeAlias = NDArray[np.float64]
+Record: TypeAlias = Any  # one element of a structured array, see records.py
+Function = TypeVar("Function", bound=Callable[..., object])
+
+# `nogil` lets threads run worlds side by side. With `error_model="numpy"` 1/0 is infinite and raises nothing,
+# as the law decides itself what a zero means. No `fastmath`: the bits of a world must not depend on how
+# many others are computed beside it.
+_compile = partial(numba.njit, nogil=True, error_model="numpy")
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function that other compiled functions call."""
+    return cast(Function, _compile()(function))
+
+
+def entry(function: Function) -> Function:
+    """Compile a function that Python calls, and keep the machine code on disk for the next process.
+
+    Numba recompiles when the function's own file changes, but not when a file changes whose functions it
+    calls; what was kept from other sources is therefore removed here.
+    """
+    dispatcher = _compile(cache=True)(function)
+    _forget_other_sources(Path(str(dispatcher.stats.cache_path)), function)
+    return cast(Function, dispatcher)
+
+
+def _forget_other_sources(directory: Path, function: Callable[..., object]) -> None:
+    module, name = function.__module__.rpartition(".")[2], function.__qualname__
+    stamp = directory / f"{module}.{name}.sources"
+    try:
+        if stamp.is_file() and stamp.read_text() == _SOURCES:
+            return
+        for stale in directory.glob(f"{module}.{name}-*.nb[ci]"):
+            stale.unlink(missing_ok=True)
+        directory.mkdir(parents=True, exist_ok=True)
+        stamp.write_text(_SOURCES)
+    except OSError:  # a cache that cannot be written is slow, not wrong: numba will not use it either
+        pass
+
+
+def _digest_sources() -> str:
+    package = Path(__file__).parent
+    sources = [*sorted(package.glob("*.py")), package.parent / "plant.py"]
+    return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+
+
+_SOURCES = _digest_sources()

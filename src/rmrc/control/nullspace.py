@@ -1,0 +1,38 @@
+"""Objectives that wish for joint rates qdot0, and the projector that keeps them out of the task."""
+
+from rmrc.control.compiled import Array, Record, compiled
+from rmrc.control.records import Objective
+from rmrc.control.smallmat import dot
+
+NONE, POSTURE = int(Objective.NONE), int(Objective.POSTURE)
+
+
+@compiled
+def wished_rates(world: Record, qdot0: Array) -> None:
+    """Write qdot0, the rates that the objective would choose if there were no task.
+
+    posture   qdot0 = gain · (posture − q): the gradient of ½‖posture − q‖², uphill  [Liegeois77]
+    """
+    for j in range(world.n):
+        qdot0[j] = 0.0
+        if world.objective == POSTURE:
+            qdot0[j] = world.objective_gain * (world.posture[j] - world.q[j])
+
+
+@compiled
+def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
+    """Add S_q (I − Σ v_i v_iᵀ) S_q⁻¹ qdot0 to the rates, so that J N qdot0 = 0.
+
+    All k right vectors are removed, those of vanishing σ included: the projector then depends
+    continuously on q through a singularity, and a direction that dies is not handed to the
+    objective the moment it is dead.
+    """
+    n, scale = world.n, world.joint_scale
+    for j in range(n):
+        qdot0[j] /= scale[j]
+    for i in range(world.k):
+        along = dot(world.v[i], qdot0, n)
+        for j in range(n):
+            qdot0[j] -= along * world.v[i, j]
+    for j in range(n):
+        rates[j] += scale[j] * qdot0[j]

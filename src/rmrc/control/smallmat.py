@@ -1,0 +1,266 @@
+"""Small dense matrices: the singular value decomposition that serves the whole law.
+
+Index loops live here and nowhere else. Sizes are those of arms: at most six task rows, a few joints.
+"""
+
+import math
+
+import numpy as np
+
+from rmrc.control.compiled import Array, compiled, entry
+
+# Two vectors count as orthogonal when their cosine is at the rounding of a dot product of a dozen terms.
+ORTHOGONAL = 3e-15
+# Rotations by so little leave cosines of their square, 1e-13.
+SMALL = 3e-7
+# Up to here the neglected terms of the cosine's series, 5/16 t⁶, are below rounding.
+SERIES = 1e-3
+# Quadratic convergence needs 3 to 6 sweeps from a cold start; more means the input is not finite.
+SWEEPS_MAX = 30
+# Below this fraction of sigma_1 a singular value is rounding, and its long vector is noise.
+RANK_FLOOR = 1e-14
+# A sum of squares beyond these bounds has lost small entries, or will overflow; the matrix is then scaled.
+TINY, HUGE = 1e-200, 1e200
+
+
+@compiled
+def dot(a: Array, b: Array, size: int) -> float:
+    """Return the inner product of the first `size` entries."""
+    total = 0.0
+    for i in range(size):
+        total += a[i] * b[i]
+    return total
+
+
+@compiled
+def multiply(a: Array, x: Array, rows: int, columns: int, out: Array) -> None:
+    """Out = a @ x for the leading (rows, columns) block."""
+    for i in range(rows):
+        total = 0.0
+        for j in range(columns):
+            total += a[i, j] * x[j]
+        out[i] = total
+
+
+@compiled
+def set_identity(basis: Array, size: int) -> None:
+    """Write the identity into the leading (size, size) block."""
+    for i in range(size):
+        for j in range(size):
+            basis[i, j] = 1.0 if i == j else 0.0
+
+
+@compiled
+def orthonormalize(basis: Array, size: int) -> None:
+    """Make the rows of a nearly orthonormal (size, size) block orthonormal again (Gram-Schmidt)."""
+    for i in range(size):
+        for p in range(i):
+            along = dot(basis[i], basis[p], size)
+            for j in range(size):
+                basis[i, j] -= along * basis[p, j]
+        norm = math.sqrt(dot(basis[i], basis[i], size))
+        for j in range(size):
+            basis[i, j] /= norm
+
+
+@compiled
+def rotate_rows(rows: Array, p: int, q: int, c: float, s: float, size: int) -> None:
+    """Rotate rows p and q of a matrix by the angle with cosine c and sine s."""
+    for j in range(size):
+        a, b = rows[p, j], rows[q, j]
+        rows[p, j] = c * a - s * b
+        rows[q, j] = s * a + c * b
+
+
+@compiled
+def orthogonalize_rows(long: Array, basis: Array, norm2: Array, k: int, size: int) -> None:
+    """Rotate the k rows of `long` until they are orthogonal, and `basis` along (one-sided Jacobi).
+
+    The relative test makes small singular values as accurate as large ones [Demmel92]. A sweep whose
+    largest rotation was SMALL leaves errors of its square, so no sweep is spent on confirming it. Pairs
+    (p, q) with p + q constant modulo k have no row in common: the processor works on several at once.
+    `norm2` holds the squared lengths of the rows, before and after.
+    """
+    for _ in range(SWEEPS_MAX):
+        largest = 0.0
+        for pairs in range(k):
+            for p in range(k):
+                q = pairs - p if pairs >= p else pairs - p + k
+                if q <= p:
+                    continue
+                gamma = dot(long[p], long[q], size)
+                if gamma * gamma <= ORTHOGONAL * ORTHOGONAL * norm2[p] * norm2[q]:
+                    continue
+                t, c = rotation(gamma, norm2[q] - norm2[p])
+                rotate_rows(long, p, q, c, c * t, size)
+                rotate_rows(basis, p, q, c, c * t, k)
+                norm2[p] -= t * gamma
+                norm2[q] += t * gamma
+                largest = max(largest, abs(t))
+        squared_norms(long, norm2, k, size)
+        if largest <= SMALL:
+            break
+
+
+@compiled
+def squared_norms(rows: Array, norm2: Array, k: int, size: int) -> None:
+    """Write the squared length of each of the k rows."""
+    for p in range(k):
+        norm2[p] = dot(rows[p], rows[p], size)
+
+
+@compiled
+def rotation(gamma: float, difference: float) -> tuple[float, float]:
+    """Return tangent and cosine of the smaller angle that zeroes the inner product `gamma`.
+
+    t² + 2 ζ t = 1 with ζ = difference / (2 gamma) [Golub13, §8.5]. For small angles, which is what a warm
+    start leaves, the series needs one division instead of three and no root. The cosine is exact to
+    rounding, as it must be; the tangent need not be, the next sweep sees to it.
+    """
+    x = gamma / difference if difference != 0.0 else math.inf
+    if abs(x) < SERIES:
+        t = x * (1.0 - x * x)
+        return t, 1.0 - t * t * (0.5 - 0.375 * t * t)
+    zeta = 0.5 / x
+    t = math.copysign(1.0, zeta) / (abs(zeta) + math.sqrt(1.0 + zeta * zeta))
+    return t, 1.0 / math.sqrt(1.0 + t * t)
+
+
+@compiled
+def swap_rows(rows: Array, p: int, q: int, size: int) -> None:
+    """Exchange two rows of a matrix."""
+    for j in range(size):
+        rows[p, j], rows[q, j] = rows[q, j], rows[p, j]
+
+
+@compiled
+def sort_falling(sigma: Array, long: Array, basis: Array, k: int, size: int) -> None:
+    """Sort singular values, largest first, and their vectors along; nearly sorted input is cheap."""
+    for i in range(1, k):
+        p = i
+        while p > 0 and sigma[p - 1] < sigma[p]:
+            sigma[p - 1], sigma[p] = sigma[p], sigma[p - 1]
+            swap_rows(long, p - 1, p, size)
+            swap_rows(basis, p - 1, p, k)
+            p -= 1
+
+
+@compiled
+def complete_row(rows: Array, i: int, size: int) -> None:
+    """Replace row i by a unit vector orthogonal to the rows before it.
+
+    It starts from the coordinate axis that those rows cover least, so at least 1/size remains.
+    """
+    best, most = 0, -1.0
+    for j in range(size):
+        left = 1.0
+        for p in range(i):
+            left -= rows[p, j] * rows[p, j]
+        if left > most + 1e-9:  # prefer the first axis among equals: rounding must not choose
+            best, most = j, left
+    for j in range(size):
+        rows[i, j] = 1.0 if j == best else 0.0
+    for _ in range(2):  # a second pass removes what cancellation left by the first
+        for p in range(i):
+            along = dot(rows[i], rows[p], size)
+            for j in range(size):
+                rows[i, j] -= along * rows[p, j]
+    norm = math.sqrt(dot(rows[i], rows[i], size))
+    for j in range(size):
+        rows[i, j] /= norm
+
+
+@compiled
+def normalize_rows(sigma: Array, long: Array, k: int, size: int) -> None:
+    """Divide each row by its singular value; where that is rounding, complete the basis instead."""
+    for i in range(k):
+        if sigma[i] > RANK_FLOOR * sigma[0]:
+            inverse = 1.0 / sigma[i]
+            for j in range(size):
+                long[i, j] *= inverse
+        else:
+            complete_row(long, i, size)
+
+
+@entry
+def svd(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array) -> None:
+    """Decompose the leading (m, n) block of `a` as sum_i sigma_i u_i v_iᵀ, sigma falling.
+
+    One-sided Jacobi on the shorter side [Hestenes58]: the rows of the smaller of `u` (k, m) and
+    `v` (k, n) are the start and are rotated. Whatever orthonormal basis they hold from the last
+    tick is the warm start, so that between neighboring ticks one or two sweeps are enough and the signs
+    of the vectors stay continuous. Vectors of singular values that are zero to rounding complete
+    the basis.
+
+    Args:
+        a: Matrix, at least (m, n).
+        m: Rows.
+        n: Columns.
+        u: Left vectors as rows, at least (k, m), k = min(m, n). Read if m <= n.
+        sigma: Singular values, at least (k,).
+        v: Right vectors as rows, at least (k, n). Read if m > n.
+    """
+    k = min(m, n)
+    if m <= n:
+        for i in range(k):
+            for j in range(n):
+                v[i, j] = u[i, 0] * a[0, j]
+            for r in range(1, m):
+                for j in range(n):
+                    v[i, j] += u[i, r] * a[r, j]
+        decompose(v, u, sigma, k, n)
+    else:
+        for i in range(k):
+            for r in range(m):
+                u[i, r] = dot(a[r], v[i], n)
+        decompose(u, v, sigma, k, m)
+
+
+@compiled
+def decompose(long: Array, basis: Array, sigma: Array, k: int, size: int) -> None:
+    """Turn `long` = basis @ matrix into orthonormal rows, their lengths into `sigma`."""
+    squared_norms(long, sigma, k, size)
+    scale = tame(long, sigma, k, size)
+    orthogonalize_rows(long, basis, sigma, k, size)
+    for i in range(k):
+        sigma[i] = math.sqrt(sigma[i])
+    sort_falling(sigma, long, basis, k, size)
+    normalize_rows(sigma, long, k, size)
+    if scale != 1.0:
+        for i in range(k):
+            sigma[i] *= scale
+
+
+@compiled
+def tame(rows: Array, norm2: Array, k: int, size: int) -> float:
+    """Divide the rows by their largest entry if squares would leave the range; return the divisor."""
+    total = 0.0
+    for p in range(k):
+        total += norm2[p]
+    if TINY < total < HUGE:
+        return 1.0
+    largest = 0.0
+    for p in range(k):
+        for j in range(size):
+            largest = max(largest, abs(rows[p, j]))
+    if largest == 0.0:
+        return 1.0
+    for p in range(k):
+        for j in range(size):
+            rows[p, j] /= largest
+    squared_norms(rows, norm2, k, size)
+    return largest
+
+
+def cold_svd(a: Array) -> tuple[Array, Array, Array]:
+    """Return u (k, m), sigma (k,), v (k, n) of one matrix (m, n), vectors as rows, from a cold start.
+
+    >>> u, sigma, v = cold_svd(np.array([[3.0, 0.0], [4.0, 0.0]]))
+    >>> sigma.round(12).tolist()
+    [5.0, 0.0]
+    """
+    m, n = a.shape
+    k = min(m, n)
+    u, sigma, v = np.eye(k, m), np.zeros(k), np.eye(k, n)
+    svd(np.ascontiguousarray(a, np.float64), m, n, u, sigma, v)
+    return u, sigma, v

@@ -1,0 +1,41 @@
+"""What the tests of running arms share: scenarios in a line, and the runs that they give."""
+
+from pathlib import Path
+
+import pytest
+from hypothesis import settings
+
+from rmrc.preparation import prepare
+from rmrc.scenario import loads
+from rmrc.simulation import Simulation
+
+# Compiling on the first example, and two busy cores, must not count as a slow test.
+settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
+settings.load_profile("rmrc")
+
+ROOT = Path(__file__).parent.parent
+
+BASE = """
+name: test
+arm: {model: models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}
+task: {axes: [x, y]}
+target: {path: [{line: {by: [0.3, 0.2]}}]}
+"""
+
+
+@pytest.fixture
+def scenario(monkeypatch):
+    """Return a function: overrides -> scenario, from a 2-link arm that moves along a line."""
+    monkeypatch.chdir(ROOT)
+    return lambda *overrides: loads(BASE, overrides=overrides)
+
+
+@pytest.fixture
+def simulate(scenario):
+    """Return a function: overrides -> (prepared, run)."""
+
+    def run(*overrides):
+        prepared = prepare(scenario(*overrides))
+        return prepared, Simulation([prepared]).run()[0]
+
+    return run
