@@ -1,0 +1,356 @@
+"""What obeys the rates: an ideal arm, joint-rate servos, or computed torque, on MuJoCo's batch.
+
+`tick` is the one compiled call of a control tick: for every world it measures, applies the law and
+sets the plant's input. MuJoCo then steps all worlds and leaves their kinematics fresh.
+"""
+
+from collections.abc import Sequence
+from enum import IntEnum
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch, SimulationError
+from numpy.typing import NDArray
+
+from rmrc.arm import Arm, Wiring, wire
+from rmrc.control.compiled import Array, Record, compiled, entry
+from rmrc.control.kinematics import geometric_jacobian
+from rmrc.control.law import control
+
+# MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
+LARGEST = 1e10
+BAD_FIRST, BAD_LAST = int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+class Plant(IntEnum):
+    """What turns commanded rates into motion."""
+
+    IDEAL = 0
+    SERVO = 1
+    TORQUE = 2
+
+
+IDEAL, TORQUE = int(Plant.IDEAL), int(Plant.TORQUE)
+
+
+@entry
+def tick(
+    worlds: Record,
+    ticks: Record,
+    t: int,
+    reference: Array,
+    state: Array,
+    warning: NDArray[np.int32],
+    site_xpos: Array,
+    site_xquat: Array,
+    xanchor: Array,
+    xaxis: Array,
+    actuator_force: Array,
+    qfrc_bias: Array,
+    qfrc_passive: Array,
+    mass: Array,
+    mass_entries: NDArray[np.int64],
+) -> int:
+    """Control all worlds for one tick; return how many of them are to be stepped.
+
+    Each argument costs a call as much as a joint costs the law, so they are few.
+
+    Args:
+        worlds: World records, (w,).
+        ticks: Tick records, (ticks, w); row t is written.
+        t: Number of the tick.
+        reference: Pose and twist of each reference at each tick, (r, ticks, 13).
+        state: MuJoCo's state rows, (w, nstate); controls and wrenches are written.
+        warning: MuJoCo's warning counters, (w, 7, 2).
+        site_xpos: And the other fields of MjData of the same names: fresh, (w, …).
+        site_xquat: Orientation of each site.
+        xanchor: Joint anchors.
+        xaxis: Joint axes.
+        actuator_force: Forces of the last step.
+        qfrc_bias: Gravity and velocity forces.
+        qfrc_passive: Springs, dampers and gravity compensation.
+        mass: Joint-space inertia, the lower triangle's entries.
+        mass_entries: For each entry between two joints of the arm: both joints and its index, (e, 3).
+    """
+    running = 0
+    for w in range(worlds.shape[0]):
+        world, out = worlds[w], ticks[t, w]
+        if world.diverged >= 0 or t >= world.ticks:
+            continue
+        measure(world, out, state[w], site_xpos[w], site_xquat[w], actuator_force[w])
+        world.diverged_joint = bad_joint(world, warning[w])
+        if world.diverged_joint >= -1:
+            world.diverged = t
+            continue
+        geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w])
+        out.time = t * world.period
+        for i in range(7):
+            out.pose_ref[i] = reference[world.reference, t, i]
+        for i in range(6):
+            out.twist_ref[i] = reference[world.reference, t, 7 + i]
+        control(world, out)
+        world.diverged_joint = bad_command(world, out)
+        if world.diverged_joint >= 0:
+            world.diverged = t
+            continue
+        if world.plant == TORQUE:
+            computed_torque(world, out, state[w], qfrc_bias[w], qfrc_passive[w], mass[w], mass_entries)
+        else:
+            obey(world, out, state[w])
+        for j in range(world.n):
+            world.qdot_cmd_last[j] = out.qdot_cmd[j]
+        if t + 1 < world.ticks:
+            running += 1
+    return running
+
+
+@compiled
+def measure(
+    world: Record, out: Record, state: Array, xpos: Array, xquat: Array, actuator_force: Array
+) -> None:
+    """Read q, qdot, pose and tau; the ideal arm's rates are those that it was last sent."""
+    for j in range(world.n):
+        world.q[j] = state[world.qpos_column[j]]
+        if world.plant == IDEAL:
+            world.qdot[j] = world.qdot_cmd_last[j]
+            out.tau[j] = 0.0
+        else:
+            world.qdot[j] = state[world.qvel_column[j]]
+            out.tau[j] = actuator_force[world.actuator[j]]
+        out.q[j], out.qdot[j] = world.q[j], world.qdot[j]
+    for i in range(3):
+        world.pose[i] = xpos[world.site, i]
+    for i in range(4):
+        world.pose[3 + i] = xquat[world.site, i]
+    for i in range(7):
+        out.pose[i] = world.pose[i]
+
+
+@compiled
+def bad_joint(world: Record, warning: NDArray[np.int32]) -> int:
+    """Return the joint whose state is not finite, -1 if it is another's, -2 if all is well."""
+    for j in range(world.n):
+        if not (abs(world.q[j]) <= LARGEST and abs(world.qdot[j]) <= LARGEST):
+            return j
+    for kind in range(BAD_FIRST, BAD_LAST + 1):
+        if warning[kind, 1] > 0:
+            for j in range(world.n):
+                if world.dof[j] == warning[kind, 0]:
+                    return j
+            return -1
+    return -2
+
+
+@compiled
+def bad_command(world: Record, out: Record) -> int:
+    """Return the joint whose command is not finite, or -2: MuJoCo would take it for 0 and go on."""
+    for j in range(world.n):
+        if not abs(out.qdot_cmd[j]) <= LARGEST:
+            return j
+    return -2
+
+
+@compiled
+def obey(world: Record, out: Record, state: Array) -> None:
+    """Move Whitney's own arm, q⁺ = q + period · qdot, or tell the rates to the servos."""
+    if world.plant == IDEAL:
+        for j in range(world.n):
+            state[world.qpos_column[j]] = world.q[j] + world.period * out.qdot_cmd[j]
+        return
+    push(world, state)
+    for j in range(world.n):
+        state[world.ctrl_column[j]] = out.qdot_cmd[j]
+
+
+@compiled
+def push(world: Record, state: Array) -> None:
+    """Apply the site's external wrench [f; n] at its body's center of mass: n' = n + r × f.
+
+    r, from the center to the site, is fixed to the site; v + 2 w (u × v) + 2 u × (u × v) turns it into
+    the world by the quaternion (w, u).
+    """
+    f, r, w, column = world.wrench, world.lever, world.pose[3], world.wrench_column
+    ux, uy, uz = world.pose[4], world.pose[5], world.pose[6]
+    cx, cy, cz = uy * r[2] - uz * r[1], uz * r[0] - ux * r[2], ux * r[1] - uy * r[0]
+    rx = r[0] + 2.0 * (w * cx + uy * cz - uz * cy)
+    ry = r[1] + 2.0 * (w * cy + uz * cx - ux * cz)
+    rz = r[2] + 2.0 * (w * cz + ux * cy - uy * cx)
+    for i in range(6):
+        state[column + i] = f[i]
+    state[column + 3] += ry * f[2] - rz * f[1]
+    state[column + 4] += rz * f[0] - rx * f[2]
+    state[column + 5] += rx * f[1] - ry * f[0]
+
+
+@compiled
+def computed_torque(
+    world: Record,
+    out: Record,
+    state: Array,
+    bias: Array,
+    passive: Array,
+    mass: Array,
+    mass_entries: NDArray[np.int64],
+) -> None:
+    """Tau = M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias − passive [Luh80].
+
+    The other degrees of freedom of the model are taken to be at rest.
+    """
+    push(world, state)
+    for j in range(world.n):
+        world.qddot[j] = (out.qdot_cmd[j] - world.qdot_cmd_last[j]) / world.period
+        world.qddot[j] += world.bandwidth * (out.qdot_cmd[j] - world.qdot[j])
+        dof = world.dof[j]
+        state[world.ctrl_column[j]] = bias[dof] - passive[dof]
+    for e in range(mass_entries.shape[0]):
+        i, j, inertia = mass_entries[e, 0], mass_entries[e, 1], mass[mass_entries[e, 2]]
+        state[world.ctrl_column[i]] += inertia * world.qddot[j]
+        if i != j:  # only the lower triangle is stored
+            state[world.ctrl_column[j]] += inertia * world.qddot[i]
+
+
+class PlantBatch:
+    """Worlds of one arm under one plant, stepped together on one thread.
+
+    Attributes:
+        worlds: Their records, (w,).
+        ticks: What was recorded, (ticks, w).
+        done: Ticks finished so far.
+    """
+
+    def __init__(
+        self,
+        arm: Arm,
+        model: mujoco.MjModel,
+        substeps: int,
+        worlds: NDArray[np.void],
+        qpos: Array,
+        reference: Array,
+        ticks: NDArray[np.void],
+    ) -> None:
+        """Wire the worlds to MuJoCo and set their start.
+
+        Args:
+            arm: The arm.
+            model: As `Arm.adapted` compiled it.
+            substeps: MuJoCo's steps in a control period.
+            worlds: Records with all parameters set, (w,); the wiring is written.
+            qpos: Start, (w, nq).
+            reference: Pose and twist of each reference at each tick, (r, ticks, 13).
+            ticks: Where the tick records go, (ticks, w).
+        """
+        self.worlds = worlds
+        self.ticks = ticks
+        self.done = 0
+        self._ideal = bool(worlds["plant"][0] == Plant.IDEAL)
+        self._substeps = substeps
+        self._errors: dict[int, str] = {}
+        self._batch = Batch(model, len(worlds), 1, persistent=True)
+        self._batch.bind("qpos")[:] = qpos
+        self._wire(arm, model)
+        # bound before the first forward, so that it fills them
+        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force",
+                  "qfrc_bias", "qfrc_passive", "M")  # fmt: skip
+        needs_torque = bool((worlds["plant"] == Plant.TORQUE).any())
+        bound = [
+            self._batch.bind(field)
+            if needs_torque or field not in ("qfrc_bias", "qfrc_passive", "M")
+            else _unused(len(worlds))
+            for field in fields
+        ]
+        stage = mujoco.mjtStage.mjSTAGE_POS if self._ideal else mujoco.mjtStage.mjSTAGE_VEL
+        self._stage = int(stage)
+        self._batch.forward(stage=self._stage)
+        self._arrays = (
+            reference, self._batch.state, self._batch.warning, *bound,
+            _mass_entries(model, wire(model, arm.joints, arm.site)),
+        )  # fmt: skip
+        tick(worlds[:0], ticks, 0, *self._arrays)  # of no world: compiles, so that `advance` need not
+
+    def _wire(self, arm: Arm, model: mujoco.MjModel) -> None:
+        """Write ids and state columns into the records."""
+        wiring, n = wire(model, arm.joints, arm.site), arm.n
+        worlds = self.worlds
+        worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
+        worlds["actuator"][:, :n] = wiring.actuator
+        worlds["is_slide"][:, :n] = arm.is_slide
+        worlds["site"], worlds["body"] = wiring.site, wiring.body
+        worlds["qpos_column"][:, :n] = _column(model, "QPOS") + wiring.qpos
+        worlds["qvel_column"][:, :n] = _column(model, "QVEL") + wiring.dof
+        worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + model.actuator_ctrladr[wiring.actuator]
+        worlds["lever"] = _lever(model, wiring)
+        worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
+
+    def advance(self, count: int) -> int:
+        """Run the next `count` ticks at most; return how many worlds still run.
+
+        After an exception, an interrupt among them, `done` says how far it came.
+        """
+        worlds, ticks, arrays = self.worlds, self.ticks, self._arrays
+        step, forward, stage = self._batch.step, self._batch.forward, self._stage
+        ids: NDArray[np.intp] | None = None
+        expected = len(worlds)
+        for t in range(self.done, min(self.done + count, len(ticks))):
+            running = tick(worlds, ticks, t, *arrays)
+            if running != expected:
+                expected, ids = running, self._running(t)
+            self.done = t + 1
+            if running == 0:
+                return 0
+            try:
+                if self._ideal:
+                    forward(ids, stage)
+                else:
+                    step(ids, self._substeps, stage)
+            except SimulationError as error:
+                self._stop(error.ids)
+                expected = -1  # so that the next tick looks again
+        return expected
+
+    def _running(self, t: int) -> NDArray[np.intp]:
+        worlds = self.worlds
+        return np.flatnonzero((worlds["diverged"] < 0) & (t + 1 < worlds["ticks"]))
+
+    def _stop(self, ids: Sequence[int]) -> None:
+        for i in ids:
+            self.worlds["diverged"][i], self.worlds["diverged_joint"][i] = self.done, -1
+            self._errors[int(i)] = self._batch.error(int(i))
+
+    def error(self, world: int) -> str:
+        """Return what MuJoCo said when it refused to step a world, or nothing."""
+        return " ".join(self._errors.get(world, "").split())
+
+
+def _column(model: mujoco.MjModel, component: str) -> int:
+    """Return where a component begins in a state row: components are stored in the order of their bits."""
+    bit = int(getattr(mujoco.mjtState, f"mjSTATE_{component}"))
+    return int(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION) & (bit - 1)))
+
+
+def _lever(model: mujoco.MjModel, wiring: Wiring) -> Array:
+    """Return the vector from the body's center of mass to the site, in the site's frame, (3,) [m]."""
+    inverse = np.empty(4)
+    mujoco.mju_negQuat(inverse, model.site_quat[wiring.site])
+    lever = np.empty(3)
+    offset = model.site_pos[wiring.site] - model.body_ipos[wiring.body]
+    mujoco.mju_rotVecQuat(lever, offset, inverse)
+    return lever
+
+
+def _mass_entries(model: mujoco.MjModel, wiring: Wiring) -> NDArray[np.int64]:
+    """Return (joint, joint, index) of each stored entry of M between joints of the arm, (e, 3)."""
+    joint = {int(dof): j for j, dof in enumerate(wiring.dof)}
+    entries = [
+        (joint[row], joint[int(model.M_colind[e])], e)
+        for row in joint
+        for e in range(model.M_rowadr[row], model.M_rowadr[row] + model.M_rownnz[row])
+        if int(model.M_colind[e]) in joint
+    ]
+    return np.array(entries, np.int64)
+
+
+def _unused(worlds: int) -> Array:
+    """Return a stand-in for a field that no world reads, of the type that compiled code expects."""
+    field = np.zeros((worlds, 1))
+    field.flags.writeable = False
+    return field

@@ -1,0 +1,387 @@
+"""A target path as a reference: where the site shall be, and how fast, at every control tick.
+
+A path is geometry times timing. Each segment is a curve over one parameter u from 0 to 1: the
+site's origin at p(u), a straight line or a circular arc, and the orientation turned by φ u about
+one fixed world axis. Ruckig times u from rest to rest, jerk-limited and as fast as the limits
+allow [Berscheid21], so that translation and rotation end together, and the segments follow one
+another without a gap. Only point-to-point motions are asked of it: they are computed here, while
+its way-points would be sent to a server.
+
+The limits hold for the norms of the Cartesian vectors. Along an arc of radius r, at speed ṡ,
+
+    |p̈|² = s̈² + (ṡ²/r)²,   |p⃛|² = (s⃛ − ṡ³/r²)² + (3 ṡ s̈/r)²,
+
+so `_along` gives s̈ and s⃛ what the centripetal parts leave. A target outside the workspace is no
+error here: this module knows no arm.
+
+This module alone knows ruckig.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import ruckig
+from numpy.typing import ArrayLike, NDArray
+
+from rmrc.errors import TargetError
+from rmrc.scenario import (
+    Arc,
+    ArcSegment,
+    HoldSegment,
+    Line,
+    LineSegment,
+    TargetLimitsSection,
+    Turn,
+    TurnSegment,
+)
+from rmrc.spatial import (
+    log_rotation,
+    normalize,
+    quat_conjugate,
+    quat_from_axis_angle,
+    quat_multiply,
+)
+
+Array = NDArray[np.float64]
+Segment = LineSegment | ArcSegment | TurnSegment | HoldSegment
+
+# Shorter lengths [m] and smaller angles [rad] are rounding of a pose, not something to follow.
+_SMALLEST = 1e-9
+
+# Ten million ticks are 2.8 h at 1 kHz, and 1.7 GB: more is a slip of a unit.
+_MOST_TICKS = 10_000_000
+
+# A duration that is a whole number of periods, but for rounding, gets no tick more. The sums of
+# durations of `_MOST_TICKS` periods are rounded to 1e-9 of a period.
+_TICK_ROUNDING = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A target at each control tick, at rest at the first and at the last.
+
+    Attributes:
+        time: k · period, (T,) [s].
+        pose: Of the site in the world, [p, quat w x y z], (T, 7) [m, 1]; the quaternion never
+            jumps to its negative.
+        twist: [v; ω] of the site's origin along world axes, (T, 6) [m/s, rad/s].
+        acceleration: Its time derivative, (T, 6) [m/s², rad/s²].
+        segment: Which segment of the path, counted from 0, (T,).
+        period: The control period [s].
+    """
+
+    time: Array
+    pose: Array
+    twist: Array
+    acceleration: Array
+    segment: NDArray[np.int64]
+    period: float
+
+    @property
+    def duration(self) -> float:
+        """The time of the last tick, the first at which the path is done [s]."""
+        return float(self.time[-1])
+
+
+def make_reference(
+    segments: Sequence[Segment],
+    limits: TargetLimitsSection,
+    start_pose: ArrayLike,
+    period: float,
+) -> Reference:
+    """Time a path and sample it at every control tick.
+
+    Args:
+        segments: The path, `scenario.target.path`; each piece starts where the one before ends.
+        limits: Of the norms of velocity, acceleration and jerk, linear and angular.
+        start_pose: Of the site, [p, quat w x y z], (7,) [m, 1]; the first sample, to the bit.
+        period: The control period [s].
+
+    Returns:
+        The reference; the last sample is the end of the path, at rest.
+
+    Raises:
+        TargetError: A segment has no extent or is not finite, a limit or the period is not > 0,
+            or the path needs more than ten million periods.
+    """
+    pose = _checked(segments, limits, start_pose, period)
+    curves, profiles = [], []
+    for i, segment in enumerate(segments):
+        curve = _curve(f"target.path[{i}]", segment, pose)
+        curves.append(curve)
+        if isinstance(segment, HoldSegment):
+            profiles.append(_pause(segment.hold.duration))
+        else:
+            profiles.append(_rest_to_rest(curve, limits))
+        pose = curve.at(np.ones(1))[0]
+    starts = np.cumsum([0.0, *(profile.duration for profile in profiles)])
+    time = period * np.arange(_intervals(float(starts[-1]), period) + 1, dtype=np.float64)
+    which = np.minimum(np.searchsorted(starts[1:], time, side="right"), len(curves) - 1)
+    first = np.searchsorted(which, np.arange(len(curves) + 1))
+    poses, twists, accelerations = (np.empty((len(time), width)) for width in (7, 6, 6))
+    for i, (curve, profile) in enumerate(zip(curves, profiles, strict=True)):
+        ticks = slice(first[i], first[i + 1])
+        local = time[ticks] - starts[i]
+        if i == len(curves) - 1:
+            local[-1] = profile.duration  # the end itself, not a rounding before it
+        u, du, ddu = profile.at(local)
+        poses[ticks] = curve.at(u)
+        twists[ticks], accelerations[ticks] = curve.derivatives(u, du, ddu)
+    return Reference(time, poses, twists, accelerations, which, period)
+
+
+def _checked(
+    segments: Sequence[Segment], limits: TargetLimitsSection, start_pose: ArrayLike, period: float
+) -> Array:
+    """Return the start pose, or raise what is wrong with the arguments."""
+    if not segments:
+        raise TargetError("target.path: must have at least 1 item, got 0")
+    values = {f"target.limits.{name}": value for name, value in limits}
+    for name, value in (values | {"control.period": period}).items():
+        if not 0 < value < math.inf:
+            raise TargetError(f"{name}: must be finite and > 0, got {value:g}")
+    pose = np.array(start_pose, dtype=float)
+    # Quaternions of a simulator are of length 1 to rounding; 1e-9 leaves room for theirs.
+    if pose.shape != (7,) or not np.isfinite(pose).all() or abs(np.linalg.norm(pose[3:]) - 1) > 1e-9:
+        shown = ", ".join(f"{x:g}" for x in pose.flat)
+        raise TargetError(f"start_pose: must be [x, y, z] and a unit quaternion, got [{shown}]")
+    return pose
+
+
+def _intervals(duration: float, period: float) -> int:
+    """Return how many periods cover a duration, 1 at least."""
+    count = duration / period
+    if not count <= _MOST_TICKS:
+        raise TargetError(
+            f"target.path: takes {duration:g} s, which is {count:.9g} control periods of "
+            f"{period:g} s and more than {_MOST_TICKS}; raise target.limits or control.period, "
+            "or shorten the path"
+        )
+    return max(1, math.ceil(count - _TICK_ROUNDING))
+
+
+# Geometry ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """A segment without its timing, over u from 0 to 1, along world axes.
+
+    p(u) = start + straight·u + (cos θu − 1)·spoke + sin θu·(n × spoke), turned by angle·u.
+
+    Attributes:
+        place: The segment's key.
+        start: Pose at u = 0, (7,).
+        straight: From start to end of a line, (3,) [m].
+        spoke: From the center of an arc to its start, (3,) [m].
+        tangent: n × spoke, n the arc's unit axis, (3,) [m].
+        sweep: The arc's angle θ [rad].
+        axis: Unit axis of the rotation, (3,).
+        angle: Of the rotation, signed [rad].
+    """
+
+    place: str
+    start: Array
+    straight: Array
+    spoke: Array
+    tangent: Array
+    sweep: float
+    axis: Array
+    angle: float
+
+    @property
+    def radius(self) -> float:
+        """Infinite unless it is an arc."""
+        return float(np.linalg.norm(self.spoke)) if self.sweep else math.inf
+
+    @property
+    def length(self) -> float:
+        return float(np.linalg.norm(self.straight + self.sweep * self.tangent))
+
+    def at(self, u: Array) -> Array:
+        """Return the poses, (len(u), 7); at u = 0 the start, to the bit."""
+        u = u[:, None]
+        half = 0.5 * self.sweep * u
+        # cos θ − 1 = −2 sin² θ/2 keeps its digits for small θ
+        moved = u * self.straight - 2 * np.sin(half) ** 2 * self.spoke
+        moved += np.sin(self.sweep * u) * self.tangent
+        turn = quat_from_axis_angle(self.axis, self.angle * u[:, 0])
+        return np.hstack([self.start[:3] + moved, quat_multiply(turn, self.start[3:])])
+
+    def derivatives(self, u: Array, du: Array, ddu: Array) -> tuple[Array, Array]:
+        """Return twists and accelerations by the chain rule, (len(u), 6) each."""
+        u, du, ddu = u[:, None], du[:, None], ddu[:, None]
+        sine, cosine = np.sin(self.sweep * u), np.cos(self.sweep * u)
+        slope = self.straight + self.sweep * (cosine * self.tangent - sine * self.spoke)
+        bend = -(self.sweep**2) * (cosine * self.spoke + sine * self.tangent)
+        turn = self.angle * self.axis
+        twist = np.hstack([slope * du, turn * du])
+        return twist, np.hstack([slope * ddu + bend * du**2, turn * ddu])
+
+
+@np.errstate(over="ignore", invalid="ignore")  # what is not finite is an error below
+def _curve(place: str, segment: Segment, start: Array) -> _Curve:
+    """Return the geometry of a segment that starts at a pose."""
+    straight, spoke, normal, sweep = np.zeros(3), np.zeros(3), np.zeros(3), 0.0
+    turn: Turn | None = None
+    (kind,) = type(segment).model_fields
+    place = f"{place}.{kind}"
+    if isinstance(segment, LineSegment):
+        turn, straight = segment.line.turn, _displacement(segment.line, start)
+    elif isinstance(segment, ArcSegment):
+        turn, sweep, normal = segment.arc.turn, segment.arc.angle, _direction(segment.arc.axis)
+        spoke = _spoke(place, segment.arc, normal, start)
+    elif isinstance(segment, TurnSegment):
+        turn = segment.turn
+    axis, angle = _rotation(turn, start) if turn else (np.array([0.0, 0.0, 1.0]), 0.0)
+    curve = _Curve(place, start, straight, spoke, np.cross(normal, spoke), sweep, axis, angle)
+    if not np.isfinite([curve.length, angle, *curve.at(np.ones(1))[0]]).all():
+        raise TargetError(f"{place}: is not finite; use smaller numbers")
+    if isinstance(segment, LineSegment | ArcSegment) and curve.length < _SMALLEST:
+        raise TargetError(
+            f"{place}: has length 0, from {_show(start[:3])} to the same point; to pause write "
+            "hold, to turn on the spot write turn"
+        )
+    if isinstance(segment, TurnSegment) and abs(angle) < _SMALLEST:
+        raise TargetError(f"{place}: has angle 0; remove it, or write hold to pause")
+    return curve
+
+
+def _displacement(line: Line, start: Array) -> Array:
+    if line.by is not None:
+        return np.array([*line.by, 0.0][:3])
+    assert line.to is not None  # the schema requires one of them
+    return _filled(line.to, start) - start[:3]
+
+
+def _spoke(place: str, arc: Arc, normal: Array, start: Array) -> Array:
+    """Return the way from the circle's center to the start, square to its axis."""
+    way = start[:3] - _filled(arc.center, start)
+    spoke: Array = way - (way @ normal) * normal
+    if np.linalg.norm(spoke) < _SMALLEST:
+        raise TargetError(
+            f"{place}: starts at {_show(start[:3])}, on the axis of the circle: radius 0; move "
+            "the center, or write turn to turn on the spot"
+        )
+    return spoke
+
+
+def _rotation(turn: Turn, start: Array) -> tuple[Array, float]:
+    """Return unit axis and angle of a turn; `to` takes the shortest way."""
+    if turn.axis is not None and turn.angle is not None:
+        return _direction(turn.axis), turn.angle
+    assert turn.to is not None  # the schema requires one of both forms
+    rotvec = log_rotation(quat_multiply(normalize(turn.to), quat_conjugate(start[3:])))
+    angle = float(np.linalg.norm(rotvec))
+    if angle == 0:
+        return np.array([0.0, 0.0, 1.0]), 0.0
+    axis = rotvec / angle
+    # Both ways of a half turn are the shortest: rounding must not choose between them. The first
+    # large component shall be positive; one is at least 1/√3, and 0.55 is no component of a
+    # tidy axis.
+    if angle > math.pi - _SMALLEST and axis[np.argmax(np.abs(axis) > 0.55)] < 0:
+        return -axis, 2 * math.pi - angle
+    return axis, angle
+
+
+def _direction(axis: str | tuple[float, ...]) -> Array:
+    return np.eye(3)["xyz".index(axis)] if isinstance(axis, str) else normalize(axis)
+
+
+def _filled(point: tuple[float, ...], start: Array) -> Array:
+    """Return a point of 2 or 3 values; z is kept where it is missing."""
+    return np.array([*point, start[2]][:3])
+
+
+def _show(point: Array) -> str:
+    return f"[{', '.join(f'{x:g}' for x in point)}]"
+
+
+# Timing ------------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class _Profile:
+    """u over time, in phases of constant jerk.
+
+    Attributes:
+        since: Start of each phase, (P,) [s].
+        state: u, its rate, its acceleration and jerk at the start of each phase, (4, P).
+        duration: Of all [s].
+    """
+
+    since: Array
+    state: Array
+    duration: float
+
+    def at(self, time: Array) -> tuple[Array, Array, Array]:
+        """Return u and its first two derivatives; 1, 0, 0 from the end on."""
+        phase = np.searchsorted(self.since[1:], time, side="right")
+        t = time - self.since[phase]
+        u, du, ddu, jerk = self.state[:, phase]
+        ended = time >= self.duration
+        return (
+            np.where(ended, 1.0, u + t * (du + t * (ddu / 2 + t * jerk / 6))),
+            np.where(ended, 0.0, du + t * (ddu + t * jerk / 2)),
+            np.where(ended, 0.0, ddu + t * jerk),
+        )
+
+
+def _pause(duration: float) -> _Profile:
+    return _Profile(np.zeros(1), np.zeros((4, 1)), duration)
+
+
+def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> _Profile:
+    """Return the fastest u, from rest at 0 to rest at 1, within the limits.
+
+    Ruckig is asked in a unit of time in which all limits on u are at least 1: it has absolute
+    tolerances, and fails for lengths or times far from 1.
+    """
+    along, length, angle = _along(limits, curve.radius), curve.length, abs(curve.angle)
+    times = (
+        max(length / along[0], angle / limits.angular_velocity),
+        max(length / along[1], angle / limits.angular_acceleration) ** (1 / 2),
+        max(length / along[2], angle / limits.angular_jerk) ** (1 / 3),
+    )
+    unit = max(times)
+    if unit == math.inf:
+        return _pause(unit)  # too long: `_intervals` says so
+    motion, trajectory = ruckig.InputParameter(1), ruckig.Trajectory(1)
+    motion.current_position, motion.target_position = [0.0], [1.0]
+    # u̇ never passes 1/unit: that is what one of the three limits allows on a way of 1. A limit
+    # 200 times less strict than the strictest counts as 200: no slower by more than 0.1 %, and
+    # ruckig's first step fails now and then for jerks above 1e8.
+    ratios = [min(unit / time, 200.0) for time in times]
+    motion.max_velocity = [min(ratios[0], 2.0)]
+    motion.max_acceleration, motion.max_jerk = [ratios[1] ** 2], [ratios[2] ** 3]
+    try:
+        ruckig.Ruckig(1).calculate(motion, trajectory)
+    except (ruckig.RuckigError, ValueError) as error:  # ValueError: a result without a name
+        reason = str(error).replace("[ruckig]", "").strip().split(", dof")[0]
+        raise TargetError(f"{curve.place}: cannot be timed: {reason}") from None
+    ((profile,),) = trajectory.profiles
+    since = unit * np.cumsum([0.0, *profile.t])
+    states = np.array([profile.p[:7], profile.v[:7], profile.a[:7], profile.j])
+    scale = unit ** -np.arange(4.0)
+    return _Profile(since[:-1], scale[:, None] * states, float(since[-1]))
+
+
+def _along(limits: TargetLimitsSection, radius: float) -> tuple[float, float, float]:
+    """Return limits on ṡ, s̈ and s⃛ that keep the vectors within theirs on an arc.
+
+    With V, A, J for the bounds of ṡ, |s̈|, |s⃛| and v, a, j for those of the vectors:
+    V = min(v, √(0.8 a r), ∛(0.4 j r²)) leaves A = √(a² − (V²/r)²) >= 0.6 a; A is also kept below
+    0.6 j r/(3 V), which leaves J = √(j² − (3 V A/r)²) − V³/r² >= 0.8 j − 0.4 j = 0.4 j. So the
+    vectors stay in their limits even if V, A and J came together. On a line, r = ∞, nothing is
+    lost: V = v, A = a, J = j.
+    """
+    v, a, j = limits.velocity, limits.acceleration, limits.jerk
+    V = min(v, (0.8 * a) ** 0.5 * radius**0.5, (0.4 * j) ** (1 / 3) * radius ** (2 / 3))
+    rate = V / radius
+    A = a * math.sqrt(1 - (V * rate / a) ** 2)
+    if rate > 0:
+        A = min(A, 0.2 * j / rate)
+    J = j * (math.sqrt(1 - (3 * A * rate / j) ** 2) - V * rate * rate / j)
+    return V, A, J

@@ -1,0 +1,173 @@
+"""The compiled loop against an independent one, and its promise: same world, same bits, whatever is beside it."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from oracles import NumpyLoop
+
+from rmrc.preparation import prepare
+from rmrc.run import COLUMNS
+from rmrc.simulation import Simulation
+
+STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
+SIX = (
+    "task.axes=[x, y, z, rx, ry, rz]",
+    "target.path=[{line: {by: [0.1, 0.1, 0.1], turn: {axis: z, angle: 0.3}}}]",
+)
+THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
+REACH = "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.5, 0]}}]"  # to 10 mm from full reach and back
+
+# Every method, schedule, objective, limit, plant and weighting at least once, in square, wide and tall tasks.
+VARIANTS = {
+    "inverse": ("control.inverse.method=inverse",),
+    "inverse, 6 joints": (*STANFORD, *SIX, "control.inverse.method=inverse"),
+    "pseudoinverse, wide": (*THREE, "control.inverse.method=pseudoinverse"),
+    "pseudoinverse, tall": ("task.axes=[x, y, rz]", "control.inverse.method=pseudoinverse"),
+    "damped, reach": (REACH,),
+    "damped, constant": (REACH, "control.inverse.damping.schedule=constant"),
+    "damped, tall and weighted": (
+        "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]",
+        "control.inverse.damping.schedule=constant",
+    ),
+    "damped, wide and weighted": (
+        *THREE, "task.weights=[1, 4]", "control.joint_weights=[3, 1, 0.5]", "control.nullspace.objective=posture",
+        "control.nullspace.posture=[0.5, -1, 0.5]",
+    ),
+    "6 joints, weighted, length": (
+        *STANFORD, *SIX, "task.length=0.5", "control.joint_weights=[1, 2, 3, 1, 1, 1]",
+        "task.weights=[1, 1, 1, 0.1, 0.1, 0.1]", "control.inverse.damping.schedule=constant",
+    ),
+    "position only, null space": (
+        *STANFORD, "task.axes=[x, y, z]", "control.nullspace.objective=posture", "control.nullspace.gain=0.5",
+        "control.nullspace.posture=[0.1, 1, 0.8, 0.2, 1, 0.3]", "target.path=[{line: {by: [0.1, 0.1, 0.1]}}]",
+    ),
+    "scaled rates": (REACH, "control.limits.rate=0.4"),
+    "clamped rates": (REACH, "control.limits.rate=[0.4, 0.6]", "control.limits.on_excess=clamp"),
+    "no feed-forward": ("control.feedforward=false",),
+    "no feedback": ("control.feedback=0",),
+    "ideal": (REACH, "plant.kind=ideal", "control.period=0.002"),
+    "torque": ("plant.kind=torque",),
+    "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", "control.period=0.002"),
+    "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
+}  # fmt: skip
+
+
+def assert_same_run(run, want, rtol):
+    """Each column that the oracle has, within rtol of its largest value."""
+    for name, column in want.items():
+        scale = max(1.0, np.abs(column).max())
+        assert_allclose(run[name], column, rtol=0, atol=rtol * scale, err_msg=name)
+
+
+@pytest.mark.parametrize("variant", VARIANTS)
+def test_compiled_loop_equals_the_numpy_loop_over_a_whole_run(simulate, variant):
+    prepared, run = simulate(*VARIANTS[variant])
+    assert run.is_complete and run.divergence is None
+    # 1e-9: both round differently, 1e-16 a tick, and physics and feedback carry it along for 1e3 ticks
+    assert_same_run(run, NumpyLoop(prepared).run(), 1e-9)
+
+
+@pytest.mark.parametrize("fault", ["feedback", "damping", "joint_weights"])
+def test_the_comparison_finds_a_law_that_is_off_by_a_millionth(scenario, fault):
+    prepared = prepare(scenario(REACH, "control.joint_weights=[1, 1]"))
+    (run,) = Simulation([prepared]).run()
+    wrong = {
+        "feedback": ["control.feedback=20.00002"],
+        "damping": ["control.inverse.damping.maximum=0.1000001"],
+        "joint_weights": ["control.joint_weights=[1, 1.000001]"],
+    }[fault]
+    other = prepare(scenario(REACH, "control.joint_weights=[1, 1]", *wrong))
+    with pytest.raises(AssertionError):
+        assert_same_run(run, NumpyLoop(other).run(), 1e-9)
+
+
+def test_the_same_world_gives_the_same_bits_alone_among_others_and_on_threads(scenario):
+    chosen = [
+        (REACH,), (REACH, "control.inverse.method=pseudoinverse"), (REACH, "control.inverse.method=inverse"),
+        (REACH, "arm.start=[50 deg, -100 deg]", "control.nullspace.objective=posture"),
+        ("control.limits.rate=0.3",), ("task.axes=[x, y, rz]",), ("plant.kind=torque",), ("plant.kind=ideal",),
+        (REACH, "plant.kv=500"), (REACH, "control.inverse.damping.schedule=constant"), STANFORD + SIX,
+    ]  # fmt: skip
+    prepared = [prepare(scenario(*overrides)) for overrides in chosen]
+    alone = [Simulation([one]).run()[0] for one in prepared]
+    for threads in (1, 2, 3):
+        for run, want in zip(Simulation(prepared, threads).run(), alone, strict=True):
+            for name in COLUMNS:
+                np.testing.assert_array_equal(run[name], want[name])
+    again = Simulation([prepare(scenario(*chosen[0]))]).run()[0]
+    for name in COLUMNS:
+        np.testing.assert_array_equal(again[name], alone[0][name])
+
+
+def test_blocks_are_the_run_in_pieces(scenario):
+    prepared = [prepare(scenario(REACH)), prepare(scenario())]
+    pieces = ([], [])
+    runs = Simulation(prepared).run(lambda world, part: pieces[world].append(part))
+    for parts, run in zip(pieces, runs, strict=True):
+        for name in COLUMNS:
+            joined = np.concatenate([part[name] for part in parts])
+            np.testing.assert_array_equal(joined, run[name])
+
+
+def test_an_interrupt_keeps_what_was_recorded(scenario):
+    prepared = prepare(scenario(REACH))
+    full = Simulation([prepared]).run()[0]
+    simulation, seen = Simulation([prepared]), []
+
+    def interrupt(_, part):
+        seen.append(len(part))
+        if sum(seen) >= 1000:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        simulation.run(interrupt)
+    (run,) = simulation.runs()
+    assert len(run) == sum(seen) < len(full)
+    assert not run.is_complete and run.divergence is None
+    np.testing.assert_array_equal(run["q"], full["q"][: len(run)])
+
+
+def nan_at(prepared, tick):
+    """The same world with a reference that is not a number from a tick on."""
+    pose = prepared.reference.pose.copy()
+    pose[tick:, 0] = np.nan
+    reference = dataclasses.replace(prepared.reference, pose=pose)
+    return dataclasses.replace(prepared, reference=reference)
+
+
+@pytest.mark.parametrize("plant", ["ideal", "servo", "torque"])
+def test_divergence_stops_its_own_world_and_keeps_what_it_has(scenario, plant, tmp_path, monkeypatch):
+    good = prepare(scenario(REACH, f"plant.kind={plant}"))
+    (alone,) = Simulation([good]).run()
+    bad = nan_at(good, 700)
+    monkeypatch.chdir(tmp_path)
+    first, second, third = Simulation([good, bad, good]).run()
+    assert len(second) == 700
+    assert str(second.divergence) == (
+        'diverged at tick 700 (0.7000 s) at joint "shoulder": '
+        "position, rate or command is not finite or beyond 1e10"
+    )
+    for name in COLUMNS:
+        np.testing.assert_array_equal(first[name], alone[name])
+        np.testing.assert_array_equal(third[name], alone[name])
+        np.testing.assert_array_equal(second[name], alone[name][:700])
+    assert list(tmp_path.iterdir()) == []  # no MUJOCO_LOG.TXT
+
+
+def test_a_state_that_explodes_in_the_physics_is_a_divergence(scenario, tmp_path, monkeypatch):
+    # An external force of 1e12 N makes accelerations that MuJoCo itself calls bad.
+    prepared = prepare(scenario("plant.wrench=[0, 1.0e+15, 0, 0, 0, 0]"))
+    monkeypatch.chdir(tmp_path)
+    (run,) = Simulation([prepared]).run()
+    assert run.divergence is not None and len(run) < 10
+    assert np.isfinite(run["q"]).all() and np.isfinite(run["qdot"]).all()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_worlds_of_different_length_end_on_their_own(scenario):
+    short, long = prepare(scenario()), prepare(scenario(REACH))
+    runs = Simulation([short, long]).run()
+    assert [len(run) for run in runs] == [len(short.reference.time), len(long.reference.time)]
+    assert all(run.is_complete for run in runs)

@@ -1,0 +1,82 @@
+"""tau = Jᵀ wrench against MuJoCo's Jacobian, its mj_applyFT, and actuators that hold the arm still."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from rmrc.arm import load
+from rmrc.textbook.statics import equilibrium_torques, joint_torques
+
+MODELS = {"planar_2link": "tip", "planar_3link": "tip", "stanford": "tool"}
+
+
+@pytest.fixture(params=MODELS)
+def arm(request, monkeypatch):
+    from conftest import ROOT
+
+    monkeypatch.chdir(ROOT)
+    return load(ROOT / f"models/{request.param}.xml", MODELS[request.param])
+
+
+def random_pose_and_wrench(arm, seed):
+    rng = np.random.default_rng(seed)
+    lower, upper = arm.position_limit.T
+    return rng.uniform(lower, upper), rng.normal(size=6) * 10
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_equivalent_torques_are_those_of_mj_jac_and_of_mj_applyFT(arm, seed):
+    q, wrench = random_pose_and_wrench(arm, seed)
+    model, data = arm.model, mujoco.MjData(arm.model)
+    data.qpos[arm.wiring.qpos] = q
+    mujoco.mj_forward(model, data)
+    tau = joint_torques(arm.jacobian(q), wrench)
+    applied = np.zeros(model.nv)
+    site = data.site_xpos[arm.wiring.site]
+    mujoco.mj_applyFT(model, data, wrench[:3], wrench[3:], site, arm.wiring.body, applied)
+    full = np.zeros((6, model.nv))
+    mujoco.mj_jac(model, data, full[:3], full[3:], site, arm.wiring.body)
+    # rounding of some twenty products of numbers up to 30
+    assert_allclose(tau, applied[arm.wiring.dof], rtol=0, atol=1e-11)
+    assert_allclose(tau, (full.T @ wrench)[arm.wiring.dof], rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize(
+    ("model", "axes", "wrench"),
+    [
+        ("planar_2link", "[x, y]", "[4, -3, 2, 0.5, 0.2, 1]"),
+        ("planar_3link", "[x, y, rz]", "[4, -3, 2, 0.5, 0.2, 1]"),
+        ("stanford", "[x, y, z, rx, ry, rz]", "[5, -3, 4, 0.5, 0.2, 0.4]"),
+    ],
+)
+@pytest.mark.parametrize("plant", ["servo", "torque"])
+def test_actuators_that_hold_the_arm_still_give_the_equilibrium_torques(simulate, model, axes, wrench, plant):
+    prepared, run = simulate(
+        f"arm.model=models/{model}.xml", f"arm.site={MODELS[model]}", "arm.start=home", f"task.axes={axes}",
+        "target.path=[{hold: {for: 2.0}}]", f"plant.wrench={wrench}", f"plant.kind={plant}",
+        "control.inverse.method=inverse",
+    )  # fmt: skip
+    assert np.abs(run["qdot"][-1]).max() < 1e-9  # settled: exp(−20/s · 2 s) of a first sag of millimeters
+    want = equilibrium_torques(prepared.arm.jacobian(run["q"][-1]), np.array(prepared.scenario.plant.wrench))
+    assert np.abs(want).max() > 1
+    assert_allclose(run["tau"][-1], want, rtol=1e-6, atol=1e-6)
+    with pytest.raises(AssertionError):  # the sign is part of it
+        assert_allclose(run["tau"][-1], -want, rtol=1e-6, atol=1e-6)
+
+
+def test_a_force_in_the_lost_direction_costs_no_torque(arm):
+    # At a singularity u_min is lost, and Jᵀ u_min = σ_min v_min = 0.
+    J = arm.jacobian(np.zeros(arm.n))
+    u, sigma, _ = np.linalg.svd(J)
+    assert sigma[-1] < 1e-12 or arm.n < 6
+    assert_allclose(joint_torques(J, u[:, -1]), 0, atol=1e-12)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_torques_and_wrench_have_the_same_power(seed):
+    rng = np.random.default_rng(seed)
+    J, qdot, wrench = rng.normal(size=(6, 4)), rng.normal(size=4), rng.normal(size=6)
+    assert joint_torques(J, wrench) @ qdot == pytest.approx(wrench @ (J @ qdot), abs=1e-12)
