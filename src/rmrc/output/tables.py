@@ -1,0 +1,256 @@
+"""Scorecards and the keys of a scenario as tables: for a terminal, and as markdown for a recording.
+
+Both forms show the same sheets, and these hold every figure. Nothing depends on color alone, is cut
+off, or is read as markup.
+"""
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from rich import box
+from rich.console import Group, RenderableType
+from rich.table import Table
+from rich.text import Text
+
+from rmrc.scenario import SchemaRow
+from rmrc.scorecard import Figure, Outcome, Scorecard
+
+_PEAKS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
+_ERRORS = ("position_error", "orientation_error", "error_along", "error_across")
+_UNDEFINED = "-"
+
+
+def render(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> RenderableType:
+    """Return all figures, and what was expected of them, for a terminal of 80 columns or more.
+
+    Args:
+        card: The figures.
+        outcomes: Of the scenario's expectations; none: no such table.
+    """
+    *sheets, rest, status = _sheets(card, outcomes)
+    beside = Table.grid(padding=(0, 4))
+    beside.add_row(_table(rest), _table(status))
+    parts = [part for sheet in sheets for part in (_table(sheet), Text())]
+    return Group(Text(card.name, style="bold"), Text(), *parts, beside)
+
+
+def markdown(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> str:
+    """Return what `render` shows as a markdown document.
+
+    Args:
+        card: The figures.
+        outcomes: Of the scenario's expectations; none: no such table.
+    """
+    blocks = [f"# {_escaped(card.name)}"]
+    for sheet in _sheets(card, outcomes):
+        rules = ["---" if column in sheet.left else "---:" for column in range(len(sheet.headings))]
+        rows = [sheet.headings, *sheet.rows]
+        head, *body = ("| " + " | ".join(map(_escaped, row)) + " |" for row in rows)
+        blocks += [f"## {sheet.title}", "\n".join([head, f"| {' | '.join(rules)} |", *body])]
+    return "\n\n".join(blocks) + "\n"
+
+
+def schema(rows: Sequence[SchemaRow]) -> RenderableType:
+    """Return the keys of a scenario for a terminal: keys whole, the rest wrapped beside them."""
+    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
+    table.add_column(no_wrap=True, style="bold")
+    table.add_column(overflow="fold")
+    for row in rows:
+        table.add_row(Text(row.key), Text(f"{_kind(row)}\n{row.meaning}"))
+    return table
+
+
+def schema_text(rows: Sequence[SchemaRow]) -> str:
+    """Return the keys of a scenario a line each, aligned, never wrapped: for a pipe or a file."""
+    table = [("key", "type", "unit", "default", "meaning"), *rows]
+    widths = [max(map(len, column)) for column in zip(*table, strict=True)]
+    lines = ("  ".join(text.ljust(width) for text, width in zip(row, widths, strict=True)) for row in table)
+    return "".join(f"{line.rstrip()}\n" for line in lines)
+
+
+# Sheets -----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Sheet:
+    """A table without a form: texts, and which columns are words and not numbers."""
+
+    title: str
+    headings: tuple[str, ...]
+    rows: Sequence[tuple[str, ...]]
+    left: frozenset[int] = frozenset({0})
+
+
+class _Figures:
+    """The figures of a card; those not yet shown are left over for the last sheet."""
+
+    def __init__(self, card: Scorecard) -> None:
+        self.card, self.left = card, dict(card)
+
+    def text(self, name: str) -> str:
+        """Return a figure as text, and nothing for one that this card does not have."""
+        figure = self.left.pop(name, None)
+        return "" if figure is None else _text(figure)
+
+    def unit(self, name: str) -> str:
+        """Return the unit of a figure that this card has."""
+        return _unit(self.card[name])
+
+
+def _sheets(card: Scorecard, outcomes: Sequence[Outcome]) -> list[_Sheet]:
+    figures = _Figures(card)
+    sheets = [_outcomes(outcomes)] if outcomes else []
+    sheets += [_peaks(figures), _joints(figures), _errors(figures)]
+    status = _status(figures)
+    others = [(name, figures.text(name), figures.unit(name)) for name in list(figures.left)]
+    rest = _Sheet("Singularity and run", ("", "value", "unit"), others, frozenset({0, 2}))
+    return [*sheets, rest, status]
+
+
+def _outcomes(outcomes: Sequence[Outcome]) -> _Sheet:
+    rows = [("ok" if one.ok else "MISSED", str(one)) for one in outcomes]
+    return _Sheet("Expected", ("", ""), rows, frozenset({0, 1}))
+
+
+def _peaks(figures: _Figures) -> _Sheet:
+    rows = [
+        (
+            group,
+            figures.text(f"{group}.peak"),
+            figures.unit(f"{group}.peak"),
+            figures.text(f"{group}.peak_joint"),
+            figures.text(f"{group}.peak_time"),
+            figures.text(f"{group}.rms"),
+        )
+        for group in _PEAKS
+    ]
+    return _Sheet("Peaks", ("", "peak", "unit", "joint", "at [s]", "rms"), rows, frozenset({0, 2, 3}))
+
+
+def _joints(figures: _Figures) -> _Sheet:
+    """Return a row a joint; units stand in the headings, or beside the joint where they differ."""
+    columns = (
+        ("rate", "joint_rate", "peak"),
+        ("", "joint_rate", "peak_time"),
+        ("", "joint_rate", "rms"),
+        ("command", "joint_rate_cmd", "peak"),
+        ("", "joint_rate_cmd", "peak_time"),
+        ("", "joint_rate_cmd", "rms"),
+        ("accel.", "joint_acceleration", "peak"),
+        ("torque", "tau", "peak"),
+    )
+    words = {"peak": "peak", "peak_time": "at", "rms": "rms"}
+    joints = figures.card.joints
+    kinds = [figures.unit(f"joint_rate.{joint}.peak").removesuffix("/s") for joint in joints]
+    mixed = len(set(kinds)) > 1
+    headings = ["joint"]
+    for over, group, suffix in columns:
+        units = {figures.unit(f"{group}.{joint}.{suffix}") for joint in joints}
+        unit = units.pop() if len(units) == 1 else ""
+        headings.append(f"{over}\n{words[suffix]}\n{unit}")
+    rows = [
+        (
+            f"{joint} [{kind}]" if mixed else joint,
+            *(figures.text(f"{group}.{joint}.{suffix}") for _, group, suffix in columns),
+        )
+        for joint, kind in zip(joints, kinds, strict=True)
+    ]
+    return _Sheet("Joints", tuple(headings), rows)
+
+
+def _errors(figures: _Figures) -> _Sheet:
+    rows = [
+        (
+            group,
+            figures.text(f"{group}.rms"),
+            figures.text(f"{group}.max"),
+            figures.text(f"{group}.max_time"),
+            figures.text(f"{group}.end"),
+            figures.unit(f"{group}.rms"),
+        )
+        for group in _ERRORS
+        if f"{group}.rms" in figures.card
+    ]
+    return _Sheet("Errors", ("", "rms", "max", "at [s]", "end", "unit"), rows, frozenset({0, 5}))
+
+
+def _status(figures: _Figures) -> _Sheet:
+    prefix, duration = "status_time.", figures.card["duration"].value
+    rows = []
+    for name in [name for name in figures.card if name.startswith(prefix)]:
+        seconds = figures.card[name].value
+        share = f"{float(seconds) / float(duration):.1%}" if duration else _UNDEFINED
+        rows.append((name.removeprefix(prefix), figures.text(name), share))
+    return _Sheet("Time in each status", ("", "s", "share"), rows)
+
+
+# Texts ------------------------------------------------------------------------------------------
+
+
+def _text(figure: Figure) -> str:
+    value = figure.value
+    if isinstance(value, str):
+        return value or _UNDEFINED
+    if isinstance(value, int):
+        return str(value)
+    # A time must name its tick, even late in a run.
+    return f"{value:.3f}" if figure.unit == "s" and 10.0 <= value < 1000.0 else _number(value)
+
+
+def _number(value: float) -> str:
+    """Return three or four digits in at most seven characters and a sign, so that columns fit."""
+    size = abs(value)
+    if math.isnan(value):
+        return _UNDEFINED
+    if size == 0.0 or math.isinf(value):
+        return f"{value:g}"
+    if 0.001 <= size < 9999.5:
+        return f"{value:#.{4 if size >= 0.01 else 3}g}".rstrip(".")
+    mantissa, _, exponent = f"{value:.2e}".partition("e")
+    return f"{mantissa}e{int(exponent)}"
+
+
+def _unit(figure: Figure) -> str:
+    return "" if figure.unit == "1" else figure.unit
+
+
+def _kind(row: SchemaRow) -> str:
+    """Return type, unit and default of a key in one line."""
+    unit = f" [{row.unit}]" if row.unit not in ("", "1") else ""
+    default = ", required" if row.default == "required" else f", default {row.default}"
+    return f"{row.type}{unit}{default}"
+
+
+def _table(sheet: _Sheet) -> Table:
+    table = Table(
+        title=sheet.title,
+        title_justify="left",
+        title_style="bold",
+        show_header=any(sheet.headings),
+        box=box.SIMPLE_HEAD,
+        # One blank between columns, or two where there are few: names of joints need the room.
+        padding=(0, 1 if len(sheet.headings) <= 6 else 0),
+        show_edge=False,
+        pad_edge=False,
+        collapse_padding=True,
+    )
+    for column, heading in enumerate(sheet.headings):
+        # Words that do not fit go on in the next line, numbers stay whole; never an ellipsis.
+        words = column in sheet.left
+        justify: Literal["left", "right"] = "left" if words else "right"
+        table.add_column(Text(heading), justify=justify, overflow="fold", no_wrap=not words)
+    for row in sheet.rows:
+        table.add_row(*(Text(cell, _style(cell)) for cell in row))
+    return table
+
+
+def _style(cell: str) -> str:
+    return {"ok": "green", "MISSED": "bold red"}.get(cell, "")
+
+
+def _escaped(text: str) -> str:
+    """Return one line that markdown shows as it is."""
+    return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))

@@ -1,0 +1,474 @@
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from rmrc.control.records import Status
+from rmrc.errors import ScenarioError
+from rmrc.run import COLUMNS, Run
+from rmrc.scenario import Check
+from rmrc.scorecard import Figure, Scorecard, check, figure_names, refused, scorecard
+
+PLANE = ("x", "y")
+SPACE = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def make_run(ticks, joints=("shoulder", "elbow"), axes=PLANE, period=0.001, **given):
+    """Return a run that stands still, but for the columns and fields that are given."""
+    n = len(joints)
+    width = {"n": n, "k": min(n, len(axes)), "6": 6, "7": 7}
+    columns = {
+        name: np.zeros((ticks, width[column.width]) if column.width else ticks)
+        for name, column in COLUMNS.items()
+    }
+    columns["time"] = np.arange(ticks) * period
+    columns["status"] = np.zeros(ticks, np.int64)
+    columns |= {name: np.asarray(values) for name, values in given.items() if name in COLUMNS}
+    fields = {"is_slide": (False,) * n, "length": 1.0, "planned": ticks, "wall_time": 0.5}
+    fields |= {name: value for name, value in given.items() if name not in COLUMNS}
+    return Run("case", tuple(joints), axes=axes, period=period, columns=columns, **fields)
+
+
+def values(run):
+    return {name: figure.value for name, figure in scorecard(run).items()}
+
+
+# Figures by hand --------------------------------------------------------------------------------
+
+
+def test_rates_of_four_ticks_are_those_computed_by_hand():
+    # shoulder: rms = sqrt((9 + 16) / 4); elbow: rms = sqrt((1 + 1 + 1 + 1) / 4)
+    rates = [[0, 1], [3, -1], [-4, 1], [0, -1]]
+    got = values(make_run(4, period=0.5, qdot=rates, qdot_cmd=2.0 * np.array(rates)))
+    for group, factor in (("joint_rate", 1.0), ("joint_rate_cmd", 2.0)):
+        assert got[f"{group}.peak"] == 4.0 * factor
+        assert got[f"{group}.peak_time"] == 1.0
+        assert got[f"{group}.peak_joint"] == "shoulder"
+        assert got[f"{group}.rms"] == 2.5 * factor
+        assert got[f"{group}.shoulder.peak"] == 4.0 * factor
+        assert got[f"{group}.shoulder.peak_time"] == 1.0
+        assert got[f"{group}.shoulder.rms"] == 2.5 * factor
+        assert got[f"{group}.elbow.peak"] == 1.0 * factor
+        assert got[f"{group}.elbow.peak_time"] == 0.0  # the first of equals
+        assert got[f"{group}.elbow.rms"] == 1.0 * factor
+
+
+def test_rms_of_all_joints_is_that_of_the_joint_with_the_largest_not_of_the_one_with_the_peak():
+    got = values(make_run(4, qdot=[[5, 3], [0, 3], [0, 3], [0, 3]]))
+    assert got["joint_rate.peak_joint"] == "shoulder"
+    assert got["joint_rate.shoulder.rms"] == 2.5
+    assert got["joint_rate.rms"] == got["joint_rate.elbow.rms"] == 3.0
+
+
+def test_acceleration_is_the_difference_over_the_period_at_the_later_tick():
+    got = values(make_run(3, period=0.5, qdot=[[0, 0], [1, -1], [1, 2]]))
+    assert got["joint_acceleration.peak"] == 6.0
+    assert got["joint_acceleration.peak_time"] == 1.0
+    assert got["joint_acceleration.peak_joint"] == "elbow"
+    assert got["joint_acceleration.shoulder.peak"] == 2.0
+    assert got["joint_acceleration.elbow.peak"] == 6.0
+
+
+def test_torque_peaks_are_magnitudes():
+    got = values(make_run(2, tau=[[1, -9], [-2, 3]]))
+    assert got["tau.peak"] == 9.0
+    assert got["tau.peak_time"] == 0.0
+    assert got["tau.peak_joint"] == "elbow"
+    assert got["tau.shoulder.peak"] == 2.0
+    assert got["tau.elbow.peak"] == 9.0
+
+
+def test_errors_count_the_controlled_rows_only():
+    # Rows y, rx, ry are not controlled: their 100 must not show.
+    error = [[3, 100, 4, 100, 100, -2], [0, 100, 0, 100, 100, 0]]
+    got = values(make_run(2, axes=("x", "z", "rz"), pose_error=error))
+    assert got["position_error.max"] == 5.0
+    assert got["position_error.max_time"] == 0.0
+    assert got["position_error.rms"] == pytest.approx(5.0 / math.sqrt(2.0), rel=1e-15)
+    assert got["position_error.end"] == 0.0
+    assert got["orientation_error.max"] == 2.0
+    assert got["orientation_error.rms"] == pytest.approx(math.sqrt(2.0), rel=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("axes", "absent"),
+    [(("x", "y"), "orientation_error"), (("rx", "rz"), "position_error"), (("x", "rz"), None)],
+)
+def test_an_error_is_absent_when_no_such_axis_is_controlled(axes, absent):
+    groups = {name.partition(".")[0] for name in figure_names(["a", "b"], axes)}
+    assert {"position_error", "orientation_error"} - groups == ({absent} if absent else set())
+
+
+def test_error_along_and_across_split_by_the_direction_of_each_tick():
+    # L = 2 m turns 1.5 rad into 3 m. Tick 0 loses rz, tick 1 loses x.
+    got = values(
+        make_run(
+            2,
+            axes=("x", "rz"),
+            length=2.0,
+            pose_error=[[4, 0, 0, 0, 0, 1.5], [4, 0, 0, 0, 0, 1.5]],
+            u_min=[[0, 0, 0, 0, 0, 1], [1, 0, 0, 0, 0, 0]],
+        )
+    )
+    assert (got["error_along.max"], got["error_along.max_time"]) == (4.0, 0.001)
+    assert got["error_along.end"] == 4.0
+    assert got["error_along.rms"] == math.sqrt((3.0**2 + 4.0**2) / 2.0)
+    assert (got["error_across.max"], got["error_across.max_time"]) == (4.0, 0.0)
+    assert got["error_across.end"] == 3.0
+
+
+def unit_vectors(size):
+    parts = arrays(float, size, elements=st.floats(-1.0, 1.0))
+    return parts.filter(lambda v: np.linalg.norm(v) > 0.1).map(lambda v: v / np.linalg.norm(v))
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    arrays(float, 6, elements=st.floats(-10.0, 10.0)),
+    st.data(),
+    st.sets(st.sampled_from(range(6)), min_size=1),
+    st.floats(0.01, 10.0),
+)
+def test_along_and_across_are_the_sides_of_a_right_triangle_over_the_task_error(error, data, rows, length):
+    rows = sorted(rows)
+    u = np.zeros(6)
+    u[rows] = data.draw(unit_vectors(len(rows)))
+    axes = tuple(SPACE[row] for row in rows)
+    got = values(make_run(1, axes=axes, length=length, pose_error=[error], u_min=[u]))
+    total = sum((error[row] * (length if row >= 3 else 1.0)) ** 2 for row in rows)
+    # Squares of up to 6 products, each rounded once or twice: some 20 roundings of 1e-16.
+    sides = got["error_along.end"] ** 2 + got["error_across.end"] ** 2
+    assert sides == pytest.approx(total, rel=1e-14, abs=1e-26)
+
+
+def test_singularity_figures_are_the_extremes_of_their_columns():
+    got = values(
+        make_run(
+            3,
+            sigma=[[2, 0.5], [2, 0.1], [2, 0.2]],
+            condition=[4, math.inf, 10],
+            manipulability=[1.0, 0.2, 0.4],
+            damping=[0.0, 0.03, 0.01],
+        )
+    )
+    assert (got["sigma.min"], got["sigma.min_time"]) == (0.1, 0.001)
+    assert got["condition.max"] == math.inf
+    assert got["manipulability.min"] == 0.2
+    assert got["damping.max"] == 0.03
+
+
+def test_each_status_counts_for_itself_when_several_hold_at_once():
+    both = Status.DAMPED | Status.STOPPED
+    got = values(make_run(4, period=0.25, status=[0, Status.DAMPED, both, Status.SINGULAR]))
+    times = {name: time for name, time in got.items() if name.startswith("status_time.")}
+    nonzero = {"OK": 0.25, "DAMPED": 0.5, "STOPPED": 0.25, "SINGULAR": 0.25}
+    assert times == {f"status_time.{name}": nonzero.get(name, 0.0) for name in Status.__members__}
+
+
+def test_effort_of_a_run_that_was_cut_short():
+    got = values(make_run(3, period=0.5, planned=4, wall_time=0.25))
+    assert got["duration"] == 1.5
+    assert got["ticks"] == 3
+    assert got["completed"] == 0.75
+    assert got["wall_time"] == 0.25
+    assert got["speed"] == 6.0
+
+
+# Closed forms -----------------------------------------------------------------------------------
+
+
+def test_a_sine_has_peak_A_rms_A_over_root_two_and_peak_acceleration_A_omega():
+    amplitude, periods, ticks = 1.7, 3, 3000
+    omega = 2.0 * math.pi * periods / (ticks * 0.001)
+    rate = amplitude * np.sin(omega * np.arange(ticks) * 0.001)
+    got = values(make_run(ticks, qdot=np.column_stack([rate, 0.5 * rate])))
+    # 1000 ticks a period: the crest is a tick (phase π/2 = 250 ticks), so only sin() rounds.
+    assert got["joint_rate.peak"] == pytest.approx(amplitude, rel=1e-12)
+    assert got["joint_rate.peak_time"] == pytest.approx(0.25 * 2.0 * math.pi / omega, abs=1e-12)
+    # Over whole periods the mean of sin² of equally spaced samples is exactly 1/2.
+    assert got["joint_rate.rms"] == pytest.approx(amplitude / math.sqrt(2.0), rel=1e-12)
+    # The steepest difference is across a zero at a tick: A sin(ωh)/h = Aω (1 − (ωh)²/6 + …).
+    h = omega * 0.001
+    slope = amplitude * omega
+    assert got["joint_acceleration.peak"] == pytest.approx(slope * (1.0 - h**2 / 6.0), rel=h**4)
+    assert got["joint_acceleration.elbow.peak"] == pytest.approx(slope / 2.0, rel=h**2)
+
+
+# Names ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("ticks", [0, 1, 2, 5])
+@pytest.mark.parametrize("axes", [PLANE, SPACE, ("rz",)])
+def test_the_names_depend_on_joints_and_axes_alone(ticks, axes):
+    joints = ("a", "b", "c")
+    assert list(scorecard(make_run(ticks, joints, axes))) == figure_names(joints, axes)
+
+
+def test_figures_of_a_planar_arm_are_these():
+    joint = [f"{g}.{{}}.{s}" for g in ("joint_rate", "joint_rate_cmd") for s in ("peak_time", "rms")]
+    groups = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
+    joint += [f"{g}.{{}}.peak" for g in groups]
+    expected = {name.format(j) for name in joint for j in ("shoulder", "elbow")}
+    expected |= {f"{g}.{s}" for g in groups for s in ("peak", "peak_time", "peak_joint")}
+    expected |= {"joint_rate.rms", "joint_rate_cmd.rms"}
+    errors = ("position_error", "error_along", "error_across")
+    expected |= {f"{g}.{s}" for g in errors for s in ("rms", "max", "max_time", "end")}
+    expected |= {"sigma.min", "sigma.min_time", "condition.max", "manipulability.min"}
+    expected |= {"damping.max", "duration", "ticks", "completed", "wall_time", "speed"}
+    expected |= {f"status_time.{name}" for name in Status.__members__}
+    names = figure_names(("shoulder", "elbow"), PLANE)
+    assert set(names) == expected
+    assert len(names) == len(expected)
+
+
+def test_every_figure_has_a_unit_and_a_meaning_unless_it_is_a_name():
+    card = scorecard(make_run(2, axes=SPACE))
+    for name, figure in card.items():
+        assert figure.meaning
+        assert bool(figure.unit) != isinstance(figure.value, str), name
+
+
+def test_units_follow_the_kind_of_the_joint():
+    card = scorecard(make_run(2, joints=("turn", "slide"), is_slide=(False, True)))
+    units = {name: card[name].unit for name in card}
+    assert (units["joint_rate.turn.peak"], units["joint_rate.slide.rms"]) == ("rad/s", "m/s")
+    assert units["joint_acceleration.slide.peak"] == "m/s²"
+    assert (units["tau.turn.peak"], units["tau.slide.peak"]) == ("N·m", "N")
+    assert (units["joint_rate.peak"], units["tau.peak"]) == ("rad/s or m/s", "N·m or N")
+    card = scorecard(make_run(2))
+    assert (card["joint_rate.peak"].unit, card["tau.peak"].unit) == ("rad/s", "N·m")
+
+
+# Degenerate runs --------------------------------------------------------------------------------
+
+
+def test_a_run_without_ticks_has_undefined_figures_and_zero_durations():
+    got = values(make_run(0, axes=SPACE, planned=100))
+    zero = {name for name in got if name.startswith("status_time.")}
+    zero |= {"duration", "ticks", "completed", "speed"}
+    for name, value in got.items():
+        if name in zero:
+            assert value == 0.0, name
+        elif name.endswith("peak_joint"):
+            assert value == "", name
+        else:
+            assert name == "wall_time" or math.isnan(value), name
+
+
+def test_a_run_of_one_tick_lacks_only_its_acceleration():
+    got = values(make_run(1, axes=SPACE, qdot=[[1.0, -2.0]]))
+    undefined = {name for name, value in got.items() if value == "" or value != value}
+    assert undefined == {name for name in got if name.startswith("joint_acceleration.")}
+    assert (got["joint_rate.peak"], got["joint_rate.peak_joint"]) == (2.0, "elbow")
+
+
+def test_a_run_of_no_wall_time_and_no_plan_has_no_speed_and_no_share():
+    got = values(make_run(0, wall_time=0.0, planned=0))
+    assert math.isnan(got["speed"])
+    assert math.isnan(got["completed"])
+
+
+# Nested -----------------------------------------------------------------------------------------
+
+
+def test_nested_is_strict_json_and_follows_the_dots():
+    card = scorecard(make_run(1, qdot=[[1.0, -2.0]], condition=[math.inf], wall_time=0.0))
+    nested = json.loads(json.dumps(card.nested(), allow_nan=False))
+    assert nested["joint_rate"]["peak"] == 2.0
+    assert nested["joint_rate"]["peak_joint"] == "elbow"
+    assert nested["joint_rate"]["shoulder"] == {"peak": 1.0, "peak_time": 0.0, "rms": 1.0}
+    assert nested["joint_acceleration"]["peak"] is None
+    assert nested["joint_acceleration"]["peak_joint"] is None
+    assert nested["condition"]["max"] == "inf"
+    assert nested["ticks"] == 1
+
+
+@settings(max_examples=50, deadline=None)
+@given(
+    st.lists(
+        st.sampled_from(["peak", "rms", "a", "a.peak", "a.peak.rms", "peak.peak", ".", "b c"]),
+        min_size=1,
+        unique=True,
+    )
+)
+def test_nested_keeps_every_figure_whatever_the_joints_are_called(joints):
+    card = scorecard(make_run(2, joints))
+
+    def flat(tree, prefix=""):
+        for key, value in tree.items():
+            if isinstance(value, dict):
+                yield from flat(value, f"{prefix}{key}.")
+            else:
+                yield f"{prefix}{key}", value
+
+    pairs = list(flat(card.nested()))
+    assert len(pairs) == len(card)
+    assert dict(pairs) == {name: figure.value for name, figure in card.items()}
+
+
+def test_a_scorecard_is_a_frozen_mapping_in_order():
+    card = scorecard(make_run(1))
+    assert card["ticks"] == Figure(1, "1", "control ticks recorded")
+    assert (card.name, card.joints) == ("case", ("shoulder", "elbow"))
+    assert len(card) == len(list(card)) == len(card.figures)
+    with pytest.raises(KeyError):
+        card["tick"]
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        card.name = "other"
+
+
+# Expectations -----------------------------------------------------------------------------------
+
+
+def card_of(value, unit="rad/s"):
+    return Scorecard("case", (), {"joint_rate.peak": Figure(value, unit, "")})
+
+
+@pytest.mark.parametrize(
+    ("value", "wanted", "missed_by", "message"),
+    [
+        (2.5, Check(below=3), 0.0, "expected below 3 rad/s, got 2.5"),
+        (3.21, Check(below=3), 0.21, "expected below 3 rad/s, got 3.21, 0.21 too high"),
+        (3.0, Check(below=3), 0.0, "expected below 3 rad/s, got 3, exactly the bound"),
+        (3.5, Check(above=3), 0.0, "expected above 3 rad/s, got 3.5"),
+        (2.5, Check(above=3), -0.5, "expected above 3 rad/s, got 2.5, 0.5 too low"),
+        (3.0, Check(above=3), 0.0, "expected above 3 rad/s, got 3, exactly the bound"),
+        (
+            0.5,
+            Check(above=1, below=2.25),
+            -0.5,
+            "expected above 1 and below 2.25 rad/s, got 0.5, 0.5 too low",
+        ),
+        (1.25, Check(equals=1, within=0.25), 0.0, "expected 1 within 0.25 rad/s, got 1.25"),
+        (0.75, Check(equals=1, within=0.25), 0.0, "expected 1 within 0.25 rad/s, got 0.75"),
+        (
+            1.5,
+            Check(equals=1, within=0.25),
+            0.25,
+            "expected 1 within 0.25 rad/s, got 1.5, 0.25 too high",
+        ),
+        (
+            0.25,
+            Check(equals=1, within=0.25),
+            -0.5,
+            "expected 1 within 0.25 rad/s, got 0.25, 0.5 too low",
+        ),
+        (1.0, Check(equals=1, within=0), 0.0, "expected 1 within 0 rad/s, got 1"),
+        (
+            4.0,
+            Check(below=3.5, equals=1, within=0.25),
+            2.75,
+            "expected below 3.5 and 1 within 0.25 rad/s, got 4, 2.75 too high",
+        ),
+        (math.inf, Check(below=3), math.inf, "expected below 3 rad/s, got inf, inf too high"),
+        (math.inf, Check(above=3), 0.0, "expected above 3 rad/s, got inf"),
+    ],
+)
+def test_an_outcome_says_what_was_wanted_and_by_how_much_it_was_missed(value, wanted, missed_by, message):
+    (outcome,) = check(card_of(value), {"joint_rate.peak": wanted})
+    assert outcome.name == "joint_rate.peak"
+    assert outcome.value == value
+    assert outcome.ok == (not message.endswith(("high", "low", "bound")))
+    assert outcome.missed_by == pytest.approx(missed_by, rel=1e-12)
+    assert str(outcome) == f"joint_rate.peak: {message}"
+
+
+@pytest.mark.parametrize("wanted", [Check(below=3), Check(above=-3), Check(equals=0, within=1e300)], ids=str)
+def test_an_undefined_figure_meets_nothing(wanted):
+    (outcome,) = check(card_of(math.nan), {"joint_rate.peak": wanted})
+    assert not outcome.ok
+    assert math.isnan(outcome.missed_by)
+    text = f"joint_rate.peak: expected {outcome.wanted}, but it is undefined for this run"
+    assert str(outcome) == text
+
+
+@pytest.mark.parametrize(
+    ("value", "shown", "missed_by"),
+    [(4.5, 4.5, 1.5), (2.0, 2.0, 0.0), (math.nan, None, None), (math.inf, "inf", "inf")],
+)
+def test_facts_of_an_outcome_are_strict_json(value, shown, missed_by):
+    (outcome,) = check(card_of(value), {"joint_rate.peak": Check(below=3)})
+    assert json.loads(json.dumps(outcome.facts(), allow_nan=False)) == {
+        "name": "joint_rate.peak",
+        "value": shown,
+        "wanted": "below 3 rad/s",
+        "missed_by": missed_by,
+        "ok": value < 3,
+        "text": str(outcome),
+    }
+
+
+def test_a_plain_number_has_no_unit_in_its_message():
+    (outcome,) = check(card_of(12, "1"), {"joint_rate.peak": Check(below=10)})
+    assert str(outcome) == "joint_rate.peak: expected below 10, got 12, 2 too high"
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.floats(allow_nan=False), st.floats(-1e6, 1e6), st.floats(0, 1e6))
+def test_ok_is_what_the_comparison_says_and_a_miss_has_its_sign(value, bound, within):
+    card = card_of(value)
+    for wanted, ok in (
+        (Check(below=bound), value < bound),
+        (Check(above=bound), value > bound),
+        (Check(equals=bound, within=within), abs(value - bound) <= within),
+    ):
+        (outcome,) = check(card, {"joint_rate.peak": wanted})
+        assert outcome.ok == ok
+        if not ok and value != bound:
+            assert (outcome.missed_by > 0) == (value > bound)
+
+
+def test_outcomes_come_in_the_order_of_the_expectations():
+    card = scorecard(make_run(2))
+    names = ["speed", "joint_rate.peak", "joint_rate.elbow.rms"]
+    outcomes = check(card, {name: Check(above=-1) for name in names})
+    assert [outcome.name for outcome in outcomes] == names
+    assert all(outcome.ok for outcome in outcomes)
+
+
+def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
+    names = [
+        "joint_rate.peek",
+        "joint_rate.peak",
+        "joint_rate.sholder.rms",
+        "tau.peak_joint",
+        "orientation_error.max",
+        "nonsense",
+        "",
+    ]
+    groups = (
+        "joint_rate, joint_rate_cmd, joint_acceleration, tau, position_error, error_along, "
+        "error_across, sigma, condition, manipulability, damping, status_time, duration, ticks, "
+        "completed, wall_time, speed"
+    )
+    reasons = {
+        "joint_rate.peek": 'no such figure; did you mean "joint_rate.peak"?',
+        "joint_rate.sholder.rms": 'no such figure; did you mean "joint_rate.shoulder.rms"?',
+        "tau.peak_joint": "names a joint, and only numbers can be expected, such as tau.peak",
+        "orientation_error.max": "needs one of rx, ry, rz in task.axes",
+        "nonsense": f"no such figure; figures begin with {groups}",
+        "": f"no such figure; figures begin with {groups}",
+    }
+    assert refused(names, ("shoulder", "elbow"), PLANE) == reasons
+    with pytest.raises(ScenarioError) as raised:
+        check(scorecard(make_run(2)), dict.fromkeys(names, Check(below=1)))
+    lines = [f"expect.{name}: {reason}" for name, reason in reasons.items()]
+    assert raised.value.problems == tuple(lines)
+
+
+def test_a_task_without_positions_refuses_position_errors():
+    reasons = refused(["position_error.end", "orientation_error.end"], ["a"], ("rz",))
+    assert reasons == {"position_error.end": "needs one of x, y, z in task.axes"}
+
+
+def test_every_number_of_a_scorecard_can_be_expected():
+    joints = ("shoulder", "elbow")
+    names = figure_names(joints, SPACE)
+    texts = {name for name in names if name.endswith("peak_joint")}
+    assert len(texts) == 4
+    assert refused(names, joints, SPACE).keys() == texts
