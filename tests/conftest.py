@@ -1,10 +1,9 @@
 """What the tests of running arms share: scenarios in a line, and the runs that they give."""
 
-from pathlib import Path
-
 import pytest
 from hypothesis import settings
 
+from project import ROOT
 from rmrc.preparation import prepare
 from rmrc.scenario import loads
 from rmrc.simulation import Simulation
@@ -12,8 +11,6 @@ from rmrc.simulation import Simulation
 # Compiling on the first example, and two busy cores, must not count as a slow test.
 settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("rmrc")
-
-ROOT = Path(__file__).parent.parent
 
 BASE = """
 name: test

@@ -4,9 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from hypothesis import HealthCheck, assume, given, settings
+from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_allclose
-from oracles import NumpyLoop
 
+from chains import random_chain, seeds
+from oracles import AXES, NumpyLoop
+from rmrc.arm import load
 from rmrc.preparation import prepare
 from rmrc.run import COLUMNS
 from rmrc.simulation import Simulation
@@ -171,3 +175,57 @@ def test_worlds_of_different_length_end_on_their_own(scenario):
     runs = Simulation([short, long]).run()
     assert [len(run) for run in runs] == [len(short.reference.time), len(long.reference.time)]
     assert all(run.is_complete for run in runs)
+
+
+@given(seeds)
+@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_any_chain_under_any_law_equals_the_numpy_loop(scenario, tmp_path_factory, seed):
+    # Chains that nobody drew, with joints that are not the arm's, and every choice drawn with them.
+    rng = np.random.default_rng(seed)
+    path = tmp_path_factory.mktemp("chain") / "model.xml"
+    path.write_text(random_chain(seed))
+    n = load(path, "tip").n
+    axes = [axis for axis in AXES if rng.random() < 0.6] or ["y"]
+    start = rng.uniform(-1, 1, n)
+    methods = ["damped", "pseudoinverse"] + (["inverse"] if len(axes) == n else [])
+    chosen = [
+        f"arm.model={path}", f"arm.start={start.tolist()}", f"task.axes=[{', '.join(axes)}]",
+        f"control.inverse.method={rng.choice(methods)}", f"control.inverse.damping.maximum={rng.uniform(0.05, 0.5)}",
+        f"control.inverse.damping.schedule={rng.choice(['constant', 'smallest_singular_value'])}",
+        f"control.joint_weights={rng.uniform(0.3, 3, n).tolist()}",
+        f"task.weights={rng.uniform(0.3, 3, len(axes)).tolist()}", f"task.length={rng.uniform(0.3, 3)}",
+        f"control.nullspace={{objective: {rng.choice(['none', 'posture'])}, posture: {(start + 0.2).tolist()}}}",
+        f"control.limits.rate={rng.uniform(0.3, 3)}", f"control.limits.on_excess={rng.choice(['scale', 'clamp'])}",
+        f"plant.kind={rng.choice(['ideal', 'servo', 'torque'])}",
+        "target.path=[{line: {by: [0.02, 0.02, 0.02], turn: {axis: x, angle: 0.05}}}]",
+    ]  # fmt: skip
+    prepared = prepare(scenario(*chosen))
+    (run,) = Simulation([prepared]).run()
+    assert run.is_complete
+    # Undamped rates near rank loss amplify rounding by 1/σ; a pseudoinverse even jumps at its tolerance.
+    ratio = run["sigma"][:, -1] / run["sigma"][:, 0]
+    assume("damped" in chosen[3] or ratio.min() > 1e-3)
+    assert_same_run(run, NumpyLoop(prepared).run(), 1e-8)
+
+
+@pytest.mark.parametrize("call", [700, 500])  # in the middle of a block, and at the end of one
+def test_an_engine_error_stops_only_its_own_world(scenario, monkeypatch, call):
+    prepared = prepare(scenario(REACH))
+    (alone,) = Simulation([prepared]).run()
+    step, calls = Batch.step, []
+
+    def failing(self, ids, substeps, stage):
+        calls.append(ids)
+        if len(calls) == call:
+            step(self, np.array([0, 2]), substeps, stage)
+            raise SimulationError(np.array([1]), "mj_stackAlloc: out of memory", 3)
+        step(self, ids, substeps, stage)
+
+    monkeypatch.setattr(Batch, "step", failing)
+    runs = Simulation([prepared] * 3).run()
+    assert len(runs[1]) == call
+    assert runs[1].divergence.tick == call and "mj_stackAlloc: out of memory" in runs[1].divergence.reason
+    for name in COLUMNS:
+        np.testing.assert_array_equal(runs[0][name], alone[name])
+        np.testing.assert_array_equal(runs[2][name], alone[name])
+        np.testing.assert_array_equal(runs[1][name], alone[name][:call])

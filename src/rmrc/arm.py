@@ -137,13 +137,13 @@ class Arm:
         """Return all of qpos, (nq,), for a keyframe's name or for positions of the arm's joints (n,).
 
         Args:
-            start: `home` without a keyframe of that name means the model's zero position.
+            start: Where there is no keyframe `home`, that name means the model's zero position.
 
         Raises:
             ModelError: No such keyframe.
         """
         if isinstance(start, str):
-            if start not in self.keyframes and not (start == "home" and not self.keyframes):
+            if start not in self.keyframes and start != "home":
                 known = ", ".join(sorted(self.keyframes)) or "none"
                 hint = did_you_mean(start, self.keyframes)
                 raise ModelError(

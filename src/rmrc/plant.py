@@ -4,7 +4,6 @@
 sets the plant's input. MuJoCo then steps all worlds and leaves their kinematics fresh.
 """
 
-from collections.abc import Sequence
 from enum import IntEnum
 
 import mujoco
@@ -13,7 +12,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring, wire
-from rmrc.control.compiled import Array, Record, compiled, entry
+from rmrc.control.compiled import Array, Record, compiled, entry, machine_code
 from rmrc.control.kinematics import geometric_jacobian
 from rmrc.control.law import control
 
@@ -46,10 +45,6 @@ def tick(
     xanchor: Array,
     xaxis: Array,
     actuator_force: Array,
-    qfrc_bias: Array,
-    qfrc_passive: Array,
-    mass: Array,
-    mass_entries: NDArray[np.int64],
 ) -> int:
     """Control all worlds for one tick; return how many of them are to be stepped.
 
@@ -67,10 +62,6 @@ def tick(
         xanchor: Joint anchors.
         xaxis: Joint axes.
         actuator_force: Forces of the last step.
-        qfrc_bias: Gravity and velocity forces.
-        qfrc_passive: Springs, dampers and gravity compensation.
-        mass: Joint-space inertia, the lower triangle's entries.
-        mass_entries: For each entry between two joints of the arm: both joints and its index, (e, 3).
     """
     running = 0
     for w in range(worlds.shape[0]):
@@ -93,12 +84,7 @@ def tick(
         if world.diverged_joint >= 0:
             world.diverged = t
             continue
-        if world.plant == TORQUE:
-            computed_torque(world, out, state[w], qfrc_bias[w], qfrc_passive[w], mass[w], mass_entries)
-        else:
-            obey(world, out, state[w])
-        for j in range(world.n):
-            world.qdot_cmd_last[j] = out.qdot_cmd[j]
+        obey(world, out, state[w])
         if t + 1 < world.ticks:
             running += 1
     return running
@@ -152,14 +138,22 @@ def bad_command(world: Record, out: Record) -> int:
 
 @compiled
 def obey(world: Record, out: Record, state: Array) -> None:
-    """Move Whitney's own arm, q⁺ = q + period · qdot, or tell the rates to the servos."""
-    if world.plant == IDEAL:
-        for j in range(world.n):
-            state[world.qpos_column[j]] = world.q[j] + world.period * out.qdot_cmd[j]
-        return
-    push(world, state)
+    """Move Whitney's own arm, q⁺ = q + period · qdot, or tell the rates to the servos.
+
+    The torque plant is told the acceleration that it shall have; `computed_torque` does the rest.
+    """
+    if world.plant != IDEAL:
+        push(world, state)
     for j in range(world.n):
-        state[world.ctrl_column[j]] = out.qdot_cmd[j]
+        cmd = out.qdot_cmd[j]
+        if world.plant == IDEAL:
+            state[world.qpos_column[j]] = world.q[j] + world.period * cmd
+        elif world.plant == TORQUE:
+            world.qddot[j] = (cmd - world.qdot_cmd_last[j]) / world.period
+            world.qddot[j] += world.bandwidth * (cmd - world.qdot[j])
+        else:
+            state[world.ctrl_column[j]] = cmd
+        world.qdot_cmd_last[j] = cmd
 
 
 @compiled
@@ -182,31 +176,37 @@ def push(world: Record, state: Array) -> None:
     state[column + 5] += rx * f[1] - ry * f[0]
 
 
-@compiled
+@entry
 def computed_torque(
-    world: Record,
-    out: Record,
+    worlds: Record,
     state: Array,
-    bias: Array,
-    passive: Array,
+    qfrc_bias: Array,
+    qfrc_passive: Array,
     mass: Array,
     mass_entries: NDArray[np.int64],
 ) -> None:
-    """Tau = M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias − passive [Luh80].
+    """Set tau = M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias − passive [Luh80].
 
     The other degrees of freedom of the model are taken to be at rest.
+
+    Args:
+        worlds: World records with the wanted acceleration, (w,).
+        state: MuJoCo's state rows, (w, nstate); controls are written.
+        qfrc_bias: Gravity and velocity forces, (w, nv).
+        qfrc_passive: Springs, dampers and gravity compensation, (w, nv).
+        mass: Joint-space inertia, the entries of its lower triangle, (w, nM).
+        mass_entries: For each entry between two joints of the arm: both joints and its index, (e, 3).
     """
-    push(world, state)
-    for j in range(world.n):
-        world.qddot[j] = (out.qdot_cmd[j] - world.qdot_cmd_last[j]) / world.period
-        world.qddot[j] += world.bandwidth * (out.qdot_cmd[j] - world.qdot[j])
-        dof = world.dof[j]
-        state[world.ctrl_column[j]] = bias[dof] - passive[dof]
-    for e in range(mass_entries.shape[0]):
-        i, j, inertia = mass_entries[e, 0], mass_entries[e, 1], mass[mass_entries[e, 2]]
-        state[world.ctrl_column[i]] += inertia * world.qddot[j]
-        if i != j:  # only the lower triangle is stored
-            state[world.ctrl_column[j]] += inertia * world.qddot[i]
+    for w in range(worlds.shape[0]):
+        world = worlds[w]
+        for j in range(world.n):
+            dof = world.dof[j]
+            state[w, world.ctrl_column[j]] = qfrc_bias[w, dof] - qfrc_passive[w, dof]
+        for e in range(mass_entries.shape[0]):
+            i, j, inertia = mass_entries[e, 0], mass_entries[e, 1], mass[w, mass_entries[e, 2]]
+            state[w, world.ctrl_column[i]] += inertia * world.qddot[j]
+            if i != j:  # only the lower triangle is stored
+                state[w, world.ctrl_column[j]] += inertia * world.qddot[i]
 
 
 class PlantBatch:
@@ -241,36 +241,31 @@ class PlantBatch:
         """
         self.worlds = worlds
         self.ticks = ticks
+        self.ticks["time"] = -1.0  # not yet written
         self.done = 0
-        self._ideal = bool(worlds["plant"][0] == Plant.IDEAL)
+        self._plant = Plant(int(worlds["plant"][0]))
         self._substeps = substeps
         self._errors: dict[int, str] = {}
         self._batch = Batch(model, len(worlds), 1, persistent=True)
         self._batch.bind("qpos")[:] = qpos
-        self._wire(arm, model)
+        wiring = wire(model, arm.joints, arm.site)
+        self._wire(arm, model, wiring)
         # bound before the first forward, so that it fills them
-        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force",
-                  "qfrc_bias", "qfrc_passive", "M")  # fmt: skip
-        needs_torque = bool((worlds["plant"] == Plant.TORQUE).any())
-        bound = [
-            self._batch.bind(field)
-            if needs_torque or field not in ("qfrc_bias", "qfrc_passive", "M")
-            else _unused(len(worlds))
-            for field in fields
-        ]
-        stage = mujoco.mjtStage.mjSTAGE_POS if self._ideal else mujoco.mjtStage.mjSTAGE_VEL
-        self._stage = int(stage)
+        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
+        read = [self._batch.bind(field) for field in fields]
+        self._arrays = (reference, self._batch.state, self._batch.warning, *read)
+        self._tick = machine_code(tick, worlds, ticks, 0, *self._arrays)
+        if self._plant == Plant.TORQUE:
+            forces = [self._batch.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
+            self._forces = (worlds, self._batch.state, *forces, _mass_entries(model, wiring))
+            self._torque = machine_code(computed_torque, *self._forces)
+        is_ideal = self._plant == Plant.IDEAL
+        self._stage = int(mujoco.mjtStage.mjSTAGE_POS if is_ideal else mujoco.mjtStage.mjSTAGE_VEL)
         self._batch.forward(stage=self._stage)
-        self._arrays = (
-            reference, self._batch.state, self._batch.warning, *bound,
-            _mass_entries(model, wire(model, arm.joints, arm.site)),
-        )  # fmt: skip
-        tick(worlds[:0], ticks, 0, *self._arrays)  # of no world: compiles, so that `advance` need not
 
-    def _wire(self, arm: Arm, model: mujoco.MjModel) -> None:
+    def _wire(self, arm: Arm, model: mujoco.MjModel, wiring: Wiring) -> None:
         """Write ids and state columns into the records."""
-        wiring, n = wire(model, arm.joints, arm.site), arm.n
-        worlds = self.worlds
+        worlds, n = self.worlds, arm.n
         worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
         worlds["actuator"][:, :n] = wiring.actuator
         worlds["is_slide"][:, :n] = arm.is_slide
@@ -286,35 +281,43 @@ class PlantBatch:
 
         After an exception, an interrupt among them, `done` says how far it came.
         """
+        if self.done >= len(self.ticks):
+            return 0
         worlds, ticks, arrays = self.worlds, self.ticks, self._arrays
-        step, forward, stage = self._batch.step, self._batch.forward, self._stage
+        tick, step, forward = self._tick, self._batch.step, self._batch.forward
+        stage, substeps = self._stage, self._substeps
+        ideal, torque = self._plant == Plant.IDEAL, self._plant == Plant.TORQUE
         ids: NDArray[np.intp] | None = None
-        expected = len(worlds)
-        for t in range(self.done, min(self.done + count, len(ticks))):
-            running = tick(worlds, ticks, t, *arrays)
-            if running != expected:
-                expected, ids = running, self._running(t)
-            self.done = t + 1
-            if running == 0:
-                return 0
-            try:
-                if self._ideal:
-                    forward(ids, stage)
-                else:
-                    step(ids, self._substeps, stage)
-            except SimulationError as error:
-                self._stop(error.ids)
-                expected = -1  # so that the next tick looks again
-        return expected
+        expected, t = len(worlds), self.done
+        try:
+            for t in range(self.done, min(self.done + count, len(ticks))):  # `finally` reads t
+                running = tick(worlds, ticks, t, *arrays)
+                if running != expected:
+                    expected, ids = running, self._running(t)
+                    if running == 0:
+                        break
+                if torque:
+                    self._torque(*self._forces)
+                try:
+                    if ideal:
+                        forward(ids, stage)
+                    else:
+                        step(ids, substeps, stage)
+                except SimulationError as error:
+                    self._stop(error, t + 1)
+                    expected = -1  # so that the next tick looks again
+        finally:  # an interrupt may come before the row was written
+            self.done = t + bool((ticks["time"][t] >= 0.0).any())
+        return len(self._running(t)) if self.done < len(ticks) else 0
 
     def _running(self, t: int) -> NDArray[np.intp]:
         worlds = self.worlds
         return np.flatnonzero((worlds["diverged"] < 0) & (t + 1 < worlds["ticks"]))
 
-    def _stop(self, ids: Sequence[int]) -> None:
-        for i in ids:
-            self.worlds["diverged"][i], self.worlds["diverged_joint"][i] = self.done, -1
-            self._errors[int(i)] = self._batch.error(int(i))
+    def _stop(self, error: SimulationError, t: int) -> None:
+        for i in error.ids:
+            self.worlds["diverged"][i], self.worlds["diverged_joint"][i] = t, -1
+            self._errors[int(i)] = self._batch.error(int(i)) or str(error)
 
     def error(self, world: int) -> str:
         """Return what MuJoCo said when it refused to step a world, or nothing."""
@@ -347,10 +350,3 @@ def _mass_entries(model: mujoco.MjModel, wiring: Wiring) -> NDArray[np.int64]:
         if int(model.M_colind[e]) in joint
     ]
     return np.array(entries, np.int64)
-
-
-def _unused(worlds: int) -> Array:
-    """Return a stand-in for a field that no world reads, of the type that compiled code expects."""
-    field = np.zeros((worlds, 1))
-    field.flags.writeable = False
-    return field

@@ -130,7 +130,7 @@ class Run:
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
         with written_whole(path) as temporary, temporary.open("wb") as file:
-            np.savez_compressed(file, **self.columns, facts=np.array(json.dumps(facts)))  # type: ignore[arg-type]
+            np.savez(file, **self.columns, facts=np.array(json.dumps(facts)))  # type: ignore[arg-type]
 
     @classmethod
     def read(cls, path: Path) -> "Run":

@@ -57,9 +57,7 @@ class _Shard:
         arm, scenario = prepared.arm, prepared.scenario
         width = {"n": int(world["n"]), "k": int(world["k"])}
         columns = {
-            name: np.ascontiguousarray(rows[name][:, : width[column.width]])
-            if column.width in width
-            else np.ascontiguousarray(rows[name])
+            name: rows[name][:, : width[column.width]] if column.width in width else rows[name]
             for name, column in COLUMNS.items()
         }
         return Run(

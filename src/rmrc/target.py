@@ -105,6 +105,12 @@ def make_reference(
     Raises:
         TargetError: A segment has no extent or is not finite, a limit or the period is not > 0,
             or the path needs more than ten million periods.
+
+    >>> path = [LineSegment(line={"by": (0.1, 0)}), HoldSegment(hold={"for": 0.5})]
+    >>> start = [0.5, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0]
+    >>> reference = make_reference(path, TargetLimitsSection(), start, period=0.01)
+    >>> reference.duration, reference.pose[-1, :3].round(12)
+    (1.25, array([0.6, 0. , 0.3]))
     """
     pose = _checked(segments, limits, start_pose, period)
     curves, profiles = [], []

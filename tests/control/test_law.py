@@ -6,10 +6,10 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
-from oracles import damping, projector, resolve
 
-from rmrc.control.law import resolve_rates
+from oracles import damping, projector, resolve
 from rmrc.control.law import resolve as compiled_resolve
+from rmrc.control.law import resolve_rates
 from rmrc.control.records import Method, Objective, OnExcess, Schedule, Status, tick_type, world_type
 
 matrices = arrays(

@@ -94,9 +94,7 @@ def test_the_conventions_describe_one_arm_by_shifted_rows(case, last_alpha, last
     end = elementary("x", last_alpha, last_a)
     assert_allclose(modified.frames(q)[-1] @ end, standard.frames(q)[-1], atol=ROUNDING)
     in_modified = (end @ [*point, 1.0])[:3]
-    assert_allclose(
-        modified.jacobian(q, point=in_modified), standard.jacobian(q, point=point), atol=ROUNDING
-    )
+    assert_allclose(modified.jacobian(q, point=in_modified), standard.jacobian(q, point=point), atol=ROUNDING)
 
 
 def test_leading_axes_are_configurations():

@@ -87,12 +87,8 @@ def test_two_links_as_printed_equal_n_links(case):
 @given(fixed(3))
 def test_three_links_as_printed_equal_n_links(case):
     lengths, q = case
-    assert_allclose(
-        planar.three_link_position(lengths, q), planar.planar_position(lengths, q), atol=ROUNDING
-    )
-    assert_allclose(
-        planar.three_link_jacobian(lengths, q), planar.planar_jacobian(lengths, q), atol=ROUNDING
-    )
+    assert_allclose(planar.three_link_position(lengths, q), planar.planar_position(lengths, q), atol=ROUNDING)
+    assert_allclose(planar.three_link_jacobian(lengths, q), planar.planar_jacobian(lengths, q), atol=ROUNDING)
 
 
 @settings(max_examples=40, deadline=None)

@@ -1,4 +1,4 @@
-"""How this package compiles: two decorators, so that every function has the same flags."""
+"""How this package compiles: three decorators, so that every function has the same flags."""
 
 import hashlib
 from collections.abc import Callable
@@ -25,15 +25,36 @@ def compiled(function: Function) -> Function:
     return cast(Function, _compile()(function))
 
 
+def inlined(function: Function) -> Function:
+    """Compile a function as part of the one that calls it: for those that mainly call others in turn.
+
+    Each level of calls would otherwise optimize all levels below once more, which takes most of the time.
+    """
+    return cast(Function, _compile(inline="always")(function))
+
+
 def entry(function: Function) -> Function:
     """Compile a function that Python calls, and keep the machine code on disk for the next process.
+
+    Called by another compiled function it is inlined.
 
     Numba recompiles when the function's own file changes, but not when a file changes whose functions it
     calls; what was kept from other sources is therefore removed here.
     """
-    dispatcher = _compile(cache=True)(function)
+    dispatcher = _compile(cache=True, inline="always")(function)
     _forget_other_sources(Path(str(dispatcher.stats.cache_path)), function)
     return cast(Function, dispatcher)
+
+
+def machine_code(function: Function, *arguments: object) -> Function:
+    """Return the machine code of an `entry` for arguments of these types, compiled now if it is not yet.
+
+    Calling it spares the look at the type of each argument, which takes as long as the law. It must only
+    be called with arguments of the very same types.
+    """
+    dispatcher: Any = function
+    typeof: Any = numba.typeof
+    return cast(Function, dispatcher.compile(tuple(typeof(argument) for argument in arguments)))
 
 
 def _forget_other_sources(directory: Path, function: Callable[..., object]) -> None:

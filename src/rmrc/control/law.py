@@ -13,7 +13,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from rmrc.control.compiled import Array, Record, compiled, entry
+from rmrc.control.compiled import Array, Record, compiled, entry, inlined
 from rmrc.control.inverse import damping, gains
 from rmrc.control.kinematics import pose_error
 from rmrc.control.limits import limit_rates
@@ -30,7 +30,7 @@ DAMPED, RATE_LIMITED, SINGULAR = map(int, (Status.DAMPED, Status.RATE_LIMITED, S
 REFRESH = 64
 
 
-@compiled
+@inlined
 def control(world: Record, tick: Record) -> None:
     """Turn the measured state and the reference of one tick into `tick.qdot_cmd`.
 
@@ -74,24 +74,16 @@ def scale_task(world: Record) -> None:
             world.A[i, j] = scale * world.J[row, j] * world.joint_scale[j]
 
 
-@compiled
+@inlined
 def decompose(world: Record, sigma: Array) -> None:
     """A = Σ σ_i u_i v_iᵀ, warm-started from the vectors of the last tick."""
-    if world.m <= world.n:
-        refresh(world.u, world.k, world.age)
-    else:
-        refresh(world.v, world.k, world.age)
+    basis = world.u if world.m <= world.n else world.v
+    if world.age == 0:
+        set_identity(basis, world.k)
+    elif world.age % REFRESH == 0:
+        orthonormalize(basis, world.k)
     world.age += 1
     svd(world.A, world.m, world.n, world.u, sigma, world.v)
-
-
-@compiled
-def refresh(basis: Array, k: int, age: int) -> None:
-    """Begin the warm start with the identity, and rid it of its accumulated rounding now and then."""
-    if age == 0:
-        set_identity(basis, k)
-    elif age % REFRESH == 0:
-        orthonormalize(basis, k)
 
 
 @compiled
@@ -166,7 +158,8 @@ def resolve_rates(
     world["n"], world["m"], world["k"] = n, m, min(m, n)
     world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
     world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
-    world["method"], world["schedule"] = _choice("method", method, Method), _choice("schedule", schedule, Schedule)
+    world["method"] = _choice("method", method, Method)
+    world["schedule"] = _choice("schedule", schedule, Schedule)
     world["damping_maximum"], world["damping_below"] = damping_maximum, damping_below
     world["tolerance"], world["on_excess"] = tolerance, OnExcess.NONE
     resolve(world[0], tick[0])

@@ -108,7 +108,7 @@ def _world_type(c: int) -> np.dtype[np.void]:
             ("q", np.float64, (c,)), ("qdot", np.float64, (c,)), ("pose", np.float64, (7,)),
             ("J", np.float64, (ROWS, c)),
             # memory from tick to tick: vectors of the decomposition, last command
-            ("u", np.float64, (ROWS, ROWS)), ("v", np.float64, (ROWS, c)),
+            ("u", np.float64, (ROWS, c)), ("v", np.float64, (ROWS, c)),
             ("qdot_cmd_last", np.float64, (c,)), ("age", np.int64),
             # scratch of one tick
             ("twist_cmd", np.float64, (6,)), ("task", np.float64, (ROWS,)),

@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from rmrc.control.compiled import Array, compiled, entry
+from rmrc.control.compiled import Array, compiled, entry, inlined
 
 # Two vectors count as orthogonal when their cosine is at the rounding of a dot product of a dozen terms.
 ORTHOGONAL = 3e-15
@@ -216,7 +216,7 @@ def svd(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array) -> None:
         decompose(u, v, sigma, k, m)
 
 
-@compiled
+@inlined
 def decompose(long: Array, basis: Array, sigma: Array, k: int, size: int) -> None:
     """Turn `long` = basis @ matrix into orthonormal rows, their lengths into `sigma`."""
     squared_norms(long, sigma, k, size)

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from project import ROOT
 from rmrc.arm import load
 from rmrc.textbook.statics import equilibrium_torques, joint_torques
 
@@ -15,8 +16,6 @@ MODELS = {"planar_2link": "tip", "planar_3link": "tip", "stanford": "tool"}
 
 @pytest.fixture(params=MODELS)
 def arm(request, monkeypatch):
-    from conftest import ROOT
-
     monkeypatch.chdir(ROOT)
     return load(ROOT / f"models/{request.param}.xml", MODELS[request.param])
 

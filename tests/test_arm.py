@@ -1,0 +1,173 @@
+"""Any MJCF as an arm: chain, limits, Jacobian, adaptation; and every refusal in full."""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from chains import random_chain, seeds
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.errors import ModelError
+
+TWO_LINK = ROOT / "models/planar_2link.xml"
+
+# A cart with a gripper: a motor with gear, a limited joint force, a servo, a joint that is not the arm's.
+CART = """<mujoco><worldbody><body name="cart"><joint name="rail" type="slide" axis="1 0 0" range="-1 2"/>
+<geom size="0.1" name="ball"/><body name="arm" pos="0 0 0.1"><joint name="swing" axis="0 1 0" actuatorfrcrange="-3 4"/>
+<geom type="box" size="0.1 0.2 0.3" pos="0 0 0.3" quat="0.6 0.8 0 0"/><site name="hand" pos="0 0 1"/>
+<body name="finger"><joint name="grip" axis="1 0 0"/><geom size="0.02"/></body></body></body></worldbody>
+<actuator><motor name="push" joint="rail" gear="5" ctrlrange="-2 2"/>
+<velocity name="swing" joint="swing" kv="10" gear="2" ctrlrange="-3 6" forcerange="-7 9"/>
+<position name="grip" joint="grip" kp="1"/></actuator>
+<keyframe><key name="up" qpos="0.5 0.1 0.2" ctrl="0 0 0"/></keyframe></mujoco>"""
+
+
+def load(tmp_path, text, site="tip", joints=None):
+    path = tmp_path / "model.xml"
+    path.write_text(text)
+    return arms.load(path, site, joints)
+
+
+@pytest.fixture
+def cart(tmp_path):
+    return load(tmp_path, CART, "hand")
+
+
+def test_chain_is_found_from_the_site_and_limits_from_joints_and_actuators(cart):
+    assert cart.joints == ("rail", "swing")
+    assert cart.is_slide.tolist() == [True, False]
+    assert_allclose(cart.position_limit, [[-1, 2], [-np.inf, np.inf]])
+    # Only a velocity servo's control is a rate: at gear 2, a control of 3 turns the joint at 1.5 rad/s.
+    assert_allclose(cart.rate_limit, [np.inf, 1.5])
+    # A motor: gear · control. A servo: the tighter of 3 N·m at the joint and gear · 7 behind the actuator.
+    assert_allclose(cart.torque_limit, [10, 3])
+
+
+def test_one_joint_can_be_left_out(tmp_path):
+    assert load(tmp_path, CART, "hand", ["swing"]).joints == ("swing",)
+
+
+def test_adapted_model_has_one_unclamped_actuator_a_joint_and_keeps_the_others(cart):
+    for plant in ("servo", "torque"):
+        model = cart.adapted(plant, np.array([50.0, 60.0]), 0.002, gravity_compensation=True)
+        names = [model.actuator(i).name for i in range(model.nu)]
+        assert sorted(names) == ["grip", "rate:rail", "rate:swing"]
+        wiring = arms.wire(model, cart.joints, "hand")
+        assert not model.actuator_ctrllimited[wiring.actuator].any()
+        assert_allclose(model.actuator_forcerange[wiring.actuator], [[-10, 10], [-3, 3]])
+        if plant == "servo":
+            assert_allclose(model.actuator_gainprm[wiring.actuator, 0], [50, 60])
+            assert_allclose(model.actuator_biasprm[wiring.actuator, 2], [-50, -60])
+        assert model.opt.timestep == 0.002
+        assert_allclose(model.body_gravcomp, [0, 1, 1, 1])
+    bare = cart.adapted("servo", np.array([50.0, 60.0]), 0.002, gravity_compensation=False)
+    assert_allclose(bare.body_gravcomp, 0)
+
+
+def test_configuration_takes_a_keyframe_or_positions_of_the_arm(cart):
+    assert_allclose(cart.configuration("up"), [0.5, 0.1, 0.2])
+    assert_allclose(cart.configuration([0.7, 0.3]), [0.7, 0.3, 0.0])
+
+
+def test_home_of_a_model_without_such_a_keyframe_is_its_zero_position(tmp_path, cart):
+    assert_allclose(cart.configuration("home"), cart.model.qpos0)
+    arm = load(tmp_path, random_chain(1, 3))
+    assert_allclose(arm.configuration("home"), arm.model.qpos0)
+
+
+@given(seeds)
+@settings(max_examples=30)
+def test_jacobian_of_any_chain_is_the_derivative_of_its_pose(tmp_path_factory, seed):
+    arm = load(tmp_path_factory.mktemp("chain"), random_chain(seed))
+    rng = np.random.default_rng(seed)
+    q, h = rng.uniform(-1, 1, arm.n), 1e-6
+    J = arm.jacobian(q)
+    assert J.shape == (6, arm.n)
+    for j, step in enumerate(np.eye(arm.n) * h):
+        plus, minus = arm.pose(q + step), arm.pose(q - step)
+        turn = (
+            Rotation.from_quat(plus[3:], scalar_first=True)
+            * Rotation.from_quat(minus[3:], scalar_first=True).inv()
+        )
+        want = np.concatenate([plus[:3] - minus[:3], turn.as_rotvec()]) / (2 * h)
+        assert_allclose(J[:, j], want, rtol=0, atol=1e-8)  # central differences: h² and rounding over h
+
+
+def test_body_poses_are_mujocos(cart):
+    q = np.array([[0.1, 0.2], [0.5, -0.4]])
+    poses = cart.body_poses(q)
+    data = mujoco.MjData(cart.model)
+    for positions, row in zip(q, poses, strict=True):
+        data.qpos[:2] = positions
+        mujoco.mj_forward(cart.model, data)
+        assert_allclose(row, np.hstack([data.xpos, data.xquat]), atol=1e-15)
+
+
+def test_inertia_is_what_a_lone_joint_feels(cart):
+    # rail: the mass of all bodies; MuJoCo's own masses are the oracle
+    assert cart.inertia[0] == pytest.approx(cart.model.body_mass[1:].sum(), rel=1e-12)
+
+
+def test_shapes_are_the_visible_ones_with_color_and_pose(cart):
+    shapes = {shape.name: shape for shape in cart.shapes()}
+    assert [shape.kind for shape in shapes.values()] == ["sphere", "box", "sphere"]
+    box = shapes["geom1"]
+    assert_allclose(box.size, [0.1, 0.2, 0.3])
+    assert_allclose(box.pose, [0, 0, 0.3, 0.6, 0.8, 0, 0])
+    assert box.body == 2
+
+
+REFUSED = {
+    "no file": (None, "tip", None, "{path}: no such model file"),
+    "not XML": ("<mujoco", "tip", None, "{path}: XML parse error 6: "),
+    "bad element": ("<mujoco><worldbody><body><box/></body></worldbody></mujoco>", "tip", None, "{path}: "),
+    "no site": (CART, "hnad", None, '{path}: has no site "hnad"; did you mean "hand"?; its sites: hand'),
+    "no joint": (
+        CART, "hand", ["grip"],
+        '{path}: no hinge or slide joint "grip" on the chain to site "hand"; the chain: rail, swing',
+    ),
+    "ball joint": (
+        '<mujoco><worldbody><body><joint name="b" type="ball"/><geom size="1"/><site name="tip"/></body></worldbody></mujoco>',
+        "tip", None,
+        '{path}: joint "b" on the chain to site "tip" is a ball or free joint; '
+        "only hinge and slide joints can be driven at a rate",
+    ),
+    "no name": (
+        '<mujoco><worldbody><body name="b"><joint/><geom size="1"/><site name="tip"/></body></worldbody></mujoco>',
+        "tip", None, '{path}: a joint of body "b" has no name; give it one',
+    ),
+    "fixed site": (
+        '<mujoco><worldbody><site name="tip"/></worldbody></mujoco>',
+        "tip", None, '{path}: no joint moves site "tip"; choose a site on a moving body',
+    ),
+    "nan": (
+        CART.replace('pos="0 0 0.1"', 'pos="0 nan 0.1"'), "hand", None,
+        "{path}: body_pos is not finite everywhere; look for nan or inf in the file",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refusals_are_one_line_that_names_the_thing(tmp_path, case):
+    text, site, joints, message = REFUSED[case]
+    path = tmp_path / "model.xml"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(ModelError) as caught:
+        arms.load(path, site, joints)
+    want = message.format(path=path)
+    if want.endswith(": "):  # MuJoCo's own words follow
+        assert str(caught.value).startswith(want) and len(str(caught.value)) > len(want)
+    else:
+        assert str(caught.value) == want
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_keyframe_is_refused_with_the_known_ones(cart):
+    with pytest.raises(ModelError) as caught:
+        cart.configuration("upp")
+    assert str(caught.value) == f'{cart.path}: has no keyframe "upp"; did you mean "up"?; its keyframes: up'
+    assert caught.value.about == "start"
