@@ -1,0 +1,120 @@
+"""A scenario: YAML checked whole and turned into frozen sections, SI and radians inside.
+
+    file --reading--> plain values --overrides--> plain values --sections--> Scenario
+                      + their places                                + schema (rows, JSON Schema)
+
+Every mistake on the way is kept with its key; what pydantic finds is put into our words by `messages`,
+and `places` says where each key stands. So `load` and `loads` either return a `Scenario` or raise one
+`ScenarioError` with every mistake, a line each, sorted by place:
+
+    scenarios/x.yaml:7:13: control.inverse.damping.maximum: must be > 0, got -1
+
+To read on: `sections` has the keys, `path` those of the segments of a path, `values` what both are made
+of, and `wording` how messages show values.
+
+This package alone knows YAML and pydantic. A section made directly in Python reports a pydantic error;
+a file or a text never does.
+"""
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from pydantic import ValidationError
+
+from rmrc.errors import ScenarioError
+from rmrc.scenario.messages import translate
+from rmrc.scenario.overrides import override
+from rmrc.scenario.path import (
+    Arc,
+    ArcSegment,
+    Hold,
+    HoldSegment,
+    Line,
+    LineSegment,
+    Segment,
+    Turn,
+    TurnSegment,
+)
+from rmrc.scenario.places import Mistake, Origin
+from rmrc.scenario.reading import TextError, parse, read
+from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
+from rmrc.scenario.sections import (
+    ArmSection,
+    Check,
+    ControlSection,
+    DampingSection,
+    InverseSection,
+    LimitsSection,
+    NullspaceSection,
+    PlantSection,
+    Scenario,
+    TargetLimitsSection,
+    TargetSection,
+    TaskSection,
+)
+from rmrc.scenario.values import Axis, Section
+from rmrc.scenario.wording import show
+
+__all__ = [
+    "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "Hold",
+    "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
+    "PlantSection", "Scenario", "SchemaRow", "Section", "Segment", "TargetLimitsSection", "TargetSection",
+    "TaskSection", "Turn", "TurnSegment", "json_schema", "load", "loads", "schema_rows",
+]  # fmt: skip
+
+
+def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Scenario:
+    """Read a scenario from a file.
+
+    Args:
+        path: The YAML file; messages show it as it is given.
+        overrides: `KEY=VALUE` texts that replace values of the file, such as
+            `control.inverse.method=inverse` or `arm.start[1]=10 deg`; VALUE is YAML.
+
+    Returns:
+        The checked scenario; `arm.model` is absolute.
+
+    Raises:
+        ScenarioError: With all mistakes at once.
+    """
+    source = os.fspath(path)
+    return _scenario(None, source, Path(source).parent, overrides)
+
+
+def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> Scenario:
+    """Read a scenario from a text; relative paths start at the working directory.
+
+    Args:
+        text: The YAML text.
+        source: What messages call it.
+        overrides: As in `load`.
+
+    Returns:
+        The checked scenario.
+
+    Raises:
+        ScenarioError: With all mistakes at once.
+    """
+    return _scenario(text, source, Path(), overrides)
+
+
+def _scenario(text: str | None, source: str, folder: Path, overrides: Sequence[str]) -> Scenario:
+    try:
+        document = parse(read(source) if text is None else text, source)
+    except TextError as error:
+        raise ScenarioError(Origin(source).lines([Mistake((), str(error), error.mark)])) from None
+    if not isinstance(document.value, dict):
+        no_mapping = Mistake((), f"must be a mapping of keys, got {show(document.value)}")
+        raise ScenarioError(document.origin.lines(document.mistakes or [no_mapping]))
+    for override_text in overrides:
+        override(document, override_text)
+    try:
+        context = {"folder": folder}
+        scenario = Scenario.model_validate(document.value, context=context, by_alias=True, by_name=False)
+    except ValidationError as error:
+        document.mistakes += translate(error, document)
+    if document.mistakes:
+        raise ScenarioError(document.origin.lines(document.mistakes))
+    scenario._origin = document.origin
+    return scenario

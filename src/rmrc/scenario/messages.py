@@ -1,0 +1,142 @@
+"""Pydantic's complaints in our words: the key, what it must be, what it is, and the way out."""
+
+import re
+from collections.abc import Callable
+from typing import Any, get_args
+
+from pydantic import ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from rmrc.errors import did_you_mean
+from rmrc.scenario.path import SEGMENTS
+from rmrc.scenario.places import Key, Mistake, Origin
+from rmrc.scenario.reading import Document
+from rmrc.scenario.sections import ControlSection, PlantSection, Scenario, uneven
+from rmrc.scenario.values import Section, is_spelled_as_number
+from rmrc.scenario.wording import brief, listed, show
+
+# Pydantic names the option of a union that it chose; files do not.
+_TAGS = {"<text>", "<list>", "<one>", *(f"<{name}>" for name in SEGMENTS)}
+
+
+def translate(error: ValidationError, document: Document) -> list[Mistake]:
+    """Return what pydantic found, but for what only follows from mistakes already known."""
+    hidden = {mistake.key for mistake in document.mistakes if mistake.hides}
+    found = [_mistake(detail, document.origin) for detail in error.errors(include_url=False)]
+    found = [m for m in found if not any(m.key[:depth] in hidden for depth in range(len(m.key) + 1))]
+    return found + _uneven_period(document.value, hidden | {mistake.key for mistake in found})
+
+
+def _mistake(detail: ErrorDetails, origin: Origin) -> Mistake:
+    loc, is_unknown = detail["loc"], detail["type"] == "extra_forbidden"
+    # An unknown key or a figure may be spelled like a tag; no tag is that high up, or that deep down.
+    end = len(loc) - is_unknown
+    key: Key = tuple(step for i, step in enumerate(loc) if i not in range(2, end) or step not in _TAGS)
+    key = detail.get("ctx", {}).get("key") or key
+    return Mistake(key, _message(detail, key), origin.find(key).key if is_unknown else ())
+
+
+def _uneven_period(data: dict[str, Any], wrong: set[Key]) -> list[Mistake]:
+    """Hold the period against the timestep, which pydantic does only if all sections are sound."""
+    keys = (("plant", "kind"), ("control", "period"), ("plant", "timestep"))
+    if any(key[:depth] in wrong for key in keys for depth in (1, 2)):
+        return []
+    defaults = {"plant": PlantSection(), "control": ControlSection()}
+    problem = uneven(*(data.get(a, {}).get(b, getattr(defaults[a], b)) for a, b in keys))
+    return [Mistake(("control", "period"), problem)] if problem else []
+
+
+def _message(detail: ErrorDetails, key: Key) -> str:
+    kind, value = detail["type"], detail["input"]
+    if kind in _WHOLE:
+        return _WHOLE[kind](detail, key)
+    want = _WANTS.get(kind, "cannot be used").format(**detail.get("ctx", {}))
+    quote = want == "must be text" and isinstance(value, bool | int | float)
+    return f"{want}, got {show(value)}{'; put it in quotes' * quote}"
+
+
+def _fields_at(key: Key) -> dict[str, FieldInfo]:
+    """Return what may stand below a key, by name."""
+    fields = _fields(Scenario)
+    for above, step in zip(("", *key), key, strict=False):
+        if isinstance(step, str) and above != "expect":  # neither an item nor a figure
+            fields = _fields(fields[step].annotation)
+    return fields
+
+
+def _fields(kind: Any) -> dict[str, FieldInfo]:
+    """Return the fields of a section, or of all the sections in a type."""
+    if isinstance(kind, type) and issubclass(kind, Section):
+        return {field.alias or name: field for name, field in kind.model_fields.items()}
+    return {name: field for inner in get_args(kind) for name, field in _fields(inner).items()}
+
+
+def _required(_: ErrorDetails, key: Key) -> str:
+    return f"is required: {_fields_at(key[:-1])[str(key[-1])].description}"
+
+
+def _unknown(_: ErrorDetails, key: Key) -> str:
+    names = list(_fields_at(key[:-1]))
+    near = did_you_mean(str(key[-1]), names)
+    return f"unknown key{near or '; the keys are ' + ', '.join(names)}"
+
+
+def _no_segment(detail: ErrorDetails, _: Key) -> str:
+    value, want = detail["input"], detail["msg"]
+    if not isinstance(value, dict):
+        return f"{want}, got {show(value)}"
+    names = list(value)
+    near = did_you_mean(names[0], SEGMENTS) if len(names) == 1 else ""
+    return f"{want}, got {listed([brief(name) for name in names])}{near}"
+
+
+def _no_option(detail: ErrorDetails, _: Key) -> str:
+    value, options = detail["input"], re.findall(r"'([^']*)'", str(detail["ctx"]["expected"]))
+    want = ", ".join(f'"{option}"' for option in options)
+    near = did_you_mean(value, options) if isinstance(value, str) else ""
+    return f"must be {'one of ' * (len(options) > 1)}{want}, got {show(value)}{near}"
+
+
+def _no_number(detail: ErrorDetails, _: Key) -> str:
+    """Show what is no number, and the way out when it looks like one."""
+    value = detail["input"]
+    if not isinstance(value, str):
+        return f"must be a number, got {show(value)}"
+    shown = f"must be a number, got the text {show(value)}"
+    if not is_spelled_as_number(value):
+        return shown
+    digits, exponent, power = value.strip().lower().partition("e")
+    signed = power if power[:1] in ("+", "-") else f"+{power}"
+    dotted = digits if "." in digits else f"{digits}.0"
+    needs = ["a dot"] * (dotted != digits) + ["a sign in the exponent"] * (signed != power)
+    if not exponent or not needs:
+        return f"{shown}: remove the quotes"
+    return f"{shown}: YAML 1.1 needs {listed(needs)}, write {dotted}e{signed}"
+
+
+# How pydantic's errors read here: some need the value or the key, the others a want and a value.
+_WHOLE: dict[str, Callable[[ErrorDetails, Key], str]] = {
+    "rule": lambda detail, _: str(detail["ctx"]["text"]),
+    "missing": _required,
+    "extra_forbidden": _unknown,
+    "choice": lambda detail, _: f"{detail['msg']}, got {show(detail['input'])}",
+    "segment": _no_segment,
+    "literal_error": _no_option,
+    "float_type": _no_number,
+}
+_WANTS = {
+    "string_type": "must be text",
+    "path_type": "must be text",
+    "bool_type": "must be true or false",
+    "tuple_type": "must be a list",
+    "model_type": "must be a mapping",
+    "dict_type": "must be a mapping",
+    "finite_number": "must be finite",
+    "string_too_short": "must not be empty",
+    "string_too_long": "must have at most {max_length} characters",
+    "string_pattern_mismatch": 'must be made of letters, digits, "_" and "-"',
+    "greater_than": "must be > {gt:g}",
+    "greater_than_equal": "must be >= {ge:g}",
+    "less_than": "must be < {lt:g}",
+}

@@ -1,0 +1,88 @@
+"""The keys of a scenario for people (rows of a table) and for editors (JSON Schema)."""
+
+import math
+import re
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+import yaml
+
+from rmrc.scenario.sections import Scenario
+from rmrc.scenario.wording import show
+
+
+class SchemaRow(NamedTuple):
+    """One key of a scenario, as `rmrc schema` prints it."""
+
+    key: str
+    type: str
+    unit: str
+    default: str
+    meaning: str
+
+
+def json_schema() -> dict[str, Any]:
+    """Return the JSON Schema (draft 2020-12) of a scenario, with units, for editors."""
+    schema = Scenario.model_json_schema(by_alias=True, mode="validation")
+    return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
+
+
+def schema_rows() -> list[SchemaRow]:
+    """Return every key of a scenario, in the order of the file.
+
+    `[]` in a key stands for an item of a list, `<figure>` for the name of a figure.
+    """
+    schema = json_schema()
+    return list(_rows("", schema, schema["$defs"], required=True))
+
+
+def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: bool) -> Iterator[SchemaRow]:
+    below = _resolve(schema, kinds)
+    if "properties" in below:
+        for name, inner in below["properties"].items():
+            needed = name in below.get("required", ())
+            yield from _rows(f"{key}.{name}".removeprefix("."), inner, kinds, required=needed)
+    elif below.get("type") == "object":
+        yield from _rows(f"{key}.<figure>", below["additionalProperties"], kinds, required=False)
+    elif "oneOf" in below.get("items", {}):
+        for inner in below["items"]["oneOf"]:
+            yield from _rows(f"{key}[]", inner, kinds, required=False)
+    else:
+        default = "required" if required else _inline(schema.get("default"))
+        yield SchemaRow(key, _type(schema), schema.get("unit", ""), default, schema["description"])
+
+
+def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
+    """Follow a reference, also through "or null"."""
+    for option in (schema, *schema.get("anyOf", ())):
+        if "$ref" in option:
+            resolved: dict[str, Any] = kinds[option["$ref"].rpartition("/")[2]]
+            return resolved
+    return schema
+
+
+def _inline(value: object) -> str:
+    text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
+    return text.strip().removesuffix("...").strip()
+
+
+def _type(schema: dict[str, Any]) -> str:
+    """Return the type of a value in words."""
+    options = schema.get("anyOf", schema.get("oneOf"))
+    if schema.get("title") == "angle":
+        return "angle"
+    if options:
+        return " or ".join(_type(o) for o in options if o.get("type") != "null")
+    if "enum" in schema or "const" in schema:
+        return " | ".join(schema.get("enum", [schema.get("const")]))
+    if schema["type"] == "array":
+        low, high = schema["minItems"], schema.get("maxItems")
+        count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
+        item = re.sub("^(number|angle)", r"\1s", _type(schema["items"]))
+        return f"list of {count}({item})" if "|" in item else f"list of {count}{item}"
+    if schema["type"] == "number":
+        signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<"}
+        bounds = [f"{sign} {show(schema[k])}" for k, sign in signs.items() if k in schema]
+        return " ".join(["number", ", ".join(bounds)]).strip()
+    words = {"string": "text", "boolean": "true | false"}
+    return "path" if schema.get("format") == "path" else words[schema["type"]]

@@ -1,0 +1,268 @@
+"""The sections of a scenario: their fields are the keys of a file, with unit, default and meaning."""
+
+import math
+from typing import Annotated, Literal, Self, get_args
+
+import yaml
+from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
+
+from rmrc.scenario.path import Segment
+from rmrc.scenario.places import Key, Origin, split
+from rmrc.scenario.values import (
+    Axes,
+    Axis,
+    Choice,
+    Count,
+    ModelFile,
+    Name,
+    NameOrPositions,
+    Names,
+    NotNegative,
+    Number,
+    OneOrEach,
+    Positions,
+    Positive,
+    Section,
+    Switch,
+    Text,
+    Weights,
+    Wrench,
+    key,
+    rule,
+)
+from rmrc.scenario.wording import show
+
+
+class ArmSection(Section):
+    """The arm: which model, which point of it, where it starts."""
+
+    model: ModelFile = key("the MJCF file; a relative path starts at the scenario's folder")
+    site: Text = key("the MuJoCo site that is controlled")
+    start: NameOrPositions = key(
+        "where the joints start: a keyframe's name, or a position a joint", "home", "rad or m"
+    )
+    joints: Names | None = key("the joints that are driven; null: those between the base and the site", None)
+
+
+class TaskSection(Section):
+    """What of the site's motion counts, and how much."""
+
+    axes: Axes = key("the rows of the twist that are controlled, along world axes", get_args(Axis))
+    length: Positive = key(
+        "characteristic length: linear rows are divided by it, so that they compare with angles", 1.0, "m"
+    )
+    weights: Weights | None = key(
+        "task weights W_x, one an axis in the order of `axes`; null: all 1", None, "1"
+    )
+
+    @field_validator("weights")
+    @classmethod
+    def _one_an_axis(cls, weights: Weights | None, info: ValidationInfo) -> Weights | None:
+        axes = info.data.get("axes")
+        if weights is not None and axes is not None and len(weights) != len(axes):
+            counts = f"got {len(weights)} for the {len(axes)} axes {', '.join(axes)}"
+            raise rule(f"must have one weight for each of task.axes, {counts}")
+        return weights
+
+    @model_validator(mode="after")
+    def _in_row_order(self) -> Self:
+        """Sort axes as the rows of a twist, and their weights with them."""
+        order = sorted(range(len(self.axes)), key=lambda i: get_args(Axis).index(self.axes[i]))
+        # Frozen is a promise to users; the section is still being made.
+        self.__dict__["axes"] = tuple(self.axes[i] for i in order)
+        if self.weights is not None:
+            self.__dict__["weights"] = tuple(self.weights[i] for i in order)
+        return self
+
+
+class DampingSection(Section):
+    """How much damping λ the method `damped` uses, and when."""
+
+    schedule: Literal["constant", "smallest_singular_value"] = key(
+        "how λ follows the arm: always `maximum`, or rising to it as σ_min falls below `below`",
+        "smallest_singular_value",
+    )
+    maximum: Positive = key("λ_max, the largest damping (λ, not λ²)", 0.1, "as σ")
+    below: Positive = key("ε: damping starts when σ_min is below it", 0.3, "as σ")
+
+
+class InverseSection(Section):
+    """How the Jacobian is inverted."""
+
+    method: Literal["inverse", "pseudoinverse", "damped"] = key(
+        "the filter g(σ) that stands for 1/σ", "damped"
+    )
+    tolerance: Annotated[Number, Field(gt=0, lt=1)] = key(
+        "pseudoinverse: singular values up to this share of the largest are dropped", 1e-6, "1"
+    )
+    damping: DampingSection = key("damped: the damping λ", DampingSection())
+
+
+class NullspaceSection(Section):
+    """What the joints do that the task does not feel."""
+
+    objective: Literal["none", "posture"] = key("what to aim for with the motion that is left over", "none")
+    gain: NotNegative = key("posture: rate for a given distance from the posture", 1.0, "1/s")
+    posture: Positions | None = key(
+        "posture: the joint positions aimed for; null: those of the start", None, "rad or m"
+    )
+
+
+class LimitsSection(Section):
+    """The bounds on joint rates."""
+
+    rate: OneOrEach | None = key(
+        "largest rate, of all joints or of each; null: the model's own", None, "rad/s or m/s"
+    )
+    on_excess: Literal["scale", "clamp", "none"] = key(
+        "beyond the largest rate: scale all joints alike (keeps direction), clamp each, or none", "scale"
+    )
+
+
+class ControlSection(Section):
+    """The control law."""
+
+    period: Positive = key("time between two control ticks", 0.001, "s")
+    inverse: InverseSection = key("how the Jacobian is inverted", InverseSection())
+    feedback: NotNegative = key("K: twist for a given pose error", 20.0, "1/s")
+    feedforward: Switch = key("whether the reference twist is part of the command", default=True)
+    joint_weights: Weights | None = key(
+        "joint weights W_q, one a joint: a heavier joint moves less; null: all 1", None, "1"
+    )
+    nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
+    limits: LimitsSection = key("bounds on joint rates", LimitsSection())
+    at_singularity: Literal["damp"] = key("what happens near a singularity", "damp")
+
+
+class TargetLimitsSection(Section):
+    """How fast the path is followed."""
+
+    velocity: Positive = key("largest speed", 0.25, "m/s")
+    acceleration: Positive = key("largest acceleration", 1.0, "m/s²")
+    jerk: Positive = key("largest jerk", 10.0, "m/s³")
+    angular_velocity: Positive = key("largest angular speed", 1.0, "rad/s")
+    angular_acceleration: Positive = key("largest angular acceleration", 4.0, "rad/s²")
+    angular_jerk: Positive = key("largest angular jerk", 40.0, "rad/s³")
+
+
+class TargetSection(Section):
+    """Where the site shall go."""
+
+    path: Annotated[tuple[Segment, ...], Count(1)] = key("the pieces of the path, in order")
+    limits: TargetLimitsSection = key("how fast", TargetLimitsSection())
+
+
+class PlantSection(Section):
+    """What obeys the commanded rates."""
+
+    kind: Literal["ideal", "servo", "torque"] = key(
+        "exact integration of the rates, joint-rate servos, or computed torques", "servo"
+    )
+    kv: OneOrEach | None = key(
+        "servo: torque or force for a given rate error, of all joints or of each; "
+        "null: each joint's inertia at home over the timestep",
+        None,
+        "N·m·s/rad or N·s/m",
+    )
+    bandwidth: Positive = key("torque: acceleration for a given rate error", 500.0, "1/s")
+    timestep: Positive = key(
+        "servo, torque: MuJoCo's step; control.period is an integer multiple of it", 0.001, "s"
+    )
+    gravity_compensation: Switch = key(
+        "servo, torque: whether gravity is balanced by the arm itself", default=True
+    )
+    wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
+
+
+class Check(Choice):
+    """What is expected of one figure of the scorecard."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "anyOf": [{"required": [name]} for name in ("below", "above", "equals")],
+            "dependentRequired": {"equals": ["within"], "within": ["equals"]},
+        }
+    )
+    below: Number | None = key("the figure must be less than this", None, "as the figure")
+    above: Number | None = key("the figure must be more than this", None, "as the figure")
+    equals: Number | None = key("the figure must be this, give or take `within`", None, "as the figure")
+    within: NotNegative | None = key("how far from `equals` the figure may be", None, "as the figure")
+
+    @model_validator(mode="after")
+    def _something(self) -> Self:
+        given = self.given("below", "above", "equals", "within")
+        if "equals" in given and "within" not in given:
+            raise rule("equals needs within, how far from it the figure may be")
+        if "within" in given and "equals" not in given:
+            raise rule("within needs equals")
+        if not given:
+            raise rule("must have at least one of below, above, equals, got none of them")
+        if self.below is not None and self.above is not None and self.above >= self.below:
+            bounds = f"got above {show(self.above)} and below {show(self.below)}"
+            raise rule(f"above must be less than below, {bounds}")
+        return self
+
+
+class Scenario(Section):
+    """Everything that one run depends on."""
+
+    name: Name = key("names the run and its files")
+    arm: ArmSection = key("the arm")
+    task: TaskSection = key("what of the site's motion counts", TaskSection())
+    control: ControlSection = key("the control law", ControlSection())
+    target: TargetSection = key("where the site shall go")
+    plant: PlantSection = key("what obeys the commanded rates", PlantSection())
+    expect: dict[str, Check] = key("what is expected, by figure of the scorecard", {})
+    _origin: Origin = PrivateAttr(default_factory=Origin)
+
+    @model_validator(mode="after")
+    def _whole_steps(self) -> Self:
+        problem = uneven(self.plant.kind, self.control.period, self.plant.timestep)
+        if problem:
+            raise rule(problem, key=("control", "period"))
+        return self
+
+    def locate(self, key: str) -> str:
+        """Return where a key was given, to begin a message with.
+
+        Args:
+            key: A dotted key, such as `control.inverse.damping.maximum`, `arm.start[1]` or
+                `expect.joint_rate.peak`.
+
+        Returns:
+            `scenarios/x.yaml:7:13: control.inverse.damping.maximum`, where its value starts,
+            counted from 1, or its nearest parent if it is absent; `--set KEY` if it was set so;
+            the key alone if the scenario was made in Python.
+        """
+        return self._origin.locate(parse_key(key))
+
+    def to_yaml(self) -> str:
+        """Return the complete scenario as it runs: all defaults, SI numbers, an absolute path.
+
+        `rmrc.scenario.loads` reads it back to an equal scenario.
+        """
+        data = self.model_dump(mode="json")
+        return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None)
+
+
+def uneven(kind: str, period: float, timestep: float) -> str | None:
+    """Return why a control period is not made of whole steps, if so; an ideal plant has none."""
+    ratio = period / timestep
+    # 1e-9: decimal fractions such as 0.003/0.001 are off by some 1e-16, real mistakes by far more.
+    whole = 0.5 < ratio < math.inf and abs(ratio - round(ratio)) <= 1e-9 * ratio
+    if kind == "ideal" or whole:
+        return None
+    return f"must be an integer multiple of plant.timestep, got {show(period)} and {show(timestep)}"
+
+
+def parse_key(text: str) -> Key:
+    """Return the steps of a dotted key; the name of a figure is one step, whatever it is made of.
+
+    Raises:
+        ValueError: If the text is no key.
+    """
+    section, _, rest = text.partition(".")
+    if section != "expect" or not rest:
+        return split(text)
+    figure, _, last = rest.rpartition(".")
+    return ("expect", figure, last) if figure and last in Check.model_fields else ("expect", rest)

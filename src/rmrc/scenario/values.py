@@ -1,0 +1,190 @@
+"""What sections are made of: the mapping itself, its keys, and the constrained types of their values."""
+
+import math
+import re
+import stat
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Discriminator,
+    Field,
+    SerializerFunctionWrapHandler,
+    Tag,
+    ValidationInfo,
+    WithJsonSchema,
+    model_serializer,
+)
+from pydantic.config import JsonDict
+from pydantic_core import PydanticCustomError, core_schema
+
+from rmrc.scenario.places import Key
+from rmrc.scenario.wording import nearby, show
+
+# A direction is normalized by its user; below this length its squares would vanish or be noise.
+_SHORTEST = 1e-9
+
+_DECIMAL = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+
+
+class Section(BaseModel):
+    """One mapping of the file: frozen, and without any key that is not named here."""
+
+    model_config = ConfigDict(
+        frozen=True, extra="forbid", validate_by_name=True, validate_by_alias=True, serialize_by_alias=True
+    )
+
+
+class Choice(Section):
+    """A mapping in which some keys exclude others: those that are absent are not written."""
+
+    @model_serializer(mode="wrap")
+    def _present(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        return {name: value for name, value in handler(self).items() if value is not None}
+
+    def given(self, *names: str) -> list[str]:
+        """Return those of the keys that have a value."""
+        return [name for name in names if getattr(self, name) is not None]
+
+
+def key(meaning: str, default: Any = ..., unit: str | None = None, **more: Any) -> Any:
+    """Return a key of a section with what `rmrc schema` tells about it; required without a default."""
+    extra: JsonDict | None = {"unit": unit} if unit else None
+    return Field(default, description=meaning, json_schema_extra=extra, **more)
+
+
+def rule(text: str, key: Key = ()) -> PydanticCustomError:
+    """Return the error of a rule of ours: its whole message, and its key if that is not the value's."""
+    return PydanticCustomError("rule", "{text}", {"text": text, "key": key})
+
+
+def choice(tag_of: Callable[[Any], str | None], want: str) -> Discriminator:
+    """Tell the options of a union apart by their tags, so that only the fitting one complains."""
+    return Discriminator(tag_of, custom_error_type="choice", custom_error_message=want)
+
+
+def is_spelled_as_number(text: str) -> bool:
+    """Say whether Python would read a text as a finite number."""
+    try:
+        return math.isfinite(float(text))
+    except ValueError:
+        return False
+
+
+class Count(NamedTuple):
+    """Bounds on the number of items; checked after the items, so that their errors come alone."""
+
+    low: int
+    high: int | None = None
+
+    def __get_pydantic_core_schema__(
+        self, source: object, handler: Callable[[object], core_schema.CoreSchema]
+    ) -> core_schema.CoreSchema:
+        """Return the schema of the list, and the check after it."""
+        return core_schema.no_info_after_validator_function(self._check, handler(source))
+
+    def __get_pydantic_json_schema__(
+        self, schema: core_schema.CoreSchema, handler: Callable[[Any], dict[str, Any]]
+    ) -> dict[str, Any]:
+        """Return the JSON Schema of the list with the bounds."""
+        return handler(schema) | {"minItems": self.low} | ({"maxItems": self.high} if self.high else {})
+
+    def _check(self, values: Sequence[object]) -> Sequence[object]:
+        if self.low <= len(values) <= (self.high or math.inf):
+            return values
+        options = dict.fromkeys((f"{self.low}", f"{self.high}"))
+        want = " or ".join(options) if self.high else f"at least {self.low}"
+        raise rule(f"must have {want} item{'s' * (want[-1] != '1')}, got {len(values)}")
+
+
+def _radians(value: object) -> object:
+    """Turn `"60 deg"` or `"1 rad"` into radians; leave anything else for the number check."""
+    if not isinstance(value, str) or is_spelled_as_number(value):
+        return value
+    match = re.fullmatch(rf"\s*({_DECIMAL}|nan|[-+]?inf)\s*(deg|rad)\s*", value)
+    if match is None:
+        example = 'must be a number (radians) or an angle such as "60 deg"'
+        raise rule(f"{example}, got the text {show(value)}")
+    number = float(match[1])
+    return math.radians(number) if match[2] == "deg" else number
+
+
+def _distinct(values: tuple[str, ...]) -> tuple[str, ...]:
+    for value in values:
+        if values.count(value) > 1:
+            raise rule(f"must not repeat, got {show(value)} {values.count(value)} times")
+    return values
+
+
+def _directed(values: tuple[float, ...]) -> tuple[float, ...]:
+    if math.hypot(*values) < _SHORTEST:
+        raise rule(f"must not be zero, got {show(list(values))}")
+    return values
+
+
+def _model_file(path: Path, info: ValidationInfo) -> Path:
+    """Make the path absolute; where a scenario is read (context), the file must be there."""
+    folder: Path = info.context["folder"] if info.context else Path()
+    try:
+        full = (folder / path).resolve()
+        is_file = not info.context or stat.S_ISREG(full.stat().st_mode)
+    except FileNotFoundError:
+        raise rule(f"no such file {show(str(full))}{nearby(full, '.xml')}") from None
+    except (OSError, ValueError, RuntimeError) as error:  # not permitted; a NUL; a loop of links
+        reason = getattr(error, "strerror", None) or str(error)
+        raise rule(f"cannot be read ({reason.lower()}), got {show(str(path))}") from None
+    if not is_file:
+        raise rule(f"is not a file: {show(str(full))}")
+    return full
+
+
+def _one_or_list(value: object) -> str:
+    return "<list>" if isinstance(value, list | tuple) else "<one>"
+
+
+def _text_or_list(value: object) -> str | None:
+    return "<text>" if isinstance(value, str) else "<list>" if isinstance(value, list | tuple) else None
+
+
+Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
+Positive = Annotated[Number, Field(gt=0)]
+NotNegative = Annotated[Number, Field(ge=0)]
+Switch = Annotated[bool, Field(strict=True)]
+Text = Annotated[str, Field(strict=True, min_length=1)]
+Name = Annotated[Text, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=100)]
+ModelFile = Annotated[Path, AfterValidator(_model_file)]
+Angle = Annotated[
+    Number,
+    BeforeValidator(_radians),
+    WithJsonSchema(
+        {
+            "title": "angle",
+            "anyOf": [{"type": "number"}, {"type": "string", "pattern": rf"^\s*{_DECIMAL}\s*(deg|rad)\s*$"}],
+        }
+    ),
+]
+Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+Axes = Annotated[tuple[Axis, ...], Count(1), AfterValidator(_distinct)]
+Names = Annotated[tuple[Text, ...], Count(1), AfterValidator(_distinct)]
+Positions = Annotated[tuple[Angle, ...], Count(1)]
+Weights = Annotated[tuple[Positive, ...], Count(1)]
+Vector = Annotated[tuple[Number, ...], Count(2, 3)]
+Quaternion = Annotated[tuple[Number, ...], Count(4, 4), AfterValidator(_directed)]
+Wrench = Annotated[tuple[Number, ...], Count(6, 6)]
+Direction = Annotated[
+    Annotated[Literal["x", "y", "z"], Tag("<text>")]
+    | Annotated[tuple[Number, ...], Count(3, 3), AfterValidator(_directed), Tag("<list>")],
+    choice(_text_or_list, 'must be one of "x", "y", "z" or a list of 3 numbers'),
+]
+NameOrPositions = Annotated[
+    Annotated[Text, Tag("<text>")] | Annotated[Positions, Tag("<list>")],
+    choice(_text_or_list, "must be the name of a keyframe or a list of joint positions"),
+]
+OneOrEach = Annotated[
+    Annotated[Positive, Tag("<one>")] | Annotated[Weights, Tag("<list>")], Discriminator(_one_or_list)
+]

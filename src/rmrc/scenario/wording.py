@@ -1,0 +1,49 @@
+"""How messages show values, foreign texts and near names: on one line, printable and not too long."""
+
+import json
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from rmrc.errors import did_you_mean
+
+
+def show(value: object) -> str:
+    """Return a value as YAML would write it on one line."""
+    if value is None:
+        return "nothing"
+    if isinstance(value, float):
+        short = f"{value:.12g}"
+        return short if float(short) == value or not math.isfinite(value) else repr(value)
+    if isinstance(value, list):
+        return brief(f"[{', '.join(show(item) for item in value[:20])}]")
+    if isinstance(value, dict):
+        return brief(f"{{{', '.join(f'{key}: {show(item)}' for key, item in list(value.items())[:20])}}}")
+    if isinstance(value, int) and abs(value) >= 10**80:  # Python writes 4300 digits at most
+        return "a huge integer"
+    return brief(json.dumps(value, ensure_ascii=not str(value).isprintable()))
+
+
+def printable(text: str) -> str:
+    """Return a text that cannot break a line or a terminal."""
+    return text if text.isprintable() else text.encode("unicode_escape").decode()
+
+
+def brief(text: str) -> str:
+    """Return a printable text of at most 80 characters."""
+    text = printable(text)
+    return text if len(text) <= 80 else f"{text[:77]}..."
+
+
+def listed(names: Sequence[str]) -> str:
+    """Return `a and b`, or that there are none."""
+    return " and ".join(names) if names else "none of them"
+
+
+def nearby(path: Path, *suffixes: str) -> str:
+    """Suggest a file beside one that does not exist."""
+    try:
+        names = [entry.name for entry in path.parent.iterdir() if entry.suffix in suffixes]
+    except OSError:
+        return ""
+    return did_you_mean(path.name, sorted(names))

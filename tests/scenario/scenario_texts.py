@@ -1,0 +1,95 @@
+"""Scenarios that the tests share, and what is wrong with others."""
+
+from pathlib import Path
+
+import pytest
+
+from rmrc.errors import ScenarioError
+from rmrc.scenario import loads
+
+MINIMAL = """\
+name: x
+arm: {model: arm.xml, site: tip}
+target:
+  path:
+    - line: {by: [0.1, 0.0]}
+"""
+
+# Section 5 of the design, with what is not built yet left in the comments.
+EXAMPLE = """\
+# The 2-link arm is driven straight through full reach and back; watch sigma and qdot.
+name: approach_singularity
+arm: {model: arm.xml, site: tip, start: [60 deg, -120 deg]}
+task: {axes: [x, y]}
+control:
+  period: 0.001
+  inverse: {method: damped, damping: {schedule: smallest_singular_value, maximum: 0.1, below: 0.3}}
+  feedback: 20
+  nullspace: {objective: none}
+  limits: {rate: 3.0, on_excess: scale}        # scale | clamp | none
+  at_singularity: damp                         # damp | slow | stop
+target:
+  path: [{line: {to: [1.99, 0.0]}}, {line: {to: [1.0, 0.0]}}]
+  limits: {velocity: 0.5, acceleration: 2.0, jerk: 20.0}
+plant: {kind: servo, kv: 1000, timestep: 0.001}
+expect:
+  joint_rate.peak: {below: 3.0}
+  position_error.end: {below: 0.001}
+"""
+
+# Every key of a scenario has a value here; the schema test holds it against the schema.
+FULL = """\
+name: full
+arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b]}
+task: {axes: [x, y], length: 0.5, weights: [1.0, 2.0]}
+control:
+  period: 0.002
+  inverse: {method: pseudoinverse, tolerance: 0.001,
+            damping: {schedule: constant, maximum: 0.2, below: 0.4}}
+  feedback: 3.0
+  feedforward: false
+  joint_weights: [1.0, 4.0]
+  nullspace: {objective: posture, gain: 2.0, posture: [0.1, 10 deg]}
+  limits: {rate: [1.0, 2.0], on_excess: clamp}
+  at_singularity: damp
+target:
+  path:
+    - line: {to: [1.0, 0.0], turn: {axis: [0, 0, 2], angle: 30 deg}}
+    - line: {by: [0.0, 0.1, 0.2], turn: {to: [1, 0, 0, 0]}}
+    - arc: {center: [0.5, 0.0], axis: [0, 0, 1], angle: -360 deg, turn: {axis: z, angle: 0.1}}
+    - arc: {center: [0.5, 0.0], angle: 1.0, turn: {axis: [1, 0, 0], angle: 0.1}}
+    - arc: {center: [0.5, 0.0], angle: 1.0, turn: {to: [0, 1, 0, 0]}}
+    - turn: {axis: [0, 1, 0], angle: 1.0}
+    - turn: {to: [0.5, 0.5, 0.5, 0.5]}
+    - hold: {for: 0.5}
+  limits: {velocity: 1.0, acceleration: 2.0, jerk: 3.0,
+           angular_velocity: 4.0, angular_acceleration: 5.0, angular_jerk: 6.0}
+plant: {kind: torque, kv: 10.0, bandwidth: 20.0, timestep: 0.001, gravity_compensation: false,
+        wrench: [1, 2, 3, 4, 5, 6]}
+expect:
+  joint_rate.peak: {below: 3.0, above: 1.0}
+  position_error.end: {equals: 0.0, within: 0.001}
+"""
+
+
+def problems(text, *overrides):
+    with pytest.raises(ScenarioError) as caught:
+        loads(text, "x.yaml", overrides)
+    return list(caught.value.problems)
+
+
+def number_keys(value, key=""):
+    """Walk plain data to the key of every number in it."""
+    if isinstance(value, dict):
+        for name, inner in value.items():
+            yield from number_keys(inner, f"{key}.{name}".removeprefix("."))
+    elif isinstance(value, list):
+        for i, inner in enumerate(value):
+            yield from number_keys(inner, f"{key}[{i}]")
+    elif isinstance(value, float):
+        yield key
+
+
+def full_number_keys():
+    Path("arm.xml").write_text("<mujoco/>")
+    return sorted(number_keys(loads(FULL).model_dump(mode="json")))

@@ -1,0 +1,180 @@
+import re
+
+import pytest
+import yaml
+from scenario_texts import EXAMPLE, FULL, MINIMAL, full_number_keys
+
+from rmrc import scenario as package
+from rmrc.errors import ScenarioError
+from rmrc.scenario import json_schema, loads, schema_rows
+
+
+def as_row(key):
+    """Return the key under which the schema lists a key of FULL."""
+    key = re.sub(r"(target\.path)\[\d+\]", r"\1[]", key)
+    key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<figure>.\1", key)
+    return re.sub(r"\[\d+\]$", "", key)
+
+
+def test_the_walk_over_numbers_reaches_every_number_of_the_schema():
+    listed = {row.key for row in schema_rows() if re.search("number|angle", row.type)}
+    assert {as_row(key) for key in full_number_keys()} == listed
+    assert len(listed) > 35  # negative control: an empty walk over an empty schema would agree
+
+
+def test_the_schema_lists_every_key_once_with_meaning_and_numbers_with_unit():
+    def leaves(value, key=""):
+        if isinstance(value, dict):
+            for name, inner in value.items():
+                yield from leaves(inner, f"{key}.{name}".removeprefix("."))
+        elif isinstance(value, list) and value and isinstance(value[0], dict):
+            for i, inner in enumerate(value):
+                yield from leaves(inner, f"{key}[{i}]")
+        else:
+            yield as_row(key)
+
+    rows = schema_rows()
+    assert [row.key for row in rows] == list(dict.fromkeys(row.key for row in rows))
+    assert {row.key for row in rows} == set(leaves(loads(FULL).model_dump(mode="json")))
+    assert all(row.meaning for row in rows)
+    assert [row.key for row in rows if re.search("number|angle", row.type) and not row.unit] == []
+
+
+def test_the_full_scenario_of_these_tests_uses_every_field():
+    """Keeps the test above honest: FULL and the schema are both held against the classes."""
+    sections = {
+        kind
+        for kind in vars(package).values()
+        if isinstance(kind, type) and issubclass(kind, package.Section)
+    }
+    seen = {kind: set() for kind in sections}
+
+    def visit(value):
+        if isinstance(value, package.Section):
+            for name in type(value).model_fields:
+                inner = getattr(value, name)
+                if inner is not None:
+                    seen[type(value)].add(name)
+                visit(inner)
+        elif isinstance(value, tuple | dict):
+            for inner in value.values() if isinstance(value, dict) else value:
+                visit(inner)
+
+    visit(loads(FULL))
+    assert {kind: names for kind, names in seen.items() if names} == {
+        kind: set(kind.model_fields) for kind in sections if kind.model_fields
+    }
+
+
+def test_rows_of_the_schema_read_as_a_table():
+    rows = {row.key: row for row in schema_rows()}
+    assert tuple(rows["control.inverse.damping.maximum"]) == (
+        "control.inverse.damping.maximum",
+        "number > 0",
+        "as σ",
+        "0.1",
+        "λ_max, the largest damping (λ, not λ²)",
+    )
+    kinds = {
+        "name": "text",
+        "arm.model": "path",
+        "arm.start": "text or list of angles",
+        "task.axes": "list of (x | y | z | rx | ry | rz)",
+        "control.inverse.method": "inverse | pseudoinverse | damped",
+        "control.inverse.tolerance": "number > 0, < 1",
+        "control.feedforward": "true | false",
+        "control.limits.rate": "number > 0 or list of numbers > 0",
+        "target.path[].line.to": "list of 2 or 3 numbers",
+        "target.path[].line.turn.axis": "x | y | z or list of 3 numbers",
+        "plant.kv": "number > 0 or list of numbers > 0",
+        "plant.wrench": "list of 6 numbers",
+    }
+    assert {key: rows[key].type for key in kinds} == kinds
+    assert rows["arm.site"].default == "required"
+    assert rows["control.inverse.tolerance"].default == "1.0e-06"
+    assert rows["task.weights"].default == rows["plant.kv"].default == "null"
+    assert rows["target.path[].hold.for"].unit == "s"
+
+
+def valid(value, schema, root):
+    """Say whether a value fits, for the part of JSON Schema that ours uses (no such library here)."""
+    known = {"$ref", "$defs", "$schema", "title", "description", "default", "unit", "format"}
+    types = {
+        "object": dict, "array": list, "string": str, "number": (int, float),
+        "boolean": bool, "null": type(None),
+    }  # fmt: skip
+    items = value if isinstance(value, list) else []
+    keys = value if isinstance(value, dict) else {}
+    is_number = isinstance(value, int | float) and not isinstance(value, bool)
+    rules = {
+        "type": lambda t: isinstance(value, types[t]) and (t == "boolean") == isinstance(value, bool),
+        "const": lambda c: value == c,
+        "enum": lambda options: value in options,
+        "anyOf": lambda options: any(valid(value, o, root) for o in options),
+        "oneOf": lambda options: sum(valid(value, o, root) for o in options) == 1,
+        "properties": lambda p: all(valid(v, p[k], root) for k, v in keys.items() if k in p),
+        "additionalProperties": lambda a: all(
+            a is not False and valid(v, a, root)
+            for k, v in keys.items()
+            if k not in schema.get("properties", {})
+        ),
+        "required": lambda names: all(name in keys for name in names),
+        "dependentRequired": lambda d: all(n in keys for k in d if k in keys for n in d[k]),
+        "maxProperties": lambda n: len(keys) <= n,
+        "items": lambda s: all(valid(item, s, root) for item in items),
+        "minItems": lambda n: not isinstance(value, list) or len(value) >= n,
+        "maxItems": lambda n: not isinstance(value, list) or len(value) <= n,
+        "minLength": lambda n: not isinstance(value, str) or len(value) >= n,
+        "maxLength": lambda n: not isinstance(value, str) or len(value) <= n,
+        "pattern": lambda p: not isinstance(value, str) or bool(re.search(p, value)),
+        "minimum": lambda n: not is_number or value >= n,
+        "exclusiveMinimum": lambda n: not is_number or value > n,
+        "exclusiveMaximum": lambda n: not is_number or value < n,
+    }
+    if "$ref" in schema and not valid(value, root["$defs"][schema["$ref"].split("/")[-1]], root):
+        return False
+    return all(rules[k](s) for k, s in schema.items() if k not in known)
+
+
+def plain(text):
+    return yaml.safe_load(text)
+
+
+@pytest.mark.parametrize("text", [MINIMAL, EXAMPLE, FULL])
+def test_the_json_schema_accepts_what_is_read(text):
+    schema = json_schema()
+    assert schema["$schema"] == "https://json-schema.org/draft/2020-12/schema"
+    assert valid(plain(text), schema, schema)
+    assert valid(loads(text).model_dump(mode="json"), schema, schema)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ("name: full", "nam: full"),
+        ("feedback: 3.0", "feedback: -3.0"),
+        ("angle: 30 deg", "angle: 30 degrees"),
+        ("hold: {for: 0.5}", "hold: {duration: 0.5}"),
+        ("hold: {for: 0.5}", "hold: {for: 0.5}\n      turn: {axis: z, angle: 1}"),
+        ("line: {to: [1.0, 0.0],", "line: {to: [1.0, 0.0], by: [1.0, 0.0],"),
+        ("turn: {axis: [0, 1, 0], angle: 1.0}", "turn: {axis: [0, 1, 0]}"),
+        ("wrench: [1, 2, 3, 4, 5, 6]", "wrench: [1, 2, 3, 4, 5]"),
+        ("kv: 10.0", "kv: [10.0, 0.0]"),
+        ("equals: 0.0, within: 0.001", "equals: 0.0"),
+        ("feedforward: false", "feedforward: 0"),
+    ],
+)
+def test_the_json_schema_refuses_what_is_refused(old, new):
+    assert old in FULL
+    text = FULL.replace(old, new)
+    schema = json_schema()
+    assert not valid(plain(text), schema, schema)
+    with pytest.raises(ScenarioError):
+        loads(text)
+
+
+def test_the_json_schema_gives_editors_units_and_meanings():
+    damping = json_schema()["$defs"]["DampingSection"]["properties"]["maximum"]
+    assert damping["unit"] == "as σ"
+    assert damping["description"] == "λ_max, the largest damping (λ, not λ²)"
+    assert damping["exclusiveMinimum"] == 0

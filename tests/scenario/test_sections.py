@@ -1,0 +1,201 @@
+import json
+import math
+import pickle
+from pathlib import Path
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scenario_texts import EXAMPLE, FULL, MINIMAL, problems
+
+from rmrc.scenario import HoldSegment, LineSegment, Scenario, TurnSegment, load, loads
+
+
+def test_the_example_of_the_design_is_read_as_written(folder):
+    scenario = loads(EXAMPLE)
+    assert scenario.name == "approach_singularity"
+    assert scenario.arm.model == folder / "arm.xml"
+    assert scenario.arm.start == (math.pi / 3, -2 * math.pi / 3)
+    assert scenario.task.axes == ("x", "y")
+    assert scenario.control.feedback == 20.0
+    assert scenario.control.limits.rate == 3.0
+    assert [segment.line.to for segment in scenario.target.path] == [(1.99, 0.0), (1.0, 0.0)]
+    assert scenario.expect["joint_rate.peak"].below == 3.0
+
+
+def test_the_defaults_are_those_of_the_contract():
+    scenario = loads(MINIMAL)
+    assert scenario.arm.start == "home"
+    assert scenario.task.axes == ("x", "y", "z", "rx", "ry", "rz")
+    assert (scenario.control.period, scenario.control.feedback) == (0.001, 20.0)
+    assert scenario.control.inverse.method == "damped"
+    assert (scenario.control.inverse.damping.maximum, scenario.control.inverse.damping.below) == (0.1, 0.3)
+    assert (scenario.plant.kind, scenario.plant.kv, scenario.plant.timestep) == ("servo", None, 0.001)
+    assert scenario.expect == {}
+
+
+def test_each_kind_of_segment_is_told_by_its_key():
+    path = loads(FULL).target.path
+    assert isinstance(path[0], LineSegment)
+    assert path[0].line.turn.angle == math.radians(30)
+    assert path[2].arc.angle == -2 * math.pi
+    assert path[3].arc.axis == "z"
+    assert isinstance(path[6], TurnSegment)
+    assert path[6].turn.to == (0.5, 0.5, 0.5, 0.5)
+    assert isinstance(path[7], HoldSegment)
+    assert path[7].hold.duration == 0.5
+
+
+def test_axes_are_kept_in_row_order_and_weights_follow_them():
+    task = loads(MINIMAL, overrides=["task.axes=[rz, x]", "task.weights=[5, 7]"]).task
+    assert task.axes == ("x", "rz")
+    assert task.weights == (7.0, 5.0)
+
+
+def test_a_scenario_is_frozen():
+    with pytest.raises(ValueError, match="frozen"):
+        loads(MINIMAL).control.feedback = 1.0
+
+
+def test_a_model_path_starts_at_the_folder_of_the_file(folder):
+    (folder / "scenarios").mkdir()
+    (folder / "scenarios/x.yaml").write_text(MINIMAL.replace("arm.xml", "../arm.xml"))
+    assert load("scenarios/x.yaml").arm.model == folder / "arm.xml"
+    assert load(Path("scenarios/x.yaml"), ["control.feedback=3"]).control.feedback == 3.0
+
+
+@pytest.mark.parametrize(
+    ("period", "timestep", "kind"),
+    [("0.003", "0.001", "servo"), ("0.1", "1.0e-4", "torque"), ("0.0015", "0.001", "ideal")],
+)
+def test_a_period_of_whole_steps_is_accepted_and_an_ideal_plant_has_no_steps(period, timestep, kind):
+    overrides = [f"control.period={period}", f"plant.timestep={timestep}", f"plant.kind={kind}"]
+    assert loads(MINIMAL, overrides=overrides).control.period == float(period)
+
+
+@pytest.mark.parametrize(("period", "timestep"), [("1.0e+300", "1.0e-300"), ("1.0e-300", "1.0e+300")])
+def test_a_period_of_no_or_of_uncountable_steps_is_refused(period, timestep):
+    assert problems(MINIMAL, f"control.period={period}", f"plant.timestep={timestep}") == [
+        "--set control.period: must be an integer multiple of plant.timestep,"
+        f" got {float(period)} and {float(timestep)}"
+    ]
+
+
+# Round trip --------------------------------------------------------------------------------------
+
+numbers = st.floats(-1e6, 1e6)
+positive = st.floats(1e-6, 1e6)
+names = st.text(min_size=1, max_size=8).filter(lambda text: text.isprintable())
+tricky = st.sampled_from(["1e-3", "010", "yes", "null", "2020-01-01", "=", "<<", "~", "0x1", "a: b"])
+texts = names | tricky
+vectors = st.lists(numbers, min_size=2, max_size=3)
+directions = st.sampled_from(["x", "y", "z"]) | st.lists(positive, min_size=3, max_size=3)
+turns = st.fixed_dictionaries({"axis": directions, "angle": numbers}) | st.fixed_dictionaries(
+    {"to": st.lists(positive, min_size=4, max_size=4)}
+)
+maybe_turn = {"turn": turns}
+segments = st.one_of(
+    st.fixed_dictionaries({"to": vectors}, optional=maybe_turn).map(lambda v: {"line": v}),
+    st.fixed_dictionaries({"by": vectors}, optional=maybe_turn).map(lambda v: {"line": v}),
+    st.fixed_dictionaries({"center": vectors, "angle": positive}, optional=maybe_turn).map(
+        lambda v: {"arc": v}
+    ),
+    turns.map(lambda v: {"turn": v}),
+    st.fixed_dictionaries({"for": positive}).map(lambda v: {"hold": v}),
+)
+checks = st.one_of(
+    st.fixed_dictionaries({"below": numbers}),
+    st.fixed_dictionaries({"above": numbers}),
+    st.fixed_dictionaries({"equals": numbers, "within": positive}),
+)
+weights = st.none() | st.lists(positive, min_size=1, max_size=7)
+scenarios = st.builds(
+    lambda arm, path, axes, control, rate, posture, plant, expect: {
+        "name": "generated",
+        "arm": arm,
+        "task": {"axes": axes, "weights": [2.0 + i for i in range(len(axes))]},
+        "target": {"path": path},
+        "control": control | {"limits": {"rate": rate}, "nullspace": {"posture": posture}},
+        "plant": plant | {"kind": "ideal"},
+        "expect": expect,
+    },
+    st.fixed_dictionaries(
+        {"model": st.just(__file__), "site": texts},
+        optional={
+            "start": texts | st.lists(numbers, min_size=1),
+            "joints": st.lists(texts, min_size=1, unique=True),
+        },
+    ),
+    st.lists(segments, min_size=1, max_size=4),
+    st.lists(st.sampled_from(["x", "y", "z", "rx", "ry", "rz"]), min_size=1, unique=True),
+    st.fixed_dictionaries(
+        {"period": positive, "feedback": positive, "joint_weights": weights},
+        optional={"feedforward": st.booleans()},
+    ),
+    positive | weights,
+    weights,
+    st.fixed_dictionaries({"kv": positive | weights, "wrench": st.lists(numbers, min_size=6, max_size=6)}),
+    st.dictionaries(texts, checks, max_size=3),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(scenarios)
+def test_a_scenario_reads_back_from_its_yaml_equal(data):
+    scenario = Scenario.model_validate(data)
+    assert loads(scenario.to_yaml()) == scenario
+    assert Scenario.model_validate(json.loads(json.dumps(scenario.model_dump(mode="json")))) == (scenario)
+
+
+# A short path, because PyYAML breaks lines at 80 columns.
+COMPLETE = """\
+name: x
+arm: {model: /arm.xml, site: tip, start: home, joints: null}
+task:
+  axes: [x, y, z, rx, ry, rz]
+  length: 1.0
+  weights: null
+control:
+  period: 0.001
+  inverse:
+    method: damped
+    tolerance: 1.0e-06
+    damping: {schedule: smallest_singular_value, maximum: 0.1, below: 0.3}
+  feedback: 20.0
+  feedforward: true
+  joint_weights: null
+  nullspace: {objective: none, gain: 1.0, posture: null}
+  limits: {rate: null, on_excess: scale}
+  at_singularity: damp
+target:
+  path:
+  - line:
+      by: [0.1, 0.0]
+  limits: {velocity: 0.25, acceleration: 1.0, jerk: 10.0, angular_velocity: 1.0, angular_acceleration: 4.0,
+    angular_jerk: 40.0}
+plant:
+  kind: servo
+  kv: null
+  bandwidth: 500.0
+  timestep: 0.001
+  gravity_compensation: true
+  wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+expect: {}
+"""
+
+
+def test_the_yaml_of_a_scenario_is_complete_and_normalized():
+    arm = loads(MINIMAL).arm.model_copy(update={"model": Path("/arm.xml")})
+    assert loads(MINIMAL).model_copy(update={"arm": arm}).to_yaml() == COMPLETE
+
+
+def test_the_place_of_a_value_is_no_part_of_a_scenario():
+    assert loads(MINIMAL) == loads("# a comment\n" + MINIMAL)
+    assert loads(MINIMAL) != loads(MINIMAL, overrides=["control.feedback=1"])  # negative control
+
+
+def test_a_scenario_survives_the_way_to_a_worker_process_with_its_places():
+    scenario = loads(FULL, "x.yaml")
+    back = pickle.loads(pickle.dumps(scenario))
+    assert back == scenario
+    assert back.locate("arm.start[1]") == "x.yaml:2:50: arm.start[1]"

@@ -1,0 +1,43 @@
+import math
+
+import pytest
+from scenario_texts import FULL, MINIMAL, full_number_keys, problems
+
+from rmrc.scenario import loads
+
+
+@pytest.mark.parametrize(
+    ("text", "radians"),
+    [
+        ("1", 1.0),
+        ("-0.5", -0.5),
+        ("60 deg", math.pi / 3),
+        ("60deg", math.pi / 3),
+        ("-1.5e1 deg", -math.pi / 12),
+        ("' 180  deg '", math.pi),
+        ("0.5 rad", 0.5),
+        ("1e-3 rad", 0.001),
+    ],
+)
+def test_an_angle_is_radians_or_a_number_with_a_unit(text, radians):
+    # One rounding in the product with pi/180.
+    assert loads(MINIMAL, overrides=[f"arm.start=[{text}]"]).arm.start[0] == pytest.approx(radians, rel=1e-15)
+
+
+def test_a_model_that_is_not_there_is_told_with_its_neighbor(folder):
+    assert problems(MINIMAL.replace("arm.xml", "amr.xml")) == [
+        f'x.yaml:2:14: arm.model: no such file "{folder}/amr.xml"; did you mean "arm.xml"?'
+    ]
+    assert problems(MINIMAL.replace("arm.xml", ".")) == [f'x.yaml:2:14: arm.model: is not a file: "{folder}"']
+    assert problems(MINIMAL.replace("arm.xml", '"a\\0b"')) == [
+        r'x.yaml:2:14: arm.model: cannot be read (embedded null byte), got "a\u0000b"'
+    ]
+    (folder / "loop").symlink_to("loop")
+    assert len(problems(MINIMAL.replace("arm.xml", "loop"))) == 1
+
+
+def test_no_number_of_a_scenario_may_be_nan_or_infinite():
+    for key in full_number_keys():
+        for text, shown in ((".nan", "nan"), (".inf", "inf"), ("-.inf", "-inf")):
+            found = problems(FULL, f"{key}={text}")
+            assert found[0] == f"--set {key}: must be finite, got {shown}"
