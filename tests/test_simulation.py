@@ -8,6 +8,7 @@ from hypothesis import HealthCheck, assume, given, settings
 from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_allclose
 
+import rmrc
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
 from rmrc.arm import load
@@ -180,7 +181,11 @@ def test_worlds_of_different_length_end_on_their_own(scenario):
 @given(seeds)
 @settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_chain_under_any_law_equals_the_numpy_loop(scenario, tmp_path_factory, seed):
-    # Chains that nobody drew, with joints that are not the arm's, and every choice drawn with them.
+    compare_random_chain(scenario, tmp_path_factory, seed)
+
+
+def compare_random_chain(scenario, tmp_path_factory, seed):
+    """Chains that nobody drew, with joints that are not the arm's, and every choice drawn with them."""
     rng = np.random.default_rng(seed)
     path = tmp_path_factory.mktemp("chain") / "model.xml"
     path.write_text(random_chain(seed))
@@ -229,3 +234,18 @@ def test_an_engine_error_stops_only_its_own_world(scenario, monkeypatch, call):
         np.testing.assert_array_equal(runs[0][name], alone[name])
         np.testing.assert_array_equal(runs[2][name], alone[name])
         np.testing.assert_array_equal(runs[1][name], alone[name][:call])
+
+
+def test_the_package_lends_the_names_that_a_notebook_needs(scenario):
+    (run,) = rmrc.Simulation([rmrc.prepare(scenario())]).run()
+    assert isinstance(run, rmrc.Run)
+    assert_allclose(rmrc.resolve_rates(np.eye(2), np.array([1.0, 2.0]), "inverse"), [1.0, 2.0])
+    with pytest.raises(AttributeError, match=r"^module 'rmrc' has no attribute 'nothing'$"):
+        _ = rmrc.nothing
+
+
+@pytest.mark.long
+@given(seeds)
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+def test_many_chains_under_many_laws_equal_the_numpy_loop(scenario, tmp_path_factory, seed):
+    compare_random_chain(scenario, tmp_path_factory, seed)

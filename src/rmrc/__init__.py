@@ -1,3 +1,31 @@
-"""Resolved motion rate control in MuJoCo."""
+"""Resolved motion rate control in MuJoCo.
+
+The names below are all that a notebook needs; each is loaded when it is first used, because MuJoCo and
+the compiled law take a third of a second.
+
+    scenario = rmrc.load("scenarios/approach_singularity.yaml")   # rmrc.scenario
+    prepared = rmrc.prepare(scenario)                             # rmrc.preparation
+    (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
+    figures = rmrc.scorecard.scorecard(run)                       # a module; import it
+    rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
+"""
+
+from importlib import import_module
 
 __version__ = "0.1.0"
+
+_HOMES = {
+    "load": "rmrc.scenario",
+    "loads": "rmrc.scenario",
+    "prepare": "rmrc.preparation",
+    "Simulation": "rmrc.simulation",
+    "Run": "rmrc.run",
+    "resolve_rates": "rmrc.control.law",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Load a public name from the module that it lives in."""
+    if name not in _HOMES:
+        raise AttributeError(f"module 'rmrc' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)

@@ -109,6 +109,18 @@ def test_the_bound_is_reached_where_sigma_equals_lambda():
     assert rates[1] == pytest.approx(5.0, rel=1e-14)
 
 
+def test_task_rows_that_never_move_take_nothing_from_the_null_space():
+    # x, y and z of a planar arm with three joints: z is a row of zeros, and one joint motion is free.
+    J = np.array([[1.0, 0.5, 0.2], [0.3, 1.0, 0.4], [0.0, 0.0, 0.0]])
+    wished = np.array([1.0, 2.0, 3.0])
+    parameters = {"objective": Objective.POSTURE, "objective_gain": 1.0, "posture": wished}
+    _, tick = one_world(
+        J, np.zeros(3), np.ones(3), np.ones(3), method=Method.DAMPED, damping_maximum=0.1, **parameters
+    )
+    free = np.cross(J[0], J[1]) / np.linalg.norm(np.cross(J[0], J[1]))
+    assert_allclose(tick["qdot_cmd"][:3], free * (free @ wished), rtol=0, atol=1e-12)
+
+
 @given(matrices, seeds, st.sampled_from([1.0, 1e-6, 0.0]))
 def test_null_space_motion_leaves_the_task_alone_down_to_rank_loss(J, seed, sigma_min):
     twist, wx, wq, _ = draw(J, seed)

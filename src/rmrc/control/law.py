@@ -52,9 +52,9 @@ def resolve(world: Record, tick: Record) -> None:
     tick.damping = damping(world, tick.sigma)
     gains(world, tick.sigma, tick.damping, tick.gain)
     resolved_rates(world, tick.gain, tick.qdot_cmd)
-    if world.objective != NONE and world.k < world.n:  # a square arm has no null space to use
+    if world.objective != NONE:
         wished_rates(world, world.qdot0)
-        add_projected(world, world.qdot0, tick.qdot_cmd)
+        add_projected(world, tick.sigma, world.qdot0, tick.qdot_cmd)
     limited = limit_rates(world, tick.qdot_cmd)
     record_measures(world, tick)
     tick.status = (

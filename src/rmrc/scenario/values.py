@@ -24,7 +24,7 @@ from pydantic.config import JsonDict
 from pydantic_core import PydanticCustomError, core_schema
 
 from rmrc.scenario.places import Key
-from rmrc.scenario.wording import nearby, show
+from rmrc.scenario.wording import nearby, printable, show
 
 # A direction is normalized by its user; below this length its squares would vanish or be noise.
 _SHORTEST = 1e-9
@@ -134,12 +134,12 @@ def _model_file(path: Path, info: ValidationInfo) -> Path:
         full = (folder / path).resolve()
         is_file = not info.context or stat.S_ISREG(full.stat().st_mode)
     except FileNotFoundError:
-        raise rule(f"no such file {show(str(full))}{nearby(full, '.xml')}") from None
+        raise rule(f'no such file "{printable(str(full))}"{nearby(full, ".xml")}') from None
     except (OSError, ValueError, RuntimeError) as error:  # not permitted; a NUL; a loop of links
         reason = getattr(error, "strerror", None) or str(error)
         raise rule(f"cannot be read ({reason.lower()}), got {show(str(path))}") from None
     if not is_file:
-        raise rule(f"is not a file: {show(str(full))}")
+        raise rule(f'is not a file: "{printable(str(full))}"')
     return full
 
 

@@ -1,0 +1,287 @@
+"""What each module may import, read from the sources: one owner a library, no circles, imports point down."""
+
+import ast
+import graphlib
+import re
+import sys
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parent.parent
+SOURCE = ROOT / "src"
+
+# From the top down: a module imports what is below its own line, or its neighbors in the same package.
+LAYERS = (
+    ("rmrc.__main__",),
+    ("rmrc.cli",),
+    ("rmrc.job",),
+    ("rmrc.output",),
+    ("rmrc.simulation",),
+    ("rmrc.preparation",),
+    ("rmrc.plant", "rmrc.scorecard"),
+    ("rmrc.arm", "rmrc.target", "rmrc.run"),
+    ("rmrc.scenario",),
+    ("rmrc.control", "rmrc.textbook"),
+    ("rmrc.spatial",),
+    ("rmrc.errors", "rmrc.files"),
+    ("rmrc",),
+)
+
+# Who may import an outside library. A library that is missing here has no owner, and is refused.
+OWNERS = {
+    "numpy": ("rmrc",),
+    "mujoco": ("rmrc.arm", "rmrc.plant"),
+    "numba": ("rmrc.control.compiled",),
+    "ruckig": ("rmrc.target",),
+    "yaml": ("rmrc.scenario",),
+    "pydantic": ("rmrc.scenario",),
+    "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
+    "rerun": ("rmrc.output.recording", "rmrc.output.look"),
+    "pyarrow": ("rmrc.output.recording",),  # comes with rerun
+    "matplotlib": ("rmrc.output.figures",),
+    "rich": ("rmrc.cli", "rmrc.output.tables"),
+    "typer": ("rmrc.cli",),
+}
+
+# Names that say nothing about what a module does.
+NAMELESS = {"utils", "util", "helpers", "helper", "common", "core", "base", "manager", "misc"}
+
+SLOW = {"rerun", "matplotlib", "dask", "distributed"}
+
+
+def read_sources():
+    """Return the text of every module of rmrc by its dotted name."""
+    sources = {}
+    for path in (SOURCE / "rmrc").rglob("*.py"):
+        parts = path.relative_to(SOURCE).with_suffix("").parts
+        sources[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path.read_text("utf-8")
+    return sources
+
+
+SOURCES = read_sources()
+
+
+def is_within(module, package):
+    return module == package or module.startswith(f"{package}.")
+
+
+@cache
+def imports(module, text, modules):
+    """Return (imported module, whether inside a function) of a source; rmrc's own by their full names.
+
+    A package's name stands for its __init__; `from package import x` for the module x if there is one.
+    """
+    is_package = any(is_within(other, module) and other != module for other in modules)
+    package = module if is_package else module.rpartition(".")[0]
+    tree = ast.parse(text)
+    in_function = {
+        inner
+        for outer in ast.walk(tree)
+        if isinstance(outer, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        for inner in ast.walk(outer)
+    }
+    found = []
+    for node in ast.walk(tree):
+        names = []
+        if isinstance(node, ast.Import):
+            names = [alias.name for alias in node.names]
+        elif isinstance(node, ast.ImportFrom):
+            parents = package.split(".")[: len(package.split(".")) - node.level + 1] if node.level else []
+            origin = ".".join([*parents, *([node.module] if node.module else [])])
+            members = [f"{origin}.{alias.name}" for alias in node.names]
+            names = [member if member in modules else origin for member in members]
+        found += [(name, node in in_function) for name in names]
+    return found
+
+
+def all_imports(sources):
+    """Yield (module, imported module, whether inside a function) of all sources."""
+    modules = frozenset(sources)
+    for module, text in sources.items():
+        for name, late in imports(module, text, modules):
+            yield module, name, late
+
+
+def layer(module):
+    """Return how far down a module is, -1 for one that no layer has."""
+    for depth, names in enumerate(LAYERS):
+        if any(module == name or (name != "rmrc" and is_within(module, name)) for name in names):
+            return depth
+    return -1
+
+
+def package_of(module):
+    """Return the part of rmrc that a module belongs to: rmrc.control for rmrc.control.law."""
+    return ".".join(module.split(".")[:2])
+
+
+# The rules: each takes sources by module name, and yields what is wrong -------------------------
+
+
+def one_owner_a_library(sources):
+    for module, name, _ in all_imports(sources):
+        library = name.partition(".")[0]
+        if library in sys.stdlib_module_names or library == "rmrc":
+            continue
+        if not any(is_within(module, owner) for owner in OWNERS.get(library, ())):
+            yield f"{module} imports {library}, which is not its own"
+
+
+def every_module_has_a_layer(sources):
+    for module in sources:
+        if layer(module) < 0:
+            yield f"{module} is in no layer; give it one in LAYERS"
+
+
+def imports_point_down(sources):
+    for module, name, _ in all_imports(sources):
+        if not is_within(name, "rmrc") or package_of(name) == package_of(module):
+            continue
+        if layer(name) <= layer(module):
+            yield f"{module} imports {name}, which is not below it"
+
+
+def no_circles(sources):
+    graph = {module: set() for module in sources}
+    for module, name, _ in all_imports(sources):
+        if name in sources:
+            graph[module].add(name)
+    try:
+        graphlib.TopologicalSorter(graph).prepare()
+    except graphlib.CycleError as error:
+        yield "circle: " + " -> ".join(error.args[1])
+
+
+def only_what_is_slow_is_imported_late(sources):
+    for module, name, late in all_imports(sources):
+        # The verbs of the command line load what they need; nobody else waits for the pictures.
+        is_verb = module == "rmrc.cli" and is_within(name, "rmrc")
+        if late and not (is_verb or is_within(name, "rmrc.output") or name.partition(".")[0] in SLOW):
+            yield f"{module} imports {name} inside a function"
+
+
+def names_say_what_a_module_does(sources):
+    for module in sources:
+        for part in module.split("."):
+            if part.strip("_") in NAMELESS:
+                yield f"{module} says nothing with {part}"
+
+
+def no_star(sources):
+    for module, text in sources.items():
+        for node in ast.walk(ast.parse(text)):
+            if isinstance(node, ast.ImportFrom) and any(alias.name == "*" for alias in node.names):
+                yield f"{module} imports * from {node.module}"
+
+
+def the_textbook_stands_alone(sources):
+    """The second opinion must not ask the first: of rmrc it knows errors and rotations, else numpy."""
+    allowed = ("rmrc.textbook", "rmrc.errors", "rmrc.spatial", "numpy")
+    for module, name, _ in all_imports(sources):
+        is_ours = is_within(module, "rmrc.textbook")
+        is_known = name.partition(".")[0] in sys.stdlib_module_names or any(
+            is_within(name, one) for one in allowed
+        )
+        if is_ours and not is_known:
+            yield f"{module} imports {name}"
+
+
+RULES = {
+    one_owner_a_library: [
+        ("rmrc.run", "import mujoco"),
+        ("rmrc.job", "from rerun.blueprint import Blueprint"),
+        ("rmrc.control.law", "import numba"),
+        ("rmrc.spatial", "import scipy.spatial"),
+        ("rmrc.cli", "def run():\n    import mujoco"),
+    ],
+    every_module_has_a_layer: [("rmrc.somewhere", "")],
+    imports_point_down: [
+        ("rmrc.arm", "from rmrc.plant import Plant"),
+        ("rmrc.arm", "from . import plant"),
+        ("rmrc.control.law", "from rmrc import scenario"),
+        ("rmrc.control.law", "from ..scenario import Scenario"),
+        ("rmrc.errors", "import rmrc.files"),
+        ("rmrc.target", "import rmrc.run"),
+        ("rmrc.output.tables", "from rmrc.job import Job"),
+    ],
+    no_circles: [
+        ("rmrc.control.records", "from rmrc.control.law import resolve"),
+        ("rmrc.control.smallmat", "from .inverse import gains"),
+        ("rmrc.scenario.wording", "from rmrc.scenario import load"),
+        ("rmrc.errors", "def f():\n    from rmrc.cli import app"),
+    ],
+    only_what_is_slow_is_imported_late: [
+        ("rmrc.job", "def f():\n    from rmrc.simulation import Simulation"),
+        ("rmrc.run", "def f():\n    import json"),
+        ("rmrc.run", "class A:\n    def f(self):\n        import numpy"),
+    ],
+    names_say_what_a_module_does: [
+        ("rmrc.utils", ""),
+        ("rmrc.control.helpers", ""),
+        ("rmrc.core.law", ""),
+        ("rmrc._common", ""),
+    ],
+    no_star: [("rmrc.run", "from numpy import *")],
+    the_textbook_stands_alone: [
+        ("rmrc.textbook.dh", "import mujoco"),
+        ("rmrc.textbook.dh", "import numba"),
+        ("rmrc.textbook.planar", "from rmrc.arm import Arm"),
+        ("rmrc.textbook.planar", "from rmrc import run"),
+    ],
+}
+
+
+@pytest.mark.parametrize("rule", RULES, ids=lambda rule: rule.__name__)
+def test_sources_keep_the_rule(rule):
+    assert list(rule(SOURCES)) == []
+
+
+@pytest.mark.parametrize(
+    ("rule", "module", "text"),
+    [(rule, *planted) for rule, faults in RULES.items() for planted in faults],
+    ids=lambda value: value.__name__ if callable(value) else value,
+)
+def test_a_planted_fault_breaks_the_rule(rule, module, text):
+    planted = {**SOURCES, module: f"{SOURCES.get(module, '')}\n{text}\n"}
+    assert set(rule(planted)) > set(rule(SOURCES))
+
+
+def test_the_sources_are_there():
+    # All rules above hold for an empty folder as well.
+    assert {"rmrc", "rmrc.cli", "rmrc.control.law", "rmrc.plant", "rmrc.textbook.dh"} <= set(SOURCES)
+
+
+# Of any text: a path that exists on one machine only ---------------------------------------------
+
+TEXTS = {".py", ".md", ".toml", ".yaml", ".yml", ".xml", ".sh", ""}
+HERE_ONLY = re.compile(r"(?<![\w.:/~}])/(?:tmp|home|root|work|mnt|Users|workspace)(?:/|\b)")
+
+
+def texts():
+    """Return every text file of the project, generated folders left out."""
+    folders = ("src", "tests", "models", "scenarios", "docs", "benchmarks", ".ci")
+    files = [path for path in ROOT.iterdir() if path.is_file()] + [ROOT / "recordings/README.md"]
+    files += [path for folder in folders for path in (ROOT / folder).rglob("*") if path.is_file()]
+    hidden = {p for p in files if "__pycache__" in p.parts or any(".egg-info" in part for part in p.parts)}
+    caches = {p for p in files if any(part.endswith("_cache") for part in p.parts)}
+    return sorted(p for p in set(files) - hidden - caches if p.suffix in TEXTS and p.name != ".git")
+
+
+def machine_paths(text):
+    return [line for line in text.splitlines() if HERE_ONLY.search(line)]
+
+
+def test_no_file_names_a_folder_of_one_machine():
+    paths = texts()
+    assert {ROOT / "README.md", ROOT / ".ci/run", Path(__file__)} <= set(paths)  # the search finds files
+    found = {str(path.relative_to(ROOT)): machine_paths(path.read_text("utf-8")) for path in paths}
+    assert {name: lines for name, lines in found.items() if lines} == {}
+
+
+@pytest.mark.parametrize("folder", ["tmp", "home", "root", "work", "Users"])
+def test_a_folder_of_one_machine_is_seen(folder):
+    assert machine_paths(f'see "/{folder}/somebody/notes.md"') != []
+    assert machine_paths(f"cd /{folder}") != []
+    assert machine_paths(f"rad/{folder} or docs/{folder}/x") == []

@@ -1,0 +1,231 @@
+"""The command line: what it leaves, what it says, and its exit codes."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+
+from project import ROOT
+from rmrc import cli
+from rmrc.run import COLUMNS, Run
+
+QUICK = """
+name: quick
+arm: {model: MODELS/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}
+task: {axes: [x, y]}
+target: {path: [{line: {by: [0.05, 0.0]}}]}
+expect: {position_error.max: {below: 0.001}}
+""".replace("MODELS", str(ROOT / "models"))
+
+
+@pytest.fixture
+def rmrc(tmp_path, monkeypatch, capfd):
+    """Return a function: arguments -> (exit code, stdout, stderr), run in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "quick.yaml").write_text(QUICK)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["rmrc", *arguments])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        out, err = capfd.readouterr()
+        return caught.value.code, out, err
+
+    return call
+
+
+def test_run_leaves_recording_columns_and_scorecard(rmrc, tmp_path):
+    code, out, err = rmrc("run", "quick.yaml")
+    assert (code, err) == (0, "")
+    assert "position_error" in out and "joint_rate" in out
+    folder = tmp_path / "recordings"
+    assert sorted(p.name for p in folder.iterdir()) == ["quick.json", "quick.npz", "quick.rrd"]
+    run = Run.read(folder / "quick.npz")
+    assert run.is_complete and set(run.columns) == set(COLUMNS)
+    facts = json.loads((folder / "quick.json").read_text())
+    assert facts["status"] == "complete"
+    assert facts["scenario"]["control"]["inverse"]["method"] == "damped"
+    assert facts["expect"][0]["ok"] is True
+    assert set(facts["versions"]) == {"python", "rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk"}
+    peak = np.abs(run["qdot"]).max()
+    assert facts["scorecard"]["joint_rate"]["peak"] == pytest.approx(peak, rel=1e-12)
+
+
+def test_recording_read_back_equals_the_columns_bit_for_bit(rmrc, tmp_path):
+    from rmrc.output.recording import read_columns
+
+    rmrc("run", "quick.yaml")
+    run = Run.read(tmp_path / "recordings/quick.npz")
+    columns = read_columns(tmp_path / "recordings/quick.rrd")
+    assert set(columns) == set(COLUMNS)
+    for name in COLUMNS:
+        np.testing.assert_array_equal(columns[name], run[name], strict=True)
+
+
+def test_no_record_and_out_and_set_and_quiet(rmrc, tmp_path):
+    code, out, err = rmrc("run", "quick.yaml", "--no-record", "--out", "a/b", "--set", "name=other", "-q")
+    assert (code, out, err) == (0, "", "")
+    assert sorted(p.name for p in (tmp_path / "a/b").iterdir()) == ["other.json", "other.npz"]
+
+
+def test_a_missed_expectation_exits_1_and_says_by_how_much(rmrc, tmp_path):
+    code, _, err = rmrc(
+        "run",
+        "quick.yaml",
+        "--no-record",
+        "--set",
+        "expect={ticks: {equals: 3, within: 1}, duration: {above: 0.1}}",
+    )
+    assert code == 1
+    ticks = len(Run.read(tmp_path / "recordings/quick.npz"))
+    assert err == f"rmrc: missed: ticks: expected 3 within 1, got {ticks}, {ticks - 4} too high\n"
+
+
+def test_divergence_exits_3_with_tick_time_and_joint_and_keeps_what_it_has(rmrc, tmp_path):
+    code, _, err = rmrc("run", "quick.yaml", "--no-record", "--set", "plant.wrench=[0, 1.0e+15, 0, 0, 0, 0]")
+    assert code == 3
+    run = Run.read(tmp_path / "recordings/quick.npz")
+    # The undefined figures of so short a run are misses as well, but divergence is the graver news.
+    assert err.splitlines()[-1] == f"rmrc: error: quick {run.divergence}"
+    assert json.loads((tmp_path / "recordings/quick.json").read_text())["status"] == "diverged"
+
+
+MISTAKES = {
+    "two at once": (
+        ["control.inverse.methd=inverse", "plant.kv=-1"],
+        [
+            '--set control.inverse.methd: unknown key; did you mean "method"?',
+            "--set plant.kv: must be > 0, got -1",
+        ],
+    ),
+    "site": (
+        ["arm.site=tpi"],
+        ['--set arm.site: {model}: has no site "tpi"; did you mean "tip"?; its sites: tip'],
+    ),
+    "joint": (
+        ["arm.joints=[shoulder, elbov]"],
+        [
+            '--set arm.joints: {model}: no hinge or slide joint "elbov" on the chain to site "tip"; '
+            'did you mean "elbow"?; the chain: shoulder, elbow'
+        ],
+    ),
+    "keyframe": (
+        ["arm.start=hom"],
+        ['--set arm.start: {model}: has no keyframe "hom"; did you mean "home"?; its keyframes: home'],
+    ),
+    "start outside limits": (
+        ["arm.start=[4, 170 deg]"],
+        [
+            '--set arm.start: arm.start[0]: joint "shoulder" must start within its limits [-2.96706, 2.96706] rad, got 4',
+            '--set arm.start: arm.start[1]: joint "elbow" must start within its limits [-2.79253, 2.79253] rad, got 2.96706',
+        ],
+    ),
+    "wrong lengths": (
+        [
+            "arm.start=[1, 2, 3]", "control.joint_weights=[1]", "control.nullspace.posture=[1, 2, 3]",
+            "control.limits.rate=[1, 2, 3]", "plant.kv=[1]",
+        ],
+        [
+            "--set arm.start: must have 2 values, one for each joint (shoulder, elbow), got 3",
+            "--set control.joint_weights: must have 2 values, one for each joint (shoulder, elbow), got 1",
+            "--set control.nullspace.posture: must have 2 values, one for each joint (shoulder, elbow), got 3",
+            "--set control.limits.rate: must have 2 values, one for each joint (shoulder, elbow), got 3",
+            "--set plant.kv: must have 2 values, one for each joint (shoulder, elbow), got 1",
+        ],
+    ),
+    "inverse of a wide task": (
+        ["control.inverse.method=inverse", "task.axes=[x]"],
+        [
+            '--set control.inverse.method: "inverse" needs as many task axes as joints, got 1 axes and 2 joints; '
+            'choose other task.axes, or "pseudoinverse" or "damped"'
+        ],
+    ),
+    "unknown figure": (
+        ["expect={joint_rate.peek: {below: 1}}"],
+        ['--set expect: expect.joint_rate.peek: no such figure; did you mean "joint_rate.peak"?'],
+    ),
+    "a path that cannot be": (
+        ["target.path=[{arc: {center: [1, 0], angle: 90 deg}}]"],
+        ["--set target.path: "],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_a_mistake_is_one_line_each_and_exit_2_before_anything_moves(rmrc, tmp_path, case):
+    settings, lines = MISTAKES[case]
+    code, out, err = rmrc("run", "quick.yaml", *[word for text in settings for word in ("--set", text)])
+    assert (code, out) == (2, "")
+    model = str(ROOT / "models/planar_2link.xml")
+    want = [f"rmrc: error: {line.format(model=model)}" for line in lines]
+    got = err.splitlines()
+    assert len(got) == len(want)
+    for have, line in zip(got, want, strict=True):
+        assert have == line or (line.endswith(": ") and have.startswith(line) and len(have) > len(line))
+    assert not (tmp_path / "recordings").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["run", "quik.yaml"], 'quik.yaml: no such file; did you mean "quick.yaml"?'),
+        (["run", "quick.yaml", "--out", "quick.yaml"], "quick.yaml: file exists"),
+        (["run", "quick.yaml", "--out", "quick.yaml/x"], "quick.yaml/x: not a directory"),
+    ],
+)
+def test_a_file_that_will_not_do_is_one_line(rmrc, arguments, message):
+    code, out, err = rmrc(*arguments)
+    assert (code, out) == (2, "")
+    assert err == f"rmrc: error: {message}\n"
+
+
+def test_schema_prints_every_key_and_json_for_editors(rmrc):
+    code, out, _ = rmrc("schema")
+    assert code == 0
+    for key in ("control.inverse.damping.maximum", "plant.wrench", "target.limits.jerk"):
+        assert key in out
+    code, out, _ = rmrc("schema", "--json")
+    assert code == 0 and "properties" in json.loads(out)
+
+
+def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
+    from rmrc.output.recording import read_columns
+
+    (tmp_path / "long.yaml").write_text(QUICK.replace("name: quick", "name: long"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rmrc", "run", "long.yaml", "--set", "target.path=[{hold: {for: 3600}}]"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "COLUMNS": "200"},
+    )  # fmt: skip
+    part = tmp_path / "recordings/long.rrd.part"
+    deadline = time.monotonic() + 60
+    while not (part.exists() and part.stat().st_size > 200_000):
+        assert process.poll() is None and time.monotonic() < deadline, process.communicate()
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    assert "rmrc: interrupted at tick " in err and "Traceback" not in err
+    run = Run.read(tmp_path / "recordings/long.npz")
+    assert 0 < len(run) < run.planned
+    np.testing.assert_array_equal(read_columns(tmp_path / "recordings/long.rrd")["q"], run["q"])
+    assert json.loads((tmp_path / "recordings/long.json").read_text())["status"] == "interrupted"
+    assert sorted(p.name for p in (tmp_path / "recordings").iterdir()) == [
+        "long.json",
+        "long.npz",
+        "long.rrd",
+    ]
+
+
+def test_importing_the_face_loads_none_of_the_slow_libraries():
+    loaded = subprocess.run(
+        [sys.executable, "-c", "import rmrc.cli, sys; print(*sys.modules)"],
+        capture_output=True,
+        text=True,
+        check=True,
+    ).stdout.split()
+    assert not {"rerun", "matplotlib", "mujoco", "numba"} & set(loaded)

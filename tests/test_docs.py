@@ -1,0 +1,337 @@
+"""What the documents promise is so: commands, keys, links, names, numbers and examples."""
+
+import importlib
+import re
+import shutil
+import subprocess
+import tomllib
+
+import pytest
+
+from project import ROOT
+from rmrc.preparation import prepare
+from rmrc.run import COLUMNS
+from rmrc.scenario import load, loads
+from rmrc.scorecard import figure_names, scorecard
+from rmrc.simulation import Simulation
+
+FOLDERS = ("docs", "models", "scenarios", "recordings", "benchmarks", "tests", "src", ".ci")
+DOCUMENTS = {
+    str(path.relative_to(ROOT)): path.read_text("utf-8")
+    for pattern in ("*.md", *(f"{folder}/**/*.md" for folder in FOLDERS))
+    for path in sorted(ROOT.glob(pattern))
+}
+README, THEORY = DOCUMENTS["README.md"], DOCUMENTS["docs/theory.md"]
+CONTRIBUTING, REFERENCES = DOCUMENTS["CONTRIBUTING.md"], DOCUMENTS["docs/references.md"]
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+
+RUN_COMMAND = (
+    "python3 -m venv .venv && .venv/bin/pip install -e . && "
+    ".venv/bin/python -m rmrc run scenarios/approach_singularity.yaml"
+)
+TEST_COMMAND = "python3 -m venv .venv && .venv/bin/pip install -e '.[dev]' && .venv/bin/python -m pytest"
+
+
+def test_the_documents_are_there():
+    # Everything below holds for no documents as well.
+    assert {"README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/theory.md", "models/README.md"} <= set(
+        DOCUMENTS
+    )
+
+
+def fenced(text, language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def section(text, title):
+    """Return the text below a heading, up to the next of the same or a higher level."""
+    start = re.search(rf"^(#+) {re.escape(title)}$", text, re.MULTILINE)
+    assert start, f"no heading {title}"
+    rest = text[start.end() :]
+    end = re.search(rf"^#{{1,{len(start[1])}}} ", rest, re.MULTILINE)
+    return rest[: end.start()] if end else rest
+
+
+def rows(text):
+    """Return the cells of the rows of all markdown tables, headings left out."""
+    table = [
+        [cell.strip() for cell in re.split(r"(?<!\\)\|", line.strip())[1:-1]]
+        for line in text.splitlines()
+        if line.startswith("|")
+    ]
+    rules = [i for i, cells in enumerate(table) if all(set(cell) <= set("-:") for cell in cells)]
+    headings = {i for rule in rules for i in (rule - 1, rule)}
+    return [cells for i, cells in enumerate(table) if i not in headings]
+
+
+# Commands ---------------------------------------------------------------------------------------
+
+
+def test_readme_has_two_commands_before_anything_else_and_each_is_complete():
+    blocks = fenced(README, "sh")
+    assert blocks[0] == f"{RUN_COMMAND}\n"
+    assert f"{TEST_COMMAND}\n" in blocks
+
+
+def test_ci_runs_the_test_command_of_the_readme_to_the_letter():
+    lines = [line.strip() for line in (ROOT / ".ci/run").read_text("utf-8").splitlines()]
+    # `|| exit`, because bash goes on when a command before the last `&&` fails.
+    assert f"{TEST_COMMAND} || exit" in lines
+
+
+STUB = """#!/usr/bin/env bash
+echo "$(basename "$0") $*" >> log
+case "$(basename "$0") $*" in *FAILS*) exit 7 ;; esac
+[ -d .venv ] && exit
+mkdir -p .venv/bin
+for name in pip python ruff mypy; do cp "$0" .venv/bin/$name; done
+"""
+
+
+@pytest.mark.parametrize(
+    "fails",
+    ["python3 -m venv", "pip install", "python -m pytest", "ruff check", "ruff format", "mypy", None],
+)
+def test_ci_fails_if_any_of_its_steps_does(fails, tmp_path):
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(ROOT / ".ci/run", tmp_path / ".ci/run")
+    stub = tmp_path / "bin/python3"
+    stub.parent.mkdir()
+    stub.write_text(STUB.replace("*FAILS*", f'"{fails}"*' if fails else '"never"'))
+    stub.chmod(0o755)
+    ended = subprocess.run(
+        [tmp_path / ".ci/run"],
+        env={"PATH": f"{stub.parent}:/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    called = [line.partition(" ")[0] for line in (tmp_path / "log").read_text().splitlines()]
+    if fails:
+        assert ended.returncode != 0
+        assert called[-1] == fails.partition(" ")[0]  # nothing runs after what failed
+    else:
+        assert ended.returncode == 0, ended.stderr
+        assert called == ["python3", "pip", "python", "ruff", "ruff", "mypy"]
+
+
+# Keys, links and names ---------------------------------------------------------------------------
+
+KEY = re.compile(r"\[([A-Z][a-z]+\d\d)(?=[\],])")
+
+
+def cited():
+    """Return every key that a source, a model, a scenario or a document other than the references uses."""
+    texts = [text for name, text in DOCUMENTS.items() if name != "docs/references.md"]
+    for folder, suffixes in (("src", (".py",)), ("models", (".xml",)), ("scenarios", (".yaml",))):
+        paths = [path for suffix in suffixes for path in (ROOT / folder).rglob(f"*{suffix}")]
+        texts += [path.read_text("utf-8") for path in paths]
+    return {key for text in texts for key in KEY.findall(text)}
+
+
+def entries():
+    return re.findall(r"^- \*\*\[([A-Z][a-z]+\d\d)\]\*\*", REFERENCES, re.MULTILINE)
+
+
+def test_every_key_resolves_and_every_reference_is_used():
+    assert set(entries()) == cited()
+
+
+def test_references_are_sorted_and_none_is_there_twice():
+    assert entries() == sorted(set(entries()))
+
+
+def test_keys_are_found_with_and_without_a_place():
+    assert KEY.findall("[Craig05, §5.7], [Paul81] [Golub13,\n§8.5] [x, y] [2, 3]") == [
+        "Craig05",
+        "Paul81",
+        "Golub13",
+    ]
+
+
+def anchors(text):
+    """Return the anchors that GitHub gives to headings."""
+    headings = re.findall(r"^#+ (.+)$", text, re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
+
+
+def broken_links(name, text):
+    for target in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"[a-z]+:", target):
+            continue
+        path, _, anchor = target.partition("#")
+        file = (ROOT / name).parent / path if path else ROOT / name
+        if not file.exists() or (anchor and anchor not in anchors(file.read_text("utf-8"))):
+            yield target
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_link_leads_somewhere(name):
+    assert list(broken_links(name, DOCUMENTS[name])) == []
+
+
+def test_a_broken_link_is_seen():
+    text = "[a](nowhere.md) [b](README.md#nowhere) [c](CHANGELOG.md) [d](https://example.org/x)"
+    assert list(broken_links("README.md", text)) == ["nowhere.md", "README.md#nowhere"]
+
+
+def missing_names(text):
+    """Return the dotted names of rmrc that do not exist."""
+    for name in set(re.findall(r"`(rmrc(?:\.\w+)+)`", text)):
+        parts = name.split(".")
+        for end in range(len(parts), 0, -1):
+            try:
+                found = importlib.import_module(".".join(parts[:end]))
+            except ModuleNotFoundError:
+                continue
+            for part in parts[end:]:
+                found = getattr(found, part, None)
+            if found is None:
+                yield name
+            break
+
+
+@pytest.mark.parametrize("name", DOCUMENTS)
+def test_every_function_that_a_document_names_exists(name):
+    assert list(missing_names(DOCUMENTS[name])) == []
+
+
+def test_a_name_that_is_gone_is_seen():
+    assert sorted(missing_names("`rmrc.run.Run` `rmrc.run.Walk` `rmrc.gone`")) == [
+        "rmrc.gone",
+        "rmrc.run.Walk",
+    ]
+
+
+def test_every_test_and_file_that_a_document_names_exists():
+    sources = "".join(path.read_text("utf-8") for path in (ROOT / "tests").rglob("*.py"))
+    tests = {name for text in DOCUMENTS.values() for name in re.findall(r"`(test_\w+)`", text)}
+    assert tests
+    assert [name for name in tests if f"def {name}(" not in sources] == []
+    files = {
+        name
+        for text in DOCUMENTS.values()
+        for name in re.findall(r"`((?:tests|src|docs)/[\w/]+\.\w+)`", text)
+    }
+    assert [name for name in files if not (ROOT / name).is_file()] == []
+
+
+def test_equations_are_numbered_without_a_gap_and_those_referred_to_exist():
+    numbers = [int(n) for n in re.findall(r"\((\d+)\)$", THEORY, re.MULTILINE)]
+    assert numbers == list(range(1, len(numbers) + 1))
+    assert {int(n) for n in re.findall(r"\((\d+)\)", THEORY)} == set(numbers)
+
+
+# Lists that must be complete ---------------------------------------------------------------------
+
+
+def test_every_column_is_in_the_theory_with_its_width():
+    table = {
+        cells[0].strip("`"): cells[3].partition(";")[0] for cells in rows(section(THEORY, "Columns of a run"))
+    }
+    assert table == {name: column.width for name, column in COLUMNS.items()}
+
+
+def test_every_group_of_figures_is_in_the_theory():
+    text = section(THEORY, "Figures of the scorecard")
+    groups = {name.partition(".")[0] for name in figure_names(["a"], ["x", "rz"])}
+    assert [group for group in groups if not re.search(rf"`{group}[.`]", text)] == []
+
+
+def test_contributing_justifies_each_dependency_once():
+    wanted = [
+        *PROJECT["dependencies"],
+        *(one for extra in PROJECT["optional-dependencies"].values() for one in extra),
+    ]
+    names = sorted(re.match(r"[\w-]+", one)[0] for one in wanted)
+    table = rows(section(CONTRIBUTING, "Dependencies"))
+    assert sorted(cells[0].strip("`") for cells in table) == names
+    assert all(cells[1] for cells in table)
+
+
+def test_every_module_is_in_the_layout():
+    source = ROOT / "src/rmrc"
+    modules = {
+        ".".join(
+            (path.parent if path.name == "__init__.py" else path.with_suffix("")).relative_to(source).parts
+        )
+        for path in source.rglob("*.py")
+    } - {""}
+    listed = [cells[0].strip("`") for cells in rows(section(CONTRIBUTING, "Layout"))]
+    assert sorted(name for name in listed if not name.endswith("/")) == sorted(modules)
+
+
+def test_every_scenario_and_model_is_in_its_table():
+    for folder, suffix in (("scenarios", ".yaml"), ("models", ".xml")):
+        text = DOCUMENTS[f"{folder}/README.md"]
+        names = [path.stem for path in (ROOT / folder).glob(f"*{suffix}")]
+        assert names
+        assert [name for name in names if f"({name}{suffix})" not in text and f"`{name}`" not in text] == []
+
+
+# Examples and numbers ----------------------------------------------------------------------------
+
+
+def test_the_annotated_scenario_of_the_readme_can_be_run(monkeypatch):
+    (text,) = fenced(README, "yaml")
+    monkeypatch.chdir(ROOT / "scenarios")
+    prepared = prepare(loads(text))
+    figures = set(figure_names(prepared.arm.joints, prepared.scenario.task.axes))
+    assert prepared.scenario.expect.keys() <= figures
+
+
+def test_the_python_examples_of_the_readme_run(monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    for block in fenced(README, "python"):
+        exec(compile(block, "README.md", "exec"), {})
+    printed = capsys.readouterr().out
+    assert "(5181, 2)" in printed  # ticks of approach_singularity, joints
+    assert "5." in printed
+
+
+def figures_of(name, *overrides):
+    (run,) = Simulation([prepare(load(ROOT / f"scenarios/{name}.yaml", overrides))]).run()
+    return {figure: one.value for figure, one in scorecard(run).items()}
+
+
+def agrees(value, printed):
+    """Whether a value is the printed number, to half a unit of its last digit and 1 % for other machines."""
+    number = re.match(r"(?P<more>> )?(?P<digits>[\d.]+)(?P<power>e-?\d+)?", printed)
+    assert number, printed
+    scale = float(f"1{number['power'] or ''}")
+    wanted = float(number["digits"]) * scale
+    if number["more"]:
+        return value > wanted
+    unit = scale * 10.0 ** -len(number["digits"].partition(".")[2])
+    return abs(value - wanted) <= 0.5 * unit + 0.01 * wanted
+
+
+def test_agreement_is_to_the_last_digit_that_is_printed():
+    assert agrees(0.0644, "0.064")
+    assert agrees(4.23e-5, "4.2e-5 m")
+    assert agrees(1200.0, "> 1000 rad/s")
+    assert not agrees(0.067, "0.064")
+    assert not agrees(4.23e-4, "4.2e-5 m")
+    assert not agrees(900.0, "> 1000 rad/s")
+
+
+def test_numbers_of_the_scenario_table_are_those_that_a_run_gives():
+    name, seen = "", 0
+    for link, _, figure, printed in rows(section(DOCUMENTS["scenarios/README.md"], "The scenarios")):
+        if link:
+            name = re.match(r"\[(\w+)\]", link)[1]
+            figures = figures_of(name)
+        value = figures[figure.strip("`")]
+        assert agrees(value, printed), f"{name}: {figure} is {value:.4g}, printed {printed}"
+        seen += 1
+    assert seen
+
+
+def test_numbers_of_the_readme_are_those_that_a_run_gives():
+    text = section(README, "What you see")
+    names = re.findall(r"`([\w.]+)` \[", text)  # of the columns, each with its unit
+    assert names
+    for how, *printed in rows(text):
+        figures = figures_of("blow_up", *re.findall(r"([\w.]+=[\w.]+)", how))
+        for name, number in zip(names, printed, strict=True):
+            assert agrees(figures[name], number), f"{how}: {name} is {figures[name]:.4g}, printed {number}"

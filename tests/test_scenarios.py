@@ -1,0 +1,61 @@
+"""Every scenario that is shipped does what its `expect` says, and could fail to."""
+
+import pytest
+
+from project import ROOT
+from rmrc.preparation import prepare
+from rmrc.scenario import load
+from rmrc.scorecard import check, scorecard
+from rmrc.simulation import Simulation
+
+SCENARIOS = sorted(path.stem for path in (ROOT / "scenarios").glob("*.yaml"))
+
+
+def outcomes(name, *overrides):
+    scenario = load(ROOT / f"scenarios/{name}.yaml", overrides)
+    (run,) = Simulation([prepare(scenario)]).run()
+    assert run.is_complete
+    return run, check(scorecard(run), scenario.expect)
+
+
+@pytest.mark.parametrize("name", SCENARIOS)
+def test_shipped_scenario_meets_its_expectations(name):
+    _, results = outcomes(name)
+    assert results, "a shipped scenario says what it expects"
+    for outcome in results:
+        print(outcome)
+    assert all(outcome.ok for outcome in results), [str(outcome) for outcome in results if not outcome.ok]
+
+
+@pytest.mark.parametrize(
+    ("name", "fault"),
+    [
+        ("approach_singularity", "control.limits.rate=0.5"),
+        ("blow_up", "control.inverse.method=damped"),
+        ("line_tracking", "plant.kv=100"),
+        ("null_space", "control.nullspace.objective=none"),
+        ("stanford_line", "control.feedback=1"),
+        ("stanford_wrist", "control.inverse.method=inverse"),
+    ],
+)
+def test_expectations_find_a_law_that_does_worse(name, fault):
+    _, results = outcomes(name, fault)
+    assert not all(outcome.ok for outcome in results)
+
+
+def test_approach_comes_within_10_mm_of_full_reach_and_back():
+    run, _ = outcomes("approach_singularity")
+    reach = (run["pose"][:, 0] ** 2 + run["pose"][:, 1] ** 2) ** 0.5
+    assert 0 < 2.0 - reach.max() < 0.010
+    assert run["pose"][-1, 0] == pytest.approx(1.0, abs=1e-3)
+    assert run["sigma"][:, -1].min() < 0.3 < run["sigma"][0, -1]  # damping starts and ends
+
+
+def test_stanford_wrist_passes_its_singularity_at_one_degree():
+    run, _ = outcomes("stanford_wrist")
+    # The hand that is wanted passes the boom at 1°: the angle between the wanted z₆ and the boom's axis.
+    w, x, y, z = run["pose_ref"][:, 3:].T
+    forward = 2 * (x * z + w * y)  # x component of z₆; the boom lies along x
+    import numpy as np
+
+    assert np.degrees(np.arccos(forward.max())) == pytest.approx(1.0, abs=1e-3)
