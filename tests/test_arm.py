@@ -96,10 +96,13 @@ def test_jacobian_of_any_chain_is_the_derivative_of_its_pose(tmp_path_factory, s
         assert_allclose(J[:, j], want, rtol=0, atol=1e-8)  # central differences: h² and rounding over h
 
 
-def test_body_poses_are_mujocos(cart):
+def test_frames_are_mujocos_body_poses_and_jacobians(cart):
     q = np.array([[0.1, 0.2], [0.5, -0.4]])
-    poses = cart.body_poses(q)
+    poses, jacobians = cart.frames(q)
     data = mujoco.MjData(cart.model)
+    assert cart.body_names == ["world", "cart", "arm", "finger"]
+    assert cart.is_fixed.tolist() == [True, False, False, False]
+    assert_allclose(jacobians, [cart.jacobian(positions) for positions in q], atol=0)
     for positions, row in zip(q, poses, strict=True):
         data.qpos[:2] = positions
         mujoco.mj_forward(cart.model, data)

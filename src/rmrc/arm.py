@@ -117,7 +117,10 @@ class Arm:
 
     @cached_property
     def _data(self) -> mujoco.MjData:
-        return mujoco.MjData(self.model)
+        """State of the author's model, at `home` but for the arm's joints."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.configuration("home")
+        return data
 
     @cached_property
     def wiring(self) -> Wiring:
@@ -171,16 +174,31 @@ class Arm:
         mujoco.mj_jacSite(self.model, self._data, full[:3], full[3:], self.wiring.site)
         return full[:, self.wiring.dof]
 
-    def body_poses(self, q: Array) -> Array:
-        """Return the poses of all bodies in the world, (T, nbody, 7), for joint positions (T, n)."""
-        poses = np.empty((len(q), self.model.nbody, 7))
-        for row, positions in zip(poses, q, strict=True):
-            self._kinematics(positions)
+    def frames(self, q: Array) -> tuple[Array, Array]:
+        """Return what moves, for joint positions (T, n).
+
+        Returns:
+            Poses of all bodies in the world, (T, nbody, 7), and Jacobians of the site, (T, 6, n).
+        """
+        poses, jacobians = np.empty((len(q), self.model.nbody, 7)), np.empty((len(q), 6, self.n))
+        for row, jacobian, positions in zip(poses, jacobians, q, strict=True):
+            jacobian[:] = self.jacobian(positions)
             row[:, :3], row[:, 3:] = self._data.xpos, self._data.xquat
-        return poses
+        return poses, jacobians
+
+    @property
+    def body_names(self) -> list[str]:
+        """Names of all bodies, the world first; a body without one goes by its number."""
+        return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]
+
+    @property
+    def is_fixed(self) -> NDArray[np.bool_]:
+        """Which bodies are fixed to the world, (nbody,)."""
+        fixed: NDArray[np.bool_] = self.model.body_weldid == 0
+        return fixed
 
     def _kinematics(self, q: Sequence[float] | Array) -> None:
-        self._data.qpos[:] = self.configuration(q)
+        self._data.qpos[self.wiring.qpos] = q
         mujoco.mj_fwdKinematics(self.model, self._data)
 
     def adapted(self, plant: str, kv: Array, timestep: float, gravity_compensation: bool) -> mujoco.MjModel:

@@ -172,7 +172,7 @@ class Recorder:
         stream.log("/", rr.ViewCoordinates.RIGHT_HAND_Z_UP, static=True)
         for body in sorted({shape.body for shape in scene.shapes}):
             if scene.is_fixed[body]:
-                pose = prepared.arm.body_poses(prepared.qpos[prepared.arm.wiring.qpos][None])[0, body]
+                pose = prepared.arm.frames(prepared.qpos[prepared.arm.wiring.qpos][None])[0][0, body]
                 quaternion = rr.Quaternion(xyzw=xyzw(pose[3:]))
                 transform = rr.Transform3D(translation=pose[:3], quaternion=quaternion)
                 stream.log(self._body_path(body), transform, static=True)

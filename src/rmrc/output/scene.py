@@ -85,13 +85,11 @@ class Scene:
         self._held = np.array([row for row in rows if row > 2], int)
         self._below = prepared.scenario.control.inverse.damping.below
         self.shapes = arm.shapes()
-        model = arm.model
-        self.body_names = [model.body(b).name or f"body{b}" for b in range(model.nbody)]
-        self.is_fixed = model.body_weldid == 0
+        self.body_names, self.is_fixed = arm.body_names, arm.is_fixed
         self.path = prepared.reference.pose[:, :3]
 
         q = prepared.qpos[arm.wiring.qpos]
-        bodies, tip = arm.body_poses(q[None])[0], arm.pose(q)[:3]
+        bodies, tip = arm.frames(q[None])[0][0], arm.pose(q)[:3]
         moving = bodies[~self.is_fixed, :3]
         self.reach = float(np.linalg.norm(np.vstack([tip, self.path]) - moving[0], axis=1).max())
         boxes = [_box(shape, bodies[shape.body]) for shape in self.shapes]
@@ -120,11 +118,11 @@ class Scene:
         """
         q = part["q"][rows]
         u_min = part["u_min"][rows]
-        jacobians = np.array([self._arm.jacobian(positions) for positions in q]) * self._joint_scale
-        axes, sigma = principal(jacobians, self._rows, self._held)
+        bodies, jacobians = self._arm.frames(q)
+        axes, sigma = principal(jacobians * self._joint_scale, self._rows, self._held)
         velocity, force = half_axes(sigma, len(self._rows), self.reach)
         return Frames(
-            bodies=self._arm.body_poses(q),
+            bodies=bodies,
             tip=part["pose"][rows, :3],
             target=part["pose_ref"][rows, :3],
             axes=matrix_to_quat(axes),

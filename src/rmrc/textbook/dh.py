@@ -18,9 +18,7 @@ JointKind = Literal["revolute", "prismatic"]
 Convention = Literal["standard", "modified"]
 
 
-def dh_transform(
-    alpha: ArrayLike, a: ArrayLike, d: ArrayLike, theta: ArrayLike
-) -> NDArray[np.float64]:
+def dh_transform(alpha: ArrayLike, a: ArrayLike, d: ArrayLike, theta: ArrayLike) -> NDArray[np.float64]:
     """Return the standard link transform.
 
     T_i-1_i = Rot(z, θ_i) Trans(z, d_i) Trans(x, a_i) Rot(x, α_i) [Denavit55] [Paul81].
@@ -130,9 +128,7 @@ class DHChain:
             if kind not in get_args(JointKind):
                 raise ModelError(f'DH chain: joint kind "{kind}" is neither revolute nor prismatic')
         if self.convention not in get_args(Convention):
-            raise ModelError(
-                f'DH chain: convention "{self.convention}" is neither standard nor modified'
-            )
+            raise ModelError(f'DH chain: convention "{self.convention}" is neither standard nor modified')
 
     def link_transforms(self, q: ArrayLike) -> NDArray[np.float64]:
         """Return the pose of every frame in the frame before it.
@@ -153,9 +149,7 @@ class DHChain:
         alpha, a, d, theta = np.array(self.table, dtype=np.float64).T
         revolute = self._revolute()
         transform = modified_dh_transform if self.convention == "modified" else dh_transform
-        return transform(
-            alpha, a, d + np.where(revolute, 0.0, q), theta + np.where(revolute, q, 0.0)
-        )
+        return transform(alpha, a, d + np.where(revolute, 0.0, q), theta + np.where(revolute, q, 0.0))
 
     def frames(self, q: ArrayLike) -> NDArray[np.float64]:
         """Return the pose of every frame in frame {0}: T_0_i = T_0_1 T_1_2 ... T_i-1_i.
@@ -220,9 +214,7 @@ class DHChain:
 def _trigonometry(
     alpha: ArrayLike, a: ArrayLike, d: ArrayLike, theta: ArrayLike
 ) -> tuple[NDArray[np.float64], ...]:
-    alpha, a, d, theta = np.broadcast_arrays(
-        *(np.asarray(x, dtype=np.float64) for x in (alpha, a, d, theta))
-    )
+    alpha, a, d, theta = np.broadcast_arrays(*(np.asarray(x, dtype=np.float64) for x in (alpha, a, d, theta)))
     zero, one = np.zeros_like(a), np.ones_like(a)
     return np.cos(alpha), np.sin(alpha), np.cos(theta), np.sin(theta), a, d, zero, one
 

@@ -204,9 +204,7 @@ def two_link_rates(lengths: ArrayLike, q: ArrayLike, speed: float = 1.0) -> NDAr
                [ 1000., -2000.]])
     """
     if np.any(two_link_determinant(lengths, q) == 0.0):
-        raise np.linalg.LinAlgError(
-            "two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded"
-        )
+        raise np.linalg.LinAlgError("two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded")
     (l1, l2), (q1, q2) = _each(lengths), _each(q)
     rate1 = speed * np.cos(q1 + q2) / (l1 * np.sin(q2))
     return np.stack([rate1, -speed * np.cos(q1) / (l2 * np.sin(q2)) - rate1], axis=-1)
@@ -261,9 +259,7 @@ def three_link_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]
     x3, y3 = l3 * np.cos(q123), l3 * np.sin(q123)
     x2, y2 = l2 * np.cos(q12) + x3, l2 * np.sin(q12) + y3
     x1, y1 = l1 * np.cos(q1) + x2, l1 * np.sin(q1) + y2
-    columns = [
-        np.stack([-y, x, np.ones_like(x)], axis=-1) for x, y in ((x1, y1), (x2, y2), (x3, y3))
-    ]
+    columns = [np.stack([-y, x, np.ones_like(x)], axis=-1) for x, y in ((x1, y1), (x2, y2), (x3, y3))]
     return np.stack(columns, axis=-1)
 
 
