@@ -42,10 +42,13 @@ def resolve(J, v, wx, wq, method, tolerance=1e-6, lam=0.0):
 
 
 def projector(J, wq):
-    """Return N = I − J⁺_W J, the weighted null-space projector, from numpy's pseudoinverse."""
-    A = J / np.sqrt(wq)
-    P = np.eye(J.shape[1]) - np.linalg.pinv(A, rcond=1e-14) @ A
-    return P / np.sqrt(wq)[:, None] * np.sqrt(wq)
+    """Return N, the weighted projector onto the null space of J, from LAPACK's full set of right vectors.
+
+    Not as I − J⁺J: that loses as many digits as the condition number has.
+    """
+    _, sigma, vt = np.linalg.svd(J / np.sqrt(wq))
+    V0 = vt[np.sum(sigma > 1e-14 * sigma[0]) :].T
+    return (V0 @ V0.T) / np.sqrt(wq)[:, None] * np.sqrt(wq)
 
 
 class NumpyLoop:

@@ -36,7 +36,7 @@ def test_svd_decomposes_matrices_of_every_shape_and_rank(m, n):
 
 @given(
     arrays(np.float64, st.tuples(st.integers(1, 6), st.integers(1, 8)), elements=st.floats(-1, 1)),
-    st.sampled_from([1e-300, 1e-160, 1e-8, 1.0, 1e8, 1e160, 1e300]),
+    st.sampled_from([1e-300, 1e-160, 1e-90, 1e-50, 1e-8, 1.0, 1e8, 1e50, 1e90, 1e160, 1e300]),
 )
 def test_svd_is_finite_and_right_for_tiny_huge_zero_and_defective_matrices(a, scale):
     assert_decomposes(a * scale, *cold_svd(a * scale))

@@ -25,6 +25,9 @@ from rmrc.errors import did_you_mean
 # Flags become plain integers in compiled code.
 DAMPED, RATE_LIMITED, SINGULAR = map(int, (Status.DAMPED, Status.RATE_LIMITED, Status.SINGULAR))
 
+# κ ≥ 100 is called SINGULAR: the direction that dies takes a hundred times the joint rates of the best one.
+SINGULAR_BELOW = 0.01
+
 # Rotations accumulate rounding in the warm start; so often it is made orthonormal again. In 64 ticks of
 # some 30 rotations it has lost 1e-13 at the worst.
 REFRESH = 64
@@ -60,7 +63,7 @@ def resolve(world: Record, tick: Record) -> None:
     tick.status = (
         (DAMPED if tick.damping > 0.0 else 0)
         | (RATE_LIMITED if limited else 0)
-        | (SINGULAR if tick.sigma[world.k - 1] <= world.tolerance * tick.sigma[0] else 0)
+        | (SINGULAR if tick.sigma[world.k - 1] <= SINGULAR_BELOW * tick.sigma[0] else 0)
     )
 
 

@@ -19,8 +19,9 @@ SERIES = 1e-3
 SWEEPS_MAX = 30
 # Below this fraction of sigma_1 a singular value is rounding, and its long vector is noise.
 RANK_FLOOR = 1e-14
-# A sum of squares beyond these bounds has lost small entries, or will overflow; the matrix is then scaled.
-TINY, HUGE = 1e-200, 1e200
+# Products of two sums of squares must stay in range, and so must the smallest of them that counts; a matrix
+# whose sum of squares is beyond these bounds is scaled first.
+TINY, HUGE = 1e-120, 1e120
 
 
 @compiled
