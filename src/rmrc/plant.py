@@ -4,7 +4,10 @@
 sets the plant's input. MuJoCo then steps all worlds and leaves their kinematics fresh.
 """
 
+from collections.abc import Callable
 from enum import IntEnum
+from functools import partial
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -36,7 +39,6 @@ IDEAL, TORQUE = int(Plant.IDEAL), int(Plant.TORQUE)
 def tick(
     worlds: Record,
     ticks: Record,
-    t: int,
     reference: Array,
     state: Array,
     warning: NDArray[np.int32],
@@ -45,6 +47,7 @@ def tick(
     xanchor: Array,
     xaxis: Array,
     actuator_force: Array,
+    t: int,
 ) -> int:
     """Control all worlds for one tick; return how many of them are to be stepped.
 
@@ -53,7 +56,6 @@ def tick(
     Args:
         worlds: World records, (w,).
         ticks: Tick records, (ticks, w); row t is written.
-        t: Number of the tick.
         reference: Pose and twist of each reference at each tick, (r, ticks, 13).
         state: MuJoCo's state rows, (w, nstate); controls and wrenches are written.
         warning: MuJoCo's warning counters, (w, 7, 2).
@@ -62,6 +64,7 @@ def tick(
         xanchor: Joint anchors.
         xaxis: Joint axes.
         actuator_force: Forces of the last step.
+        t: Number of the tick.
     """
     running = 0
     for w in range(worlds.shape[0]):
@@ -253,12 +256,14 @@ class PlantBatch:
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
         read = [self._batch.bind(field) for field in fields]
-        self._arrays = (reference, self._batch.state, self._batch.warning, *read)
-        self._tick = machine_code(tick, worlds, ticks, 0, *self._arrays)
+        arrays: tuple[Any, ...] = (
+            worlds, ticks, reference, self._batch.state, self._batch.warning, *read
+        )  # fmt: skip
+        self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
         if self._plant == Plant.TORQUE:
             forces = [self._batch.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
-            self._forces = (worlds, self._batch.state, *forces, _mass_entries(model, wiring))
-            self._torque = machine_code(computed_torque, *self._forces)
+            arrays = (worlds, self._batch.state, *forces, _mass_entries(model, wiring))
+            self._torque: Callable[[], None] = partial(machine_code(computed_torque, *arrays), *arrays)
         is_ideal = self._plant == Plant.IDEAL
         self._stage = int(mujoco.mjtStage.mjSTAGE_POS if is_ideal else mujoco.mjtStage.mjSTAGE_VEL)
         self._batch.forward(stage=self._stage)
@@ -283,32 +288,37 @@ class PlantBatch:
         """
         if self.done >= len(self.ticks):
             return 0
-        worlds, ticks, arrays = self.worlds, self.ticks, self._arrays
-        tick, step, forward = self._tick, self._batch.step, self._batch.forward
-        stage, substeps = self._stage, self._substeps
-        ideal, torque = self._plant == Plant.IDEAL, self._plant == Plant.TORQUE
-        ids: NDArray[np.intp] | None = None
-        expected, t = len(worlds), self.done
+        control, proceed = self._tick, self._proceed(None)
+        expected, t = len(self.worlds), self.done
         try:
-            for t in range(self.done, min(self.done + count, len(ticks))):  # `finally` reads t
-                running = tick(worlds, ticks, t, *arrays)
+            for t in range(self.done, min(self.done + count, len(self.ticks))):  # `finally` reads t
+                running = control(t)
                 if running != expected:
-                    expected, ids = running, self._running(t)
+                    expected, proceed = running, self._proceed(self._running(t))
                     if running == 0:
                         break
-                if torque:
-                    self._torque(*self._forces)
                 try:
-                    if ideal:
-                        forward(ids, stage)
-                    else:
-                        step(ids, substeps, stage)
+                    proceed()
                 except SimulationError as error:
                     self._stop(error, t + 1)
                     expected = -1  # so that the next tick looks again
         finally:  # an interrupt may come before the row was written
-            self.done = t + bool((ticks["time"][t] >= 0.0).any())
-        return len(self._running(t)) if self.done < len(ticks) else 0
+            self.done = t + bool((self.ticks["time"][t] >= 0.0).any())
+        return len(self._running(t)) if self.done < len(self.ticks) else 0
+
+    def _proceed(self, ids: NDArray[np.intp] | None) -> Callable[[], None]:
+        """Return what brings some worlds, or all of them, to their next tick."""
+        if self._plant == Plant.IDEAL:
+            return partial(self._batch.forward, ids, self._stage)
+        step = partial(self._batch.step, ids, self._substeps, self._stage)
+        if self._plant == Plant.SERVO:
+            return step
+
+        def push_and_step() -> None:
+            self._torque()
+            step()
+
+        return push_and_step
 
     def _running(self, t: int) -> NDArray[np.intp]:
         worlds = self.worlds
