@@ -22,6 +22,8 @@ target: {path: [{line: {by: [0.05, 0.0]}}]}
 expect: {position_error.max: {below: 0.001}}
 """.replace("MODELS", str(ROOT / "models"))
 
+COMPILING = "rmrc: compiling the control law (once; kept for the next time) ...\n"
+
 
 @pytest.fixture
 def rmrc(tmp_path, monkeypatch, capfd):
@@ -34,7 +36,8 @@ def rmrc(tmp_path, monkeypatch, capfd):
         with pytest.raises(SystemExit) as caught:
             cli.main()
         out, err = capfd.readouterr()
-        return caught.value.code, out, err
+        # said by the first run ever only, which may be any of these
+        return caught.value.code, out, err.replace(COMPILING, "")
 
     return call
 
@@ -191,6 +194,22 @@ def test_schema_prints_every_key_and_json_for_editors(rmrc):
         assert key in out
     code, out, _ = rmrc("schema", "--json")
     assert code == 0 and "properties" in json.loads(out)
+
+
+def test_a_reader_that_has_enough_is_no_error():
+    piped = f"{sys.executable} -m rmrc schema --json | head -1; exit ${{PIPESTATUS[0]}}"
+    done = subprocess.run(["bash", "-c", piped], capture_output=True, text=True, check=False)
+    assert (done.stdout, done.stderr) == ("{\n", "")
+    assert done.returncode in (0, 1)  # 0 where the pipe took all before head had enough
+
+
+def test_the_first_run_ever_says_what_takes_so_long(tmp_path):
+    (tmp_path / "quick.yaml").write_text(QUICK)
+    done = subprocess.run(
+        [sys.executable, "-m", "rmrc", "run", "quick.yaml", "-q", "--no-record"],
+        cwd=tmp_path, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, check=True,
+    )  # fmt: skip
+    assert (done.stdout, done.stderr) == ("", COMPILING)
 
 
 def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):

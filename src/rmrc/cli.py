@@ -49,7 +49,7 @@ def main() -> NoReturn:
             _complain(f"error: {line}")
         sys.exit(EXIT_INPUT)
     except OSError as error:
-        if error.filename is None:  # not about a file: a bug, or a broken pipe below
+        if error.filename is None:  # not about a file: a bug
             raise
         _complain(f"error: {error.filename}: {(error.strerror or '').lower()}")
         sys.exit(EXIT_INPUT)
@@ -87,8 +87,12 @@ def run(
 
     console = Console(quiet=quiet)
     job = Job(scenarios.load(scenario, set_ or ()), out, record)
-    with _notice("compiling the control law (once; kept for the next time) ..."):
-        job.compile()
+    try:
+        with _notice("compiling the control law (once; kept for the next time) ..."):
+            job.compile()
+    except KeyboardInterrupt:
+        _complain("interrupted before the first tick")
+        raise typer.Exit(EXIT_INTERRUPTED) from None
     screen = Console(stderr=True)
     with Progress(
         TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(),

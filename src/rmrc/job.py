@@ -63,6 +63,7 @@ class Job:
             OSError: The folder cannot be written.
         """
         self.scenario, self.folder, self._record = scenario, folder, record
+        self._simulation: Simulation | None = None
         self.prepared = prepare(scenario)
         self._refuse_unknown_figures()
         folder.mkdir(parents=True, exist_ok=True)
@@ -80,9 +81,11 @@ class Job:
         """How many control ticks it will take."""
         return len(self.prepared.reference.time)
 
-    def compile(self) -> None:
+    def compile(self) -> Simulation:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        self._simulation = Simulation([self.prepared])
+        if self._simulation is None:
+            self._simulation = Simulation([self.prepared])
+        return self._simulation
 
     def run(self, on_ticks: Callable[[int], None] | None = None) -> Ended:
         """Run to the end, to divergence or to Ctrl-C, and write the files whichever it was.
@@ -90,14 +93,11 @@ class Job:
         Args:
             on_ticks: Called with the number of ticks of each block that was finished.
         """
-        if not hasattr(self, "_simulation"):
-            self.compile()
+        simulation = self.compile()
         with ExitStack() as stack:
             recorder = None
             if self._record:
-                from rmrc.output.recording import (
-                    Recorder,  # rerun takes a third of a second to import
-                )
+                from rmrc.output.recording import Recorder  # with rerun, a third of a second
 
                 recorder = stack.enter_context(Recorder(self._file(".rrd"), self.prepared))
 
@@ -109,10 +109,10 @@ class Job:
 
             interrupted = False
             try:
-                self._simulation.run(on_block)
+                simulation.run(on_block)
             except KeyboardInterrupt:
                 interrupted = True
-            (run,) = self._simulation.runs()
+            (run,) = simulation.runs()
             card = scorecard(run)
             outcomes = tuple(check(card, self.scenario.expect))
             ended = Ended(run, card, outcomes, tuple(self._files()), interrupted)

@@ -104,7 +104,7 @@ def resolved_rates(world: Record, gain: Array, rates: Array) -> None:
 
 @compiled
 def record_measures(world: Record, tick: Record) -> None:
-    """W = ∏σ, κ = σ_1/σ_k, the dying task direction u_min and the joint motion v_min that it takes."""
+    """Record w = ∏σ, κ = σ_1/σ_k, the dying task direction u_min and the joint motion v_min that it takes."""
     last = world.k - 1
     product = 1.0
     for i in range(world.k):
