@@ -52,16 +52,22 @@ def set_identity(basis: Array, size: int) -> None:
 
 
 @compiled
+def orthogonalize_row(rows: Array, i: int, size: int) -> None:
+    """Remove from row i what it has of the orthonormal rows before it, and give it length 1."""
+    for p in range(i):
+        along = dot(rows[i], rows[p], size)
+        for j in range(size):
+            rows[i, j] -= along * rows[p, j]
+    norm = math.sqrt(dot(rows[i], rows[i], size))
+    for j in range(size):
+        rows[i, j] /= norm
+
+
+@compiled
 def orthonormalize(basis: Array, size: int) -> None:
     """Make the rows of a nearly orthonormal (size, size) block orthonormal again (Gram-Schmidt)."""
     for i in range(size):
-        for p in range(i):
-            along = dot(basis[i], basis[p], size)
-            for j in range(size):
-                basis[i, j] -= along * basis[p, j]
-        norm = math.sqrt(dot(basis[i], basis[i], size))
-        for j in range(size):
-            basis[i, j] /= norm
+        orthogonalize_row(basis, i, size)
 
 
 @compiled
@@ -161,14 +167,8 @@ def complete_row(rows: Array, i: int, size: int) -> None:
             best, most = j, left
     for j in range(size):
         rows[i, j] = 1.0 if j == best else 0.0
-    for _ in range(2):  # a second pass removes what cancellation left by the first
-        for p in range(i):
-            along = dot(rows[i], rows[p], size)
-            for j in range(size):
-                rows[i, j] -= along * rows[p, j]
-    norm = math.sqrt(dot(rows[i], rows[i], size))
-    for j in range(size):
-        rows[i, j] /= norm
+    orthogonalize_row(rows, i, size)
+    orthogonalize_row(rows, i, size)  # removes what cancellation left by the first
 
 
 @compiled
