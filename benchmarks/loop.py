@@ -13,7 +13,6 @@ import json
 import statistics
 import sys
 import time
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import mujoco
@@ -121,18 +120,6 @@ def two_threads(rounds: int, worlds: int = 128) -> dict[str, float]:
     )
 
 
-def machine_threads(rounds: int, worlds: int = 128) -> dict[str, float]:
-    """The same of the C floor alone: what this machine's two processors give at best."""
-    prepared = world("stanford")
-    controls = closed_loop(prepared, 1)[1].runs()[0]["qdot_cmd"]
-
-    def two() -> float:
-        with ThreadPoolExecutor(2) as pool:
-            return max(pool.map(lambda half: floor(prepared, half, controls), [worlds // 2] * 2))
-
-    return ratios(rounds, lambda: floor(prepared, worlds, controls), two)
-
-
 def numpy_over_loop(worlds: int, rounds: int) -> dict[str, float]:
     """The plain numpy loop, world by world, over the closed loop."""
     prepared = world("stanford")
@@ -206,7 +193,6 @@ def main() -> None:
         for worlds in (1, 64)
     }
     table["1 thread / 2 threads, stanford, 128 worlds"] = two_threads(rounds)
-    table["the same of the C floor alone"] = machine_threads(rounds)
     for worlds in (1, 64):
         name = f"plain numpy loop / closed loop, stanford, {worlds} world{'s' * (worlds > 1)}"
         table[name] = numpy_over_loop(worlds, 3)
