@@ -14,7 +14,7 @@ from oracles import AXES, NumpyLoop
 from rmrc.arm import load
 from rmrc.preparation import prepare
 from rmrc.run import COLUMNS
-from rmrc.simulation import Simulation
+from rmrc.simulation import BLOCK, Simulation
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
 SIX = (
@@ -123,7 +123,7 @@ def test_an_interrupt_keeps_what_was_recorded(scenario):
 
     def interrupt(_, part):
         seen.append(len(part))
-        if sum(seen) >= 1000:
+        if sum(seen) >= BLOCK:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
@@ -213,7 +213,7 @@ def compare_random_chain(scenario, tmp_path_factory, seed):
     assert_same_run(run, NumpyLoop(prepared).run(), 1e-8)
 
 
-@pytest.mark.parametrize("call", [700, 500])  # in the middle of a block, and at the end of one
+@pytest.mark.parametrize("call", [700, BLOCK])  # in the middle of a block, and at the end of one
 def test_an_engine_error_stops_only_its_own_world(scenario, monkeypatch, call):
     prepared = prepare(scenario(REACH))
     (alone,) = Simulation([prepared]).run()

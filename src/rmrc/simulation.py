@@ -17,9 +17,9 @@ from rmrc.plant import PlantBatch
 from rmrc.preparation import Prepared, world_record
 from rmrc.run import COLUMNS, Divergence, Run
 
-# Ticks between two looks at the clock, the keyboard and the recording: half a second at 1 kHz. Large
-# enough that a block costs nothing, small enough that a killed process loses little.
-BLOCK = 500
+# Ticks between two looks at the clock, the keyboard and the recording: a second at 1 kHz. Large enough that a
+# block costs little, small enough that a killed process loses little.
+BLOCK = 1000
 
 OnBlock = Callable[[int, Run], None]
 
