@@ -1,6 +1,7 @@
 """The compiled loop against an independent one, and its promise: same world, same bits, whatever is beside it."""
 
 import dataclasses
+import threading
 
 import numpy as np
 import pytest
@@ -249,3 +250,13 @@ def test_the_package_lends_the_names_that_a_notebook_needs(scenario):
 @settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_many_chains_under_many_laws_equal_the_numpy_loop(scenario, tmp_path_factory, seed):
     compare_random_chain(scenario, tmp_path_factory, seed)
+
+
+def test_stop_ends_all_worlds_after_their_block_and_is_left_as_it_was(scenario):
+    prepared = [prepare(scenario(REACH)), prepare(scenario(REACH, "plant.kind=ideal"))]
+    stop = threading.Event()
+    runs = Simulation(prepared, 2).run(lambda *_: stop.set(), stop)
+    assert all(0 < len(run) <= 2 * BLOCK < run.planned for run in runs)
+    free = threading.Event()
+    assert all(run.is_complete for run in Simulation(prepared, 2).run(None, free))
+    assert not free.is_set()

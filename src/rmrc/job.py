@@ -2,8 +2,10 @@
 
 import json
 import platform
-from collections.abc import Callable
-from contextlib import ExitStack
+import signal
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
 from dataclasses import asdict, dataclass
 from importlib.metadata import version
 from pathlib import Path
@@ -107,15 +109,11 @@ class Job:
                 if on_ticks is not None:
                     on_ticks(len(part))
 
-            interrupted = False
-            try:
-                simulation.run(on_block)
-            except KeyboardInterrupt:
-                interrupted = True
-            (run,) = simulation.runs()
+            stop = stack.enter_context(_interruptible())
+            (run,) = simulation.run(on_block, stop)
             card = scorecard(run)
             outcomes = tuple(check(card, self.scenario.expect))
-            ended = Ended(run, card, outcomes, tuple(self._files()), interrupted)
+            ended = Ended(run, card, outcomes, tuple(self._files()), stop.is_set())
             run.save(self._file(".npz"))
             self._save_facts(ended)
             if recorder is not None:
@@ -146,3 +144,17 @@ class Job:
             temporary.write_text(
                 json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False) + "\n", "utf-8"
             )
+
+
+@contextmanager
+def _interruptible() -> Iterator[threading.Event]:
+    """Yield an event that Ctrl-C sets; nothing is torn out of a block or of a file that is being written."""
+    stop = threading.Event()
+    if threading.current_thread() is not threading.main_thread():  # Ctrl-C is not ours to handle
+        yield stop
+        return
+    previous = signal.signal(signal.SIGINT, lambda *_: stop.set())
+    try:
+        yield stop
+    finally:
+        signal.signal(signal.SIGINT, previous)

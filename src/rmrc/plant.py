@@ -244,7 +244,6 @@ class PlantBatch:
         """
         self.worlds = worlds
         self.ticks = ticks
-        self.ticks["time"] = -1.0  # not yet written
         self.done = 0
         self._plant = Plant(int(worlds["plant"][0]))
         self._substeps = substeps
@@ -289,9 +288,10 @@ class PlantBatch:
         if self.done >= len(self.ticks):
             return 0
         control, proceed = self._tick, self._proceed(None)
-        expected, t = len(self.worlds), self.done
+        expected, t, end = len(self.worlds), self.done, min(self.done + count, len(self.ticks))
+        self.ticks["time"][self.done : end] = -1.0  # not yet written
         try:
-            for t in range(self.done, min(self.done + count, len(self.ticks))):  # `finally` reads t
+            for t in range(self.done, end):  # `finally` reads t
                 running = control(t)
                 if running != expected:
                     expected, proceed = running, self._proceed(self._running(t))

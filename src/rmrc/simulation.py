@@ -94,20 +94,21 @@ class Simulation:
         self._threads = threads
         self._shards = [_shard(prepared, members) for members in _groups(prepared, threads)]
 
-    def run(self, on_block: OnBlock | None = None) -> list[Run]:
+    def run(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> list[Run]:
         """Step every world to its end and return a run for each, in the order of `prepared`.
 
         Args:
             on_block: Called after each block of ticks with the index of a world and the run of that
                 block alone; from any thread, one call at a time.
+            stop: Once it is set, every world stops after its current block.
 
         Raises:
             KeyboardInterrupt: Passed on, after `on_block` saw the last, shorter block.
         """
-        stop, lock = threading.Event(), threading.Lock()
+        stop, failed, lock = stop or threading.Event(), threading.Event(), threading.Lock()
 
         def work(shard: _Shard) -> None:
-            while not stop.is_set() and shard.advance(on_block, lock):
+            while not (stop.is_set() or failed.is_set()) and shard.advance(on_block, lock):
                 pass
 
         if len(self._shards) == 1:  # in the caller's thread, where Ctrl-C arrives
@@ -117,8 +118,9 @@ class Simulation:
                 try:
                     for result in [pool.submit(work, shard) for shard in self._shards]:
                         result.result()
-                finally:
-                    stop.set()
+                except BaseException:  # an interrupt, or an error of one thread: the others must not go on
+                    failed.set()
+                    raise
         return self.runs()
 
     def runs(self) -> list[Run]:
