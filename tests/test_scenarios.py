@@ -1,5 +1,6 @@
 """Every scenario that is shipped does what its `expect` says, and could fail to."""
 
+import numpy as np
 import pytest
 
 from project import ROOT
@@ -56,6 +57,4 @@ def test_stanford_wrist_passes_its_singularity_at_one_degree():
     # The hand that is wanted passes the boom at 1°: the angle between the wanted z₆ and the boom's axis.
     w, x, y, z = run["pose_ref"][:, 3:].T
     forward = 2 * (x * z + w * y)  # x component of z₆; the boom lies along x
-    import numpy as np
-
     assert np.degrees(np.arccos(forward.max())) == pytest.approx(1.0, abs=1e-3)

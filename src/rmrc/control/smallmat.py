@@ -34,16 +34,6 @@ def dot(a: Array, b: Array, size: int) -> float:
 
 
 @compiled
-def multiply(a: Array, x: Array, rows: int, columns: int, out: Array) -> None:
-    """Out = a @ x for the leading (rows, columns) block."""
-    for i in range(rows):
-        total = 0.0
-        for j in range(columns):
-            total += a[i, j] * x[j]
-        out[i] = total
-
-
-@compiled
 def set_identity(basis: Array, size: int) -> None:
     """Write the identity into the leading (size, size) block."""
     for i in range(size):
