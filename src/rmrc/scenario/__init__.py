@@ -49,6 +49,9 @@ from rmrc.scenario.sections import (
     NullspaceSection,
     PlantSection,
     Scenario,
+    SecondarySection,
+    SlowSection,
+    StopSection,
     TargetLimitsSection,
     TargetSection,
     TaskSection,
@@ -59,8 +62,9 @@ from rmrc.scenario.wording import show
 __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "Hold",
     "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
-    "PlantSection", "Scenario", "SchemaRow", "Section", "Segment", "TargetLimitsSection", "TargetSection",
-    "TaskSection", "Turn", "TurnSegment", "json_schema", "load", "loads", "schema_rows",
+    "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
+    "StopSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment",
+    "json_schema", "load", "loads", "schema_rows",
 ]  # fmt: skip
 
 
