@@ -37,11 +37,24 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("null_space", "control.nullspace.objective=none"),
         ("stanford_line", "control.feedback=1"),
         ("stanford_wrist", "control.inverse.method=inverse"),
+        ("full_reach", "control.inverse.method=pseudoinverse"),
+        ("beyond_reach", "control.inverse.method=inverse"),
+        ("stop_and_wait", "control.at_singularity=damp"),
+        ("stanford_wrist_close", "control.inverse.method=inverse"),
+        ("slow_wrist", "control.at_singularity=damp"),
+        ("algorithmic_singularity", "control.nullspace.secondary.priority=classical"),
+        ("joint_limit", "control.limits.on_excess=scale"),
+        ("posture_sweep", "control.nullspace.objective=none"),
     ],
 )
 def test_expectations_find_a_law_that_does_worse(name, fault):
     _, results = outcomes(name, fault)
     assert not all(outcome.ok for outcome in results)
+
+
+def test_every_scenario_has_a_fault_that_it_would_find():
+    (mark,) = test_expectations_find_a_law_that_does_worse.pytestmark
+    assert sorted(name for name, _ in mark.args[1]) == SCENARIOS
 
 
 def test_approach_comes_within_10_mm_of_full_reach_and_back():

@@ -1,7 +1,9 @@
 import pytest
 from scenario_texts import MINIMAL, problems
 
-METHODS = "inverse pseudoinverse truncated transpose damped filtered selectively_damped jparse".split()
+METHODS = (
+    "inverse", "pseudoinverse", "truncated", "transpose", "damped", "filtered", "selectively_damped", "jparse",
+)  # fmt: skip
 CHOICE = "must be one of " + ", ".join(f'"{name}"' for name in METHODS)
 ONE_OF = "must have exactly one of line, arc, turn, hold"
 FORM = "must have either axis and angle, or to"

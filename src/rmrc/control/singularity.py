@@ -23,7 +23,7 @@ def slow_down(world: Record, tick: Record) -> int:
 
     The rates a + ṡ b depend linearly on the pace. What b is now is known; to fall in time for what it will
     be, the pace keeps below what it could still follow if the limit went on falling as in the last tick.
-    Where the path leads out of reach, waiting does not help, and after some time it goes on: it may come back.
+    Where the path leads out of reach, waiting does not help; after some time it goes on, as it may come back.
 
     Args:
         world: Memory of the pace; task, and the gains' decomposition.
