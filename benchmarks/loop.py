@@ -1,6 +1,6 @@
 """How much the closed loop costs over the physics alone, as ratios measured in one run.
 
-    python benchmarks/loop.py [--rounds 7] [--json]
+    python benchmarks/loop.py [--rounds 7] [--json] [--only methods]
 
 The floor is MuJoCo's own C loop: the same batch, from the same state, fed with the very controls that the
 closed loop sent, so that both step the same motion. The closed loop adds the law (decomposition, scheduled
@@ -46,34 +46,39 @@ ARMS = {
     "planar_3link": ("tip", "x, y", "0.3, 0.3, 0", "-0.3, -0.3, 0"),
     "stanford": ("wrist", "x, y, z, rx, ry, rz", "0.2, 0.2, 0.2", "-0.2, -0.2, -0.2"),
 }
+# Every inverse and every schedule, on the 6-joint arm: none may cost much more than another.
+METHODS = {
+    "inverse": (), "pseudoinverse": (), "truncated": (), "transpose": (), "filtered": (),
+    "selectively_damped": (), "jparse": (), "damped": ("constant", "manipulability", "error", "rate_bound"),
+}  # fmt: skip
 # Seconds of stepping that go into one ratio.
 TIMING = 0.5
 
 
-def world(arm: str) -> Prepared:
+def world(arm: str, *overrides: str) -> Prepared:
     """Return the benchmark's scenario for an arm: there and back, always moving."""
     site, axes, by, back = ARMS[arm]
-    return prepare(loads(SCENARIO.format(root=ROOT, model=arm, site=site, axes=axes, by=by, back=back)))
+    text = SCENARIO.format(root=ROOT, model=arm, site=site, axes=axes, by=by, back=back)
+    return prepare(loads(text, overrides=overrides))
 
 
-def closed_loop(prepared: Prepared, worlds: int, threads: int = 1) -> tuple[float, Simulation]:
+def closed_loop(prepared: list[Prepared], threads: int = 1) -> tuple[float, Simulation]:
     """Return seconds of stepping, compiling and wiring excluded, and the simulation."""
-    simulation = Simulation([prepared] * worlds, threads)
+    simulation = Simulation(prepared, threads)
     started = time.perf_counter()
     simulation.run()
     return time.perf_counter() - started, simulation
 
 
-def floor(prepared: Prepared, worlds: int, controls: np.ndarray) -> float:
-    """Return seconds of stepping the same motion open loop, in C."""
+def floor(prepared: Prepared, controls: np.ndarray) -> float:
+    """Return seconds of stepping the same motions open loop, in C; controls are (worlds, ticks, n)."""
     plant = prepared.scenario.plant
     model = prepared.arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
-    batch = Batch(model, worlds, 1, persistent=True)
+    batch = Batch(model, len(controls), 1, persistent=True)
     batch.bind("qpos")[:] = prepared.qpos
     batch.forward()
-    control = np.broadcast_to(controls, (worlds, *controls.shape)).copy()
     started = time.perf_counter()
-    batch.rollout(len(controls), control, record=())
+    batch.rollout(controls.shape[1], controls, record=())
     return time.perf_counter() - started
 
 
@@ -91,32 +96,42 @@ def ratios(rounds: int, numerator, denominator) -> dict[str, float]:
     return {"min": min(found), "median": statistics.median(found), "max": max(found)}
 
 
-def over_floor(arm: str, worlds: int, rounds: int) -> dict[str, float]:
-    """Closed loop over floor."""
-    prepared = world(arm)
-    _, simulation = closed_loop(prepared, 1)
-    controls = simulation.runs()[0]["qdot_cmd"]
-    found = ratios(
-        rounds,
-        lambda: closed_loop(prepared, worlds)[0],
-        lambda: floor(prepared, worlds, controls),
-    )
-    ticks = worlds * len(controls)
-    found["floor_us"] = min(floor(prepared, worlds, controls) for _ in range(5)) / ticks * 1e6
+def over_floor(prepared: list[Prepared], rounds: int) -> dict[str, float]:
+    """Closed loop over floor, of worlds on one arm with paths of one length."""
+    controls = np.array([run["qdot_cmd"] for run in closed_loop(prepared)[1].runs()])
+    found = ratios(rounds, lambda: closed_loop(prepared)[0], lambda: floor(prepared[0], controls))
+    found["floor_us"] = min(floor(prepared[0], controls) for _ in range(5)) / controls[..., 0].size * 1e6
     return found
+
+
+def method_rows(rounds: int) -> dict[str, dict[str, float]]:
+    """Closed loop over floor for each inverse and schedule, and for worlds of all of them in one batch."""
+    rows, every = {}, []
+    for method, schedules in METHODS.items():
+        for schedule in schedules or ("",):
+            overrides = [f"control.inverse.method={method}"]
+            overrides += [f"control.inverse.damping.schedule={schedule}"] if schedule else []
+            one = world("stanford", *overrides)
+            every.append(one)
+            rows[f"closed loop / C floor, 64 worlds, {method} {schedule}".rstrip()] = over_floor(
+                [one] * 64, rounds
+            )
+    mixed = (every * 64)[:64]
+    rows["closed loop / C floor, 64 worlds, all of these in one batch"] = over_floor(mixed, rounds)
+    return rows
 
 
 def two_threads(rounds: int, worlds: int = 128) -> dict[str, float]:
     """One thread over two, after a check that both give the same bits."""
     prepared = world("stanford")
-    one, two = (closed_loop(prepared, worlds, threads)[1].runs() for threads in (1, 2))
+    one, two = (closed_loop([prepared] * worlds, threads)[1].runs() for threads in (1, 2))
     for a, b in zip(one, two, strict=True):
         for name in COLUMNS:
             np.testing.assert_array_equal(a[name], b[name])
     return ratios(
         rounds,
-        lambda: closed_loop(prepared, worlds, 1)[0],
-        lambda: closed_loop(prepared, worlds, 2)[0],
+        lambda: closed_loop([prepared] * worlds, 1)[0],
+        lambda: closed_loop([prepared] * worlds, 2)[0],
     )
 
 
@@ -130,7 +145,7 @@ def numpy_over_loop(worlds: int, rounds: int) -> dict[str, float]:
         loop.run()
         return (time.perf_counter() - started) * worlds
 
-    return ratios(rounds, plain, lambda: closed_loop(prepared, worlds)[0])
+    return ratios(rounds, plain, lambda: closed_loop([prepared] * worlds)[0])
 
 
 def pieces(arm: str) -> dict[str, float]:
@@ -139,7 +154,7 @@ def pieces(arm: str) -> dict[str, float]:
     The parts are timed on their own, hot in the caches, so that their sum is a little below the loop.
     """
     prepared = world(arm)
-    seconds, simulation = closed_loop(prepared, 1)
+    seconds, simulation = closed_loop([prepared])
     (run,) = simulation.runs()
     plant = prepared.scenario.plant
     model = prepared.arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
@@ -153,7 +168,7 @@ def pieces(arm: str) -> dict[str, float]:
     for _ in range(calls):
         batch.step(None, 1, int(mujoco.mjtStage.mjSTAGE_VEL))
     step = (time.perf_counter() - started) / calls * 1e6
-    floor_us = floor(prepared, 1, run["qdot_cmd"]) / len(run) * 1e6
+    floor_us = floor(prepared, run["qdot_cmd"][None].copy()) / len(run) * 1e6
     record = np.array([world_record(prepared, 0)])
     law_args = record[0], np.zeros(1, tick_type(prepared.arm.n))[0]
     record["J"][0, :, : prepared.arm.n] = prepared.arm.jacobian(run["q"][0])
@@ -185,25 +200,38 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--only", choices=["methods"], help="measure the rows of the methods alone")
     arguments = parser.parse_args()
     rounds = arguments.rounds
+    if arguments.only:
+        show(method_rows(rounds), {}, arguments.json)
+        return
     table = {
-        f"closed loop / C floor, {arm}, {worlds} world{'s' * (worlds > 1)}": over_floor(arm, worlds, rounds)
+        f"closed loop / C floor, {arm}, {worlds} world{'s' * (worlds > 1)}": over_floor(
+            [world(arm)] * worlds, rounds
+        )
         for arm in ARMS
         for worlds in (1, 64)
     }
+    table |= method_rows(rounds)
     table["1 thread / 2 threads, stanford, 128 worlds"] = two_threads(rounds)
     for worlds in (1, 64):
         name = f"plain numpy loop / closed loop, stanford, {worlds} world{'s' * (worlds > 1)}"
         table[name] = numpy_over_loop(worlds, 3)
-    parts = {arm: pieces(arm) for arm in ARMS}
-    if arguments.json:
+    show(table, {arm: pieces(arm) for arm in ARMS}, arguments.json)
+
+
+def show(table: dict[str, dict[str, float]], parts: dict[str, dict[str, float]], as_json: bool) -> None:
+    """Print ratios, and the parts of a tick if there are any."""
+    if as_json:
         print(json.dumps(table | {"pieces, us a tick": parts}, indent=2))
         return
-    print(f"{'ratio':<58}{'min':>8}{'median':>8}{'max':>8}   floor, us a step")
+    print(f"{'ratio':<62}{'min':>8}{'median':>8}{'max':>8}   floor, us a step")
     for name, row in table.items():
         floor_us = f"{row['floor_us']:>16.2f}" if "floor_us" in row else ""
-        print(f"{name:<58}{row['min']:>8.2f}{row['median']:>8.2f}{row['max']:>8.2f}{floor_us}")
+        print(f"{name:<62}{row['min']:>8.2f}{row['median']:>8.2f}{row['max']:>8.2f}{floor_us}")
+    if not parts:
+        return
     print(f"\n{'us a tick of one world':<50}" + "".join(f"{arm:>14}" for arm in parts))
     for piece in next(iter(parts.values())):
         print(f"{piece:<50}" + "".join(f"{parts[arm][piece]:>14.2f}" for arm in parts))

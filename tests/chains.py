@@ -6,21 +6,30 @@ from hypothesis import strategies as st
 seeds = st.integers(0, 2**32 - 1)
 
 
-def random_chain(seed, n=None):
-    """Return the MJCF of a chain of 1 to 8 joints, with a free body and a side branch that are not its own."""
-    rng = np.random.default_rng(seed)
+def random_chain(seed, n=None, ranges=False):
+    """Return the MJCF of a chain of 1 to 8 joints, with a free body and a side branch that are not its own.
+
+    With `ranges`, every other joint or so has position limits around 0, and the middle body a site `middle`.
+    """
+    rng, more = np.random.default_rng(seed), np.random.default_rng([seed, 1])
     n = int(rng.integers(1, 9)) if n is None else n
     text = lambda values: " ".join(f"{value:.17g}" for value in values)  # noqa: E731
     bodies, closing = "", ""
     for j in range(n):
         kind = "slide" if rng.random() < 0.3 else "hinge"
         quat = rng.normal(size=4)
+        reach = more.uniform(0.3, 1.2, 2) * (
+            180 / np.pi if kind == "hinge" else 1.0
+        )  # degrees, as MJCF has it
+        limits = f'range="{text([-reach[0], reach[1]])}" ' if ranges and more.random() < 0.5 else ""
         bodies += (
             f'<body name="b{j}" pos="{text(rng.uniform(-0.4, 0.4, 3))}" quat="{text(quat)}">'
             f'<joint name="j{j}" type="{kind}" axis="{text(rng.normal(size=3))}" pos="{text(rng.uniform(-0.1, 0.1, 3))}" '
-            f'armature="0.1"/><geom type="capsule" fromto="0 0 0 {text(rng.uniform(-0.3, 0.3, 3))}" size="0.03"/>'
+            f'{limits}armature="0.1"/><geom type="capsule" fromto="0 0 0 {text(rng.uniform(-0.3, 0.3, 3))}" size="0.03"/>'
         )
         closing += "</body>"
+        if ranges and j == n // 2:
+            bodies += '<site name="middle" pos="0.1 0.2 -0.1"/>'
         if j == 0:  # a branch, so that dof numbers are not joint numbers of the arm
             bodies += '<body name="side"><joint name="side" axis="1 0 0"/><geom size="0.05"/></body>'
     site = f'<site name="tip" pos="{text(rng.uniform(-0.3, 0.3, 3))}" quat="{text(rng.normal(size=4))}"/>'

@@ -1,54 +1,88 @@
 """Independent implementations that the tests hold rmrc against: plain numpy and scipy, one world, no records.
 
-Nothing here shares code with the compiled law: damped inverses are solved from their normal equations,
-rotations are scipy's, the Jacobian is `mj_jacSite`, and the physics is stepped on one `MjData`.
+Nothing here shares code with the compiled law: rotations are scipy's, the Jacobian is `mj_jacSite`, gradients are
+differences, and the physics is stepped on one `MjData`; the inverses are in `oracle_inverse`, the limits and the
+pace in `oracle_limits`.
 """
+
+import math
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-AXES = ("x", "y", "z", "rx", "ry", "rz")
+from oracle_inverse import (
+    AXES,
+    damping,
+    generalized_inverse,
+    projector,
+    resolve,
+    scaled_jacobian,
+    scaling,
+    second_inverse,
+)
+from oracle_limits import bounds, fastest_pace, next_pace, redistributed, scaled
+from rmrc.control.records import Status
+
+__all__ = [
+    "AXES",
+    "Kinematics",
+    "NumpyLoop",
+    "damping",
+    "generalized_inverse",
+    "projector",
+    "resolve",
+    "scaling",
+]
 
 
-def scaling(task_weights, axes, length, joint_weights, is_slide):
-    """Return the diagonals of W_x (rows that count) and W_q with the characteristic length in them."""
-    rows = [AXES.index(axis) for axis in axes]
-    wx = np.array(task_weights, float) * np.array([1 / length**2 if r < 3 else 1.0 for r in rows])
-    wq = np.array(joint_weights, float) / np.where(is_slide, length**2, 1.0)
-    return wx, wq
+class Kinematics:
+    """Poses and Jacobians of sites at any positions of the arm's joints, without touching the simulation."""
 
+    def __init__(self, model, qpos, joints):
+        self.model, self.data = model, mujoco.MjData(model)
+        self.data.qpos[:] = qpos
+        self.dof = [int(model.joint(name).dofadr[0]) for name in joints]
+        self.qpos = [int(model.joint(name).qposadr[0]) for name in joints]
+        self.is_slide = np.array(
+            [model.joint(name).type[0] == mujoco.mjtJoint.mjJNT_SLIDE for name in joints]
+        )
 
-def damping(schedule, maximum, below, sigma_min):
-    """Return λ by the formulas of the schedules."""
-    if schedule == "constant":
-        return maximum
-    return np.sqrt(max(0.0, 1 - (sigma_min / below) ** 2) * maximum**2)
+    def at(self, q, site):
+        """Return position, Rotation and Jacobian (6, n) of a site."""
+        self.data.qpos[self.qpos] = q
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        full = np.zeros((6, self.model.nv))
+        mujoco.mj_jacSite(self.model, self.data, full[:3], full[3:], site)
+        quat = np.zeros(4)
+        mujoco.mju_mat2Quat(quat, self.data.site_xmat[site])
+        turn = Rotation.from_quat(quat, scalar_first=True)
+        return self.data.site_xpos[site].copy(), turn, full[:, self.dof]
 
+    def structural_rank(self, site, rows, samples=20):
+        """Return the rank of a task almost everywhere: the largest that is found at random."""
+        rng = np.random.default_rng(0)
+        ranks = []
+        for _ in range(samples):
+            q = np.where(
+                self.is_slide, rng.uniform(-1, 1, len(self.qpos)), rng.uniform(-3, 3, len(self.qpos))
+            )
+            J = self.at(q, site)[2][rows]
+            ranks.append(np.linalg.matrix_rank(J, tol=1e-9 * np.linalg.norm(J)))
+        return max(ranks)
 
-def resolve(J, v, wx, wq, method, tolerance=1e-6, lam=0.0):
-    """Return weighted resolved rates of one task, by a route without an SVD where there is one."""
-    m, n = J.shape
-    if method == "inverse":
-        return np.linalg.solve(J, v)
-    if method == "damped" and lam > 0:
-        if m <= n:  # right inverse: W_q⁻¹ Jᵀ (J W_q⁻¹ Jᵀ + λ² W_x⁻¹)⁻¹ v
-            return (J.T / wq[:, None]) @ np.linalg.solve((J / wq) @ J.T + lam**2 * np.diag(1 / wx), v)
-        # left inverse: (Jᵀ W_x J + λ² W_q)⁻¹ Jᵀ W_x v
-        return np.linalg.solve(J.T @ (wx[:, None] * J) + lam**2 * np.diag(wq), J.T @ (wx * v))
-    A = np.sqrt(wx)[:, None] * J / np.sqrt(wq)
-    rcond = tolerance if method == "pseudoinverse" else 1e-14
-    return np.linalg.pinv(A, rcond=rcond) @ (np.sqrt(wx) * v) / np.sqrt(wq)
+    def gradient(self, f, q, site):
+        """Return the derivatives of f(Jacobian of a site) with respect to q, by differences of sixth order.
 
-
-def projector(J, wq):
-    """Return N, the weighted projector onto the null space of J, from LAPACK's full set of right vectors.
-
-    Not as I − J⁺J: that loses as many digits as the condition number has.
-    """
-    _, sigma, vt = np.linalg.svd(J / np.sqrt(wq))
-    V0 = vt[np.sum(sigma > 1e-14 * sigma[0]) :].T
-    return (V0 @ V0.T) / np.sqrt(wq)[:, None] * np.sqrt(wq)
+        With this step rounding gives 1e-13, and what is left out less.
+        """
+        change, step = np.zeros(len(q)), 2e-3
+        for j in range(len(q)):
+            for i, factor in ((-3, -1), (-2, 9), (-1, -45), (1, 45), (2, -9), (3, 1)):
+                moved = q + i * step * (np.arange(len(q)) == j)
+                change[j] += factor / (60 * step) * f(self.at(moved, site)[2])
+        return change
 
 
 class NumpyLoop:
@@ -65,8 +99,8 @@ class NumpyLoop:
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = prepared.qpos
         self.substeps = round(self.scenario.control.period / plant.timestep)
-        self.dof = [int(self.model.joint(name).dofadr[0]) for name in self.arm.joints]
-        self.qpos = [int(self.model.joint(name).qposadr[0]) for name in self.arm.joints]
+        self.kinematics = Kinematics(self.model, prepared.qpos, self.arm.joints)
+        self.dof, self.qpos = self.kinematics.dof, self.kinematics.qpos
         self.ctrl = [
             i
             for name in self.arm.joints
@@ -79,15 +113,46 @@ class NumpyLoop:
             task.weights or np.ones(len(task.axes)), task.axes, task.length,
             control.joint_weights or np.ones(n), self.arm.is_slide,
         )  # fmt: skip
+        self.rows = [AXES.index(axis) for axis in task.axes]
+        self.site = self.model.site(self.arm.site).id
+        self.rank = self.kinematics.structural_rank(self.site, self.rows)
+        limits = control.limits
+        self.rate = np.broadcast_to(self.arm.rate_limit if limits.rate is None else limits.rate, n)
+        self.acceleration = np.broadcast_to(np.inf if limits.acceleration is None else limits.acceleration, n)
         self.start = prepared.qpos[self.qpos]
+        if control.nullspace.objective == "secondary":
+            self.start_second(control.nullspace.secondary)
         self.last = np.zeros(n)
+        self.path_tick, self.pace, self.share = 0.0, 1.0, 1.0
+        self.fastest, self.falling, self.advance = None, 0.0, 0.0
+
+    def start_second(self, second):
+        """Find the second task's site and the pose that it shall have."""
+        self.site_2 = self.model.site(second.site or self.arm.site).id
+        self.rows_2 = [AXES.index(axis) for axis in second.axes]
+        # the same scales as the task's, all its weights 1
+        self.wx_2, _ = scaling(np.ones(len(self.rows_2)), second.axes, self.scenario.task.length, [], [])
+        point, turn, _ = self.kinematics.at(self.start, self.site_2)
+        wanted = np.concatenate([point, np.zeros(3)])
+        if second.to is not None:
+            wanted[self.rows_2] = second.to
+        self.wanted_2 = wanted[:3], Rotation.from_rotvec(wanted[3:]) * turn
 
     def run(self):
         """Return the columns of the whole run as a dict of arrays."""
-        rows = [self.tick(t) for t in range(len(self.reference.time))]
+        planned, control = len(self.reference.time), self.scenario.control
+        slows = control.at_singularity == "slow"
+        rows = []
+        for _ in range(math.ceil(control.slow.longest * planned) if slows else planned):
+            is_last = self.path_tick >= planned - 1
+            rows.append(self.tick())
+            if is_last:
+                break
+            tick = min(self.path_tick + self.pace, planned - 1.0)
+            self.advance, self.path_tick = tick - self.path_tick, tick
         return {name: np.array([row[name] for row in rows]) for name in rows[0]}
 
-    def tick(self, t):
+    def tick(self):
         model, data, plant = self.model, self.data, self.scenario.plant
         tau = data.actuator_force[self.ctrl].copy()
         if plant.kind == "ideal":
@@ -96,8 +161,8 @@ class NumpyLoop:
         else:
             mujoco.mj_step1(model, data)
             qdot = data.qvel[self.dof].copy()
-        row = self.law(t, qdot)
-        row["tau"] = tau
+        row = self.law(data.qpos[self.qpos].copy())
+        row["qdot"], row["tau"] = qdot, tau
         cmd = row["qdot_cmd"]
         if plant.kind == "ideal":
             data.qpos[self.qpos] += self.scenario.control.period * cmd
@@ -111,10 +176,11 @@ class NumpyLoop:
         return row
 
     def push(self):
-        site = self.model.site(self.arm.site)
-        body = int(site.bodyid[0])
+        body = int(self.model.site_bodyid[self.site])
         wrench = np.array(self.scenario.plant.wrench)
-        arm = self.data.site_xpos[site.id] - self.data.xipos[body]
+        if not wrench.any():
+            return
+        arm = self.data.site_xpos[self.site] - self.data.xipos[body]
         self.data.xfrc_applied[body] = [*wrench[:3], *(wrench[3:] + np.cross(arm, wrench[:3]))]
 
     def torque(self, cmd, qdot):
@@ -125,45 +191,180 @@ class NumpyLoop:
         bias = self.data.qfrc_bias - self.data.qfrc_passive
         return M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
 
-    def law(self, t, qdot):
-        control, task = self.scenario.control, self.scenario.task
-        data, site = self.data, self.model.site(self.arm.site).id
-        q = data.qpos[self.qpos].copy()
-        full = np.zeros((6, self.model.nv))
-        mujoco.mj_jacSite(self.model, data, full[:3], full[3:], site)
-        rows = [AXES.index(axis) for axis in task.axes]
-        J = full[:, self.dof][rows]
-        pose_ref, twist_ref = self.reference.pose[t], self.reference.twist[t]
-        R = Rotation.from_matrix(data.site_xmat[site].reshape(3, 3))
-        R_ref = Rotation.from_quat(pose_ref[3:], scalar_first=True)
-        error = np.concatenate([pose_ref[:3] - data.site_xpos[site], (R_ref * R.inv()).as_rotvec()])
-        v = (control.feedforward * twist_ref + control.feedback * error)[rows]
-        A = np.sqrt(self.wx)[:, None] * J / np.sqrt(self.wq)
-        sigma = np.linalg.svd(A, compute_uv=False)
-        inverse = control.inverse
-        lam = 0.0
-        if inverse.method == "damped":
-            lam = damping(inverse.damping.schedule, inverse.damping.maximum, inverse.damping.below, sigma[-1])
-        cmd = resolve(J, v, self.wx, self.wq, inverse.method, inverse.tolerance, lam)
-        if control.nullspace.objective == "posture":
-            posture = self.start if control.nullspace.posture is None else control.nullspace.posture
-            cmd = cmd + projector(J, self.wq) @ (control.nullspace.gain * (posture - q))
-        return {
+    def law(self, q):
+        """Return the row of a tick: (3), inverse, null space, pace, stop, limits."""
+        control = self.scenario.control
+        point, turn, full = self.kinematics.at(q, self.site)
+        J = full[self.rows]
+        pose_ref, twist_ref = self.wanted()
+        error = pose_error(pose_ref[:3], Rotation.from_quat(pose_ref[3:], scalar_first=True), point, turn)
+        forward = control.feedforward * twist_ref[self.rows]
+        v = self.pace * forward + control.feedback * error[self.rows]
+        lam = self.damping(J, v, error)
+        G = self.inverse(J, v, lam)
+        drift, row = self.drift(q, J, G @ v)
+        rates = G @ v + drift
+        if control.at_singularity == "slow":
+            change = self.choose_pace(rates, G @ forward)
+            rates, v = rates + change * (G @ forward), v + change * forward
+        sigma = self.sigma(J)
+        if control.at_singularity == "stop":
+            self.hold(q, sigma, rates)
+            rates, v, drift = self.share * rates, self.share * v, self.share * drift
+        status = Status.SLOWED * (self.pace < 1) | Status.STOPPED * (self.share < 1)
+        status |= Status.SINGULAR * bool(sigma[-1] <= sigma[0] / 100)
+        cmd, limited = self.limit(q, J, v, lam, drift, rates)
+        if control.inverse.method != "transpose":  # at rest its α is rounding over rounding
+            row["gain"] = self.gains(J, G)
+        return row | {
             "q": q,
-            "qdot": qdot,
-            "qdot_cmd": self.limit(cmd),
+            "qdot_cmd": cmd,
             "pose_error": error,
+            "pose_ref": pose_ref,
+            "twist_ref": self.pace * twist_ref,
             "sigma": sigma,
             "damping": lam,
+            "path_time": self.path_tick * control.period,
+            "path_rate": self.pace,
+            "status": status,
+            "limited": limited,
         }
 
-    def limit(self, cmd):
-        limits = self.scenario.control.limits
-        bound = np.broadcast_to(
-            self.arm.rate_limit if limits.rate is None else np.array(limits.rate), cmd.shape
+    def wanted(self):
+        """Return pose and twist of the reference at the path time, between its ticks if need be."""
+        i = int(self.path_tick)
+        pose, twist, f = self.reference.pose[i], self.reference.twist[i], self.path_tick - i
+        if f == 0:
+            return pose, twist
+        other, quat = self.reference.pose[i + 1], self.reference.pose[i + 1, 3:]
+        quat = (1 - f) * pose[3:] + f * (quat if quat @ pose[3:] >= 0 else -quat)
+        point = (1 - f) * pose[:3] + f * other[:3]
+        twist = (1 - f) * twist + f * self.reference.twist[i + 1]
+        return np.concatenate([point, quat / np.linalg.norm(quat)]), twist
+
+    def sigma(self, J):
+        return np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), compute_uv=False)
+
+    def gains(self, J, G):
+        """Return how much a generalized inverse gives of each direction of A."""
+        u, _, vt = np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), full_matrices=False)
+        return np.sum(vt.T * (np.sqrt(self.wq)[:, None] * G / np.sqrt(self.wx) @ u), axis=0)
+
+    def damping(self, J, v, error):
+        """Return λ of the tick (12)."""
+        inverse, d = self.scenario.control.inverse, self.scenario.control.inverse.damping
+        if inverse.method not in ("damped", "filtered"):
+            return 0.0
+        sigma, is_filter = self.sigma(J), inverse.method == "filtered"
+        return damping(
+            "smallest_singular_value" if is_filter else d.schedule, d.maximum, d.below, sigma[-1],
+            w=np.prod(sigma), w_below=d.manipulability_below,
+            error=np.linalg.norm(np.sqrt(self.wx) * error[self.rows]), error_gain=d.error_gain,
+            A=scaled_jacobian(J, self.wx, self.wq), t=np.sqrt(self.wx) * v, bound=inverse.rate_bound,
+        )  # fmt: skip
+
+    def inverse(self, J, v, lam):
+        """Return the matrix that makes rates of v (8)."""
+        inverse, d = self.scenario.control.inverse, self.scenario.control.inverse.damping
+        return generalized_inverse(
+            J, v, self.wx, self.wq, inverse.method, inverse.tolerance, lam, cutoff=inverse.cutoff,
+            gamma=inverse.gamma, bound=inverse.rate_bound, maximum=d.maximum, below=d.below,
+        )  # fmt: skip
+
+    def drift(self, q, J, resolved):
+        """Return N qdot0 (16), (17), and the columns of a second task."""
+        nullspace = self.scenario.control.nullspace
+        row = {"secondary_error": np.nan, "secondary_sigma": np.nan}
+        if nullspace.objective == "none":
+            return np.zeros(len(q)), row
+        N = projector(np.sqrt(self.wx)[:, None] * J, self.wq, self.rank)
+        if nullspace.objective == "posture":
+            posture = self.start if nullspace.posture is None else np.array(nullspace.posture)
+            wished = nullspace.gain * (posture - q)
+        elif nullspace.objective == "joint_limits":
+            lower, upper = self.arm.position_limit.T
+            limited = np.isfinite(upper - lower)
+            slope = np.zeros(len(q))
+            low, high = lower[limited], upper[limited]
+            slope[limited] = (q[limited] - (low + high) / 2) / (high - low) ** 2 / len(q)
+            wished = -nullspace.gain * slope / self.wq
+        elif nullspace.objective == "manipulability":
+            w = lambda full: np.prod(self.sigma(full[self.rows]))  # noqa: E731
+            wished = nullspace.gain * self.kinematics.gradient(w, q, self.site) / self.wq
+        elif nullspace.objective == "rates":
+            wished = np.array(nullspace.rates)
+        elif nullspace.objective == "secondary":
+            wished, row = self.second_task(q, N, resolved)
+        return N @ wished, row
+
+    def second_task(self, q, N, resolved):
+        """Return S_q y_2 (18) and the columns of the second task."""
+        second, S_q = self.scenario.control.nullspace.secondary, 1 / np.sqrt(self.wq)
+        point, turn, full = self.kinematics.at(q, self.site_2)
+        error = pose_error(*self.wanted_2, point, turn)[self.rows_2]
+        A, t = (
+            scaled_jacobian(full[self.rows_2], self.wx_2, self.wq),
+            np.sqrt(self.wx_2) * second.feedback * error,
         )
-        if limits.on_excess == "scale":
-            return cmd / max(1.0, np.max(np.abs(cmd) / bound))
+        AP = A @ (N / S_q[:, None] * S_q)
+        if second.priority == "classical":
+            y = second_inverse(AP, np.linalg.norm(A), second.damping) @ (t - A @ (resolved / S_q))
+        else:
+            y = second_inverse(A, np.linalg.norm(A), second.damping) @ t
+        left = np.linalg.svd(AP, compute_uv=False)[-1]
+        return S_q * y, {"secondary_error": np.linalg.norm(error), "secondary_sigma": left}
+
+    def choose_pace(self, rates, forward):
+        """Choose ṡ by (19) and (20), and return how much it changes."""
+        control, last = self.scenario.control, self.pace
+        fastest = fastest_pace(rates - last * forward, forward, self.rate)
+        if self.advance > 1e-3:  # of a tick: less says nothing about how the fastest pace changes
+            self.falling = (self.fastest - fastest) / (self.advance * control.period)
+        self.fastest = fastest
+        self.pace = next_pace(last, fastest, self.falling, control.slow.change, control.period)
+        return self.pace - last
+
+    def hold(self, q, sigma, rates):
+        """Move β towards 0 near a singularity, unless the rates lead out of it, and towards 1 elsewhere."""
+        stop = self.scenario.control.stop
+        near = sigma[-1] <= stop.sigma
+        if stop.condition is not None:
+            near = near or sigma[0] >= stop.condition * sigma[-1]
+        if near:
+            smallest = lambda full: self.sigma(full[self.rows])[-1]  # noqa: E731
+            ahead, behind = (smallest(self.kinematics.at(q + h * rates, self.site)[2]) for h in (1e-6, -1e-6))
+            near = ahead <= behind
+        step = stop.change * self.scenario.control.period
+        self.share = max(0.0, self.share - step) if near else min(1.0, self.share + step)
+
+    def limit(self, q, J, v, lam, drift, rates):
+        """Return rates within the limits (21) to (24), and which of the limits can have changed them."""
+        limits, period = self.scenario.control.limits, self.scenario.control.period
+        if limits.on_excess == "none":
+            return rates, Status.OK
+        position = self.arm.position_limit if limits.position else np.tile([-np.inf, np.inf], (len(q), 1))
+        deceleration = np.minimum(limits.braking, self.acceleration)
+        rest_lo, rest_up, lower, upper = bounds(
+            q, self.last, self.rate, self.acceleration, deceleration, position, period
+        )
+        redistributes = limits.on_excess == "redistribute"
+        excess = redistributes or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
+        limited = Status.RATE_LIMITED * bool(excess and np.isfinite(self.rate).any())
+        limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(self.acceleration).any())
+        limited |= Status.POSITION_LIMITED * bool(np.any(np.minimum(rest_up, -rest_lo) < self.rate))
         if limits.on_excess == "clamp":
-            return np.clip(cmd, -bound, bound)
-        return cmd
+            return np.clip(rates, lower, upper), limited
+        if redistributes:
+            if np.all((lower <= rates) & (rates <= upper)):
+                return rates, limited  # qdot(1), with the gains from before pace and stop changed the command
+            A = lambda J: scaled_jacobian(J, self.wx, self.wq)  # noqa: E731
+            found = redistributed(J, v, drift, lower, upper, A, lambda J: self.inverse(J, v, lam))
+            if found is not None:
+                return found, limited
+        change = self.acceleration * period
+        return scaled(rates, self.last, change, rest_lo, rest_up, lower, upper), limited
+
+
+def pose_error(point_ref, turn_ref, point, turn):
+    """Return [p_ref − p; log(R_ref Rᵀ)] (2)."""
+    return np.concatenate([point_ref - point, (turn_ref * turn.inv()).as_rotvec()])

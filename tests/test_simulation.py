@@ -1,18 +1,20 @@
 """The compiled loop against an independent one, and its promise: same world, same bits, whatever is beside it."""
 
 import dataclasses
+import json
 import threading
 
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, assume, given, settings
 from mujoco.batch import Batch, SimulationError
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
 from rmrc.arm import load
+from rmrc.control.records import Status
 from rmrc.preparation import prepare
 from rmrc.run import COLUMNS
 from rmrc.simulation import BLOCK, Simulation
@@ -20,91 +22,192 @@ from rmrc.simulation import BLOCK, Simulation
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
 SIX = (
     "task.axes=[x, y, z, rx, ry, rz]",
-    "target.path=[{line: {by: [0.1, 0.1, 0.1], turn: {axis: z, angle: 0.3}}}]",
+    "target.path=[{line: {by: [0.03, 0.03, 0.03], turn: {axis: z, angle: 0.1}}}]",
 )
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
 REACH = "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.5, 0]}}]"  # to 10 mm from full reach and back
+SHORT = "target.path=[{line: {by: [0.1, 0.1]}}]"
+COARSE = "control.period=0.002"  # the oracle takes half a millisecond a tick
+NEAR = (
+    COARSE, "arm.start=[15 deg, -30 deg]", "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.95, 0]}}]",
+)  # fmt: skip
+POSITION = (*STANFORD, COARSE, "task.axes=[x, y, z]", "target.path=[{line: {by: [0.05, 0.05, 0.05]}}]")
+WEIGHTED = ("task.length=0.5", "control.joint_weights=[1, 2, 3, 1, 1, 1]")
+PLANAR = (*THREE, COARSE, "target.path=[{line: {by: [0.05, 0.05]}}]")
+FOLDED = (*PLANAR, "arm.start=[0, 90 deg, 155 deg]")  # the last joint 5 deg from its limit
+DRIFT = "control.nullspace={objective: rates, rates: [1, -1, 1]}"
+METHOD, SCHEDULE = "control.inverse.method=", "control.inverse.damping.schedule="
+OBJECTIVE, ON_EXCESS = "control.nullspace.objective=", "control.limits.on_excess="
 
-# Every method, schedule, objective, limit, plant and weighting at least once, in square, wide and tall tasks.
+
+def second(text):
+    """Return the overrides of a second task."""
+    return (OBJECTIVE + "secondary", f"control.nullspace.secondary={{{text}}}")
+
+
+# Every method, schedule, objective, priority, limit, policy, plant and weighting at least once, in square, wide and
+# tall tasks.
 VARIANTS = {
-    "inverse": ("control.inverse.method=inverse",),
-    "inverse, 6 joints": (*STANFORD, *SIX, "control.inverse.method=inverse"),
-    "pseudoinverse, wide": (*THREE, "control.inverse.method=pseudoinverse"),
-    "pseudoinverse, tall": ("task.axes=[x, y, rz]", "control.inverse.method=pseudoinverse"),
-    "damped, reach": (REACH,),
-    "damped, constant": (REACH, "control.inverse.damping.schedule=constant"),
+    "inverse": (SHORT, METHOD + "inverse",),
+    "inverse, 6 joints": (*STANFORD, *SIX, METHOD + "inverse"),
+    "pseudoinverse, wide": (*THREE, SHORT, METHOD + "pseudoinverse"),
+    "pseudoinverse, tall": (SHORT, "task.axes=[x, y, rz]", METHOD + "pseudoinverse"),
+    "truncated": (*NEAR, METHOD + "truncated", "control.inverse.cutoff=0.1"),
+    "truncated, 6 joints": (*STANFORD, *SIX, METHOD + "truncated", "control.inverse.cutoff=0.5", "plant.kind=torque"),
+    "transpose": (SHORT, METHOD + "transpose",),
+    "transpose, wide and weighted": (
+        *PLANAR, METHOD + "transpose", "control.joint_weights=[3, 1, 0.5]", "task.weights=[1, 4]",
+    ),
+    "damped": NEAR,
+    "damped, constant": (*NEAR, SCHEDULE + "constant"),
     "damped, tall and weighted": (
-        "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]",
-        "control.inverse.damping.schedule=constant",
+        SHORT, "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]", SCHEDULE + "constant",
     ),
     "damped, wide and weighted": (
-        *THREE, "task.weights=[1, 4]", "control.joint_weights=[3, 1, 0.5]", "control.nullspace.objective=posture",
+        *THREE, SHORT, "task.weights=[1, 4]", "control.joint_weights=[3, 1, 0.5]", OBJECTIVE + "posture",
         "control.nullspace.posture=[0.5, -1, 0.5]",
     ),
+    "damped by manipulability": (*NEAR, SCHEDULE + "manipulability"),
+    "damped by error": (
+        *NEAR, SCHEDULE + "error", "control.inverse.damping.error_gain=50", "task.weights=[1, 4]", "task.length=2",
+    ),
+    "damped to a rate bound": (*NEAR, SCHEDULE + "rate_bound", "control.inverse.rate_bound=0.5"),
+    "damped to a rate bound, 6 joints": (
+        *STANFORD, *SIX, *WEIGHTED, SCHEDULE + "rate_bound", "control.inverse.rate_bound=0.3",
+    ),
+    "filtered": (*NEAR, METHOD + "filtered"),
+    "filtered, 6 joints": (*STANFORD, *SIX, METHOD + "filtered", "control.inverse.damping.below=0.8"),
+    "selectively damped": (*NEAR, METHOD + "selectively_damped", "control.inverse.rate_bound=0.5"),
+    "selectively damped, tall and weighted": (
+        SHORT, "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]",
+        METHOD + "selectively_damped", "control.inverse.rate_bound=0.3",
+    ),
+    "jparse": (*NEAR, METHOD + "jparse"),
+    "jparse, 6 joints": (*STANFORD, *SIX, *WEIGHTED, METHOD + "jparse", "control.inverse.gamma=0.3"),
     "6 joints, weighted, length": (
-        *STANFORD, *SIX, "task.length=0.5", "control.joint_weights=[1, 2, 3, 1, 1, 1]",
-        "task.weights=[1, 1, 1, 0.1, 0.1, 0.1]", "control.inverse.damping.schedule=constant",
+        *STANFORD, *SIX, *WEIGHTED, "task.weights=[1, 1, 1, 0.1, 0.1, 0.1]", SCHEDULE + "constant",
     ),
-    "position only, null space": (
-        *STANFORD, "task.axes=[x, y, z]", "control.nullspace.objective=posture", "control.nullspace.gain=0.5",
-        "control.nullspace.posture=[0.1, 1, 0.8, 0.2, 1, 0.3]", "target.path=[{line: {by: [0.1, 0.1, 0.1]}}]",
+    "posture": (
+        *POSITION, OBJECTIVE + "posture", "control.nullspace.gain=0.5",
+        "control.nullspace.posture=[0.1, 1, 0.8, 0.2, 1, 0.3]",
     ),
-    "scaled rates": (REACH, "control.limits.rate=0.4"),
-    "clamped rates": (REACH, "control.limits.rate=[0.4, 0.6]", "control.limits.on_excess=clamp"),
-    "no feed-forward": ("control.feedforward=false",),
-    "no feedback": ("control.feedback=0",),
-    "ideal": (REACH, "plant.kind=ideal", "control.period=0.002"),
-    "torque": ("plant.kind=torque",),
+    "joint limits": (*POSITION, *WEIGHTED, OBJECTIVE + "joint_limits", "control.nullspace.gain=3"),
+    "manipulability": (*PLANAR, OBJECTIVE + "manipulability", "control.joint_weights=[3, 1, 0.5]"),
+    "manipulability, 6 joints": (
+        *POSITION, "target.path=[{line: {by: [0.01, 0, 0.01]}}]", *WEIGHTED, OBJECTIVE + "manipulability",
+    ),
+    "rates, through a row that never moves": (*PLANAR, "task.axes=[x, y, z]", DRIFT),
+    "second task, classical": (
+        *POSITION, *WEIGHTED, *second("site: wrist, axes: [x, z], to: [0.6, 0.6], priority: classical"),
+    ),
+    "second task, classical, undamped": (
+        *POSITION, *second("axes: [ry], to: [0.2], priority: classical, damping: 0, feedback: 2"),
+    ),
+    "second task, robust, where it starts": (*PLANAR, *second("site: wrist, axes: [x, y]")),
+    "second task, robust, undamped, a turn": (
+        *POSITION, *WEIGHTED, *second("axes: [rx, ry, rz], to: [0.3, 0.2, -0.4], damping: 0"),
+    ),
+    "scaled rates": (*NEAR, "control.limits.rate=0.4"),
+    "clamped rates": (*NEAR, "control.limits.rate=[0.4, 0.6]", ON_EXCESS + "clamp"),
+    "free rates": (*PLANAR, DRIFT, "control.limits.rate=0.3", ON_EXCESS + "none"),
+    "redistributed rates": (*PLANAR, DRIFT, "control.limits.rate=[0.4, 0.3, 0.2]", ON_EXCESS + "redistribute"),
+    "scaled, all limits": (*FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: 2, braking: 1}"),
+    "clamped, all limits": (
+        *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: [2, 1, 2], braking: 3, on_excess: clamp}",
+    ),
+    "redistributed, all limits": (
+        *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: 2, braking: 1, on_excess: redistribute}",
+        "control.joint_weights=[3, 1, 0.5]",
+    ),
+    "no position limits": (*FOLDED, DRIFT, "control.limits.position=false", "plant.kind=ideal"),
+    "slow": (*NEAR, "control.at_singularity=slow", "control.limits={rate: 0.5, acceleration: 5}"),
+    "slow, but not long, redistributed": (
+        *NEAR, "control.at_singularity=slow", "control.slow={longest: 1.2, change: 2}",
+        "control.limits={rate: 0.3, on_excess: redistribute}", METHOD + "jparse", "plant.kind=torque",
+    ),
+    "slow, 6 joints": (
+        *STANFORD, *SIX, "control.at_singularity=slow", "control.limits.rate=0.3", METHOD + "filtered",
+        "plant.kind=ideal",
+    ),
+    "stop": (*NEAR, "control.at_singularity=stop", "control.stop.sigma=0.12"),
+    "stop, by condition": (
+        *NEAR, "control.at_singularity=stop", "control.stop={condition: 15, change: 30}",
+        "control.limits.acceleration=5", "plant.kind=ideal",
+    ),
+    "stop, redistributed": (
+        *PLANAR, DRIFT, "control.at_singularity=stop", "control.stop={sigma: 0.82}",
+        "control.limits={rate: 0.3, acceleration: 4, on_excess: redistribute}",
+    ),
+    "no feed-forward": (SHORT, "control.feedforward=false",),
+    "no feedback": (SHORT, "control.feedback=0",),
+    "ideal": (*NEAR, "plant.kind=ideal"),
+    "torque": (SHORT, "plant.kind=torque",),
     "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", "control.period=0.002"),
     "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
 }  # fmt: skip
 
 
 def assert_same_run(run, want, rtol):
-    """Each column that the oracle has, within rtol of its largest value."""
-    for name, column in want.items():
-        scale = max(1.0, np.abs(column).max())
+    """Each column that the oracle has, within rtol of its largest value; and no bit that does not belong there."""
+    assert len(run) == len(want["q"])
+    known = Status.SLOWED | Status.STOPPED | Status.SINGULAR
+    limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
+    assert_array_equal(run["status"] & known, want["status"])
+    assert_array_equal(run["status"] & limits & ~want["limited"], 0, err_msg="a limit that is not there")
+    for name in want.keys() - {"status", "limited"}:
+        column = want[name]
+        scale = np.abs(column[np.isfinite(column)]).max(initial=1.0)
         assert_allclose(run[name], column, rtol=0, atol=rtol * scale, err_msg=name)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_compiled_loop_equals_the_numpy_loop_over_a_whole_run(simulate, variant):
     prepared, run = simulate(*VARIANTS[variant])
-    assert run.is_complete and run.divergence is None
+    assert run.divergence is None
     # 1e-9: both round differently, 1e-16 a tick, and physics and feedback carry it along for 1e3 ticks
     assert_same_run(run, NumpyLoop(prepared).run(), 1e-9)
 
 
-@pytest.mark.parametrize("fault", ["feedback", "damping", "joint_weights"])
+OFF = {
+    "feedback": ((*NEAR,), "control.feedback=20.00002"),
+    "joint_weights": ((*NEAR, SCHEDULE + "constant"), "control.joint_weights=[1, 1.000001]"),
+    "damping": (NEAR, "control.inverse.damping.maximum=0.1000001"),
+    "manipulability_below": ((*NEAR, SCHEDULE + "manipulability"), "control.inverse.damping.manipulability_below=0.3000003"),
+    "error_gain": (VARIANTS["damped by error"], "control.inverse.damping.error_gain=50.00005"),
+    "rate_bound": (VARIANTS["damped to a rate bound"], "control.inverse.rate_bound=0.5000005"),
+    "cutoff": ((*NEAR, METHOD + "truncated", "control.inverse.cutoff=0.1"), "control.inverse.cutoff=0.11"),
+    "clamp of a direction": (VARIANTS["selectively damped"], "control.inverse.rate_bound=0.5000005"),
+    "gamma": (VARIANTS["jparse"], "control.inverse.gamma=0.1000001"),
+    "slope of w": (VARIANTS["manipulability"], "control.nullspace.gain=1.000001"),
+    "secondary.damping": (VARIANTS["second task, classical"], "control.nullspace.secondary.damping=0.05000005"),
+    "braking": (VARIANTS["scaled, all limits"], "control.limits.braking=1.000001"),
+    "acceleration": (VARIANTS["clamped, all limits"], "control.limits.acceleration=[2, 1.000001, 2]"),
+    "saturation": (VARIANTS["redistributed rates"], "control.limits.rate=[0.4, 0.3, 0.2000002]"),
+    "slow.change": (VARIANTS["slow"], "control.slow.change=10.00001"),
+    "stop.change": (VARIANTS["stop"], "control.stop.change=10.00001"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("fault", OFF)
 def test_the_comparison_finds_a_law_that_is_off_by_a_millionth(scenario, fault):
-    prepared = prepare(scenario(REACH, "control.joint_weights=[1, 1]"))
-    (run,) = Simulation([prepared]).run()
-    wrong = {
-        "feedback": ["control.feedback=20.00002"],
-        "damping": ["control.inverse.damping.maximum=0.1000001"],
-        "joint_weights": ["control.joint_weights=[1, 1.000001]"],
-    }[fault]
-    other = prepare(scenario(REACH, "control.joint_weights=[1, 1]", *wrong))
-    with pytest.raises(AssertionError):
-        assert_same_run(run, NumpyLoop(other).run(), 1e-9)
+    # A threshold that is off by so little may not be felt at any tick; the one of `truncated` is off by more.
+    overrides, wrong = OFF[fault]
+    (run,) = Simulation([prepare(scenario(*overrides))]).run()
+    with pytest.raises(AssertionError, match="Not equal to tolerance"):
+        assert_same_run(run, NumpyLoop(prepare(scenario(*overrides, wrong))).run(), 1e-9)
 
 
 def test_the_same_world_gives_the_same_bits_alone_among_others_and_on_threads(scenario):
-    chosen = [
-        (REACH,), (REACH, "control.inverse.method=pseudoinverse"), (REACH, "control.inverse.method=inverse"),
-        (REACH, "arm.start=[50 deg, -100 deg]", "control.nullspace.objective=posture"),
-        ("control.limits.rate=0.3",), ("task.axes=[x, y, rz]",), ("plant.kind=torque",), ("plant.kind=ideal",),
-        (REACH, "plant.kv=500"), (REACH, "control.inverse.damping.schedule=constant"), STANFORD + SIX,
-    ]  # fmt: skip
+    chosen = [(REACH,), (REACH, "plant.kv=500"), *VARIANTS.values()]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
     alone = [Simulation([one]).run()[0] for one in prepared]
     for threads in (1, 2, 3):
         for run, want in zip(Simulation(prepared, threads).run(), alone, strict=True):
             for name in COLUMNS:
-                np.testing.assert_array_equal(run[name], want[name])
+                assert_array_equal(run[name], want[name])
     again = Simulation([prepare(scenario(*chosen[0]))]).run()[0]
     for name in COLUMNS:
-        np.testing.assert_array_equal(again[name], alone[0][name])
+        assert_array_equal(again[name], alone[0][name])
 
 
 def test_blocks_are_the_run_in_pieces(scenario):
@@ -114,7 +217,7 @@ def test_blocks_are_the_run_in_pieces(scenario):
     for parts, run in zip(pieces, runs, strict=True):
         for name in COLUMNS:
             joined = np.concatenate([part[name] for part in parts])
-            np.testing.assert_array_equal(joined, run[name])
+            assert_array_equal(joined, run[name])
 
 
 def test_an_interrupt_keeps_what_was_recorded(scenario):
@@ -132,7 +235,7 @@ def test_an_interrupt_keeps_what_was_recorded(scenario):
     (run,) = simulation.runs()
     assert len(run) == sum(seen) < len(full)
     assert not run.is_complete and run.divergence is None
-    np.testing.assert_array_equal(run["q"], full["q"][: len(run)])
+    assert_array_equal(run["q"], full["q"][: len(run)])
 
 
 def nan_at(prepared, tick):
@@ -156,9 +259,9 @@ def test_divergence_stops_its_own_world_and_keeps_what_it_has(scenario, plant, t
         "position, rate or command is not finite or beyond 1e10"
     )
     for name in COLUMNS:
-        np.testing.assert_array_equal(first[name], alone[name])
-        np.testing.assert_array_equal(third[name], alone[name])
-        np.testing.assert_array_equal(second[name], alone[name][:700])
+        assert_array_equal(first[name], alone[name])
+        assert_array_equal(third[name], alone[name])
+        assert_array_equal(second[name], alone[name][:700])
     assert list(tmp_path.iterdir()) == []  # no MUJOCO_LOG.TXT
 
 
@@ -185,32 +288,90 @@ def test_any_chain_under_any_law_equals_the_numpy_loop(scenario, tmp_path_factor
     compare_random_chain(scenario, tmp_path_factory, seed)
 
 
+def draw_law(rng, arm, start, axes):
+    """Return the overrides of any law for an arm: every choice that a scenario has."""
+    n, m = arm.n, len(axes)
+    choose = lambda *names: str(rng.choice(names))  # noqa: E731
+    vector = lambda low, high, size: rng.uniform(low, high, size).tolist()  # noqa: E731
+    methods = ["pseudoinverse", "truncated", "transpose", "filtered", "selectively_damped", "jparse"]
+    methods += ["damped"] * 5 + ["inverse"] * (m == n)
+    schedules = ["constant", "manipulability", "smallest_singular_value", "error", "rate_bound"]
+    objectives = ["none", "posture", "joint_limits", "manipulability", "rates", "secondary"]
+    axes_2 = [axis for axis in AXES if rng.random() < 0.3] or ["z"]
+    acceleration = [None, float(rng.uniform(1, 10))][rng.integers(2)]
+    return {
+        "inverse": {
+            "method": choose(*methods), "cutoff": rng.uniform(0.05, 0.5), "gamma": rng.uniform(0.05, 0.5),
+            "rate_bound": rng.uniform(0.1, 1),
+            "damping": {
+                "schedule": choose(*schedules), "maximum": rng.uniform(0.05, 0.5), "below": rng.uniform(0.2, 0.6),
+                "manipulability_below": rng.uniform(0.05, 0.5), "error_gain": rng.uniform(1, 100),
+            },
+        },
+        "joint_weights": vector(0.3, 3, n),
+        "nullspace": {
+            "objective": choose(*objectives), "gain": rng.uniform(0.5, 5), "posture": (start + 0.2).tolist(),
+            "rates": vector(-1, 1, n),
+            "secondary": {
+                "site": choose("tip", "middle"), "axes": axes_2, "to": vector(-0.5, 0.5, len(axes_2)),
+                "priority": choose("classical", "robust"), "damping": rng.uniform(0.02, 0.2),
+            },
+        },
+        "limits": {
+            "rate": rng.uniform(0.3, 3), "acceleration": acceleration, "braking": rng.uniform(0.5, 5),
+            "on_excess": choose("scale", "clamp", "redistribute", "none"),
+        },
+        "at_singularity": choose("damp", "slow", "stop"),
+        "slow": {"change": rng.uniform(2, 20), "longest": 1.5},
+        "stop": {"sigma": rng.uniform(0.05, 0.5), "condition": rng.uniform(5, 50), "change": rng.uniform(2, 20)},
+    }  # fmt: skip
+
+
+def amplifies_rounding(control, run):
+    """Return whether a law turns rounding into more than the comparison lets pass, somewhere in a run."""
+    method, schedule = control["inverse"]["method"], control["inverse"]["damping"]["schedule"]
+    objective, limits = control["nullspace"]["objective"], control["limits"]
+    ratio = np.min(run["sigma"][:, -1] / run["sigma"][:, 0])
+    if method == "transpose" and ratio < 0.15:
+        # α may be 1/σ_k², for which the closed loop is stable, tick by tick, where K · period · κ² is less than 2
+        return True
+    if objective == "manipulability" and ratio < 0.02:
+        return True  # the oracle's differences are of a function with an edge where σ_k is 0
+    if (
+        control["at_singularity"] == "stop"
+        and run["sigma"][0, -1] < 0.5
+        and np.abs(run["qdot_cmd"][0]).max() < 1e-9
+    ):
+        return True  # whether rates of 1e-17 raise σ_k is rounding
+    if control["at_singularity"] == "stop" and ratio < 1e-9:
+        return True  # and so is whether any rates raise one that is 0 everywhere
+    if limits["on_excess"] == "redistribute" and objective != "none":
+        return True  # which joint bounds a task of 1e-17, as it is at rest, is rounding
+    is_continuous = method in ("filtered", "jparse") or schedule in ("constant", "smallest_singular_value")
+    return ratio < 1e-3 and not (is_continuous and method in ("damped", "filtered", "jparse"))
+
+
 def compare_random_chain(scenario, tmp_path_factory, seed):
     """Chains that nobody drew, with joints that are not the arm's, and every choice drawn with them."""
     rng = np.random.default_rng(seed)
     path = tmp_path_factory.mktemp("chain") / "model.xml"
-    path.write_text(random_chain(seed))
-    n = load(path, "tip").n
-    axes = [axis for axis in AXES if rng.random() < 0.6] or ["y"]
-    start = rng.uniform(-1, 1, n)
-    methods = ["damped", "pseudoinverse"] + (["inverse"] if len(axes) == n else [])
+    path.write_text(random_chain(seed, ranges=True))
+    arm = load(path, "tip")
+    axes = [axis for axis in AXES if rng.random() < 0.5] or ["y"]
+    low, high = np.clip(arm.position_limit, -1, 1).T
+    start = low + (high - low) * rng.uniform(0.02, 0.98, arm.n)
+    control = draw_law(rng, arm, start, axes)
     chosen = [
         f"arm.model={path}", f"arm.start={start.tolist()}", f"task.axes=[{', '.join(axes)}]",
-        f"control.inverse.method={rng.choice(methods)}", f"control.inverse.damping.maximum={rng.uniform(0.05, 0.5)}",
-        f"control.inverse.damping.schedule={rng.choice(['constant', 'smallest_singular_value'])}",
-        f"control.joint_weights={rng.uniform(0.3, 3, n).tolist()}",
+        f"control={json.dumps(control)}",
         f"task.weights={rng.uniform(0.3, 3, len(axes)).tolist()}", f"task.length={rng.uniform(0.3, 3)}",
-        f"control.nullspace={{objective: {rng.choice(['none', 'posture'])}, posture: {(start + 0.2).tolist()}}}",
-        f"control.limits.rate={rng.uniform(0.3, 3)}", f"control.limits.on_excess={rng.choice(['scale', 'clamp'])}",
-        f"plant.kind={rng.choice(['ideal', 'servo', 'torque'])}",
+        f"plant.kind={rng.choice(['ideal', 'servo', 'torque'])}", COARSE,
         "target.path=[{line: {by: [0.02, 0.02, 0.02], turn: {axis: x, angle: 0.05}}}]",
     ]  # fmt: skip
     prepared = prepare(scenario(*chosen))
     (run,) = Simulation([prepared]).run()
-    assert run.is_complete
-    # Undamped rates near rank loss amplify rounding by 1/σ; a pseudoinverse even jumps at its tolerance.
-    ratio = run["sigma"][:, -1] / run["sigma"][:, 0]
-    assume("damped" in chosen[3] or ratio.min() > 1e-3)
+    assert run.divergence is None
+    assume(not amplifies_rounding(control, run))
     assert_same_run(run, NumpyLoop(prepared).run(), 1e-8)
 
 
@@ -232,9 +393,9 @@ def test_an_engine_error_stops_only_its_own_world(scenario, monkeypatch, call):
     assert len(runs[1]) == call
     assert runs[1].divergence.tick == call and "mj_stackAlloc: out of memory" in runs[1].divergence.reason
     for name in COLUMNS:
-        np.testing.assert_array_equal(runs[0][name], alone[name])
-        np.testing.assert_array_equal(runs[2][name], alone[name])
-        np.testing.assert_array_equal(runs[1][name], alone[name][:call])
+        assert_array_equal(runs[0][name], alone[name])
+        assert_array_equal(runs[2][name], alone[name])
+        assert_array_equal(runs[1][name], alone[name][:call])
 
 
 def test_the_package_lends_the_names_that_a_notebook_needs(scenario):

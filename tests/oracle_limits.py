@@ -1,0 +1,99 @@
+"""The limits and the pace along the path, for the oracle: plain numpy, each function one equation of the theory."""
+
+import numpy as np
+
+
+def fastest_pace(a, b, rate_limit):
+    """Return s*, the largest pace up to 100 at which |a + s b| stays within 95 % of the rate limits (19)."""
+    room = 0.95 * rate_limit
+    if np.any(np.abs(a) > room):
+        return 0.0
+    moving = b != 0
+    return np.min((room - np.sign(b) * a)[moving] / np.abs(b)[moving], initial=100.0)
+
+
+def safe_pace(fastest, falling, change):
+    """Return the pace from which one that falls by `change` stays below a line that falls by `falling` (20)."""
+    x = change / falling if falling > 0 else np.inf
+    return fastest if fastest <= x else np.sqrt(x * (2 * fastest - x))
+
+
+def next_pace(last, fastest, falling, change, period):
+    """Return the pace of this tick: 1 or as safe as can be, and not far from the last one."""
+    step = change * period
+    return max(0.0, np.clip(min(1.0, safe_pace(fastest, falling, change)), last - step, last + step))
+
+
+def brake(distance, deceleration, period):
+    """Return the largest rates from which joints stop within a distance (21)."""
+    distance, deceleration = np.broadcast_arrays(np.asarray(distance, float), deceleration)
+    rate = np.full(distance.shape, np.inf)
+    rate[distance <= 0] = 0.0
+    some = (distance > 0) & np.isfinite(distance)
+    d, b = distance[some], deceleration[some]
+    ticks = -0.5 + np.sqrt(0.25 + 2 * d / (b * period**2))
+    rate[some] = np.minimum(b * period * ticks, d / period)
+    return rate
+
+
+def bounds(q, last, rate, acceleration, deceleration, position, period):
+    """Return rest_lo, rest_up, lower and upper (22); `position` is (n, 2)."""
+    rest_lo = -np.minimum(rate, brake(q - position[:, 0], deceleration, period))
+    rest_up = np.minimum(rate, brake(position[:, 1] - q, deceleration, period))
+    reach = last - acceleration * period, last + acceleration * period
+    return rest_lo, rest_up, np.clip(rest_lo, *reach), np.clip(rest_up, *reach)
+
+
+def scaled(rates, last, change, rest_lo, rest_up, lower, upper):
+    """Return rates that keep their direction, as do their changes, as far as the bounds let them (23)."""
+    moving = rates != 0
+    room = np.where(rates > 0, rest_up, rest_lo)
+    rates = rates * np.min(room[moving] / rates[moving], initial=1.0)
+    step = rates - last
+    rates = last + step * np.min(change[step != 0] / np.abs(step[step != 0]), initial=1.0)
+    return np.clip(rates, lower, upper)
+
+
+def bounding(a, b, lower, upper, free):
+    """Return from which s to which s·a + b is within bounds, and which free joint bounds s where."""
+    inside = (lower <= b) & (b <= upper)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ends = np.sort([(lower - b) / a, (upper - b) / a], axis=0)
+    # a joint that does not depend on s always or never is within its bounds
+    first = np.where(a == 0, np.where(inside, -np.inf, np.inf), ends[0])[free]
+    last = np.where(a == 0, np.where(inside, np.inf, -np.inf), ends[1])[free]
+    j = np.flatnonzero(free)[len(last) - 1 - np.argmin(last[::-1])]
+    return first.max(), last.min(), j, upper[j] if (a + b)[j] > upper[j] else lower[j]
+
+
+def redistributed(J, v, drift, lower, upper, scaled_jacobian, invert):
+    """Return rates where the free joints take over what the saturated ones cannot do (24), or None.
+
+    Args:
+        J: Jacobian of the task.
+        v: The task's twist.
+        drift: Rates N qdot0 that the task does not feel.
+        lower: Bounds of the rates.
+        upper: The same.
+        scaled_jacobian: Function: Jacobian -> A.
+        invert: Function: Jacobian -> its generalized inverse.
+    """
+    m, n = J.shape
+    lost = 1e-6 * np.linalg.norm(scaled_jacobian(J), 2)
+    drift, free = drift.copy(), np.ones(n, bool)
+    best, rates = -1.0, None
+    while True:
+        J_free = np.where(free, J, 0.0)
+        if np.linalg.svd(scaled_jacobian(J_free), compute_uv=False)[-1] <= lost:
+            return rates
+        G = invert(J_free)
+        a, b = np.where(free, G @ v, 0.0), np.where(free, drift - G @ (J @ drift), drift)
+        if np.all((lower <= a + b) & (a + b <= upper)):
+            return a + b
+        first, last, j, bound = bounding(a, b, lower, upper, free)
+        s = min(1.0, last)
+        if s >= max(0.0, first) and s > best:
+            best, rates = s, s * a + b
+        drift[j], free[j] = bound, False
+        if free.sum() < m:
+            return rates
