@@ -16,7 +16,8 @@ from rerun.chunk import RrdReader
 from rmrc.arm import Shape
 from rmrc.control.records import Status
 from rmrc.output import stream
-from rmrc.output.look import geometry, mix, ramp
+from rmrc.output.look import geometry, ramp
+from rmrc.output.palette import mix
 from rmrc.output.recording import Recorder, RecordingError, read_columns
 from rmrc.output.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
 from rmrc.preparation import prepare
