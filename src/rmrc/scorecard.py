@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from rmrc.control.records import Status
 from rmrc.errors import ScenarioError, did_you_mean
 from rmrc.run import COLUMNS, Run
-from rmrc.scenario import Check
+from rmrc.scenario import Check, Scenario
 from rmrc.spatial import AXES, pose_error
 
 # How near the last wanted pose must be to the first to end where it began [m, rad]: above the rounding of a
@@ -173,6 +173,21 @@ def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) ->
         For each name that is refused, in order, the reason; it follows the key in a message.
     """
     return _refused(names, _blank(joints, axes))
+
+
+def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
+    """Refuse a scenario that expects what its run will not have.
+
+    Args:
+        scenario: Its `expect` and task are looked at.
+        joints: Names of the joints.
+
+    Raises:
+        ScenarioError: All names that are refused, each with its place in the scenario.
+    """
+    problems = refused(scenario.expect, joints, scenario.task.axes)
+    if problems:
+        raise ScenarioError([f"{scenario.locate(f'expect.{name}')}: {why}" for name, why in problems.items()])
 
 
 def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:

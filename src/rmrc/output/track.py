@@ -40,6 +40,7 @@ class Track:
 
     Attributes:
         scene: The arm and the task.
+        prefix: Begins the path of every entity.
         translations: Rows of the twist that the task has, of 0 to 2.
         rotations: The same of 3 to 5.
     """
@@ -52,7 +53,7 @@ class Track:
             prepared: The world that will run.
             prefix: Begins the path of every entity, and ends with a slash if it is not empty.
         """
-        self.out, self.scene, self._prefix, self._prepared = out, Scene(prepared), prefix, prepared
+        self.out, self.scene, self.prefix, self._prepared = out, Scene(prepared), prefix, prepared
         self._stride = max(1, round(FRAME_PERIOD / prepared.scenario.control.period))
         self._ticks = self._framed = 0
         self._planned = len(prepared.reference.time)
@@ -108,7 +109,7 @@ class Track:
 
     def send(self, path: str, index: list[rr.TimeColumn], *columns: object) -> None:
         """Write values over time below the prefix."""
-        self.out.send(self._prefix + path, index, list(columns))
+        self.out.send(self.prefix + path, index, list(columns))
 
     # What others add to ---------------------------------------------------------------------------
 
@@ -149,4 +150,4 @@ class Track:
             self._framed = int(ticks[rows[-1]]) + 1
 
     def _body_path(self, body: int) -> str:
-        return f"{self._prefix}arm/{rr.escape_entity_path_part(self.scene.body_names[body])}"
+        return f"{self.prefix}arm/{rr.escape_entity_path_part(self.scene.body_names[body])}"
