@@ -132,7 +132,8 @@ def compare(
     from rmrc.comparison import Comparison
     from rmrc.output import comparison_table as table
 
-    console = Console(quiet=quiet)
+    # The table needs 100 columns, and a pipe has any number.
+    console = Console(quiet=quiet, width=None if sys.stdout.isatty() else 100)
     comparison = Comparison(scenario, vary or (), set_ or (), out, record)
     _compile(comparison)
     with _progress(

@@ -131,7 +131,7 @@ class Comparison:
             pictures = self._draw(runs)
             if recorder is not None:
                 rows = [Row(c.variant.label, c.run, c.scorecard, c.outcomes) for c in compared]
-                recorder.finish(markdown(self.name, rows))
+                recorder.finish(markdown(rows))
         files = [self._file(".rrd")] * self._record + [self._file(".json"), *pictures]
         return Results(self.name, compared, tuple(files), stop.is_set())
 

@@ -17,11 +17,8 @@ from rmrc.spatial import AXES
 
 _Array = NDArray[np.float64]
 
-# From this share of the largest σ on: three decades, down to a third of one percent of an outstretched arm's.
+# From this share of the largest σ on: three decades, two of them below what is called SINGULAR.
 NEAREST = 1e-3
-
-# And from this one where the run came nearer still; below it there are only roundings.
-FLOOR = 1e-9
 
 POINTS = 400
 
@@ -33,7 +30,7 @@ class FilterFactor:
     Attributes:
         sigma: Rising, (p,).
         gain: g(σ), (p,).
-        sigma_min: Smallest singular value of the run, or the lower end of `sigma` if that is larger.
+        sigma_min: Smallest singular value of the run; it may be below `sigma`, or 0.
         gain_min: g(sigma_min).
     """
 
@@ -58,8 +55,8 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     others = run["sigma"][tick, :-1]
     largest = float(others[0]) if len(others) else float(run["sigma"].max())
     end = float(others[-1]) if len(others) else 1.2 * largest
-    sigma_min = max(float(run["sigma"][tick, -1]), FLOOR * largest)
-    sigma = np.geomspace(min(NEAREST * largest, sigma_min, end), end, POINTS)
+    sigma_min = float(run["sigma"][tick, -1])
+    sigma = np.geomspace(min(NEAREST * largest, 0.1 * end), end, POINTS)
     command = lost_command(prepared, run, tick)
     gain = np.array([_gain(prepared, others, s, command) for s in sigma])
     return FilterFactor(sigma, gain, sigma_min, _gain(prepared, others, sigma_min, command))

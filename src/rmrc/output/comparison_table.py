@@ -8,7 +8,7 @@ import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from rmrc.output.sheets import UNDEFINED, Sheet, as_markdown, as_table, escaped, number
+from rmrc.output.sheets import UNDEFINED, Sheet, as_markdown, as_table, number
 from rmrc.run import Run
 from rmrc.scorecard import Outcome, Scorecard, joint_changes
 
@@ -40,17 +40,23 @@ def render(name: str, rows: Sequence[Row]) -> RenderableType:
         name: Of the scenario.
         rows: One or more.
     """
-    return Group(Text(name, style="bold"), Text(), as_table(_sheet(rows)))
+    columns = _columns(rows)
+    # In a heading, each unit of an arm with joints of both kinds has a line of its own.
+    over = tuple("\n".join([title, "\nor ".join(units)]) for title, _, units in columns)
+    sheet = Sheet("", ("variant", *over, "flipped", "expect"), _cells(rows, columns), _words(columns))
+    return Group(Text(name, style="bold"), Text(), as_table(sheet))
 
 
-def markdown(name: str, rows: Sequence[Row]) -> str:
-    """Return what `render` shows as a markdown document.
+def markdown(rows: Sequence[Row]) -> str:
+    """Return the same as markdown, with the units in a row of their own: the recording has little room.
 
     Args:
-        name: Of the scenario.
         rows: One or more.
     """
-    return f"# {escaped(name)}\n\n{as_markdown(_sheet(rows))}\n"
+    columns = _columns(rows)
+    units = ("", *(", ".join(units) for _, _, units in columns), "", "")
+    over = ("variant", *(title for title, _, _ in columns), "flipped", "expect")
+    return as_markdown(Sheet("", over, [units, *_cells(rows, columns)], _words(columns))) + "\n"
 
 
 def flipped(run: Run) -> str:
@@ -70,31 +76,41 @@ def flipped(run: Run) -> str:
     return ", ".join(joint for joint, is_far in zip(run.joints, far, strict=True) if is_far) or "no"
 
 
-def _sheet(rows: Sequence[Row]) -> Sheet:
-    columns = [
-        ("rate\npeak", "joint_rate.peak"),
-        ("rate\nrms", "joint_rate.rms"),
-        ("accel.\npeak", "joint_acceleration.peak"),
-        ("error\nalong", "error_along.max"),
-        ("error\nacross", "error_across.max"),
-        ("pos. err.\nat end", "position_error.end"),
-        ("rot. err.\nat end", "orientation_error.end"),
-        ("time\nDAMPED", "status_time.DAMPED"),
-    ]
-    columns = [(title, figure) for title, figure in columns if any(figure in row.card for row in rows)]
-    headings = [f"{title}\n{_unit(figure, rows)}" for title, figure in columns]
-    cells = [
-        (_label(row), *(_figure(row, figure) for _, figure in columns), flipped(row.run), _expect(row))
+class _Column(NamedTuple):
+    title: str
+    figure: str
+    units: list[str]
+
+
+def _columns(rows: Sequence[Row]) -> list[_Column]:
+    """Return the columns of numbers that any row has."""
+    titles = {
+        "joint_rate.peak": "rate\npeak",
+        "joint_rate.rms": "rate\nrms",
+        "joint_acceleration.peak": "accel.\npeak",
+        "error_along.max": "error\nalong",
+        "error_across.max": "error\nacross",
+        "position_error.end": "pos. at\nend",
+        "orientation_error.end": "rot. at\nend",
+        "status_time.DAMPED": "time\nDAMPED",
+    }
+    columns = []
+    for figure, title in titles.items():
+        units = [unit for row in rows if figure in row.card for unit in row.card[figure].unit.split(" or ")]
+        if units:
+            columns.append(_Column(title, figure, list(dict.fromkeys(units))))
+    return columns
+
+
+def _words(columns: Sequence[_Column]) -> frozenset[int]:
+    return frozenset({0, len(columns) + 1, len(columns) + 2})
+
+
+def _cells(rows: Sequence[Row], columns: Sequence[_Column]) -> list[tuple[str, ...]]:
+    return [
+        (_label(row), *(_figure(row, column.figure) for column in columns), flipped(row.run), _expect(row))
         for row in rows
     ]
-    words = frozenset({0, len(columns) + 1, len(columns) + 2})
-    return Sheet("", ("variant", *headings, "flipped", "expect"), cells, words)
-
-
-def _unit(figure: str, rows: Sequence[Row]) -> str:
-    """Return the units of a figure, each in a line: arms may have joints of both kinds."""
-    units = (unit for row in rows if figure in row.card for unit in row.card[figure].unit.split(" or "))
-    return "\nor ".join(dict.fromkeys(units))
 
 
 def _figure(row: Row, figure: str) -> str:

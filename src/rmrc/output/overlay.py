@@ -15,7 +15,7 @@ Entities; `<variant>` is the label of a variant, and what stands below it is as 
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 from typing import Self
@@ -36,8 +36,16 @@ from rmrc.output.track import Track, prefix_of
 from rmrc.preparation import Prepared
 from rmrc.run import Run
 
-# Arms that coincide would flicker. Each variant is thinner than the one before, down to this share.
+# Arms that coincide would flicker or hide each other. So each variant is thinner than the one before, down to
+# this share, and all but the last are glass, at least so dense.
 THINNEST = 0.4
+FAINTEST = 0.25
+
+# Trails that coincide are drawn above each other, so far apart as a share of the reach: less than a pixel.
+LIFT = 3e-4
+
+# Pixels of the curves; those drawn first are wider, and so leave a border to be seen.
+WIDEST, NARROWEST = 5.5, 2.0
 
 LEGEND = """\
 Each variant has its color, in the picture and in the plots, whose legends name them.
@@ -47,7 +55,7 @@ Each variant has its color, in the picture and in the plots, whose legends name 
 | **white line** | the path that the tips shall follow |
 | **trail**, **ball** | where a tip has been, and is |
 
-Where arms coincide, the first variant is outside, and the last one is the core.
+Where arms coincide, the first variant is the outermost glass, and the last one is the core.
 """
 
 
@@ -78,15 +86,13 @@ class Overlay:
         self.path, self.part_path = self._out.path, self._out.part_path
         self._arms: list[_Arm] = []
         first = variants[0][1].reference.pose
-        for i, (color, scene, (label, prepared)) in enumerate(
-            zip(distinct(len(variants)), scenes, variants, strict=True)
-        ):
-            thickness = 1.0 - (1.0 - THINNEST) * i / max(1, len(variants) - 1)
-            self._arms.append(_Arm(self._out, prepared, label, color, thickness))
-            if i == 0:
-                self._out.log("target/path", path_line(scene))
-            elif not np.array_equal(prepared.reference.pose, first):
-                self._out.log(f"{prefix_of(label)}path", path_line(scene, mix(color, WHITE, 0.5)))
+        self._out.log("target/path", path_line(scenes[0]))
+        drawn = sorted(map(prefix_of, labels))  # the viewer's own order
+        for i, (label, prepared) in enumerate(variants):
+            look = _look(i, drawn.index(prefix_of(label)), len(variants))
+            self._arms.append(_Arm(self._out, prepared, label, look))
+            if not np.array_equal(prepared.reference.pose, first):
+                self._out.log(f"{prefix_of(label)}path", path_line(scenes[i], mix(look.color, WHITE, 0.5)))
         self._out.log_text("text/legend", LEGEND)
         self._out.log_text("text/scenario", _scenarios(variants))
 
@@ -131,25 +137,46 @@ class Overlay:
         self._out.finish()
 
 
+@dataclass(frozen=True)
+class _Look:
+    color: int
+    thickness: float  # of arm and trail, as a share
+    opacity: float  # of the arm
+    lift: float  # of the trail, in reaches
+    width: float  # of the curves, in pixels
+
+
+def _look(i: int, drawn: int, count: int) -> _Look:
+    """Return the look of variant i, which the viewer draws as number `drawn` of so many."""
+    last = max(1, count - 1)
+    return _Look(
+        color=distinct(count)[i],
+        thickness=1.0 - (1.0 - THINNEST) * i / last,
+        opacity=1.0 if i == count - 1 else max(FAINTEST, 1.0 / count),
+        lift=LIFT * i,
+        width=WIDEST - (WIDEST - NARROWEST) * drawn / last,
+    )
+
+
 class _Arm(Track):
     """The track of one variant, with the few curves in which variants are compared."""
 
-    def __init__(self, out: Stream, prepared: Prepared, label: str, color: int, thickness: float) -> None:
+    def __init__(self, out: Stream, prepared: Prepared, label: str, look: _Look) -> None:
         super().__init__(out, prepared, prefix_of(label))
-        self._color, self._thickness = color, thickness
+        self._look = look
         self._lane = f"status/{rr.escape_entity_path_part(label)}"
         self._states: dict[str, int] = {}
         self._status: int | None = None
         self.write_arm(self._painted)
-        thin = 0.004 * self.scene.reach * thickness
-        self._log("tip/now", rr.Points3D.from_fields(colors=color, radii=5.5 * thin))
+        thin = 0.004 * self.scene.reach * look.thickness
+        self._log("tip/now", rr.Points3D.from_fields(colors=look.color, radii=5.5 * thin))
         self._log("tip/trail", rr.LineStrips3D.from_fields(radii=2.5 * thin))
+        self._log("tip/trail", rr.Transform3D(translation=[0.0, 0.0, look.lift * self.scene.reach]))
         for name in ("fastest", "sigma_min", "columns/damping", "error/position", "error/rotation"):
             if name.startswith("error") and not self._rows(name):
                 continue
-            # The first is widest, as in the picture: those above it leave its border to be seen.
-            width = 2.0 + 4.0 * (thickness - THINNEST)
-            self._log(name, rr.SeriesLines(names=[label], colors=packed([color]), widths=width))
+            curve = rr.SeriesLines(names=[label], colors=packed([look.color]), widths=look.width)
+            self._log(name, curve)
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         super().write_block(part, ticks)
@@ -166,16 +193,16 @@ class _Arm(Track):
         self._write_states([text], [STATUS_COLORS[Status.SINGULAR]], index)
 
     def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
-        return np.full(len(frames.tip), self._color, np.uint32)
+        return np.full(len(frames.tip), self._look.color, np.uint32)
 
     def _painted(self, shape: Shape) -> Shape:
         """Return a geometry in the color of the variant; light and dark ones stay apart."""
         light = float(np.dot(shape.rgba[:3], [0.3, 0.59, 0.11]))
-        tint = mix(self._color, WHITE if light > 0.5 else 0x000000FF, 0.6 * abs(light - 0.5))
-        rgba = np.array([tint >> 24 & 255, tint >> 16 & 255, tint >> 8 & 255, 255]) / 255.0
+        tint = mix(self._look.color, WHITE if light > 0.5 else 0x000000FF, 0.6 * abs(light - 0.5))
+        channels = [(tint >> shift & 255) / 255.0 for shift in (24, 16, 8)]
         size = shape.size.copy()
-        size[: 1 if shape.kind == "capsule" else 3] *= self._thickness
-        return replace(shape, rgba=rgba, size=size)
+        size[: 1 if shape.kind == "capsule" else 3] *= self._look.thickness
+        return replace(shape, rgba=np.array([*channels, self._look.opacity]), size=size)
 
     def _write_status(self, part: Run, ticks: NDArray[np.int64]) -> None:
         status = part.columns["status"].astype(np.int64)
@@ -230,6 +257,8 @@ def _layout(name: str, labels: list[str], prepared: list[Prepared], scenes: list
     plots = rrb.Vertical(
         *(plot(title, [f"{prefix}{curve}" for prefix in prefixes], axis) for title, curve in curves.items()),
         rrb.StateTimelineView(name="Status", origin="/status", time_view=axis),
+        # A lane needs a third of what a plot does; many are scrolled.
+        row_shares=[*([1.0] * len(curves)), min(2.5, 0.35 * len(labels) + 0.2)],
     )
     return page(picture, {"table": "Table", "legend": "What you see", "scenario": "Scenario"}, plots)
 
