@@ -8,7 +8,7 @@ from pathlib import Path
 from rmrc import facts, scenario
 from rmrc.arm import Arm
 from rmrc.errors import ScenarioError
-from rmrc.filter_factors import filter_factor
+from rmrc.filter_factors import compile_for, filter_factor
 from rmrc.interruption import interruptible
 from rmrc.preparation import Prepared, prepare
 from rmrc.run import Run
@@ -99,6 +99,8 @@ class Comparison:
         """Load the compiled law, or compile it the first time, which takes seconds."""
         if self._simulation is None:
             self._simulation = Simulation(self.prepared)
+            for one in self.prepared:
+                compile_for(one)
         return self._simulation
 
     def run(self, on_ticks: Callable[[int], None] | None = None) -> Results:

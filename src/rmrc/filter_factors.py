@@ -62,6 +62,11 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     return FilterFactor(sigma, gain, sigma_min, _gain(prepared, others, sigma_min, command))
 
 
+def compile_for(prepared: Prepared) -> None:
+    """Load the compiled law for one problem alone, or compile it the first time, which takes seconds."""
+    _gain(prepared, np.empty(0), 1.0, 1.0)
+
+
 def lost_command(prepared: Prepared, run: Run, tick: int) -> float:
     """Return |u_min · S_x twist_cmd| of a tick, or 1 if that is 0 and no direction was asked for."""
     control, task = prepared.scenario.control, prepared.scenario.task
