@@ -19,6 +19,7 @@ def make_run(ticks=4, **given):
         for name, column in COLUMNS.items()
     }
     columns["status"] = np.arange(ticks)
+    columns["path_time"] = np.arange(ticks) * (1e-3 / 3.0)
     fields = {
         "name": "case",
         "joints": ("base", "µ elbow", "d3"),
@@ -85,9 +86,15 @@ def test_a_file_says_the_unit_of_every_column(tmp_path):
             assert column.unit
 
 
-def test_a_run_is_complete_when_all_planned_ticks_are_there():
+def test_a_run_is_complete_when_its_path_was_recorded_to_the_end():
     assert make_run(4, planned=4).is_complete
     assert not make_run(3, planned=4).is_complete
+    assert make_run(3, planned=4).completed == 0.75
+    assert make_run(0, planned=4).completed == 0.0
+    slowed = make_run(4, planned=4)  # more ticks than planned, and still on its way
+    slowed.columns["path_time"][:] *= 0.5
+    assert slowed.completed == 0.625
+    assert not slowed.is_complete
 
 
 def test_joint_units_follow_the_kind_of_the_joint():

@@ -26,7 +26,7 @@ def make_run(ticks, joints=("shoulder", "elbow"), axes=PLANE, period=0.001, **gi
         name: np.zeros((ticks, width[column.width]) if column.width else ticks)
         for name, column in COLUMNS.items()
     }
-    columns["time"] = np.arange(ticks) * period
+    columns["time"] = columns["path_time"] = np.arange(ticks) * period
     columns["status"] = np.zeros(ticks, np.int64)
     columns |= {name: np.asarray(values) for name, values in given.items() if name in COLUMNS}
     fields = {"is_slide": (False,) * n, "length": 1.0, "planned": ticks, "wall_time": 0.5}
@@ -157,6 +157,14 @@ def test_singularity_figures_are_the_extremes_of_their_columns():
         )
     )
     assert (got["sigma.min"], got["sigma.min_time"]) == (0.1, 0.001)
+    second = values(
+        make_run(3, path_rate=[1, 0.2, 0.5], secondary_sigma=[0.5, 0.3, 0.4], secondary_error=[3, 0, 4])
+    )
+    assert (second["path_rate.min"], second["secondary_sigma.min"]) == (0.2, 0.3)
+    assert (second["secondary_error.max"], second["secondary_error.end"]) == (4.0, 4.0)
+    none = values(make_run(3, secondary_sigma=[math.nan] * 3, secondary_error=[math.nan] * 3))
+    assert math.isnan(none["secondary_sigma.min"])
+    assert math.isnan(none["secondary_error.rms"])
     assert got["condition.max"] == math.inf
     assert got["manipulability.min"] == 0.2
     assert got["damping.max"] == 0.03
@@ -264,11 +272,20 @@ def test_figures_of_a_planar_arm_are_these():
     expected = {name.format(j) for name in joint for j in ("shoulder", "elbow")}
     expected |= {f"{g}.{s}" for g in groups for s in ("peak", "peak_time", "peak_joint")}
     expected |= {"joint_rate.rms", "joint_rate_cmd.rms"}
-    errors = ("position_error", "error_along", "error_across")
+    errors = ("position_error", "error_along", "error_across", "secondary_error")
     expected |= {f"{g}.{s}" for g in errors for s in ("rms", "max", "max_time", "end")}
     expected |= {"return.joint_change", "return.change_joint"}
     expected |= {"sigma.min", "sigma.min_time", "condition.max", "manipulability.min"}
-    expected |= {"damping.max", "duration", "ticks", "completed", "wall_time", "speed"}
+    expected |= {
+        "damping.max",
+        "path_rate.min",
+        "secondary_sigma.min",
+        "duration",
+        "ticks",
+        "completed",
+        "wall_time",
+        "speed",
+    }
     expected |= {f"status_time.{name}" for name in Status.__members__}
     names = figure_names(("shoulder", "elbow"), PLANE)
     assert set(names) == expected
@@ -493,8 +510,8 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
     ]
     groups = (
         "joint_rate, joint_rate_cmd, joint_acceleration, tau, position_error, error_along, "
-        "error_across, return, sigma, condition, manipulability, damping, status_time, duration, ticks, "
-        "completed, wall_time, speed"
+        "error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
+        "secondary_sigma, status_time, duration, ticks, completed, wall_time, speed"
     )
     reasons = {
         "joint_rate.peek": 'no such figure; did you mean "joint_rate.peak"?',

@@ -157,14 +157,30 @@ class Arm:
         qpos[self.wiring.qpos] = start
         return qpos
 
-    def pose(self, q: Sequence[float] | Array) -> Array:
-        """Return the site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,)."""
+    @property
+    def sites(self) -> tuple[str, ...]:
+        """Names of all sites of the model that have one."""
+        return tuple(name for i in range(self.model.nsite) if (name := self.model.site(i).name))
+
+    def moves(self, site: str) -> NDArray[np.bool_]:
+        """Return which joints of the arm move a site, (n,): those between the world and its body."""
+        above, body = set(), int(self.model.site_bodyid[self.model.site(site).id])
+        while body > 0:
+            above.add(body)
+            body = int(self.model.body_parentid[body])
+        return np.array([int(self.model.jnt_bodyid[joint]) in above for joint in self.wiring.joint])
+
+    def pose(self, q: Sequence[float] | Array, site: str | None = None) -> Array:
+        """Return a site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,).
+
+        Args:
+            q: Joint positions.
+            site: Name of a site; None for the one that is controlled.
+        """
         self._kinematics(q)
+        i = self.wiring.site if site is None else self.model.site(site).id
         return np.concatenate(
-            [
-                self._data.site_xpos[self.wiring.site],
-                matrix_to_quat(self._data.site_xmat[self.wiring.site].reshape(3, 3)),
-            ]
+            [self._data.site_xpos[i], matrix_to_quat(self._data.site_xmat[i].reshape(3, 3))]
         )
 
     def jacobian(self, q: Sequence[float] | Array) -> Array:

@@ -4,6 +4,7 @@
 sets the plant's input. MuJoCo then steps all worlds and leaves their kinematics fresh.
 """
 
+import math
 from collections.abc import Callable
 from enum import IntEnum
 from functools import partial
@@ -76,18 +77,18 @@ def tick(
         if world.diverged_joint >= -1:
             world.diverged = t
             continue
-        geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w])
+        geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
+        if world.m_2 > 0:
+            measure_second(world, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
         out.time = t * world.period
-        for i in range(7):
-            out.pose_ref[i] = reference[world.reference, t, i]
-        for i in range(6):
-            out.twist_ref[i] = reference[world.reference, t, 7 + i]
+        read_reference(world, out, reference[world.reference])
         control(world, out)
         world.diverged_joint = bad_command(world, out)
         if world.diverged_joint >= 0:
             world.diverged = t
             continue
         obey(world, out, state[w])
+        proceed(world, t)
         if t + 1 < world.ticks:
             running += 1
     return running
@@ -113,6 +114,59 @@ def measure(
         world.pose[3 + i] = xquat[world.site, i]
     for i in range(7):
         out.pose[i] = world.pose[i]
+
+
+@compiled
+def measure_second(world: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) -> None:
+    """Read pose and Jacobian of the second task's site; joints behind it do not move it."""
+    for i in range(3):
+        world.pose_2[i] = xpos[world.site_2, i]
+    for i in range(4):
+        world.pose_2[3 + i] = xquat[world.site_2, i]
+    geometric_jacobian(world, xpos[world.site_2], anchors, axes, world.J_2)
+    for j in range(world.n):
+        if not world.moves_2[j]:
+            for i in range(6):
+                world.J_2[i, j] = 0.0
+
+
+@compiled
+def read_reference(world: Record, out: Record, reference: Array) -> None:
+    """Read pose and twist wanted at the path tick; between two ticks, of a slowed world, interpolate them.
+
+    Quaternions are interpolated linearly and normalized: neighbors are a fraction of a degree apart, where
+    that is as good as the arc.
+    """
+    before = int(world.path_tick)
+    part = world.path_tick - before
+    out.path_time = world.path_tick * world.period
+    if part == 0.0:
+        for i in range(7):
+            out.pose_ref[i] = reference[before, i]
+        for i in range(6):
+            out.twist_ref[i] = reference[before, 7 + i]
+        return
+    first, second = reference[before], reference[before + 1]
+    same = first[3] * second[3] + first[4] * second[4] + first[5] * second[5] + first[6] * second[6] >= 0.0
+    norm = 0.0
+    for i in range(7):
+        end = second[i] if same or i < 3 else -second[i]
+        out.pose_ref[i] = first[i] + part * (end - first[i])
+        if i > 2:
+            norm += out.pose_ref[i] * out.pose_ref[i]
+    for i in range(3, 7):
+        out.pose_ref[i] /= math.sqrt(norm)
+    for i in range(6):
+        out.twist_ref[i] = first[7 + i] + part * (second[7 + i] - first[7 + i])
+
+
+@compiled
+def proceed(world: Record, t: int) -> None:
+    """Advance along the path; the world ends with the tick that was at the end of its path."""
+    end = world.path_ticks - 1.0
+    if world.path_tick >= end:
+        world.ticks = t + 1
+    world.path_tick = min(world.path_tick + world.pace, end)
 
 
 @compiled

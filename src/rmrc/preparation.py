@@ -1,5 +1,6 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
+import math
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -8,12 +9,26 @@ from numpy.typing import NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm
-from rmrc.control.records import Method, Objective, OnExcess, Schedule, world_type
-from rmrc.errors import ModelError, ScenarioError, TargetError
+from rmrc.control.records import (
+    AtSingularity,
+    Method,
+    Objective,
+    OnExcess,
+    Priority,
+    Schedule,
+    world_type,
+)
+from rmrc.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.plant import Plant
 from rmrc.scenario import Scenario
-from rmrc.spatial import AXES
+from rmrc.spatial import AXES, exp_rotation, quat_multiply
 from rmrc.target import Reference, make_reference
+
+# The rank of a task almost everywhere is the largest at so many random configurations. One would do with
+# probability 1; more are for those that come near a singularity by chance.
+SAMPLES = 20
+# A singular value below this share of the largest, at a random configuration, is rounding.
+RANK_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,6 +88,8 @@ def prepare(scenario: Scenario, known: dict[object, Arm] | None = None) -> Prepa
     qpos = _start(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
     _check_method(scenario, arm, problems)
+    _check_second_task(scenario, arm, problems)
+    _check_slow(scenario, arm, problems)
     problems.raise_any()
     q = qpos[arm.wiring.qpos]
     try:
@@ -137,7 +154,10 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
     for key, values in (
         ("control.joint_weights", control.joint_weights),
         ("control.nullspace.posture", control.nullspace.posture),
+        ("control.nullspace.rates", control.nullspace.rates),
         ("control.limits.rate", control.limits.rate),
+        ("control.limits.acceleration", control.limits.acceleration),
+        ("control.limits.braking", control.limits.braking),
         ("plant.kv", scenario.plant.kv),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
@@ -158,6 +178,69 @@ def _check_method(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
         )
 
 
+def _check_second_task(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+    nullspace = scenario.control.nullspace
+    site = nullspace.secondary.site
+    if nullspace.objective != "secondary" or site is None:
+        return
+    if site not in arm.sites:
+        known, hint = ", ".join(arm.sites), did_you_mean(site, arm.sites)
+        problems.add(
+            "control.nullspace.secondary.site", f'{arm.path}: has no site "{site}"{hint}; its sites: {known}'
+        )
+    elif not arm.moves(site).any():
+        problems.add(
+            "control.nullspace.secondary.site",
+            f'must be a site that the arm moves, but none of its joints moves "{site}"; '
+            f"its sites: {', '.join(name for name in arm.sites if arm.moves(name).any())}",
+        )
+
+
+def _check_slow(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+    control = scenario.control
+    if control.at_singularity != "slow":
+        return
+    if not control.feedforward:
+        problems.add(
+            "control.at_singularity",
+            '"slow" scales the feed-forward, so it needs control.feedforward: true, got false',
+        )
+    if not np.isfinite(_rate_limit(scenario, arm)).all():
+        problems.add(
+            "control.at_singularity",
+            f'"slow" keeps rates within their limits, and {arm.path} has none for every joint; '
+            "give control.limits.rate",
+        )
+
+
+def _rate_limit(scenario: Scenario, arm: Arm) -> NDArray[np.float64]:
+    rate = scenario.control.limits.rate
+    return arm.rate_limit if rate is None else np.broadcast_to(rate, arm.n)
+
+
+def structural_rank(
+    arm: Arm, rows: NDArray[np.intp], row_scale: NDArray[np.float64], joint_scale: NDArray[np.float64]
+) -> int:
+    """Return the rank of S_x J S_q almost everywhere: the largest at random but always equal configurations.
+
+    Args:
+        arm: The arm.
+        rows: Rows of the twist that count, (m,).
+        row_scale: Diagonal of S_x, (m,).
+        joint_scale: Diagonal of S_q, (n,).
+    """
+    random = np.random.default_rng(0)
+    start = arm.configuration("home")[arm.wiring.qpos]
+    within = np.isfinite(arm.position_limit).all(axis=1)
+    lower = np.where(within, arm.position_limit[:, 0], start - math.pi)
+    upper = np.where(within, arm.position_limit[:, 1], start + math.pi)
+    ranks = []
+    for q in random.uniform(lower, upper, (SAMPLES, arm.n)):
+        sigma = np.linalg.svd(row_scale[:, None] * arm.jacobian(q)[rows] * joint_scale, compute_uv=False)
+        ranks.append(int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[0])))
+    return max(ranks)
+
+
 def world_record(prepared: Prepared, reference: int) -> np.void:
     """Return the record of one world with every parameter of its scenario.
 
@@ -170,8 +253,10 @@ def world_record(prepared: Prepared, reference: int) -> np.void:
     m = len(task.axes)
     world = np.zeros(1, world_type(n))
     world["n"], world["m"], world["k"] = n, m, min(m, n)
-    world["reference"], world["ticks"] = reference, len(prepared.reference.time)
+    ticks = len(prepared.reference.time)
+    world["reference"], world["path_ticks"], world["ticks"] = reference, ticks, ticks
     world["diverged"] = -1
+    world["pace"] = world["share"] = 1.0
     rows = np.array([AXES.index(axis) for axis in task.axes])
     world["row"][0, :m] = rows
     # S_x = W_x^½, linear rows over L;  S_q = W_q^-½, sliding joints times L
@@ -179,23 +264,75 @@ def world_record(prepared: Prepared, reference: int) -> np.void:
     world["row_scale"][0, :m] = np.sqrt(weights) / np.where(rows < 3, task.length, 1.0)
     weights = np.ones(n) if control.joint_weights is None else np.array(control.joint_weights)
     world["joint_scale"][0, :n] = np.where(arm.is_slide, task.length, 1.0) / np.sqrt(weights)
+    world["rank"] = structural_rank(arm, rows, world["row_scale"][0, :m], world["joint_scale"][0, :n])
 
     world["period"], world["feedback"] = control.period, control.feedback
     world["feedforward"] = float(control.feedforward)
-    inverse, damping = control.inverse, control.inverse.damping
-    world["method"], world["tolerance"] = Method[inverse.method.upper()], inverse.tolerance
-    world["schedule"] = Schedule[damping.schedule.upper()]
-    world["damping_maximum"], world["damping_below"] = damping.maximum, damping.below
-    nullspace = control.nullspace
-    world["objective"] = Objective[nullspace.objective.upper()]
-    world["objective_gain"] = nullspace.gain
-    start = prepared.qpos[arm.wiring.qpos]
-    world["posture"][0, :n] = start if nullspace.posture is None else nullspace.posture
-    limits = control.limits
-    world["rate_limit"][0, :n] = arm.rate_limit if limits.rate is None else limits.rate
-    world["on_excess"] = OnExcess[limits.on_excess.upper()]
+    _set_inverse(world, scenario)
+    _set_nullspace(world, prepared)
+    _set_limits(world, prepared)
+    _set_policy(world, scenario)
 
     plant = scenario.plant
     world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
     world["wrench"] = plant.wrench
     return world[0]  # type: ignore[no-any-return]
+
+
+def _set_inverse(world: NDArray[np.void], scenario: Scenario) -> None:
+    inverse, damping = scenario.control.inverse, scenario.control.inverse.damping
+    world["method"], world["tolerance"] = Method[inverse.method.upper()], inverse.tolerance
+    world["cutoff"], world["gamma"], world["rate_bound"] = inverse.cutoff, inverse.gamma, inverse.rate_bound
+    world["schedule"] = Schedule[damping.schedule.upper()]
+    world["damping_maximum"], world["damping_below"] = damping.maximum, damping.below
+    world["manipulability_below"], world["error_gain"] = damping.manipulability_below, damping.error_gain
+
+
+def _set_nullspace(world: NDArray[np.void], prepared: Prepared) -> None:
+    nullspace, arm, n = prepared.scenario.control.nullspace, prepared.arm, prepared.arm.n
+    world["objective"] = Objective[nullspace.objective.upper()]
+    world["objective_gain"] = nullspace.gain
+    start = prepared.qpos[arm.wiring.qpos]
+    world["posture"][0, :n] = start if nullspace.posture is None else nullspace.posture
+    world["wished"][0, :n] = 0.0 if nullspace.rates is None else nullspace.rates
+    world["position_range"][0, :, :n] = arm.position_limit.T
+    if nullspace.objective == "secondary":
+        _set_second_task(world, prepared, start)
+
+
+def _set_second_task(world: NDArray[np.void], prepared: Prepared, start: NDArray[np.float64]) -> None:
+    arm, second = prepared.arm, prepared.scenario.control.nullspace.secondary
+    site, rows = second.site or arm.site, np.array([AXES.index(axis) for axis in second.axes])
+    m = len(rows)
+    world["m_2"], world["row_2"][0, :m] = m, rows
+    world["row_scale_2"][0, :m] = 1.0 / np.where(rows < 3, prepared.scenario.task.length, 1.0)
+    # what `Arm.adapted` adds are actuators, so a site keeps its number
+    world["site_2"], world["moves_2"][0, : arm.n] = arm.model.site(site).id, arm.moves(site)
+    pose = arm.pose(start, site)
+    if second.to is not None:
+        wanted = np.concatenate([pose[:3], np.zeros(3)])
+        wanted[rows] = second.to
+        pose = np.concatenate([wanted[:3], quat_multiply(exp_rotation(wanted[3:]), pose[3:])])
+    world["pose_ref_2"], world["feedback_2"] = pose, second.feedback
+    world["priority"], world["damping_2"] = Priority[second.priority.upper()], second.damping
+
+
+def _set_limits(world: NDArray[np.void], prepared: Prepared) -> None:
+    limits, arm, n = prepared.scenario.control.limits, prepared.arm, prepared.arm.n
+    world["on_excess"] = OnExcess[limits.on_excess.upper()]
+    world["rate_limit"][0, :n] = _rate_limit(prepared.scenario, arm)
+    acceleration = math.inf if limits.acceleration is None else limits.acceleration
+    world["acceleration_limit"][0, :n] = acceleration
+    world["braking"][0, :n] = np.minimum(limits.braking, acceleration)
+    world["position_limit"][0, :, :n] = arm.position_limit.T if limits.position else [[-math.inf], [math.inf]]
+
+
+def _set_policy(world: NDArray[np.void], scenario: Scenario) -> None:
+    control = scenario.control
+    world["at_singularity"] = AtSingularity[control.at_singularity.upper()]
+    world["slow_change"], world["slow_patience"] = control.slow.change, control.slow.patience
+    world["stop_change"] = control.stop.change
+    world["stop_sigma"] = control.stop.sigma
+    world["stop_condition"] = math.inf if control.stop.condition is None else control.stop.condition
+    if control.at_singularity == "slow":
+        world["ticks"] = math.ceil(control.slow.longest * int(world["path_ticks"][0]))

@@ -44,6 +44,12 @@ COLUMNS: Mapping[str, Column] = {
     "u_min": Column("1", "task direction of the smallest singular value, scaled", "6"),
     "v_min": Column("1", "joint motion of the smallest singular value, scaled", "n"),
     "tau": Column("N·m or N", "actuator torques of the last step; 0 for the ideal plant", "n"),
+    "path_time": Column("s", "time along the path; behind `time` where it is slowed"),
+    "path_rate": Column("1", "ṡ, the pace along the path"),
+    "secondary_error": Column("m, rad", "norm of the second task's error; NaN without one"),
+    "secondary_sigma": Column(
+        "1", "smallest singular value that the first task leaves to the second; or NaN"
+    ),
     "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in Status if s)),
 }
 
@@ -82,7 +88,7 @@ class Run:
         length: Characteristic length L of the task [m].
         period: Control period [s].
         columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
-        planned: Ticks that the scenario asked for; T is smaller if the run was cut short.
+        planned: Ticks of the path; T is smaller if the run was cut short, and larger if it was slowed.
         divergence: Where it diverged, or None.
         wall_time: Seconds that the stepping took; worlds stepped together share it equally.
     """
@@ -107,9 +113,16 @@ class Run:
         return len(self.columns["time"])
 
     @property
+    def completed(self) -> float:
+        """Share of the path that was recorded; 1: all of it."""
+        if not len(self):
+            return 0.0
+        return (round(float(self["path_time"][-1]) / self.period, 6) + 1.0) / self.planned
+
+    @property
     def is_complete(self) -> bool:
-        """Whether every planned tick was recorded."""
-        return len(self) == self.planned
+        """Whether the path was recorded to its end."""
+        return self.completed == 1.0
 
     def joint_unit(self, j: int) -> str:
         """Return `m` for a sliding joint, else `rad`."""

@@ -290,6 +290,8 @@ def _errors(run: Run) -> _Figures:
     what = "task error (angles times L)"
     yield from _error(run, "error_along", "m", f"{what} along u_min", along)
     yield from _error(run, "error_across", "m", f"{what} across u_min", e - u * along)
+    second = run["secondary_error"][:, None]
+    yield from _error(run, "secondary_error", "m, rad", "error of the second task", second)
 
 
 def _error(run: Run, group: str, unit: str, what: str, e: _Array) -> _Figures:
@@ -324,6 +326,10 @@ def _singularity(run: Run) -> _Figures:
     yield "manipulability.min", Figure(manipulability, "1", "smallest w = ∏σ")
     damping, _ = _extreme(run["damping"], time)
     yield "damping.max", Figure(damping, "1", "largest λ")
+    pace, _ = _extreme(run["path_rate"], time, np.argmin)
+    yield "path_rate.min", Figure(pace, "1", "smallest pace along the path")
+    left, _ = _extreme(run["secondary_sigma"], time, np.argmin)
+    yield "secondary_sigma.min", Figure(left, "1", "least that the first task left to the second")
 
 
 def _status_times(run: Run) -> _Figures:
@@ -336,11 +342,11 @@ def _status_times(run: Run) -> _Figures:
 
 def _effort(run: Run) -> _Figures:
     duration = len(run) * run.period
-    completed = len(run) / run.planned if run.planned else math.nan
+    completed = run.completed if run.planned else math.nan
     speed = duration / run.wall_time if run.wall_time > 0.0 else math.nan
     yield "duration", Figure(duration, "s", "simulated time, one period a tick")
     yield "ticks", Figure(len(run), "1", "control ticks recorded")
-    yield "completed", Figure(completed, "1", "share of the planned ticks; 1: all")
+    yield "completed", Figure(completed, "1", "share of the path that was run; 1: all")
     yield "wall_time", Figure(run.wall_time, "s", "time that the stepping took")
     yield "speed", Figure(speed, "1", "simulated time over wall time")
 

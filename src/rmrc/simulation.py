@@ -68,7 +68,7 @@ class _Shard:
             length=scenario.task.length,
             period=scenario.control.period,
             columns=columns,
-            planned=int(world["ticks"]),
+            planned=int(world["path_ticks"]),
             divergence=self._divergence(w) if first <= diverged <= last else None,
             wall_time=self.wall_time / len(self.members),
         )
@@ -157,6 +157,6 @@ def _shard(prepared: Sequence[Prepared], members: list[int]) -> _Shard:
         worlds,
         np.array([one.qpos for one in chosen]),
         wanted,
-        np.empty((longest, len(chosen)), tick_type(arm.n)),
+        np.empty((int(worlds["ticks"].max()), len(chosen)), tick_type(arm.n)),
     )
     return _Shard(members, chosen, batch)

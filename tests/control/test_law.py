@@ -1,191 +1,251 @@
-"""Each inverse is what its definition says: normal equations, Penrose conditions, bounds, minimum property."""
+"""The law as a whole: measures, status bits, limits, numbers at the edge of the range, and what it refuses."""
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import given
 from hypothesis import strategies as st
-from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
-
-from oracles import damping, projector, resolve
-from rmrc.control.law import resolve as compiled_resolve
-from rmrc.control.law import resolve_rates
-from rmrc.control.records import Method, Objective, OnExcess, Schedule, Status, tick_type, world_type
-
-matrices = arrays(
-    np.float64, st.tuples(st.integers(1, 6), st.integers(1, 8)), elements=st.floats(-2, 2, width=16)
+from worlds import (
+    NAMES,
+    SHAPES,
+    VARIANT,
+    VARIANTS,
+    Variant,
+    fits,
+    formula,
+    matrices,
+    one_world,
+    rates_of,
+    seeds,
+    with_sigma,
 )
-seeds = st.integers(0, 2**32 - 1)
+
+from rmrc.control.law import resolve_rates
+from rmrc.control.records import Method, Objective, OnExcess, Schedule, Status
+
+named = pytest.mark.parametrize("variant", [pytest.param(variant, id=str(variant)) for variant in VARIANTS])
+
+DAMPED, INVERSE = Variant(Method.DAMPED), Variant(Method.INVERSE)
+WRITTEN = ("qdot_cmd", "sigma", "gain", "damping", "manipulability", "condition", "u_min", "v_min")
 
 
-def one_world(J, twist, wx, wq, **parameters):
-    """Return the record of a world whose task is all rows of J, and its tick after one call of the law."""
-    m, n = J.shape
-    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
-    world["n"], world["m"], world["k"] = n, m, min(m, n)
-    world["row"], world["tolerance"] = np.arange(6), 1e-6
-    world["row_scale"][0, :m], world["joint_scale"][0, :n] = np.sqrt(wx), 1 / np.sqrt(wq)
-    world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
-    for name, value in parameters.items():
-        if np.ndim(value):
-            world[name][0, : len(value)] = value
-        else:
-            world[name] = value
-    compiled_resolve(world[0], tick[0])
-    return world[0], tick[0]
+def status_of(tick):
+    return Status(int(tick["status"]))
 
 
-def draw(J, seed):
-    """Return a twist and positive weights for J, and how well conditioned the weighted J is."""
+# Numbers at the edge ------------------------------------------------------------------------------------------
+
+
+def assert_numbers(tick, case=None):
+    for column in WRITTEN:
+        assert not np.any(np.isnan(tick[column])), (case, column, tick[column])
+
+
+@named
+@pytest.mark.parametrize("scale", [0.0, 1e-300, 1e-90, 1e-12, 1.0, 1e12, 1e90, 1e150, 1e300])
+def test_no_method_is_ever_not_a_number(variant, scale):
+    for J in (np.ones((3, 3)), np.eye(3), np.diag([1.0, 1e-200, 0.0]), np.zeros((3, 3))):
+        for t in (np.ones(3), np.zeros(3), np.array([0.0, 0.0, 1.0]), np.array([1.0, -1.0, 0.0])):
+            _, tick = one_world(J * scale, t, variant=variant)
+            assert_numbers(tick)
+            # a twist of order 1 over a σ of 1e-300 is a large number and no more
+            assert np.all(np.isfinite(tick["qdot_cmd"])) and np.all(np.isfinite(tick["gain"]))
+
+
+def extreme(seed, powers):
+    """Return J of any shape, whose entries are zero or of these powers of ten, and a twist."""
+    # By a generator of numpy and not of hypothesis: to shrink matrices takes it minutes.
     rng = np.random.default_rng(seed)
-    m, n = J.shape
-    wx, wq = rng.uniform(0.2, 5, m), rng.uniform(0.2, 5, n)
-    sigma = np.linalg.svd(np.sqrt(wx)[:, None] * J / np.sqrt(wq), compute_uv=False)
-    return rng.normal(size=m), wx, wq, sigma
+    m, n = SHAPES[seed % len(SHAPES)]
+    some = rng.choice(powers, size=rng.integers(1, 4))
+    J = rng.choice([-1.0, 0.0, 1.0], (m, n)) * rng.choice([1.0, rng.uniform(1, 9)], (m, n))
+    J *= 10.0 ** rng.choice(some, (m, n))
+    return J, rng.choice([0.0, 1.0, -3.0, 1e-9, 1e6], m)
 
 
-@given(matrices, seeds, st.sampled_from(["constant", "smallest_singular_value"]))
-def test_damped_rates_solve_the_weighted_normal_equations(J, seed, schedule):
-    # min ‖v − J qdot‖²_Wx + λ² ‖qdot‖²_Wq; the oracle solves them, so its error grows with 1/λ² = 100: 1e-12
-    twist, wx, wq, sigma = draw(J, seed)
-    lam = damping(schedule, 0.1, 0.3, sigma[-1])
-    assume(lam == 0.1 or (schedule != "constant" and lam > 0.01))
-    _, tick = one_world(
-        J, twist, wx, wq, method=Method.DAMPED, schedule=Schedule[schedule.upper()],
-        damping_maximum=0.1, damping_below=0.3,
-    )  # fmt: skip
-    assert tick["damping"] == pytest.approx(lam, rel=1e-9)
-    want = resolve(J, twist, wx, wq, "damped", lam=lam)
-    assert_allclose(tick["qdot_cmd"][: J.shape[1]], want, rtol=0, atol=1e-9 * max(1, np.abs(want).max()))
+POWERS = (-300, -170, -90, -8, 0, 8, 90, 150)
 
 
-@given(matrices)
-def test_pseudoinverse_satisfies_the_penrose_conditions(J):
-    sigma = np.linalg.svd(J, compute_uv=False)
-    # Singular values under the tolerance, 1e-6 of the largest, are dropped: no pseudoinverse of J unless they are 0.
-    assume(sigma[0] > 0 and not np.any((sigma > 1e-15 * sigma[0]) & (sigma < 1e-4 * sigma[0])))
-    m, n = J.shape
-    P = np.column_stack([resolve_rates(J, column, "pseudoinverse") for column in np.eye(m)])
-    # A condition number of up to 1e4 costs four of the sixteen digits.
-    tolerance = 1e-10 * max(1.0, np.abs(P).max())
-    assert P.shape == (n, m)
-    assert_allclose(J @ P @ J, J, rtol=0, atol=tolerance)
-    assert_allclose(P @ J @ P, P, rtol=0, atol=tolerance * max(1.0, np.abs(P).max()))
-    assert_allclose(J @ P, (J @ P).T, rtol=0, atol=tolerance)
-    assert_allclose(P @ J, (P @ J).T, rtol=0, atol=tolerance)
+BOUNDED = {
+    "damped-constant",
+    "damped-error",
+    "filtered",
+    "truncated",
+    "selectively_damped",
+    "damped-rate_bound",
+}
 
 
-@given(seeds, st.integers(1, 6))
-def test_inverse_gives_exactly_the_twist(seed, n):
-    rng = np.random.default_rng(seed)
-    J, twist = rng.normal(size=(n, n)), rng.normal(size=n)
-    assume(np.linalg.cond(J) < 1e4)
-    rates = resolve_rates(J, twist, "inverse")
-    # backward stable: the residual is rounding times ‖J‖ ‖rates‖
-    assert_allclose(J @ rates, twist, rtol=0, atol=1e-12 * max(1.0, np.abs(J).max() * np.abs(rates).max()))
+@named
+def test_entries_of_any_size_give_numbers(variant):
+    for seed in range(500):
+        J, twist = extreme(seed, POWERS)
+        if not fits(variant, J.shape):
+            continue
+        _, tick = one_world(J, twist, variant=variant)
+        assert_numbers(tick, seed)
+        rates = tick["qdot_cmd"]
+        if (
+            str(variant) in BOUNDED
+        ):  # largest of their gains: 1/cutoff = 100, times the twist; or the rate bound
+            most = max(100 * np.linalg.norm(twist), 2.0 * np.sqrt(J.shape[1]))
+            assert np.linalg.norm(rates) <= most * (1 + 1e-9), seed
+        if not twist.any():
+            assert not rates.any(), seed
 
 
-@given(seeds)
-def test_rates_of_a_redundant_arm_are_the_smallest_of_all_that_do_the_task(seed):
-    rng = np.random.default_rng(seed)
-    J, twist, wq = rng.normal(size=(2, 4)), rng.normal(size=2), rng.uniform(0.2, 5, 4)
-    _, tick = one_world(J, twist, np.ones(2), wq, method=Method.PSEUDOINVERSE)
-    rates = tick["qdot_cmd"][:4]
-    assert_allclose(J @ rates, twist, rtol=0, atol=1e-10 * max(1, np.abs(rates).max()))
-    _, _, vt = np.linalg.svd(J)
-    for other in rates + rng.normal(size=(20, 2)) @ vt[2:]:
-        assert rates @ (wq * rates) <= other @ (wq * other) * (1 + 1e-12)
+@pytest.mark.parametrize("objective", list(Objective), ids=lambda objective: objective.name.lower())
+def test_objectives_give_numbers_for_entries_of_any_size(objective):
+    # The slope of w is a product of seven σ: beyond 1e40 it is out of range.
+    powers = [power for power in POWERS if power < 40] if objective == Objective.MANIPULABILITY else POWERS
+    for seed in range(500):
+        J, twist = extreme(seed, powers)
+        n = J.shape[1]
+        rng = np.random.default_rng(seed)
+        _, tick = one_world(
+            J, twist, variant=DAMPED, objective=objective, objective_gain=1.0, posture=rng.normal(size=n),
+            wished=rng.normal(size=n), position_range=np.array([-np.ones(n), np.ones(n)]), m_2=1, row_scale_2=[1.0],
+            moves_2=np.ones(n, int), J_2=rng.normal(size=(1, n)), pose_2=[0, 0, 0, 1, 0, 0, 0],
+            pose_ref_2=[1, 0, 0, 1, 0, 0, 0], feedback_2=1.0, damping_2=0.1,
+        )  # fmt: skip
+        assert_numbers(tick, seed)
 
 
-@given(matrices, seeds, st.floats(1e-3, 10))
-def test_damped_rates_are_bounded_by_the_twist_over_twice_lambda(J, seed, lam):
-    twist, _, _, _ = draw(J, seed)
-    rates = resolve_rates(J, twist, "damped", damping_maximum=lam)
-    assert np.linalg.norm(rates) <= np.linalg.norm(twist) / (2 * lam) * (1 + 1e-12)
+def test_a_command_into_the_lost_direction_alone_is_not_followed_at_the_singularity():
+    # The best multiple of Jᵀ t is unknown where Jᵀ t = 0; it is none. Just beside it, it is as large as 1/σ.
+    lost = np.array([0.0, 1.0])
+    for variant in VARIANTS:
+        assert_allclose(rates_of(np.diag([1.0, 0.0]), lost, variant), 0.0)
+        assert_allclose(rates_of(np.zeros((2, 2)), lost, variant), 0.0)
+    assert_allclose(rates_of(np.diag([1.0, 1e-6]), lost, Variant(Method.TRANSPOSE)), [0.0, 1e6], rtol=1e-12)
 
 
-def test_the_bound_is_reached_where_sigma_equals_lambda():
-    # g(σ) = σ/(σ² + λ²) has its maximum 1/(2λ) at σ = λ: so the bound above is sharp, and can fail.
-    rates = resolve_rates(np.diag([1.0, 0.1]), np.array([0.0, 1.0]), "damped", damping_maximum=0.1)
-    assert rates[1] == pytest.approx(5.0, rel=1e-14)
+@pytest.mark.parametrize("factor", [0.5, 2.0])
+@named
+def test_a_sigma_that_is_rounding_gets_no_gain(variant, factor):
+    # σ_2 on either side of 1e-14 σ_1, exact in a diagonal matrix; by their own thresholds some drop both.
+    parameters = {"tolerance": 1e-16, "cutoff": 1e-16, "rate_bound": 1e30}
+    _, tick = one_world(np.diag([4.0, factor * 4e-14]), np.ones(2), variant=variant, **parameters)
+    assert tick["gain"][0] > 0
+    assert (tick["gain"][1] > 0) == (factor > 1)
 
 
-def test_task_rows_that_never_move_take_nothing_from_the_null_space():
-    # x, y and z of a planar arm with three joints: z is a row of zeros, and one joint motion is free.
-    J = np.array([[1.0, 0.5, 0.2], [0.3, 1.0, 0.4], [0.0, 0.0, 0.0]])
-    wished = np.array([1.0, 2.0, 3.0])
-    parameters = {"objective": Objective.POSTURE, "objective_gain": 1.0, "posture": wished}
-    _, tick = one_world(
-        J, np.zeros(3), np.ones(3), np.ones(3), method=Method.DAMPED, damping_maximum=0.1, **parameters
-    )
-    free = np.cross(J[0], J[1]) / np.linalg.norm(np.cross(J[0], J[1]))
-    assert_allclose(tick["qdot_cmd"][:3], free * (free @ wished), rtol=0, atol=1e-12)
-
-
-@given(matrices, seeds, st.sampled_from([1.0, 1e-6, 0.0]))
-def test_null_space_motion_leaves_the_task_alone_down_to_rank_loss(J, seed, sigma_min):
-    twist, wx, wq, _ = draw(J, seed)
-    m, n = J.shape
-    u, s, vt = np.linalg.svd(J, full_matrices=False)
-    s[-1] *= sigma_min
-    J = (u * s) @ vt
-    wished = np.random.default_rng(seed).normal(size=n)
-    parameters = {"objective": Objective.POSTURE, "objective_gain": 1.0, "posture": wished}
-    _, still = one_world(J, twist, wx, wq, method=Method.DAMPED, damping_maximum=0.1)
-    _, moving = one_world(J, twist, wx, wq, method=Method.DAMPED, damping_maximum=0.1, **parameters)
-    extra = (moving["qdot_cmd"] - still["qdot_cmd"])[:n]
-    assert_allclose(J @ extra, np.zeros(m), rtol=0, atol=1e-10)
-    if np.linalg.matrix_rank(J) == min(m, n):
-        # the whole motion N qdot0, not merely some motion that is harmless, such as none
-        # Where σ_min is small, rounding turns the null space by 1e-16 κ in either computation.
-        turned = 1e-12 + 1e-14 * np.linalg.cond(J)
-        assert_allclose(extra, projector(J, wq) @ wished, rtol=0, atol=turned)
-
-
-def test_null_space_check_finds_the_classical_wrong_projector():
-    # I − J*J with a damped J* is no projector: it leaks into the task by λ²/(σ² + λ²).
-    J, wished = np.array([[1.0, 0.5, 0.2]]), np.array([1.0, 2.0, 3.0])
-    damped = J.T @ np.linalg.inv(J @ J.T + 0.01 * np.eye(1))
-    leak = J @ (np.eye(3) - damped @ J) @ wished
-    assert abs(leak[0]) > 1e-3
-
-
-@pytest.mark.parametrize("method", list(Method))
-@pytest.mark.parametrize("scale", [0.0, 1e-300, 1e-90, 1e-12, 1.0, 1e12, 1e90, 1e300])
-def test_no_method_is_ever_not_a_number(method, scale):
-    for J in (np.ones((3, 3)), np.eye(3), np.diag([1.0, 1e-200, 0.0])):
-        _, tick = one_world(J * scale, np.ones(3), np.ones(3), np.ones(3), method=method, damping_maximum=0.1)
-        for column in ("qdot_cmd", "sigma", "gain", "u_min", "v_min"):
-            assert np.all(np.isfinite(tick[column])), (column, tick[column])
-        assert not np.isnan(tick["condition"])
-
-
-def test_exact_rank_loss_is_a_status_and_not_an_error():
-    J = np.array([[1.0, 1.0], [1.0, 1.0]])
-    for method in Method:
-        _, tick = one_world(J, np.ones(2), np.ones(2), np.ones(2), method=method, damping_maximum=0.1)
-        assert Status(int(tick["status"])) & Status.SINGULAR
-
-
-@pytest.mark.parametrize(("sigma_min", "status"), [(0.0101, Status.OK), (0.0099, Status.SINGULAR)])
-def test_a_condition_of_a_hundred_is_called_singular(sigma_min, status):
-    J = np.diag([2.0, 2.0 * sigma_min])
-    _, tick = one_world(J, np.ones(2), np.ones(2), np.ones(2), method=Method.INVERSE)
-    assert Status(int(tick["status"])) == status
+# Measures -----------------------------------------------------------------------------------------------------
 
 
 @given(matrices, seeds)
 def test_recorded_measures_are_those_of_the_weighted_jacobian(J, seed):
-    twist, wx, wq, sigma = draw(J, seed)
-    _, tick = one_world(J, twist, wx, wq, method=Method.DAMPED, damping_maximum=0.1)
+    rng = np.random.default_rng(seed)
+    m, n = J.shape
+    wx, wq = rng.uniform(0.2, 5, m), rng.uniform(0.2, 5, n)
+    A = np.sqrt(wx)[:, None] * J / np.sqrt(wq)
+    sigma = np.linalg.svd(A, compute_uv=False)
+    _, tick = one_world(J, rng.normal(size=m), wx, wq, DAMPED)
     k = len(sigma)
     assert_allclose(tick["sigma"][:k], sigma, rtol=0, atol=1e-12 * max(1, sigma[0]))
     assert tick["manipulability"] == pytest.approx(np.prod(sigma), abs=1e-9 * max(1, sigma[0]) ** k)
     if sigma[-1] > 1e-6:
-        A = np.sqrt(wx)[:, None] * J / np.sqrt(wq)
-        u, v = tick["u_min"][: J.shape[0]], tick["v_min"][: J.shape[1]]
+        u, v = tick["u_min"][:m], tick["v_min"][:n]
         assert tick["condition"] == pytest.approx(sigma[0] / sigma[-1], rel=1e-6)
+        assert np.linalg.norm(u) == pytest.approx(1) and np.linalg.norm(v) == pytest.approx(1)
         assert_allclose(A.T @ u, sigma[-1] * v, rtol=0, atol=1e-11 * sigma[0])
+
+
+# Status -------------------------------------------------------------------------------------------------------
+
+
+def test_exact_rank_loss_is_a_status_and_not_an_error():
+    for variant in VARIANTS:
+        for J in (np.ones((2, 2)), np.zeros((2, 2))):
+            _, tick = one_world(J, np.ones(2), variant=variant)
+            assert status_of(tick) & Status.SINGULAR
+
+
+@pytest.mark.parametrize(
+    ("largest", "smallest", "status"),
+    [
+        (2.0, 0.0202, Status.OK),
+        (2.0, 0.0198, Status.SINGULAR),
+        (100.0, 1.0, Status.SINGULAR),
+        (1.0, 1.0, Status.OK),
+    ],
+)
+def test_a_condition_of_a_hundred_is_called_singular(largest, smallest, status):
+    _, tick = one_world(np.diag([largest, smallest]), np.ones(2), variant=INVERSE)
+    assert status_of(tick) == status
+
+
+@named
+def test_damped_says_that_some_direction_gets_less_than_it_asks_for(variant):
+    seen = set()
+    for seed in range(200):
+        rng = np.random.default_rng(seed)
+        shape = SHAPES[seed % len(SHAPES)]
+        if not fits(variant, shape):
+            continue
+        sigma = 10.0 ** rng.uniform(-2.5, 0.5, min(shape)) * rng.choice([1.0, 1.0, 1.0, 0.0], min(shape))
+        J, t = with_sigma(rng, *shape, sigma), rng.normal(size=shape[0])
+        _, tick = one_world(J, t, variant=variant)
+        _, gain, lam = formula(variant, J, t)
+        sigma = np.linalg.svd(J, compute_uv=False)
+        share = (sigma * gain)[sigma > 1e-14 * sigma[0]]
+        if lam > 1e-9 or np.any(share < 1 - 1e-9):
+            assert status_of(tick) & Status.DAMPED, (seed, lam, share)
+            seen.add(True)
+        elif lam == 0 and np.all(share > 1 - 1e-13):  # rounding of σ · (1/σ) is no damping
+            assert not status_of(tick) & Status.DAMPED, (seed, share)
+            seen.add(False)
+    # Both were seen, but of methods that always damp, and of those that never do.
+    always = {Variant(Method.DAMPED), Variant(Method.DAMPED, Schedule.ERROR)}
+    never = {INVERSE, Variant(Method.PSEUDOINVERSE)}
+    assert seen == ({True} if variant in always else {False} if variant in never else {True, False})
+
+
+def test_an_inverse_is_never_called_damped_by_rounding():
+    # σ · (1/σ) is below 1 for every seventh number or so, first for 49.
+    for sigma in range(1, 500):
+        _, tick = one_world(np.diag([float(sigma), sigma / 2]), np.ones(2), variant=INVERSE)
+        assert status_of(tick) == Status.OK, sigma
+
+
+@pytest.mark.parametrize(
+    ("name", "parameters", "sigma", "damped"),
+    [
+        ("pseudoinverse", {"tolerance": 0.1}, 0.11, False),
+        ("pseudoinverse", {"tolerance": 0.1}, 0.09, True),
+        ("truncated", {"cutoff": 0.1}, 0.11, False),
+        ("truncated", {"cutoff": 0.1}, 0.09, True),
+        ("jparse", {"gamma": 0.1}, 0.11, False),
+        ("jparse", {"gamma": 0.1}, 0.09, True),
+        ("filtered", {"damping_below": 0.1}, 0.11, False),
+        ("filtered", {"damping_below": 0.1}, 0.09, True),
+        ("selectively_damped", {"rate_bound": 10.0}, 0.11, False),
+        ("selectively_damped", {"rate_bound": 10.0}, 0.09, True),
+        ("damped-smallest_singular_value", {"damping_below": 0.1}, 0.11, False),
+        ("damped-smallest_singular_value", {"damping_below": 0.1}, 0.09, True),
+        ("damped-manipulability", {"manipulability_below": 0.1}, 0.11, False),
+        ("damped-manipulability", {"manipulability_below": 0.1}, 0.09, True),
+        ("damped-rate_bound", {"rate_bound": 10.0}, 0.11, False),
+        ("damped-rate_bound", {"rate_bound": 10.0}, 0.09, True),
+        ("damped-error", {"error": 0.0}, 0.11, False),
+        ("damped-error", {"error": 1e-3}, 0.11, True),
+        ("damped-constant", {"damping_maximum": 1e-9}, 0.11, True),
+        ("transpose", {}, 1.0, False),
+        ("transpose", {}, 0.99, True),
+        ("inverse", {}, 0.09, False),
+        # A direction that is lost gets nothing and asks for nothing that anything could give: SINGULAR says so.
+        ("pseudoinverse", {}, 0.0, False),
+        ("jparse", {}, 0.0, False),
+    ],
+)
+def test_damped_begins_where_each_method_begins_to_damp(name, parameters, sigma, damped):
+    _, tick = one_world(np.diag([1.0, sigma]), np.ones(2), variant=VARIANT[name], **parameters)
+    assert bool(status_of(tick) & Status.DAMPED) == damped
+
+
+# Limits -------------------------------------------------------------------------------------------------------
+
+UNLIMITED = {"period": 0.001, "acceleration_limit": np.full(8, np.inf), "braking": np.full(8, np.inf)}
 
 
 @given(seeds, st.sampled_from([OnExcess.SCALE, OnExcess.CLAMP]))
@@ -193,10 +253,9 @@ def test_limited_rates_are_within_their_limits_and_say_so(seed, on_excess):
     rng = np.random.default_rng(seed)
     J, twist = rng.normal(size=(3, 3)), rng.normal(size=3)
     limit = rng.uniform(0.1, 10, 3)
-    plain = {"method": Method.DAMPED, "damping_maximum": 0.1}
-    _, free = one_world(J, twist, np.ones(3), np.ones(3), **plain)
-    _, tick = one_world(J, twist, np.ones(3), np.ones(3), **plain, rate_limit=limit, on_excess=on_excess)
-    free, rates = free["qdot_cmd"][:3], tick["qdot_cmd"][:3]
+    free = rates_of(J, twist, DAMPED)
+    _, tick = one_world(J, twist, variant=DAMPED, **UNLIMITED, rate_limit=limit, on_excess=on_excess)
+    rates = tick["qdot_cmd"][:3]
     exceeds = bool(np.any(np.abs(free) > limit))
     assert np.all(np.abs(rates) <= limit * (1 + 1e-15))
     assert bool(tick["status"] & Status.RATE_LIMITED) == exceeds
@@ -204,6 +263,12 @@ def test_limited_rates_are_within_their_limits_and_say_so(seed, on_excess):
         assert_allclose(np.outer(rates, free), np.outer(free, rates), rtol=0, atol=1e-12 * free @ free)
     else:
         assert_allclose(rates, np.clip(free, -limit, limit), rtol=1e-15)
+
+
+# Notebook -----------------------------------------------------------------------------------------------------
+
+METHODS = ", ".join(method.name.lower() for method in Method)
+SCHEDULES = ", ".join(schedule.name.lower() for schedule in Schedule)
 
 
 @pytest.mark.parametrize(
@@ -214,7 +279,7 @@ def test_limited_rates_are_within_their_limits_and_say_so(seed, on_excess):
         ((np.ones((2, 3)), np.ones(2), "inverse"), "method 'inverse' needs a square J, got (2, 3)"),
         (
             (np.eye(2), np.ones(2), "dampd"),
-            'method must be one of inverse, pseudoinverse, damped, got "dampd"; did you mean "damped"?',
+            f'method must be one of {METHODS}, got "dampd"; did you mean "damped"?',
         ),
         ((np.eye(2), np.array([np.nan, 1.0])), "J and twist must be finite"),
     ],
@@ -223,3 +288,17 @@ def test_resolve_rates_refuses_what_it_cannot_resolve(arguments, message):
     with pytest.raises(ValueError) as caught:  # noqa: PT011
         resolve_rates(*arguments)
     assert str(caught.value) == message
+
+
+def test_resolve_rates_refuses_a_schedule_that_there_is_not():
+    with pytest.raises(ValueError) as caught:  # noqa: PT011
+        resolve_rates(np.eye(2), np.ones(2), schedule="constnt")
+    assert (
+        str(caught.value) == f'schedule must be one of {SCHEDULES}, got "constnt"; did you mean "constant"?'
+    )
+
+
+def test_every_variant_runs_in_these_tests():
+    assert {variant.method for variant in VARIANTS} == set(Method)
+    assert {variant.schedule for variant in VARIANTS if variant.method == Method.DAMPED} == set(Schedule)
+    assert len(NAMES) == len(set(NAMES))

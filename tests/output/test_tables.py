@@ -33,7 +33,7 @@ def random_card(joints, ticks=200, scale=1.0, slides=None):
         name: scale * rng.uniform(0.1, 1.0, (ticks, width[c.width]) if c.width else ticks)
         for name, c in COLUMNS.items()
     }
-    columns["time"] = np.arange(ticks) * 0.001
+    columns["time"] = columns["path_time"] = np.arange(ticks) * 0.001
     columns["status"] = rng.integers(0, 2 * max(Status), ticks)
     is_slide = slides or (False,) * n
     run = Run("case", tuple(joints), is_slide, SPACE, 1.0, 0.001, columns, 2 * ticks, None, 0.0123)

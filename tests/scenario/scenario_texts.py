@@ -15,7 +15,7 @@ target:
     - line: {by: [0.1, 0.0]}
 """
 
-# Section 5 of the design, with what is not built yet left in the comments.
+# Section 5 of the design.
 EXAMPLE = """\
 # The 2-link arm is driven straight through full reach and back; watch sigma and qdot.
 name: approach_singularity
@@ -44,14 +44,17 @@ arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b]}
 task: {axes: [x, y], length: 0.5, weights: [1.0, 2.0]}
 control:
   period: 0.002
-  inverse: {method: pseudoinverse, tolerance: 0.001,
-            damping: {schedule: constant, maximum: 0.2, below: 0.4}}
+  inverse: {method: pseudoinverse, tolerance: 0.001, cutoff: 0.02, gamma: 0.2, rate_bound: 1.5,
+            damping: {schedule: constant, maximum: 0.2, below: 0.4, manipulability_below: 0.6, error_gain: 0.7}}
   feedback: 3.0
   feedforward: false
   joint_weights: [1.0, 4.0]
-  nullspace: {objective: posture, gain: 2.0, posture: [0.1, 10 deg]}
-  limits: {rate: [1.0, 2.0], on_excess: clamp}
+  nullspace: {objective: posture, gain: 2.0, posture: [0.1, 10 deg], rates: [0.5, -0.5],
+              secondary: {site: elbow, axes: [y], to: [0.3], feedback: 4.0, priority: classical, damping: 0.01}}
+  limits: {rate: [1.0, 2.0], acceleration: [3.0, 4.0], position: false, braking: 5.0, on_excess: clamp}
   at_singularity: damp
+  slow: {change: 3.0, patience: 0.5, longest: 2.0}
+  stop: {sigma: 0.1, condition: 50.0, change: 4.0}
 target:
   path:
     - line: {to: [1.0, 0.0], turn: {axis: [0, 0, 2], angle: 30 deg}}

@@ -1,7 +1,8 @@
 import pytest
 from scenario_texts import MINIMAL, problems
 
-CHOICE = 'must be one of "inverse", "pseudoinverse", "damped"'
+METHODS = "inverse pseudoinverse truncated transpose damped filtered selectively_damped jparse".split()
+CHOICE = "must be one of " + ", ".join(f'"{name}"' for name in METHODS)
 ONE_OF = "must have exactly one of line, arc, turn, hold"
 FORM = "must have either axis and angle, or to"
 
@@ -45,7 +46,11 @@ FORM = "must have either axis and angle, or to"
         ("control.inverse.method", "dampd", f'{CHOICE}, got "dampd"; did you mean "damped"?'),
         ("control.inverse.method", "7", f"{CHOICE}, got 7"),
         ("control.inverse.tolerance", "1", "must be < 1, got 1"),
-        ("control.at_singularity", "slow", 'must be "damp", got "slow"'),
+        ("control.at_singularity", "halt", 'must be one of "damp", "slow", "stop", got "halt"'),
+        ("control.slow.longest", "0.5", "must be >= 1, got 0.5"),
+        ("control.slow.longest", "1001", "must be <= 1000, got 1001"),
+        ("control.nullspace", "{objective: rates}", "control.nullspace.rates: must be given for the objective rates, one rate a joint"),
+        ("control.nullspace.secondary", "{axes: [y], to: [1, 2]}", "control.nullspace.secondary.to: must have one value for each of axes, got 2 for the 1 axes y"),
         ("control.nullspace.gain", "-0.5", "must be >= 0, got -0.5"),
         ("control.limits.rate", "fast", 'must be a number, got the text "fast"'),
         ("control.limits.rate", "[]", "must have at least 1 item, got 0"),
@@ -129,12 +134,11 @@ task: {axes: [x, y], weights: [1]}
         'x.yaml:6:3: control.invers: unknown key; did you mean "inverse"?',
         'x.yaml:7:3: control.feedbak: unknown key; did you mean "feedback"?',
         "x.yaml:8:3: control.zzz: unknown key; the keys are period, inverse, feedback, feedforward,"
-        " joint_weights, nullspace, limits, at_singularity",
+        " joint_weights, nullspace, limits, at_singularity, slow, stop",
         "x.yaml:9:11: control.period: must be an integer multiple of plant.timestep, got 0.0015 and 0.001",
         "x.yaml:11:3: control.feedback: is given twice, first in line 10",
         "x.yaml:11:13: control.feedback: must be >= 0, got -1",
-        'x.yaml:12:21: control.inverse.method: must be one of "inverse", "pseudoinverse", "damped",'
-        ' got "dampd"; did you mean "damped"?',
+        f'x.yaml:12:21: control.inverse.method: {CHOICE}, got "dampd"; did you mean "damped"?',
         "x.yaml:12:47: control.inverse.damping.maximum: must be > 0, got -1",
         "x.yaml:13:16: control.feedforward: the tag !!python/object:os.system is not supported",
         "x.yaml:14:31: task.weights: must have one weight for each of task.axes, got 1 for the 2 axes x, y",

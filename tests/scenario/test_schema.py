@@ -80,7 +80,9 @@ def test_rows_of_the_schema_read_as_a_table():
         "arm.model": "path",
         "arm.start": "text or list of angles",
         "task.axes": "list of (x | y | z | rx | ry | rz)",
-        "control.inverse.method": "inverse | pseudoinverse | damped",
+        "control.inverse.method": "inverse | pseudoinverse | truncated | transpose | damped | filtered"
+        " | selectively_damped | jparse",
+        "control.slow.longest": "number >= 1, <= 1000",
         "control.inverse.tolerance": "number > 0, < 1",
         "control.feedforward": "true | false",
         "control.limits.rate": "number > 0 or list of numbers > 0",
@@ -129,6 +131,7 @@ def valid(value, schema, root):
         "pattern": lambda p: not isinstance(value, str) or bool(re.search(p, value)),
         "minimum": lambda n: not is_number or value >= n,
         "exclusiveMinimum": lambda n: not is_number or value > n,
+        "maximum": lambda n: not is_number or value <= n,
         "exclusiveMaximum": lambda n: not is_number or value < n,
     }
     if "$ref" in schema and not valid(value, root["$defs"][schema["$ref"].split("/")[-1]], root):

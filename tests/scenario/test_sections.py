@@ -52,6 +52,13 @@ def test_axes_are_kept_in_row_order_and_weights_follow_them():
     assert task.weights == (7.0, 5.0)
 
 
+def test_axes_of_a_second_task_are_kept_in_row_order_and_its_values_follow_them():
+    text = "control.nullspace.secondary={axes: [rz, x], to: [10 deg, 0.5]}"
+    second = loads(MINIMAL, overrides=[text]).control.nullspace.secondary
+    assert second.axes == ("x", "rz")
+    assert second.to == (0.5, math.radians(10))
+
+
 def test_a_scenario_is_frozen():
     with pytest.raises(ValueError, match="frozen"):
         loads(MINIMAL).control.feedback = 1.0
@@ -160,13 +167,30 @@ control:
   inverse:
     method: damped
     tolerance: 1.0e-06
-    damping: {schedule: smallest_singular_value, maximum: 0.1, below: 0.3}
+    cutoff: 0.01
+    gamma: 0.1
+    rate_bound: 2.0
+    damping: {schedule: smallest_singular_value, maximum: 0.1, below: 0.3, manipulability_below: 0.3,
+      error_gain: 1.0}
   feedback: 20.0
   feedforward: true
   joint_weights: null
-  nullspace: {objective: none, gain: 1.0, posture: null}
-  limits: {rate: null, on_excess: scale}
+  nullspace:
+    objective: none
+    gain: 1.0
+    posture: null
+    rates: null
+    secondary:
+      site: null
+      axes: [x, y, z]
+      to: null
+      feedback: 5.0
+      priority: robust
+      damping: 0.05
+  limits: {rate: null, acceleration: null, position: true, braking: 10.0, on_excess: scale}
   at_singularity: damp
+  slow: {change: 10.0, patience: 1.0, longest: 10.0}
+  stop: {sigma: 0.05, condition: null, change: 10.0}
 target:
   path:
   - line:

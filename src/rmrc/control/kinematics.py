@@ -6,19 +6,19 @@ from rmrc.control.compiled import Array, Record, compiled
 
 
 @compiled
-def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array) -> None:
+def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array, J: Array) -> None:
     """Write J (6, n), rows [v; ω], along world axes, at a point fixed to the last link.
 
     A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
     [Whitney72]. The axes come from MuJoCo's fresh kinematics, so nothing is differentiated.
 
     Args:
-        world: Writes J; reads which joints of the model are the arm's, and their kind.
+        world: Reads which joints of the model are the arm's, and their kind.
         point: The site's origin, (3,) [m].
         anchors: A point on each joint axis of the model, (njnt, 3) [m].
         axes: Unit vector of each joint axis, (njnt, 3).
+        J: Written, (6, n).
     """
-    J = world.J
     for j in range(world.n):
         joint = world.joint[j]
         zx, zy, zz = axes[joint, 0], axes[joint, 1], axes[joint, 2]

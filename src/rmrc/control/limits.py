@@ -1,28 +1,126 @@
-"""Limits on what is sent."""
+"""Limits on what is sent: joint positions, rates and accelerations."""
 
-from rmrc.control.compiled import Array, Record, compiled
-from rmrc.control.records import OnExcess
+import math
 
-NONE, SCALE = int(OnExcess.NONE), int(OnExcess.SCALE)
+from rmrc.control.compiled import Array, Record, compiled, inlined
+from rmrc.control.records import OnExcess, Status
+from rmrc.control.redistribution import redistribute
+
+NONE, CLAMP, REDISTRIBUTE = int(OnExcess.NONE), int(OnExcess.CLAMP), int(OnExcess.REDISTRIBUTE)
+RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
+    int, (Status.RATE_LIMITED, Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED)
+)
+
+
+@inlined
+def limit(world: Record, tick: Record) -> int:
+    """Bring the rates within the bounds of every joint; return the status bits of the limits that act.
+
+    scale         all rates by one factor: the direction of motion is kept, the tip gets slower
+    clamp         each on its own: the tip leaves its direction, here as the contrast
+    redistribute  what a saturated joint cannot do, the others take over               [Flacco15]
+    """
+    rates = tick.qdot_cmd
+    if world.on_excess == NONE:
+        return 0
+    exceeded = excess(world, rates)
+    if exceeded == 0:
+        return 0
+    bounds(world)
+    if world.on_excess == CLAMP or (world.on_excess == REDISTRIBUTE and redistribute(world, tick)):
+        confine(world, rates)
+    else:
+        exceeded = scale(world, rates)
+    return exceeded
 
 
 @compiled
-def limit_rates(world: Record, rates: Array) -> bool:
-    """Bring the rates within their limits; return whether that changed them.
+def excess(world: Record, rates: Array) -> int:
+    """Return the bits of the limits that the rates exceed.
 
-    scale   all rates by one factor: the direction of motion is kept, the tip gets slower
-    clamp   each on its own: the tip leaves its direction, here as the contrast
+    That a rate r can be braked in time, k (k + 1)/2 · b T² <= d with k = r/(b T), needs no root.
     """
-    if world.on_excess == NONE:
-        return False
-    excess = 1.0
+    T, bits = world.period, 0
     for j in range(world.n):
-        excess = max(excess, abs(rates[j]) / world.rate_limit[j])
-    if excess <= 1.0:
-        return False
+        rate, braking = rates[j], world.braking[j]
+        speed = abs(rate)
+        to_lower, to_upper = world.q[j] - world.position_limit[0, j], world.position_limit[1, j] - world.q[j]
+        left = to_upper if rate > 0.0 else to_lower
+        if speed > world.rate_limit[j]:
+            bits |= RATE_LIMITED
+        if abs(rate - world.qdot_cmd_last[j]) > world.acceleration_limit[j] * T:
+            bits |= ACCELERATION_LIMITED
+        if speed > 0.0 and (speed * (speed + braking * T) > 2.0 * braking * left or speed * T > left):
+            bits |= POSITION_LIMITED
+    return bits
+
+
+@compiled
+def bounds(world: Record) -> None:
+    """Write the largest and smallest rate of each joint within its position, rate and acceleration limits.
+
+    Acceleration has precedence: a joint that cannot brake in time goes on braking.
+    """
     for j in range(world.n):
-        if world.on_excess == SCALE:
-            rates[j] /= excess
-        else:
-            rates[j] = min(max(rates[j], -world.rate_limit[j]), world.rate_limit[j])
-    return True
+        lowest, highest = rest_bounds(world, j)
+        change = world.acceleration_limit[j] * world.period
+        least, most = world.qdot_cmd_last[j] - change, world.qdot_cmd_last[j] + change
+        world.upper[j] = max(least, min(highest, most))
+        world.lower[j] = min(most, max(lowest, least))
+
+
+@compiled
+def rest_bounds(world: Record, j: int) -> tuple[float, float]:
+    """Return the smallest and largest rate of a joint by its position and rate limits; 0 is between them."""
+    q, fastest, braking = world.q[j], world.rate_limit[j], world.braking[j]
+    down = brake(q - world.position_limit[0, j], braking, world.period)
+    up = brake(world.position_limit[1, j] - q, braking, world.period)
+    return -min(fastest, down), min(fastest, up)
+
+
+@compiled
+def brake(distance: float, braking: float, period: float) -> float:
+    """Return the largest rate that can be braked within a distance, tick by tick.
+
+    From k · b T on, k ticks of braking by b T each take k (k + 1)/2 · b T². In the last tick the rate must
+    not lead beyond the distance at once.
+    """
+    if distance <= 0.0:
+        return 0.0
+    if distance == math.inf:
+        return math.inf
+    ticks = math.sqrt(0.25 + 2.0 * distance / (braking * period * period)) - 0.5
+    return min(braking * period * ticks, distance / period)
+
+
+@compiled
+def confine(world: Record, rates: Array) -> None:
+    """Bring each rate within its own bounds."""
+    for j in range(world.n):
+        rates[j] = min(max(rates[j], world.lower[j]), world.upper[j])
+
+
+@compiled
+def scale(world: Record, rates: Array) -> int:
+    """Scale all rates, then their change, by one factor each; return the bits of the limits that acted."""
+    n, bits, factor = world.n, 0, 1.0
+    for j in range(n):
+        lowest, highest = rest_bounds(world, j)
+        bound = highest if rates[j] > 0.0 else -lowest
+        if abs(rates[j]) > bound:
+            bits |= RATE_LIMITED if bound == world.rate_limit[j] else POSITION_LIMITED
+            factor = min(factor, bound / abs(rates[j]))
+    part = 1.0
+    for j in range(n):
+        rates[j] *= factor
+        change, most = abs(rates[j] - world.qdot_cmd_last[j]), world.acceleration_limit[j] * world.period
+        if change > most:
+            bits |= ACCELERATION_LIMITED
+            part = min(part, most / change)
+    for j in range(n):
+        if part < 1.0:
+            rates[j] = world.qdot_cmd_last[j] + part * (rates[j] - world.qdot_cmd_last[j])
+        if rates[j] > world.upper[j] or rates[j] < world.lower[j]:
+            bits |= POSITION_LIMITED
+            rates[j] = min(max(rates[j], world.lower[j]), world.upper[j])
+    return bits

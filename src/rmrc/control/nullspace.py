@@ -1,40 +1,97 @@
 """Objectives that wish for joint rates qdot0, and the projector that keeps them out of the task."""
 
-from rmrc.control.compiled import Array, Record, compiled
+import math
+
+from rmrc.control.compiled import Array, Record, compiled, inlined
+from rmrc.control.derivative import sigma_gradient
+from rmrc.control.priority import secondary_rates
 from rmrc.control.records import Objective
-from rmrc.control.smallmat import RANK_FLOOR, dot
+from rmrc.control.smallmat import dot
 
-NONE, POSTURE = int(Objective.NONE), int(Objective.POSTURE)
+NONE, POSTURE, JOINT_LIMITS, MANIPULABILITY, RATES = map(
+    int,
+    (Objective.NONE, Objective.POSTURE, Objective.JOINT_LIMITS, Objective.MANIPULABILITY, Objective.RATES),
+)
 
 
-@compiled
-def wished_rates(world: Record, qdot0: Array) -> None:
+@inlined
+def wished_rates(world: Record, tick: Record, qdot0: Array) -> None:
     """Write qdot0, the rates that the objective would choose if there were no task.
 
-    posture   qdot0 = gain · (posture − q): the gradient of ½‖posture − q‖², uphill  [Liegeois77]
+    posture         qdot0 = gain · (posture − q)                             [Liegeois77]
+    joint_limits    qdot0 = −gain · S_q² ∇H, H the distance function         [Liegeois77]
+    manipulability  qdot0 = gain · S_q² ∇w                                   [Yoshikawa85]
+    rates           as the user says
+    secondary       what a second task needs, see `priority`
     """
-    for j in range(world.n):
-        qdot0[j] = 0.0
-        if world.objective == POSTURE:
+    objective = world.objective
+    if objective == POSTURE:
+        for j in range(world.n):
             qdot0[j] = world.objective_gain * (world.posture[j] - world.q[j])
+    elif objective == JOINT_LIMITS:
+        to_middle(world, qdot0)
+    elif objective == MANIPULABILITY:
+        uphill(world, tick.sigma, qdot0)
+    elif objective == RATES:
+        for j in range(world.n):
+            qdot0[j] = world.wished[j]
+    else:
+        secondary_rates(world, tick, qdot0)
 
 
 @compiled
-def add_projected(world: Record, sigma: Array, qdot0: Array, rates: Array) -> None:
-    """Add S_q (I − Σ v_i v_iᵀ) S_q⁻¹ qdot0 to the rates, so that J N qdot0 = 0.
+def to_middle(world: Record, qdot0: Array) -> None:
+    """Write −gain · S_q² ∇H with H = 1/(2n) Σ ((q − middle)/range)²; a joint without limits has no wish."""
+    n = world.n
+    for j in range(n):
+        lower, upper = world.position_range[0, j], world.position_range[1, j]
+        slope = 0.0
+        if upper - lower < math.inf:
+            slope = (world.q[j] - 0.5 * (lower + upper)) / ((upper - lower) * (upper - lower) * n)
+        qdot0[j] = -world.objective_gain * world.joint_scale[j] * world.joint_scale[j] * slope
 
-    Every right vector is removed whose σ is not zero to rounding, however small it is and whatever the
-    inverse does to it: near a singularity the projector depends continuously on q, and a direction that
-    dies is not handed to the objective. Task rows that an arm can never move, such as z of a planar arm,
-    have σ = 0 throughout and take nothing away.
+
+@compiled
+def uphill(world: Record, sigma: Array, qdot0: Array) -> None:
+    """Write gain · S_q² ∇w with ∇w = Σ_i (Π_{l≠i} σ_l) ∇σ_i, which needs no division by σ."""
+    n = world.n
+    for j in range(n):
+        qdot0[j] = 0.0
+    for i in range(world.k):
+        others = 1.0
+        for p in range(world.k):
+            if p != i:
+                others *= sigma[p]
+        if others == 0.0:
+            continue
+        sigma_gradient(world, i, world.work)
+        for j in range(n):
+            qdot0[j] += others * world.work[j]
+    for j in range(n):
+        qdot0[j] *= world.objective_gain * world.joint_scale[j] * world.joint_scale[j]
+
+
+@compiled
+def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
+    """Add N qdot0 = S_q (I − Σ_{i<r} v_i v_iᵀ) S_q⁻¹ qdot0 to the rates, and leave it in qdot0.
+
+    J N qdot0 = 0. r is the rank of the task almost everywhere, which was found before the run. So as many
+    directions are taken away at a singularity as elsewhere: N changes continuously, and a direction that
+    dies is not handed to the objective, whatever the inverse does to it.
     """
     n, scale = world.n, world.joint_scale
     for j in range(n):
         qdot0[j] /= scale[j]
-    for i in range(world.k):
-        if sigma[i] > RANK_FLOOR * sigma[0]:
-            along = dot(world.v[i], qdot0, n)
-            for j in range(n):
-                qdot0[j] -= along * world.v[i, j]
+    remove_task(world, qdot0)
     for j in range(n):
-        rates[j] += scale[j] * qdot0[j]
+        qdot0[j] *= scale[j]
+        rates[j] += qdot0[j]
+
+
+@compiled
+def remove_task(world: Record, rates: Array) -> None:
+    """Take the task's directions away from scaled rates: (I − Σ_{i<r} v_i v_iᵀ) rates."""
+    for i in range(world.rank):
+        along = dot(world.v[i], rates, world.n)
+        for j in range(world.n):
+            rates[j] -= along * world.v[i, j]

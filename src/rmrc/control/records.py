@@ -33,13 +33,21 @@ class Method(IntEnum):
     INVERSE = 0
     PSEUDOINVERSE = 1
     DAMPED = 2
+    TRUNCATED = 3
+    TRANSPOSE = 4
+    FILTERED = 5
+    SELECTIVELY_DAMPED = 6
+    JPARSE = 7
 
 
 class Schedule(IntEnum):
-    """How the damping lambda follows the singular values."""
+    """How the damping lambda of the method `damped` follows the arm."""
 
     CONSTANT = 0
     SMALLEST_SINGULAR_VALUE = 1
+    MANIPULABILITY = 2
+    ERROR = 3
+    RATE_BOUND = 4
 
 
 class Objective(IntEnum):
@@ -47,6 +55,17 @@ class Objective(IntEnum):
 
     NONE = 0
     POSTURE = 1
+    JOINT_LIMITS = 2
+    MANIPULABILITY = 3
+    RATES = 4
+    SECONDARY = 5
+
+
+class Priority(IntEnum):
+    """How a second task is kept out of the first."""
+
+    CLASSICAL = 0
+    ROBUST = 1
 
 
 class OnExcess(IntEnum):
@@ -55,6 +74,15 @@ class OnExcess(IntEnum):
     NONE = 0
     SCALE = 1
     CLAMP = 2
+    REDISTRIBUTE = 3
+
+
+class AtSingularity(IntEnum):
+    """What happens near a singularity."""
+
+    DAMP = 0
+    SLOW = 1
+    STOP = 2
 
 
 def capacity(n: int) -> int:
@@ -82,10 +110,11 @@ def tick_type(n: int) -> np.dtype[np.void]:
 def _world_type(c: int) -> np.dtype[np.void]:
     return np.dtype(
         [
-            # sizes: joints, task rows, singular values
-            ("n", np.int64), ("m", np.int64), ("k", np.int64),
-            # life: its reference, number of ticks, the tick at which it diverged or -1, and the joint
-            ("reference", np.int64), ("ticks", np.int64),
+            # sizes: joints, task rows, singular values; the rank of the task almost everywhere
+            ("n", np.int64), ("m", np.int64), ("k", np.int64), ("rank", np.int64),
+            # life: its reference and how many ticks that has, number of ticks to run at most, the tick at
+            # which it diverged or -1, and the joint
+            ("reference", np.int64), ("path_ticks", np.int64), ("ticks", np.int64),
             ("diverged", np.int64), ("diverged_joint", np.int64),
             # wiring: MuJoCo's ids, and columns of the state row
             ("joint", np.int64, (c,)), ("is_slide", np.int64, (c,)), ("dof", np.int64, (c,)),
@@ -97,22 +126,45 @@ def _world_type(c: int) -> np.dtype[np.void]:
             ("joint_scale", np.float64, (c,)),
             # control
             ("period", np.float64), ("feedback", np.float64), ("feedforward", np.float64),
-            ("method", np.int64), ("tolerance", np.float64),
+            ("method", np.int64), ("tolerance", np.float64), ("cutoff", np.float64), ("gamma", np.float64),
+            ("rate_bound", np.float64),
             ("schedule", np.int64), ("damping_maximum", np.float64), ("damping_below", np.float64),
+            ("manipulability_below", np.float64), ("error_gain", np.float64),
             ("objective", np.int64), ("objective_gain", np.float64), ("posture", np.float64, (c,)),
-            ("rate_limit", np.float64, (c,)), ("on_excess", np.int64),
+            ("wished", np.float64, (c,)), ("position_range", np.float64, (2, c)),
+            ("at_singularity", np.int64), ("slow_change", np.float64), ("slow_patience", np.float64),
+            ("stop_sigma", np.float64), ("stop_condition", np.float64), ("stop_change", np.float64),
+            # limits
+            ("on_excess", np.int64), ("rate_limit", np.float64, (c,)),
+            ("acceleration_limit", np.float64, (c,)), ("braking", np.float64, (c,)),
+            ("position_limit", np.float64, (2, c)),
+            # second task: its site, rows, scales, and the joints that move it
+            ("m_2", np.int64), ("site_2", np.int64), ("moves_2", np.int64, (c,)),
+            ("row_2", np.int64, (ROWS,)), ("row_scale_2", np.float64, (ROWS,)),
+            ("pose_ref_2", np.float64, (7,)), ("feedback_2", np.float64), ("priority", np.int64),
+            ("damping_2", np.float64),
             # plant
             ("plant", np.int64), ("bandwidth", np.float64), ("wrench", np.float64, (6,)),
             ("lever", np.float64, (3,)),
             # measurement
             ("q", np.float64, (c,)), ("qdot", np.float64, (c,)), ("pose", np.float64, (7,)),
-            ("J", np.float64, (ROWS, c)),
-            # memory from tick to tick: vectors of the decomposition, last command
-            ("u", np.float64, (ROWS, c)), ("v", np.float64, (ROWS, c)),
-            ("qdot_cmd_last", np.float64, (c,)), ("age", np.int64),
-            # scratch of one tick
-            ("twist_cmd", np.float64, (6,)), ("task", np.float64, (ROWS,)),
+            ("J", np.float64, (ROWS, c)), ("pose_2", np.float64, (7,)), ("J_2", np.float64, (ROWS, c)),
+            # memory from tick to tick: vectors of the decomposition, last command, ticks of the path behind
+            # it, its pace and the fastest within the rate limits, how fast that fell, share of the rates left
+            ("u", np.float64, (ROWS, c)), ("v", np.float64, (ROWS, c)), ("age", np.int64),
+            ("v_last", np.float64, (c,)),
+            ("qdot_cmd_last", np.float64, (c,)), ("path_tick", np.float64),
+            ("pace", np.float64), ("fastest", np.float64), ("falling", np.float64), ("waited", np.float64),
+            ("share", np.float64),
+            # scratch of one tick: the task; bounds and parts of the rates; a second decomposition, of what is
+            # left of A for a second task, or for the joints that are not saturated
+            ("twist_cmd", np.float64, (6,)), ("task", np.float64, (ROWS,)), ("error", np.float64),
             ("A", np.float64, (ROWS, c)), ("qdot0", np.float64, (c,)), ("qddot", np.float64, (c,)),
+            ("lower", np.float64, (c,)), ("upper", np.float64, (c,)), ("held", np.float64, (c,)),
+            ("best", np.float64, (c,)), ("part_a", np.float64, (c,)), ("part_b", np.float64, (c,)),
+            ("work", np.float64, (c,)), ("error_2", np.float64, (6,)),
+            ("B", np.float64, (ROWS, c)), ("task_B", np.float64, (ROWS,)), ("sigma_B", np.float64, (ROWS,)),
+            ("gain_B", np.float64, (ROWS,)), ("u_B", np.float64, (ROWS, c)), ("v_B", np.float64, (ROWS, c)),
         ]
     )  # fmt: skip
 
@@ -128,6 +180,7 @@ def _tick_type(c: int) -> np.dtype[np.void]:
             ("sigma", np.float64, (ROWS,)), ("gain", np.float64, (ROWS,)),
             ("damping", np.float64), ("manipulability", np.float64), ("condition", np.float64),
             ("u_min", np.float64, (6,)), ("v_min", np.float64, (c,)),
-            ("tau", np.float64, (c,)), ("status", np.int64),
+            ("tau", np.float64, (c,)), ("path_time", np.float64), ("path_rate", np.float64),
+            ("secondary_error", np.float64), ("secondary_sigma", np.float64), ("status", np.int64),
         ]
     )  # fmt: skip

@@ -162,6 +162,19 @@ def complete_row(rows: Array, i: int, size: int) -> None:
 
 
 @compiled
+def continue_row(rows: Array, i: int, wish: Array, size: int) -> None:
+    """Turn row i, one that is free to be any orthogonal to those before it, as near as can be to a wish."""
+    left = dot(wish, wish, size)
+    for p in range(i):
+        along = dot(rows[p], wish, size)
+        left -= along * along
+    if left > 0.5:  # else those before it have turned so far that the wish means nothing
+        for j in range(size):
+            rows[i, j] = wish[j]
+        orthogonalize_row(rows, i, size)
+
+
+@compiled
 def normalize_rows(sigma: Array, long: Array, k: int, size: int) -> None:
     """Divide each row by its singular value; where that is rounding, complete the basis instead."""
     for i in range(k):
@@ -205,6 +218,16 @@ def svd(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array) -> None:
             for r in range(m):
                 u[i, r] = dot(a[r], v[i], n)
         decompose(u, v, sigma, k, m)
+
+
+@inlined
+def svd_from_scratch(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array) -> None:
+    """Decompose a matrix of which nothing is known from the last tick, as `svd` does."""
+    if m <= n:
+        set_identity(u, m)
+    else:
+        set_identity(v, n)
+    svd(a, m, n, u, sigma, v)
 
 
 @inlined

@@ -15,7 +15,7 @@ from rmrc.scenario import SchemaRow
 from rmrc.scorecard import Figure, Outcome, Scorecard
 
 _PEAKS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
-_ERRORS = ("position_error", "orientation_error", "error_along", "error_across")
+_ERRORS = ("position_error", "orientation_error", "error_along", "error_across", "secondary_error")
 
 
 def render(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> RenderableType:

@@ -49,6 +49,9 @@ from rmrc.scenario.sections import (
     NullspaceSection,
     PlantSection,
     Scenario,
+    SecondarySection,
+    SlowSection,
+    StopSection,
     TargetLimitsSection,
     TargetSection,
     TaskSection,
@@ -60,9 +63,9 @@ from rmrc.scenario.wording import show
 __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "Hold",
     "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
-    "PlantSection", "Scenario", "SchemaRow", "Section", "Segment", "TargetLimitsSection", "TargetSection",
-    "TaskSection", "Turn", "TurnSegment", "Variant", "json_schema", "load", "loads", "schema_rows",
-    "variants",
+    "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
+    "StopSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment",
+    "Variant", "json_schema", "load", "loads", "schema_rows", "variants",
 ]  # fmt: skip
 
 

@@ -139,4 +139,5 @@ _WANTS = {
     "greater_than": "must be > {gt:g}",
     "greater_than_equal": "must be >= {ge:g}",
     "less_than": "must be < {lt:g}",
+    "less_than_equal": "must be <= {le:g}",
 }

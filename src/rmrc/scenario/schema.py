@@ -81,7 +81,7 @@ def _type(schema: dict[str, Any]) -> str:
         item = re.sub("^(number|angle)", r"\1s", _type(schema["items"]))
         return f"list of {count}({item})" if "|" in item else f"list of {count}{item}"
     if schema["type"] == "number":
-        signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<"}
+        signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
         bounds = [f"{sign} {show(schema[k])}" for k, sign in signs.items() if k in schema]
         return " ".join(["number", ", ".join(bounds)]).strip()
     words = {"string": "text", "boolean": "true | false"}

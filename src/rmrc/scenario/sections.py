@@ -22,6 +22,7 @@ from rmrc.scenario.values import (
     OneOrEach,
     Positions,
     Positive,
+    Rates,
     Section,
     Switch,
     Text,
@@ -31,6 +32,16 @@ from rmrc.scenario.values import (
     rule,
 )
 from rmrc.scenario.wording import show
+
+
+def sort_axes(section: Section, beside: str) -> None:
+    """Sort the axes of a section as the rows of a twist, and what has one value for each of them along."""
+    axes: Axes = section.__dict__["axes"]
+    order = sorted(range(len(axes)), key=lambda i: get_args(Axis).index(axes[i]))
+    for name in ("axes", beside):
+        values = section.__dict__[name]
+        if values is not None:  # frozen is a promise to users; the section is still being made
+            section.__dict__[name] = tuple(values[i] for i in order)
 
 
 class ArmSection(Section):
@@ -66,57 +77,162 @@ class TaskSection(Section):
 
     @model_validator(mode="after")
     def _in_row_order(self) -> Self:
-        """Sort axes as the rows of a twist, and their weights with them."""
-        order = sorted(range(len(self.axes)), key=lambda i: get_args(Axis).index(self.axes[i]))
-        # Frozen is a promise to users; the section is still being made.
-        self.__dict__["axes"] = tuple(self.axes[i] for i in order)
-        if self.weights is not None:
-            self.__dict__["weights"] = tuple(self.weights[i] for i in order)
+        sort_axes(self, "weights")
         return self
 
 
 class DampingSection(Section):
     """How much damping λ the method `damped` uses, and when."""
 
-    schedule: Literal["constant", "smallest_singular_value"] = key(
-        "how λ follows the arm: always `maximum`, or rising to it as σ_min falls below `below`",
+    schedule: Literal["constant", "manipulability", "smallest_singular_value", "error", "rate_bound"] = key(
+        "how λ follows the arm: always `maximum`; rising to it as w falls below `manipulability_below`, or "
+        "as σ_min falls below `below`; `error_gain` times the error; or the least that keeps the rates "
+        "within `rate_bound`",
         "smallest_singular_value",
     )
     maximum: Positive = key("λ_max, the largest damping (λ, not λ²)", 0.1, "as σ")
-    below: Positive = key("ε: damping starts when σ_min is below it", 0.3, "as σ")
+    below: Positive = key(
+        "ε: smallest_singular_value starts to damp when σ_min is below it, filtered each σ that is",
+        0.3,
+        "as σ",
+    )
+    manipulability_below: Positive = key("w₀: manipulability starts to damp when w is below it", 0.3, "as w")
+    error_gain: Positive = key("error: λ for a given task error, linear rows over task.length", 1.0, "as σ")
 
 
 class InverseSection(Section):
     """How the Jacobian is inverted."""
 
-    method: Literal["inverse", "pseudoinverse", "damped"] = key(
-        "the filter g(σ) that stands for 1/σ", "damped"
-    )
+    method: Literal[
+        "inverse",
+        "pseudoinverse",
+        "truncated",
+        "transpose",
+        "damped",
+        "filtered",
+        "selectively_damped",
+        "jparse",
+    ] = key("the filter g(σ) that stands for 1/σ", "damped")
     tolerance: Annotated[Number, Field(gt=0, lt=1)] = key(
         "pseudoinverse: singular values up to this share of the largest are dropped", 1e-6, "1"
     )
-    damping: DampingSection = key("damped: the damping λ", DampingSection())
+    cutoff: Positive = key("truncated: singular values up to it are dropped", 0.01, "as σ")
+    gamma: Annotated[Number, Field(gt=0, lt=1)] = key(
+        "jparse: directions fade whose σ is below this share of the largest", 0.1, "1"
+    )
+    rate_bound: Positive = key(
+        "selectively_damped: largest rate of a joint; schedule rate_bound: largest norm of the rates; "
+        "sliding joints over task.length",
+        2.0,
+        "rad/s",
+    )
+    damping: DampingSection = key("damped, filtered: the damping λ", DampingSection())
+
+
+class SecondarySection(Section):
+    """A second task, done as far as the first leaves room for it: a site that shall stay somewhere."""
+
+    site: Text | None = key("the site of the second task; null: that of the first", None)
+    axes: Axes = key("the rows of its twist that count, along world axes", ("x", "y", "z"))
+    to: Positions | None = key(
+        "where it shall be, a value for each of `axes`: position in the world, or rotation vector from the "
+        "start; null: where it starts",
+        None,
+        "m or rad",
+    )
+    feedback: NotNegative = key("K of the second task: twist for a given error", 5.0, "1/s")
+    priority: Literal["classical", "robust"] = key(
+        "classical: solved in what the first task leaves; robust: solved alone, then projected", "robust"
+    )
+    damping: NotNegative = key("λ of the second task's inverse, constant", 0.05, "as σ")
+
+    @field_validator("to")
+    @classmethod
+    def _one_an_axis(cls, to: Positions | None, info: ValidationInfo) -> Positions | None:
+        axes = info.data.get("axes")
+        if to is not None and axes is not None and len(to) != len(axes):
+            counts = f"got {len(to)} for the {len(axes)} axes {', '.join(axes)}"
+            raise rule(f"must have one value for each of axes, {counts}")
+        return to
+
+    @model_validator(mode="after")
+    def _in_row_order(self) -> Self:
+        sort_axes(self, "to")
+        return self
 
 
 class NullspaceSection(Section):
     """What the joints do that the task does not feel."""
 
-    objective: Literal["none", "posture"] = key("what to aim for with the motion that is left over", "none")
-    gain: NotNegative = key("posture: rate for a given distance from the posture", 1.0, "1/s")
+    objective: Literal["none", "posture", "joint_limits", "manipulability", "rates", "secondary"] = key(
+        "what to aim for with the motion that is left over: nothing, a posture, the middle of the joints' "
+        "ranges, a larger w, constant rates, or a second task",
+        "none",
+    )
+    gain: NotNegative = key(
+        "posture: rate for a given distance; joint_limits, manipulability: rate for a given slope", 1.0, "1/s"
+    )
     posture: Positions | None = key(
         "posture: the joint positions aimed for; null: those of the start", None, "rad or m"
     )
+    rates: Rates | None = key("rates: the joint rates wished for, one a joint", None, "rad/s or m/s")
+    secondary: SecondarySection = key("secondary: the second task", SecondarySection())
+
+    @model_validator(mode="after")
+    def _has_rates(self) -> Self:
+        if self.objective == "rates" and self.rates is None:
+            raise rule(
+                "must be given for the objective rates, one rate a joint",
+                key=("control", "nullspace", "rates"),
+            )
+        return self
 
 
 class LimitsSection(Section):
-    """The bounds on joint rates."""
+    """The bounds on joint positions, rates and accelerations."""
 
     rate: OneOrEach | None = key(
         "largest rate, of all joints or of each; null: the model's own", None, "rad/s or m/s"
     )
-    on_excess: Literal["scale", "clamp", "none"] = key(
-        "beyond the largest rate: scale all joints alike (keeps direction), clamp each, or none", "scale"
+    acceleration: OneOrEach | None = key(
+        "largest acceleration, of all joints or of each; null: none", None, "rad/s² or m/s²"
     )
+    position: Switch = key("whether joints brake before the position limits of the model", default=True)
+    braking: OneOrEach = key(
+        "deceleration with which a joint stops before its position limit, of all joints or of each; "
+        "not more than `acceleration`",
+        10.0,
+        "rad/s² or m/s²",
+    )
+    on_excess: Literal["scale", "clamp", "redistribute", "none"] = key(
+        "beyond a limit: scale all joints alike (keeps direction), clamp each, let the others take over what "
+        "a saturated joint cannot do, or limit nothing",
+        "scale",
+    )
+
+
+class SlowSection(Section):
+    """How `at_singularity: slow` scales the time along the path."""
+
+    change: Positive = key("largest change of the pace, which is 1 where nothing is slowed", 10.0, "1/s")
+    patience: Positive = key(
+        "how long to wait where the arm cannot follow at any pace before the path goes on all the same",
+        1.0,
+        "s",
+    )
+    longest: Annotated[Number, Field(ge=1, le=1000)] = key(
+        "times the planned duration after which the run ends, wherever it is on the path", 10.0, "1"
+    )
+
+
+class StopSection(Section):
+    """When `at_singularity: stop` holds the arm."""
+
+    sigma: Positive = key("hold where σ_min is at or below it", 0.05, "as σ")
+    condition: Annotated[Number, Field(gt=1)] | None = key(
+        "hold where κ is at or above it as well; null: whatever κ is", None, "1"
+    )
+    change: Positive = key("share of the rates that is taken away, or given back, in a second", 10.0, "1/s")
 
 
 class ControlSection(Section):
@@ -130,8 +246,14 @@ class ControlSection(Section):
         "joint weights W_q, one a joint: a heavier joint moves less; null: all 1", None, "1"
     )
     nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
-    limits: LimitsSection = key("bounds on joint rates", LimitsSection())
-    at_singularity: Literal["damp"] = key("what happens near a singularity", "damp")
+    limits: LimitsSection = key("bounds on joint positions, rates and accelerations", LimitsSection())
+    at_singularity: Literal["damp", "slow", "stop"] = key(
+        "near a singularity: leave it to the inverse, slow down along the path, or stop and wait for a way "
+        "out",
+        "damp",
+    )
+    slow: SlowSection = key("at_singularity slow: how", SlowSection())
+    stop: StopSection = key("at_singularity stop: when", StopSection())
 
 
 class TargetLimitsSection(Section):

@@ -1,0 +1,110 @@
+"""Saturation in the null space: what a saturated joint cannot do, the others take over [Flacco15]."""
+
+import math
+
+from rmrc.control.compiled import Record, compiled, inlined
+from rmrc.control.inverse import gains
+from rmrc.control.smallmat import dot, svd_from_scratch
+
+# A joint's bound is exceeded when it is by more than rounding.
+ROUNDING = 1e-12
+# The free joints can no longer do the task when the smallest singular value of what is left of A is below
+# this share of the largest of all of A.
+LOST = 1e-6
+
+
+@inlined
+def redistribute(world: Record, tick: Record) -> bool:
+    """Fix joints at their bounds, the most critical first, and let the free ones do what they can.
+
+    With all joints free the rates are those that came in. The largest share of the task that fits decides
+    where not all of it does. Return whether any did; if not, the rates are as they came in.
+
+    Args:
+        world: Bounds, task, A, its decomposition; qdot0 is what the null space wishes for, projected.
+        tick: qdot_cmd is replaced.
+    """
+    n, best = world.n, 0.0
+    for j in range(n):
+        world.held[j] = 0.0
+    for _ in range(max(0, n - world.m) + 1):  # until fewer joints are free than the task has rows
+        if not free_rates(world, tick):
+            break
+        share, critical = task_share(world)
+        if share > best or share >= 1.0:
+            best = share
+            for j in range(n):
+                world.best[j] = share * world.part_a[j] + world.part_b[j]
+        if share >= 1.0 or critical < 0:
+            break
+        world.held[critical] = 1.0
+        total = world.part_a[critical] + world.part_b[critical]
+        is_above = total > world.upper[critical]
+        world.qdot0[critical] = world.upper[critical] if is_above else world.lower[critical]
+    if best > 0.0:
+        for j in range(n):
+            tick.qdot_cmd[j] = world.best[j]
+    return best > 0.0
+
+
+@inlined
+def free_rates(world: Record, tick: Record) -> bool:
+    """Write qdot(s) = s · part_a + part_b of the free joints; return whether they still span the task.
+
+    part_a = S_q A_F^g t,   part_b = q̇_N − S_q A_F^g A S_q⁻¹ q̇_N
+    """
+    n, m, k = world.n, world.m, world.k
+    for r in range(m):
+        missing = 0.0
+        for j in range(n):
+            missing += world.A[r, j] * world.qdot0[j] / world.joint_scale[j]
+            world.B[r, j] = world.A[r, j] * (1.0 - world.held[j])
+        world.task_B[r] = missing
+    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    if world.sigma_B[k - 1] <= LOST * tick.sigma[0]:
+        return False
+    gains(world, world.u_B, world.sigma_B, world.v_B, tick.damping, world.gain_B)
+    for j in range(n):
+        world.part_a[j], world.part_b[j] = 0.0, 0.0
+    for i in range(k):
+        asked = world.gain_B[i] * dot(world.u_B[i], world.task, m)
+        undone = world.gain_B[i] * dot(world.u_B[i], world.task_B, m)
+        for j in range(n):
+            world.part_a[j] += asked * world.v_B[i, j]
+            world.part_b[j] -= undone * world.v_B[i, j]
+    for j in range(n):
+        world.part_a[j] *= world.joint_scale[j] * (1.0 - world.held[j])
+        world.part_b[j] = world.part_b[j] * world.joint_scale[j] * (1.0 - world.held[j]) + world.qdot0[j]
+    return True
+
+
+@compiled
+def task_share(world: Record) -> tuple[float, int]:
+    """Return the largest share s in [0, 1] of the task with all rates within bounds, and who bounds it.
+
+    1 and -1 if all of the task fits; 0 if no share does.
+    """
+    least, most, critical, inside = 0.0, math.inf, -1, True
+    for j in range(world.n):
+        a, b, lower, upper = world.part_a[j], world.part_b[j], world.lower[j], world.upper[j]
+        slack = ROUNDING * max(1.0, abs(a) + abs(b))
+        if lower - slack <= a + b <= upper + slack:
+            if world.held[j] > 0.0:
+                continue
+        else:
+            inside = False
+        if a == 0.0:
+            if not lower - slack <= b <= upper + slack:
+                most, critical = -1.0, j
+            continue
+        first, second = (lower - b) / a, (upper - b) / a
+        if first > second:
+            first, second = second, first
+        least = max(least, first)
+        if second < most:
+            most, critical = second, j
+    if inside:
+        return 1.0, -1
+    if least > most or most < 0.0 or least > 1.0:
+        return 0.0, critical
+    return min(most, 1.0), critical
