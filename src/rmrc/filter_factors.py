@@ -1,7 +1,7 @@
 """The filter g(σ) of a run's inverse over all σ: what the law would do nearer to a singularity.
 
-The compiled law itself is asked, so that no method needs its formula written twice: a small problem with a
-diagonal Jacobian has exactly the singular values that it is given.
+The compiled law itself is asked, so that no method needs its formula written twice: once for every σ, about
+the tick at which the arm was nearest, with nothing changed but the singular value of the direction lost first.
 """
 
 from dataclasses import dataclass
@@ -10,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.control.law import resolve
-from rmrc.control.records import OnExcess, tick_type
+from rmrc.control.records import AtSingularity, Objective, OnExcess, tick_type
 from rmrc.preparation import Prepared, world_record
 from rmrc.run import Run
-from rmrc.spatial import AXES
 
 _Array = NDArray[np.float64]
 
@@ -43,54 +42,50 @@ class FilterFactor:
 def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     """Return the gain of the direction that is lost first, as it would be for other σ of that direction.
 
-    All else is as it was at the tick of the smallest σ: the other singular values, and how fast the command
-    asks to move in that direction, on which some methods depend. σ ends where the direction would not be the
-    last any more, or, if there is no other, at 1.2 times the largest of the run.
+    All else is as it was at the tick of the smallest σ: the other singular values, all directions, and what
+    the command asks for, on which some methods depend. σ ends where the direction would not be the last any
+    more, or, if there is no other, at 1.2 times the largest of the run.
 
     Args:
         prepared: The world.
         run: What it did, one tick or more.
     """
     tick = int(np.argmin(run["sigma"][:, -1]))
-    others = run["sigma"][tick, :-1]
-    largest = float(others[0]) if len(others) else float(run["sigma"].max())
-    end = float(others[-1]) if len(others) else 1.2 * largest
-    sigma_min = float(run["sigma"][tick, -1])
+    world, scale = _world_at(prepared, run, tick)
+    m, n, k = (int(world[size][0]) for size in ("m", "n", "k"))
+    u, sigmas, v = np.linalg.svd(scale * world["J"][0, world["row"][0, :m], :n], full_matrices=False)
+    largest = float(sigmas[0] if k > 1 else run["sigma"].max())
+    end = float(sigmas[-2]) if k > 1 else 1.2 * largest
+
+    def gain(sigma: float) -> float:
+        worlds, ticks = world.copy(), np.zeros(1, tick_type(n))
+        worlds["J"][0, world["row"][0, :m], :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
+        resolve(worlds[0], ticks[0])
+        return float(ticks["gain"][0, k - 1])
+
     sigma = np.geomspace(min(NEAREST * largest, 0.1 * end), end, POINTS)
-    command = lost_command(prepared, run, tick)
-    gain = np.array([_gain(prepared, others, s, command) for s in sigma])
-    return FilterFactor(sigma, gain, sigma_min, _gain(prepared, others, sigma_min, command))
+    sigma_min = float(run["sigma"][tick, -1])
+    return FilterFactor(sigma, np.array([gain(s) for s in sigma]), sigma_min, gain(sigma_min))
 
 
 def compile_for(prepared: Prepared) -> None:
     """Load the compiled law for one problem alone, or compile it the first time, which takes seconds."""
-    _gain(prepared, np.empty(0), 1.0, 1.0)
+    resolve(np.array([world_record(prepared, 0)])[0], np.zeros(1, tick_type(prepared.arm.n))[0])
 
 
-def lost_command(prepared: Prepared, run: Run, tick: int) -> float:
-    """Return |u_min · S_x twist_cmd| of a tick, or 1 if that is 0 and no direction was asked for."""
-    control, task = prepared.scenario.control, prepared.scenario.task
-    twist_cmd = control.feedforward * run["twist_ref"][tick] + control.feedback * run["pose_error"][tick]
-    world = world_record(prepared, 0)
-    rows = [AXES.index(axis) for axis in task.axes]
-    scaled = world["row_scale"][: len(rows)] * twist_cmd[rows]
-    return abs(float(run["u_min"][tick, rows] @ scaled)) or 1.0
+def _world_at(prepared: Prepared, run: Run, tick: int) -> tuple[NDArray[np.void], _Array]:
+    """Return the record of a world as the law finds it at a tick, and S_x J S_q over J by element, (m, n).
 
-
-def _gain(prepared: Prepared, others: _Array, sigma: float, command: float) -> float:
-    """Return g of the last direction of diag(others, sigma), at a command along it."""
-    k = len(others) + 1
-    worlds, ticks = np.array([world_record(prepared, 0)]), np.zeros(1, tick_type(prepared.arm.n))
-    world = worlds[0]
-    for size in ("n", "m", "k", "rank"):
-        if size in (world.dtype.names or ()):
-            world[size] = k
-    world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
-    world["J"][:k, :k] = np.diag([*others, sigma])
-    world["twist_cmd"][k - 1] = command
-    for choice in ("objective", "at_singularity"):  # the first of each is the one that does nothing
-        if choice in (world.dtype.names or ()):
-            world[choice] = 0
-    world["on_excess"] = OnExcess.NONE
-    resolve(world, ticks[0])
-    return float(ticks["gain"][0, k - 1])
+    Limits, policies and the null space come after the gains, and are left out.
+    """
+    control, arm = prepared.scenario.control, prepared.arm
+    world = np.array([world_record(prepared, 0)])
+    world["objective"], world["on_excess"] = Objective.NONE, OnExcess.NONE
+    world["at_singularity"] = AtSingularity.DAMP
+    world["J"][0, :, : arm.n] = arm.jacobian(run["q"][tick])
+    pose_error = run["pose_error"][tick]
+    world["twist_cmd"] = control.feedforward * run["twist_ref"][tick] + control.feedback * pose_error
+    m = int(world["m"][0])
+    row_scale = world["row_scale"][0, :m]
+    world["error"] = np.linalg.norm(row_scale * pose_error[world["row"][0, :m]])
+    return world, np.outer(row_scale, world["joint_scale"][0, : arm.n])
