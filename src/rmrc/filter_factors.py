@@ -1,7 +1,7 @@
 """The filter g(σ) of a run's inverse over all σ: what the law would do nearer to a singularity.
 
 The compiled law itself is asked, so that no method needs its formula written twice: once for every σ, about
-the tick at which the arm was nearest, with nothing changed but the singular value of the direction lost first.
+the tick at which the arm was nearest, with nothing changed but σ of the direction that is lost first.
 """
 
 from dataclasses import dataclass
