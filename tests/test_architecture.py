@@ -16,9 +16,9 @@ SOURCE = ROOT / "src"
 LAYERS = (
     ("rmrc.__main__",),
     ("rmrc.cli",),
-    ("rmrc.job",),
-    ("rmrc.output",),
-    ("rmrc.simulation",),
+    ("rmrc.job", "rmrc.comparison"),
+    ("rmrc.output", "rmrc.facts", "rmrc.interruption"),
+    ("rmrc.simulation", "rmrc.filter_factors"),
     ("rmrc.preparation",),
     ("rmrc.plant", "rmrc.scorecard"),
     ("rmrc.arm", "rmrc.target", "rmrc.run"),
@@ -38,10 +38,10 @@ OWNERS = {
     "yaml": ("rmrc.scenario",),
     "pydantic": ("rmrc.scenario",),
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
-    "rerun": ("rmrc.output.recording", "rmrc.output.look"),
-    "pyarrow": ("rmrc.output.recording",),  # comes with rerun
+    "rerun": tuple(f"rmrc.output.{name}" for name in ("recording", "overlay", "look", "track", "stream")),
+    "pyarrow": ("rmrc.output.recording", "rmrc.output.stream"),  # comes with rerun
     "matplotlib": ("rmrc.output.figures",),
-    "rich": ("rmrc.cli", "rmrc.output.tables"),
+    "rich": ("rmrc.cli", "rmrc.output.tables", "rmrc.output.comparison_table", "rmrc.output.sheets"),
     "typer": ("rmrc.cli",),
 }
 

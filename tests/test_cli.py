@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ import pytest
 from project import ROOT
 from rmrc import cli
 from rmrc.run import COLUMNS, Run
+from rmrc.scenario import InverseSection
 
 QUICK = """
 name: quick
@@ -187,6 +189,101 @@ def test_a_file_that_will_not_do_is_one_line(rmrc, arguments, message):
     assert err == f"rmrc: error: {message}\n"
 
 
+VARY = ("--vary", "control.inverse.method=inverse,damped")
+
+
+def test_compare_leaves_recording_facts_and_pictures_and_prints_a_row_a_variant(rmrc, tmp_path):
+    code, out, err = rmrc(
+        "compare", "quick.yaml", *VARY, "--set", "control.inverse.damping={maximum: 0.5, below: 2}"
+    )
+    assert (code, err) == (0, "")
+    rows = [line.split() for line in out.splitlines()]
+    names = [cells[0] for cells in rows if cells and cells[-1] in ("met", "1")]
+    assert names == ["inverse", "damped"]
+    assert next(cells for cells in rows if cells[:1] == ["damped"])[-2:] == ["missed", "1"]
+    files = [f"quick.compare.{kind}" for kind in ("rrd", "json", "png", "svg")]
+    assert [cells[1] for cells in rows if cells[:1] == ["wrote"]] == [f"recordings/{name}" for name in files]
+    assert sorted(p.name for p in (tmp_path / "recordings").iterdir()) == sorted(files)
+    assert out.splitlines()[-1] == "look at it: python -m rmrc replay recordings/quick.compare.rrd"
+
+
+def test_compare_takes_no_record_and_out_and_quiet(rmrc, tmp_path):
+    code, out, err = rmrc("compare", "quick.yaml", *VARY, "--no-record", "--out", "a/b", "-q")
+    assert (code, out, err) == (0, "", "")
+    names = ["quick.compare.json", "quick.compare.png", "quick.compare.svg"]
+    assert sorted(p.name for p in (tmp_path / "a/b").iterdir()) == names
+
+
+def test_a_variant_that_diverges_exits_3_by_its_name_and_the_others_are_kept(rmrc, tmp_path):
+    force = "plant.wrench=[0,0,0,0,0,0],[0,1.0e+15,0,0,0,0]"
+    code, out, err = rmrc("compare", "quick.yaml", "--no-record", "--vary", force)
+    assert code == 3
+    facts = json.loads((tmp_path / "recordings/quick.compare.json").read_text())
+    good, bad = facts["variants"]
+    assert (good["status"], bad["status"]) == ("complete", "diverged")
+    assert good["scorecard"]["completed"] == 1
+    at = bad["divergence"]
+    assert err == (
+        'rmrc: error: variant "wrench=[0,1.0e+15,0,0,0,0]" diverged at tick '
+        f'{at["tick"]} ({at["time"]:.4f} s) at joint "{at["joint"]}": {at["reason"]}\n'
+    )
+    assert "diverged at" in out
+
+
+METHODS = "control.inverse.method="
+NO_METHOD = (
+    f"must be one of {', '.join(json.dumps(name) for name in get_args(InverseSection.model_fields['method'].annotation))}, "
+    'got "dampd"; did you mean "damped"?'
+)
+
+COMPARE_MISTAKES = {
+    "nothing varied": (
+        [],
+        [
+            "--vary: must give 2 variants or more, got 0; "
+            "for example --vary control.inverse.method=inverse,damped"
+        ],
+    ),
+    "no file: once, as it is wrong for all": (
+        ["--set", "arm.model=none.xml", "--vary", f"{METHODS}inverse,damped"],
+        ['--set arm.model: no such file "{here}/none.xml"'],
+    ),
+    "some variants": (
+        ["--vary", f"{METHODS}inverse,dampd", "--vary", "plant.kv=1,-1,-2"],
+        [
+            'variant "inverse, -1": --vary plant.kv: must be > 0, got -1',
+            'variant "dampd, -1": --vary plant.kv: must be > 0, got -1',
+            'variant "inverse, -2": --vary plant.kv: must be > 0, got -2',
+            'variant "dampd, -2": --vary plant.kv: must be > 0, got -2',
+            f'variant "dampd, 1": --vary control.inverse.method: {NO_METHOD}',
+            f'variant "dampd, -1": --vary control.inverse.method: {NO_METHOD}',
+            f'variant "dampd, -2": --vary control.inverse.method: {NO_METHOD}',
+        ],
+    ),
+    "what only the arm can tell": (
+        ["--vary", "arm.start=[1, 2],[1, 2, 3],hom"],
+        [
+            'variant "start=[1, 2, 3]": --vary arm.start: must have 2 values, one for each joint (shoulder, elbow), got 3',
+            'variant "hom": --vary arm.start: {model}: has no keyframe "hom"; did you mean "home"?; its keyframes: home',
+        ],
+    ),
+    "a figure that one variant does not have": (
+        ["--vary", "task.axes=[x, y],[rx, ry]"],
+        ['variant "axes=[rx, ry]": quick.yaml:6:30: expect.position_error.max: needs one of x, y, z in task.axes'],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", COMPARE_MISTAKES)
+def test_mistakes_of_all_variants_are_told_at_once_before_anything_moves(rmrc, tmp_path, case):
+    arguments, lines = COMPARE_MISTAKES[case]
+    code, out, err = rmrc("compare", "quick.yaml", *arguments)
+    assert (code, out) == (2, "")
+    names = {"model": str(ROOT / "models/planar_2link.xml"), "here": str(tmp_path)}
+    assert sorted(err.splitlines()) == sorted(f"rmrc: error: {line.format(**names)}" for line in lines)
+    assert not (tmp_path / "recordings").exists()
+
+
 def test_schema_prints_every_key_and_json_for_editors(rmrc):
     code, out, _ = rmrc("schema")
     assert code == 0
@@ -238,6 +335,34 @@ def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
         "long.npz",
         "long.rrd",
     ]
+
+
+def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
+    from rmrc.output.recording import read_columns
+
+    (tmp_path / "long.yaml").write_text(QUICK.replace("name: quick", "name: long"))
+    process = subprocess.Popen(
+        [sys.executable, "-m", "rmrc", "compare", "long.yaml", *VARY, "--set", "target.path=[{hold: {for: 900}}]"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    part = tmp_path / "recordings/long.compare.rrd.part"
+    deadline = time.monotonic() + 60
+    while not (part.exists() and part.stat().st_size > 400_000):
+        assert process.poll() is None and time.monotonic() < deadline, process.communicate()
+        time.sleep(0.05)
+    process.send_signal(signal.SIGINT)
+    _, err = process.communicate(timeout=60)
+    assert process.returncode == 130, err
+    facts = json.loads((tmp_path / "recordings/long.compare.json").read_text())
+    ticks = [one["scorecard"]["ticks"] for one in facts["variants"]]
+    assert [one["status"] for one in facts["variants"]] == ["interrupted"] * 2
+    planned = [
+        round(n / one["scorecard"]["completed"]) for n, one in zip(ticks, facts["variants"], strict=True)
+    ]
+    said = f"rmrc: interrupted at tick {sum(ticks)} of {sum(planned)}, of all variants together\n"
+    assert err.replace(COMPILING, "") == said
+    recording = tmp_path / "recordings/long.compare.rrd"
+    assert [len(read_columns(recording, label)["time"]) for label in ("inverse", "damped")] == ticks
 
 
 def test_importing_the_face_loads_none_of_the_slow_libraries():

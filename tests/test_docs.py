@@ -9,6 +9,7 @@ import tomllib
 import pytest
 
 from project import ROOT
+from rmrc.comparison import Comparison
 from rmrc.preparation import prepare
 from rmrc.run import COLUMNS
 from rmrc.scenario import load, loads
@@ -335,3 +336,19 @@ def test_numbers_of_the_readme_are_those_that_a_run_gives():
         figures = figures_of("blow_up", *re.findall(r"([\w.]+=[\w.]+)", how))
         for name, number in zip(names, printed, strict=True):
             assert agrees(figures[name], number), f"{how}: {name} is {figures[name]:.4g}, printed {number}"
+
+
+def test_numbers_of_the_comparison_in_the_readme_are_those_that_its_command_gives(tmp_path):
+    text = section(README, "Compare methods")
+    (command,) = fenced(text, "sh")
+    _, path, *varied = re.fullmatch(r".*-m rmrc (compare) (\S+) --vary (\S+)\n", command).groups()
+    comparison = Comparison(ROOT / path, varied, folder=tmp_path)
+    runs = Simulation(comparison.prepared).run()
+    names = re.findall(r"`([\w.]+)` \[", text)
+    table = rows(text)
+    assert names
+    assert [cells[0] for cells in table] == [f"`{variant.label}`" for variant in comparison.variants]
+    for run, (label, *printed) in zip(runs, table, strict=True):
+        card = scorecard(run)
+        for name, number in zip(names, printed, strict=True):
+            assert agrees(card[name].value, number), f"{label}: {name} is {card[name].value:.4g}"

@@ -157,7 +157,9 @@ def test_singularity_figures_are_the_extremes_of_their_columns():
         )
     )
     assert (got["sigma.min"], got["sigma.min_time"]) == (0.1, 0.001)
-    second = values(make_run(3, path_rate=[1, 0.2, 0.5], secondary_sigma=[0.5, 0.3, 0.4], secondary_error=[3, 0, 4]))
+    second = values(
+        make_run(3, path_rate=[1, 0.2, 0.5], secondary_sigma=[0.5, 0.3, 0.4], secondary_error=[3, 0, 4])
+    )
     assert (second["path_rate.min"], second["secondary_sigma.min"]) == (0.2, 0.3)
     assert (second["secondary_error.max"], second["secondary_error.end"]) == (4.0, 4.0)
     none = values(make_run(3, secondary_sigma=[math.nan] * 3, secondary_error=[math.nan] * 3))
@@ -183,6 +185,54 @@ def test_effort_of_a_run_that_was_cut_short():
     assert got["completed"] == 0.75
     assert got["wall_time"] == 0.25
     assert got["speed"] == 6.0
+
+
+HOME = (1.0, 2.0, 3.0, 1.0, 0.0, 0.0, 0.0)
+
+
+def returning(start, end, **given):
+    """Return the figures of three ticks from one position of the joints to another, the target back at its start."""
+    away = (*np.add(HOME[:3], 0.5), 0.0, 1.0, 0.0, 0.0)
+    poses = given.pop("pose_ref", [HOME, away, HOME])
+    return values(make_run(3, q=[start, np.full(len(start), 99.0), end], pose_ref=poses, **given))
+
+
+def test_the_return_is_the_largest_change_of_a_joint_and_a_full_turn_is_none():
+    got = returning([0.1, 0.2], [0.4, -0.3])
+    assert (got["return.joint_change"], got["return.change_joint"]) == (
+        pytest.approx(0.5, rel=1e-12),
+        "elbow",
+    )
+    got = returning([3.0, 0.2], [-3.0, 0.0])  # 6 rad one way, 2π − 6 the other
+    assert got["return.joint_change"] == pytest.approx(2.0 * math.pi - 6.0, rel=1e-12)
+    assert got["return.change_joint"] == "shoulder"
+    got = returning([0.0, 0.0], [4.0 * math.pi, 0.25])
+    assert (got["return.joint_change"], got["return.change_joint"]) == (0.25, "elbow")
+    got = returning([0.0, 0.0], [0.0, 4.0 * math.pi], is_slide=(False, True))  # a slide has no turns
+    assert (got["return.joint_change"], got["return.change_joint"]) == (4.0 * math.pi, "elbow")
+
+
+def test_a_return_is_undefined_unless_the_path_was_gone_to_its_end_and_leads_back():
+    beside, turned = np.array(HOME), np.array(HOME)
+    beside[0] += 2e-9
+    turned[3:] = math.cos(1e-9), 0.0, 0.0, math.sin(1e-9)  # 2e-9 rad about z
+    undefined = (
+        {"planned": 4},
+        {"pose_ref": [HOME, HOME, beside]},
+        {"pose_ref": [HOME, HOME, turned], "axes": ("x", "rz")},
+    )
+    for case in undefined:
+        got = returning([0.0, 0.0], [1.0, 1.0], **case)
+        assert math.isnan(got["return.joint_change"]), case
+        assert got["return.change_joint"] == ""
+    defined = (
+        {"pose_ref": [HOME, HOME, turned]},  # turns do not count in the plane
+        {"pose_ref": [HOME, HOME, beside], "axes": ("y", "rz")},
+        {"pose_ref": [HOME, HOME, np.add(HOME, 5e-10)]},
+        {"pose_ref": [HOME, HOME, (*HOME[:3], -1.0, 0.0, 0.0, 0.0)], "axes": SPACE},  # the same rotation
+    )
+    for case in defined:
+        assert returning([0.0, 0.0], [1.0, 0.5], **case)["return.joint_change"] == 1.0, case
 
 
 # Closed forms -----------------------------------------------------------------------------------
@@ -224,8 +274,18 @@ def test_figures_of_a_planar_arm_are_these():
     expected |= {"joint_rate.rms", "joint_rate_cmd.rms"}
     errors = ("position_error", "error_along", "error_across", "secondary_error")
     expected |= {f"{g}.{s}" for g in errors for s in ("rms", "max", "max_time", "end")}
+    expected |= {"return.joint_change", "return.change_joint"}
     expected |= {"sigma.min", "sigma.min_time", "condition.max", "manipulability.min"}
-    expected |= {"damping.max", "path_rate.min", "secondary_sigma.min", "duration", "ticks", "completed", "wall_time", "speed"}
+    expected |= {
+        "damping.max",
+        "path_rate.min",
+        "secondary_sigma.min",
+        "duration",
+        "ticks",
+        "completed",
+        "wall_time",
+        "speed",
+    }
     expected |= {f"status_time.{name}" for name in Status.__members__}
     names = figure_names(("shoulder", "elbow"), PLANE)
     assert set(names) == expected
@@ -260,7 +320,7 @@ def test_a_run_without_ticks_has_undefined_figures_and_zero_durations():
     for name, value in got.items():
         if name in zero:
             assert value == 0.0, name
-        elif name.endswith("peak_joint"):
+        elif name.endswith(("peak_joint", "change_joint")):
             assert value == "", name
         else:
             assert name == "wall_time" or math.isnan(value), name
@@ -443,19 +503,21 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "joint_rate.peak",
         "joint_rate.sholder.rms",
         "tau.peak_joint",
+        "return.change_joint",
         "orientation_error.max",
         "nonsense",
         "",
     ]
     groups = (
         "joint_rate, joint_rate_cmd, joint_acceleration, tau, position_error, error_along, "
-        "error_across, secondary_error, sigma, condition, manipulability, damping, path_rate, "
+        "error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
         "secondary_sigma, status_time, duration, ticks, completed, wall_time, speed"
     )
     reasons = {
         "joint_rate.peek": 'no such figure; did you mean "joint_rate.peak"?',
         "joint_rate.sholder.rms": 'no such figure; did you mean "joint_rate.shoulder.rms"?',
         "tau.peak_joint": "names a joint, and only numbers can be expected, such as tau.peak",
+        "return.change_joint": "names a joint, and only numbers can be expected, such as return.joint_change",
         "orientation_error.max": "needs one of rx, ry, rz in task.axes",
         "nonsense": f"no such figure; figures begin with {groups}",
         "": f"no such figure; figures begin with {groups}",
@@ -475,6 +537,6 @@ def test_a_task_without_positions_refuses_position_errors():
 def test_every_number_of_a_scorecard_can_be_expected():
     joints = ("shoulder", "elbow")
     names = figure_names(joints, SPACE)
-    texts = {name for name in names if name.endswith("peak_joint")}
-    assert len(texts) == 4
+    texts = {name for name in names if name.endswith(("peak_joint", "change_joint"))}
+    assert len(texts) == 5
     assert refused(names, joints, SPACE).keys() == texts

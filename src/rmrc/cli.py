@@ -8,7 +8,7 @@
 import json
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, NoReturn
@@ -22,7 +22,8 @@ from rmrc import scenario as scenarios
 from rmrc.errors import RmrcError
 
 if TYPE_CHECKING:
-    from rmrc.job import Ended
+    from rmrc.comparison import Comparison, Results
+    from rmrc.job import Ended, Job
 
 EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
@@ -38,6 +39,9 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the scenario; repeatable."),
 ]
+Out = Annotated[Path, typer.Option(help="Folder for the files.")]
+Record = Annotated[bool, typer.Option(help="Write the .rrd recording.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")]
 
 
 def main() -> NoReturn:
@@ -75,11 +79,9 @@ def _root(
 def run(
     scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.")],
     set_: Overrides = None,
-    out: Annotated[Path, typer.Option(help="Folder for the recording, the arrays and the scorecard.")] = Path(
-        "recordings"
-    ),
-    record: Annotated[bool, typer.Option(help="Write the .rrd recording.")] = True,
-    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")] = False,
+    out: Out = Path("recordings"),
+    record: Record = True,
+    quiet: Quiet = False,
 ) -> None:
     """Run a scenario; leave NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
     from rmrc.job import Job  # with numba and mujoco, which `schema` and `replay` do without
@@ -87,24 +89,11 @@ def run(
 
     console = Console(quiet=quiet)
     job = Job(scenarios.load(scenario, set_ or ()), out, record)
-    try:
-        with _notice("compiling the control law (once; kept for the next time) ..."):
-            job.compile()
-    except KeyboardInterrupt:
-        _complain("interrupted before the first tick")
-        raise typer.Exit(EXIT_INTERRUPTED) from None
-    screen = Console(stderr=True)
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(),
-        console=screen, transient=True, disable=quiet or not screen.is_terminal,
-    ) as progress:  # fmt: skip
-        bar = progress.add_task(job.scenario.name, total=job.ticks)
-        ended = job.run(lambda ticks: progress.update(bar, advance=ticks))
+    _compile(job)
+    with _progress(job.scenario.name, job.ticks, quiet) as on_ticks:
+        ended = job.run(on_ticks)
     console.print(tables.render(ended.scorecard, ended.outcomes))
-    for path in ended.files:
-        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
-    if record:
-        console.print(f"look at it: python -m rmrc replay {ended.files[0]}", soft_wrap=True)
+    _list(console, ended.files, record)
     raise typer.Exit(_exit_code(ended))
 
 
@@ -120,6 +109,55 @@ def _exit_code(ended: "Ended") -> int:
         _complain(f"error: {ended.run.name} {ended.run.divergence}")
         return EXIT_DIVERGED
     return EXIT_MISSED if missed else 0
+
+
+@app.command()
+def compare(
+    scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.")],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--vary", metavar="KEY=V1,V2,...", help="Values of a key to compare; repeatable: a grid."
+        ),
+    ] = None,
+    set_: Overrides = None,
+    out: Out = Path("recordings"),
+    record: Record = True,
+    quiet: Quiet = False,
+) -> None:
+    """Run variants of a scenario side by side; leave NAME.compare.rrd, .json, .png and .svg.
+
+    The exit code is that of the runs, whatever the scenario expects: what was missed is in the table.
+    """
+    from rmrc.comparison import Comparison
+    from rmrc.output import comparison_table as table
+
+    # The table needs 100 columns, and a pipe has any number.
+    console = Console(quiet=quiet, width=None if sys.stdout.isatty() else 100)
+    comparison = Comparison(scenario, vary or (), set_ or (), out, record)
+    _compile(comparison)
+    with _progress(
+        f"{comparison.name}: {len(comparison.variants)} variants", comparison.ticks, quiet
+    ) as on_ticks:
+        results = comparison.run(on_ticks)
+    rows = [table.Row(one.variant.label, one.run, one.scorecard, one.outcomes) for one in results.variants]
+    console.print(table.render(results.name, rows))
+    _list(console, results.files, record)
+    raise typer.Exit(_exit_code_of_all(results))
+
+
+def _exit_code_of_all(results: "Results") -> int:
+    """Say on stderr which variants did not reach their end, and return the worst of it."""
+    diverged = [one for one in results.variants if one.run.divergence]
+    for one in diverged:
+        _complain(f'error: variant "{one.variant.label}" {one.run.divergence}')
+    if results.interrupted:
+        ticks, planned = (
+            sum(of(one.run) for one in results.variants) for of in (len, lambda run: run.planned)
+        )
+        _complain(f"interrupted at tick {ticks} of {planned}, of all variants together")
+        return EXIT_INTERRUPTED
+    return EXIT_DIVERGED if diverged else 0
 
 
 @app.command()
@@ -146,6 +184,34 @@ def schema(
         Console().print(tables.schema(scenarios.schema_rows()))
     else:
         print(tables.schema_text(scenarios.schema_rows()))
+
+
+def _compile(work: "Job | Comparison") -> None:
+    try:
+        with _notice("compiling the control law (once; kept for the next time) ..."):
+            work.compile()
+    except KeyboardInterrupt:
+        _complain("interrupted before the first tick")
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+
+
+@contextmanager
+def _progress(what: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """Yield a function that moves a bar on by some ticks; there is none unless a terminal can show it."""
+    screen = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(),
+        console=screen, transient=True, disable=quiet or not screen.is_terminal,
+    ) as progress:  # fmt: skip
+        bar = progress.add_task(what, total=total)
+        yield lambda ticks: progress.update(bar, advance=ticks)
+
+
+def _list(console: Console, files: Sequence[Path], record: bool) -> None:
+    for path in files:
+        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+    if record:
+        console.print(f"look at it: python -m rmrc replay {files[0]}", soft_wrap=True)
 
 
 @contextmanager

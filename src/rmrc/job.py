@@ -1,26 +1,17 @@
 """One scenario from file to files: run it, score it, leave a recording, the arrays and a scorecard."""
 
-import json
-import platform
-import signal
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import ExitStack, contextmanager
-from dataclasses import asdict, dataclass
-from importlib.metadata import version
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from rmrc.errors import ScenarioError
-from rmrc.files import written_whole
+from rmrc import facts
+from rmrc.interruption import interruptible
 from rmrc.preparation import prepare
 from rmrc.run import Run
 from rmrc.scenario import Scenario
-from rmrc.scorecard import Outcome, Scorecard, check, refused, scorecard
+from rmrc.scorecard import Outcome, Scorecard, check, refuse_unknown, scorecard
 from rmrc.simulation import Simulation
-
-# What decides the bits and the looks of a result.
-LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
 
 
 @dataclass(frozen=True)
@@ -67,16 +58,8 @@ class Job:
         self.scenario, self.folder, self._record = scenario, folder, record
         self._simulation: Simulation | None = None
         self.prepared = prepare(scenario)
-        self._refuse_unknown_figures()
+        refuse_unknown(scenario, self.prepared.arm.joints)
         folder.mkdir(parents=True, exist_ok=True)
-
-    def _refuse_unknown_figures(self) -> None:
-        joints, axes = self.prepared.arm.joints, self.scenario.task.axes
-        problems = refused(self.scenario.expect, joints, axes)
-        if problems:
-            raise ScenarioError(
-                [f"{self.scenario.locate(f'expect.{name}')}: {why}" for name, why in problems.items()]
-            )
 
     @property
     def ticks(self) -> int:
@@ -109,7 +92,7 @@ class Job:
                 if on_ticks is not None:
                     on_ticks(len(part))
 
-            stop = stack.enter_context(_interruptible())
+            stop = stack.enter_context(interruptible())
             (run,) = simulation.run(on_block, stop)
             card = scorecard(run)
             outcomes = tuple(check(card, self.scenario.expect))
@@ -131,30 +114,5 @@ class Job:
         ]
 
     def _save_facts(self, ended: Ended) -> None:
-        facts: dict[str, Any] = {
-            "name": self.scenario.name,
-            "status": ended.status,
-            "divergence": ended.run.divergence and asdict(ended.run.divergence),
-            "scorecard": ended.scorecard.nested(),
-            "expect": [outcome.facts() for outcome in ended.outcomes],
-            "scenario": self.scenario.model_dump(mode="json"),
-            "versions": {"python": platform.python_version()} | {lib: version(lib) for lib in LIBRARIES},
-        }
-        with written_whole(self._file(".json")) as temporary:
-            temporary.write_text(
-                json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False) + "\n", "utf-8"
-            )
-
-
-@contextmanager
-def _interruptible() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C sets; nothing is torn out of a block or of a file that is being written."""
-    stop = threading.Event()
-    if threading.current_thread() is not threading.main_thread():  # Ctrl-C is not ours to handle
-        yield stop
-        return
-    previous = signal.signal(signal.SIGINT, lambda *_: stop.set())
-    try:
-        yield stop
-    finally:
-        signal.signal(signal.SIGINT, previous)
+        known = facts.run_facts(ended.status, ended.run, ended.scorecard, ended.outcomes, self.scenario)
+        facts.save(self._file(".json"), {"name": self.scenario.name, **known})

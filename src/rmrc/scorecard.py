@@ -16,8 +16,12 @@ from numpy.typing import NDArray
 from rmrc.control.records import Status
 from rmrc.errors import ScenarioError, did_you_mean
 from rmrc.run import COLUMNS, Run
-from rmrc.scenario import Check
-from rmrc.spatial import AXES
+from rmrc.scenario import Check, Scenario
+from rmrc.spatial import AXES, pose_error
+
+# How near the last wanted pose must be to the first to end where it began [m, rad]: above the rounding of a
+# path's pieces, which add up to some 1e-15, and far below any path.
+CLOSED = 1e-9
 
 _Array = NDArray[np.float64]
 _Figures = Iterator[tuple[str, "Figure"]]
@@ -138,6 +142,7 @@ def scorecard(run: Run) -> Scorecard:
         ),
         _joints(run, "tau", "actuator torque or force", run["tau"], time, tau_units),
         _errors(run),
+        _return(run),
         _singularity(run),
         _status_times(run),
         _effort(run),
@@ -170,6 +175,21 @@ def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) ->
     return _refused(names, _blank(joints, axes))
 
 
+def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
+    """Refuse a scenario that expects what its run will not have.
+
+    Args:
+        scenario: Its `expect` and task are looked at.
+        joints: Names of the joints.
+
+    Raises:
+        ScenarioError: All names that are refused, each with its place in the scenario.
+    """
+    problems = refused(scenario.expect, joints, scenario.task.axes)
+    if problems:
+        raise ScenarioError([f"{scenario.locate(f'expect.{name}')}: {why}" for name, why in problems.items()])
+
+
 def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
     """Hold figures against what is expected of them.
 
@@ -190,6 +210,29 @@ def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
     if problems:
         raise ScenarioError([f"expect.{name}: {why}" for name, why in problems.items()])
     return [_outcome(name, card[name], one) for name, one in expect.items()]
+
+
+def joint_changes(run: Run) -> _Array:
+    """Return how far each joint is from where it started, after a path that ends where it began.
+
+    Revolute joints by the shortest angle, so that a full turn is no change.
+
+    Args:
+        run: Complete, and its reference closed: the controlled rows of the last pose equal the first.
+
+    Returns:
+        Magnitudes, (n,) [rad or m]; NaN for a run that is not so.
+    """
+    q, pose_ref = run["q"], run["pose_ref"]
+    if not (len(run) and run.is_complete):
+        return np.full(len(run.joints), math.nan)
+    gap = pose_error(pose_ref[-1], pose_ref[0]) * [axis in run.axes for axis in AXES]
+    if not np.abs(gap).max() <= CLOSED:
+        return np.full(len(run.joints), math.nan)
+    change = q[-1] - q[0]
+    shortest = (change + math.pi) % (2.0 * math.pi) - math.pi
+    changes: _Array = np.abs(np.where(run.is_slide, change, shortest))
+    return changes
 
 
 # Figures ----------------------------------------------------------------------------------------
@@ -261,6 +304,17 @@ def _error(run: Run, group: str, unit: str, what: str, e: _Array) -> _Figures:
     yield f"{group}.end", Figure(end, unit, f"{what}, at the last tick")
 
 
+def _return(run: Run) -> _Figures:
+    """Yield how far the joints are from the start, where the path leads back to it."""
+    changes = joint_changes(run)
+    largest, joint = float(changes.max()), run.joints[int(np.argmax(changes))]
+    unit = " or ".join(dict.fromkeys(run.joint_unit(j) for j in range(len(run.joints))))
+    what = "from the first tick to the last, of a path that ends where it began"
+    yield "return.joint_change", Figure(largest, unit, f"largest change of a joint {what}")
+    name = "" if math.isnan(largest) else joint
+    yield "return.change_joint", Figure(name, "", f"which joint changed most {what}")
+
+
 def _singularity(run: Run) -> _Figures:
     time = run["time"]
     sigma, when = _extreme(run["sigma"][:, -1], time, np.argmin)
@@ -324,13 +378,17 @@ def _blank(joints: Sequence[str], axes: Sequence[str]) -> Scorecard:
     return scorecard(Run("", tuple(joints), slides, tuple(axes), 1.0, 1.0, columns, 0))
 
 
+# The number that belongs to a name, where it is not called alike.
+_NUMBERS = {"return.change_joint": "return.joint_change"}
+
+
 def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
     reasons = {}
     for name in names:
         if name not in card:
             reasons[name] = _unknown(name, card)
         elif isinstance(card[name].value, str):
-            number = name.removesuffix("_joint")
+            number = _NUMBERS.get(name, name.removesuffix("_joint"))
             reasons[name] = f"names a joint, and only numbers can be expected, such as {number}"
     return reasons
 

@@ -15,8 +15,9 @@ from rerun.chunk import RrdReader
 
 from rmrc.arm import Shape
 from rmrc.control.records import Status
-from rmrc.output import recording
-from rmrc.output.look import geometry, mix, ramp
+from rmrc.output import stream
+from rmrc.output.look import geometry, ramp
+from rmrc.output.palette import mix
 from rmrc.output.recording import Recorder, RecordingError, read_columns
 from rmrc.output.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
 from rmrc.preparation import prepare
@@ -289,12 +290,12 @@ def test_every_column_has_the_arrow_type_that_rerun_itself_writes():
         *rr.Arrows3D.columns(vectors=points, origins=points, colors=colors),
     ]
     expected = {str(column.component_descriptor()): column.as_arrow_array().type for column in theirs}
-    ours = {str(c.descriptor): c for c in vars(recording).values() if isinstance(c, recording._Component)}
+    ours = {str(c.descriptor): c for c in vars(stream).values() if isinstance(c, stream.Component)}
     assert len(ours) == 13
-    del ours[str(recording.STATUS.descriptor)]  # ours alone
+    del ours[str(stream.STATUS.descriptor)]  # ours alone
     for name, component in ours.items():
         values = np.ones((4, 2, 3) if component.is_strip else (4, component.size))
-        assert recording._Values(component, values).as_arrow_array().type == expected[name], name
+        assert stream.Values(component, values).as_arrow_array().type == expected[name], name
 
 
 def test_bodies_are_where_mujoco_has_them_about_100_times_a_second_and_at_the_end(recorded):

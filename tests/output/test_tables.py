@@ -10,6 +10,7 @@ from rich.console import Console
 
 from rmrc.control.records import Status
 from rmrc.output import tables
+from rmrc.output.sheets import number
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import Check, SchemaRow, schema_rows
 from rmrc.scorecard import Figure, Scorecard, check, scorecard
@@ -222,7 +223,7 @@ def test_numbers_have_three_or_four_digits(value, text):
 @settings(max_examples=100, deadline=None)
 @given(st.floats(1e-99, 1e99))
 def test_a_number_of_a_column_has_at_most_seven_characters(value):
-    text = tables._number(value)
+    text = number(value)
     # Beyond 1e±9 the exponent takes one more; no arm gets there.
     assert len(text) <= (7 if 1e-9 <= value < 9.99e9 else 8)
     assert float(text) == pytest.approx(value, rel=0.0051)

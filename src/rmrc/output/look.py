@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.control.records import Status
+from rmrc.output.palette import HUES, WHITE, mix
 from rmrc.output.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS, Scene
 from rmrc.preparation import Prepared
 from rmrc.spatial import rotate
@@ -22,11 +23,8 @@ VIEW_ASPECT = 1.3
 # Positions in the static line of the target path.
 PATH_POINTS = 2000
 
-# 0xRRGGBBAA, seen on the viewer's dark and on its light background; neighbors differ in hue and brightness.
-JOINT_COLORS = (
-    0x3D8BFDFF, 0xFF9F1CFF, 0x2EC27EFF, 0xE5484DFF, 0xB07CFFFF, 0x17C3CEFF, 0xE668B3FF, 0xA3A948FF,
-)  # fmt: skip
-GREEN, VIOLET, RED, GRAY, WHITE = 0x2EC27EFF, 0xB07CFFFF, 0xFF2D2DFF, 0x9AA0A6FF, 0xFFFFFFFF
+# 0xRRGGBBAA
+GREEN, VIOLET, RED, GRAY = 0x2EC27EFF, 0xB07CFFFF, 0xFF2D2DFF, 0x9AA0A6FF
 YELLOW, CYAN = 0xFFD60AFF, 0x3DC9FFFF
 
 STATUS_COLORS = {
@@ -77,10 +75,9 @@ def geometry(shape: Shape) -> rr.AsComponents:
 def marks(scene: Scene) -> dict[str, rr.AsComponents]:
     """Return the target path, and how all that moves at the tip looks, by entity."""
     thin = 0.004 * scene.reach
-    line = scene.path[np.linspace(0, len(scene.path) - 1, PATH_POINTS).round().astype(int)]
     fill, wires = rr.components.FillMode.TransparentFillMajorWireframe, rr.components.FillMode.MajorWireframe
     return {
-        "target/path": rr.LineStrips3D([line], colors=WHITE, radii=0.7 * thin),
+        "target/path": path_line(scene),
         "target/now": rr.Points3D.from_fields(colors=WHITE, radii=4 * thin),
         "tip/now": rr.Points3D.from_fields(colors=YELLOW, radii=5.5 * thin),
         "tip/trail": rr.LineStrips3D.from_fields(radii=1.6 * thin),
@@ -95,10 +92,16 @@ def marks(scene: Scene) -> dict[str, rr.AsComponents]:
     }
 
 
+def path_line(scene: Scene, color: int = WHITE) -> rr.LineStrips3D:
+    """Return the target path."""
+    line = scene.path[np.linspace(0, len(scene.path) - 1, PATH_POINTS).round().astype(int)]
+    return rr.LineStrips3D([line], colors=color, radii=0.0028 * scene.reach)
+
+
 def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
     """Return names, colors and widths of the plotted curves, by entity."""
     joints, k = prepared.arm.joints, min(prepared.arm.n, len(prepared.scenario.task.axes))
-    hues = [JOINT_COLORS[j % len(JOINT_COLORS)] for j in range(len(joints))]
+    hues = [HUES[j % len(HUES)] for j in range(len(joints))]
     units = ["m/s" if slides else "rad/s" for slides in prepared.arm.is_slide]
     axes = prepared.scenario.task.axes
     errors = {"position [mm]": YELLOW} if {"x", "y", "z"} & set(axes) else {}
@@ -120,7 +123,7 @@ def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
             colors=packed(shades),
             widths=[1.0] * (k - 1) + [3.0],
         ),
-        "columns/damping": rr.SeriesLines(names=["λ damping"], colors=packed(JOINT_COLORS[1:2]), widths=3.0),
+        "columns/damping": rr.SeriesLines(names=["λ damping"], colors=packed(HUES[1:2]), widths=3.0),
         "error": rr.SeriesLines(
             names=list(errors), colors=packed(list(errors.values())), widths=[2.0] * len(errors)
         ),
@@ -134,41 +137,17 @@ def lane(flag: Status) -> rr.AsComponents:
 
 def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
     """Return the layout: the picture with its texts at the left, the plots at the right."""
-    trail = rrb.VisibleTimeRanges(
-        [
-            rrb.VisibleTimeRange(
-                "sim_time",
-                start=rrb.TimeRangeBoundary.infinite(),
-                end=rrb.TimeRangeBoundary.cursor_relative(),
-            )
-        ]
-    )
     picture = rrb.Spatial3DView(
         name=f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}",
         contents=["/arm/**", "/target/**", "/tip/**"],
-        overrides={"tip/trail": trail},
-        eye_controls=_eye(scene),
-        line_grid=_grid(scene),
+        overrides={"tip/trail": until_now()},
+        eye_controls=eye(scene.points, scene.normal),
+        line_grid=grid(scene.points),
     )
-    texts = rrb.Tabs(
-        *(
-            rrb.TextDocumentView(origin=f"/text/{name}", name=title)
-            for name, title in (
-                ("legend", "What you see"), ("scorecard", "Scorecard"), ("scenario", "Scenario"),
-            )
-        )
-    )  # fmt: skip
-    # The free quarter at the left is for the legends, which would hide the start.
-    end = float(prepared.reference.time[-1])
-    axis = rrb.TimeAxis(
-        view_range=rr.TimeRange(
-            start=rrb.TimeRangeBoundary.absolute(seconds=-0.3 * end),
-            end=rrb.TimeRangeBoundary.absolute(seconds=end),
-        )
-    )
+    axis = time_axis(float(prepared.reference.time[-1]))
     plots = rrb.Vertical(
         *(
-            rrb.TimeSeriesView(name=name, contents=contents, axis_x=axis, plot_legend=rrb.Corner2D.LeftTop)
+            plot(name, contents, axis)
             for name, contents in (
                 ("Joint rates", ["/columns/qdot", "/columns/qdot_cmd"]),
                 ("Singular values σ and damping λ", ["/columns/sigma", "/columns/damping"]),
@@ -177,6 +156,21 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
         ),
         rrb.StateTimelineView(name="Status", origin="/status", time_view=axis),
         row_shares=[3, 3, 2, 2],
+    )
+    titles = {"legend": "What you see", "scorecard": "Scorecard", "scenario": "Scenario"}
+    return page(picture, titles, plots)
+
+
+def page(picture: rrb.Spatial3DView, titles: dict[str, str], plots: rrb.Vertical) -> rrb.Blueprint:
+    """Return a layout: the picture with its texts at the left, the plots at the right, and no panels.
+
+    Args:
+        picture: The 3-D view.
+        titles: Of the texts, by the name of their entity.
+        plots: Below each other.
+    """
+    texts = rrb.Tabs(
+        *(rrb.TextDocumentView(origin=f"/text/{name}", name=title) for name, title in titles.items())
     )
     return rrb.Blueprint(
         rrb.Horizontal(rrb.Vertical(picture, texts, row_shares=[3, 1]), plots, column_shares=[5, 4]),
@@ -188,14 +182,42 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
     )
 
 
-def _eye(scene: Scene) -> rrb.EyeControls3D:
-    """Look at the whole arm and path: a planar arm from almost along its normal, others aslant."""
+def plot(name: str, contents: list[str], axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
+    """Return a plot over time."""
+    return rrb.TimeSeriesView(name=name, contents=contents, axis_x=axis, plot_legend=rrb.Corner2D.LeftTop)
+
+
+def time_axis(end: float) -> rrb.TimeAxis:
+    """Return the range of the plots, to the end [s]; the free quarter at the left is for the legends."""
+    return rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rrb.TimeRangeBoundary.absolute(seconds=-0.3 * end),
+            end=rrb.TimeRangeBoundary.absolute(seconds=end),
+        )
+    )
+
+
+def until_now() -> rrb.VisibleTimeRanges:
+    """Return how much of a trail is seen: all of it up to the cursor."""
+    return rrb.VisibleTimeRanges(
+        [
+            rrb.VisibleTimeRange(
+                "sim_time",
+                start=rrb.TimeRangeBoundary.infinite(),
+                end=rrb.TimeRangeBoundary.cursor_relative(),
+            )
+        ]
+    )
+
+
+def eye(points: NDArray[np.float64], normal: int | None) -> rrb.EyeControls3D:
+    """Look at all points (p, 3): a planar arm from almost along its normal axis, others aslant."""
     toward = {None: (0.75, -1.0, 0.55), 0: (1.0, -0.2, 0.2), 1: (0.2, -1.0, 0.2), 2: (0.0, -0.25, 1.0)}
-    direction = np.array(toward[scene.normal])
+    direction = np.array(toward[normal])
     direction /= np.linalg.norm(direction)
     right = np.cross([0.0, 0.0, 1.0], direction)
     right /= np.linalg.norm(right)
-    seen = scene.points @ np.array([right, np.cross(direction, right), direction]).T
+    seen = points @ np.array([right, np.cross(direction, right), direction]).T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
     across = np.abs(seen - middle)[:, :2] / [VIEW_ASPECT, 1.0]
     distance = (across.max(axis=1) / np.tan(VIEW_ANGLE / 2) + (seen - middle)[:, 2]).max()
@@ -208,8 +230,9 @@ def _eye(scene: Scene) -> rrb.EyeControls3D:
     )
 
 
-def _grid(scene: Scene) -> rrb.LineGrid3D:
-    plane = rr.components.Plane3D.XY.with_distance(float(scene.points[:, 2].min()))
+def grid(points: NDArray[np.float64]) -> rrb.LineGrid3D:
+    """Return a floor below all points, (p, 3)."""
+    plane = rr.components.Plane3D.XY.with_distance(float(points[:, 2].min()))
     return rrb.LineGrid3D(visible=True, plane=plane, color=[255, 255, 255, 30])
 
 
@@ -221,12 +244,6 @@ def xyzw(quat: NDArray[np.float64]) -> NDArray[np.float64]:
 def packed(colors: Sequence[int]) -> NDArray[np.uint32]:
     """Return colors 0xRRGGBBAA as rerun knows them; three integers would be red, green and blue."""
     return np.array(colors, np.uint32)
-
-
-def mix(first: int, second: int, part: float) -> int:
-    """Return the color that has gone so far from the first to the second, 0xRRGGBBAA."""
-    channels = [((first >> s) & 255, (second >> s) & 255, s) for s in (24, 16, 8, 0)]
-    return sum(round(a + (b - a) * part) << s for a, b, s in channels)
 
 
 @cache

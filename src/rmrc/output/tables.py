@@ -4,23 +4,18 @@ Both forms show the same sheets, and these hold every figure. Nothing depends on
 off, or is read as markup.
 """
 
-import math
-import re
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
 
-from rich import box
 from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
+from rmrc.output.sheets import UNDEFINED, Sheet, as_markdown, as_table, escaped, number
 from rmrc.scenario import SchemaRow
 from rmrc.scorecard import Figure, Outcome, Scorecard
 
 _PEAKS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
 _ERRORS = ("position_error", "orientation_error", "error_along", "error_across", "secondary_error")
-_UNDEFINED = "-"
 
 
 def render(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> RenderableType:
@@ -32,8 +27,8 @@ def render(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> RenderableType:
     """
     *sheets, rest, status = _sheets(card, outcomes)
     beside = Table.grid(padding=(0, 4))
-    beside.add_row(_table(rest), _table(status))
-    parts = [part for sheet in sheets for part in (_table(sheet), Text())]
+    beside.add_row(as_table(rest), as_table(status))
+    parts = [part for sheet in sheets for part in (as_table(sheet), Text())]
     return Group(Text(card.name, style="bold"), Text(), *parts, beside)
 
 
@@ -44,12 +39,7 @@ def markdown(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> str:
         card: The figures.
         outcomes: Of the scenario's expectations; none: no such table.
     """
-    blocks = [f"# {_escaped(card.name)}"]
-    for sheet in _sheets(card, outcomes):
-        rules = ["---" if column in sheet.left else "---:" for column in range(len(sheet.headings))]
-        rows = [sheet.headings, *sheet.rows]
-        head, *body = ("| " + " | ".join(map(_escaped, row)) + " |" for row in rows)
-        blocks += [f"## {sheet.title}", "\n".join([head, f"| {' | '.join(rules)} |", *body])]
+    blocks = [f"# {escaped(card.name)}", *map(as_markdown, _sheets(card, outcomes))]
     return "\n\n".join(blocks) + "\n"
 
 
@@ -74,16 +64,6 @@ def schema_text(rows: Sequence[SchemaRow]) -> str:
 # Sheets -----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True)
-class _Sheet:
-    """A table without a form: texts, and which columns are words and not numbers."""
-
-    title: str
-    headings: tuple[str, ...]
-    rows: Sequence[tuple[str, ...]]
-    left: frozenset[int] = frozenset({0})
-
-
 class _Figures:
     """The figures of a card; those not yet shown are left over for the last sheet."""
 
@@ -100,22 +80,22 @@ class _Figures:
         return _unit(self.card[name])
 
 
-def _sheets(card: Scorecard, outcomes: Sequence[Outcome]) -> list[_Sheet]:
+def _sheets(card: Scorecard, outcomes: Sequence[Outcome]) -> list[Sheet]:
     figures = _Figures(card)
     sheets = [_outcomes(outcomes)] if outcomes else []
     sheets += [_peaks(figures), _joints(figures), _errors(figures)]
     status = _status(figures)
     others = [(name, figures.text(name), figures.unit(name)) for name in list(figures.left)]
-    rest = _Sheet("Singularity and run", ("", "value", "unit"), others, frozenset({0, 2}))
+    rest = Sheet("Singularity and run", ("", "value", "unit"), others, frozenset({0, 2}))
     return [*sheets, rest, status]
 
 
-def _outcomes(outcomes: Sequence[Outcome]) -> _Sheet:
+def _outcomes(outcomes: Sequence[Outcome]) -> Sheet:
     rows = [("ok" if one.ok else "MISSED", str(one)) for one in outcomes]
-    return _Sheet("Expected", ("", ""), rows, frozenset({0, 1}))
+    return Sheet("Expected", ("", ""), rows, frozenset({0, 1}))
 
 
-def _peaks(figures: _Figures) -> _Sheet:
+def _peaks(figures: _Figures) -> Sheet:
     rows = [
         (
             group,
@@ -127,10 +107,10 @@ def _peaks(figures: _Figures) -> _Sheet:
         )
         for group in _PEAKS
     ]
-    return _Sheet("Peaks", ("", "peak", "unit", "joint", "at [s]", "rms"), rows, frozenset({0, 2, 3}))
+    return Sheet("Peaks", ("", "peak", "unit", "joint", "at [s]", "rms"), rows, frozenset({0, 2, 3}))
 
 
-def _joints(figures: _Figures) -> _Sheet:
+def _joints(figures: _Figures) -> Sheet:
     """Return a row a joint; units stand in the headings, or beside the joint where they differ."""
     columns = (
         ("rate", "joint_rate", "peak"),
@@ -158,10 +138,10 @@ def _joints(figures: _Figures) -> _Sheet:
         )
         for joint, kind in zip(joints, kinds, strict=True)
     ]
-    return _Sheet("Joints", tuple(headings), rows)
+    return Sheet("Joints", tuple(headings), rows)
 
 
-def _errors(figures: _Figures) -> _Sheet:
+def _errors(figures: _Figures) -> Sheet:
     rows = [
         (
             group,
@@ -174,17 +154,17 @@ def _errors(figures: _Figures) -> _Sheet:
         for group in _ERRORS
         if f"{group}.rms" in figures.card
     ]
-    return _Sheet("Errors", ("", "rms", "max", "at [s]", "end", "unit"), rows, frozenset({0, 5}))
+    return Sheet("Errors", ("", "rms", "max", "at [s]", "end", "unit"), rows, frozenset({0, 5}))
 
 
-def _status(figures: _Figures) -> _Sheet:
+def _status(figures: _Figures) -> Sheet:
     prefix, duration = "status_time.", figures.card["duration"].value
     rows = []
     for name in [name for name in figures.card if name.startswith(prefix)]:
         seconds = figures.card[name].value
-        share = f"{float(seconds) / float(duration):.1%}" if duration else _UNDEFINED
+        share = f"{float(seconds) / float(duration):.1%}" if duration else UNDEFINED
         rows.append((name.removeprefix(prefix), figures.text(name), share))
-    return _Sheet("Time in each status", ("", "s", "share"), rows)
+    return Sheet("Time in each status", ("", "s", "share"), rows)
 
 
 # Texts ------------------------------------------------------------------------------------------
@@ -193,24 +173,11 @@ def _status(figures: _Figures) -> _Sheet:
 def _text(figure: Figure) -> str:
     value = figure.value
     if isinstance(value, str):
-        return value or _UNDEFINED
+        return value or UNDEFINED
     if isinstance(value, int):
         return str(value)
     # A time must name its tick, even late in a run.
-    return f"{value:.3f}" if figure.unit == "s" and 10.0 <= value < 1000.0 else _number(value)
-
-
-def _number(value: float) -> str:
-    """Return three or four digits in at most seven characters and a sign, so that columns fit."""
-    size = abs(value)
-    if math.isnan(value):
-        return _UNDEFINED
-    if size == 0.0 or math.isinf(value):
-        return f"{value:g}"
-    if 0.001 <= size < 9999.5:
-        return f"{value:#.{4 if size >= 0.01 else 3}g}".rstrip(".")
-    mantissa, _, exponent = f"{value:.2e}".partition("e")
-    return f"{mantissa}e{int(exponent)}"
+    return f"{value:.3f}" if figure.unit == "s" and 10.0 <= value < 1000.0 else number(value)
 
 
 def _unit(figure: Figure) -> str:
@@ -222,35 +189,3 @@ def _kind(row: SchemaRow) -> str:
     unit = f" [{row.unit}]" if row.unit not in ("", "1") else ""
     default = ", required" if row.default == "required" else f", default {row.default}"
     return f"{row.type}{unit}{default}"
-
-
-def _table(sheet: _Sheet) -> Table:
-    table = Table(
-        title=sheet.title,
-        title_justify="left",
-        title_style="bold",
-        show_header=any(sheet.headings),
-        box=box.SIMPLE_HEAD,
-        # One blank between columns, or two where there are few: names of joints need the room.
-        padding=(0, 1 if len(sheet.headings) <= 6 else 0),
-        show_edge=False,
-        pad_edge=False,
-        collapse_padding=True,
-    )
-    for column, heading in enumerate(sheet.headings):
-        # Words that do not fit go on in the next line, numbers stay whole; never an ellipsis.
-        words = column in sheet.left
-        justify: Literal["left", "right"] = "left" if words else "right"
-        table.add_column(Text(heading), justify=justify, overflow="fold", no_wrap=not words)
-    for row in sheet.rows:
-        table.add_row(*(Text(cell, _style(cell)) for cell in row))
-    return table
-
-
-def _style(cell: str) -> str:
-    return {"ok": "green", "MISSED": "bold red"}.get(cell, "")
-
-
-def _escaped(text: str) -> str:
-    """Return one line that markdown shows as it is."""
-    return re.sub(r"([\\|*`<\[\]])", r"\\\1", " ".join(text.split()))

@@ -57,6 +57,7 @@ from rmrc.scenario.sections import (
     TaskSection,
 )
 from rmrc.scenario.values import Axis, Section
+from rmrc.scenario.variation import Variant, variants
 from rmrc.scenario.wording import show
 
 __all__ = [
@@ -64,17 +65,18 @@ __all__ = [
     "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
     "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
     "StopSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment",
-    "json_schema", "load", "loads", "schema_rows",
+    "Variant", "json_schema", "load", "loads", "schema_rows", "variants",
 ]  # fmt: skip
 
 
-def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Scenario:
+def load(path: str | os.PathLike[str], overrides: Sequence[str] = (), varied: Sequence[str] = ()) -> Scenario:
     """Read a scenario from a file.
 
     Args:
         path: The YAML file; messages show it as it is given.
         overrides: `KEY=VALUE` texts that replace values of the file, such as
             `control.inverse.method=inverse` or `arm.start[1]=10 deg`; VALUE is YAML.
+        varied: The same of one `Variant`, put on top.
 
     Returns:
         The checked scenario; `arm.model` is absolute.
@@ -83,7 +85,7 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Scenari
         ScenarioError: With all mistakes at once.
     """
     source = os.fspath(path)
-    return _scenario(None, source, Path(source).parent, overrides)
+    return _scenario(None, source, Path(source).parent, overrides, varied)
 
 
 def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> Scenario:
@@ -103,7 +105,9 @@ def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> S
     return _scenario(text, source, Path(), overrides)
 
 
-def _scenario(text: str | None, source: str, folder: Path, overrides: Sequence[str]) -> Scenario:
+def _scenario(
+    text: str | None, source: str, folder: Path, overrides: Sequence[str], varied: Sequence[str] = ()
+) -> Scenario:
     try:
         document = parse(read(source) if text is None else text, source)
     except TextError as error:
@@ -113,6 +117,8 @@ def _scenario(text: str | None, source: str, folder: Path, overrides: Sequence[s
         raise ScenarioError(document.origin.lines(document.mistakes or [no_mapping]))
     for override_text in overrides:
         override(document, override_text)
+    for override_text in varied:
+        override(document, override_text, "--vary")
     try:
         context = {"folder": folder}
         scenario = Scenario.model_validate(document.value, context=context, by_alias=True, by_name=False)

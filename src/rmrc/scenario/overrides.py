@@ -1,4 +1,4 @@
-"""`--set KEY=VALUE`: one value put into plain data before it is checked."""
+"""`--set KEY=VALUE`, or one of `--vary`: one value put into plain data before it is checked."""
 
 from typing import Any
 
@@ -8,23 +8,23 @@ from rmrc.scenario.sections import parse_key
 from rmrc.scenario.wording import brief, show
 
 
-def override(document: Document, text: str) -> None:
-    """Apply one `KEY=VALUE` to a document; what is wrong with it joins the mistakes."""
+def override(document: Document, text: str, option: str = "--set") -> None:
+    """Apply one `KEY=VALUE` of an option to a document; what is wrong with it joins the mistakes."""
     name, equals, value = text.partition("=")
     try:
         key = parse_key(name.strip() if equals else "")
     except ValueError:
         wrong = "must be KEY=VALUE, for example control.feedback=10"
-        document.mistakes.append(Mistake((), wrong, brief(text)))
+        document.mistakes.append(Mistake((), wrong, f"{option} {brief(text)}"))
         return
     try:
         parsed = parse(value if value.strip() else "null", key=key)
         _put(document.value, key, parsed.value)
     except TextError as error:
-        document.mistakes.append(Mistake(key, str(error), join(key), hides=True))
+        document.mistakes.append(Mistake(key, str(error), f"{option} {join(key)}", hides=True))
         return
-    document.origin.override(key)
-    document.mistakes += [mistake._replace(mark=join(key)) for mistake in parsed.mistakes]
+    document.origin.override(key, option)
+    document.mistakes += [mistake._replace(mark=f"{option} {join(key)}") for mistake in parsed.mistakes]
 
 
 def _put(node: Any, key: Key, value: object) -> None:

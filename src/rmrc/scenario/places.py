@@ -1,4 +1,4 @@
-"""Where the values of a scenario come from: a line and column of a file, or a `--set KEY=VALUE`."""
+"""Where the values of a scenario come from: a line and column of a file, or an option of the command line."""
 
 import math
 import re
@@ -9,7 +9,7 @@ from typing import NamedTuple
 from rmrc.scenario.wording import brief, printable
 
 Key = tuple[str | int, ...]  # the steps from the root to a value
-Mark = tuple[int, ...] | str  # line and column from 1, or the KEY of a `--set`; () if there is none
+Mark = tuple[int, ...] | str  # line and column from 1, or an option such as `--set KEY`; () if there is none
 
 
 class Mistake(NamedTuple):
@@ -49,18 +49,18 @@ class Origin:
             place = next(iter(place.below.values()))
         return place
 
-    def override(self, key: Key) -> None:
-        """Note that a value comes from `--set`; mappings made for it have no place but its own."""
+    def override(self, key: Key, option: str) -> None:
+        """Note that a value comes from an option; mappings made for it have no place but its own."""
         place = self.root
         for step in key[:-1]:
             place = place.below.setdefault(step, Place())
-        place.below[key[-1]] = Place(join(key))
+        place.below[key[-1]] = Place(f"{option} {join(key)}")
 
     def locate(self, key: Key, mark: Mark = ()) -> str:
         """Return source, line, column and key, as messages begin."""
         mark, name = mark or self.find(key).mark, join(key)
         if isinstance(mark, str):
-            return f"--set {mark}" if name in ("", mark) else f"--set {mark}: {name}"
+            return mark if name in ("", mark.partition(" ")[2]) else f"{mark}: {name}"
         where = ":".join([printable(self.source), *map(str, mark)])
         return ": ".join(part for part in (where, name) if part)
 

@@ -96,6 +96,27 @@ def parse(text: str, source: str = "", key: Key = ()) -> Document:
     return Document(value, Origin(source, place), builder.mistakes)
 
 
+def items(text: str) -> list[tuple[str, str]]:
+    """Return the values of a YAML list without its brackets, each as it is read and as it is written.
+
+    What is read is the text itself for a text, `damped` for `"damped"`, and else as it is written.
+
+    Raises:
+        TextError: If the text is no such list.
+    """
+    _check_size(len(text.encode(errors="surrogatepass")))
+    listed = f"[{text}\n]"  # a comment must not hide the bracket
+    try:
+        root = _Loader(listed).get_single_node()
+    except yaml.reader.ReaderError as error:
+        raise TextError(f"holds the character U+{ord(listed[error.position]):04X}") from None
+    except yaml.MarkedYAMLError as error:
+        raise TextError(_problem(error)) from None
+    nodes = root.value if root else []  # of the brackets, so there is a root
+    written = [listed[item.start_mark.index : item.end_mark.index] for item in nodes]
+    return [(item.value if _is_text(item) else own, own) for item, own in zip(nodes, written, strict=True)]
+
+
 def _problem(error: yaml.MarkedYAMLError) -> str:
     problem = printable(error.problem or error.context or "")
     if "but found another document" in problem:

@@ -1,0 +1,104 @@
+"""A comparison: its runs are those of `run`, and its files say so."""
+
+import json
+
+import numpy as np
+import pytest
+
+from project import ROOT
+from rmrc.comparison import Comparison
+from rmrc.output.recording import read_columns
+from rmrc.preparation import prepare
+from rmrc.run import COLUMNS
+from rmrc.scenario import load
+from rmrc.scorecard import scorecard
+from rmrc.simulation import Simulation
+
+TEXT = f"""
+name: quick
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{line: {{by: [0.05, 0.0]}}}}, {{line: {{by: [-0.05, 0.0]}}}}]}}
+expect: {{position_error.max: {{below: 0.001}}}}
+"""
+GRID = (
+    "control.inverse.method=damped,inverse",
+    "control.inverse.damping={maximum: 0.5, below: 2},{maximum: 0.01, below: 2}",
+)
+SET = ["control.feedback=11", "name=other"]
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """(path of the scenario, results)."""
+    folder = tmp_path_factory.mktemp("compared")
+    (folder / "quick.yaml").write_text(TEXT)
+    counted = []
+    comparison = Comparison(folder / "quick.yaml", GRID, SET, folder / "new" / "out")
+    results = comparison.run(counted.append)
+    assert sum(counted) == comparison.ticks
+    return folder / "quick.yaml", results
+
+
+def test_each_variant_has_the_bits_of_its_scenario_run_alone(compared):
+    path, results = compared
+    for one in results.variants:
+        (alone,) = Simulation([prepare(load(path, [*SET, *one.variant.overrides]))]).run()
+        for name in COLUMNS:
+            np.testing.assert_array_equal(one.run[name], alone[name], strict=True)
+    assert len({one.run["q"].tobytes() for one in results.variants}) == 3  # the inverse knows no damping
+
+
+def test_results_are_complete_and_in_the_order_of_the_grid(compared):
+    _, results = compared
+    labels = [one.variant.label for one in results.variants]
+    much, little = "{maximum: 0.5, below: 2}", "{maximum: 0.01, below: 2}"
+    assert labels == [
+        f"{method}, {damping}" for method in ("damped", "inverse") for damping in (much, little)
+    ]
+    assert {one.status for one in results.variants} == {"complete"}
+    assert [one.outcomes[0].ok for one in results.variants] == [False, True, True, True]
+    assert (results.name, results.interrupted) == ("other", False)
+
+
+def test_the_files_are_named_after_the_scenario_and_all_there(compared):
+    path, results = compared
+    folder = path.parent / "new" / "out"
+    names = ["other.compare.rrd", "other.compare.json", "other.compare.png", "other.compare.svg"]
+    assert list(results.files) == [folder / name for name in names]
+    assert sorted(folder.iterdir()) == sorted(results.files)
+
+
+def test_the_recording_has_every_variant(compared):
+    _, results = compared
+    for one in results.variants:
+        columns = read_columns(results.files[0], one.variant.label)
+        for name in COLUMNS:
+            np.testing.assert_array_equal(columns[name], one.run[name], strict=True)
+
+
+def test_the_facts_are_those_of_each_variant(compared):
+    path, results = compared
+    facts = json.loads(results.files[1].read_text())
+    assert (facts["name"], facts["overrides"]) == ("other", SET)
+    assert {"python", "rmrc", "mujoco", "matplotlib"} < set(facts["versions"])
+    for known, one in zip(facts["variants"], results.variants, strict=True):
+        assert known["label"] == one.variant.label
+        assert known["overrides"] == list(one.variant.overrides)
+        assert (known["status"], known["divergence"]) == ("complete", None)
+        figures = scorecard(one.run)
+        assert known["scorecard"]["joint_rate"]["peak"] == np.abs(one.run["qdot"]).max()
+        assert known["scorecard"]["return"]["joint_change"] == figures["return.joint_change"].value
+        assert known["expect"][0]["ok"] == one.outcomes[0].ok
+        expected = load(path, [*SET, *one.variant.overrides])
+        assert known["scenario"] == expected.model_dump(mode="json")
+
+
+def test_variants_may_have_different_arms_and_be_of_different_length(tmp_path):
+    (tmp_path / "quick.yaml").write_text(TEXT.replace("start: [60 deg, -120 deg]", "start: home"))
+    models = f"arm.model={ROOT}/models/planar_2link.xml,{ROOT}/models/planar_3link.xml"
+    varied = [models, "target.limits.velocity=0.25,0.05"]
+    results = Comparison(tmp_path / "quick.yaml", varied, folder=tmp_path, record=False).run()
+    assert [one.run["q"].shape[1] for one in results.variants] == [2, 2, 3, 3]
+    assert len({len(one.run) for one in results.variants}) > 1
+    assert [path.suffix for path in results.files] == [".json", ".png", ".svg"]
