@@ -62,7 +62,9 @@ def bounding(a, b, lower, upper, free):
     # a joint that does not depend on s always or never is within its bounds
     first = np.where(a == 0, np.where(inside, -np.inf, np.inf), ends[0])[free]
     last = np.where(a == 0, np.where(inside, np.inf, -np.inf), ends[1])[free]
-    j = np.flatnonzero(free)[len(last) - 1 - np.argmin(last[::-1])]
+    alone = np.where((last >= 0) & (first <= 1), np.minimum(last, 1.0), -1.0)
+    beyond = np.maximum(lower - (a + b), a + b - upper)[free]
+    j = np.flatnonzero(free)[np.lexsort((-beyond, alone))[0]]
     return first.max(), last.min(), j, upper[j] if (a + b)[j] > upper[j] else lower[j]
 
 

@@ -124,7 +124,7 @@ class NumpyLoop:
             self.start_second(control.nullspace.secondary)
         self.last = np.zeros(n)
         self.path_tick, self.pace, self.share = 0.0, 1.0, 1.0
-        self.fastest, self.falling, self.advance = None, 0.0, 0.0
+        self.fastest, self.falling, self.advance, self.waited = None, 0.0, 0.0, 0.0
 
     def start_second(self, second):
         """Find the second task's site and the pose that it shall have."""
@@ -318,6 +318,9 @@ class NumpyLoop:
         """Choose ṡ by (19) and (20), and return how much it changes."""
         control, last = self.scenario.control, self.pace
         fastest = fastest_pace(rates - last * forward, forward, self.rate)
+        self.waited = max(0.0, self.waited + (control.period if fastest == 0 else -control.period))
+        if self.waited > control.slow.patience:
+            fastest = 1.0
         if self.advance > 1e-3:  # of a tick: less says nothing about how the fastest pace changes
             self.falling = (self.fastest - fastest) / (self.advance * control.period)
         self.fastest = fastest
@@ -327,11 +330,12 @@ class NumpyLoop:
     def hold(self, q, sigma, rates):
         """Move β towards 0 near a singularity, unless the rates lead out of it, and towards 1 elsewhere."""
         stop = self.scenario.control.stop
-        near = sigma[-1] <= stop.sigma
+        last = self.rank - 1
+        near = sigma[last] <= stop.sigma
         if stop.condition is not None:
-            near = near or sigma[0] >= stop.condition * sigma[-1]
+            near = near or sigma[0] >= stop.condition * sigma[last]
         if near:
-            smallest = lambda full: self.sigma(full[self.rows])[-1]  # noqa: E731
+            smallest = lambda full: self.sigma(full[self.rows])[last]  # noqa: E731
             ahead, behind = (smallest(self.kinematics.at(q + h * rates, self.site)[2]) for h in (1e-6, -1e-6))
             near = ahead <= behind
         step = stop.change * self.scenario.control.period

@@ -330,7 +330,7 @@ def draw_law(rng, arm, start, axes):
 def amplifies_rounding(control, run):
     """Return whether a law turns rounding into more than the comparison lets pass, somewhere in a run."""
     method, schedule = control["inverse"]["method"], control["inverse"]["damping"]["schedule"]
-    objective, limits = control["nullspace"]["objective"], control["limits"]
+    objective = control["nullspace"]["objective"]
     ratio = np.min(run["sigma"][:, -1] / run["sigma"][:, 0])
     if method == "transpose" and ratio < 0.15:
         # α may be 1/σ_k², for which the closed loop is stable, tick by tick, where K · period · κ² is less than 2
@@ -343,10 +343,6 @@ def amplifies_rounding(control, run):
         and np.abs(run["qdot_cmd"][0]).max() < 1e-9
     ):
         return True  # whether rates of 1e-17 raise σ_k is rounding
-    if control["at_singularity"] == "stop" and ratio < 1e-9:
-        return True  # and so is whether any rates raise one that is 0 everywhere
-    if limits["on_excess"] == "redistribute" and objective != "none":
-        return True  # which joint bounds a task of 1e-17, as it is at rest, is rounding
     is_continuous = method in ("filtered", "jparse") or schedule in ("constant", "smallest_singular_value")
     return ratio < 1e-3 and not (is_continuous and method in ("damped", "filtered", "jparse"))
 

@@ -4,7 +4,7 @@ import math
 
 from rmrc.control.compiled import Array, Record, compiled
 from rmrc.control.records import Method, Schedule
-from rmrc.control.smallmat import RANK_FLOOR, dot
+from rmrc.control.smallmat import RANK_FLOOR
 
 # Enum members become plain integers in compiled code.
 PSEUDOINVERSE, TRUNCATED, TRANSPOSE, DAMPED, FILTERED, SELECTIVELY_DAMPED, JPARSE = map(
@@ -77,16 +77,14 @@ def least_damping(world: Record, sigma: Array) -> float:
     """
     bound, floor, mu = world.rate_bound, RANK_FLOOR * sigma[0], 0.0
     for i in range(world.k):
-        asked = abs(dot(world.u[i], world.task, world.m))
-        world.work[i] = asked
         if sigma[i] > floor:
-            mu = max(mu, sigma[i] * (asked / bound - sigma[i]))
+            mu = max(mu, sigma[i] * (abs(world.asked[i]) / bound - sigma[i]))
     for _ in range(STEPS_MAX):
         total, slope = 0.0, 0.0
         for i in range(world.k):
             if sigma[i] > floor:
                 pivot = sigma[i] + mu / sigma[i]
-                rate = world.work[i] / (pivot * bound)
+                rate = world.asked[i] / (pivot * bound)
                 total += rate * rate
                 slope += rate * rate / (pivot * sigma[i])
         excess = math.sqrt(total) - 1.0
@@ -97,7 +95,7 @@ def least_damping(world: Record, sigma: Array) -> float:
 
 
 @compiled
-def gains(world: Record, u: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
+def gains(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
     """Write g(σ_i) for i < k, σ falling; 0 where σ_i is zero to rounding, so that nothing is ever NaN.
 
     inverse             1/σ
@@ -108,6 +106,14 @@ def gains(world: Record, u: Array, sigma: Array, v: Array, damped: float, gain: 
     filtered            σ/(σ² + λ(σ)²), each direction by its own λ               [Maciejewski88]
     selectively_damped  1/σ, clamped by what each direction may ask of the joints [Buss05]
     jparse              1/σ for σ >= γ σ_1, else σ/(γ σ_1)²                       [Guptasarma25]
+
+    Args:
+        world: Parameters, and A.
+        asked: Uᵀ S_x twist_cmd, what the task asks of each direction, (k,).
+        sigma: Singular values, (k,).
+        v: Right vectors as rows, (k, n).
+        damped: λ of this tick.
+        gain: Written, (k,).
     """
     method, floor = world.method, smallest_inverted(world, sigma[0])
     fading = world.gamma * sigma[0] if method == JPARSE else 0.0
@@ -124,9 +130,9 @@ def gains(world: Record, u: Array, sigma: Array, v: Array, damped: float, gain: 
         else:
             gain[i] = min(1.0 / s, LARGEST_GAIN)
     if method == TRANSPOSE:
-        transpose_gains(world, u, sigma, gain)
+        transpose_gains(world, asked, sigma, gain)
     elif method == SELECTIVELY_DAMPED:
-        clamp_directions(world, u, sigma, v, gain)
+        clamp_directions(world, asked, sigma, v, gain)
 
 
 @compiled
@@ -140,14 +146,14 @@ def smallest_inverted(world: Record, largest: float) -> float:
 
 
 @compiled
-def transpose_gains(world: Record, u: Array, sigma: Array, gain: Array) -> None:
+def transpose_gains(world: Record, asked: Array, sigma: Array, gain: Array) -> None:
     """Write α σ_i with the α that leaves the smallest task residual [Wolovich84], [Buss05].
 
     All is taken relative to σ_1 and to the largest entry, so that no square leaves the range.
     """
     largest = 0.0
     for i in range(world.k):
-        gain[i] = dot(u[i], world.task, world.m) * (sigma[i] / sigma[0]) if sigma[0] > 0.0 else 0.0
+        gain[i] = asked[i] * (sigma[i] / sigma[0]) if sigma[0] > 0.0 else 0.0
         largest = max(largest, abs(gain[i]))
     above, below = 0.0, 0.0
     for i in range(world.k):
@@ -162,7 +168,7 @@ def transpose_gains(world: Record, u: Array, sigma: Array, gain: Array) -> None:
 
 
 @compiled
-def clamp_directions(world: Record, u: Array, sigma: Array, v: Array, gain: Array) -> None:
+def clamp_directions(world: Record, asked: Array, sigma: Array, v: Array, gain: Array) -> None:
     """Lessen the gains 1/σ_i by what Buss and Kim allow each direction, and all of them together [Buss05].
 
     A direction whose joint motion moves the tip by less than the joints would one by one, which is one that
@@ -179,7 +185,7 @@ def clamp_directions(world: Record, u: Array, sigma: Array, v: Array, gain: Arra
         for j in range(n):
             peak = max(peak, abs(v[i, j]))
             alone += abs(v[i, j]) * scale[j]
-        rate = abs(dot(u[i], world.task, world.m)) * gain[i] * peak
+        rate = abs(asked[i]) * gain[i] * peak
         allowed = bound * min(1.0, sigma[i] / alone) if alone > 0.0 else 0.0
         if rate > allowed:
             gain[i] *= allowed / rate
@@ -187,7 +193,7 @@ def clamp_directions(world: Record, u: Array, sigma: Array, v: Array, gain: Arra
     for j in range(n):
         rate = 0.0
         for i in range(world.k):
-            rate += gain[i] * dot(u[i], world.task, world.m) * v[i, j]
+            rate += gain[i] * asked[i] * v[i, j]
         largest = max(largest, abs(rate))
     if largest > bound:
         for i in range(world.k):

@@ -66,8 +66,9 @@ def resolve_twist(world: Record, tick: Record) -> None:
     """Resolve `world.twist_cmd`: decompose, filter, project, slow or stop, limit, and record."""
     scale_task(world)
     decompose(world, tick.sigma)
+    ask(world)
     tick.damping = damping(world, tick.sigma)
-    gains(world, world.u, tick.sigma, world.v, tick.damping, tick.gain)
+    gains(world, world.asked, tick.sigma, world.v, tick.damping, tick.gain)
     resolved_rates(world, tick.gain, tick.qdot_cmd)
     tick.secondary_error = tick.secondary_sigma = math.nan
     for j in range(world.n):
@@ -127,12 +128,19 @@ def decompose(world: Record, sigma: Array) -> None:
 
 
 @compiled
+def ask(world: Record) -> None:
+    """Uᵀ S_x twist_cmd, what the task asks of each direction."""
+    for i in range(world.k):
+        world.asked[i] = dot(world.u[i], world.task, world.m)
+
+
+@compiled
 def resolved_rates(world: Record, gain: Array, rates: Array) -> None:
     """S_q Σ g(σ_i) v_i (u_iᵀ S_x twist_cmd)."""
     for j in range(world.n):
         rates[j] = 0.0
     for i in range(world.k):
-        along = gain[i] * dot(world.u[i], world.task, world.m)
+        along = gain[i] * world.asked[i]
         for j in range(world.n):
             rates[j] += along * world.v[i, j]
     for j in range(world.n):

@@ -4,7 +4,7 @@ import math
 
 from rmrc.control.compiled import Array, Record, compiled, inlined
 from rmrc.control.records import OnExcess, Status
-from rmrc.control.redistribution import redistribute
+from rmrc.control.redistribution import ROUNDING, redistribute
 
 NONE, CLAMP, REDISTRIBUTE = int(OnExcess.NONE), int(OnExcess.CLAMP), int(OnExcess.REDISTRIBUTE)
 RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
@@ -21,38 +21,65 @@ def limit(world: Record, tick: Record) -> int:
     redistribute  what a saturated joint cannot do, the others take over               [Flacco15]
     """
     rates = tick.qdot_cmd
-    if world.on_excess == NONE:
-        return 0
-    exceeded = excess(world, rates)
-    if exceeded == 0:
+    if world.on_excess == NONE or is_within(world, rates):
         return 0
     bounds(world)
-    if world.on_excess == CLAMP or (world.on_excess == REDISTRIBUTE and redistribute(world, tick)):
+    acting = exceeded(world, rates)
+    if world.on_excess == REDISTRIBUTE and redistribute(world, tick):
+        for j in range(world.n):
+            if world.held[j] > 0.0:
+                acting |= kind(world, j, bool(world.qdot0[j] == world.upper[j]))
+        confine(world, rates)
+    elif world.on_excess == CLAMP:
         confine(world, rates)
     else:
-        exceeded = scale(world, rates)
-    return exceeded
+        acting = scale(world, rates)
+    return acting
 
 
 @compiled
-def excess(world: Record, rates: Array) -> int:
-    """Return the bits of the limits that the rates exceed.
+def is_within(world: Record, rates: Array) -> bool:
+    """Say whether no limit is exceeded, which is so at most ticks.
 
     That a rate r can be braked in time, k (k + 1)/2 · b T² <= d with k = r/(b T), needs no root.
     """
-    T, bits = world.period, 0
+    T = world.period
     for j in range(world.n):
         rate, braking = rates[j], world.braking[j]
         speed = abs(rate)
         to_lower, to_upper = world.q[j] - world.position_limit[0, j], world.position_limit[1, j] - world.q[j]
         left = to_upper if rate > 0.0 else to_lower
         if speed > world.rate_limit[j]:
-            bits |= RATE_LIMITED
+            return False
         if abs(rate - world.qdot_cmd_last[j]) > world.acceleration_limit[j] * T:
-            bits |= ACCELERATION_LIMITED
+            return False
         if speed > 0.0 and (speed * (speed + braking * T) > 2.0 * braking * left or speed * T > left):
-            bits |= POSITION_LIMITED
+            return False
+    return True
+
+
+@compiled
+def exceeded(world: Record, rates: Array) -> int:
+    """Return the bits of the limits whose bounds are exceeded by more than rounding."""
+    bits = 0
+    for j in range(world.n):
+        slack = ROUNDING * abs(rates[j])
+        if rates[j] > world.upper[j] + slack:
+            bits |= kind(world, j, True)
+        elif rates[j] < world.lower[j] - slack:
+            bits |= kind(world, j, False)
     return bits
+
+
+@compiled
+def kind(world: Record, j: int, is_upper: bool) -> int:
+    """Return the bit of the limit that gave a joint its upper or lower bound."""
+    lowest, highest = rest_bounds(world, j)
+    bound = highest if is_upper else -lowest
+    chosen = world.upper[j] if is_upper else -world.lower[j]
+    if chosen != bound:
+        return ACCELERATION_LIMITED
+    return RATE_LIMITED if bound == world.rate_limit[j] else POSITION_LIMITED
 
 
 @compiled
@@ -102,25 +129,27 @@ def confine(world: Record, rates: Array) -> None:
 
 @compiled
 def scale(world: Record, rates: Array) -> int:
-    """Scale all rates, then their change, by one factor each; return the bits of the limits that acted."""
+    """Scale all rates, then their change, by one factor each; return the bits of the limits that acted.
+
+    Scaling the change may leave a joint without the braking that it needs, which is then given to it alone.
+    """
     n, bits, factor = world.n, 0, 1.0
     for j in range(n):
         lowest, highest = rest_bounds(world, j)
         bound = highest if rates[j] > 0.0 else -lowest
-        if abs(rates[j]) > bound:
+        if abs(rates[j]) > bound * (1.0 + ROUNDING):
             bits |= RATE_LIMITED if bound == world.rate_limit[j] else POSITION_LIMITED
             factor = min(factor, bound / abs(rates[j]))
     part = 1.0
     for j in range(n):
         rates[j] *= factor
         change, most = abs(rates[j] - world.qdot_cmd_last[j]), world.acceleration_limit[j] * world.period
-        if change > most:
+        if change > most * (1.0 + ROUNDING):
             bits |= ACCELERATION_LIMITED
             part = min(part, most / change)
-    for j in range(n):
-        if part < 1.0:
+    if part < 1.0:
+        for j in range(n):
             rates[j] = world.qdot_cmd_last[j] + part * (rates[j] - world.qdot_cmd_last[j])
-        if rates[j] > world.upper[j] or rates[j] < world.lower[j]:
-            bits |= POSITION_LIMITED
-            rates[j] = min(max(rates[j], world.lower[j]), world.upper[j])
+        bits |= exceeded(world, rates)
+    confine(world, rates)
     return bits

@@ -158,12 +158,14 @@ def _world_type(c: int) -> np.dtype[np.void]:
             ("share", np.float64),
             # scratch of one tick: the task; bounds and parts of the rates; a second decomposition, of what is
             # left of A for a second task, or for the joints that are not saturated
-            ("twist_cmd", np.float64, (6,)), ("task", np.float64, (ROWS,)), ("error", np.float64),
+            ("twist_cmd", np.float64, (6,)), ("task", np.float64, (ROWS,)), ("asked", np.float64, (ROWS,)),
+            ("error", np.float64),
             ("A", np.float64, (ROWS, c)), ("qdot0", np.float64, (c,)), ("qddot", np.float64, (c,)),
             ("lower", np.float64, (c,)), ("upper", np.float64, (c,)), ("held", np.float64, (c,)),
             ("best", np.float64, (c,)), ("part_a", np.float64, (c,)), ("part_b", np.float64, (c,)),
             ("work", np.float64, (c,)), ("error_2", np.float64, (6,)),
-            ("B", np.float64, (ROWS, c)), ("task_B", np.float64, (ROWS,)), ("sigma_B", np.float64, (ROWS,)),
+            ("B", np.float64, (ROWS, c)), ("task_B", np.float64, (ROWS,)), ("asked_B", np.float64, (ROWS,)),
+            ("sigma_B", np.float64, (ROWS,)),
             ("gain_B", np.float64, (ROWS,)), ("u_B", np.float64, (ROWS, c)), ("v_B", np.float64, (ROWS, c)),
         ]
     )  # fmt: skip

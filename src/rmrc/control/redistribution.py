@@ -24,14 +24,14 @@ def redistribute(world: Record, tick: Record) -> bool:
         world: Bounds, task, A, its decomposition; qdot0 is what the null space wishes for, projected.
         tick: qdot_cmd is replaced.
     """
-    n, best = world.n, 0.0
+    n, best = world.n, -1.0
     for j in range(n):
         world.held[j] = 0.0
     for _ in range(max(0, n - world.m) + 1):  # until fewer joints are free than the task has rows
         if not free_rates(world, tick):
             break
         share, critical = task_share(world)
-        if share > best or share >= 1.0:
+        if share > best:
             best = share
             for j in range(n):
                 world.best[j] = share * world.part_a[j] + world.part_b[j]
@@ -41,10 +41,10 @@ def redistribute(world: Record, tick: Record) -> bool:
         total = world.part_a[critical] + world.part_b[critical]
         is_above = total > world.upper[critical]
         world.qdot0[critical] = world.upper[critical] if is_above else world.lower[critical]
-    if best > 0.0:
+    if best >= 0.0:
         for j in range(n):
             tick.qdot_cmd[j] = world.best[j]
-    return best > 0.0
+    return best >= 0.0
 
 
 @inlined
@@ -63,11 +63,13 @@ def free_rates(world: Record, tick: Record) -> bool:
     svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
     if world.sigma_B[k - 1] <= LOST * tick.sigma[0]:
         return False
-    gains(world, world.u_B, world.sigma_B, world.v_B, tick.damping, world.gain_B)
+    for i in range(k):
+        world.asked_B[i] = dot(world.u_B[i], world.task, m)
+    gains(world, world.asked_B, world.sigma_B, world.v_B, tick.damping, world.gain_B)
     for j in range(n):
         world.part_a[j], world.part_b[j] = 0.0, 0.0
     for i in range(k):
-        asked = world.gain_B[i] * dot(world.u_B[i], world.task, m)
+        asked = world.gain_B[i] * world.asked_B[i]
         undone = world.gain_B[i] * dot(world.u_B[i], world.task_B, m)
         for j in range(n):
             world.part_a[j] += asked * world.v_B[i, j]
@@ -82,29 +84,31 @@ def free_rates(world: Record, tick: Record) -> bool:
 def task_share(world: Record) -> tuple[float, int]:
     """Return the largest share s in [0, 1] of the task with all rates within bounds, and who bounds it.
 
-    1 and -1 if all of the task fits; 0 if no share does.
+    1 and -1 if all of the task fits; -1 for the share if none does. The joint that bounds it is the one that
+    alone fits the smallest share, of several the one that all of the task takes farthest beyond its bound.
     """
-    least, most, critical, inside = 0.0, math.inf, -1, True
+    least, most, smallest, farthest, critical = 0.0, 1.0, 2.0, 0.0, -1
     for j in range(world.n):
-        a, b, lower, upper = world.part_a[j], world.part_b[j], world.lower[j], world.upper[j]
-        slack = ROUNDING * max(1.0, abs(a) + abs(b))
-        if lower - slack <= a + b <= upper + slack:
-            if world.held[j] > 0.0:
-                continue
-        else:
-            inside = False
-        if a == 0.0:
-            if not lower - slack <= b <= upper + slack:
-                most, critical = -1.0, j
+        if world.held[j] > 0.0:
             continue
-        first, second = (lower - b) / a, (upper - b) / a
-        if first > second:
-            first, second = second, first
-        least = max(least, first)
-        if second < most:
-            most, critical = second, j
-    if inside:
+        a, b, lower, upper = world.part_a[j], world.part_b[j], world.lower[j], world.upper[j]
+        beyond = max(lower - (a + b), a + b - upper)
+        first, last = shares(a, b, lower, upper)
+        least, most = max(least, first), min(most, last)
+        alone = min(last, 1.0) if last >= 0.0 and first <= min(last, 1.0) else -1.0
+        if beyond > ROUNDING * max(1.0, abs(a) + abs(b)) and (
+            alone < smallest or (alone == smallest and beyond > farthest)
+        ):
+            smallest, farthest, critical = alone, beyond, j
+    if critical < 0:
         return 1.0, -1
-    if least > most or most < 0.0 or least > 1.0:
-        return 0.0, critical
-    return min(most, 1.0), critical
+    return (most if least <= most else -1.0), critical
+
+
+@compiled
+def shares(a: float, b: float, lower: float, upper: float) -> tuple[float, float]:
+    """Return the smallest and largest s with lower <= s a + b <= upper; none if not in this order."""
+    if a == 0.0:
+        return (-math.inf, math.inf) if lower <= b <= upper else (math.inf, -math.inf)
+    first, last = (lower - b) / a, (upper - b) / a
+    return (first, last) if first <= last else (last, first)

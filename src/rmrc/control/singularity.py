@@ -97,7 +97,7 @@ def hold(world: Record, tick: Record) -> int:
 
     Rates that raise the smallest singular value lead out, and are let pass. From zero it can only rise.
     """
-    last = world.k - 1
+    last = world.rank - 1  # a row that the arm can never move is no singularity
     sigma = tick.sigma[last]
     share = 1.0
     if sigma <= world.stop_sigma or tick.sigma[0] >= world.stop_condition * sigma:
