@@ -4,12 +4,12 @@ import numpy as np
 
 
 def fastest_pace(a, b, rate_limit):
-    """Return s*, the largest pace up to 100 at which |a + s b| stays within 95 % of the rate limits (19)."""
+    """Return s*, the largest pace up to 8 at which |a + s b| stays within 95 % of the rate limits (19)."""
     room = 0.95 * rate_limit
     if np.any(np.abs(a) > room):
         return 0.0
     moving = b != 0
-    return np.min((room - np.sign(b) * a)[moving] / np.abs(b)[moving], initial=100.0)
+    return np.min((room - np.sign(b) * a)[moving] / np.abs(b)[moving], initial=8.0)
 
 
 def safe_pace(fastest, falling, change):
@@ -31,8 +31,8 @@ def brake(distance, deceleration, period):
     rate[distance <= 0] = 0.0
     some = (distance > 0) & np.isfinite(distance)
     d, b = distance[some], deceleration[some]
-    ticks = -0.5 + np.sqrt(0.25 + 2 * d / (b * period**2))
-    rate[some] = np.minimum(b * period * ticks, d / period)
+    ticks = np.maximum(1, np.ceil(-0.5 + np.sqrt(0.25 + 2 * d / (b * period**2))))
+    rate[some] = d / (ticks * period) + b * period * (ticks - 1) / 2
     return rate
 
 
@@ -60,11 +60,11 @@ def bounding(a, b, lower, upper, free):
     with np.errstate(divide="ignore", invalid="ignore"):
         ends = np.sort([(lower - b) / a, (upper - b) / a], axis=0)
     # a joint that does not depend on s always or never is within its bounds
-    first = np.where(a == 0, np.where(inside, -np.inf, np.inf), ends[0])[free]
-    last = np.where(a == 0, np.where(inside, np.inf, -np.inf), ends[1])[free]
-    alone = np.where((last >= 0) & (first <= 1), np.minimum(last, 1.0), -1.0)
+    still = np.abs(a) <= 1e-12 * np.maximum(1, np.abs(b))
+    first = np.where(still, np.where(inside, -np.inf, np.inf), ends[0])[free]
+    last = np.where(still, np.where(inside, np.inf, -np.inf), ends[1])[free]
     beyond = np.maximum(lower - (a + b), a + b - upper)[free]
-    j = np.flatnonzero(free)[np.lexsort((-beyond, alone))[0]]
+    j = np.flatnonzero(free)[np.lexsort((-beyond, np.where(beyond > 0, last, np.inf)))[0]]
     return first.max(), last.min(), j, upper[j] if (a + b)[j] > upper[j] else lower[j]
 
 

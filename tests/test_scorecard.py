@@ -214,8 +214,8 @@ def test_the_return_is_the_largest_change_of_a_joint_and_a_full_turn_is_none():
 
 def test_a_return_is_undefined_unless_the_path_was_gone_to_its_end_and_leads_back():
     beside, turned = np.array(HOME), np.array(HOME)
-    beside[0] += 2e-9
-    turned[3:] = math.cos(1e-9), 0.0, 0.0, math.sin(1e-9)  # 2e-9 rad about z
+    beside[0] += 2e-3
+    turned[3:] = math.cos(1e-3), 0.0, 0.0, math.sin(1e-3)  # 2e-3 rad about z
     undefined = (
         {"planned": 4},
         {"pose_ref": [HOME, HOME, beside]},
@@ -228,7 +228,7 @@ def test_a_return_is_undefined_unless_the_path_was_gone_to_its_end_and_leads_bac
     defined = (
         {"pose_ref": [HOME, HOME, turned]},  # turns do not count in the plane
         {"pose_ref": [HOME, HOME, beside], "axes": ("y", "rz")},
-        {"pose_ref": [HOME, HOME, np.add(HOME, 5e-10)]},
+        {"pose_ref": [HOME, HOME, np.add(HOME, 5e-4)]},
         {"pose_ref": [HOME, HOME, (*HOME[:3], -1.0, 0.0, 0.0, 0.0)], "axes": SPACE},  # the same rotation
     )
     for case in defined:

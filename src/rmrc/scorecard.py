@@ -19,9 +19,9 @@ from rmrc.run import COLUMNS, Run
 from rmrc.scenario import Check, Scenario
 from rmrc.spatial import AXES, pose_error
 
-# How near the last wanted pose must be to the first to end where it began [m, rad]: above the rounding of a
-# path's pieces, which add up to some 1e-15, and far below any path.
-CLOSED = 1e-9
+# How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
+# that was rounded to 0.01 deg, and far below any path.
+CLOSED = 1e-3
 
 _Array = NDArray[np.float64]
 _Figures = Iterator[tuple[str, "Figure"]]

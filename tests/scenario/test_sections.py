@@ -190,7 +190,7 @@ control:
   limits: {rate: null, acceleration: null, position: true, braking: 10.0, on_excess: scale}
   at_singularity: damp
   slow: {change: 10.0, patience: 1.0, longest: 10.0}
-  stop: {sigma: 0.05, condition: null, change: 10.0}
+  stop: {sigma: 0.1, condition: null, change: 20.0}
 target:
   path:
   - line:

@@ -27,7 +27,7 @@ def limit(world: Record, tick: Record) -> int:
     acting = exceeded(world, rates)
     if world.on_excess == REDISTRIBUTE and redistribute(world, tick):
         for j in range(world.n):
-            if world.held[j] > 0.0:
+            if world.held[j] > 0.0 and rates[j] == world.qdot0[j]:
                 acting |= kind(world, j, bool(world.qdot0[j] == world.upper[j]))
         confine(world, rates)
     elif world.on_excess == CLAMP:
@@ -41,7 +41,8 @@ def limit(world: Record, tick: Record) -> int:
 def is_within(world: Record, rates: Array) -> bool:
     """Say whether no limit is exceeded, which is so at most ticks.
 
-    That a rate r can be braked in time, k (k + 1)/2 · b T² <= d with k = r/(b T), needs no root.
+    Braking from a rate r takes r (r + b T)/(2 b) and up to b T²/8 more, which needs no root as long as there
+    is more room.
     """
     T = world.period
     for j in range(world.n):
@@ -53,7 +54,9 @@ def is_within(world: Record, rates: Array) -> bool:
             return False
         if abs(rate - world.qdot_cmd_last[j]) > world.acceleration_limit[j] * T:
             return False
-        if speed > 0.0 and (speed * (speed + braking * T) > 2.0 * braking * left or speed * T > left):
+        if speed * (speed + braking * T) > braking * (2.0 * left - 0.25 * braking * T * T) and (
+            speed > brake(left, braking, T)
+        ):
             return False
     return True
 
@@ -109,15 +112,15 @@ def rest_bounds(world: Record, j: int) -> tuple[float, float]:
 def brake(distance: float, braking: float, period: float) -> float:
     """Return the largest rate that can be braked within a distance, tick by tick.
 
-    From k · b T on, k ticks of braking by b T each take k (k + 1)/2 · b T². In the last tick the rate must
-    not lead beyond the distance at once.
+    N ticks that begin with a rate r, each slower by b T than the one before, take N T (r − (N − 1) b T/2),
+    and N is the least with N (N + 1)/2 · b T² >= distance.
     """
     if distance <= 0.0:
         return 0.0
     if distance == math.inf:
         return math.inf
-    ticks = math.sqrt(0.25 + 2.0 * distance / (braking * period * period)) - 0.5
-    return min(braking * period * ticks, distance / period)
+    ticks = max(1.0, math.ceil(math.sqrt(0.25 + 2.0 * distance / (braking * period * period)) - 0.5))
+    return distance / (ticks * period) + 0.5 * braking * period * (ticks - 1.0)
 
 
 @compiled

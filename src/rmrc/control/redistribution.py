@@ -84,22 +84,22 @@ def free_rates(world: Record, tick: Record) -> bool:
 def task_share(world: Record) -> tuple[float, int]:
     """Return the largest share s in [0, 1] of the task with all rates within bounds, and who bounds it.
 
-    1 and -1 if all of the task fits; -1 for the share if none does. The joint that bounds it is the one that
-    alone fits the smallest share, of several the one that all of the task takes farthest beyond its bound.
+    1 and -1 if all of the task fits; -1 for the share if none does. Of the joints that all of the task takes
+    beyond their bounds, the one that alone would leave them first as s grows bounds it; of several, the one
+    that is taken farthest.
     """
-    least, most, smallest, farthest, critical = 0.0, 1.0, 2.0, 0.0, -1
+    least, most, smallest, farthest, critical = 0.0, 1.0, math.inf, 0.0, -1
     for j in range(world.n):
         if world.held[j] > 0.0:
             continue
         a, b, lower, upper = world.part_a[j], world.part_b[j], world.lower[j], world.upper[j]
-        beyond = max(lower - (a + b), a + b - upper)
         first, last = shares(a, b, lower, upper)
         least, most = max(least, first), min(most, last)
-        alone = min(last, 1.0) if last >= 0.0 and first <= min(last, 1.0) else -1.0
+        beyond = max(lower - (a + b), a + b - upper)
         if beyond > ROUNDING * max(1.0, abs(a) + abs(b)) and (
-            alone < smallest or (alone == smallest and beyond > farthest)
+            critical < 0 or last < smallest or (last == smallest and beyond > farthest)
         ):
-            smallest, farthest, critical = alone, beyond, j
+            smallest, farthest, critical = last, beyond, j
     if critical < 0:
         return 1.0, -1
     return (most if least <= most else -1.0), critical
@@ -108,7 +108,7 @@ def task_share(world: Record) -> tuple[float, int]:
 @compiled
 def shares(a: float, b: float, lower: float, upper: float) -> tuple[float, float]:
     """Return the smallest and largest s with lower <= s a + b <= upper; none if not in this order."""
-    if a == 0.0:
+    if abs(a) <= ROUNDING * max(1.0, abs(b)):  # the task says nothing to this joint
         return (-math.inf, math.inf) if lower <= b <= upper else (math.inf, -math.inf)
     first, last = (lower - b) / a, (upper - b) / a
     return (first, last) if first <= last else (last, first)

@@ -11,8 +11,9 @@ SLOWED, STOPPED = int(Status.SLOWED), int(Status.STOPPED)
 
 # The pace is chosen for this share of the rate limits: the rest is for what feedback adds on the way.
 USABLE = 0.95
-# A pace so much faster than planned is as good as any: differences of it stay finite where the arm stands.
-FASTEST = 100.0
+# A pace above it counts as this: early enough to be seen falling near a singularity, while the fall from
+# infinity where a path sets out from rest is not taken for one.
+FASTEST = 8.0
 # Where the path has advanced by less than this part of a tick, a difference quotient along it is noise.
 ADVANCED = 1e-3
 

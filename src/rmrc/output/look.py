@@ -107,7 +107,7 @@ def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
     errors = {"position [mm]": YELLOW} if {"x", "y", "z"} & set(axes) else {}
     errors |= {"rotation [mrad]": CYAN} if {"rx", "ry", "rz"} & set(axes) else {}
     shades = [mix(GRAY, GREEN, i / k) for i in range(k - 1)] + [GREEN]
-    return {
+    looks: dict[str, rr.AsComponents] = {
         "columns/qdot": rr.SeriesLines(
             names=[f"{joint} [{unit}]" for joint, unit in zip(joints, units, strict=True)],
             colors=packed(hues),
@@ -128,6 +128,19 @@ def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
             names=list(errors), colors=packed(list(errors.values())), widths=[2.0] * len(errors)
         ),
     }
+    for name, (text, color) in extra_curves(prepared).items():
+        looks[f"columns/{name}"] = rr.SeriesLines(names=[text], colors=packed([color]), widths=3.0)
+    return looks
+
+
+def extra_curves(prepared: Prepared) -> dict[str, tuple[str, int]]:
+    """Return name and color of the columns that are plotted with σ where the scenario makes use of them."""
+    control, curves = prepared.scenario.control, {}
+    if control.at_singularity == "slow":
+        curves["path_rate"] = ("ṡ pace", YELLOW)
+    if control.nullspace.objective == "secondary":
+        curves["secondary_sigma"] = ("σ left to the second task", CYAN)
+    return curves
 
 
 def lane(flag: Status) -> rr.AsComponents:
@@ -144,13 +157,15 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
         eye_controls=eye(scene.points, scene.normal),
         line_grid=grid(scene.points),
     )
-    axis = time_axis(float(prepared.reference.time[-1]))
+    is_slowed = prepared.scenario.control.at_singularity == "slow"
+    axis = time_axis(float(prepared.reference.time[-1]), is_open=is_slowed)
+    extra = [f"/columns/{name}" for name in extra_curves(prepared)]
     plots = rrb.Vertical(
         *(
             plot(name, contents, axis)
             for name, contents in (
                 ("Joint rates", ["/columns/qdot", "/columns/qdot_cmd"]),
-                ("Singular values σ and damping λ", ["/columns/sigma", "/columns/damping"]),
+                ("Singular values σ and damping λ", ["/columns/sigma", "/columns/damping", *extra]),
                 ("Tip error", ["/error"]),
             )
         ),
@@ -187,12 +202,18 @@ def plot(name: str, contents: list[str], axis: rrb.TimeAxis) -> rrb.TimeSeriesVi
     return rrb.TimeSeriesView(name=name, contents=contents, axis_x=axis, plot_legend=rrb.Corner2D.LeftTop)
 
 
-def time_axis(end: float) -> rrb.TimeAxis:
-    """Return the range of the plots, to the end [s]; the free quarter at the left is for the legends."""
+def time_axis(end: float, *, is_open: bool = False) -> rrb.TimeAxis:
+    """Return the range of the plots; the free quarter at the left is for the legends.
+
+    Args:
+        end: Of the path as planned [s].
+        is_open: Whether a run may take longer, as one that is slowed.
+    """
+    last = rrb.TimeRangeBoundary.infinite() if is_open else rrb.TimeRangeBoundary.absolute(seconds=end)
     return rrb.TimeAxis(
         view_range=rr.TimeRange(
             start=rrb.TimeRangeBoundary.absolute(seconds=-0.3 * end),
-            end=rrb.TimeRangeBoundary.absolute(seconds=end),
+            end=last,
         )
     )
 

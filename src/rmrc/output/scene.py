@@ -94,7 +94,7 @@ class Scene:
         self.reach = float(np.linalg.norm(np.vstack([tip, self.path]) - moving[0], axis=1).max())
         boxes = [_box(shape, bodies[shape.body]) for shape in self.shapes]
         tool = [box for box, shape in zip(boxes, self.shapes, strict=True) if shape.body == arm.wiring.body]
-        room = max([MARGIN * self.reach, *(np.abs(box - tip).max() for box in tool)])
+        room = max([MARGIN * self.reach, *(np.linalg.norm(box - tip, axis=1).max() for box in tool)])
         around = room * np.vstack([np.eye(3), -np.eye(3)])
         near_path = (self.path[:: max(1, len(self.path) // 50), None] + around).reshape(-1, 3)
         self.points = np.vstack([moving, near_path, *boxes])

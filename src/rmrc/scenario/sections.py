@@ -228,11 +228,11 @@ class SlowSection(Section):
 class StopSection(Section):
     """When `at_singularity: stop` holds the arm."""
 
-    sigma: Positive = key("hold where σ_min is at or below it", 0.05, "as σ")
+    sigma: Positive = key("hold where σ_min is at or below it", 0.1, "as σ")
     condition: Annotated[Number, Field(gt=1)] | None = key(
         "hold where κ is at or above it as well; null: whatever κ is", None, "1"
     )
-    change: Positive = key("share of the rates that is taken away, or given back, in a second", 10.0, "1/s")
+    change: Positive = key("share of the rates that is taken away, or given back, in a second", 20.0, "1/s")
 
 
 class ControlSection(Section):
