@@ -413,7 +413,8 @@ def test_stop_ends_all_worlds_after_their_block_and_is_left_as_it_was(scenario):
     prepared = [prepare(scenario(REACH)), prepare(scenario(REACH, "plant.kind=ideal"))]
     stop = threading.Event()
     runs = Simulation(prepared, 2).run(lambda *_: stop.set(), stop)
-    assert all(0 < len(run) <= 2 * BLOCK < run.planned for run in runs)
+    assert all(len(run) <= 2 * BLOCK < run.planned for run in runs)
+    assert any(len(run) > 0 for run in runs)  # the one that set it; the other may not have begun
     free = threading.Event()
     assert all(run.is_complete for run in Simulation(prepared, 2).run(None, free))
     assert not free.is_set()
