@@ -91,6 +91,18 @@ def test_a_missed_expectation_exits_1_and_says_by_how_much(rmrc, tmp_path):
     assert err == f"rmrc: missed: ticks: expected 3 within 1, got {ticks}, {ticks - 4} too high\n"
 
 
+def test_a_path_that_was_not_finished_is_told(rmrc, tmp_path):
+    slow = ("--set", "control.at_singularity=slow", "--set", "control.limits.rate=0.05")
+    code, out, err = rmrc("run", "quick.yaml", "-q", "--no-record", *slow, "--set", "control.slow.longest=1")
+    run = Run.read(tmp_path / "recordings/quick.npz")
+    assert 0.0 < run.completed < 1.0 and len(run) == run.planned
+    assert (code, out) == (0, "")
+    share = f"{run.completed:.0%}"
+    assert err == (
+        f"rmrc: quick came {share} of its path in {len(run)} ticks, where control.slow.longest ends it\n"
+    )
+
+
 def test_divergence_exits_3_with_tick_time_and_joint_and_keeps_what_it_has(rmrc, tmp_path):
     code, _, err = rmrc("run", "quick.yaml", "--no-record", "--set", "plant.wrench=[0, 1.0e+15, 0, 0, 0, 0]")
     assert code == 3

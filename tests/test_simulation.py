@@ -193,7 +193,7 @@ def test_the_comparison_finds_a_law_that_is_off_by_a_millionth(scenario, fault):
     # A threshold that is off by so little may not be felt at any tick; the one of `truncated` is off by more.
     overrides, wrong = OFF[fault]
     (run,) = Simulation([prepare(scenario(*overrides))]).run()
-    with pytest.raises(AssertionError, match="Not equal to tolerance|Arrays are not equal"):
+    with pytest.raises(AssertionError, match=r"Not equal to tolerance|Arrays are not equal"):
         assert_same_run(run, NumpyLoop(prepare(scenario(*overrides, wrong))).run(), 1e-9)
 
 

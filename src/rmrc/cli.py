@@ -108,6 +108,11 @@ def _exit_code(ended: "Ended") -> int:
     if ended.run.divergence:
         _complain(f"error: {ended.run.name} {ended.run.divergence}")
         return EXIT_DIVERGED
+    if not ended.run.is_complete:
+        _complain(
+            f"{ended.run.name} came {ended.run.completed:.0%} of its path in {len(ended.run)} ticks, "
+            "where control.slow.longest ends it"
+        )
     return EXIT_MISSED if missed else 0
 
 

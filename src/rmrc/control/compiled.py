@@ -1,13 +1,16 @@
 """How this package compiles: three decorators, so that every function has the same flags."""
 
+import gc
 import hashlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar, cast
 
 import numba
 import numpy as np
+from numba import config
 from numpy.typing import NDArray
 
 Array: TypeAlias = NDArray[np.float64]
@@ -54,7 +57,27 @@ def machine_code(function: Function, *arguments: object) -> Function:
     """
     dispatcher: Any = function
     typeof: Any = numba.typeof
-    return cast(Function, dispatcher.compile(tuple(typeof(argument) for argument in arguments)))
+    with _briskly():
+        return cast(Function, dispatcher.compile(tuple(typeof(argument) for argument in arguments)))
+
+
+@contextmanager
+def _briskly() -> Iterator[None]:
+    """Compile in a quarter less time than numba by itself.
+
+    Level 2 makes code as fast as level 3 of loops as short as ours. Compiling makes millions of objects that
+    live on, which the garbage collector would look through again and again.
+    """
+    settings: Any = config  # its names are made when it is imported
+    level, collects = settings.OPT, gc.isenabled()
+    settings.OPT = type(level)(min(2, level))
+    gc.disable()
+    try:
+        yield
+    finally:
+        settings.OPT = level
+        if collects:
+            gc.enable()
 
 
 def _forget_other_sources(directory: Path, function: Callable[..., object]) -> None:

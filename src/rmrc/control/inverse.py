@@ -4,7 +4,7 @@ import math
 
 from rmrc.control.compiled import Array, Record, compiled
 from rmrc.control.records import Method, Schedule
-from rmrc.control.smallmat import RANK_FLOOR
+from rmrc.control.smallmat import RANK_FLOOR, combine
 
 # Enum members become plain integers in compiled code.
 PSEUDOINVERSE, TRUNCATED, TRANSPOSE, DAMPED, FILTERED, SELECTIVELY_DAMPED, JPARSE = map(
@@ -189,12 +189,10 @@ def clamp_directions(world: Record, asked: Array, sigma: Array, v: Array, gain: 
         allowed = bound * min(1.0, sigma[i] / alone) if alone > 0.0 else 0.0
         if rate > allowed:
             gain[i] *= allowed / rate
+    combine(gain, asked, v, world.k, n, scale)
     largest = 0.0
     for j in range(n):
-        rate = 0.0
-        for i in range(world.k):
-            rate += gain[i] * asked[i] * v[i, j]
-        largest = max(largest, abs(rate))
+        largest = max(largest, abs(scale[j]))
     if largest > bound:
         for i in range(world.k):
             gain[i] *= bound / largest

@@ -13,14 +13,22 @@ from enum import IntEnum
 
 import numpy as np
 
-from rmrc.control.compiled import Array, Record, compiled, entry, inlined
+from rmrc.control.compiled import Array, Record, compiled, entry, inlined, machine_code
 from rmrc.control.inverse import damping, gains, manipulability
-from rmrc.control.kinematics import pose_error
+from rmrc.control.kinematics import pose_error, scale_joints
 from rmrc.control.limits import limit
 from rmrc.control.nullspace import NONE, add_projected, wished_rates
 from rmrc.control.records import AtSingularity, Method, OnExcess, Schedule, Status, tick_type, world_type
 from rmrc.control.singularity import hold, slow_down
-from rmrc.control.smallmat import RANK_FLOOR, continue_row, dot, orthonormalize, set_identity, svd
+from rmrc.control.smallmat import (
+    RANK_FLOOR,
+    combine,
+    continue_row,
+    orthonormalize,
+    project,
+    set_identity,
+    svd,
+)
 from rmrc.errors import did_you_mean
 
 # Flags become plain integers in compiled code.
@@ -66,10 +74,11 @@ def resolve_twist(world: Record, tick: Record) -> None:
     """Resolve `world.twist_cmd`: decompose, filter, project, slow or stop, limit, and record."""
     scale_task(world)
     decompose(world, tick.sigma)
-    ask(world)
+    project(world.u, world.task, world.k, world.m, world.asked)
     tick.damping = damping(world, tick.sigma)
     gains(world, world.asked, tick.sigma, world.v, tick.damping, tick.gain)
-    resolved_rates(world, tick.gain, tick.qdot_cmd)
+    combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_cmd)
+    scale_joints(world, tick.qdot_cmd)
     tick.secondary_error = tick.secondary_sigma = math.nan
     for j in range(world.n):
         world.qdot0[j] = 0.0
@@ -125,26 +134,6 @@ def decompose(world: Record, sigma: Array) -> None:
         continue_row(world.v, last, world.v_last, world.n)
     for j in range(world.n):
         world.v_last[j] = world.v[last, j]
-
-
-@compiled
-def ask(world: Record) -> None:
-    """Uᵀ S_x twist_cmd, what the task asks of each direction."""
-    for i in range(world.k):
-        world.asked[i] = dot(world.u[i], world.task, world.m)
-
-
-@compiled
-def resolved_rates(world: Record, gain: Array, rates: Array) -> None:
-    """S_q Σ g(σ_i) v_i (u_iᵀ S_x twist_cmd)."""
-    for j in range(world.n):
-        rates[j] = 0.0
-    for i in range(world.k):
-        along = gain[i] * world.asked[i]
-        for j in range(world.n):
-            rates[j] += along * world.v[i, j]
-    for j in range(world.n):
-        rates[j] *= world.joint_scale[j]
 
 
 @compiled
@@ -236,7 +225,7 @@ def resolve_rates(
     world["error_gain"], world["error"] = error_gain, error
     world["tolerance"], world["cutoff"], world["gamma"] = tolerance, cutoff, gamma
     world["rate_bound"], world["on_excess"] = rate_bound, OnExcess.NONE
-    resolve(world[0], tick[0])
+    machine_code(resolve, world[0], tick[0])(world[0], tick[0])
     return np.array(tick["qdot_cmd"][0, :n])
 
 

@@ -2,7 +2,7 @@
 
 import math
 
-from rmrc.control.compiled import Array, Record, compiled, inlined
+from rmrc.control.compiled import Array, Record, compiled
 from rmrc.control.records import OnExcess, Status
 from rmrc.control.redistribution import ROUNDING, redistribute
 
@@ -12,7 +12,7 @@ RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
 )
 
 
-@inlined
+@compiled
 def limit(world: Record, tick: Record) -> int:
     """Bring the rates within the bounds of every joint; return the status bits of the limits that act.
 
@@ -28,7 +28,7 @@ def limit(world: Record, tick: Record) -> int:
     if world.on_excess == REDISTRIBUTE and redistribute(world, tick):
         for j in range(world.n):
             if world.held[j] > 0.0 and rates[j] == world.qdot0[j]:
-                acting |= kind(world, j, bool(world.qdot0[j] == world.upper[j]))
+                acting |= kind(world, j, 1 if rates[j] == world.upper[j] else -1)
         confine(world, rates)
     elif world.on_excess == CLAMP:
         confine(world, rates)
@@ -68,18 +68,17 @@ def exceeded(world: Record, rates: Array) -> int:
     for j in range(world.n):
         slack = ROUNDING * abs(rates[j])
         if rates[j] > world.upper[j] + slack:
-            bits |= kind(world, j, True)
+            bits |= kind(world, j, 1)
         elif rates[j] < world.lower[j] - slack:
-            bits |= kind(world, j, False)
+            bits |= kind(world, j, -1)
     return bits
 
 
 @compiled
-def kind(world: Record, j: int, is_upper: bool) -> int:
-    """Return the bit of the limit that gave a joint its upper or lower bound."""
+def kind(world: Record, j: int, side: int) -> int:
+    """Return the bit of the limit that gave a joint its upper (side 1) or lower (side -1) bound."""
     lowest, highest = rest_bounds(world, j)
-    bound = highest if is_upper else -lowest
-    chosen = world.upper[j] if is_upper else -world.lower[j]
+    bound, chosen = (highest, world.upper[j]) if side > 0 else (-lowest, -world.lower[j])
     if chosen != bound:
         return ACCELERATION_LIMITED
     return RATE_LIMITED if bound == world.rate_limit[j] else POSITION_LIMITED

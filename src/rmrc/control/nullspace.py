@@ -2,7 +2,7 @@
 
 import math
 
-from rmrc.control.compiled import Array, Record, compiled, inlined
+from rmrc.control.compiled import Array, Record, compiled
 from rmrc.control.derivative import sigma_gradient
 from rmrc.control.priority import secondary_rates
 from rmrc.control.records import Objective
@@ -14,7 +14,7 @@ NONE, POSTURE, JOINT_LIMITS, MANIPULABILITY, RATES = map(
 )
 
 
-@inlined
+@compiled
 def wished_rates(world: Record, tick: Record, qdot0: Array) -> None:
     """Write qdot0, the rates that the objective would choose if there were no task.
 

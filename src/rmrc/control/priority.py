@@ -2,10 +2,10 @@
 
 import math
 
-from rmrc.control.compiled import Array, Record, compiled, inlined
-from rmrc.control.kinematics import pose_error
+from rmrc.control.compiled import Array, Record, compiled
+from rmrc.control.kinematics import pose_error, scale_joints
 from rmrc.control.records import Priority
-from rmrc.control.smallmat import dot, svd_from_scratch
+from rmrc.control.smallmat import combine, dot, project, svd_from_scratch
 
 CLASSICAL = int(Priority.CLASSICAL)
 
@@ -13,7 +13,7 @@ CLASSICAL = int(Priority.CLASSICAL)
 TOLERANCE = 1e-6
 
 
-@inlined
+@compiled
 def secondary_rates(world: Record, tick: Record, qdot0: Array) -> None:
     """Write the rates that a second task asks for, of which `add_projected` lets pass what the first allows.
 
@@ -87,14 +87,11 @@ def leave_first(world: Record) -> None:
 def solve_second(world: Record, size: float, rates: Array) -> None:
     """Write S_q V g(Σ) Uᵀ t_2 with the second task's own constant damping."""
     n, damped, floor = world.n, world.damping_2, TOLERANCE * size
-    for j in range(n):
-        rates[j] = 0.0
-    for i in range(min(world.m_2, n)):
+    k = min(world.m_2, n)
+    for i in range(k):
         s = world.sigma_B[i]
         undamped = 1.0 / s if s > floor else 0.0
-        gain = s / (s * s + damped * damped) if damped > 0.0 else undamped
-        along = gain * dot(world.u_B[i], world.task_B, world.m_2)
-        for j in range(n):
-            rates[j] += along * world.v_B[i, j]
-    for j in range(n):
-        rates[j] *= world.joint_scale[j]
+        world.gain_B[i] = s / (s * s + damped * damped) if damped > 0.0 else undamped
+    project(world.u_B, world.task_B, k, world.m_2, world.asked_B)
+    combine(world.gain_B, world.asked_B, world.v_B, k, n, rates)
+    scale_joints(world, rates)

@@ -4,7 +4,7 @@ import math
 
 from rmrc.control.compiled import Record, compiled, inlined
 from rmrc.control.inverse import gains
-from rmrc.control.smallmat import dot, svd_from_scratch
+from rmrc.control.smallmat import combine, project, svd_from_scratch
 
 # A joint's bound is exceeded when it is by more than rounding.
 ROUNDING = 1e-12
@@ -63,20 +63,15 @@ def free_rates(world: Record, tick: Record) -> bool:
     svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
     if world.sigma_B[k - 1] <= LOST * tick.sigma[0]:
         return False
-    for i in range(k):
-        world.asked_B[i] = dot(world.u_B[i], world.task, m)
+    project(world.u_B, world.task, k, m, world.asked_B)
     gains(world, world.asked_B, world.sigma_B, world.v_B, tick.damping, world.gain_B)
+    combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_a)
+    project(world.u_B, world.task_B, k, m, world.asked_B)
+    combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_b)
     for j in range(n):
-        world.part_a[j], world.part_b[j] = 0.0, 0.0
-    for i in range(k):
-        asked = world.gain_B[i] * world.asked_B[i]
-        undone = world.gain_B[i] * dot(world.u_B[i], world.task_B, m)
-        for j in range(n):
-            world.part_a[j] += asked * world.v_B[i, j]
-            world.part_b[j] -= undone * world.v_B[i, j]
-    for j in range(n):
-        world.part_a[j] *= world.joint_scale[j] * (1.0 - world.held[j])
-        world.part_b[j] = world.part_b[j] * world.joint_scale[j] * (1.0 - world.held[j]) + world.qdot0[j]
+        scale = world.joint_scale[j] * (1.0 - world.held[j])
+        world.part_a[j] = scale * world.part_a[j]
+        world.part_b[j] = world.qdot0[j] - scale * world.part_b[j]
     return True
 
 

@@ -4,8 +4,9 @@ import math
 
 from rmrc.control.compiled import Record, compiled
 from rmrc.control.derivative import sigma_gradient
+from rmrc.control.kinematics import scale_joints
 from rmrc.control.records import Status
-from rmrc.control.smallmat import RANK_FLOOR, dot
+from rmrc.control.smallmat import RANK_FLOOR, combine, dot, project
 
 SLOWED, STOPPED = int(Status.SLOWED), int(Status.STOPPED)
 
@@ -54,8 +55,7 @@ def slow_down(world: Record, tick: Record) -> int:
     for j in range(n):
         tick.qdot_cmd[j] += (pace - last) * world.part_b[j]
     for i in range(world.m):
-        row = world.row[i]
-        world.task[i] += (pace - last) * world.row_scale[i] * world.feedforward * tick.twist_ref[row]
+        world.task[i] += (pace - last) * world.task_B[i]
     for i in range(6):
         tick.twist_ref[i] *= pace
     world.pace = tick.path_rate = pace
@@ -65,18 +65,11 @@ def slow_down(world: Record, tick: Record) -> int:
 @compiled
 def feedforward_rates(world: Record, tick: Record) -> None:
     """Write into part_b what the feed-forward alone asks of the joints at full pace."""
-    b = world.part_b
-    for j in range(world.n):
-        b[j] = 0.0
-    for i in range(world.k):
-        along = 0.0
-        for r in range(world.m):
-            along += world.u[i, r] * world.row_scale[r] * tick.twist_ref[world.row[r]]
-        along *= tick.gain[i] * world.feedforward
-        for j in range(world.n):
-            b[j] += along * world.v[i, j]
-    for j in range(world.n):
-        b[j] *= world.joint_scale[j]
+    for r in range(world.m):
+        world.task_B[r] = world.row_scale[r] * world.feedforward * tick.twist_ref[world.row[r]]
+    project(world.u, world.task_B, world.k, world.m, world.asked_B)
+    combine(tick.gain, world.asked_B, world.v, world.k, world.n, world.part_b)
+    scale_joints(world, world.part_b)
 
 
 @compiled

@@ -34,6 +34,24 @@ def dot(a: Array, b: Array, size: int) -> float:
 
 
 @compiled
+def project(basis: Array, vector: Array, k: int, size: int, along: Array) -> None:
+    """Write the inner product of each of the k rows with a vector."""
+    for i in range(k):
+        along[i] = dot(basis[i], vector, size)
+
+
+@compiled
+def combine(gain: Array, along: Array, basis: Array, k: int, size: int, total: Array) -> None:
+    """Write the sum of the k rows, each times its gain and its amount."""
+    for j in range(size):
+        total[j] = 0.0
+    for i in range(k):
+        amount = gain[i] * along[i]
+        for j in range(size):
+            total[j] += amount * basis[i, j]
+
+
+@compiled
 def set_identity(basis: Array, size: int) -> None:
     """Write the identity into the leading (size, size) block."""
     for i in range(size):
