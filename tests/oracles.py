@@ -22,7 +22,7 @@ from oracle_inverse import (
     second_inverse,
 )
 from oracle_limits import bounds, fastest_pace, next_pace, redistributed, scaled
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 
 __all__ = [
     "AXES",

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rmrc.control.records import Method, Schedule
+from rmrc.control.choices import Method, Schedule
 from rmrc.filter_factors import NEAREST, filter_factor
 
 CONSTANT = "control.inverse.damping.schedule=constant"

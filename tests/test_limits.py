@@ -11,8 +11,9 @@ from scipy.optimize import linprog
 
 from chains import random_chain, seeds
 from rmrc.arm import load
+from rmrc.control.choices import Method, OnExcess, Status
 from rmrc.control.law import resolve
-from rmrc.control.records import Method, OnExcess, Status, tick_type, world_type
+from rmrc.control.records import tick_type, world_type
 from rmrc.preparation import prepare
 from rmrc.simulation import Simulation
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.preparation import prepare
 from rmrc.simulation import Simulation
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.errors import ScenarioError
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import Check

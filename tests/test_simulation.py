@@ -14,7 +14,7 @@ import rmrc
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
 from rmrc.arm import load
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.preparation import prepare
 from rmrc.run import COLUMNS
 from rmrc.simulation import BLOCK, Simulation

@@ -9,8 +9,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.control.choices import AtSingularity, Objective, OnExcess
 from rmrc.control.law import resolve
-from rmrc.control.records import AtSingularity, Objective, OnExcess, tick_type
+from rmrc.control.records import tick_type
 from rmrc.preparation import Prepared, world_record
 from rmrc.run import Run
 

@@ -9,15 +9,8 @@ from numpy.typing import NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm
-from rmrc.control.records import (
-    AtSingularity,
-    Method,
-    Objective,
-    OnExcess,
-    Priority,
-    Schedule,
-    world_type,
-)
+from rmrc.control.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
+from rmrc.control.records import world_type
 from rmrc.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.plant import Plant
 from rmrc.scenario import Scenario

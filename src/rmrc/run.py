@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.files import written_whole
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.errors import ScenarioError, did_you_mean
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import Check, Scenario

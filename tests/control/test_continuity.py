@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from worlds import DEFAULTS, NAMES, VARIANT, fits, formula, make_world, with_sigma
 
+from rmrc.control.choices import Method, Objective, Schedule
 from rmrc.control.compiled import machine_code
 from rmrc.control.law import resolve
-from rmrc.control.records import Method, Objective, Schedule
 
 # What docs/theory.md promises, for every method and schedule. Those in BOUNDED have a derivative that is known.
 BOUNDED = {

@@ -22,8 +22,8 @@ from worlds import (
     with_sigma,
 )
 
+from rmrc.control.choices import Method, Schedule
 from rmrc.control.law import resolve, resolve_rates
-from rmrc.control.records import Method, Schedule
 
 PSEUDOINVERSE, TRUNCATED = Variant(Method.PSEUDOINVERSE), Variant(Method.TRUNCATED)
 TRANSPOSE, JPARSE = Variant(Method.TRANSPOSE), Variant(Method.JPARSE)

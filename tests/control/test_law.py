@@ -20,8 +20,8 @@ from worlds import (
     with_sigma,
 )
 
+from rmrc.control.choices import Method, Objective, OnExcess, Schedule, Status
 from rmrc.control.law import resolve_rates
-from rmrc.control.records import Method, Objective, OnExcess, Schedule, Status
 
 named = pytest.mark.parametrize("variant", [pytest.param(variant, id=str(variant)) for variant in VARIANTS])
 

@@ -10,8 +10,8 @@ from numpy.testing import assert_allclose
 from worlds import Variant, chain_text, make_world, matrices, one_world, seeds
 
 from rmrc.arm import load
+from rmrc.control.choices import Method, Objective, Priority
 from rmrc.control.law import resolve
-from rmrc.control.records import Method, Objective, Priority
 
 DAMPED, PSEUDOINVERSE = Variant(Method.DAMPED), Variant(Method.PSEUDOINVERSE)
 

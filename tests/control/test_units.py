@@ -7,8 +7,9 @@ import pytest
 from numpy.testing import assert_allclose
 from worlds import NAMES, VARIANT, chain_text, set_parameters
 
+from rmrc.control.choices import Method, Objective, OnExcess
 from rmrc.control.law import resolve
-from rmrc.control.records import Method, Objective, OnExcess, tick_type
+from rmrc.control.records import tick_type
 from rmrc.preparation import prepare, world_record
 from rmrc.scenario import loads
 

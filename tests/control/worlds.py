@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 
+from rmrc.control.choices import Method, Schedule
 from rmrc.control.law import resolve
-from rmrc.control.records import Method, Schedule, tick_type, world_type
+from rmrc.control.records import tick_type, world_type
 
 matrices = arrays(
     np.float64, st.tuples(st.integers(1, 6), st.integers(1, 8)), elements=st.floats(-2, 2, width=16)

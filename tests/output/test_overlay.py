@@ -9,7 +9,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from project import ROOT
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.output.overlay import THINNEST, Overlay
 from rmrc.output.palette import distinct
 from rmrc.output.recording import RecordingError, read_columns

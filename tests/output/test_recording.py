@@ -14,7 +14,7 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from rmrc.arm import Shape
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.output import stream
 from rmrc.output.look import geometry, ramp
 from rmrc.output.palette import mix

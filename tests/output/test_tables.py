@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.output import tables
 from rmrc.output.sheets import number
 from rmrc.run import COLUMNS, Run

@@ -2,8 +2,8 @@
 
 import math
 
+from rmrc.control.choices import Method, Schedule
 from rmrc.control.compiled import Array, Record, compiled
-from rmrc.control.records import Method, Schedule
 from rmrc.control.smallmat import RANK_FLOOR, combine
 
 # Enum members become plain integers in compiled code.

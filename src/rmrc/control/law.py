@@ -13,12 +13,13 @@ from enum import IntEnum
 
 import numpy as np
 
+from rmrc.control.choices import AtSingularity, Method, OnExcess, Schedule, Status
 from rmrc.control.compiled import Array, Record, compiled, entry, inlined, machine_code
 from rmrc.control.inverse import damping, gains, manipulability
 from rmrc.control.kinematics import pose_error, scale_joints
 from rmrc.control.limits import limit
 from rmrc.control.nullspace import NONE, add_projected, wished_rates
-from rmrc.control.records import AtSingularity, Method, OnExcess, Schedule, Status, tick_type, world_type
+from rmrc.control.records import tick_type, world_type
 from rmrc.control.singularity import hold, slow_down
 from rmrc.control.smallmat import (
     RANK_FLOOR,

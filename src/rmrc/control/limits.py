@@ -2,8 +2,8 @@
 
 import math
 
+from rmrc.control.choices import OnExcess, Status
 from rmrc.control.compiled import Array, Record, compiled
-from rmrc.control.records import OnExcess, Status
 from rmrc.control.redistribution import ROUNDING, redistribute
 
 NONE, CLAMP, REDISTRIBUTE = int(OnExcess.NONE), int(OnExcess.CLAMP), int(OnExcess.REDISTRIBUTE)

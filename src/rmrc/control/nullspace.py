@@ -2,10 +2,10 @@
 
 import math
 
+from rmrc.control.choices import Objective
 from rmrc.control.compiled import Array, Record, compiled
 from rmrc.control.derivative import sigma_gradient
 from rmrc.control.priority import secondary_rates
-from rmrc.control.records import Objective
 from rmrc.control.smallmat import dot
 
 NONE, POSTURE, JOINT_LIMITS, MANIPULABILITY, RATES = map(

@@ -2,9 +2,9 @@
 
 import math
 
+from rmrc.control.choices import Priority
 from rmrc.control.compiled import Array, Record, compiled
 from rmrc.control.kinematics import pose_error, scale_joints
-from rmrc.control.records import Priority
 from rmrc.control.smallmat import combine, dot, project, svd_from_scratch
 
 CLASSICAL = int(Priority.CLASSICAL)

@@ -2,10 +2,10 @@
 
 import math
 
+from rmrc.control.choices import Status
 from rmrc.control.compiled import Record, compiled
 from rmrc.control.derivative import sigma_gradient
 from rmrc.control.kinematics import scale_joints
-from rmrc.control.records import Status
 from rmrc.control.smallmat import RANK_FLOOR, combine, dot, project
 
 SLOWED, STOPPED = int(Status.SLOWED), int(Status.STOPPED)

@@ -10,7 +10,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from rmrc.arm import Shape
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.output.palette import HUES, WHITE, mix
 from rmrc.output.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS, Scene
 from rmrc.preparation import Prepared

@@ -26,7 +26,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from rmrc.arm import Shape
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.output import stream
 from rmrc.output.look import STATUS_COLORS, eye, grid, packed, page, path_line, plot, time_axis, until_now
 from rmrc.output.palette import WHITE, distinct, mix

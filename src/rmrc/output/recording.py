@@ -25,7 +25,7 @@ import rerun as rr
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
-from rmrc.control.records import Status
+from rmrc.control.choices import Status
 from rmrc.output import stream
 from rmrc.output.look import (
     CYAN,

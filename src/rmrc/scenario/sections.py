@@ -1,11 +1,12 @@
 """The sections of a scenario: their fields are the keys of a file, with unit, default and meaning."""
 
 import math
-from typing import Annotated, Literal, Self, get_args
+from typing import TYPE_CHECKING, Annotated, Literal, Self, TypeAlias, get_args
 
 import yaml
 from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
+from rmrc.control.choices import Method, Objective, Schedule
 from rmrc.scenario.path import Segment
 from rmrc.scenario.places import Key, Origin, split
 from rmrc.scenario.values import (
@@ -32,6 +33,15 @@ from rmrc.scenario.values import (
     rule,
 )
 from rmrc.scenario.wording import show
+
+if TYPE_CHECKING:  # a checker knows no types that are computed
+    MethodName: TypeAlias = str
+    ScheduleName: TypeAlias = str
+    ObjectiveName: TypeAlias = str
+else:
+    MethodName, ScheduleName, ObjectiveName = (
+        Literal[tuple(kind.name.lower() for kind in kinds)] for kinds in (Method, Schedule, Objective)
+    )
 
 
 def sort_axes(section: Section, beside: str) -> None:
@@ -84,7 +94,7 @@ class TaskSection(Section):
 class DampingSection(Section):
     """How much damping λ the method `damped` uses, and when."""
 
-    schedule: Literal["constant", "manipulability", "smallest_singular_value", "error", "rate_bound"] = key(
+    schedule: ScheduleName = key(
         "how λ follows the arm: always `maximum`; rising to it as w falls below `manipulability_below`, or "
         "as σ_min falls below `below`; `error_gain` times the error; or the least that keeps the rates "
         "within `rate_bound`",
@@ -103,16 +113,7 @@ class DampingSection(Section):
 class InverseSection(Section):
     """How the Jacobian is inverted."""
 
-    method: Literal[
-        "inverse",
-        "pseudoinverse",
-        "truncated",
-        "transpose",
-        "damped",
-        "filtered",
-        "selectively_damped",
-        "jparse",
-    ] = key("the filter g(σ) that stands for 1/σ", "damped")
+    method: MethodName = key("the filter g(σ) that stands for 1/σ", "damped")
     tolerance: Annotated[Number, Field(gt=0, lt=1)] = key(
         "pseudoinverse: singular values up to this share of the largest are dropped", 1e-6, "1"
     )
@@ -164,7 +165,7 @@ class SecondarySection(Section):
 class NullspaceSection(Section):
     """What the joints do that the task does not feel."""
 
-    objective: Literal["none", "posture", "joint_limits", "manipulability", "rates", "secondary"] = key(
+    objective: ObjectiveName = key(
         "what to aim for with the motion that is left over: nothing, a posture, the middle of the joints' "
         "ranges, a larger w, constant rates, or a second task",
         "none",
