@@ -335,6 +335,10 @@ def amplifies_rounding(control, run):
     if method == "transpose" and ratio < 0.15:
         # α may be 1/σ_k², for which the closed loop is stable, tick by tick, where K · period · κ² is less than 2
         return True
+    if method == "transpose" and objective != "none" and control["limits"]["on_excess"] == "redistribute":
+        return (
+            True  # at rest the task is 0 or 1e-17, and α a ratio of two of these; drift is corrected with it
+        )
     if objective == "manipulability" and ratio < 0.02:
         return True  # the oracle's differences are of a function with an edge where σ_k is 0
     if (
