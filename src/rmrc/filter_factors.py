@@ -10,8 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.control.choices import AtSingularity, Objective, OnExcess
+from rmrc.control.compiled import machine_code
 from rmrc.control.law import resolve
-from rmrc.control.records import tick_type
+from rmrc.control.records import tick_type, world_type
 from rmrc.preparation import Prepared, world_record
 from rmrc.run import Run
 
@@ -71,7 +72,8 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
 
 def compile_for(prepared: Prepared) -> None:
     """Load the compiled law for one problem alone, or compile it the first time, which takes seconds."""
-    resolve(np.array([world_record(prepared, 0)])[0], np.zeros(1, tick_type(prepared.arm.n))[0])
+    n = prepared.arm.n
+    machine_code(resolve, np.zeros(1, world_type(n))[0], np.zeros(1, tick_type(n))[0])
 
 
 def _world_at(prepared: Prepared, run: Run, tick: int) -> tuple[NDArray[np.void], _Array]:
