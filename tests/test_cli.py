@@ -96,6 +96,7 @@ def test_a_path_that_was_not_finished_is_told(rmrc, tmp_path):
     code, out, err = rmrc("run", "quick.yaml", "-q", "--no-record", *slow, "--set", "control.slow.longest=1")
     run = Run.read(tmp_path / "recordings/quick.npz")
     assert 0.0 < run.completed < 1.0 and len(run) == run.planned
+    assert json.loads((tmp_path / "recordings/quick.json").read_text())["status"] == "unfinished"
     assert (code, out) == (0, "")
     share = f"{run.completed:.0%}"
     assert err == (

@@ -26,19 +26,14 @@ class Compared:
         run: As far as it came.
         scorecard: Its figures.
         outcomes: Of the scenario's expectations.
+        status: How it ended.
     """
 
     variant: Variant
     run: Run
     scorecard: Scorecard
     outcomes: tuple[Outcome, ...]
-
-    @property
-    def status(self) -> str:
-        """`complete`, `diverged` or `interrupted`."""
-        if self.run.divergence:
-            return "diverged"
-        return "complete" if self.run.is_complete else "interrupted"
+    status: str
 
 
 @dataclass(frozen=True)
@@ -128,7 +123,9 @@ class Comparison:
 
             stop = stack.enter_context(interruptible())
             runs = simulation.run(on_block, stop)
-            compared = tuple(map(_scored, self.variants, self.prepared, runs))
+            compared = tuple(
+                _scored(*one, stop.is_set()) for one in zip(self.variants, self.prepared, runs, strict=True)
+            )
             self._save_facts(compared)
             pictures = self._draw(runs)
             if recorder is not None:
@@ -167,9 +164,10 @@ class Comparison:
         facts.save(self._file(".json"), about, "matplotlib")
 
 
-def _scored(variant: Variant, prepared: Prepared, run: Run) -> Compared:
+def _scored(variant: Variant, prepared: Prepared, run: Run, interrupted: bool) -> Compared:
     card = scorecard(run)
-    return Compared(variant, run, card, tuple(check(card, prepared.scenario.expect)))
+    outcomes = tuple(check(card, prepared.scenario.expect))
+    return Compared(variant, run, card, outcomes, facts.status_of(run, interrupted))
 
 
 def _prepare(path: Path, overrides: Sequence[str], variants: Sequence[Variant]) -> list[Prepared]:

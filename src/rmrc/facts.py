@@ -17,13 +17,22 @@ from rmrc.scorecard import Outcome, Scorecard
 LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
 
 
+def status_of(run: Run, interrupted: bool) -> str:
+    """Return the end of a run: `complete`, `diverged`, `interrupted`, or `unfinished` when its time was up."""
+    if run.divergence:
+        return "diverged"
+    if run.is_complete:
+        return "complete"
+    return "interrupted" if interrupted else "unfinished"
+
+
 def run_facts(
     status: str, run: Run, card: Scorecard, outcomes: tuple[Outcome, ...], scenario: Scenario
 ) -> dict[str, Any]:
     """Return what is known about one run, ready for strict JSON.
 
     Args:
-        status: `complete`, `diverged` or `interrupted`.
+        status: How it ended, by `status_of`.
         run: As far as it came.
         card: Its figures.
         outcomes: Of the expectations.

@@ -34,10 +34,8 @@ class Ended:
 
     @property
     def status(self) -> str:
-        """`complete`, `diverged` or `interrupted`."""
-        if self.interrupted:
-            return "interrupted"
-        return "diverged" if self.run.divergence else "complete"
+        """How the run ended."""
+        return facts.status_of(self.run, self.interrupted)
 
 
 class Job:

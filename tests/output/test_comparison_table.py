@@ -137,7 +137,7 @@ def test_what_ended_early_says_so_and_has_no_posture_to_come_back_to():
     rows = [row("a", diverged), row("b", run_of(planned=9)), row("c", run_of(ticks=0, planned=9))]
     text = "\n".join(printed(rows))
     assert re.search(
-        r"\na .* -  +-\ndiverged at 0\.612 s\nb .* -  +-\ninterrupted\nc .* -  +-\ninterrupted$", text
+        r"\na .* -  +-\ndiverged at 0\.612 s\nb .* -  +-\nunfinished\nc .* -  +-\nunfinished$", text
     )
     assert "nan" not in text
 

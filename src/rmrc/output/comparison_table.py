@@ -118,10 +118,10 @@ def _figure(row: Row, figure: str) -> str:
 
 
 def _label(row: Row) -> str:
-    """Return the label, and below it when the run ended if that was too early."""
+    """Return the label, and below it how far the run came if that was not to the end."""
     if row.run.divergence:
         return f"{row.label}\ndiverged at {row.run.divergence.time:.3f} s"
-    return row.label if row.run.is_complete else f"{row.label}\ninterrupted"
+    return row.label if row.run.is_complete else f"{row.label}\nunfinished"
 
 
 def _expect(row: Row) -> str:
