@@ -18,7 +18,7 @@ LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
 
 
 def status_of(run: Run, interrupted: bool) -> str:
-    """Return the end of a run: `complete`, `diverged`, `interrupted`, or `unfinished` when its time was up."""
+    """Return `complete`, `diverged`, `interrupted`, or `unfinished` for a run whose time was up."""
     if run.divergence:
         return "diverged"
     if run.is_complete:

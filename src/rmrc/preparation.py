@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -56,6 +57,34 @@ class Prepared:
         return np.broadcast_to(
             self.arm.inertia / self.scenario.plant.timestep if kv is None else kv, self.arm.n
         )
+
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        """Rows of the twist that count, (m,)."""
+        return np.array([AXES.index(axis) for axis in self.scenario.task.axes])
+
+    @cached_property
+    def row_scale(self) -> NDArray[np.float64]:
+        """Diagonal of S_x = W_x^½, linear rows over the characteristic length, (m,)."""
+        task = self.scenario.task
+        weights = np.ones(len(self.rows)) if task.weights is None else np.array(task.weights)
+        scale: NDArray[np.float64] = np.sqrt(weights) / np.where(self.rows < 3, task.length, 1.0)
+        return scale
+
+    @cached_property
+    def joint_scale(self) -> NDArray[np.float64]:
+        """Diagonal of S_q = W_q^-½, sliding joints times the characteristic length, (n,)."""
+        weights = self.scenario.control.joint_weights
+        heavy = np.ones(self.arm.n) if weights is None else np.array(weights)
+        scale: NDArray[np.float64] = np.where(self.arm.is_slide, self.scenario.task.length, 1.0) / np.sqrt(
+            heavy
+        )
+        return scale
+
+    @cached_property
+    def rank(self) -> int:
+        """Rank of the task almost everywhere."""
+        return structural_rank(self.arm, self.rows, self.row_scale, self.joint_scale)
 
     @property
     def batch_key(self) -> object:
@@ -241,23 +270,16 @@ def world_record(prepared: Prepared, reference: int) -> np.void:
         prepared: The world.
         reference: Index of its reference in the batch.
     """
-    scenario, arm = prepared.scenario, prepared.arm
-    task, control, n = scenario.task, scenario.control, prepared.arm.n
-    m = len(task.axes)
+    scenario, n, m = prepared.scenario, prepared.arm.n, len(prepared.rows)
+    control = scenario.control
     world = np.zeros(1, world_type(n))
     world["n"], world["m"], world["k"] = n, m, min(m, n)
     ticks = len(prepared.reference.time)
     world["reference"], world["path_ticks"], world["ticks"] = reference, ticks, ticks
     world["diverged"] = -1
     world["pace"] = world["share"] = 1.0
-    rows = np.array([AXES.index(axis) for axis in task.axes])
-    world["row"][0, :m] = rows
-    # S_x = W_x^½, linear rows over L;  S_q = W_q^-½, sliding joints times L
-    weights = np.ones(m) if task.weights is None else np.array(task.weights)
-    world["row_scale"][0, :m] = np.sqrt(weights) / np.where(rows < 3, task.length, 1.0)
-    weights = np.ones(n) if control.joint_weights is None else np.array(control.joint_weights)
-    world["joint_scale"][0, :n] = np.where(arm.is_slide, task.length, 1.0) / np.sqrt(weights)
-    world["rank"] = structural_rank(arm, rows, world["row_scale"][0, :m], world["joint_scale"][0, :n])
+    world["row"][0, :m], world["row_scale"][0, :m] = prepared.rows, prepared.row_scale
+    world["joint_scale"][0, :n], world["rank"] = prepared.joint_scale, prepared.rank
 
     world["period"], world["feedback"] = control.period, control.feedback
     world["feedforward"] = float(control.feedforward)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Shape
-from rmrc.preparation import Prepared, world_record
+from rmrc.preparation import Prepared
 from rmrc.run import Run
 from rmrc.spatial import AXES, matrix_to_quat, quat_to_matrix
 
@@ -78,8 +78,7 @@ class Scene:
         """Look at the arm where it starts."""
         arm = prepared.arm
         self._arm = arm
-        world = world_record(prepared, 0)
-        self._joint_scale = world["joint_scale"][: arm.n].copy()
+        self._joint_scale = prepared.joint_scale
         rows = [AXES.index(axis) for axis in prepared.scenario.task.axes]
         self._rows = np.array([row for row in rows if row < 3], int)
         self._held = np.array([row for row in rows if row > 2], int)
