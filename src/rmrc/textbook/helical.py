@@ -31,8 +31,8 @@ def helical_position(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArra
         >>> helical_position(0.5, 0.4, [2 * np.pi, 0.8, 0.0]).round(3)
         array([0.8, 0.4, 0.5])
     """
-    h, l, c1, s1, d2, c3, s3, q1 = _terms(pitch, crank, q)
-    return np.stack([c1 * d2 - s1 * l * c3, s1 * d2 + c1 * l * c3, h * q1 + l * s3], axis=-1)
+    h, arm, c1, s1, d2, c3, s3, q1 = _terms(pitch, crank, q)
+    return np.stack([c1 * d2 - s1 * arm * c3, s1 * d2 + c1 * arm * c3, h * q1 + arm * s3], axis=-1)
 
 
 def helical_jacobian(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
@@ -58,12 +58,12 @@ def helical_jacobian(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArra
                [ 0. ,  0. ,  0. ],
                [ 1. ,  0. ,  0. ]])
     """
-    h, l, c1, s1, d2, c3, s3, _ = _terms(pitch, crank, q)
+    h, arm, c1, s1, d2, c3, s3, _ = _terms(pitch, crank, q)
     zero, one = np.zeros_like(h), np.ones_like(h)
     rows = (
-        (-s1 * d2 - c1 * l * c3, c1, s1 * l * s3),
-        (c1 * d2 - s1 * l * c3, s1, -c1 * l * s3),
-        (h, zero, l * c3),
+        (-s1 * d2 - c1 * arm * c3, c1, s1 * arm * s3),
+        (c1 * d2 - s1 * arm * c3, s1, -c1 * arm * s3),
+        (h, zero, arm * c3),
         (zero, zero, c1),
         (zero, zero, s1),
         (one, zero, zero),
@@ -89,8 +89,8 @@ def helical_determinant(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDA
         >>> helical_determinant(0.5, 0.4, [0.3, 0.8, 0.0]).round(3)
         np.float64(-0.32)
     """
-    h, l, _, _, d2, c3, s3, _ = _terms(pitch, crank, q)
-    return np.asarray(-l * (d2 * c3 + h * s3))[()]
+    h, arm, _, _, d2, c3, s3, _ = _terms(pitch, crank, q)
+    return np.asarray(-arm * (d2 * c3 + h * s3))[()]
 
 
 def helical_singular_crank(pitch: ArrayLike, reach: ArrayLike) -> NDArray[np.float64]:

@@ -1,0 +1,14 @@
+"""Central differences: the derivative that knows no formula."""
+
+import numpy as np
+
+STEP = 1e-5
+
+# Truncation: (1e-5)²/6 times a third derivative of at most some 10 m; rounding: 1e-16 m / 1e-5.
+DIFFERENCE = 1e-8
+
+
+def slopes(f, q):
+    """Return the derivative of f at q, (m, n), for an f that takes rows of joint positions."""
+    steps = STEP * np.eye(len(q))
+    return ((f(q + steps) - f(q - steps)) / (2 * STEP)).T
