@@ -5,7 +5,7 @@ sources' numbers, in the sources' frames.
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -142,7 +142,7 @@ DESCRIBED = {
         sites={"wrist": (6, (0.0, 0.0, 0.0)), "tool": (6, (0.0, 0.0, 0.1))},
         closed_form={},
         base=(0.0, 0.0, 0.672),
-        # No posture has more than 0.27: its links are 0.43 m long and J mixes metres with radians.
+        # No posture has more than 0.27: its links are 0.43 m long and J mixes meters with radians.
         home_sigma=0.2,
     ),
 }
@@ -638,6 +638,25 @@ def test_puma_has_the_published_gravity_torques_and_inertia(unit):
     check_puma_inertia(model, q)
 
 
+def waist_inertia(I1, I3, q):
+    """The first entry of the mass matrix, motor included, with the published constants but for two."""
+    c2, s2, c23, s23 = np.cos(q[1]), np.sin(q[1]), np.cos(q[1] + q[2]), np.sin(q[1] + q[2])
+    others = 0.298 * s23**2 - 0.0213 * s23 * c23 - 0.0142 * s2 * c2
+    return 1.14 + I1 + I3 * c2**2 + others + 2 * (0.372 * c2 * s23 - 0.011 * c2 * c23)
+
+
+@settings(max_examples=20, deadline=None)
+@given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
+def test_two_published_constants_of_the_puma_do_not_follow_from_its_published_masses(unit):
+    model = loaded("puma560")
+    q = positions(model, unit)
+    data, M = fresh(model, q), np.zeros((6, 6))
+    mujoco.mj_fullM(model, data, M)
+    # What the hand adds is below 0.01 kg m².
+    assert M[0, 0] == pytest.approx(waist_inertia(1.557, 1.602, q), abs=0.01)
+    assert M[0, 0] - waist_inertia(1.43, 1.38, q) > 0.1
+
+
 def test_slips_of_transcriptions_of_the_puma_are_seen():
     """Negative control: link 3's third moment of 0.066, its center with the wrist's weight."""
     q = np.radians([10, -50, 100, 20, 30, 40])
@@ -675,6 +694,14 @@ def test_the_screw_is_a_hinge_and_a_slide_coupled_by_its_pitch():
     assert_allclose(model.eq_data[0, :5], [0, RISE, 0, 0, 0], atol=ROUNDING)
     assert_allclose(model.joint("screw_travel").range, RISE * model.joint("screw").range, atol=ROUNDING)
     assert_allclose(DESCRIBED["helical"].coupled[1], [RISE, 0, 0], atol=0)
+
+
+def test_another_pitch_is_seen():
+    """Negative control: a coupling of 1 % more must not pass the kinematics' check."""
+    steeper = replace(DESCRIBED["helical"], coupling=((1, 0, 0), (1.01 * RISE, 0, 0), (0, 1, 0), (0, 0, 1)))
+    model = loaded("helical")
+    with pytest.raises(AssertionError):
+        check_kinematics(model, steeper, positions(model, [0.6] * 6))
 
 
 def test_the_physics_keeps_the_screw_on_its_helix():
