@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from differences import DIFFERENCE, slopes
+from differences import DIFFERENCE, rounded, slopes
 from rmrc.textbook.dh import DHChain
 from rmrc.textbook.helical import (
     helical_determinant,
@@ -18,10 +18,10 @@ from rmrc.textbook.helical import (
 # Products of a few rotations and lengths of order one.
 ROUNDING = 1e-12
 
-angle = st.floats(-3.1, 3.1)
-configurations = st.tuples(st.floats(-7.0, 7.0), st.floats(0.1, 2.0), angle).map(np.array)
-pitches = st.floats(-2.0, 2.0)
-cranks = st.floats(0.1, 2.0)
+angle = rounded(-3.1, 3.1)
+configurations = st.tuples(rounded(-7.0, 7.0), rounded(0.1, 2.0), angle).map(np.array)
+pitches = rounded(-2.0, 2.0)
+cranks = rounded(0.1, 2.0)
 
 # Hinge and slide on one axis instead of the screw, then boom and crank.
 HINGE_AND_SLIDE = DHChain(

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from differences import DIFFERENCE, slopes
+from differences import DIFFERENCE, rounded, slopes
 from rmrc.textbook.puma import (
     ELBOW_OFFSET,
     FOREARM,
@@ -21,7 +21,7 @@ from rmrc.textbook.puma import (
 # Products of six rotations and lengths of order one.
 ROUNDING = 1e-12
 
-angle = st.floats(-3.1, 3.1)
+angle = rounded(-3.1, 3.1)
 configurations = st.tuples(*[angle] * 6).map(np.array)
 
 

@@ -2,8 +2,8 @@
 
 The screw turns about z of frame {0} and rises by its pitch p in a turn, h = p/2π in a radian
 [Selig92, §6.6]. The boom slides along the turning x axis; the crank, of length l, turns about the
-boom and at 0 points sideways. q = (θ₁, d₂, θ₃). The arm is our choice: a screw whose pitch moves the
-singular configurations, which it does not if the joint after it is square to its circle.
+boom and at 0 points sideways. q = (θ₁, d₂, θ₃). The arm is our choice: the crank can move the tip
+along the screw's helix, and so the pitch changes which configurations are singular.
 """
 
 from __future__ import annotations
