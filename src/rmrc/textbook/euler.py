@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 SINGULAR = 1e-12
-"""|sin β| up to which α and γ are not told apart: the sine of a rounded π is 1.2e-16, and R has such errors."""
+"""|sin β| up to which α and γ are not told apart: the sine of a rounded π is 1.2e-16, and R errs alike."""
 
 
 def zyz_matrix(angles: ArrayLike) -> Array:

@@ -189,7 +189,7 @@ def actuator_torques(wrenches: ArrayLike, pitch: ArrayLike) -> Array:
 
 
 def _unit_twists(pitch: ArrayLike, n: int) -> Array:
-    """Return [v; ω] of each joint per unit rate, in its own frame: (0, 0, h, 0, 0, 1) or (0, 0, 1, 0, 0, 0)."""
+    """Return [v; ω] of each joint per unit rate, in its own frame: (0, 0, h, 0, 0, 1), (0, 0, 1, 0, 0, 0)."""
     pitch = np.asarray(pitch, dtype=np.float64)
     if pitch.shape != (n,):
         raise ModelError(f"chain: {n} joints but pitches of shape {pitch.shape}; give one a joint")
