@@ -64,7 +64,7 @@ def test_where_only_the_sum_or_the_difference_is_known_alpha_is_zero(beta):
 @many
 @given(triples)
 def test_first_branch_gives_angles_back_whose_beta_is_positive(angles):
-    angles = np.abs(angles) + [0, 0.01, 0]
+    angles = np.abs(angles) + np.array([0, 0.01, 0])
     assert_allclose(zyz_angles(zyz_matrix(angles)), angles, atol=1e-12)  # 1e-16 / sin β, β >= 0.01
 
 
@@ -103,11 +103,18 @@ def test_at_beta_zero_and_pi_no_rates_turn_about_the_axis_across(beta):
     assert np.linalg.matrix_rank(zyz_rate_matrix(angles), tol=1e-12) == 2
     across = np.array([np.cos(0.4), np.sin(0.4), 0.0])  # normal to z and to the turned y axis
     assert_allclose(across @ zyz_rate_matrix(angles), 0.0, atol=1e-15)
-    assert not zyz_is_singular(angles + [0, 1e-6, 0])
+    assert not zyz_is_singular(angles + np.array([0, 1e-6, 0]))
 
 
 ARM = DHChain(
-    ((0, 0, 0.2, 0), (-1.3, 0.1, 0.1, 0.3), (0.4, 0.5, 0, 0), (1.2, 0, 0.4, 0), (-1.1, 0, 0, 0), (0.9, 0, 0, 0)),
+    (
+        (0, 0, 0.2, 0),
+        (-1.3, 0.1, 0.1, 0.3),
+        (0.4, 0.5, 0, 0),
+        (1.2, 0, 0.4, 0),
+        (-1.1, 0, 0, 0),
+        (0.9, 0, 0, 0),
+    ),
     ("revolute", "revolute", "prismatic", "revolute", "revolute", "revolute"),
 )
 TOOL = np.array([0.1, -0.2, 0.3])
