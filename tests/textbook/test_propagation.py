@@ -107,6 +107,14 @@ def test_drives_give_the_power_of_the_tip_and_bearings_none(seed):
     assert_allclose(tau @ chain.qdot, chain.wrench @ twists[-1], atol=ROUNDING)
 
 
+def test_what_costs_no_torque_at_a_singularity_is_carried_by_the_bearings():
+    arm = DHChain(((0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0.8, 0, 0)), ("revolute",) * 3)
+    along = np.array([1000.0, 0, 0, 0, 0, 0])  # the links' own direction, stretched out
+    reactions = inward_wrenches(arm.link_transforms([0.7, 0, 0]), along, moved([0.6, 0, 0]))
+    assert_allclose(reactions, [along] * 3, atol=0)
+    assert_allclose(actuator_torques(reactions, np.zeros(3)), 0.0, atol=0)
+
+
 def as_written(links, rates, ahead=False):
     """The notes' two lines for revolute joints, with ω_i, or with ω_i+1, in front of P."""
     v, omega = np.zeros((2, 3))
@@ -120,7 +128,7 @@ def as_written(links, rates, ahead=False):
 
 def test_frames_on_their_own_joint_are_carried_by_the_link_before():
     chain = Chain(3)
-    found = outward_velocities(chain.links, 0 * chain.coupling[0], chain.qdot)[-1]
+    found = outward_velocities(chain.links, np.zeros(len(chain.q)), chain.qdot)[-1]
     assert_allclose(found, as_written(chain.links, chain.qdot), atol=ROUNDING)
     # ω_i+1 belongs to the frames of standard DH, which are carried by their own link.
     assert np.abs(found - as_written(chain.links, chain.qdot, ahead=True)).max() > 1e-3
