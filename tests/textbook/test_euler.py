@@ -158,5 +158,5 @@ def test_leading_axes_are_cases():
     assert J_a.shape == (5, 4, 6, 3)
     assert_allclose(J_a[3, 2], analytic_jacobian(J[3, 0], angles[2]), atol=1e-13)
     assert_allclose(zyz_angles(zyz_matrix(angles)), angles, atol=1e-13)
-    with pytest.raises(np.linalg.LinAlgError):
+    with pytest.raises(np.linalg.LinAlgError, match="the representation is singular"):
         analytic_jacobian(J, np.vstack([angles[:3], [[0.1, 0.0, 0.2]]]))
