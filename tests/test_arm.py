@@ -11,6 +11,7 @@ from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.errors import ModelError
+from screws import screw_chain
 
 TWO_LINK = ROOT / "models/planar_2link.xml"
 
@@ -55,7 +56,7 @@ def test_adapted_model_has_one_unclamped_actuator_a_joint_and_keeps_the_others(c
         model = cart.adapted(plant, np.array([50.0, 60.0]), 0.002, gravity_compensation=True)
         names = [model.actuator(i).name for i in range(model.nu)]
         assert sorted(names) == ["grip", "rate:rail", "rate:swing"]
-        wiring = arms.wire(model, cart.joints, "hand")
+        wiring = cart.wire(model)
         assert not model.actuator_ctrllimited[wiring.actuator].any()
         assert_allclose(model.actuator_forcerange[wiring.actuator], [[-10, 10], [-3, 3]])
         if plant == "servo":
@@ -83,17 +84,101 @@ def test_home_of_a_model_without_such_a_keyframe_is_its_zero_position(tmp_path, 
 def test_jacobian_of_any_chain_is_the_derivative_of_its_pose(tmp_path_factory, seed):
     arm = load(tmp_path_factory.mktemp("chain"), random_chain(seed))
     rng = np.random.default_rng(seed)
-    q, h = rng.uniform(-1, 1, arm.n), 1e-6
+    q = rng.uniform(-1, 1, arm.n)
     J = arm.jacobian(q)
     assert J.shape == (6, arm.n)
-    for j, step in enumerate(np.eye(arm.n) * h):
+    # Central differences: h² and rounding over h.
+    assert_allclose(J, derivative_of_pose(arm, q), rtol=0, atol=1e-8)
+
+
+def derivative_of_pose(arm, q, h=1e-6):
+    """J by central differences."""
+    columns = []
+    for step in np.eye(arm.n) * h:
         plus, minus = arm.pose(q + step), arm.pose(q - step)
         turn = (
             Rotation.from_quat(plus[3:], scalar_first=True)
             * Rotation.from_quat(minus[3:], scalar_first=True).inv()
         )
-        want = np.concatenate([plus[:3] - minus[:3], turn.as_rotvec()]) / (2 * h)
-        assert_allclose(J[:, j], want, rtol=0, atol=1e-8)  # central differences: h² and rounding over h
+        columns.append(np.concatenate([plus[:3] - minus[:3], turn.as_rotvec()]) / (2 * h))
+    return np.transpose(columns)
+
+
+@pytest.mark.parametrize("slide_axis", ["0 0 1", "0 0 -1"])
+@pytest.mark.parametrize("order", ["hinge first", "slide first"])
+def test_a_screw_is_one_joint(tmp_path, order, slide_axis):
+    arm = load(tmp_path, screw_chain(0.05, slide_axis, order))
+    assert arm.joints == ("turn", "screw", "swing")
+    assert_allclose(arm.pitch, [0, 0.05 if slide_axis == "0 0 1" else -0.05, 0])
+    q = np.array([0.3, -0.4, 0.5])
+    # The equality counts from `ref`: travel - 0.01 = 0.02 + 0.05 (screw - 20 deg).
+    travel = 0.03 + 0.05 * (q[1] - np.radians(20))
+    assert arm.configuration(q)[arm.wiring.travel_qpos] == pytest.approx(travel, abs=1e-15)
+    # Central differences: h² and rounding over h.
+    assert_allclose(arm.jacobian(q), derivative_of_pose(arm, q), rtol=0, atol=1e-8)
+    # The hinge may turn 120 deg either way; its slide ends at -0.08 and 0.2 m.
+    ends = np.radians(20) + (np.array([-0.08, 0.2]) - 0.03) / 0.05
+    assert_allclose(arm.position_limit[1], [max(-np.radians(120), ends[0]), min(np.radians(120), ends[1])])
+
+
+def test_a_keyframe_that_forgets_the_travel_is_put_right(tmp_path):
+    text = screw_chain().replace(
+        "</mujoco>", '<keyframe><key name="up" qpos="0.1 0.2 9 0.3"/></keyframe></mujoco>'
+    )
+    arm = load(tmp_path, text)
+    assert_allclose(arm.configuration("up"), arm.configuration([0.1, 0.2, 0.3]))
+
+
+def test_a_screw_feels_the_inertia_of_both_of_its_halves(tmp_path):
+    """Twice the kinetic energy of the motion at a rate of 1: ½ q̇ᵀ M q̇ of MuJoCo's own state."""
+    arm = load(tmp_path, screw_chain())
+    model, data = arm.model, mujoco.MjData(arm.model)
+    data.qpos[:] = arm.configuration("home")
+    for j in range(arm.n):
+        data.qvel[:] = 0
+        data.qvel[arm.wiring.dof[j]] = 1.0
+        if j == 1:
+            data.qvel[arm.wiring.travel_dof] = 0.05
+        mujoco.mj_forward(model, data)
+        mujoco.mj_energyVel(model, data)
+        assert arm.inertia[j] == pytest.approx(2 * data.energy[1], rel=1e-12)
+
+
+@pytest.mark.parametrize(
+    "equality",
+    [
+        '<joint joint1="travel" joint2="screw" polycoef="0 0.05 1 0 0"/>',  # not linear
+        '<joint joint1="travel" joint2="swing" polycoef="0 0.05 0 0 0"/>',  # not along its axis
+        '<joint joint1="travel" polycoef="0.02 0 0 0 0"/>',  # of nothing
+        '<joint joint1="screw" joint2="travel" polycoef="0 20 0 0 0"/>',  # the wrong way round
+        '<joint joint1="swing" joint2="screw" polycoef="0 1 0 0 0"/>',  # a gear
+    ],
+)
+def test_a_joint_that_follows_in_another_way_is_refused(tmp_path, equality):
+    with pytest.raises(ModelError) as caught:
+        load(tmp_path, screw_chain(equality=equality))
+    names = [part.split('"')[1] for part in equality.split()[1:3] if part.startswith("joint")]
+    follower, leader = names[0], names[1] if len(names) > 1 else ""
+    assert str(caught.value) == (
+        f'{tmp_path / "model.xml"}: joint "{follower}" follows "{leader}" by an equality; on the chain to a '
+        "site that may only make a screw: a slide along the axis of the hinge beside it, polycoef a b 0 0 0"
+    )
+
+
+def test_a_travel_cannot_be_driven(tmp_path):
+    with pytest.raises(ModelError) as caught:
+        load(tmp_path, screw_chain(), joints=["turn", "travel"])
+    assert str(caught.value) == (
+        f'{tmp_path / "model.xml"}: joint "travel" follows "screw" by an equality; drive that one'
+    )
+
+
+def test_without_a_name_the_site_is_that_of_the_most_joints(tmp_path):
+    assert load(tmp_path, CART, None).site == "hand"
+    assert arms.load(ROOT / "models/stanford.xml").site == "tool"  # the last of two
+    with pytest.raises(ModelError) as caught:
+        load(tmp_path, CART.replace('<site name="hand" pos="0 0 1"/>', ""), None)
+    assert str(caught.value) == f"{tmp_path / 'model.xml'}: has no site with a name; its sites: none"
 
 
 def test_frames_are_mujocos_body_poses_and_jacobians(cart):

@@ -4,9 +4,11 @@ import numpy as np
 import pytest
 
 from chains import random_chain
+from rmrc.analysis.task import structural_rank
 from rmrc.arm import load
 from rmrc.errors import ScenarioError
-from rmrc.preparation import prepare, structural_rank, world_record
+from rmrc.preparation import prepare, world_record
+from screws import screw_chain
 
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
 SECOND = (*THREE, "control.nullspace.objective=secondary")
@@ -69,6 +71,15 @@ def test_a_second_task_that_cannot_be_is_refused(scenario):
     assert problem.startswith("--set control.nullspace.secondary.site: ")
     assert problem.endswith(
         'models/planar_3link.xml: has no site "wirst"; did you mean "wrist"?; its sites: wrist, tip'
+    )
+
+
+def test_computed_torque_is_refused_for_a_screw(scenario, tmp_path):
+    path = tmp_path / "screw.xml"
+    path.write_text(screw_chain())
+    shared = (f"arm.model={path}", "arm.start=home", "task.axes=[x, y, z]")
+    assert refusal(scenario, *shared, "plant.kind=torque") == (
+        f'--set plant.kind: "torque" knows no screw joints, and joint "screw" of {path} is one; take "servo"'
     )
 
 

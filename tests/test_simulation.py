@@ -18,6 +18,7 @@ from rmrc.control.choices import Status
 from rmrc.preparation import prepare
 from rmrc.run import COLUMNS
 from rmrc.simulation import BLOCK, Simulation
+from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
 SIX = (
@@ -373,6 +374,33 @@ def compare_random_chain(scenario, tmp_path_factory, seed):
     assert run.divergence is None
     assume(not amplifies_rounding(control, run))
     assert_same_run(run, NumpyLoop(prepared).run(), 1e-8)
+
+
+@pytest.mark.parametrize(("kind", "tolerance"), [("ideal", 1e-9), ("servo", 3e-3)])
+def test_a_screw_arm_is_where_its_joints_put_it(scenario, tmp_path, kind, tolerance):
+    """The pose that the plant reached is that of the recorded joints: its slide followed its hinge.
+
+    The ideal plant's slide is summed up tick by tick; of the servo plant, MuJoCo's soft equality holds it.
+    """
+    path = tmp_path / "screw.xml"
+    path.write_text(screw_chain())
+    (run,) = Simulation(
+        [
+            prepare(
+                scenario(
+                    f"arm.model={path}", "arm.start=home", "task.axes=[x, y, z]", f"plant.kind={kind}", COARSE,
+                    METHOD + "inverse", "target.path=[{line: {by: [0.0, 0.05, 0.02]}}]",
+                )
+            )
+        ]
+    ).run()  # fmt: skip
+    arm = load(path)
+    assert run.is_complete and np.abs(run["qdot"][:, 1]).max() > 0.1
+    for t in (0, len(run) // 2, len(run) - 1):
+        assert_allclose(run["pose"][t, :3], arm.pose(run["q"][t])[:3], atol=tolerance)
+        sigma = np.linalg.svd(arm.jacobian(run["q"][t])[:3], compute_uv=False)
+        assert_allclose(run["sigma"][t], sigma, atol=tolerance)
+    assert np.linalg.norm(run["pose_error"][:, :3], axis=1).max() < 1e-3  # and it follows its path
 
 
 @pytest.mark.parametrize("call", [700, BLOCK])  # in the middle of a block, and at the end of one

@@ -6,7 +6,7 @@ the physics.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -21,6 +21,7 @@ Array = NDArray[np.float64]
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
+JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
 DRIVES_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 NO_BIAS, NO_DYNAMICS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtDyn.mjDYN_NONE)
 SHAPES = {
@@ -31,6 +32,9 @@ SHAPES = {
     int(mujoco.mjtGeom.mjGEOM_BOX): "box",
     int(mujoco.mjtGeom.mjGEOM_MESH): "mesh",
 }
+
+# A screw's slide points along its hinge to what eight digits of an axis in a file leave of 1 − cos.
+PARALLEL = 1e-9
 
 # A NaN in an MJCF file compiles without an error, so these are looked at.
 MUST_BE_FINITE = ("body_pos", "body_quat", "body_mass", "body_inertia", "jnt_axis", "jnt_pos",
@@ -63,6 +67,44 @@ class Shape:
 
 
 @dataclass(frozen=True)
+class Travel:
+    """The slide of a screw joint: an equality of the model makes it follow its hinge.
+
+    position = offset + ratio · (position of the hinge)
+
+    Attributes:
+        name: Of the slide.
+        hinge: Which joint of the arm it follows.
+        ratio: [m/rad]
+        offset: [m]
+        pitch: Way along the hinge's axis: ± ratio, as the slide points along it or back [m/rad].
+    """
+
+    name: str
+    hinge: int
+    ratio: float
+    offset: float
+    pitch: float
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The arm's geometry with all its joints at 0: what forward kinematics needs, and no more.
+
+    Attributes:
+        axis: Unit vector of each joint, in the world, (n, 3).
+        step: From a point on the axis before (the first: the world's origin) to one on this axis, (n, 3) [m].
+        tip_step: From the last of these points to the site, (3,) [m].
+        tip_quat: Orientation of the site, (4,).
+    """
+
+    axis: Array
+    step: Array
+    tip_step: Array
+    tip_quat: Array
+
+
+@dataclass(frozen=True)
 class Wiring:
     """Where the arm is found in a model that MuJoCo compiled: four kinds of index, never mixed up.
 
@@ -71,6 +113,8 @@ class Wiring:
         qpos: Addresses in qpos, (n,).
         dof: Addresses in qvel, (n,).
         actuator: Actuator ids, (n,); -1 where the model has none.
+        travel_qpos: Addresses in qpos of the slides of screw joints, in the order of `Arm.travels`.
+        travel_dof: Their addresses in qvel.
         site: Site id.
         body: Id of the body that carries the site.
     """
@@ -79,19 +123,25 @@ class Wiring:
     qpos: NDArray[np.int64]
     dof: NDArray[np.int64]
     actuator: NDArray[np.int64]
+    travel_qpos: NDArray[np.int64]
+    travel_dof: NDArray[np.int64]
     site: int
     body: int
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """A chain of hinge and slide joints from the world to a site.
+    """A chain of hinge, slide and screw joints from the world to a site.
+
+    A screw joint is a hinge with a slide along its axis that follows it by an equality of the model; the
+    hinge's angle is its position.
 
     Attributes:
         path: The MJCF file.
         site: Name of the controlled site.
         joints: Names, from the world outward, n of them.
         is_slide: Whether each joint slides, (n,).
+        travels: The slides of screw joints.
         position_limit: Lower and upper, (n, 2) [rad or m]; infinite where the model has none.
         rate_limit: (n,) [rad/s or m/s]; infinite where the model has none.
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
@@ -103,6 +153,7 @@ class Arm:
     site: str
     joints: tuple[str, ...]
     is_slide: NDArray[np.bool_]
+    travels: tuple[Travel, ...]
     position_limit: Array
     rate_limit: Array
     torque_limit: Array
@@ -125,7 +176,19 @@ class Arm:
     @cached_property
     def wiring(self) -> Wiring:
         """Indices in the author's model."""
-        return wire(self.model, self.joints, self.site)
+        return self.wire(self.model)
+
+    def wire(self, model: mujoco.MjModel) -> Wiring:
+        """Resolve the names of the arm in a model that was compiled from the author's."""
+        return _wire(model, self.joints, [travel.name for travel in self.travels], self.site)
+
+    @property
+    def pitch(self) -> Array:
+        """Way along its axis for a turn of each joint, (n,) [m/rad]: 0 but for screw joints."""
+        pitch = np.zeros(self.n)
+        for travel in self.travels:
+            pitch[travel.hinge] = travel.pitch
+        return pitch
 
     @cached_property
     def inertia(self) -> Array:
@@ -134,7 +197,20 @@ class Arm:
         mujoco.mj_makeM(self.model, self._data)
         full = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, self._data, full)
-        return full[self.wiring.dof, self.wiring.dof]
+        return np.diag(self._followed(self._followed(full).T))
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Geometry with all joints of the arm at 0, and those that are not the arm's at `home`."""
+        self._kinematics(np.zeros(self.n))
+        axis, anchor = self._data.xaxis[self.wiring.joint], self._data.xanchor[self.wiring.joint]
+        tip = self._data.site_xpos[self.wiring.site]
+        return Chain(
+            axis=np.array(axis),
+            step=np.diff(anchor, axis=0, prepend=np.zeros((1, 3))),
+            tip_step=tip - anchor[-1],
+            tip_quat=matrix_to_quat(self._data.site_xmat[self.wiring.site].reshape(3, 3)),
+        )
 
     def configuration(self, start: str | Sequence[float] | Array) -> Array:
         """Return all of qpos, (nq,), for a keyframe's name or for positions of the arm's joints (n,).
@@ -152,10 +228,35 @@ class Arm:
                 raise ModelError(
                     f'{self.path}: has no keyframe "{start}"{hint}; its keyframes: {known}', "start"
                 )
-            return np.array(self.keyframes.get(start, self.model.qpos0))
+            qpos = np.array(self.keyframes.get(start, self.model.qpos0))
+            self._place(qpos, qpos[self.wiring.qpos])
+            return qpos
         qpos = np.array(self.keyframes.get("home", self.model.qpos0))
-        qpos[self.wiring.qpos] = start
+        self._place(qpos, start)
         return qpos
+
+    def _place(self, qpos: Array, q: Sequence[float] | Array) -> None:
+        qpos[self.wiring.qpos] = q
+        for address, travel in zip(self.wiring.travel_qpos, self.travels, strict=True):
+            qpos[address] = travel.offset + travel.ratio * qpos[self.wiring.qpos[travel.hinge]]
+
+    def _followed(self, columns: Array) -> Array:
+        """Return the columns of the arm's joints, (..., n), from those of the model, (..., nv)."""
+        own = columns[..., self.wiring.dof]
+        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
+            own[..., travel.hinge] += travel.ratio * columns[..., address]
+        return own
+
+    def sampled(self, count: int, seed: int = 0) -> Array:
+        """Return random joint positions, (count, n), the same at every call, evenly between the limits.
+
+        A joint without limits is taken half a turn, or π meters, to either side of `home`.
+        """
+        home = self.configuration("home")[self.wiring.qpos]
+        lower, upper = self.position_limit.T
+        within = np.isfinite(lower) & np.isfinite(upper)
+        lower, upper = np.where(within, lower, home - np.pi), np.where(within, upper, home + np.pi)
+        return np.random.default_rng(seed).uniform(lower, upper, (count, self.n))
 
     @property
     def sites(self) -> tuple[str, ...]:
@@ -188,7 +289,7 @@ class Arm:
         self._kinematics(q)
         full = np.zeros((6, self.model.nv))
         mujoco.mj_jacSite(self.model, self._data, full[:3], full[3:], self.wiring.site)
-        return full[:, self.wiring.dof]
+        return self._followed(full)
 
     def frames(self, q: Array) -> tuple[Array, Array]:
         """Return what moves, for joint positions (T, n).
@@ -214,7 +315,7 @@ class Arm:
         return fixed
 
     def _kinematics(self, q: Sequence[float] | Array) -> None:
-        self._data.qpos[self.wiring.qpos] = q
+        self._place(self._data.qpos, q)
         mujoco.mj_fwdKinematics(self.model, self._data)
 
     def adapted(self, plant: str, kv: Array, timestep: float, gravity_compensation: bool) -> mujoco.MjModel:
@@ -299,12 +400,12 @@ class Arm:
 _NO_MESH = (np.empty((0, 3)), np.empty((0, 3), np.int32))
 
 
-def load(path: Path, site: str, joints: Sequence[str] | None = None) -> Arm:
+def load(path: Path, site: str | None = None, joints: Sequence[str] | None = None) -> Arm:
     """Read an MJCF file and find the arm in it.
 
     Args:
         path: The file.
-        site: Name of the site to control.
+        site: Name of the site to control; None for the one that the most joints move, the last of several.
         joints: Names of the joints to drive, all on the chain to the site; None for all of them.
 
     Raises:
@@ -321,41 +422,47 @@ def load(path: Path, site: str, joints: Sequence[str] | None = None) -> Arm:
     for field in MUST_BE_FINITE:
         if not np.isfinite(getattr(model, field)).all():
             raise ModelError(f"{path}: {field} is not finite everywhere; look for nan or inf in the file")
-    sites = [model.site(i).name for i in range(model.nsite)]
-    if site not in sites:
-        known = ", ".join(sites) or "none"
-        raise ModelError(
-            f'{path}: has no site "{site}"{did_you_mean(site, sites)}; its sites: {known}', "site"
-        )
+    site = _site(path, model, site)
     chain = _chain(path, model, site)
-    names = tuple(chain) if joints is None else tuple(joints)
+    travels = _travels(path, model, chain)
+    own = [name for name in chain if name not in travels]
+    names = tuple(own) if joints is None else tuple(joints)
     for name in names:
-        if name not in chain:
+        if name in travels:
             raise ModelError(
-                f'{path}: no hinge or slide joint "{name}" on the chain to site "{site}"'
-                f"{did_you_mean(name, chain)}; the chain: {', '.join(chain)}",
+                f'{path}: joint "{name}" follows "{own[travels[name].hinge]}" by an equality; drive that one',
                 "joints",
             )
-    wiring = wire(model, names, site)
+        if name not in own:
+            raise ModelError(
+                f'{path}: no hinge or slide joint "{name}" on the chain to site "{site}"'
+                f"{did_you_mean(name, own)}; the chain: {', '.join(own)}",
+                "joints",
+            )
+    followed = tuple(
+        replace(travel, hinge=names.index(own[travel.hinge]))
+        for travel in travels.values()
+        if own[travel.hinge] in names
+    )
+    joint = np.array([model.joint(name).id for name in names])
     return Arm(
         path=path,
         site=site,
         joints=names,
-        is_slide=model.jnt_type[wiring.joint] == SLIDE,
-        position_limit=np.where(
-            model.jnt_limited[wiring.joint, None], model.jnt_range[wiring.joint], [-np.inf, np.inf]
-        ),
-        rate_limit=np.array([_rate_limit(model, joint) for joint in wiring.joint]),
-        torque_limit=np.array([_torque_limit(model, joint) for joint in wiring.joint]),
+        is_slide=model.jnt_type[joint] == SLIDE,
+        travels=followed,
+        position_limit=_position_limit(model, names, followed),
+        rate_limit=np.array([_rate_limit(model, i) for i in joint]),
+        torque_limit=np.array([_torque_limit(model, i) for i in joint]),
         keyframes={model.key(i).name: np.array(model.key(i).qpos) for i in range(model.nkey)},
         model=model,
         _spec=spec,
     )
 
 
-def wire(model: mujoco.MjModel, joints: Sequence[str], site: str) -> Wiring:
-    """Resolve the names of an arm in a compiled model."""
+def _wire(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[str], site: str) -> Wiring:
     ids = np.array([model.joint(name).id for name in joints])
+    slides = np.array([model.joint(name).id for name in travels], np.int64)
     drives = {
         int(model.actuator_trnid[i, 0]): i
         for i in range(model.nu)
@@ -366,6 +473,8 @@ def wire(model: mujoco.MjModel, joints: Sequence[str], site: str) -> Wiring:
         qpos=model.jnt_qposadr[ids].astype(np.int64),
         dof=model.jnt_dofadr[ids].astype(np.int64),
         actuator=np.array([drives.get(int(i), -1) for i in ids]),
+        travel_qpos=model.jnt_qposadr[slides].astype(np.int64),
+        travel_dof=model.jnt_dofadr[slides].astype(np.int64),
         site=model.site(site).id,
         body=int(model.site_bodyid[model.site(site).id]),
     )
@@ -388,27 +497,100 @@ def _siblings(path: Path) -> list[str]:
     return [p.name for p in path.parent.glob("*.xml")] if path.parent.is_dir() else []
 
 
-def _chain(path: Path, model: mujoco.MjModel, site: str) -> list[str]:
-    chain: list[str] = []
+def _site(path: Path, model: mujoco.MjModel, wanted: str | None) -> str:
+    """Return the site that is wanted, or the one that the most joints move."""
+    sites = [model.site(i).name for i in range(model.nsite)]
+    if wanted is None and any(sites):
+        named: list[str] = [name for name in reversed(sites) if name]
+        return max(named, key=lambda name: len(_joints_above(model, name)))
+    if wanted is None or wanted not in sites:
+        known = ", ".join(filter(None, sites)) or "none"
+        missing = "no site with a name" if wanted is None else f'no site "{wanted}"'
+        hint = did_you_mean(wanted or "", sites)
+        raise ModelError(f"{path}: has {missing}{hint}; its sites: {known}", "site")
+    return wanted
+
+
+def _joints_above(model: mujoco.MjModel, site: str) -> list[int]:
+    """Return the joints between the world and a site, the last first."""
+    joints: list[int] = []
     body = int(model.site_bodyid[model.site(site).id])
     while body > 0:
-        first, count = model.body_jntadr[body], model.body_jntnum[body]
-        for i in reversed(range(first, first + count)):
-            joint = model.joint(i)
-            if joint.type[0] not in (HINGE, SLIDE):
-                raise ModelError(
-                    f'{path}: joint "{joint.name}" on the chain to site "{site}" is a ball or free '
-                    "joint; only hinge and slide joints can be driven at a rate"
-                )
-            if not joint.name:
-                raise ModelError(
-                    f'{path}: a joint of body "{model.body(body).name}" has no name; give it one'
-                )
-            chain.append(joint.name)
+        first = model.body_jntadr[body]
+        joints += reversed(range(first, first + model.body_jntnum[body]))
         body = int(model.body_parentid[body])
+    return joints
+
+
+def _chain(path: Path, model: mujoco.MjModel, site: str) -> list[str]:
+    chain: list[str] = []
+    for i in _joints_above(model, site):
+        joint = model.joint(i)
+        if joint.type[0] not in (HINGE, SLIDE):
+            raise ModelError(
+                f'{path}: joint "{joint.name}" on the chain to site "{site}" is a ball or free '
+                "joint; only hinge and slide joints can be driven at a rate"
+            )
+        if not joint.name:
+            body = model.body(int(model.jnt_bodyid[i])).name
+            raise ModelError(f'{path}: a joint of body "{body}" has no name; give it one')
+        chain.append(joint.name)
     if not chain:
         raise ModelError(f'{path}: no joint moves site "{site}"; choose a site on a moving body', "site")
     return chain[::-1]
+
+
+def _travels(path: Path, model: mujoco.MjModel, chain: Sequence[str]) -> dict[str, Travel]:
+    """Return the slides of screw joints by name; `hinge` counts the joints of the chain that follow none.
+
+    Raises:
+        ModelError: A joint of the chain follows another in any other way, which no Jacobian here knows.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_fwdKinematics(model, data)
+    leaders: dict[str, tuple[str, NDArray[np.float64]]] = {}
+    for i in np.flatnonzero((model.eq_type == JOINT_EQUALITY) & (model.eq_active0 == 1)):
+        follower = model.joint(int(model.eq_obj1id[i])).name
+        leader = model.joint(int(model.eq_obj2id[i])).name if model.eq_obj2id[i] >= 0 else ""
+        if follower in chain:
+            leaders[follower] = leader, np.array(model.eq_data[i, :5])
+    own = [name for name in chain if name not in leaders]
+    travels = {}
+    for follower, (leader, polynomial) in leaders.items():
+        slide, hinge = model.joint(follower), model.joint(leader) if leader in own else None
+        along = 0.0
+        if hinge is not None and abs(chain.index(leader) - chain.index(follower)) == 1:
+            along = float(data.xaxis[hinge.id] @ data.xaxis[slide.id])
+        is_screw = hinge is not None and (hinge.type[0], slide.type[0]) == (HINGE, SLIDE)
+        if not (is_screw and abs(abs(along) - 1.0) < PARALLEL and not polynomial[2:].any()):
+            raise ModelError(
+                f'{path}: joint "{follower}" follows "{leader}" by an equality; on the chain to a site that '
+                "may only make a screw: a slide along the axis of the hinge beside it, polycoef a b 0 0 0"
+            )
+        start, ratio = polynomial[0] + model.qpos0[slide.qposadr[0]], float(polynomial[1])
+        offset = float(start - ratio * model.qpos0[model.joint(leader).qposadr[0]])
+        travels[follower] = Travel(
+            follower, own.index(leader), ratio, offset, ratio if along > 0.0 else -ratio
+        )
+    return travels
+
+
+def _position_limit(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[Travel]) -> Array:
+    """Return the range of each joint, (n, 2); a screw joint also ends where its slide does."""
+
+    def limit(name: str) -> Array:
+        joint = model.joint(name).id
+        return np.array(model.jnt_range[joint] if model.jnt_limited[joint] else [-np.inf, np.inf])
+
+    limits = np.array([limit(name) for name in joints])
+    for travel in travels:
+        if travel.ratio != 0.0:
+            ends = np.sort((limit(travel.name) - travel.offset) / travel.ratio)
+            limits[travel.hinge] = (
+                max(limits[travel.hinge, 0], ends[0]),
+                min(limits[travel.hinge, 1], ends[1]),
+            )
+    return limits
 
 
 def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:

@@ -4,6 +4,7 @@
     ├── ScenarioError    (ValueError)       a scenario is wrong; all its problems at once
     ├── ModelError       (ValueError)       a model cannot be loaded, or lacks what was named
     ├── TargetError      (ValueError)       a target path cannot be timed
+    ├── QuestionError    (ValueError)       what is asked about a model does not fit it
     └── DivergenceError  (ArithmeticError)  the simulated state stopped being finite
 
 A singularity is not an error: it is a status, recorded at every control tick.
@@ -52,6 +53,10 @@ class ModelError(RmrcError, ValueError):
 
 class TargetError(RmrcError, ValueError):
     """A target path cannot be timed or followed as written."""
+
+
+class QuestionError(RmrcError, ValueError):
+    """What is asked about a model does not fit it: a number too many, a name that it has not."""
 
 
 class DivergenceError(RmrcError, ArithmeticError):

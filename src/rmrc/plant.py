@@ -15,7 +15,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm, Wiring, wire
+from rmrc.arm import Arm, Wiring
 from rmrc.control.compiled import Array, Record, compiled, entry, machine_code
 from rmrc.control.kinematics import geometric_jacobian
 from rmrc.control.law import control
@@ -205,6 +205,8 @@ def obey(world: Record, out: Record, state: Array) -> None:
         cmd = out.qdot_cmd[j]
         if world.plant == IDEAL:
             state[world.qpos_column[j]] = world.q[j] + world.period * cmd
+            if world.travel_column[j] >= 0:
+                state[world.travel_column[j]] += world.travel_ratio[j] * world.period * cmd
         elif world.plant == TORQUE:
             world.qddot[j] = (cmd - world.qdot_cmd_last[j]) / world.period
             world.qddot[j] += world.bandwidth * (cmd - world.qdot[j])
@@ -304,7 +306,7 @@ class PlantBatch:
         self._errors: dict[int, str] = {}
         self._batch = Batch(model, len(worlds), 1, persistent=True)
         self._batch.bind("qpos")[:] = qpos
-        wiring = wire(model, arm.joints, arm.site)
+        wiring = arm.wire(model)
         self._wire(arm, model, wiring)
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
@@ -326,7 +328,11 @@ class PlantBatch:
         worlds, n = self.worlds, arm.n
         worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
         worlds["actuator"][:, :n] = wiring.actuator
-        worlds["is_slide"][:, :n] = arm.is_slide
+        worlds["is_slide"][:, :n], worlds["pitch"][:, :n] = arm.is_slide, arm.pitch
+        worlds["travel_column"] = -1
+        for address, travel in zip(wiring.travel_qpos, arm.travels, strict=True):
+            worlds["travel_column"][:, travel.hinge] = _column(model, "QPOS") + address
+            worlds["travel_ratio"][:, travel.hinge] = travel.ratio
         worlds["site"], worlds["body"] = wiring.site, wiring.body
         worlds["qpos_column"][:, :n] = _column(model, "QPOS") + wiring.qpos
         worlds["qvel_column"][:, :n] = _column(model, "QVEL") + wiring.dof

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc import arm as arms
+from rmrc.analysis.task import structural_rank
 from rmrc.arm import Arm
 from rmrc.control.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
 from rmrc.control.records import world_type
@@ -17,12 +18,6 @@ from rmrc.plant import Plant
 from rmrc.scenario import Scenario
 from rmrc.spatial import AXES, exp_rotation, quat_multiply
 from rmrc.target import Reference, make_reference
-
-# The rank of a task almost everywhere is the largest at so many random configurations. One would do with
-# probability 1; more are for those that come near a singularity by chance.
-SAMPLES = 20
-# A singular value below this share of the largest, at a random configuration, is rounding.
-RANK_TOLERANCE = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +107,12 @@ def prepare(scenario: Scenario, known: dict[object, Arm] | None = None) -> Prepa
     _check_method(scenario, arm, problems)
     _check_second_task(scenario, arm, problems)
     _check_slow(scenario, arm, problems)
+    if scenario.plant.kind == "torque" and arm.travels:
+        hinge = arm.joints[arm.travels[0].hinge]
+        problems.add(
+            "plant.kind",
+            f'"torque" knows no screw joints, and joint "{hinge}" of {arm.path} is one; take "servo"',
+        )
     problems.raise_any()
     q = qpos[arm.wiring.qpos]
     try:
@@ -238,29 +239,6 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
 def _rate_limit(scenario: Scenario, arm: Arm) -> NDArray[np.float64]:
     rate = scenario.control.limits.rate
     return arm.rate_limit if rate is None else np.broadcast_to(rate, arm.n)
-
-
-def structural_rank(
-    arm: Arm, rows: NDArray[np.intp], row_scale: NDArray[np.float64], joint_scale: NDArray[np.float64]
-) -> int:
-    """Return the rank of S_x J S_q almost everywhere: the largest at random but always equal configurations.
-
-    Args:
-        arm: The arm.
-        rows: Rows of the twist that count, (m,).
-        row_scale: Diagonal of S_x, (m,).
-        joint_scale: Diagonal of S_q, (n,).
-    """
-    random = np.random.default_rng(0)
-    start = arm.configuration("home")[arm.wiring.qpos]
-    within = np.isfinite(arm.position_limit).all(axis=1)
-    lower = np.where(within, arm.position_limit[:, 0], start - math.pi)
-    upper = np.where(within, arm.position_limit[:, 1], start + math.pi)
-    ranks = []
-    for q in random.uniform(lower, upper, (SAMPLES, arm.n)):
-        sigma = np.linalg.svd(row_scale[:, None] * arm.jacobian(q)[rows] * joint_scale, compute_uv=False)
-        ranks.append(int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[0])))
-    return max(ranks)
 
 
 def world_record(prepared: Prepared, reference: int) -> np.void:

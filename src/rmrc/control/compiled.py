@@ -96,7 +96,8 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
 
 def _digest_sources() -> str:
     package = Path(__file__).parent
-    sources = [*sorted(package.glob("*.py")), package.parent / "plant.py"]
+    sources = [*sorted(package.glob("*.py")), *sorted(package.parent.glob("analysis/*.py"))]
+    sources.append(package.parent / "plant.py")
     return hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
 
 

@@ -45,10 +45,12 @@ def _world_type(c: int) -> np.dtype[np.void]:
             ("reference", np.int64), ("path_ticks", np.int64), ("ticks", np.int64),
             ("diverged", np.int64), ("diverged_joint", np.int64),
             # wiring: MuJoCo's ids, and columns of the state row
-            ("joint", np.int64, (c,)), ("is_slide", np.int64, (c,)), ("dof", np.int64, (c,)),
+            ("joint", np.int64, (c,)), ("is_slide", np.int64, (c,)), ("pitch", np.float64, (c,)),
+            ("dof", np.int64, (c,)),
             ("actuator", np.int64, (c,)), ("site", np.int64), ("body", np.int64),
             ("qpos_column", np.int64, (c,)), ("qvel_column", np.int64, (c,)),
             ("ctrl_column", np.int64, (c,)), ("wrench_column", np.int64),
+            ("travel_column", np.int64, (c,)), ("travel_ratio", np.float64, (c,)),
             # task: rows of the twist that count, S_x and S_q
             ("row", np.int64, (ROWS,)), ("row_scale", np.float64, (ROWS,)),
             ("joint_scale", np.float64, (c,)),
@@ -74,6 +76,10 @@ def _world_type(c: int) -> np.dtype[np.void]:
             # plant
             ("plant", np.int64), ("bandwidth", np.float64), ("wrench", np.float64, (6,)),
             ("lever", np.float64, (3,)),
+            # geometry of the arm at 0, and its axes where it is: only where kinematics are not MuJoCo's
+            ("zero_axis", np.float64, (c, 3)), ("zero_step", np.float64, (c, 3)),
+            ("tip_step", np.float64, (3,)), ("tip_quat", np.float64, (4,)),
+            ("axis", np.float64, (c, 3)), ("anchor", np.float64, (c, 3)),
             # measurement
             ("q", np.float64, (c,)), ("qdot", np.float64, (c,)), ("pose", np.float64, (7,)),
             ("J", np.float64, (ROWS, c)), ("pose_2", np.float64, (7,)), ("J_2", np.float64, (ROWS, c)),

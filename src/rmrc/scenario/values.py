@@ -114,6 +114,18 @@ def _radians(value: object) -> object:
     return math.radians(number) if match[2] == "deg" else number
 
 
+def angle(text: str) -> float:
+    """Return the number that a text spells: `0.5`, or an angle such as `60 deg` or `1 rad`, in radians.
+
+    Raises:
+        ValueError: The text is neither, or not finite.
+    """
+    match = re.fullmatch(rf"\s*({_DECIMAL})\s*(deg|rad|)\s*", text)
+    if match is None or not math.isfinite(float(match[1])):
+        raise ValueError(f'must be a number or an angle such as "60 deg", got {show(text)}')
+    return math.radians(float(match[1])) if match[2] == "deg" else float(match[1])
+
+
 def _distinct(values: tuple[str, ...]) -> tuple[str, ...]:
     for value in values:
         if values.count(value) > 1:

@@ -1,0 +1,88 @@
+"""Many configurations of an arm at once: where its site is, and how near to singular, on all cores.
+
+The Jacobian and its decomposition are those of the law; only the kinematics are not MuJoCo's, which take one
+configuration a call.
+"""
+
+import os
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+
+import numpy as np
+
+from rmrc.analysis.task import Array, Task
+from rmrc.control.compiled import Record, entry, machine_code
+from rmrc.control.kinematics import follow_chain, geometric_jacobian
+from rmrc.control.law import scale_task
+from rmrc.control.smallmat import svd_from_scratch
+
+# Configurations that a thread takes at a time: some milliseconds of work.
+SHARE = 4096
+
+
+@dataclass(frozen=True)
+class Survey:
+    """What was found at N configurations.
+
+    Attributes:
+        q: Joint positions, (N, n).
+        pose: Of the site, [p, quat w x y z], (N, 7).
+        sigma: Singular values of A = S_x J S_q, falling, (N, k).
+    """
+
+    q: Array
+    pose: Array
+    sigma: Array
+
+    @property
+    def manipulability(self) -> Array:
+        """W = ∏ σ, (N,) [Yoshikawa85]."""
+        w: Array = np.prod(self.sigma, axis=1)
+        return w
+
+    @property
+    def condition(self) -> Array:
+        """κ = σ_1/σ_k, (N,), infinite where σ_k = 0."""
+        with np.errstate(divide="ignore", invalid="ignore"):
+            return np.where(self.sigma[:, -1] > 0.0, self.sigma[:, 0] / self.sigma[:, -1], np.inf)
+
+
+def survey(task: Task, q: Array, threads: int | None = None) -> Survey:
+    """Find pose and singular values at many configurations.
+
+    Args:
+        task: The arm and the rows that count.
+        q: Joint positions, (N, n).
+        threads: None for one on each core; the result does not depend on it.
+    """
+    q = np.ascontiguousarray(q, np.float64)
+    pose, sigma = np.empty((len(q), 7)), np.empty((len(q), min(len(task.rows), task.arm.n)))
+    world = task.record()
+    kernel = machine_code(examine, world, q, pose, sigma)
+
+    def share(first: int) -> None:
+        part = slice(first, first + SHARE)
+        kernel(task.record(), q[part], pose[part], sigma[part])
+
+    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+        list(pool.map(share, range(0, len(q), SHARE)))
+    return Survey(q, pose, sigma)
+
+
+@entry
+def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
+    """Write pose (N, 7) and singular values (N, k) at joint positions (N, n).
+
+    Args:
+        world: A task's record; its measurement and memory are overwritten.
+        q: Read.
+        pose: Written.
+        sigma: Written.
+    """
+    for i in range(q.shape[0]):
+        follow_chain(world, q[i])
+        for c in range(7):
+            pose[i, c] = world.pose[c]
+        geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
+        scale_task(world)
+        svd_from_scratch(world.A, world.m, world.n, world.u, sigma[i], world.v)

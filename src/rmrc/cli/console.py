@@ -1,0 +1,47 @@
+"""What the verbs share: exit codes, and how they speak to a terminal or a pipe."""
+
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeElapsedColumn
+
+EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERRUPTED = 1, 2, 3, 130
+
+# The widest table needs so many columns, and a pipe has any number.
+PIPE_WIDTH = 100
+
+
+def output(quiet: bool = False) -> Console:
+    """Return the console of stdout: as wide as its terminal, or as the tables need in a pipe."""
+    return Console(quiet=quiet, width=None if sys.stdout.isatty() else PIPE_WIDTH)
+
+
+def complain(text: str) -> None:
+    """Say on stderr what went wrong."""
+    print(f"rmrc: {text}", file=sys.stderr, flush=True)
+
+
+@contextmanager
+def notice(text: str) -> Iterator[None]:
+    """Say what takes long, but only if it does."""
+    timer = threading.Timer(1.0, lambda: complain(text))
+    timer.start()
+    try:
+        yield
+    finally:
+        timer.cancel()
+
+
+@contextmanager
+def progress(what: str, total: int, quiet: bool) -> Iterator[Callable[[int], None]]:
+    """Yield a function that moves a bar on by some steps; there is none unless a terminal can show it."""
+    screen = Console(stderr=True)
+    with Progress(
+        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(),
+        console=screen, transient=True, disable=quiet or not screen.is_terminal,
+    ) as bars:  # fmt: skip
+        bar = bars.add_task(what, total=total)
+        yield lambda steps: bars.update(bar, advance=steps)

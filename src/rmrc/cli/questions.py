@@ -1,0 +1,69 @@
+"""What the verbs about a model share: their options, and lists of numbers read from them."""
+
+from pathlib import Path
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from rmrc.arm import Arm
+from rmrc.errors import QuestionError
+from rmrc.scenario.values import angle
+
+Model = Annotated[Path, typer.Argument(help="The arm, an MJCF file.", show_default=False)]
+Site = Annotated[
+    str | None, typer.Option(help="The point in question; default: the site that the most joints move.")
+]
+Positions = Annotated[
+    str | None,
+    typer.Option("--q", metavar="Q1,Q2,...", help='Joint positions: rad, m, or angles such as "60 deg".'),
+]
+Keyframe = Annotated[str | None, typer.Option(help="Joint positions by name; default: home.")]
+TaskAxes = Annotated[
+    str | None,
+    typer.Option(
+        "--axes",
+        metavar="x,y,...",
+        help="Rows that count, of x y z rx ry rz; default: those that the arm can move independently.",
+    ),
+]
+Length = Annotated[
+    float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w [m].", min=1e-6)
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
+
+
+def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return the numbers of an option, one for each name.
+
+    Raises:
+        QuestionError: There are more or fewer, or one is no number.
+    """
+    parts = text.strip().strip("[]").split(",")
+    if len(parts) != len(names):
+        raise QuestionError(
+            f"{option} must have {len(names)} value{'s' * (len(names) != 1)}, "
+            f"one for each of {', '.join(names)}, got {len(parts)}: {text!r}"
+        )
+    values = []
+    for name, part in zip(names, parts, strict=True):
+        try:
+            values.append(angle(part))
+        except ValueError as error:
+            raise QuestionError(f"{option}, {name}: {error}") from None
+    return np.array(values)
+
+
+def configuration(arm: Arm, q: str | None, keyframe: str | None) -> NDArray[np.float64]:
+    """Return the joint positions, (n,), of --q or of --keyframe; without either, of `home`.
+
+    Raises:
+        QuestionError: Both are given, or --q does not fit the arm.
+        ModelError: There is no such keyframe.
+    """
+    if q is not None and keyframe is not None:
+        raise QuestionError("give --q or --keyframe, not both")
+    if q is not None:
+        return numbers("--q", q, arm.joints)
+    return arm.configuration(keyframe or "home")[arm.wiring.qpos]

@@ -1,0 +1,87 @@
+"""Many configurations at once are what MuJoCo and numpy say of each, whatever the threads."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from numpy.testing import assert_allclose, assert_array_equal
+from scipy.spatial.transform import Rotation
+
+from chains import random_chain, seeds
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.analysis import survey as surveys
+from rmrc.analysis.survey import survey
+from rmrc.analysis.task import choose
+from screws import screw_chain
+
+# Products of eight rotations with lengths of about 1 m.
+ROUNDING = 1e-12
+
+
+def check(arm, q):
+    task = choose(arm)
+    found = survey(task, q)
+    assert_array_equal(found.q, q)
+    for i, positions in enumerate(q):
+        pose = arm.pose(positions)
+        assert_allclose(found.pose[i, :3], pose[:3], atol=ROUNDING)
+        turn = Rotation.from_quat(found.pose[i, 3:], scalar_first=True)
+        assert_allclose(
+            turn.as_matrix(), Rotation.from_quat(pose[3:], scalar_first=True).as_matrix(), atol=ROUNDING
+        )
+        sigma = np.linalg.svd(task.matrix(arm.jacobian(positions)), compute_uv=False)
+        assert_allclose(found.sigma[i], sigma, atol=ROUNDING * max(1.0, sigma[0]))
+        assert_allclose(found.manipulability[i], np.prod(sigma), atol=ROUNDING * np.prod(sigma + 1.0))
+
+
+@given(seeds)
+@settings(max_examples=25, deadline=None)
+def test_survey_of_any_chain_is_mujocos_kinematics_and_numpys_svd(tmp_path_factory, seed):
+    path = tmp_path_factory.mktemp("chain") / "chain.xml"
+    path.write_text(random_chain(seed))
+    arm = arms.load(path)
+    check(arm, arm.sampled(5, seed))
+
+
+def test_survey_of_a_screw(tmp_path):
+    path = tmp_path / "screw.xml"
+    path.write_text(screw_chain())
+    arm = arms.load(path)
+    check(arm, arm.sampled(20))
+    # Negative control: a screw without its pitch is seen.
+    task = choose(arm)
+    record, kernel = task.record(), surveys.examine
+    record["pitch"] = 0.0
+    pose, sigma = np.empty((1, 7)), np.empty((1, 3))
+    kernel(record, np.array([[0.3, 0.5, 0.1]]), pose, sigma)
+    assert np.abs(pose[0, :3] - arm.pose([0.3, 0.5, 0.1])[:3]).max() > 1e-3
+
+
+def test_threads_change_no_bit(monkeypatch):
+    arm = arms.load(ROOT / "models/stanford.xml")
+    task, q = choose(arm), arm.sampled(1000)
+    alone = survey(task, q, threads=1)
+    monkeypatch.setattr(surveys, "SHARE", 7)
+    shared = survey(task, q, threads=2)
+    assert_array_equal(shared.pose, alone.pose)
+    assert_array_equal(shared.sigma, alone.sigma)
+
+
+@pytest.mark.parametrize(
+    ("name", "axes"),
+    [
+        ("planar_2link", ("x", "y")),
+        ("planar_3link", ("x", "y", "rz")),
+        ("stanford", ("x", "y", "z", "rx", "ry", "rz")),
+    ],
+)
+def test_a_task_is_what_the_arm_can_move_independently(name, axes):
+    assert choose(arms.load(ROOT / f"models/{name}.xml")).axes == axes
+
+
+def test_axes_can_be_chosen():
+    arm = arms.load(ROOT / "models/planar_3link.xml")
+    task = choose(arm, ["rz", "x"], length=0.5)
+    assert task.axes == ("x", "rz")
+    q = np.array([0.1, 0.2, 0.3])
+    assert_allclose(task.matrix(arm.jacobian(q)), arm.jacobian(q)[[0, 5]] * [[2.0], [1.0]])
