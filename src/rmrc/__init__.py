@@ -8,6 +8,8 @@ the compiled law take a third of a second.
     (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
     figures = rmrc.scorecard.scorecard(run)                       # a module; import it
     rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
+    found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.inverse_kinematics
+    postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.postures
 """
 
 from importlib import import_module
@@ -21,6 +23,10 @@ _HOMES = {
     "Simulation": "rmrc.simulation",
     "Run": "rmrc.run",
     "resolve_rates": "rmrc.control.law",
+    "goal_pose": "rmrc.analysis.inverse_kinematics",
+    "solve_ik": "rmrc.analysis.inverse_kinematics",
+    "solve_many": "rmrc.analysis.inverse_kinematics",
+    "find_postures": "rmrc.analysis.postures",
 }
 
 

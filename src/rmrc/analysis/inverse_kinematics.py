@@ -65,6 +65,7 @@ class Solution:
 
     Attributes:
         found: Whether the error is within the tolerance and no limit is violated.
+        method: "damped" or "newton".
         q: Joint positions, (n,).
         pose: Of the site there, by MuJoCo, (7,).
         goal: What it was to be, (7,).
@@ -79,6 +80,7 @@ class Solution:
     """
 
     found: bool
+    method: Method
     q: Array
     pose: Array
     goal: Array
@@ -181,8 +183,8 @@ def solve_ik(
         restarts: Other starts to try.
 
     Returns:
-        Joint positions, hinges at most half a turn from the start where limits allow. Not to reach the goal is
-        no error: `found` is False then, and q is where |e| is least.
+        Joint positions, hinges at most half a turn from the start where limits allow. A goal that is not
+        reached is no error: `found` is False then, and q is where |e| is least.
 
     Raises:
         QuestionError: Goal or start do not fit the arm or are not finite.
@@ -214,6 +216,7 @@ def solve_ik(
     solution = _judged(task, limit, unwound(arm, limit, q, begin)[0], goals[0], tolerance)
     return replace(
         solution,
+        method=method,
         steps=int(tally[0, 0]),
         tries=1 + (winner if solution.found else len(more)),
         iterates=Iterates(trace[:, :-2], trace[:, -2], trace[1:, -1]),
@@ -300,10 +303,10 @@ def _judged(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -
     beyond = (q < lower - AT_LIMIT) | (q > upper + AT_LIMIT)
     at_limit = (q >= upper - AT_LIMIT).astype(np.int64) - (q <= lower + AT_LIMIT)
     found = bool(error <= tolerance and not beyond.any())
-    nothing = Iterates(q[None], np.array([error]), np.empty(0))
     return Solution(
-        found, q, pose, goal, error, float(position), float(orientation), at_limit, beyond, 0, 0, nothing
-    )
+        found, "damped", q, pose, goal, error, float(position), float(orientation), at_limit, beyond, 0, 0,
+        Iterates(q[None], np.array([error]), np.empty(0)),
+    )  # fmt: skip
 
 
 def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
