@@ -273,6 +273,8 @@ def search(
 ) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
     """Return q (N, n), |e| (N,) and tally (N, 3) of `rmrc.analysis.descent.reach`, on all cores."""
     n = task.arm.n
+    # Machine code does not look at the layout of what it is given.
+    goals, first, more = (np.ascontiguousarray(one) for one in (goals, first, more))
     q, error, tally = np.empty((len(goals), n)), np.empty(len(goals)), np.zeros((len(goals), 3), np.int64)
     trace = np.empty((0, n + 2)) if trace is None else trace
     world = task.record()
@@ -318,7 +320,8 @@ def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
         option = q + (turns + more) * turn
         is_within = (option >= limit[:, 0]) & (option <= limit[:, 1])
         away = np.where(is_within, np.abs(option - near), np.inf)
-        best, least = np.where(away < least, option, best), np.minimum(away, least)
+        nearer = away < least - 3.0 * HALF_TURN
+        best, least = np.where(nearer, option, best), np.where(nearer, away, least)
     return best
 
 

@@ -1,6 +1,5 @@
 """What inverse kinematics found, as sheets of at most 100 columns and as plain values for JSON."""
 
-import math
 from collections.abc import Iterable, Sequence
 
 import numpy as np
@@ -65,7 +64,7 @@ def posture_sheets(task: Task, postures: Postures, limits: bool) -> list[Sheet]:
     count = len(postures.q)
     isolated = count - int(postures.is_continuum)
     found = [f"{isolated} posture{'s' * (isolated != 1)}"] if isolated or not postures.is_continuum else []
-    found += ["a continuum, of which the one nearest to the start is shown"] if postures.is_continuum else []
+    found += ["a continuum, its nearest to the start shown"] if postures.is_continuum else []
     title = (
         f"{task.arm.path.stem}, {task.arm.site}: {' and '.join(found)}; {postures.starts} starts, "
         f"the same within {SAME:g}"
@@ -176,9 +175,9 @@ def _decimals(values: Iterable[float], digits: int = 6) -> tuple[str, ...]:
     )
 
 
-def _unit(task: Task, joint: int, position: float) -> tuple[str, str]:
+def _unit(task: Task, joint: int, position: float) -> tuple[str, ...]:
     """Return the unit of a joint, and its position in degrees if it has any."""
-    return ("m", "") if task.arm.is_slide[joint] else ("rad", f"{math.degrees(position):.3f}")
+    return ("m", "") if task.arm.is_slide[joint] else ("rad", *_decimals([np.degrees(position)], 3))
 
 
 def _distance(solution: Solution) -> str:
