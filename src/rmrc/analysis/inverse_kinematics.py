@@ -5,8 +5,10 @@ is proven by forward kinematics, what it does not find may still exist.
 """
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from functools import cache
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
@@ -16,6 +18,7 @@ from rmrc.analysis.descent import reach
 from rmrc.analysis.task import Array, Task
 from rmrc.arm import Arm
 from rmrc.control.compiled import machine_code
+from rmrc.control.records import capacity, world_type
 from rmrc.errors import QuestionError
 from rmrc.spatial import exp_rotation, normalize, pose_error, quat_multiply
 
@@ -272,26 +275,35 @@ def search(
     more: Array, threads: int | None = None, trace: Array | None = None,
 ) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
     """Return q (N, n), |e| (N,) and tally (N, 3) of `rmrc.analysis.descent.reach`, on all cores."""
-    n = task.arm.n
+    n, kernel = task.arm.n, _machine_code(capacity(task.arm.n))
     # Machine code does not look at the layout of what it is given.
     goals, first, more = (np.ascontiguousarray(one) for one in (goals, first, more))
     q, error, tally = np.empty((len(goals), n)), np.empty(len(goals)), np.zeros((len(goals), 3), np.int64)
     trace = np.empty((0, n + 2)) if trace is None else trace
-    world = task.record()
-    kernel = machine_code(reach, world, undamped, tolerance, most, goals, first, more, q, error, tally, trace)
 
     def share(begin: int) -> None:
         part = slice(begin, begin + SHARE)
-        own = task.record()
-        own["position_limit"][:, :n] = limit.T
+        world = task.record()
+        world["position_limit"][:, :n] = limit.T
         kernel(
-            own, undamped, tolerance, most, goals[part], first[part], more, q[part], error[part],
+            world, undamped, tolerance, most, goals[part], first[part], more, q[part], error[part],
             tally[part], trace,
         )  # fmt: skip
 
-    with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(share, range(0, len(goals), SHARE)))
+    if len(goals) <= SHARE:
+        share(0)
+    else:
+        with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+            list(pool.map(share, range(0, len(goals), SHARE)))
     return q, error, tally
+
+
+@cache
+def _machine_code(size: int) -> Callable[..., None]:
+    """Return the compiled search for records of so many joints, whose types take milliseconds to compare."""
+    world, rows, numbers = np.zeros(1, world_type(size))[0], np.empty((0, 1)), np.empty(0)
+    tally = np.zeros((0, 3), np.int64)
+    return machine_code(reach, world, False, 0.0, 0, rows, rows, rows, rows, numbers, tally, rows)
 
 
 def _judged(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> Solution:

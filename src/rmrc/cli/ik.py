@@ -57,7 +57,13 @@ WhichMethod = Annotated[
     Method, typer.Option(help="Damped steps, or Newton's from one start, all printed, as the notes do.")
 ]
 Limits = Annotated[bool, typer.Option("--limits/--no-limits", help="Keep to the model's position limits.")]
-Every = Annotated[bool, typer.Option("--all", help="Look for all postures, from many starts.")]
+Every = Annotated[
+    bool,
+    typer.Option(
+        "--all",
+        help="Look for all postures, from many starts; two are one within 1e-4 rad, or m over --length.",
+    ),
+]
 Iterates = Annotated[bool, typer.Option("--iterates", help="Print every step.")]
 
 

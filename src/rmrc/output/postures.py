@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from rmrc.analysis.inverse_kinematics import Solution
-from rmrc.analysis.postures import SAME, Postures
+from rmrc.analysis.postures import Postures
 from rmrc.analysis.task import Task
 from rmrc.output.sheets import Sheet, number
 
@@ -65,10 +65,7 @@ def posture_sheets(task: Task, postures: Postures, limits: bool) -> list[Sheet]:
     isolated = count - int(postures.is_continuum)
     found = [f"{isolated} posture{'s' * (isolated != 1)}"] if isolated or not postures.is_continuum else []
     found += ["a continuum, its nearest to the start shown"] if postures.is_continuum else []
-    title = (
-        f"{task.arm.path.stem}, {task.arm.site}: {' and '.join(found)}; {postures.starts} starts, "
-        f"the same within {SAME:g}"
-    )
+    title = f"{task.arm.path.stem}, {task.arm.site}: {' and '.join(found)}; {postures.starts} starts"
     sheets = []
     for first in range(0, count, BESIDE):
         part = range(first, min(first + BESIDE, count))
