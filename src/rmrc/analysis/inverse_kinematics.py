@@ -30,8 +30,8 @@ TOLERANCE = 1e-9
 AIM = 0.99
 # A damped try has converged or is stuck after some 30 steps; Newton's method that has not after 50 is lost.
 STEPS: dict[Method, int] = {"damped": 300, "newton": 50}
-# Other starts. Of 20,000 random poses of the PUMA arm within limits, one in a hundred needs more than 19, one in
-# a thousand more than 32, and one needed 133.
+# Other starts. Of 20,000 random poses of the PUMA arm, one in a hundred needs more than 19, one in a thousand
+# more than 32, and one needed 133.
 RESTARTS = 200
 # Random starts are not those of `Arm.sampled` by default, from which examples and tests take their goals.
 SEED = 6
