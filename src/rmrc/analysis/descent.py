@@ -76,7 +76,7 @@ def reach(
                 break
 
 
-@compiled
+@inlined
 def newton(
     world: Record, goal: Array, q: Array, tolerance: float, most: int, trace: Array
 ) -> tuple[float, int]:
@@ -100,7 +100,7 @@ def newton(
     return error, most
 
 
-@compiled
+@inlined
 def descend(
     world: Record, goal: Array, q: Array, tolerance: float, most: int, patience: int, trace: Array
 ) -> tuple[float, int]:
@@ -214,7 +214,7 @@ def linearize(world: Record) -> None:
             world.A[i, j] = world.row_scale[i] * J[world.row[i], j] * world.joint_scale[j]
 
 
-@inlined
+@compiled
 def find_step(world: Record, q: Array, damping: float) -> float:
     """Write a step into the world's `part_a`, and return by how much |e|² falls in the linear model.
 
