@@ -263,6 +263,12 @@ class Arm:
         """Names of all sites of the model that have one."""
         return tuple(name for i in range(self.model.nsite) if (name := self.model.site(i).name))
 
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Names of the joints that move the controlled site and are not driven: their positions are nobody's."""
+        known = {*self.joints, *(travel.name for travel in self.travels)}
+        return tuple(name for name in _chain(self.path, self.model, self.site) if name not in known)
+
     def moves(self, site: str) -> NDArray[np.bool_]:
         """Return which joints of the arm move a site, (n,): those between the world and its body."""
         above, body = set(), int(self.model.site_bodyid[self.model.site(site).id])

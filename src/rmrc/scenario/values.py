@@ -166,6 +166,7 @@ def _text_or_list(value: object) -> str | None:
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
+Seed = Annotated[int, Field(strict=True, ge=0)]
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Name = Annotated[Text, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=100)]
@@ -200,4 +201,7 @@ NameOrPositions = Annotated[
 ]
 OneOrEach = Annotated[
     Annotated[Positive, Tag("<one>")] | Annotated[Weights, Tag("<list>")], Discriminator(_one_or_list)
+]
+AngleOrEach = Annotated[
+    Annotated[Angle, Tag("<one>")] | Annotated[Positions, Tag("<list>")], Discriminator(_one_or_list)
 ]
