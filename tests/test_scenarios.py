@@ -45,6 +45,9 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("algorithmic_singularity", "control.nullspace.secondary.priority=classical"),
         ("joint_limit", "control.limits.on_excess=scale"),
         ("posture_sweep", "control.nullspace.objective=none"),
+        ("encoder_offsets", "arm.encoder.deviation=1 deg"),
+        ("example_5_5", "control.inverse.method=damped"),
+        ("whitney_1972", "control.feedback=25"),
     ],
 )
 def test_expectations_find_a_law_that_does_worse(name, fault):

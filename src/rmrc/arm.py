@@ -265,7 +265,7 @@ class Arm:
 
     @property
     def idle(self) -> tuple[str, ...]:
-        """Names of the joints that move the controlled site and are not driven: their positions are nobody's."""
+        """Names of the joints that move the controlled site and are not driven."""
         known = {*self.joints, *(travel.name for travel in self.travels)}
         return tuple(name for name in _chain(self.path, self.model, self.site) if name not in known)
 

@@ -69,8 +69,8 @@ def _inline(value: object) -> str:
 def _type(schema: dict[str, Any]) -> str:
     """Return the type of a value in words."""
     options = schema.get("anyOf", schema.get("oneOf"))
-    if schema.get("title") == "angle":
-        return "angle"
+    if schema.get("title", "").startswith("angle"):
+        return str(schema["title"])
     if options:
         return " or ".join(_type(o) for o in options if o.get("type") != "null")
     if "enum" in schema or "const" in schema:

@@ -20,6 +20,7 @@ from rmrc.scenario.values import (
     NameOrPositions,
     Names,
     NotNegative,
+    NotNegativeAngleOrEach,
     Number,
     OneOrEach,
     Positions,
@@ -60,21 +61,13 @@ class EncoderSection(Section):
     """How far the arm's encoders are off: the law works with q + offset, where the arm is at q."""
 
     offset: AngleOrEach = key("what the encoders of all joints, or of each, say too much", 0.0, "rad or m")
-    deviation: AngleOrEach = key(
+    deviation: NotNegativeAngleOrEach = key(
         "standard deviation of what is added to `offset`, of all joints or of each; it is drawn once, from a "
         "normal distribution",
         0.0,
         "rad or m",
     )
     seed: Seed = key("what is drawn: the same seed, the same offsets", 0)
-
-    @field_validator("deviation")
-    @classmethod
-    def _not_negative(cls, deviation: AngleOrEach) -> AngleOrEach:
-        least = min(deviation) if isinstance(deviation, tuple) else deviation
-        if least < 0:
-            raise rule(f"must be >= 0, got {show(least)}")
-        return deviation
 
 
 class ArmSection(Section):

@@ -29,7 +29,8 @@ from rmrc.scenario.wording import nearby, printable, show
 # A direction is normalized by its user; below this length its squares would vanish or be noise.
 _SHORTEST = 1e-9
 
-_DECIMAL = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_DECIMAL = rf"[-+]?{_UNSIGNED}"
 
 
 class Section(BaseModel):
@@ -181,6 +182,19 @@ Angle = Annotated[
         }
     ),
 ]
+NotNegativeAngle = Annotated[
+    NotNegative,
+    BeforeValidator(_radians),
+    WithJsonSchema(
+        {
+            "title": "angle >= 0",
+            "anyOf": [
+                {"type": "number", "minimum": 0},
+                {"type": "string", "pattern": rf"^\s*\+?{_UNSIGNED}\s*(deg|rad)\s*$"},
+            ],
+        }
+    ),
+]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
 Axes = Annotated[tuple[Axis, ...], Count(1), AfterValidator(_distinct)]
 Names = Annotated[tuple[Text, ...], Count(1), AfterValidator(_distinct)]
@@ -204,4 +218,9 @@ OneOrEach = Annotated[
 ]
 AngleOrEach = Annotated[
     Annotated[Angle, Tag("<one>")] | Annotated[Positions, Tag("<list>")], Discriminator(_one_or_list)
+]
+NotNegativeAngleOrEach = Annotated[
+    Annotated[NotNegativeAngle, Tag("<one>")]
+    | Annotated[tuple[NotNegativeAngle, ...], Count(1), Tag("<list>")],
+    Discriminator(_one_or_list),
 ]
