@@ -229,8 +229,8 @@ def _check_encoder(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
     if arm.idle:
         problems.add(
             "arm.encoder",
-            f'joint "{arm.idle[0]}" of {arm.path} moves the site and is not driven, so that q + offset does not '
-            "say where the site is; drive it, or leave arm.encoder out",
+            f'joint "{arm.idle[0]}" of {arm.path} moves the site and is not driven, so that q + offset does '
+            "not say where the site is; drive it, or leave arm.encoder out",
         )
     outward = [name for _, name in sorted(zip(arm.wiring.joint, arm.joints, strict=True))]
     if outward != list(arm.joints):
