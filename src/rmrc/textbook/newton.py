@@ -77,7 +77,7 @@ def newton_raphson(
     """
     goal = np.asarray(goal, dtype=np.float64)
     q = [np.asarray(start, dtype=np.float64)]
-    errors, steps = [position(q[0]) - goal], []
+    errors, steps = [position(q[0]) - goal], list[Array]()
 
     def ended(status: NewtonStatus) -> NewtonIterates:
         step = np.reshape(steps, (len(steps), len(q[0])))

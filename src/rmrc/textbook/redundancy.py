@@ -79,7 +79,7 @@ def weighted_left_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None)
     weighed = np.swapaxes(J, -1, -2) @ _weights(weights, J.shape[-2])
     normal = weighed @ J
     _check_rank(normal, J.shape, "columns")
-    return np.linalg.solve(normal, weighed)
+    return np.asarray(np.linalg.solve(normal, weighed))
 
 
 def null_space_projector(jacobian: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Literal
 
 import numpy as np
@@ -120,8 +121,8 @@ def _candidates(
         yield "q1 lower", (np.array([a, c]), np.array([a, d]))
         yield "q1 upper", (np.array([b, c]), np.array([b, d]))
     singular: tuple[tuple[ArcKind, float], ...] = (("outer", 0.0), ("inner", np.pi))
-    for kind, elbow in singular:
-        elbow += 2 * np.pi * np.ceil((c - elbow - INSIDE) / (2 * np.pi))
+    for kind, angle in singular:
+        elbow = angle + 2 * np.pi * np.ceil((c - angle - INSIDE) / (2 * np.pi))
         if elbow <= d + INSIDE and not (kind == "inner" and skip_inner):
             yield kind, (np.array([a, elbow]), np.array([b, elbow]))
     limits: tuple[tuple[ArcKind, float], ...] = (("q2 lower", c), ("q2 upper", d))
@@ -147,7 +148,7 @@ def _outside(
         mirrored = np.abs(postures[..., 1] - ranges[1, 0]) < INSIDE
         within[..., 1] |= mirrored & ~is_free[1] & (first[1] == last[1] == ranges[1, 1])
         inside = within.all(axis=-1) & (np.abs(np.sin(postures[..., 1])) > INSIDE)
-        return ~inside.any(axis=-1)
+        return np.logical_not(inside.any(axis=-1))
 
     t = np.linspace(0.0, 1.0, int(np.ceil(width / spacing)) + 1)
     seen = visible(t)
@@ -159,7 +160,7 @@ def _outside(
         as_before = visible(middle) == seen[changes] if len(changes) else seen[changes]
         low, high = np.where(as_before, middle, low), np.where(as_before, high, middle)
     knots = np.concatenate([[0.0], 0.5 * (low + high), [1.0]])
-    for i, (start, stop) in enumerate(zip(knots[:-1], knots[1:], strict=True)):
+    for i, (start, stop) in enumerate(pairwise(knots)):
         is_seen = bool(seen[0]) != bool(i % 2)  # it changes at every knot
         # A piece shorter than the margin around a limit is that margin.
         if is_seen and (stop - start) * width > 10 * INSIDE:
