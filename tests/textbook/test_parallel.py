@@ -46,7 +46,7 @@ def test_a_moment_about_another_point_is_no_derivative():
 @given(poses, st.floats(0.3, 3.0))
 def test_rank_is_lost_where_the_lines_meet_in_a_point(pose, stretch):
     """The hinges on the ground are put on the lines from one point through those of the platform."""
-    meeting = pose[:2] + [0.4, 0.3]
+    meeting = pose[:2] + np.array([0.4, 0.3])
     c, s = np.cos(pose[2]), np.sin(pose[2])
     hinges = PLATFORM @ np.array([[c, s], [-s, c]]) + pose[:2]
     base = hinges + stretch * np.array([1.0, 1.5, 2.0])[:, None] * (hinges - meeting)
@@ -56,7 +56,7 @@ def test_rank_is_lost_where_the_lines_meet_in_a_point(pose, stretch):
     turn = np.array([0.3, -0.4, 1.0])
     assert_allclose(K @ turn, 0.0, atol=1e-12)
     # Off that point, the platform is held.
-    moved = platform_inverse_jacobian(base + [[0.3, 0.0], [0.0, 0.3], [0.0, 0.0]], PLATFORM, pose)
+    moved = platform_inverse_jacobian(base + 0.3 * np.eye(3, 2), PLATFORM, pose)
     assert np.linalg.svd(moved, compute_uv=False)[2] > 1e-3
 
 

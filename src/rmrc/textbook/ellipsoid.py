@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmrc.errors import ModelError
+
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
@@ -85,7 +87,7 @@ def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float6
         (count, 2), or (count, count, 3): around, and from pole to pole.
 
     Raises:
-        ValueError: If m is another, or a half axis is infinite.
+        ModelError: If m is another, or a half axis is infinite.
 
     Example:
         >>> ellipse = Ellipsoid(np.eye(2), np.array([2.0, 1.0]))
@@ -94,9 +96,9 @@ def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float6
                [ 0.,  1.,  0., -1.,  0.]])
     """
     if ellipsoid.half_axes.shape not in {(2,), (3,)}:
-        raise ValueError(f"ellipsoid: can draw 2 or 3 half axes, got shape {ellipsoid.half_axes.shape}")
+        raise ModelError(f"ellipsoid: can draw 2 or 3 half axes, got shape {ellipsoid.half_axes.shape}")
     if not np.all(np.isfinite(ellipsoid.half_axes)):
-        raise ValueError("ellipsoid: a half axis is infinite; bring it to the length that shall be drawn")
+        raise ModelError("ellipsoid: a half axis is infinite; bring it to the length that shall be drawn")
     around = np.linspace(0.0, 2 * np.pi, count)
     if ellipsoid.half_axes.shape == (2,):
         unit = np.stack([np.cos(around), np.sin(around)], axis=-1)
@@ -113,6 +115,8 @@ def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float6
 def manipulability(jacobian: ArrayLike) -> NDArray[np.float64]:
     """Return w = √det(J Jᵀ): the product of the half axes of the velocity ellipsoid [Yoshikawa85].
 
+    It is taken as that product, since the determinant of a square has lost half of the digits.
+
     Args:
         jacobian: J, (..., m, n). For m > n it is 0: some direction cannot move at all.
 
@@ -127,6 +131,6 @@ def manipulability(jacobian: ArrayLike) -> NDArray[np.float64]:
         np.float64(0.5)
     """
     J = np.asarray(jacobian, dtype=np.float64)
-    # Rounding may make a determinant that is 0 a little negative.
-    square = np.maximum(np.linalg.det(J @ np.swapaxes(J, -1, -2)), 0.0)
-    return np.asarray(np.sqrt(square))[()]
+    if J.shape[-2] > J.shape[-1]:
+        return np.zeros(J.shape[:-2])[()]
+    return np.asarray(np.prod(np.linalg.svd(J, compute_uv=False), axis=-1))[()]
