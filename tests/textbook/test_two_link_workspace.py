@@ -125,6 +125,18 @@ def test_the_postures_of_an_arc_are_within_limits_and_give_its_points():
             assert np.all((arc.q >= low - 1e-6) & (arc.q <= high + 1e-6))
 
 
+def test_whatever_the_limits_every_arc_ends_where_another_begins():
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        middle, width = rng.uniform(-3, 3, 2), rng.uniform(0.3, 6.2, 2)
+        limits = np.stack([middle - width / 2, middle + width / 2], axis=-1)
+        arcs = two_link_boundary(LENGTHS, limits)
+        ends = np.array([arc.points[end] for arc in arcs for end in (0, -1)])
+        gaps = np.linalg.norm(ends[:, None] - ends, axis=-1) + 9 * np.eye(len(ends))
+        # What may be missing: a sixteenth of 1° at a reach of 1.7 m.
+        assert gaps.min(axis=1).max() < np.radians(1 / 16) * 1.7, limits
+
+
 def test_equal_links_have_no_inner_circle():
     assert [arc.kind for arc in two_link_boundary([1, 1])] == ["outer"]
 

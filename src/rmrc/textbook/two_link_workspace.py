@@ -21,6 +21,9 @@ ArcKind = Literal["outer", "inner", "q1 lower", "q1 upper", "q2 lower", "q2 uppe
 # kinematics near full reach, √1e-16, less than can be seen.
 INSIDE = 1e-6
 
+# Tests for each point of an arc: where arcs nearly touch, what is left of them can be short.
+FINER = 16
+
 
 @dataclass(frozen=True, eq=False)
 class Arc:
@@ -76,7 +79,8 @@ def two_link_boundary(
         spacing: Between the points of an arc, at most, in the joint that moves [rad].
 
     Returns:
-        The arcs; together they are closed. With l₁ = l₂ there is no inner circle, only a point.
+        The arcs; together they are closed, but for pieces shorter than spacing/16. With l₁ = l₂ there
+        is no inner circle, only a point.
 
     Raises:
         ModelError: If a length is not positive, or a lower limit is not below the upper one.
@@ -150,11 +154,12 @@ def _outside(
         inside = within.all(axis=-1) & (np.abs(np.sin(postures[..., 1])) > INSIDE)
         return np.logical_not(inside.any(axis=-1))
 
-    t = np.linspace(0.0, 1.0, int(np.ceil(width / spacing)) + 1)
-    seen = visible(t)
+    count = int(np.ceil(width / spacing))
+    t, tests = np.linspace(0.0, 1.0, count + 1), np.linspace(0.0, 1.0, FINER * count + 1)
+    seen = visible(tests)
     changes = np.flatnonzero(seen[1:] != seen[:-1])
     # Where a piece begins or ends, between two samples: by bisection, to the last bit.
-    low, high = t[changes], t[changes + 1]
+    low, high = tests[changes], tests[changes + 1]
     for _ in range(50):
         middle = 0.5 * (low + high)
         as_before = visible(middle) == seen[changes] if len(changes) else seen[changes]
