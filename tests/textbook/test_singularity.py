@@ -119,6 +119,20 @@ def test_an_absolute_tolerance_would_confuse_units():
     assert rank_by_minors(singular) == 1
 
 
+def test_several_small_singular_values_do_not_add_up_to_none():
+    """1e-3 five times: their product with the largest is 1e-15, and yet no direction is lost."""
+    rng = np.random.default_rng(1)
+    u, v = (np.linalg.qr(rng.normal(size=(6, 6)))[0] for _ in range(2))
+    J = (u * [1, 1e-3, 1e-3, 1e-3, 1e-3, 1e-3]) @ v.T
+    assert rank_by_minors(J) == rank_by_singular_values(J) == 6
+
+
+def test_numbers_without_a_reciprocal_are_zero():
+    J = np.array([[0.0, -1e-310], [1e-310, 1.0]])
+    assert minors(J, 2) == 0.0
+    assert rank_by_minors(J) == 1
+
+
 def test_leading_axes_are_configurations():
     q = np.array([[[0.3, 0.0], [0.3, 1.0]], [[0.1, np.pi], [0.2, 0.5]], [[0.0, 0.0], [1.0, 1.0]]])
     J = two_link_jacobian([1, 1], q)
