@@ -55,8 +55,10 @@ def test_rank_is_lost_where_the_lines_meet_in_a_point(pose, stretch):
     # The motion that no leg feels is the turn about that point: v = −ω × (meeting − p).
     turn = np.array([0.3, -0.4, 1.0])
     assert_allclose(K @ turn, 0.0, atol=1e-12)
-    # Off that point, the platform is held.
-    moved = platform_inverse_jacobian(base + 0.3 * np.eye(3, 2), PLATFORM, pose)
+    # If one line misses that point, where the other two meet alone, the platform is held.
+    across = 0.3 * np.array([hinges[0, 1] - meeting[1], meeting[0] - hinges[0, 0]])
+    base[0] += across
+    moved = platform_inverse_jacobian(base, PLATFORM, pose)
     assert np.linalg.svd(moved, compute_uv=False)[2] > 1e-3
 
 

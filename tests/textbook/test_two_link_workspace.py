@@ -150,10 +150,11 @@ def test_an_arc_shorter_than_the_spacing_is_found():
     assert widest_gap(two_link_boundary([1.1419, 1.1743], limits)) < np.radians(1 / 16) * 2.4
 
 
-def test_a_curve_that_two_limits_share_is_given_once():
+@pytest.mark.parametrize("turns", [0, 1, -2])
+def test_a_curve_that_two_limits_share_is_given_once(turns):
+    arcs = two_link_boundary(LENGTHS, LIMITS[2] + [[0.0], [2 * np.pi * turns]])
     lower, upper = (
-        np.vstack([arc.points for arc in two_link_boundary(LENGTHS, LIMITS[2]) if arc.kind == kind])
-        for kind in ("q2 lower", "q2 upper")
+        np.vstack([arc.points for arc in arcs if arc.kind == kind]) for kind in ("q2 lower", "q2 upper")
     )
     distances = np.sort(cKDTree(lower).query(upper)[0])
     assert distances[2] > 1e-3  # they share their ends at most

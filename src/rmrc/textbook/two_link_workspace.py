@@ -149,7 +149,7 @@ def _outside(
         beyond = (postures - ranges[:, 0]) % (2 * np.pi)
         within = is_free | ((beyond > INSIDE) & (beyond < ranges[:, 1] - ranges[:, 0] - INSIDE))
         # Where both limits of θ₂ are the same circle, the lower one has it already.
-        mirrored = np.abs(postures[..., 1] - ranges[1, 0]) < INSIDE
+        mirrored = np.abs(beyond[..., 1] - np.pi) > np.pi - INSIDE
         within[..., 1] |= mirrored & ~is_free[1] & (first[1] == last[1] == ranges[1, 1])
         inside = within.all(axis=-1) & (np.abs(np.sin(postures[..., 1])) > INSIDE)
         return np.logical_not(inside.any(axis=-1))
@@ -162,7 +162,7 @@ def _outside(
     low, high = tests[changes], tests[changes + 1]
     for _ in range(50):
         middle = 0.5 * (low + high)
-        as_before = visible(middle) == seen[changes] if len(changes) else seen[changes]
+        as_before = visible(middle) == seen[changes]
         low, high = np.where(as_before, middle, low), np.where(as_before, high, middle)
     knots = np.concatenate([[0.0], 0.5 * (low + high), [1.0]])
     for i, (start, stop) in enumerate(pairwise(knots)):
