@@ -60,6 +60,27 @@ def test_a_jacobian_of_angles_that_are_not_summed_is_no_derivative():
 
 @settings(max_examples=40, deadline=None)
 @given(links)
+def test_centers_of_rotation_give_the_same_jacobian(case):
+    lengths, q = case
+    origins = dh(lengths).frames(q)[1:, :2, 3]
+    tip = planar.planar_position(lengths, q)[:2]
+    J = planar.planar_jacobian_from_centers(origins, tip)
+    assert_allclose(J, planar.planar_jacobian(lengths, q), atol=ROUNDING)
+    # Wherever the drawing lies: all that counts is where the joints are relative to the point.
+    assert_allclose(planar.planar_jacobian_from_centers(origins + 1.0, tip + 1.0), J, atol=ROUNDING)
+
+
+def test_centers_that_are_link_centers_are_no_centers_of_rotation():
+    """Negative control of the test above."""
+    lengths, q = np.array([1.0, 0.8, 0.6]), np.array([0.4, -0.9, 0.3])
+    centers = dh(lengths / 2).frames(q)[1:, :2, 3]
+    J = planar.planar_jacobian_from_centers(centers, planar.planar_position(lengths, q)[:2])
+    with pytest.raises(AssertionError):
+        assert_allclose(J, planar.planar_jacobian(lengths, q), atol=1e-3)
+
+
+@settings(max_examples=40, deadline=None)
+@given(links)
 def test_position_and_six_rows_equal_the_dh_chain(case):
     lengths, q = case
     chain, tip = dh(lengths), (lengths[-1], 0.0, 0.0)
@@ -162,6 +183,7 @@ def test_there_is_no_inverse_at_full_reach():
         (planar.two_link_rates, 2),
         (planar.three_link_position, 3),
         (planar.three_link_jacobian, 3),
+        (lambda arms, q: planar.planar_jacobian_from_centers(np.stack([arms, arms + 1.0], axis=-2), q), 2),
     ],
 )
 def test_leading_axes_are_arms_and_configurations(function, n):
