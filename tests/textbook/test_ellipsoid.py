@@ -15,8 +15,9 @@ from rmrc.textbook.ellipsoid import (
     manipulability,
     velocity_ellipsoid,
 )
-from rmrc.textbook.planar import planar_jacobian, two_link_determinant, two_link_jacobian
+from rmrc.textbook.planar import planar_jacobian
 from rmrc.textbook.stanford import stanford_jacobian
+from rmrc.textbook.two_link import two_link_determinant, two_link_jacobian
 
 # Conditions are at most 1e2: J Jᵀ squares it, 1e4 · 1e-16, some dozen terms.
 ROUNDING = 1e-10

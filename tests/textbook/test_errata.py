@@ -17,17 +17,11 @@ from rmrc.textbook.dh import DHChain
 from rmrc.textbook.ellipsoid import velocity_ellipsoid
 from rmrc.textbook.motion import point_velocity, written_in
 from rmrc.textbook.newton import newton_raphson
-from rmrc.textbook.planar import (
-    embed_planar_jacobian,
-    planar_jacobian,
-    planar_position,
-    three_link_jacobian,
-    two_link_jacobian,
-    two_link_rates,
-)
+from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian, planar_position, three_link_jacobian
 from rmrc.textbook.redundancy import resolved_rates, weighted_left_inverse, weighted_right_inverse
 from rmrc.textbook.singularity import minors, rank_by_minors
 from rmrc.textbook.stanford import stanford_jacobian
+from rmrc.textbook.two_link import two_link_jacobian, two_link_rates
 
 # All numbers here are of order 1; a dozen operations leave errors of some 1e-16.
 ROUNDING = 1e-12

@@ -6,13 +6,8 @@ from numpy.testing import assert_allclose
 
 from rmrc.errors import ModelError
 from rmrc.textbook.newton import newton_raphson
-from rmrc.textbook.planar import (
-    three_link_jacobian,
-    three_link_position,
-    two_link_jacobian,
-    two_link_position,
-)
-from rmrc.textbook.two_link import two_link_postures
+from rmrc.textbook.planar import three_link_jacobian, three_link_position
+from rmrc.textbook.two_link import two_link_jacobian, two_link_position, two_link_postures
 
 LENGTHS = [2.0, 1.0, 1.0]
 START = np.array([np.pi / 3, np.pi / 6, np.pi / 6])

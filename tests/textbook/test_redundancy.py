@@ -8,13 +8,14 @@ from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
 from rmrc.errors import ModelError
-from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian, two_link_jacobian_inverse
+from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian
 from rmrc.textbook.redundancy import (
     null_space_projector,
     resolved_rates,
     weighted_left_inverse,
     weighted_right_inverse,
 )
+from rmrc.textbook.two_link import two_link_jacobian_inverse
 
 entries = st.floats(-2.0, 2.0)
 

@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose
 from rmrc.errors import ModelError
 from rmrc.spatial import exp_rotation, quat_to_matrix
 from rmrc.textbook.ellipsoid import manipulability
-from rmrc.textbook.planar import planar_jacobian, two_link_jacobian
+from rmrc.textbook.planar import planar_jacobian
 from rmrc.textbook.reference_frame import rotate_jacobian
 from rmrc.textbook.singularity import (
     manipulability_by_minors,
@@ -20,6 +20,7 @@ from rmrc.textbook.singularity import (
     rank_by_singular_values,
 )
 from rmrc.textbook.stanford import stanford_jacobian
+from rmrc.textbook.two_link import two_link_jacobian
 
 BOTH = [rank_by_minors, rank_by_singular_values]
 

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
 from rmrc.errors import ModelError
-from rmrc.textbook.planar import two_link_position
+from rmrc.textbook.two_link import two_link_position
 from rmrc.textbook.two_link_workspace import Arc, two_link_boundary, two_link_free_area
 
 NOTES = np.radians([[0, 135], [0, 120]])

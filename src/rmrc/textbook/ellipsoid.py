@@ -39,7 +39,7 @@ def velocity_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
     Example:
         At a right angle of two links of 1 m: fastest at 1.618 m/s, slowest at 0.618 m/s.
 
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> velocity_ellipsoid(two_link_jacobian([1, 1], np.radians([0, 90]))).half_axes.round(3)
         array([1.618, 0.618])
     """
@@ -64,7 +64,7 @@ def force_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
         Half axes rising, infinite along lost directions.
 
     Example:
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> force_ellipsoid(two_link_jacobian([1, 1], [0, 0])).half_axes.round(3)
         array([0.447,   inf])
     """
@@ -126,7 +126,7 @@ def manipulability(jacobian: ArrayLike) -> NDArray[np.float64]:
     Example:
         Of two links it is |l₁ l₂ s₂|, greatest at the right angle:
 
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> manipulability(two_link_jacobian([1, 0.5], np.radians([20, 90]))).round(3)
         np.float64(0.5)
     """

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.errors import ModelError
-from rmrc.textbook.planar import two_link_position
-from rmrc.textbook.two_link import two_link_postures
+from rmrc.textbook.two_link import two_link_position, two_link_postures
 
 Array = NDArray[np.float64]
 ArcKind = Literal["outer", "inner", "q1 lower", "q1 upper", "q2 lower", "q2 upper"]
