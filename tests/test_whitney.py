@@ -9,7 +9,7 @@ from project import ROOT
 from rmrc.preparation import prepare
 from rmrc.scenario import load
 from rmrc.simulation import Simulation
-from rmrc.textbook.planar import two_link_rates
+from rmrc.textbook.two_link import two_link_rates
 from rmrc.textbook.stanford import stanford_chain
 
 IDEAL = ("plant.kind=ideal", "control.inverse.method=inverse", "control.limits.on_excess=none")
