@@ -9,8 +9,8 @@ from project import ROOT
 from rmrc.preparation import prepare
 from rmrc.scenario import load
 from rmrc.simulation import Simulation
-from rmrc.textbook.two_link import two_link_rates
 from rmrc.textbook.stanford import stanford_chain
+from rmrc.textbook.two_link import two_link_rates
 
 IDEAL = ("plant.kind=ideal", "control.inverse.method=inverse", "control.limits.on_excess=none")
 BEYOND = "target.path=[{line: {to: [2.001, 0]}}]"  # 1 mm further than the arm reaches
