@@ -292,9 +292,9 @@ class Arm:
         return self._followed(full)
 
     def rest_torques(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
-        """Return what the drives must give at rest, (n,) each [N·m or N]: against gravity, and against springs.
+        """Return what the drives give at rest against gravity, and against springs, (n,) each [N·m or N].
 
-        What the model itself compensates of gravity is taken off; joints that are not the arm's are at `home`.
+        What the model itself compensates of gravity is taken off. Joints not of the arm are at `home`.
         """
         self._kinematics(q)
         mujoco.mj_fwdPosition(self.model, self._data)

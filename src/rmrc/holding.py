@@ -1,8 +1,9 @@
 """Hold a wrench in the physics, and read from the actuators what it takes.
 
-The run machinery does it: rate servos that are told to go back at once. The law is given one row of the task, one
-that the arm is far from losing, and the posture in what that leaves; together they bring every joint back at the
-same rate, singular or not, as joint servos do. `rmrc.analysis.statics` says what the actuators should read.
+The run machinery does it: rate servos, and feedback of the position. The law is given one row of the task,
+one that the arm is far from losing, and the posture in what that leaves; together they bring every joint back
+at the same rate, singular or not, as joint servos do. `rmrc.analysis.statics` says what the actuators should
+read.
 """
 
 import threading
@@ -20,6 +21,7 @@ from rmrc.preparation import Prepared, prepare
 from rmrc.run import Run
 from rmrc.scenario import (
     ArmSection,
+    Axis,
     ControlSection,
     Hold,
     HoldSegment,
@@ -36,14 +38,15 @@ from rmrc.spatial import AXES, pose_error
 
 Array = NDArray[np.float64]
 
-# Rate at which a joint goes back [1/s]: the stiffness of a joint is this times its servo's gain. A fiftieth of
-# a second is slow for servos that take a millisecond, and fast enough to be still long before a second is over.
+# Rate at which a joint goes back [1/s]: the stiffness of a joint is this times its servo's gain. A fiftieth
+# of a second is slow for servos that take a millisecond, and still before a second is over.
 FEEDBACK = 50.0
 # An arm is still when no joint was faster in the last tenth of a second [rad/s or m/s].
 STILL, LAST = 1e-8, 0.1
-# What the actuators give may differ by this share of what the torques would be if nothing canceled: the
-# constraint that makes a screw of a hinge and a slide is soft.
-SHARE = 1e-6
+# What the actuators give may differ by this share of what the torques would be if nothing canceled: far
+# above rounding, far below what a drive knows. The constraint that makes a screw of a hinge and a slide is
+# soft, and gives by some hundredths of a millimeter under a load.
+SHARE, SHARE_OF_SCREWS = 1e-6, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,7 +92,7 @@ class Held:
 class Holding:
     """A wrench that is to be held: checked, and ready to run."""
 
-    def __init__(self, wanted: Balance, gravity: bool = False, seconds: float = 2.0) -> None:
+    def __init__(self, wanted: Balance, gravity: bool = False, seconds: float = 10.0) -> None:
         """Check that the arm may stay there.
 
         Args:
@@ -115,6 +118,11 @@ class Holding:
         )
         self._simulation: Simulation | None = None
 
+    @property
+    def ticks(self) -> int:
+        """How many control ticks it will take at most."""
+        return len(self.prepared.reference.time)
+
     def compile(self) -> Simulation:
         """Load the compiled law, or compile it the first time, which takes seconds."""
         if self._simulation is None:
@@ -139,8 +147,9 @@ class Holding:
         arm, wanted = self.wanted.arm, self.wanted
         ended = balance(arm, run["q"][-1], wanted.wrench, self.gravity)
         rate = _rate(run)
-        # What moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
+        # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
         moving = self.prepared.kv * rate
+        share = SHARE_OF_SCREWS if arm.travels else SHARE
         return Held(
             wanted=wanted,
             ended=ended,
@@ -148,14 +157,12 @@ class Holding:
             drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),
             at_limit=np.asarray((np.abs(run["tau"]) >= arm.torque_limit).any(axis=0)),
             rate=rate,
-            allowed=np.asarray(SHARE * ended.size.max() + moving + arm.friction),
+            allowed=np.asarray(share * ended.size.max() + moving + arm.friction),
             run=run,
         )
 
 
-def hold(
-    arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False, seconds: float = 2.0
-) -> Held:
+def hold(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False, seconds: float = 10.0) -> Held:
     """Hold a wrench in the physics and return what it took; `rmrc.hold` in a notebook.
 
     Args:
@@ -181,10 +188,12 @@ def _scenario(wanted: Balance, gravity: bool, seconds: float) -> Scenario:
     arm = wanted.arm
     # The row that moves most: no arm has lost it.
     rows = Task(arm, np.arange(6)).matrix(arm.jacobian(wanted.q))
-    axis = AXES[int(np.argmax(np.linalg.norm(rows, axis=1)))]
+    axis: Axis = AXES[int(np.argmax(np.linalg.norm(rows, axis=1)))]  # type: ignore[assignment]
     return Scenario(
         name="hold",
-        arm=ArmSection(model=str(arm.path.resolve()), site=arm.site, start=tuple(wanted.q), joints=arm.joints),
+        arm=ArmSection(
+            model=arm.path.resolve(), site=arm.site, start=tuple(wanted.q), joints=arm.joints
+        ),
         task=TaskSection(axes=(axis,)),
         control=ControlSection(
             inverse=InverseSection(method="pseudoinverse"),

@@ -1,8 +1,8 @@
 """What an arm bears at rest: drives and links under a wrench at the site, and the wrenches that cost nothing.
 
 The wrench is the one that acts *on* the arm. Jᵀ F is equivalent to it, −Jᵀ F balances it, see
-`rmrc.textbook.statics`; the forces from link to link, found inward from the site without any Jacobian, are the
-second route to the same torques.
+`rmrc.textbook.statics`; the forces from link to link, found inward from the site without any Jacobian, are
+the second route to the same torques.
 """
 
 from dataclasses import dataclass
@@ -37,10 +37,9 @@ class Balance:
         equilibrium: −Jᵀ F, (n,): with it the arm holds still while F acts on it.
         gravity: What the drives give against gravity, (n,); 0 if gravity is compensated.
         springs: What the drives give against springs of the joints, (n,).
-        frames: T_0_i of each link, (n, 4, 4): the origin on the joint's axis and z along it. With all joints at 0
-            its axes are the world's, turned the shortest way that brings z there.
-        reaction: [f; n] of the wrench alone that each link takes from the one before, at the origin and along the
-            axes of its frame, (n, 6) [N, N·m].
+        frames: T_0_i of each link, (n, 4, 4), as `link_frames` has them.
+        reaction: [f; n] of the wrench alone that each link takes from the one before, at the origin and
+            along the axes of its frame, (n, 6) [N, N·m].
         propagated: The component of it that each joint's drive gives, (n,): `equilibrium` by the other route.
     """
 
@@ -91,16 +90,17 @@ class Balance:
 
     @property
     def size(self) -> Array:
-        """Σ |J_ij F_i| and the other parts, (n,) [N·m or N]: what the torques would be if nothing canceled."""
-        cost = np.abs(self.arm.jacobian(self.q)).T @ np.abs(self.wrench)
-        return np.asarray(cost + np.abs(self.gravity) + np.abs(self.springs))
+        """|J_v,j| |f| + |J_ω,j| |n| and the other parts, (n,) [N·m or N]: the torques if nothing canceled."""
+        linear, angular = np.linalg.norm(self.arm.jacobian(self.q).reshape(2, 3, -1), axis=1)
+        force, moment = np.linalg.norm(self.wrench.reshape(2, 3), axis=1)
+        return np.asarray(linear * force + angular * moment + np.abs(self.gravity) + np.abs(self.springs))
 
 
 def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) -> Balance:
     """Return what drives and links of an arm bear at rest while a wrench acts on it.
 
-    τ = −Jᵀ F by MuJoCo's Jacobian, and by forces from link to link [Craig05, §5.9, §5.10]; `rmrc.balance` in a
-    notebook.
+    τ = −Jᵀ F by MuJoCo's Jacobian, and by forces from link to link [Craig05, §5.9, §5.10]; `rmrc.balance`
+    in a notebook.
 
     Args:
         arm: The arm.
@@ -139,10 +139,11 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
 
 
 def link_frames(arm: Arm, q: ArrayLike) -> tuple[Array, Array]:
-    """Return the frame of each link, T_0_i (n, 4, 4), and of the site, (4, 4), by the product of exponentials.
+    """Return the frame of each link, T_0_i (n, 4, 4), and of the site, (4, 4), as the joints put them.
 
-    Each frame has its origin on the joint's axis and z along it; with all joints at 0 its axes are the world's,
-    turned the shortest way that brings z there. Of MuJoCo it asks the arm's geometry at 0 alone [Lynch17, §4.1].
+    Each has its origin on the joint's axis and z along it; with all joints at 0 its axes are the world's,
+    turned the shortest way that brings z there. By the product of exponentials, which asks of MuJoCo the
+    arm's geometry at 0 alone [Lynch17, §4.1].
 
     Args:
         arm: The arm.
@@ -179,12 +180,12 @@ def _turn_to(axis: Array) -> Array:
 
 
 class Cost(StrEnum):
-    """What a wrench costs the drives."""
+    """What a wrench costs the drives, and whether that is so at other configurations."""
 
-    ALWAYS = "nothing, at any configuration"
-    OTHERS = "nothing; elsewhere another does"
-    SINGULAR = "nothing, here alone: singular"
-    MIXED = "nothing; not all of these do elsewhere"
+    ALWAYS = "nothing, anywhere"
+    OTHERS = "nothing; elsewhere another"
+    SINGULAR = "nothing: singular"
+    MIXED = "nothing; elsewhere fewer do"
     NEARLY = "nearly nothing"
     TORQUE = "torque"
 
@@ -230,7 +231,7 @@ class Costs:
 
     @property
     def free_only_here(self) -> int:
-        """How many more cost nothing than at almost every other configuration; 0 where J has its full rank."""
+        """How many more cost nothing than at almost every configuration; 0 where J has its full rank."""
         return self.free - self.free_anywhere
 
 
@@ -245,8 +246,8 @@ def wrench_costs(arm: Arm, q: ArrayLike, length: float = 1.0) -> tuple[Costs, ..
     that is lost is borne by the links alone, and one along a direction that is nearly lost 1/σ times as well
     as a unit of torque [Khatib08] [Yoshikawa85]. `rmrc.wrench_costs` in a notebook.
 
-    What is free at almost every configuration, as the arm has not joints enough, is told from what is free here
-    alone by the rank that J has almost everywhere.
+    What is free at almost every configuration, as the arm has not joints enough, is told from what is free
+    here alone by the rank that J has almost everywhere.
 
     Args:
         arm: The arm.
