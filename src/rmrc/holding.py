@@ -38,6 +38,9 @@ from rmrc.spatial import AXES, pose_error
 
 Array = NDArray[np.float64]
 
+# Control period, which is the time that a servo takes to follow [s]. MuJoCo's step is a fraction of it: at a
+# step as long, such servos and the soft constraint of a screw set each other swinging.
+PERIOD, TIMESTEP = 1e-3, 2.5e-4
 # Rate at which a joint goes back [1/s]: the stiffness of a joint is this times its servo's gain. A fiftieth
 # of a second is slow for servos that take a millisecond, and still before a second is over.
 FEEDBACK = 50.0
@@ -191,11 +194,10 @@ def _scenario(wanted: Balance, gravity: bool, seconds: float) -> Scenario:
     axis: Axis = AXES[int(np.argmax(np.linalg.norm(rows, axis=1)))]  # type: ignore[assignment]
     return Scenario(
         name="hold",
-        arm=ArmSection(
-            model=arm.path.resolve(), site=arm.site, start=tuple(wanted.q), joints=arm.joints
-        ),
+        arm=ArmSection(model=arm.path.resolve(), site=arm.site, start=tuple(wanted.q), joints=arm.joints),
         task=TaskSection(axes=(axis,)),
         control=ControlSection(
+            period=PERIOD,
             inverse=InverseSection(method="pseudoinverse"),
             feedback=FEEDBACK,
             nullspace=NullspaceSection(objective="posture", gain=FEEDBACK),
@@ -203,6 +205,10 @@ def _scenario(wanted: Balance, gravity: bool, seconds: float) -> Scenario:
         ),
         target=TargetSection(path=(HoldSegment(hold=Hold(**{"for": seconds})),)),
         plant=PlantSection(
-            kind="servo", gravity_compensation=not gravity, wrench=tuple(wanted.wrench)
+            kind="servo",
+            kv=tuple(arm.inertia / PERIOD),
+            timestep=TIMESTEP,
+            gravity_compensation=not gravity,
+            wrench=tuple(wanted.wrench),
         ),
-    )  # fmt: skip
+    )
