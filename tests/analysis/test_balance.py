@@ -229,6 +229,9 @@ def test_margin_is_what_is_left_of_the_limits():
     borne = balance(shipped("planar_2link"), np.radians([0, 60]), [0, -120, 0, 0, 0, 0])
     assert_allclose(borne.torque, [180, 60], atol=1e-9)
     assert_allclose(borne.margin, [-80, -10], atol=1e-9)
+    assert borne.exceeded == ("shoulder", "elbow")
+    # 50 N·m, by cos 60°: just what the elbow has, and its last digit does not decide
+    assert balance(borne.arm, np.radians([0, 60]), [0, -100, 0, 0, 0, 0]).exceeded == ("shoulder",)
 
 
 # What costs nothing ------------------------------------------------------------------------------
@@ -343,6 +346,13 @@ def test_every_model_and_screws_hold_what_statics_says(made, gravity):
         # Negative control: the wrench of the other sign is not what they read.
         wrong = balance(arm, held.ended.q, -0.1 * wrench, gravity)
         assert not replace(held, ended=wrong).agrees
+
+
+def test_any_chain_holds_what_statics_says(chain):
+    for seed in range(6):
+        arm = chain(seed)
+        held = hold(arm, *at_random(arm, seed), gravity=seed % 2 == 0)
+        assert held.agrees, (seed, held.difference, held.allowed, held.rate)
 
 
 def test_singular_or_not_every_joint_is_held():

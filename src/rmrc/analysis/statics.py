@@ -21,6 +21,8 @@ from rmrc.textbook.statics import equilibrium_torques, joint_torques
 
 Array = NDArray[np.float64]
 
+# Less than this share of what is summed up is rounding.
+ROUNDING = 1e-12
 # A direction is nearly free if it costs less than a tenth of what the dearest one does.
 NEARLY = 0.1
 
@@ -63,6 +65,12 @@ class Balance:
     def margin(self) -> Array:
         """What is left of each torque limit, (n,) [N·m or N]: negative where it is exceeded."""
         return np.asarray(self.arm.torque_limit - np.abs(self.torque))
+
+    @property
+    def exceeded(self) -> tuple[str, ...]:
+        """Names of the joints whose torque limit is exceeded, by more than rounding."""
+        over = self.margin < -ROUNDING * self.size
+        return tuple(name for name, is_over in zip(self.arm.joints, over, strict=True) if is_over)
 
     @property
     def reaction_world(self) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from rmrc.cli.console import EXIT_DIVERGED, EXIT_MISSED, complain, notice, output, progress
+from rmrc.cli.console import COMPILING, EXIT_DIVERGED, EXIT_MISSED, complain, notice, output, progress
 from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration
 from rmrc.errors import QuestionError
 
@@ -75,7 +75,7 @@ def statics(
         from rmrc.holding import Holding
 
         holding = Holding(borne, gravity, hold)
-        with notice("compiling the control law (once; kept for the next time) ..."):
+        with notice(COMPILING):
             holding.compile()
         with progress("hold", holding.ticks, as_json) as on_ticks:
             held = holding.run(on_ticks)

@@ -7,15 +7,13 @@ from numpy.typing import NDArray
 from rich.console import RenderableType
 from rich.text import Text
 
-from rmrc.analysis.statics import Balance, Costs
+from rmrc.analysis.statics import ROUNDING, Balance, Costs
 from rmrc.arm import Arm
 from rmrc.holding import Held
 from rmrc.output.sheets import Sheet, as_table, number
 
 Array = NDArray[np.float64]
 
-# Less than this share of what is summed up is rounding, and shown as 0.
-ROUNDING = 1e-12
 PLURALS = {"wrench": "wrenches", "force": "forces alone", "moment": "moments alone"}
 ROWS = ("fx", "fy", "fz", "nx", "ny", "nz")
 
@@ -60,8 +58,8 @@ def _drives(borne: Balance, gravity: bool) -> Iterator[RenderableType]:
             _with_unit(arm, j),
             *(shown(column[j]) for column in columns.values()),
             number(arm.torque_limit[j]),
-            number(borne.margin[j]),
-            _within(arm.torque_limit[j], borne.margin[j]),
+            shown(borne.margin[j]),
+            _word(borne, j),
         )
         for j in range(arm.n)
     ]
@@ -71,12 +69,13 @@ def _drives(borne: Balance, gravity: bool) -> Iterator[RenderableType]:
     yield as_table(Sheet("", headings, rows, frozenset({0, len(headings) - 1})))
     yield Text("Equivalent: what the drives give for the site to press on the world with this wrench.")
     yield Text("Balancing: what they give to hold still while the wrench acts on the arm.")
-    for j, margin in enumerate(borne.margin):
-        if margin < 0.0:
-            need, over, limit = (
-                f"{number(x)} {_unit(arm, j)}" for x in (abs(borne.torque[j]), -margin, arm.torque_limit[j])
-            )
-            yield Text(f"{arm.joints[j]} needs {need}: {over} more than its limit of {limit}.")
+    for name in borne.exceeded:
+        j = arm.joints.index(name)
+        need, over, limit = (
+            f"{number(abs(x))} {_unit(arm, j)}"
+            for x in (borne.torque[j], borne.margin[j], arm.torque_limit[j])
+        )
+        yield Text(f"{name} needs {need}: {over} more than its limit of {limit}.")
 
 
 def _links(borne: Balance) -> Iterator[RenderableType]:
@@ -130,7 +129,7 @@ def _held(held: Held) -> Iterator[RenderableType]:
             _with_unit(arm, j),
             *(shown(v[j]) for v in (held.wanted.torque, held.ended.torque, held.measured)),
             number(held.difference[j]),
-            number(held.allowed[j]),
+            number(held.allowed[j] if held.is_still else np.nan),
             "at its limit" if held.at_limit[j] else "",
         )
         for j in range(arm.n)
@@ -198,8 +197,10 @@ def _with_unit(arm: Arm, j: int) -> str:
     return f"{arm.joints[j]} [{_unit(arm, j)}]"
 
 
-def _within(limit: float, margin: float) -> str:
-    return "no limit" if np.isinf(limit) else "ok" if margin >= 0.0 else "EXCEEDED"
+def _word(borne: Balance, j: int) -> str:
+    if np.isinf(borne.arm.torque_limit[j]):
+        return "no limit"
+    return "EXCEEDED" if borne.arm.joints[j] in borne.exceeded else "ok"
 
 
 def facts(borne: Balance, costs: Sequence[Costs], length: float, held: Held | None) -> dict[str, object]:
@@ -227,7 +228,7 @@ def facts(borne: Balance, costs: Sequence[Costs], length: float, held: Held | No
             "in_all": _list(borne.torque),
             "limit": _list(arm.torque_limit),
             "margin": _list(borne.margin),
-            "exceeded": [name for name, left in zip(arm.joints, borne.margin, strict=True) if left < 0.0],
+            "exceeded": list(borne.exceeded),
         },
         "links": [
             {
