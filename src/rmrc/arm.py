@@ -304,7 +304,7 @@ class Arm:
 
     @property
     def friction(self) -> Array:
-        """Dry friction that each joint bears at rest without its drive, (n,) [N·m or N]."""
+        """Dry friction that can bear a part of a drive's load at rest, (n,) [N·m or N]."""
         loss = np.array(self.model.dof_frictionloss[self.wiring.dof])
         for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
             loss[travel.hinge] += abs(travel.ratio) * self.model.dof_frictionloss[address]

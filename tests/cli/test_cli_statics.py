@@ -125,9 +125,9 @@ MISTAKES = {
         "--wrench must have 6 values, force fx,fy,fz [N] and moment nx,ny,nz [N·m], or 3, a force alone, got 7: "
         "'1,2,3,4,5,6,7'",
     ),
-    "no number": ([TWO, "--wrench", "1,two,3"], "--wrench, fy: must be a finite number, got 'two'"),
-    "an angle": ([TWO, "--wrench", "1,2,3,4,5,60 deg"], "--wrench, nz: must be a finite number, got '60 deg'"),
-    "infinite": ([TWO, "--wrench", "1,2,inf"], "--wrench, fz: must be a finite number, got 'inf'"),
+    "no number": ([TWO, "--wrench", "1,two,3"], "--wrench, fy: must be a number within ±1e+100, got 'two'"),
+    "an angle": ([TWO, "--wrench", "1,2,3,4,5,60 deg"], "--wrench, nz: must be a number within ±1e+100, got '60 deg'"),
+    "infinite": ([TWO, "--wrench", "1,2,inf"], "--wrench, fz: must be a number within ±1e+100, got 'inf'"),
     "q": (
         [TWO, "--wrench", "1,2,3", "--q", "1"],
         "--q must have 2 values, one for each of shoulder, elbow, got 1: '1'",
@@ -149,3 +149,17 @@ def test_a_mistake_is_one_line_and_exit_code_2(rmrc, case):
     arguments, message = MISTAKES[case]
     code, out, err = rmrc("statics", *arguments)
     assert (code, out, err) == (2, "", f"rmrc: error: {message}\n")
+
+
+def test_what_diverges_exits_3_and_ctrl_c_130(rmrc, monkeypatch):
+    code, out, err = rmrc("statics", TWO, "--wrench", "0,1e15,0", "--hold", "1")
+    assert code == 3
+    assert err.startswith("rmrc: error: diverged at tick ")
+    assert f"MISSED: {err.removeprefix('rmrc: error: ').strip()}" in " ".join(out.split())
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rmrc.holding.Holding.run", interrupted)
+    code, _, err = rmrc("statics", TWO, "--wrench", "0,1,0", "--hold", "1")
+    assert (code, err) == (130, "rmrc: interrupted while holding\n")

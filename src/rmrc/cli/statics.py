@@ -9,9 +9,22 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from rmrc.cli.console import COMPILING, EXIT_DIVERGED, EXIT_MISSED, complain, notice, output, progress
+from rmrc.cli.console import (
+    COMPILING,
+    EXIT_DIVERGED,
+    EXIT_INTERRUPTED,
+    EXIT_MISSED,
+    complain,
+    notice,
+    output,
+    progress,
+)
 from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration
 from rmrc.errors import QuestionError
+
+
+# Squares of numbers up to this are finite.
+LARGEST = 1e100
 
 
 class Frame(StrEnum):
@@ -75,10 +88,14 @@ def statics(
         from rmrc.holding import Holding
 
         holding = Holding(borne, gravity, hold)
-        with notice(COMPILING):
-            holding.compile()
-        with progress("hold", holding.ticks, as_json) as on_ticks:
-            held = holding.run(on_ticks)
+        try:
+            with notice(COMPILING):
+                holding.compile()
+            with progress("hold", holding.ticks, as_json) as on_ticks:
+                held = holding.run(on_ticks)
+        except KeyboardInterrupt:
+            complain("interrupted while holding")
+            raise typer.Exit(EXIT_INTERRUPTED) from None
     if as_json:
         print(json.dumps(bearing.facts(borne, costs, length, held), indent=2, ensure_ascii=False))
     else:
@@ -96,7 +113,7 @@ def read_wrench(text: str) -> NDArray[np.float64]:
     """Return [f; n], (6,), of the option: six values, or a force alone.
 
     Raises:
-        QuestionError: There are neither 3 nor 6, or one is no finite number.
+        QuestionError: There are neither 3 nor 6, or one is no number.
     """
     parts = text.strip().strip("[]").split(",")
     if len(parts) not in (3, 6):
@@ -110,6 +127,8 @@ def read_wrench(text: str) -> NDArray[np.float64]:
             wrench[i] = float(part)
         except ValueError:
             wrench[i] = math.nan
-        if not math.isfinite(wrench[i]):
-            raise QuestionError(f"--wrench, {name}: must be a finite number, got {part.strip()!r}")
+        if not abs(wrench[i]) <= LARGEST:
+            raise QuestionError(
+                f"--wrench, {name}: must be a number within ±{LARGEST:g}, got {part.strip()!r}"
+            )
     return wrench
