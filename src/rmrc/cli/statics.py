@@ -22,7 +22,6 @@ from rmrc.cli.console import (
 from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration
 from rmrc.errors import QuestionError
 
-
 # Squares of numbers up to this are finite.
 LARGEST = 1e100
 
