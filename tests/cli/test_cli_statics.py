@@ -22,8 +22,8 @@ def test_the_example_of_the_notes_is_printed_with_both_signs_in_words(rmrc):
     code, out, err = rmrc("statics", TWO, "--q", "0,60 deg", "--wrench", "0,-1,0")
     assert (code, err) == (0, "")
     assert "The wrench acts on the arm: force (0, -1, 0) N, moment (0, 0, 0) N·m, world axes." in out
-    assert "Equivalent: what the drives give for the site to press on the world with this wrench." in out
-    assert "Balancing: what they give to hold still while the wrench acts on the arm." in out
+    assert "Equivalent, Jᵀ F: what they give for the site to press on the world with this wrench." in out
+    assert "Balancing, −Jᵀ F: what they give to hold still while this wrench acts on the arm." in out
     cells = [line.split() for line in out.splitlines()]
     assert ["shoulder", "[N·m]", "-1.500", "1.500", "100.0", "98.50", "ok"] in cells
     assert ["elbow", "[N·m]", "-0.5000", "0.5000", "50.00", "49.50", "ok"] in cells

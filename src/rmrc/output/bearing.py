@@ -21,7 +21,7 @@ ROWS = ("fx", "fy", "fz", "nx", "ny", "nz")
 def render(
     borne: Balance, costs: Sequence[Costs], gravity: bool, held: Held | None = None
 ) -> Iterator[RenderableType]:
-    """Yield what to print, for a terminal of 80 columns or more.
+    """Yield what to print, for a terminal of 100 columns or more.
 
     Args:
         borne: What drives and links bear.
@@ -46,7 +46,7 @@ def render(
 
 def _drives(borne: Balance, gravity: bool) -> Iterator[RenderableType]:
     arm, shown = borne.arm, _rounded(borne.size.max())
-    columns = {"equivalent Jᵀ F": borne.equivalent, "balancing −Jᵀ F": borne.equilibrium}
+    columns = {"equivalent": borne.equivalent, "balancing": borne.equilibrium}
     if gravity:
         columns["gravity"] = borne.gravity
     if borne.springs.any():
@@ -67,8 +67,8 @@ def _drives(borne: Balance, gravity: bool) -> Iterator[RenderableType]:
     yield Text()
     yield Text("Drives", "bold")
     yield as_table(Sheet("", headings, rows, frozenset({0, len(headings) - 1})))
-    yield Text("Equivalent: what the drives give for the site to press on the world with this wrench.")
-    yield Text("Balancing: what they give to hold still while the wrench acts on the arm.")
+    yield Text("Equivalent, Jᵀ F: what they give for the site to press on the world with this wrench.")
+    yield Text("Balancing, −Jᵀ F: what they give to hold still while this wrench acts on the arm.")
     for name in borne.exceeded:
         j = arm.joints.index(name)
         need, over, limit = (
