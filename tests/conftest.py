@@ -1,9 +1,13 @@
-"""What the tests of running arms share: scenarios in a line, and the runs that they give."""
+"""What the tests share: scenarios in a line, the runs that they give, and the command line."""
+
+import sys
 
 import pytest
 from hypothesis import settings
 
 from project import ROOT
+from rmrc import cli
+from rmrc.cli.console import COMPILING
 from rmrc.preparation import prepare
 from rmrc.scenario import loads
 from rmrc.simulation import Simulation
@@ -36,3 +40,19 @@ def simulate(scenario):
         return prepared, Simulation([prepared]).run()[0]
 
     return run
+
+
+@pytest.fixture
+def rmrc(tmp_path, monkeypatch, capfd):
+    """Return a function: arguments -> (exit code, stdout, stderr), run in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["rmrc", *arguments])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        out, err = capfd.readouterr()
+        # said by the first run ever only, which may be any of these
+        return caught.value.code, out, err.replace(f"rmrc: {COMPILING}\n", "")
+
+    return call

@@ -8,6 +8,9 @@ the compiled law take a third of a second.
     (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
     figures = rmrc.scorecard.scorecard(run)                       # a module; import it
     rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
+    borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics
+    costs = rmrc.wrench_costs(arm, q)                             # the same
+    held = rmrc.hold(arm, q, wrench)                              # rmrc.holding
 """
 
 from importlib import import_module
@@ -21,6 +24,9 @@ _HOMES = {
     "Simulation": "rmrc.simulation",
     "Run": "rmrc.run",
     "resolve_rates": "rmrc.control.law",
+    "balance": "rmrc.analysis.statics",
+    "wrench_costs": "rmrc.analysis.statics",
+    "hold": "rmrc.holding",
 }
 
 

@@ -1,15 +1,19 @@
 """What the verbs about a model share: their options, and lists of numbers read from them."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm
 from rmrc.errors import QuestionError
 from rmrc.scenario.values import angle
+
+if TYPE_CHECKING:
+    from rmrc.arm import Arm
 
 Model = Annotated[Path, typer.Argument(help="The arm, an MJCF file.", show_default=False)]
 Site = Annotated[
