@@ -81,8 +81,7 @@ def wrist_rows(q, reach=0.0):
     return shift_twist(np.vstack([np.zeros((3, 3)), axes]).T, -reach * axes[:, 2]).T
 
 
-PITCH = 0.5
-RISE = PITCH / (2 * np.pi)
+RISE = 0.5 / (2 * np.pi)  # of the screw, in a radian
 
 
 DESCRIBED = {
@@ -132,7 +131,7 @@ DESCRIBED = {
             kinds=("revolute", "prismatic", "prismatic", "revolute"),
         ),
         sites={"tip": (4, (0.5, 0.0, 0.0))},
-        closed_form={"tip": lambda q: helical_jacobian(PITCH, 0.5, q)},
+        closed_form={"tip": lambda q: helical_jacobian(RISE, 0.5, q)},
         task=(0, 1, 2),
         base=(0.0, 0.0, 1.1),
         coupling=((1, 0, 0), (RISE, 0, 0), (0, 1, 0), (0, 0, 1)),

@@ -8,6 +8,9 @@ the compiled law take a third of a second.
     (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
     figures = rmrc.scorecard.scorecard(run)                       # a module; import it
     rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
+    borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics
+    costs = rmrc.wrench_costs(arm, q)                             # the same
+    held = rmrc.hold(arm, q, wrench)                              # rmrc.holding
     found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.inverse_kinematics
     postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.postures
 """
@@ -23,6 +26,9 @@ _HOMES = {
     "Simulation": "rmrc.simulation",
     "Run": "rmrc.run",
     "resolve_rates": "rmrc.control.law",
+    "balance": "rmrc.analysis.statics",
+    "wrench_costs": "rmrc.analysis.statics",
+    "hold": "rmrc.holding",
     "goal_pose": "rmrc.analysis.inverse_kinematics",
     "solve_ik": "rmrc.analysis.inverse_kinematics",
     "solve_many": "rmrc.analysis.inverse_kinematics",

@@ -14,13 +14,14 @@ from rmrc.textbook.helical import (
     helical_position,
     helical_singular_crank,
 )
+from rmrc.textbook.screws import geometric_from_screws, joint_screw, product_of_exponentials, space_jacobian
 
 # Products of a few rotations and lengths of order one.
 ROUNDING = 1e-12
 
 angle = rounded(-3.1, 3.1)
 configurations = st.tuples(rounded(-7.0, 7.0), rounded(0.1, 2.0), angle).map(np.array)
-pitches = rounded(-2.0, 2.0)
+pitches = rounded(-0.3, 0.3)
 cranks = rounded(0.1, 2.0)
 
 # Hinge and slide on one axis instead of the screw, then boom and crank.
@@ -32,8 +33,7 @@ HINGE_AND_SLIDE = DHChain(
 
 def coupling(pitch):
     """Positions and rates of hinge, slide, boom and crank from those of screw, boom and crank."""
-    h = pitch / (2 * np.pi)
-    return np.array([[1, 0, 0], [h, 0, 0], [0, 1, 0], [0, 0, 1]])
+    return np.array([[1, 0, 0], [pitch, 0, 0], [0, 1, 0], [0, 0, 1]])
 
 
 @settings(max_examples=50, deadline=None)
@@ -43,6 +43,19 @@ def test_a_screw_is_a_hinge_and_a_slide_coupled_by_its_pitch(pitch, crank, q):
     pose = HINGE_AND_SLIDE.frames(C @ q)[4]
     assert_allclose(helical_position(pitch, crank, q), (pose @ [*tip, 1.0])[:3], atol=ROUNDING)
     J = HINGE_AND_SLIDE.jacobian(C @ q, point=tip) @ C
+    assert_allclose(helical_jacobian(pitch, crank, q), J, atol=ROUNDING)
+
+
+@settings(max_examples=50, deadline=None)
+@given(pitches, cranks, configurations)
+def test_jacobian_and_position_are_those_of_the_joint_screws(pitch, crank, q):
+    axes = [[0, 0, 1], [1, 0, 0], [1, 0, 0]]
+    screws = joint_screw(axes, np.zeros((3, 3)), [pitch, np.inf, 0.0])
+    home = np.eye(4)
+    home[1, 3] = crank
+    tip = product_of_exponentials(screws, q, home)[:3, 3]
+    assert_allclose(helical_position(pitch, crank, q), tip, atol=ROUNDING)
+    J = geometric_from_screws(space_jacobian(screws, q), tip)
     assert_allclose(helical_jacobian(pitch, crank, q), J, atol=ROUNDING)
 
 
@@ -56,7 +69,7 @@ def test_linear_rows_are_the_derivative_of_the_position(pitch, crank, q):
 def test_a_screw_without_pitch_is_seen():
     """Negative control: a plain hinge must not pass the checks above."""
     q = np.array([0.4, 0.8, 0.3])
-    expected = slopes(lambda q: helical_position(0.5, 0.4, q), q)
+    expected = slopes(lambda q: helical_position(0.1, 0.4, q), q)
     with pytest.raises(AssertionError):
         assert_allclose(helical_jacobian(0.0, 0.4, q)[:3], expected, atol=1e-3)
 
@@ -75,12 +88,10 @@ def test_the_pitch_tilts_the_singular_crank(pitch, crank, q, half_turn):
     q[2] = helical_singular_crank(pitch, q[1]) + half_turn
     sigma = np.linalg.svd(helical_jacobian(pitch, crank, q)[:3], compute_uv=False)
     assert sigma[-1] < 1e-12 < 1e-3 < sigma[1]
-    assert abs(np.cos(q[2])) == pytest.approx(
-        abs(pitch) / (2 * np.pi) / np.hypot(pitch / (2 * np.pi), q[1]), abs=ROUNDING
-    )
+    assert abs(np.cos(q[2])) == pytest.approx(abs(pitch) / np.hypot(pitch, q[1]), abs=ROUNDING)
 
 
 def test_leading_axes_are_configurations():
     q = np.random.default_rng(3).uniform(0.3, 1.0, (2, 3, 3))
     for f in (helical_position, helical_jacobian, helical_determinant):
-        assert_allclose(f(0.5, 0.4, q)[1, 2], f(0.5, 0.4, q[1, 2]), atol=0)
+        assert_allclose(f(0.1, 0.4, q)[1, 2], f(0.1, 0.4, q[1, 2]), atol=0)

@@ -16,6 +16,9 @@ from rmrc.spatial import AXES
 if TYPE_CHECKING:
     from rmrc.arm import Arm
 
+if TYPE_CHECKING:
+    from rmrc.arm import Arm
+
 Model = Annotated[Path, typer.Argument(help="The arm, an MJCF file.", show_default=False)]
 Site = Annotated[
     str | None, typer.Option(help="The point in question; default: the site that the most joints move.")
