@@ -135,12 +135,12 @@ def main() -> None:
     if arguments.json:
         print(json.dumps(table, indent=2))
         return
-    heads = "".join(f"{head:>9}" for head in ("min", "25 %", "median", "75 %", "max"))
+    heads = "".join(f"{head:>10}" for head in ("min", "25 %", "median", "75 %", "max"))
     for name, rows in table.items():
         print(f"{f'{name}, {arguments.goals} goals':<34}{heads}")
         for row, value in rows.items():
             cells = value if isinstance(value, list) else ["", "", value, "", ""]
-            texts = (f"{cell:>9.4g}" if isinstance(cell, float) else f"{cell!s:>9}" for cell in cells)
+            texts = (f"{cell:>10.4g}" if isinstance(cell, float) else f"{cell!s:>10}" for cell in cells)
             print(f"{row:<34}{''.join(texts)}")
         print()
 

@@ -17,6 +17,8 @@ from rmrc.analysis import inverse_kinematics as inverse
 from rmrc.analysis.inverse_kinematics import goal_pose, solve_ik, solve_many
 from rmrc.analysis.task import choose
 from rmrc.errors import QuestionError
+from rmrc.textbook.newton import newton_raphson
+from rmrc.textbook.planar import three_link_jacobian, three_link_position
 from screws import screw_chain
 
 TOLERANCE = 1e-9
@@ -189,7 +191,7 @@ def test_beyond_its_reach_two_links_are_stretched_towards_the_goal(seed):
 def test_too_near_two_links_fold_to_the_elbows_limit():
     arm = load("planar_2link")
     task, elbow = choose(arm), arm.position_limit[1, 1]
-    found = solve_ik(task, goal_pose(task, [0.0, 0.2]))
+    found = solve_ik(task, goal_pose(task, [0.2, 0.0]))
     nearest = 2.0 * np.cos(elbow / 2.0)  # of the isosceles triangle of two links
     assert not found.found
     assert_allclose(found.position_error, nearest - 0.2, atol=1e-12)
@@ -247,6 +249,25 @@ def test_newton_goes_through_the_iterates_of_the_notes(write):
     assert_allclose(path.q[:-1] - path.step, path.q[1:], atol=1e-15)
     for q, error in zip(path.q, path.error, strict=True):
         assert_allclose(error, size(task, goal, task.arm.pose(q)), atol=1e-12)
+
+
+@given(seeds)
+@settings(max_examples=20, deadline=None)
+def test_newton_is_the_textbooks_iterate_by_iterate(tmp_path_factory, seed):
+    path = tmp_path_factory.mktemp("links") / "arm.xml"
+    path.write_text(THREE_LINKS)
+    task, rng = choose(arms.load(path)), np.random.default_rng(seed)
+    start = rng.uniform([-1.0, 0.5, -1.0], [1.0, 2.5, 1.0])
+    goal = three_link_position([2, 1, 1], start + rng.uniform(-0.2, 0.2, 3))
+    found = solve_ik(task, goal_pose(task, goal), start, method="newton", limits=False, tolerance=1e-10)
+    textbook = newton_raphson(
+        lambda q: three_link_position([2, 1, 1], q), lambda q: three_link_jacobian([2, 1, 1], q), start, goal
+    )
+    assert textbook.status == "converged"
+    same = min(len(textbook.step), found.steps)
+    assert same >= found.steps - 1  # the two measure the last error differently
+    # A step multiplies what rounding left by 1/σ_min, here below 10.
+    assert_allclose(found.iterates.step[:same], textbook.step[:same], atol=1e-11)
 
 
 def orders(error):
