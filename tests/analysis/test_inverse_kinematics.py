@@ -10,6 +10,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
+import rmrc
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
@@ -136,6 +137,27 @@ def test_rows_that_do_not_count_are_free():
     assert_reached(task, goal, found.q)
     # Negative control: the others are not met.
     assert size(choose(arm), goal, found.pose) > 0.1
+
+
+@pytest.mark.parametrize("method", ["damped", "newton"])
+def test_more_rows_than_joints_are_met_where_they_can_be(method):
+    arm = load("planar_2link")
+    task = choose(arm, ["x", "y", "z", "rz"])
+    q = np.array([0.4, 0.9])
+    found = solve_ik(task, arm.pose(q), q - 0.1, method=method)
+    assert found.found
+    assert_allclose(found.q, q, atol=1e-8)
+    # The nearest to what they cannot have is where the derivative of the squared error vanishes.
+    goal = arm.pose(q)
+    goal[2] = 0.3
+    nearest = solve_ik(task, goal, q)
+    assert not nearest.found
+    assert_allclose(nearest.error, 0.3, atol=1e-12)
+    assert_allclose(nearest.q, q, atol=1e-6)
+
+
+def test_the_names_of_a_notebook():
+    assert (rmrc.solve_ik, rmrc.solve_many, rmrc.goal_pose) == (solve_ik, solve_many, goal_pose)
 
 
 # Limits -----------------------------------------------------------------------------------------

@@ -350,7 +350,7 @@ def kept_limit(arm: Arm, limits: bool) -> Array:
 
 
 def checked_goals(goals: ArrayLike, count: int | None = None) -> Array:
-    """Return goals as (N, 7), their quaternions of length 1."""
+    """Return goals as (N, 7), their quaternions of length 1 and with w >= 0, as those of a site are."""
     poses = np.array(goals, np.float64)
     poses = poses[None] if poses.ndim == 1 and count == 1 else poses
     if poses.ndim != 2 or poses.shape[1] != 7 or (count is not None and len(poses) != count):
@@ -359,7 +359,7 @@ def checked_goals(goals: ArrayLike, count: int | None = None) -> Array:
         )
     if not (np.isfinite(poses).all() and poses[:, 3:].any(axis=1).all()):
         raise QuestionError("a goal must be finite, with a quaternion that is not zero")
-    poses[:, 3:] = normalize(poses[:, 3:])
+    poses[:, 3:] = normalize(np.where(poses[:, 3:4] < 0.0, -1.0, 1.0) * poses[:, 3:])
     return poses
 
 

@@ -54,7 +54,7 @@ Tolerance = Annotated[
     float, typer.Option(help="How near is there: orientation in rad, position over --length.", min=1e-12)
 ]
 WhichMethod = Annotated[
-    Method, typer.Option(help="Damped steps, or Newton's from one start, all printed, as the notes do.")
+    Method, typer.Option(help="Damped steps from several starts, or Newton's from one, all printed.")
 ]
 Limits = Annotated[bool, typer.Option("--limits/--no-limits", help="Keep to the model's position limits.")]
 Every = Annotated[

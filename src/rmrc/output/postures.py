@@ -51,7 +51,7 @@ def solution_sheets(task: Task, solution: Solution, limits: bool, iterates: bool
     rest = Sheet("", ("", "value", "unit"), left, frozenset({0, 2}))
     poses = (("goal", solution.goal), ("reached", solution.pose))
     site = Sheet(
-        f"Site, of which {', '.join(task.axes)} count",
+        f"Site; what counts: {', '.join(task.axes)}",
         ("", "x", "y", "z", "qw", "qx", "qy", "qz"), [(name, *_decimals(pose)) for name, pose in poses],
     )  # fmt: skip
     return [*(_iterates(solution) if iterates else ()), joints, site, rest]
