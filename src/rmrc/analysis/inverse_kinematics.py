@@ -242,8 +242,20 @@ def solve_many(
         restarts: Other starts to try for a goal.
         threads: None for one on each core; the result does not depend on it.
 
+    Returns:
+        What was found for each, as `solve_ik` finds it; |e| is the search's own.
+
     Raises:
         QuestionError: Goals or starts do not fit the arm or are not finite.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from rmrc.analysis.task import choose
+        >>> from rmrc.arm import load
+        >>> task = choose(load(Path("models/planar_2link.xml")))
+        >>> found = solve_many(task, [goal_pose(task, [x, 1.0]) for x in (1.0, 2.0)])
+        >>> found.found.tolist(), found.error.round(6).tolist()
+        ([True, False], [0.0, 0.236068])
     """
     goals = checked_goals(goals)
     begin, limit = checked_starts(task.arm, starts, len(goals)), kept_limit(task.arm, limits)

@@ -79,8 +79,21 @@ def find_postures(
         starts: How many starts.
         threads: None for one on each core; the result does not depend on it.
 
+    Returns:
+        The postures, or the nearest configuration if none was found.
+
     Raises:
         QuestionError: Goal or start do not fit the arm or are not finite.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from rmrc.analysis.inverse_kinematics import goal_pose
+        >>> from rmrc.analysis.task import choose
+        >>> from rmrc.arm import load
+        >>> task = choose(load(Path("models/planar_2link.xml")))
+        >>> found = find_postures(task, goal_pose(task, [1.0, 1.0]))
+        >>> (np.degrees(found.q).round(6) + 0.0).tolist(), found.is_continuum
+        ([[0.0, 90.0], [90.0, -90.0]], False)
     """
     arm, limit = task.arm, kept_limit(task.arm, limits)
     goals, start = checked_goals(goal, 1), checked_starts(arm, start, 1)
