@@ -464,6 +464,13 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
                 f"{did_you_mean(name, own)}; the chain: {', '.join(own)}",
                 "joints",
             )
+    outward = [name for name in own if name in names]
+    if outward != list(names):
+        raise ModelError(
+            f"{path}: joints must be listed once each, from the world outward, got [{', '.join(names)}]; "
+            f"write [{', '.join(outward)}]",
+            "joints",
+        )
     followed = tuple(
         replace(travel, hinge=names.index(own[travel.hinge]))
         for travel in travels.values()
