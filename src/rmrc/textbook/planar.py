@@ -60,6 +60,31 @@ def planar_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
     return np.stack([x, y, np.ones_like(phi)], axis=-2)
 
 
+def planar_jacobian_from_centers(centers: ArrayLike, point: ArrayLike) -> NDArray[np.float64]:
+    """Return the Jacobian of a point from where the joints are: no derivative is taken.
+
+    Each joint is the center of rotation of all that comes after it, so its column is
+    (j_y − y, x − j_x) for the joint at j and the point at (x, y); the angle gets 1 [Selig92, §6.4].
+
+    Args:
+        centers: Positions j_1..j_n of the joints, (..., n, 2) [m].
+        point: Position of the point, (..., 2) [m].
+
+    Returns:
+        Rows x, y, rz in the frame of centers and point, (..., 3, n).
+
+    Example:
+        Two links of 1 m, bent by 90°: joints at (0, 0) and (1, 0), the tip at (1, 1).
+
+        >>> planar_jacobian_from_centers([[0, 0], [1, 0]], [1, 1])
+        array([[-1., -1.],
+               [ 1.,  0.],
+               [ 1.,  1.]])
+    """
+    arm = np.asarray(point, dtype=np.float64)[..., None, :] - np.asarray(centers, dtype=np.float64)
+    return np.stack([-arm[..., 1], arm[..., 0], np.ones_like(arm[..., 0])], axis=-2)
+
+
 def embed_planar_jacobian(jacobian: ArrayLike) -> NDArray[np.float64]:
     """Return a planar Jacobian with all six rows: z, rx and ry of a planar arm are zero.
 
