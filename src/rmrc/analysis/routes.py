@@ -64,8 +64,8 @@ def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
 def link_frames(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array, Array]:
     """Return the arm as link transforms, for `rmrc.textbook.propagation`.
 
-    Frame {i} is fixed in link i, its z along the axis of joint i; at q = 0 its origin is on MuJoCo's
-    anchor. Its motion is that of a modified DH link of no length and twist: q turns about z, or slides along it.
+    Frame {i} is fixed in link i, its z along the axis of joint i; at q = 0 its origin is MuJoCo's anchor. It
+    moves as a modified DH link of no length and twist: q turns about z, or slides along it.
 
     Args:
         arm: The arm.

@@ -144,8 +144,9 @@ def standing_still(
 
 def _parts(twist: Array) -> tuple[bool, bool]:
     """Return whether a twist moves, and whether it turns, by more than is said."""
-    share = np.hypot(*(np.linalg.norm(twist[part]) for part in (slice(3), slice(3, 6))))
-    return bool(np.linalg.norm(twist[:3]) >= SAID * share), bool(np.linalg.norm(twist[3:]) >= SAID * share)
+    moves, turns = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
+    said = SAID * np.hypot(moves, turns)
+    return bool(moves > said), bool(turns > said)
 
 
 def main_joints(motion: Array) -> list[int]:

@@ -25,7 +25,9 @@ def planar_rp_chain() -> DHChain:
         array([1.5, 0. , 0. , 1. ])
     """
     square = np.pi / 2
-    return DHChain(table=((0.0, 0.0, 0.0, square), (square, 0.0, 0.0, 0.0)), kinds=("revolute", "prismatic"))
+    return DHChain(
+        table=((0.0, 0.0, 0.0, square), (square, 0.0, 0.0, 0.0)), kinds=("revolute", "prismatic")
+    )
 
 
 def planar_rp_position(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.float64]:
