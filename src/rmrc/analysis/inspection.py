@@ -26,6 +26,8 @@ FRAMES = ("world", "site", "base")
 
 # A joint is said to be near its limit within this share of its range: some 10 degrees of most joints.
 NEAR_LIMIT = 0.05
+# A limit in degrees, rounded to radians in a file of eight digits, is not yet passed.
+AT_LIMIT = 1e-6
 # More minors than these are not counted: a second for 6 rows and 20 joints.
 MOST_MINORS = 40_000
 
@@ -344,7 +346,7 @@ def _held(arm: Arm, q: Array, J: Array, R: Array, wrench: Sequence[float] | Arra
 def _warnings(arm: Arm, q: Array) -> tuple[str, ...]:
     said = []
     for joint, position, (lower, upper) in zip(arm.joints, q, arm.position_limit, strict=True):
-        if not lower <= position <= upper:
+        if not lower - AT_LIMIT <= position <= upper + AT_LIMIT:
             end, limit = ("lower", lower) if position < lower else ("upper", upper)
             said.append(f"{joint} = {position:.4g} is outside of its limits: the {end} one is {limit:.4g}")
     return tuple(said)

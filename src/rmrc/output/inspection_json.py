@@ -29,7 +29,7 @@ KEYS = {
     "statics": "wrench, balancing and equivalent torques, reactions, their points, disagreement; or null",
     "warnings": "in words",
 }
-"""What each key holds: SI, radians; vectors along world axes but for `jacobian`; no number is nan or infinite."""
+"""What each key holds: SI, radians; vectors along world axes but for `jacobian`; all numbers are finite."""
 
 
 def facts(found: Inspection) -> dict[str, Any]:

@@ -64,7 +64,7 @@ def _site(found: Inspection) -> Sheet:
 
 
 def _jacobian(found: Inspection) -> Sheet:
-    title = f"J of the site's origin along the axes of the {found.frame}, a line a joint: v [m], w [rad] per rad or m of it"
+    title = f"J of the site's origin along the axes of the {found.frame}: v [m] and w [rad] per rad or m"
     names = [f"v_{axis}" for axis in "xyz"] + [f"w_{axis}" for axis in "xyz"]
     rows = [
         (joint, *(number(_clean(value)) for value in column))
