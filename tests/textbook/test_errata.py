@@ -5,8 +5,16 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rmrc.control.law import resolve_rates
-from rmrc.spatial import quat_from_axis_angle, quat_to_matrix, skew, twist_transform, wrench_transform
+from rmrc.spatial import (
+    exp_rotation,
+    quat_from_axis_angle,
+    quat_to_matrix,
+    skew,
+    twist_transform,
+    wrench_transform,
+)
 from rmrc.textbook.dh import DHChain
+from rmrc.textbook.motion import point_velocity, written_in
 from rmrc.textbook.planar import planar_jacobian, planar_position, three_link_jacobian, two_link_jacobian
 from rmrc.textbook.stanford import stanford_jacobian
 
@@ -22,6 +30,133 @@ LENGTHS = np.array([1.0, 0.8, 0.6])
 def refuted(printed, holds):
     """Whether two values differ by more than any rounding."""
     return np.abs(np.subtract(printed, holds)).max() > 1e-3
+
+
+# The frames of A are those of standard DH: joint i+1 turns or slides along z of frame i.
+STANDARD = DHChain(
+    ((0.7, 0.5, 0.1, 0.2), (-0.4, 0.8, 0.2, 0.1), (0.9, 0.3, 0.4, -0.3)),
+    ("revolute", "prismatic", "revolute"),
+    "standard",
+)
+RATES = np.array([0.7, -1.1, 0.6])
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def tip_velocity(chain, spin, velocity):
+    """[v; ω] of the last frame along {0}, by A's two lines: each takes i, R, P and the twist so far."""
+    v, omega = np.zeros((2, 3))
+    for i, T in enumerate(chain.link_transforms(Q)):
+        R, P = T[:3, :3], T[:3, 3]
+        omega_next = spin(i, R, omega)
+        v, omega = velocity(i, R, P, v, omega, omega_next), omega_next
+    R = chain.frames(Q)[-1, :3, :3]
+    return np.concatenate([R @ v, R @ omega])
+
+
+def theta_rate(i):
+    return RATES[i] if STANDARD.kinds[i] == "revolute" else 0.0
+
+
+def d_rate(i):
+    return RATES[i] if STANDARD.kinds[i] == "prismatic" else 0.0
+
+
+def spin(i, R, omega):
+    return R.T @ (omega + theta_rate(i) * Z)
+
+
+def velocity(i, R, P, v, _, omega_next):
+    return R.T @ (v + np.cross(R @ omega_next, P) + d_rate(i) * Z)
+
+
+def test_example_5_3_takes_rate_and_angular_velocity_of_the_next_link():
+    explicit = STANDARD.jacobian(Q) @ RATES
+    assert_allclose(tip_velocity(STANDARD, spin, velocity), explicit, atol=ROUNDING)
+
+    def late_spin(i, R, omega):
+        return R.T @ (omega + (theta_rate(i - 1) if i else 0.0) * Z)
+
+    def late_velocity(i, R, P, v, omega, _):
+        return R.T @ (v + np.cross(omega, P) + d_rate(i) * Z)
+
+    for printed in (
+        tip_velocity(STANDARD, late_spin, velocity),
+        tip_velocity(STANDARD, spin, late_velocity),
+        tip_velocity(STANDARD, late_spin, late_velocity),
+    ):
+        assert refuted(printed, explicit)
+
+
+@pytest.mark.parametrize("observer", ["link", "ground"])
+def test_a_slide_adds_its_rate_along_the_axis_and_not_the_rate_of_the_axis(observer):
+    explicit = STANDARD.jacobian(Q) @ RATES
+
+    def printed(i, R, P, v, omega, omega_next):
+        slides = STANDARD.kinds[i] == "prismatic"
+        # Seen from its own link, the axis does not change; seen from the ground, it turns with the link.
+        axis_rate = np.cross(omega, Z) if observer == "ground" else np.zeros(3)
+        return R.T @ (v + np.cross(R @ omega_next, P) + slides * axis_rate)
+
+    assert_allclose(tip_velocity(STANDARD, spin, velocity), explicit, atol=ROUNDING)
+    assert refuted(tip_velocity(STANDARD, spin, printed), explicit)
+
+
+def test_way_to_the_next_frame_is_minus_the_way_back_and_not_to_itself():
+    explicit = STANDARD.jacobian(Q) @ RATES
+
+    def with_way(way):
+        def carried(i, R, P, v, _, omega_next):
+            return R.T @ (v + np.cross(R @ omega_next, way(R, P)) + d_rate(i) * Z)
+
+        return tip_velocity(STANDARD, spin, carried)
+
+    assert_allclose(with_way(lambda R, P: -R @ (-R.T @ P)), explicit, atol=ROUNDING)
+    assert refuted(with_way(lambda R, P: R @ (-R.T @ P)), explicit)  # ᶦR_i+1 ᶦ⁺¹P_i without the minus
+    assert refuted(with_way(lambda *_: np.zeros(3)), explicit)  # ᶦP_i
+
+
+def test_only_the_rates_of_slides_move_along_their_axes():
+    frames = STANDARD.frames(Q)
+    axes, origins = frames[:-1, :3, 2], frames[:-1, :3, 3]
+    turning = sum(theta_rate(i) * np.cross(axes[i], frames[-1, :3, 3] - origins[i]) for i in range(3))
+    holds = turning + sum(d_rate(i) * axes[i] for i in range(3))
+    explicit = (STANDARD.jacobian(Q) @ RATES)[:3]
+    assert_allclose(holds, explicit, atol=ROUNDING)
+    assert refuted(turning + RATES @ axes, explicit)
+
+
+def test_velocity_that_b_sees_must_be_turned_for_a_to_write_it():
+    step, spin_b = 1e-5, np.array([0.3, -0.2, 0.5])
+    rotation = lambda t: quat_to_matrix(exp_rotation(t * spin_b)) @ ROTATION  # noqa: E731
+    point = lambda t: np.array([np.sin(t), np.cos(t), t])  # noqa: E731
+    seen_by_b = (point(step) - point(-step)) / (2 * step)
+    seen_by_a = (rotation(step) @ point(step) - rotation(-step) @ point(-step)) / (2 * step)
+    still, turning = np.zeros(3), (spin_b, point(0.0))
+    written_by_a = written_in(ROTATION, seen_by_b)
+    # What {A} sees is this and what the turning of {B} carries; central differences: 1e-16/1e-5, (1e-5)²/6.
+    assert_allclose(written_by_a, seen_by_a - point_velocity(still, ROTATION, still, *turning), atol=1e-8)
+    assert refuted(written_by_a, seen_by_b)
+
+
+def torques_inwards(force, lever):
+    """A's statics of the standard chain, for a force at the tip: n_i about joint i, along frame {i}."""
+    links, frames = STANDARD.link_transforms(Q), STANDARD.frames(Q)
+    f, n, torques = frames[-1, :3, :3].T @ force, np.zeros(3), []
+    for i in reversed(range(3)):  # link i+1, whose joint is on z of frame i
+        T = links[i]
+        if i < 2:
+            f, n = links[i + 1, :3, :3] @ f, links[i + 1, :3, :3] @ n
+        to_next = links[i + 1, :3, 3] if i < 2 else np.zeros(3)
+        n = n + np.cross(lever(-T[:3, :3].T @ T[:3, 3], to_next), f)
+        torques.append((n if STANDARD.kinds[i] == "revolute" else f) @ T[:3, :3].T @ Z)
+    return torques[::-1]
+
+
+def test_moment_of_a_link_is_taken_over_the_way_back_to_its_joint():
+    force = np.array([0.4, -0.8, 0.3])
+    explicit = STANDARD.jacobian(Q)[:3].T @ force
+    assert_allclose(torques_inwards(force, lambda back, _: -back), explicit, atol=ROUNDING)
+    assert refuted(torques_inwards(force, lambda _, to_next: -to_next), explicit)
 
 
 def test_force_transform_is_the_transpose_of_the_velocity_transform_the_other_way():
@@ -111,3 +246,41 @@ def test_velocity_of_the_tip_needs_brackets_around_the_way_to_it():
     column = arm.jacobian(q)[:3, 1]
     assert_allclose(np.cross(axis, tip - origin), column, atol=ROUNDING)
     assert refuted(np.cross(axis, tip) - origin, column)
+
+
+def test_velocity_by_the_fourth_joint_is_the_fourth_and_not_the_first():
+    # Three hinges and a slide, as in the figure; the velocities by all joints add up to that of the tip.
+    arm = DHChain(
+        ((0, 0, 0, 0), (0.5, 0.4, 0, 0), (0.3, 0.6, 0, 0), (0.2, 0.5, 0, 0)),
+        ("revolute",) * 3 + ("prismatic",),
+    )
+    q, rates = np.array([*Q, 0.2]), np.array([0.7, -1.1, 0.6, 0.9])
+    frames = arm.frames(q)
+    turning = [
+        rates[i] * np.cross(frames[i + 1, :3, 2], frames[4, :3, 3] - frames[i + 1, :3, 3]) for i in range(3)
+    ]
+    sliding = rates[3] * frames[4, :3, 2]
+    tip = (arm.jacobian(q) @ rates)[:3]
+    assert_allclose(sum(turning) + sliding, tip, atol=ROUNDING)
+    assert refuted(sliding + sum(turning[1:]), tip)  # with u₁ = z₄ q̇₄
+
+
+def test_way_to_the_tip_ends_at_the_frame_after_the_last_joint():
+    l1, l2 = 1.0, 0.8
+    arm = DHChain(((0, 0, 0, 0), (0, l1, 0, 0)), ("revolute", "revolute"))  # D's frames: {3} is the tip
+    frames, q = arm.frames(Q[:2]), Q[:2]
+    origins = [*frames[1:, :3, 3], (frames[-1] @ [l2, 0, 0, 1])[:3]]
+    J = arm.jacobian(q, point=(l2, 0, 0))[:3]
+    columns = lambda end: np.transpose([np.cross(Z, end - origins[i]) for i in range(2)])  # noqa: E731
+    assert_allclose(columns(origins[2]), J, atol=ROUNDING)
+    assert refuted(columns(origins[1]), J)  # o_n
+    assert not columns(origins[1])[:, 1].any()  # which would leave nothing for the last joint to move
+
+
+def test_more_joints_than_rows_are_not_enough_for_the_right_inverse():
+    stretched = planar_jacobian(LENGTHS, np.zeros(3))[:2]
+    assert stretched.shape == (2, 3)  # m < n
+    assert np.linalg.matrix_rank(stretched @ stretched.T) == 1  # and no inverse
+    bent = planar_jacobian(LENGTHS, Q)[:2]
+    gram = bent @ bent.T
+    assert_allclose(gram @ np.linalg.inv(gram), np.eye(2), atol=ROUNDING)

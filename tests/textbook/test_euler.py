@@ -129,14 +129,14 @@ def posture(q):
 @given(st.tuples(*[st.floats(-2, 2)] * 6).map(np.array))
 def test_analytic_jacobian_is_the_derivative_of_position_and_angles(q):
     angles = posture(q)[3:]
-    assume(np.abs(np.sin(angles[1])) > 0.1)
+    assume(np.abs(np.sin(angles[1])) > 0.2)
     columns = []
     for step in STEP * np.eye(6):
         change = posture(q + step) - posture(q - step)
         change[3:] = (change[3:] + np.pi) % (2 * np.pi) - np.pi  # a full turn is no change
         columns.append(change / (2 * STEP))
     J_a = analytic_jacobian(ARM.jacobian(q, point=TOOL), angles)
-    # Near the singularity third derivatives grow like sin⁻³ β = 1000: (1e-5)²/6 · 1000.
+    # Near the singularity third derivatives grow like 2 sin⁻³ β = 250: (1e-5)²/6 · 250, and as much for the rest.
     assert_allclose(J_a, np.transpose(columns), atol=5e-8)
 
 
@@ -158,5 +158,5 @@ def test_leading_axes_are_cases():
     assert J_a.shape == (5, 4, 6, 3)
     assert_allclose(J_a[3, 2], analytic_jacobian(J[3, 0], angles[2]), atol=1e-13)
     assert_allclose(zyz_angles(zyz_matrix(angles)), angles, atol=1e-13)
-    with pytest.raises(np.linalg.LinAlgError):
+    with pytest.raises(np.linalg.LinAlgError, match="the representation is singular"):
         analytic_jacobian(J, np.vstack([angles[:3], [[0.1, 0.0, 0.2]]]))

@@ -107,6 +107,14 @@ def test_drives_give_the_power_of_the_tip_and_bearings_none(seed):
     assert_allclose(tau @ chain.qdot, chain.wrench @ twists[-1], atol=ROUNDING)
 
 
+def test_what_costs_no_torque_at_a_singularity_is_carried_by_the_bearings():
+    arm = DHChain(((0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0.8, 0, 0)), ("revolute",) * 3)
+    along = np.array([1000.0, 0, 0, 0, 0, 0])  # the links' own direction, stretched out
+    reactions = inward_wrenches(arm.link_transforms([0.7, 0, 0]), along, moved([0.6, 0, 0]))
+    assert_allclose(reactions, [along] * 3, atol=0)
+    assert_allclose(actuator_torques(reactions, np.zeros(3)), 0.0, atol=0)
+
+
 def as_written(links, rates, ahead=False):
     """The notes' two lines for revolute joints, with ω_i, or with ω_i+1, in front of P."""
     v, omega = np.zeros((2, 3))
@@ -120,7 +128,7 @@ def as_written(links, rates, ahead=False):
 
 def test_frames_on_their_own_joint_are_carried_by_the_link_before():
     chain = Chain(3)
-    found = outward_velocities(chain.links, 0 * chain.coupling[0], chain.qdot)[-1]
+    found = outward_velocities(chain.links, np.zeros(len(chain.q)), chain.qdot)[-1]
     assert_allclose(found, as_written(chain.links, chain.qdot), atol=ROUNDING)
     # ω_i+1 belongs to the frames of standard DH, which are carried by their own link.
     assert np.abs(found - as_written(chain.links, chain.qdot, ahead=True)).max() > 1e-3
@@ -178,25 +186,59 @@ def frame_along(axis, origin):
     return T
 
 
+def random_arm(seed):
+    """Return a random arm of MuJoCo at rest and its chain: joints, their frames, and the tip in the last."""
+    model = mujoco.MjModel.from_xml_string(random_chain(seed))
+    data = mujoco.MjData(model)
+    data.qpos[7:] = np.random.default_rng(seed).uniform(-1, 1, model.nq - 7)
+    mujoco.mj_forward(model, data)
+    joints = [j for j in range(model.njnt) if model.joint(j).name.startswith("j")]
+    frames = np.stack([frame_along(data.xaxis[j], data.xanchor[j]) for j in joints])
+    tip = moved(data.site("tip").xpos)
+    tip[:3, :3] = data.site("tip").xmat.reshape(3, 3)
+    return model, data, joints, frames, tip
+
+
+def as_links(frames, tip):
+    poses = [np.eye(4), *frames]
+    return np.linalg.inv(poses[:-1]) @ poses[1:], np.linalg.inv(poses[-1]) @ tip
+
+
 @settings(max_examples=15, deadline=None)
 @given(seeds)
 def test_links_taken_from_any_arm_give_mujocos_jacobian(seed):
-    model = mujoco.MjModel.from_xml_string(random_chain(seed))
-    data = mujoco.MjData(model)
-    rng = np.random.default_rng(seed)
-    data.qpos[7:] = rng.uniform(-1, 1, model.nq - 7)
-    mujoco.mj_forward(model, data)
-    site = model.site("tip").id
-    joints = [j for j in range(model.njnt) if model.joint(j).name.startswith("j")]
+    model, data, joints, frames, tip = random_arm(seed)
+    links, last = as_links(frames, tip)
     slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
-    poses = [np.eye(4), *(frame_along(data.xaxis[j], data.xanchor[j]) for j in joints)]
-    links = np.linalg.inv(poses[:-1]) @ poses[1:]
-    tip = moved(data.site_xpos[site])
-    tip[:3, :3] = data.site_xmat[site].reshape(3, 3)
-    J = jacobian_by_propagation(links, np.where(slides, np.inf, 0.0), np.linalg.inv(poses[-1]) @ tip)
+    J = jacobian_by_propagation(links, np.where(slides, np.inf, 0.0), last)
     expected = np.zeros((6, model.nv))
-    mujoco.mj_jacSite(model, data, expected[:3], expected[3:], site)
+    mujoco.mj_jacSite(model, data, expected[:3], expected[3:], model.site("tip").id)
     assert_allclose(J, expected[:, model.jnt_dofadr[joints]], atol=ROUNDING)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seeds)
+def test_reactions_are_the_forces_between_mujocos_bodies(seed):
+    """The physics' own: what acts from parent to child if nothing moves, accelerates or weighs anything."""
+    model, data, joints, frames, tip = random_arm(seed)
+    wrench = np.random.default_rng([seed, 1]).normal(size=6)  # along the tip's axes
+    links, last = as_links(frames, tip)
+    reactions = inward_wrenches(links, wrench, last)
+
+    f, n = tip[:3, :3] @ wrench[:3], tip[:3, :3] @ wrench[3:]
+    hand = model.site("tip").bodyid[0]
+    lever = data.site("tip").xpos - data.xipos[hand]
+    data.xfrc_applied[hand] = [*-f, *-(n + np.cross(lever, f))]  # the world presses back
+    model.opt.gravity[:] = 0
+    data.qacc[:] = data.qvel[:] = 0
+    mujoco.mj_rnePostConstraint(model, data)
+    for joint, frame, reaction in zip(joints, frames, reactions, strict=True):
+        body = model.jnt_bodyid[joint]
+        moment, force = np.split(data.cfrc_int[body], 2)  # about the center of mass of the whole tree
+        moment = moment + np.cross(data.subtree_com[model.body_rootid[body]] - frame[:3, 3], force)
+        R = frame[:3, :3]
+        # Levers of meters, forces of order 1, eight links.
+        assert_allclose(reaction, [*(R.T @ force), *(R.T @ moment)], atol=1e-11)
 
 
 # Arguments ---------------------------------------------------------------------------------------

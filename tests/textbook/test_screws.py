@@ -1,5 +1,6 @@
 """Screws against scipy's matrix exponential, against DH chains, and against differences of poses."""
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -170,6 +171,25 @@ def test_what_is_dropped_on_the_way_to_the_geometric_jacobian_is_seen(fault):
     J = S if fault == "rows_not_exchanged" else geometric_from_screws(S, tip)
     with pytest.raises(AssertionError):
         assert_allclose(J, pair.jacobian(coupling @ q, point=point) @ coupling, atol=1e-3)
+
+
+SPINDLE = """<mujoco><worldbody><body pos="0.1 0 0.2" quat="0.9 0.1 -0.2 0.3"><joint axis="0.2 1 0"/>
+<geom size="0.1"/><body pos="0.4 0.1 0" quat="0.8 -0.3 0.1 0.2">
+<joint name="advance" type="slide" axis="0.3 0.2 1"/><joint name="turn" axis="0.3 0.2 1" pos="0.1 -0.1 0"/>
+<geom size="0.1"/><site name="tip" pos="0.2 0.3 0.1"/></body></body></worldbody></mujoco>"""
+
+
+def test_spindle_of_mujoco_is_a_slide_and_a_hinge_on_one_axis():
+    model, pitch, turn = mujoco.MjModel.from_xml_string(SPINDLE), 0.07, 0.8
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0.5, pitch * turn, turn]
+    mujoco.mj_forward(model, data)
+    J = np.zeros((6, 3))
+    mujoco.mj_jacSite(model, data, J[:3], J[3:], model.site("tip").id)
+    on = [0, model.joint("turn").id]
+    screws = joint_screw(data.xaxis[on], data.xanchor[on], [0.0, pitch])
+    found = geometric_from_screws(screws.T, data.site("tip").xpos)
+    assert_allclose(found, np.column_stack([J[:, 0], J[:, 2] + pitch * J[:, 1]]), atol=ROUNDING)
 
 
 def test_slide_is_the_limit_of_a_screw_whose_pitch_grows():

@@ -1,9 +1,9 @@
 """An arm with a helical joint: a screw column, a boom that slides out of it, a crank on the boom.
 
-The screw turns about z of frame {0} and rises by its pitch p in a turn, h = p/2π in a radian
-[Selig92, §6.6]. The boom slides along the turning x axis; the crank, of length l, turns about the
-boom and at 0 points sideways. q = (θ₁, d₂, θ₃). The arm is our choice: a screw whose pitch moves the
-singular configurations, which it does not if the joint after it is square to its circle.
+The screw turns about z of frame {0} and rises by h = p/2π in a radian, p in a turn [Selig92, §6.6].
+The boom slides along the turning x axis; the crank, of length l, turns about the boom and at 0
+points sideways. q = (θ₁, d₂, θ₃). The arm is our choice: the crank can move the tip along the
+screw's helix, and so the pitch changes which configurations are singular.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ from numpy.typing import ArrayLike, NDArray
 def helical_position(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
     """Return the tip in frame {0}.
 
-    p = (c₁ d₂ − s₁ l c₃, s₁ d₂ + c₁ l c₃, h θ₁ + l s₃) with h = p/2π [Selig92, §6.6].
+    p = (c₁ d₂ − s₁ l c₃, s₁ d₂ + c₁ l c₃, h θ₁ + l s₃) [Selig92, §6.6].
 
     Args:
-        pitch: p, the rise in a turn, (...) [m].
+        pitch: h, the rise in a radian, (...) [m/rad].
         crank: l, (...) [m].
         q: θ₁, d₂, θ₃, (..., 3) [rad, m, rad].
 
@@ -26,23 +26,23 @@ def helical_position(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArra
         [x, y, z], (..., 3) [m].
 
     Example:
-        A turn rises by the pitch and changes nothing else:
+        A turn rises by 2π h and changes nothing else:
 
-        >>> helical_position(0.5, 0.4, [2 * np.pi, 0.8, 0.0]).round(3)
+        >>> helical_position(0.5 / (2 * np.pi), 0.4, [2 * np.pi, 0.8, 0.0]).round(3)
         array([0.8, 0.4, 0.5])
     """
-    h, l, c1, s1, d2, c3, s3, q1 = _terms(pitch, crank, q)
-    return np.stack([c1 * d2 - s1 * l * c3, s1 * d2 + c1 * l * c3, h * q1 + l * s3], axis=-1)
+    h, arm, c1, s1, d2, c3, s3, q1 = _terms(pitch, crank, q)
+    return np.stack([c1 * d2 - s1 * arm * c3, s1 * d2 + c1 * arm * c3, h * q1 + arm * s3], axis=-1)
 
 
 def helical_jacobian(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
     """Return the Jacobian of the tip in frame {0}: the screw's column is (ẑ × p + h ẑ; ẑ).
 
-    A helical joint is a hinge and a slide on one axis whose rates are as 1 to h = p/2π, so its column
+    A helical joint is a hinge and a slide on one axis whose rates are as 1 to h, so its column
     is the hinge's and h times the slide's [Selig92, §6.6].
 
     Args:
-        pitch: p, the rise in a turn, (...) [m].
+        pitch: h, the rise in a radian, (...) [m/rad].
         crank: l, (...) [m].
         q: θ₁, d₂, θ₃, (..., 3) [rad, m, rad].
 
@@ -50,7 +50,7 @@ def helical_jacobian(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArra
         Rows [v; ω], (..., 6, 3).
 
     Example:
-        >>> helical_jacobian(2 * np.pi * 0.1, 0.4, [0.0, 0.8, 0.0]).round(3) + 0.0
+        >>> helical_jacobian(0.1, 0.4, [0.0, 0.8, 0.0]).round(3) + 0.0
         array([[-0.4,  1. ,  0. ],
                [ 0.8,  0. ,  0. ],
                [ 0.1,  0. ,  0.4],
@@ -58,12 +58,12 @@ def helical_jacobian(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDArra
                [ 0. ,  0. ,  0. ],
                [ 1. ,  0. ,  0. ]])
     """
-    h, l, c1, s1, d2, c3, s3, _ = _terms(pitch, crank, q)
+    h, arm, c1, s1, d2, c3, s3, _ = _terms(pitch, crank, q)
     zero, one = np.zeros_like(h), np.ones_like(h)
     rows = (
-        (-s1 * d2 - c1 * l * c3, c1, s1 * l * s3),
-        (c1 * d2 - s1 * l * c3, s1, -c1 * l * s3),
-        (h, zero, l * c3),
+        (-s1 * d2 - c1 * arm * c3, c1, s1 * arm * s3),
+        (c1 * d2 - s1 * arm * c3, s1, -c1 * arm * s3),
+        (h, zero, arm * c3),
         (zero, zero, c1),
         (zero, zero, s1),
         (one, zero, zero),
@@ -78,7 +78,7 @@ def helical_determinant(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDA
     tan θ₃ = −d₂/h. With pitch 0 that is the crank straight up or down; the pitch tilts it.
 
     Args:
-        pitch: p, the rise in a turn, (...) [m].
+        pitch: h, the rise in a radian, (...) [m/rad].
         crank: l, (...) [m].
         q: θ₁, d₂, θ₃, (..., 3) [rad, m, rad].
 
@@ -86,34 +86,34 @@ def helical_determinant(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> NDA
         det J_v, (...) [m²].
 
     Example:
-        >>> helical_determinant(0.5, 0.4, [0.3, 0.8, 0.0]).round(3)
+        >>> helical_determinant(0.1, 0.4, [0.3, 0.8, 0.0]).round(3)
         np.float64(-0.32)
     """
-    h, l, _, _, d2, c3, s3, _ = _terms(pitch, crank, q)
-    return np.asarray(-l * (d2 * c3 + h * s3))[()]
+    h, arm, _, _, d2, c3, s3, _ = _terms(pitch, crank, q)
+    return np.asarray(-arm * (d2 * c3 + h * s3))[()]
 
 
 def helical_singular_crank(pitch: ArrayLike, reach: ArrayLike) -> NDArray[np.float64]:
     """Return the crank angle at which the arm is singular, θ₃ = atan2(d₂, −h); half a turn on, too.
 
     Args:
-        pitch: p, the rise in a turn, (...) [m].
+        pitch: h, the rise in a radian, (...) [m/rad].
         reach: d₂, (...) [m].
 
     Returns:
         θ₃, (...) [rad].
 
     Example:
-        >>> np.degrees(helical_singular_crank(0.5, 0.8)).round(2)
-        np.float64(95.68)
+        >>> np.degrees(helical_singular_crank(0.1, 0.8)).round(2)
+        np.float64(97.13)
     """
-    return np.asarray(np.arctan2(reach, -np.asarray(pitch, dtype=np.float64) / (2.0 * np.pi)))[()]
+    return np.asarray(np.arctan2(reach, -np.asarray(pitch, dtype=np.float64)))[()]
 
 
 def _terms(pitch: ArrayLike, crank: ArrayLike, q: ArrayLike) -> tuple[NDArray[np.float64], ...]:
     """Return h, l, c₁, s₁, d₂, c₃, s₃, θ₁, all of one shape."""
     q = np.asarray(q, dtype=np.float64)
-    h = np.asarray(pitch, dtype=np.float64) / (2.0 * np.pi)
+    h = np.asarray(pitch, dtype=np.float64)
     q1, d2, q3 = q[..., 0], q[..., 1], q[..., 2]
     return np.broadcast_arrays(
         h, np.asarray(crank, dtype=np.float64), np.cos(q1), np.sin(q1), d2, np.cos(q3), np.sin(q3), q1

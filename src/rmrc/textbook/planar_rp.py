@@ -25,9 +25,7 @@ def planar_rp_chain() -> DHChain:
         array([1.5, 0. , 0. , 1. ])
     """
     square = np.pi / 2
-    return DHChain(
-        table=((0.0, 0.0, 0.0, square), (square, 0.0, 0.0, 0.0)), kinds=("revolute", "prismatic")
-    )
+    return DHChain(table=((0.0, 0.0, 0.0, square), (square, 0.0, 0.0, 0.0)), kinds=("revolute", "prismatic"))
 
 
 def planar_rp_position(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.float64]:
@@ -45,7 +43,7 @@ def planar_rp_position(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[np.
         array([0. , 1.5])
     """
     q = np.asarray(q, dtype=np.float64)
-    r = home_reach + q[..., 1]
+    r = np.asarray(home_reach, dtype=np.float64) + q[..., 1]
     return np.stack([r * np.cos(q[..., 0]), r * np.sin(q[..., 0])], axis=-1)
 
 
@@ -88,6 +86,6 @@ def planar_rp_determinant(q: ArrayLike, home_reach: ArrayLike = 1.0) -> NDArray[
 
     Example:
         >>> planar_rp_determinant([0.3, -1.0])
-        np.float64(-0.0)
+        np.float64(0.0)
     """
-    return np.asarray(-(home_reach + np.asarray(q, dtype=np.float64)[..., 1]))[()]
+    return np.asarray(-np.asarray(home_reach, dtype=np.float64) - np.asarray(q, dtype=np.float64)[..., 1])[()]

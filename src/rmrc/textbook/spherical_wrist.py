@@ -107,9 +107,7 @@ def three_roll_jacobian(q: ArrayLike, tilt: ArrayLike = (np.pi / 3, np.pi / 3)) 
     return np.stack([np.stack(np.broadcast_arrays(*row), axis=-1) for row in rows], axis=-2)
 
 
-def three_roll_determinant(
-    q: ArrayLike, tilt: ArrayLike = (np.pi / 3, np.pi / 3)
-) -> NDArray[np.float64]:
+def three_roll_determinant(q: ArrayLike, tilt: ArrayLike = (np.pi / 3, np.pi / 3)) -> NDArray[np.float64]:
     """Return det J = −s_β s_γ s₂ of the three-roll wrist [Selig92, exercise 6.4].
 
     Singular where the three axes lie in one plane: θ₂ = kπ. At θ₂ = 0 with equal tilts two of them

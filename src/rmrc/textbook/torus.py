@@ -175,10 +175,10 @@ def torus_postures(lengths: ArrayLike, point: ArrayLike) -> Array:
         >>> torus_postures([1.2, 0.6, 0.4], [1.6, 0, 0.6]).shape
         (2, 3)
         >>> np.degrees(torus_postures([0.3, 0.6, 0.4], [0.2, 0, 0.7])).round(1) + 0.0
-        array([[   0. ,   63.7,   92.4],
-               [   0. ,  132.5,  -92.4],
-               [ 180. ,  101.1,   62.7],
-               [ 180. ,  149.9,  -62.7]])
+        array([[  0. ,  63.7,  92.4],
+               [  0. , 132.5, -92.4],
+               [180. , 101.1,  62.7],
+               [180. , 149.9, -62.7]])
     """
     l1, l2, l3 = np.asarray(lengths, dtype=np.float64)
     x, y, z = np.asarray(point, dtype=np.float64)
