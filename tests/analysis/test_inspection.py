@@ -101,7 +101,7 @@ WORDS = {
     "anthropomorphic, straight": (
         ("anthropomorphic", "tip", [0, 0, 0]),
         ["cannot move along y; a force along y asks for no torque"],
-        ["shoulder and elbow turn against each other, 1 : -2.33, without moving x, y and z of the site, which turns about x"],
+        ["shoulder and elbow turn against each other, 1 : -2.33, without moving x, y and z of the site, which turns about -x"],
     ),
     "anthropomorphic, upright": (
         ("anthropomorphic", "tip", [0, np.pi / 2, 0]),
@@ -111,7 +111,7 @@ WORDS = {
         ],
         [
             "waist turns alone without moving x, y and z of the site, which turns about z",
-            "shoulder and elbow turn against each other, 1 : -2.33, without moving x, y and z of the site, which turns about x",
+            "shoulder and elbow turn against each other, 1 : -2.33, without moving x, y and z of the site, which turns about -x",
         ],
     ),
     "wrist": (
@@ -121,17 +121,17 @@ WORDS = {
     ),
     "stanford, its wrist": (
         ("stanford", "wrist", [0.0, np.pi / 2, 0.6, 0.0, 0.0, 0.2]),
-        # Axes 4 and 6 lie along x, axis 5 along y, and the boom points along x, 0.154 m beside the first axis.
+        # The boom points along x: a force of 1 N across it has no moment about the first axis with one of -0.6 N m.
         [
-            "cannot turn about z in place, nor move along y without turning; a force along y with a moment "
-            "about z, 0.86 N to 0.51 N m, asks for no torque"
+            "cannot turn about -z in place, nor move along y without turning; a force along y with a moment "
+            "about -z, 0.86 N to 0.51 N m, asks for no torque"
         ],
         ["theta_4 and theta_6 turn against each other, 1 : -1, without moving the site"],
     ),
     "stanford, its boom": (
         ("stanford", "wrist", [0.0, 0.0, 0.6, 0.0, np.pi / 2, 0.2]),
         ["cannot move along y; a force along y asks for no torque"],
-        ["theta_1, theta_2 and theta_4 move ..."],
+        ["theta_1, theta_2, theta_4 and theta_5 turn, 1 : 0.257 : -1 : -0.257, without moving the site"],
     ),
 }  # fmt: skip
 
@@ -142,3 +142,327 @@ def test_words_at_singularities(case):
     found = inspect_arm(model(name, site), q)
     assert [one.words for one in found.lost] == lost
     assert [one.words for one in found.standing] == standing
+
+
+def test_words_are_along_the_axes_of_the_frame():
+    # Half a turn to the left, the site's x is the world's -x, and the arm's direction.
+    found = inspect_arm(model("planar_2link"), [np.pi / 3, 0], frame="site")
+    assert found.lost[0].words == "cannot move along x; a force along x asks for no torque (axes of the site)"
+    assert found.standing[0].words.endswith("which turns about -z (axes of the site)")
+
+
+@given(seeds, st.sampled_from([0.4, 1.0]), st.sampled_from([None, AXES, ("y", "rx"), ("rz",)]))
+@settings(max_examples=40, deadline=None)
+def test_what_is_lost_and_what_stands_still_for_any_chain(tmp_path_factory, seed, length, axes):
+    arm = chain_of(tmp_path_factory, seed)
+    found = inspect_arm(arm, arm.sampled(1, seed)[0], axes=axes, length=length)
+    check_spaces(found, arm.jacobian(found.q))
+    assert (
+        found.rank_by_minors
+        == found.rank
+        == np.linalg.matrix_rank(found.task.matrix(arm.jacobian(found.q)), 1e-9)
+    )
+
+
+def check_spaces(found, J):
+    """Hold lost directions and standing motions against their defining equations, and count them."""
+    task, arm = found.task, found.arm
+    others = np.delete(np.arange(6), task.rows)
+    gap = found.sigma[0] / found.sigma[max(found.rank - 1, 0)] if found.rank else 1.0
+    slack = NULL * max(1.0, np.abs(J).max()) * gap
+    for one in found.lost:
+        assert_allclose(J.T @ one.wrench, 0.0, atol=slack)
+        assert np.all(one.wrench[others] == 0.0) and np.all(one.twist[others] == 0.0)
+        # of the scaled rows, one direction of length 1
+        assert one.wrench @ one.twist == pytest.approx(1.0, abs=ROUNDING)
+    for one in found.standing:
+        assert_allclose(J[task.rows] @ one.motion, 0.0, atol=slack)
+        assert_allclose(one.twist, J @ one.motion, atol=ROUNDING * max(1.0, np.abs(J).max()))
+        assert np.linalg.norm(one.motion / task.joint_scale) == pytest.approx(1.0, abs=ROUNDING)
+    assert len(found.lost) == len(task.rows) - found.rank
+    assert len(found.standing) == arm.n - found.rank
+    for vectors in ([one.wrench for one in found.lost], [one.motion for one in found.standing]):
+        assert not vectors or np.linalg.matrix_rank(np.array(vectors), 1e-6) == len(vectors)
+
+
+@pytest.mark.parametrize("case", WORDS)
+def test_what_is_lost_at_singularities(case):
+    (name, site, q), *_ = WORDS[case]
+    arm = model(name, site)
+    for length in (0.5, 1.0):
+        found = inspect_arm(arm, q, length=length)
+        assert found.lost and found.standing and found.condition == np.inf
+        check_spaces(found, arm.jacobian(found.q))
+        assert found.rank_by_minors == found.rank
+
+
+def test_a_fault_in_the_lost_direction_would_be_seen():
+    found = inspect_arm(model("stanford", "wrist"), [0.3, 1.0, 0.6, 0.7, 0.0, 0.2])
+    J = found.arm.jacobian(found.q)
+    J[:, 4] += 1e-6
+    with pytest.raises(AssertionError):
+        check_spaces(found, J)
+
+
+def test_nothing_is_lost_at_home():
+    for path in sorted((ROOT / "models").glob("planar*.xml")):
+        arm = arms.load(path)
+        found = inspect_arm(arm, arm.configuration("home")[arm.wiring.qpos])
+        assert (found.lost, found.slow) == ((), ())
+        assert found.rank == len(found.task.rows)
+
+
+@pytest.mark.parametrize("factor", [0.99, 1.01])
+def test_nearly_lost_begins_where_the_law_says_singular(factor):
+    # Two links of 1 m: w = s2 and sigma_1² + sigma_2² = 3 + 2 c2 fix the elbow of a condition.
+    ratio = SINGULAR_BELOW * factor
+    elbow = np.linspace(0.01, 0.1, 100_001)
+    share = np.sin(elbow) / (3 + 2 * np.cos(elbow))  # = ratio/(1 + ratio²)
+    q = [0.3, np.interp(ratio / (1 + ratio**2), share, elbow)]
+    found = inspect_arm(model("planar_2link"), q)
+    assert 1.0 / found.condition == pytest.approx(ratio, rel=1e-6)
+    assert len(found.slow) == (factor < 1.0) and not found.lost
+
+
+@pytest.mark.parametrize(
+    ("name", "q", "words"),
+    [
+        (
+            "planar_2link",
+            [0, 0.002],
+            ["moves by only 0.00089 m along x for shoulder 0.45 rad and elbow -0.89 rad; 1 m/s of it takes 1000 rad/s of elbow"],
+        ),
+        (
+            "spherical_wrist",
+            [0, 0.002, 0],
+            ["turns by only 0.0014 rad about x for theta_1 -0.71 rad and theta_3 0.71 rad; 1 rad/s of it takes 500 rad/s of theta_1"],
+        ),
+    ],
+)  # fmt: skip
+def test_words_near_singularities(name, q, words):
+    found = inspect_arm(model(name, "center" if name == "spherical_wrist" else None), q)
+    assert [one.words for one in found.slow] == words
+
+
+def test_a_slow_motion_is_what_its_joints_give():
+    for name, q in (("planar_2link", [0.4, 0.002]), ("stanford", [0.3, 1.0, 0.6, 0.7, 1e-3, 0.2]),
+                    ("helical", [0.5, 0.7, 1.682])):  # fmt: skip
+        arm = model(name)
+        (one,) = (found := inspect_arm(arm, q, length=0.7)).slow
+        task = found.task
+        assert_allclose(one.twist[task.rows], arm.jacobian(q)[task.rows] @ one.motion, atol=ROUNDING)
+        assert np.linalg.norm(task.row_scale * one.twist[task.rows]) == pytest.approx(one.sigma, abs=ROUNDING)
+        assert np.linalg.norm(one.motion / task.joint_scale) == pytest.approx(1.0, abs=ROUNDING)
+        assert one.sigma == found.sigma[-1] < SINGULAR_BELOW * found.sigma[0]
+    assert "while turning by" in inspect_arm(model("stanford"), [0.3, 1.0, 0.6, 0.7, 1e-3, 0.2]).slow[0].words
+
+
+def test_no_row_moves_at_all():
+    found = inspect_arm(model("planar_2link"), [0.3, 0.5], axes=["z"])
+    assert (found.rank, found.rank_by_minors, found.condition) == (0, 0, np.inf)
+    assert found.lost[0].words == "cannot move along z; a force along z asks for no torque"
+    assert [one.words for one in found.standing] == [
+        "shoulder turns alone without moving z of the site, which moves along (-0.52, 0.85, 0) and turns about z",
+        "elbow turns alone without moving z of the site, which moves along (-0.72, 0.7, 0) and turns about z",
+    ]
+
+
+# Frames, rows, ranks -----------------------------------------------------------------------------
+
+TILTED = """<mujoco><worldbody><body quat="0.8 0.1 0.5 0.3" pos="0.1 0.2 0.3">
+<body><joint name="a" axis="0 0 1"/><geom size="0.1"/><body pos="1 0 0"><joint name="b" axis="0 0 1"/><geom size="0.1"/>
+<site name="tip" pos="1 0 0"/></body></body></body></worldbody></mujoco>"""
+
+
+def test_the_frame_of_the_base_is_that_of_the_body_which_carries_the_arm(tmp_path):
+    path = tmp_path / "tilted.xml"
+    path.write_text(TILTED)
+    arm = arms.load(path)
+    found = inspect_arm(arm, [0.4, 0.7], frame="base")
+    s1, c1, s12, c12 = np.sin(0.4), np.cos(0.4), np.sin(1.1), np.cos(1.1)
+    closed = [[-s1 - s12, c1 + c12, 0, 0, 0, 1], [-s12, c12, 0, 0, 0, 1]]
+    assert_allclose(found.jacobian.T, closed, atol=ROUNDING)
+    # In the site's frame, which is {2} of the notes; and in the world it is another.
+    site = inspect_arm(arm, [0.4, 0.7], frame="site").jacobian
+    assert_allclose(site.T[:, :2], [[np.sin(0.7), 1 + np.cos(0.7)], [0, 1]], atol=ROUNDING)
+    world = inspect_arm(arm, [0.4, 0.7]).jacobian
+    assert_allclose(world, arm.jacobian([0.4, 0.7]), atol=0.0)
+    assert np.abs(world[2]).max() > 0.1
+
+
+@pytest.mark.parametrize(
+    ("name", "why"),
+    [
+        (
+            "planar_2link",
+            "these the arm can move independently of each other; z, rx and ry stay as they are, rz follows from those before",
+        ),
+        ("planar_3link", "these the arm can move independently of each other; z, rx and ry stay as they are"),
+        ("stanford", "the arm can move all six independently of each other"),
+        (
+            "anthropomorphic",
+            "these the arm can move independently of each other; rx, ry and rz follow from those before",
+        ),
+    ],
+)
+def test_why_these_rows(name, why):
+    arm = model(name)
+    q = arm.sampled(1)[0]
+    assert inspect_arm(arm, q).why == why
+    assert inspect_arm(arm, q, axes=["x"]).why == "as asked for"
+
+
+def test_too_many_minors_are_not_counted(monkeypatch):
+    monkeypatch.setattr(inspection, "MOST_MINORS", 4)
+    assert inspect_arm(model("planar_2link"), [0, 1]).rank_by_minors is None
+
+
+# Ellipsoids, angles, errors, statics -------------------------------------------------------------
+
+
+@given(seeds)
+@settings(max_examples=10, deadline=None)
+def test_ellipsoids_hold_what_unit_rates_and_torques_can(tmp_path_factory, seed):
+    arm = chain_of(tmp_path_factory, seed)
+    found, rng = inspect_arm(arm, arm.sampled(1, seed)[0], axes=AXES, length=0.6), np.random.default_rng(seed)
+    J = arm.jacobian(found.q)
+    assert [one.rows for one in found.reach] == [("x", "y", "z"), ("rx", "ry", "rz")]
+    for one, rows in zip(found.reach, (slice(3), slice(3, 6)), strict=True):
+        rates = rng.normal(size=(100, arm.n))
+        rates /= np.linalg.norm(rates, axis=1, keepdims=True)
+        along = (rates * found.task.joint_scale) @ J[rows].T @ one.velocity.axes
+        live = one.velocity.half_axes > 1e-6
+        inside = np.sum((along[:, live] / one.velocity.half_axes[live]) ** 2, axis=1)
+        assert inside.max() <= 1.0 + 1e-9  # rounding over the least half axis
+        for axis, half in zip(one.force.axes.T[live], one.force.half_axes[live], strict=True):
+            assert np.linalg.norm(found.task.joint_scale * (J[rows].T @ (half * axis))) == pytest.approx(
+                1.0, rel=1e-9
+            )
+
+
+def test_analytic_jacobian_is_the_derivative_of_position_and_angles():
+    arm, q, step = model("stanford"), np.array([0.3, 1.0, 0.6, 0.7, 0.5, 0.2]), 1e-6
+    found = inspect_arm(arm, q)
+
+    def coordinates(q):
+        pose = arm.pose(q)
+        return np.concatenate([pose[:3], zyz_angles(quat_to_matrix(pose[3:]))])
+
+    columns = [(coordinates(q + e) - coordinates(q - e)) / (2 * step) for e in step * np.eye(6)]
+    assert_allclose(found.analytic_jacobian, np.array(columns).T, atol=1e-8)  # central differences
+    assert_allclose(found.E @ found.analytic_jacobian[3:], found.jacobian[3:], atol=ROUNDING)
+
+
+@pytest.mark.parametrize(
+    ("beta", "words"),
+    [
+        (0.9, "the angles are regular here: the analytic Jacobian is singular where J is, and nowhere else"),
+        (
+            0.005,
+            "the angles are nearly singular here: to turn about (0.92, 0.39, 0) at 1 rad/s they change at up to 283 rad/s; "
+            "that is the fault of the angles, not of the arm",
+        ),
+        (
+            0.0,
+            "the angles are singular here: no rates of theirs turn the site about x, and the analytic Jacobian has no value; "
+            "that is the fault of the angles, not of the arm",
+        ),
+    ],
+)
+def test_the_angles_singularity_in_words(beta, words):
+    found = inspect_arm(model("spherical_wrist", "center"), [0.4, beta, 0.3])
+    assert found.angles_in_words == words
+    assert (found.analytic_jacobian is None) == (beta == 0.0)
+
+
+@given(seeds)
+@settings(max_examples=10, deadline=None)
+def test_errors_of_single_joints_add_in_squares_and_none_is_worse_than_the_worst(tmp_path_factory, seed):
+    arm = chain_of(tmp_path_factory, seed)
+    q, rng = arm.sampled(1, seed)[0], np.random.default_rng(seed)
+    deviations = rng.uniform(0.0, 0.01, arm.n)
+    error = inspect_arm(arm, q, joint_error=deviations).tip_error
+    assert_allclose(error.deviation**2, (arm.jacobian(q) * deviations) ** 2 @ np.ones(arm.n), atol=1e-15)
+    for worst, part in ((error.worst_translation, slice(3)), (error.worst_rotation, slice(3, 6))):
+        some = rng.normal(size=(200, 3))
+        some /= np.linalg.norm(some, axis=1, keepdims=True)
+        along = np.sqrt(np.einsum("ki,ij,kj->k", some, error.covariance[part, part], some))
+        assert along.max() <= np.linalg.norm(worst) + 1e-15
+
+
+@given(seeds)
+@settings(max_examples=10, deadline=None)
+def test_a_wrench_is_held_by_what_mujoco_and_the_equilibrium_of_links_say(tmp_path_factory, seed):
+    arm = chain_of(tmp_path_factory, seed)
+    q = arm.sampled(1, seed)[0]
+    held = inspect_arm(arm, q, wrench=WRENCH).held
+    data = mujoco.MjData(arm.model)
+    data.qpos[:] = arm.configuration(q)
+    mujoco.mj_forward(arm.model, data)
+    torques = np.zeros(arm.model.nv)
+    p = data.site_xpos[arm.wiring.site]
+    mujoco.mj_applyFT(arm.model, data, WRENCH[:3], WRENCH[3:], p, arm.wiring.body, torques)
+    assert_allclose(held.equivalent, torques[arm.wiring.dof], atol=1e-11)
+    assert_allclose(held.balancing, -held.equivalent, atol=0.0)
+    # All links beyond a joint are at rest: reaction and wrench cancel at any point.
+    for reaction, point in zip(held.reactions, held.points, strict=True):
+        assert_allclose(reaction[:3], -WRENCH[:3], atol=1e-11)
+        assert_allclose(reaction[3:], -WRENCH[3:] - np.cross(p - point, WRENCH[:3]), atol=1e-11)
+    assert held.disagreement < 1e-11
+
+
+def test_torques_of_the_notes():
+    # l = 1 m, theta = (0, 60 deg): pressing down with 1 N is what (-3/2, -1/2) N m do.
+    held = inspect_arm(model("planar_2link"), np.radians([0, 60]), wrench=[0, -1, 0, 0, 0, 0]).held
+    assert_allclose(held.equivalent, [-1.5, -0.5], atol=ROUNDING)
+    held = inspect_arm(model("planar_2link"), np.radians([90, 0]), wrench=[0, -1000, 0, 0, 0, 0]).held
+    assert_allclose(held.balancing, [0, 0], atol=1e-9)  # rounding of 1000 N
+
+
+# Questions ---------------------------------------------------------------------------------------
+
+
+def test_it_is_public():
+    assert rmrc.inspect_arm is inspect_arm
+
+
+@pytest.mark.parametrize(
+    ("question", "message"),
+    [
+        ({"q": [0]}, "q must have 2 values, one for each of shoulder, elbow, got shape (1,)"),
+        ({"q": [0, np.nan]}, "q must be finite, got [0.0, nan]"),
+        ({"axes": ["x", "q"]}, 'axes: no row "q"; choose from x y z rx ry rz'),
+        ({"axes": []}, "axes must name one row or more of x y z rx ry rz"),
+        ({"length": 0.0}, "length must be > 0 and finite, got 0"),
+        ({"frame": "sight"}, 'frame: no frame "sight"; did you mean "site"?; choose from world site base'),
+        ({"joint_error": [0.1, -0.2]}, "joint error, elbow: a standard deviation must be >= 0, got -0.2"),
+        (
+            {"joint_error": [0.1]},
+            "joint error must have 2 values, one for each of shoulder, elbow, got shape (1,)",
+        ),
+        (
+            {"wrench": [1, 2]},
+            "wrench must have 6 values, one for each of fx, fy, fz, nx, ny, nz, got shape (2,)",
+        ),
+        ({"wrench": [1, 2, 3, 4, 5, np.inf]}, "wrench must be finite, got [1.0, 2.0, 3.0, 4.0, 5.0, inf]"),
+    ],
+)
+def test_what_does_not_fit_is_refused_in_one_line(question, message):
+    with pytest.raises(QuestionError) as caught:
+        inspect_arm(model("planar_2link"), **{"q": [0, 1], **question})
+    assert str(caught.value) == message
+
+
+def test_outside_of_limits_is_a_warning():
+    found = inspect_arm(model("planar_2link"), [-3.1, 3.0])
+    assert found.warnings == (
+        "shoulder = -3.1 is outside of its limits: the lower one is -2.967",
+        "elbow = 3 is outside of its limits: the upper one is 2.793",
+    )
+    assert_allclose(found.room, [2.9670597 - 3.1, 2.7925268 - 3.0], atol=ROUNDING)
+    assert inspect_arm(model("planar_2link"), np.radians([170, -160])).warnings == ()
+
+
+def test_thresholds_are_those_of_the_law_and_of_the_task():
+    assert singular_directions.SLOW == SINGULAR_BELOW
+    assert singular_directions.rank_of(np.array([1.0, 2e-9, 0.5e-9])) == 2

@@ -75,7 +75,9 @@ def test_routes_agree_for_every_site_of_every_model(path):
 def test_screws_without_pitch_disagree(screw, monkeypatch):
     whole = routes.joint_screw
     monkeypatch.setattr(
-        routes, "joint_screw", lambda axis, point, pitch: whole(axis, point, np.where(np.isinf(pitch), pitch, 0.0))
+        routes,
+        "joint_screw",
+        lambda axis, point, pitch: whole(axis, point, np.where(np.isinf(pitch), pitch, 0.0)),
     )
     by = differences(screw, [0.3, 0.5, 0.1])
     assert by["screws"] > 1e-3 and by["propagation"] < ROUNDING and by["differences"] < DIFFERENCES
@@ -83,7 +85,9 @@ def test_screws_without_pitch_disagree(screw, monkeypatch):
 
 def test_propagation_with_a_turn_the_wrong_way_disagrees(screw, monkeypatch):
     whole = routes.modified_dh_transform
-    monkeypatch.setattr(routes, "modified_dh_transform", lambda alpha, a, d, theta: whole(alpha, a, d, -theta))
+    monkeypatch.setattr(
+        routes, "modified_dh_transform", lambda alpha, a, d, theta: whole(alpha, a, d, -theta)
+    )
     by = differences(screw, [0.3, 0.5, 0.1])
     assert by["propagation"] > 1e-3 and by["screws"] < ROUNDING and by["differences"] < DIFFERENCES
 
