@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.textbook.planar import planar_jacobian, two_link_jacobian, two_link_position
+from rmrc.textbook.planar import planar_jacobian
 from rmrc.textbook.statics import equilibrium_torques, joint_torques
+from rmrc.textbook.two_link import two_link_jacobian, two_link_position
 
 # A few products of order ten.
 ROUNDING = 1e-12

@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
 from rmrc.errors import ModelError
-from rmrc.textbook.planar import two_link_position
+from rmrc.textbook.two_link import two_link_position
 from rmrc.textbook.two_link_workspace import Arc, two_link_boundary, two_link_free_area
 
 NOTES = np.radians([[0, 135], [0, 120]])
@@ -123,6 +123,41 @@ def test_the_postures_of_an_arc_are_within_limits_and_give_its_points():
             assert_allclose(two_link_position(LENGTHS, arc.q), arc.points, atol=1e-12)
             low, high = np.array(limits, dtype=float).T
             assert np.all((arc.q >= low - 1e-6) & (arc.q <= high + 1e-6))
+
+
+def widest_gap(arcs):
+    """Return the largest distance of an end of an arc to the nearest other end."""
+    ends = np.array([arc.points[end] for arc in arcs for end in (0, -1)])
+    gaps = np.linalg.norm(ends[:, None] - ends, axis=-1) + 9 * np.eye(len(ends))
+    return gaps.min(axis=1).max()
+
+
+def test_whatever_the_limits_every_arc_ends_where_another_begins():
+    for limits in LIMITS:
+        # a margin of 1e-6 rad around limits, and curves that cross at some angle
+        assert widest_gap(two_link_boundary(LENGTHS, limits)) < 1e-4
+    rng = np.random.default_rng(0)
+    for _ in range(40):
+        middle, width = rng.uniform(-3, 3, 2), rng.uniform(0.3, 6.2, 2)
+        limits = np.stack([middle - width / 2, middle + width / 2], axis=-1)
+        # What may be missing: a sixteenth of 1° at a reach of 1.7 m.
+        assert widest_gap(two_link_boundary(LENGTHS, limits)) < np.radians(1 / 16) * 1.7, limits
+
+
+def test_an_arc_shorter_than_the_spacing_is_found():
+    """Two circles about the base nearly touch here, and a limit of the shoulder barely shows."""
+    limits = [[-5.6095, -0.2140], [2.1544, 3.3321]]
+    assert widest_gap(two_link_boundary([1.1419, 1.1743], limits)) < np.radians(1 / 16) * 2.4
+
+
+@pytest.mark.parametrize("turns", [0, 1, -2])
+def test_a_curve_that_two_limits_share_is_given_once(turns):
+    arcs = two_link_boundary(LENGTHS, LIMITS[2] + [[0.0], [2 * np.pi * turns]])
+    lower, upper = (
+        np.vstack([arc.points for arc in arcs if arc.kind == kind]) for kind in ("q2 lower", "q2 upper")
+    )
+    distances = np.sort(cKDTree(lower).query(upper)[0])
+    assert distances[2] > 1e-3  # they share their ends at most
 
 
 def test_equal_links_have_no_inner_circle():

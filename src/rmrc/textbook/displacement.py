@@ -61,7 +61,7 @@ def taylor_order(
         The slope, or infinity if k is linear along Δ but for rounding.
 
     Example:
-        >>> from rmrc.textbook.planar import two_link_jacobian, two_link_position
+        >>> from rmrc.textbook.two_link import two_link_jacobian, two_link_position
         >>> arm = (lambda q: two_link_position([1, 1], q), lambda q: two_link_jacobian([1, 1], q))
         >>> round(taylor_order(*arm, [0.3, 0.5], [1.0, -0.7]), 2)
         2.0
@@ -115,7 +115,7 @@ def tip_covariance(jacobian: ArrayLike, joint_covariance: ArrayLike) -> Array:
         Encoders that are off by 1 mrad each, on two links of 1 m at a right angle, give 1.4 mm in x
         and 1 mm in y:
 
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> J = two_link_jacobian([1, 1], np.radians([0, 90]))
         >>> np.sqrt(np.diag(tip_covariance(J, np.diag([1e-3, 1e-3]) ** 2))).round(4)
         array([0.0014, 0.001 ])

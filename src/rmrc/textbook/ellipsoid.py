@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmrc.errors import ModelError
+
 
 @dataclass(frozen=True, eq=False)
 class Ellipsoid:
@@ -37,7 +39,7 @@ def velocity_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
     Example:
         At a right angle of two links of 1 m: fastest at 1.618 m/s, slowest at 0.618 m/s.
 
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> velocity_ellipsoid(two_link_jacobian([1, 1], np.radians([0, 90]))).half_axes.round(3)
         array([1.618, 0.618])
     """
@@ -62,7 +64,7 @@ def force_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
         Half axes rising, infinite along lost directions.
 
     Example:
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> force_ellipsoid(two_link_jacobian([1, 1], [0, 0])).half_axes.round(3)
         array([0.447,   inf])
     """
@@ -85,7 +87,7 @@ def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float6
         (count, 2), or (count, count, 3): around, and from pole to pole.
 
     Raises:
-        ValueError: If m is another, or a half axis is infinite.
+        ModelError: If m is another, or a half axis is infinite.
 
     Example:
         >>> ellipse = Ellipsoid(np.eye(2), np.array([2.0, 1.0]))
@@ -94,9 +96,9 @@ def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float6
                [ 0.,  1.,  0., -1.,  0.]])
     """
     if ellipsoid.half_axes.shape not in {(2,), (3,)}:
-        raise ValueError(f"ellipsoid: can draw 2 or 3 half axes, got shape {ellipsoid.half_axes.shape}")
+        raise ModelError(f"ellipsoid: can draw 2 or 3 half axes, got shape {ellipsoid.half_axes.shape}")
     if not np.all(np.isfinite(ellipsoid.half_axes)):
-        raise ValueError("ellipsoid: a half axis is infinite; bring it to the length that shall be drawn")
+        raise ModelError("ellipsoid: a half axis is infinite; bring it to the length that shall be drawn")
     around = np.linspace(0.0, 2 * np.pi, count)
     if ellipsoid.half_axes.shape == (2,):
         unit = np.stack([np.cos(around), np.sin(around)], axis=-1)
@@ -113,6 +115,8 @@ def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float6
 def manipulability(jacobian: ArrayLike) -> NDArray[np.float64]:
     """Return w = √det(J Jᵀ): the product of the half axes of the velocity ellipsoid [Yoshikawa85].
 
+    It is taken as that product, since the determinant of a square has lost half of the digits.
+
     Args:
         jacobian: J, (..., m, n). For m > n it is 0: some direction cannot move at all.
 
@@ -122,11 +126,11 @@ def manipulability(jacobian: ArrayLike) -> NDArray[np.float64]:
     Example:
         Of two links it is |l₁ l₂ s₂|, greatest at the right angle:
 
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> manipulability(two_link_jacobian([1, 0.5], np.radians([20, 90]))).round(3)
         np.float64(0.5)
     """
     J = np.asarray(jacobian, dtype=np.float64)
-    # Rounding may make a determinant that is 0 a little negative.
-    square = np.maximum(np.linalg.det(J @ np.swapaxes(J, -1, -2)), 0.0)
-    return np.asarray(np.sqrt(square))[()]
+    if J.shape[-2] > J.shape[-1]:
+        return np.zeros(J.shape[:-2])[()]
+    return np.asarray(np.prod(np.linalg.svd(J, compute_uv=False), axis=-1))[()]

@@ -9,6 +9,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmrc.errors import ModelError
+
 Array = NDArray[np.float64]
 NewtonStatus = Literal["converged", "singular", "not converged"]
 
@@ -58,7 +60,7 @@ def newton_raphson(
         All iterates. A singular J or no convergence is a status, not an error.
 
     Raises:
-        ValueError: If J is not square.
+        ModelError: If J is not square.
 
     Example:
         The notes' three links of 2, 1 and 1 m, whose tip is to come down from 3.6 m to 3 m:
@@ -88,7 +90,7 @@ def newton_raphson(
             return ended("not converged")
         J = jacobian(q[-1])
         if J.shape != (len(goal), len(q[0])) or J.shape[0] != J.shape[1]:
-            raise ValueError(
+            raise ModelError(
                 f"Newton-Raphson: J is {J.shape[0]} x {J.shape[1]}, for {len(q[0])} joints and "
                 f"{len(goal)} coordinates; it needs as many of one as of the other"
             )

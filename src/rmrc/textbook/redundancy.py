@@ -10,6 +10,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmrc.errors import ModelError
+
 # A pivot of the normal matrix is sin² of the angle between a row and those before it, times its
 # length squared. Rounding makes this part of it: rows nearer than 1e-6 rad cannot be told from dependent.
 DEPENDENT = 1e-12
@@ -28,7 +30,8 @@ def weighted_right_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None
         J⁺, (..., n, m).
 
     Raises:
-        numpy.linalg.LinAlgError: If the rows of J are dependent, or W is not positive definite.
+        numpy.linalg.LinAlgError: If the rows of J are dependent.
+        ModelError: If W is not symmetric and positive definite.
 
     Example:
         Two joints that do the same share the work in inverse proportion to their weights:
@@ -65,7 +68,8 @@ def weighted_left_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None)
         J⁺, (..., n, m).
 
     Raises:
-        numpy.linalg.LinAlgError: If the columns of J are dependent, or W is not positive definite.
+        numpy.linalg.LinAlgError: If the columns of J are dependent.
+        ModelError: If W is not symmetric and positive definite.
 
     Example:
         One joint cannot give two velocities; a row of weight 3 is followed more closely:
@@ -96,7 +100,8 @@ def null_space_projector(jacobian: ArrayLike, weights: ArrayLike | None = None) 
         N, (..., n, n).
 
     Raises:
-        numpy.linalg.LinAlgError: If the rows of J are dependent, or W is not positive definite.
+        numpy.linalg.LinAlgError: If the rows of J are dependent.
+        ModelError: If W is not symmetric and positive definite.
 
     Example:
         >>> null_space_projector([[1, 1]])
@@ -124,7 +129,8 @@ def resolved_rates(
         q̇, (..., n).
 
     Raises:
-        numpy.linalg.LinAlgError: If the rows of J are dependent, or W is not positive definite.
+        numpy.linalg.LinAlgError: If the rows of J are dependent.
+        ModelError: If W is not symmetric and positive definite.
 
     Example:
         Two joints move one slide by 2; the wish that the first does all of it is granted:
@@ -147,9 +153,9 @@ def _weights(weights: ArrayLike | None, size: int) -> NDArray[np.float64]:
         return np.eye(size)
     W = np.asarray(weights, dtype=np.float64)
     if W.shape[-2:] != (size, size):
-        raise np.linalg.LinAlgError(f"weights: expected a {size} x {size} matrix, got shape {W.shape}")
+        raise ModelError(f"weights: expected a {size} x {size} matrix, got shape {W.shape}")
     if not np.allclose(W, np.swapaxes(W, -1, -2), rtol=1e-12, atol=0.0) or np.any(_least_pivot(W) <= 0.0):
-        raise np.linalg.LinAlgError("weights: the matrix is not symmetric and positive definite")
+        raise ModelError("weights: the matrix is not symmetric and positive definite")
     return W
 
 

@@ -7,6 +7,8 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmrc.errors import ModelError
+
 # Rank is lost where a singular value is below this part of the largest: determinants of a 6 x 6 are
 # rounded at 1e-15 of the product of their columns' lengths, so this leaves three digits.
 DEPENDENT = 1e-12
@@ -26,7 +28,7 @@ def minors(jacobian: ArrayLike, size: int) -> NDArray[np.float64]:
         lexical order (the compound matrix), (..., C(m, size), C(n, size)).
 
     Raises:
-        ValueError: If J has no submatrices of that size.
+        ModelError: If J has no submatrices of that size.
 
     Example:
         Stretched out, a planar arm has lost the motion along itself: all minors of size 2 vanish.
@@ -39,7 +41,9 @@ def minors(jacobian: ArrayLike, size: int) -> NDArray[np.float64]:
     J = np.asarray(jacobian, dtype=np.float64)
     m, n = J.shape[-2:]
     if not 1 <= size <= min(m, n):
-        raise ValueError(f"minors: size must be 1 to {min(m, n)} for a {m} x {n} matrix, got {size}")
+        raise ModelError(f"minors: size must be 1 to {min(m, n)} for a {m} x {n} matrix, got {size}")
+    # Numbers below the smallest normal one have no reciprocal, and so no place among pivots.
+    J = np.where(np.abs(J) < np.finfo(float).tiny, 0.0, J)
     rows, columns = (np.array(list(combinations(range(count), size))) for count in (m, n))
     return np.asarray(np.linalg.det(J[..., rows[:, None, :, None], columns[None, :, None, :]]))
 
@@ -66,6 +70,8 @@ def rank_by_minors(jacobian: ArrayLike, tolerance: float = DEPENDENT) -> NDArray
         [1, 2]
     """
     J = np.asarray(jacobian, dtype=np.float64)
+    largest = np.max(np.abs(J), axis=(-2, -1), keepdims=True)
+    J = J / np.where(largest > 0.0, largest, 1.0)  # or products of many entries overflow or vanish
     rank = np.zeros(J.shape[:-2], dtype=np.int64)
     first = previous = np.asarray(_size_of_minors(J, 1))
     for r in range(1, min(J.shape[-2:]) + 1):

@@ -1,7 +1,7 @@
-"""The two-link arm worked through: moving frames, small displacements, both postures.
+"""The planar arm with two links, worked through: Jacobians, rates, small displacements, both postures.
 
-Position, Jacobian, determinant and inverse in frame {0} are in `rmrc.textbook.planar`. Frame {1}
-has its x axis along the first link, frame {2} along the second; frame {0} does not move.
+Frame {0} does not move, frame {1} has its x axis along the first link, frame {2} along the second.
+`lengths` is l₁, l₂ in m, `q` is θ₁, θ₂ in radians; q = 0 is stretched out along x.
 """
 
 from __future__ import annotations
@@ -12,6 +12,136 @@ from numpy.typing import ArrayLike, NDArray
 # Squares of lengths are rounded: a point that was computed to lie at full reach may lie beyond it
 # by this part of the largest of them.
 BEYOND = 1e-14
+
+
+def two_link_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the tip of the two-link arm.
+
+    x = l₁ c₁ + l₂ c₁₂, y = l₁ s₁ + l₂ s₁₂ [Khatib08].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+
+    Returns:
+        [x, y], (..., 2) [m].
+
+    Example:
+        >>> two_link_position([1, 1], np.radians([60, -120])).round(3) + 0.0
+        array([1., 0.])
+    """
+    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    x = l1 * np.cos(q1) + l2 * np.cos(q1 + q2)
+    y = l1 * np.sin(q1) + l2 * np.sin(q1 + q2)
+    return np.stack([x, y], axis=-1)
+
+
+def two_link_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the two rows that can move of the two-link arm's Jacobian, in frame {0}.
+
+    J = [[−l₁ s₁ − l₂ s₁₂, −l₂ s₁₂], [l₁ c₁ + l₂ c₁₂, l₂ c₁₂]] [Craig05, §5.7].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+
+    Returns:
+        Rows x, y, (..., 2, 2) [m].
+
+    Example:
+        >>> two_link_jacobian([1, 1], np.radians([0, 90])).round(3) + 0.0
+        array([[-1., -1.],
+               [ 1.,  0.]])
+    """
+    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    x2, y2 = l2 * np.cos(q1 + q2), l2 * np.sin(q1 + q2)
+    x, y = l1 * np.cos(q1) + x2, l1 * np.sin(q1) + y2
+    return np.stack([np.stack([-y, -y2], axis=-1), np.stack([x, x2], axis=-1)], axis=-2)
+
+
+def two_link_determinant(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return det J = l₁ l₂ s₂: singular stretched out or folded, θ₂ = kπ [Craig05, example 5.4].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+
+    Returns:
+        det J, (...) [m²].
+
+    Example:
+        >>> two_link_determinant([6, 3], np.radians([10, 30])).round(3)
+        np.float64(9.0)
+    """
+    (l1, l2), (_, q2) = _each(lengths), _each(q)
+    return np.asarray(l1 * l2 * np.sin(q2))[()]
+
+
+def two_link_jacobian_inverse(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
+    """Return the inverse of the two-link arm's Jacobian, in frame {0}.
+
+    J⁻¹ = [[l₂ c₁₂, l₂ s₁₂], [−l₁ c₁ − l₂ c₁₂, −l₁ s₁ − l₂ s₁₂]] / (l₁ l₂ s₂)
+    [Craig05, example 5.5].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+
+    Returns:
+        J⁻¹, columns x, y, (..., 2, 2) [1/m].
+
+    Raises:
+        numpy.linalg.LinAlgError: If a determinant is exactly zero. In floating point sin π is 1e-16
+            and not 0, so an arm folded by θ₂ = π gives huge numbers instead.
+
+    Example:
+        >>> two_link_jacobian_inverse([1, 1], np.radians([0, 90])).round(3) + 0.0
+        array([[ 0.,  1.],
+               [-1., -1.]])
+    """
+    determinant = np.asarray(two_link_determinant(lengths, q))
+    if np.any(determinant == 0.0):
+        raise np.linalg.LinAlgError("two-link arm: det J = l1 l2 sin(theta2) = 0, J has no inverse")
+    J = two_link_jacobian(lengths, q)
+    adjugate = np.stack(
+        [
+            np.stack([J[..., 1, 1], -J[..., 0, 1]], axis=-1),
+            np.stack([-J[..., 1, 0], J[..., 0, 0]], axis=-1),
+        ],
+        axis=-2,
+    )
+    return adjugate / determinant[..., None, None]
+
+
+def two_link_rates(lengths: ArrayLike, q: ArrayLike, speed: float = 1.0) -> NDArray[np.float64]:
+    """Return the joint rates that move the tip along x: they grow without bound as θ₂ → 0.
+
+    θ̇₁ = v c₁₂ / (l₁ s₂), θ̇₂ = −v c₁ / (l₂ s₂) − v c₁₂ / (l₁ s₂) [Craig05, example 5.5].
+
+    Args:
+        lengths: l₁, l₂, (..., 2) [m].
+        q: θ₁, θ₂, (..., 2) [rad].
+        speed: v along x of frame {0} [m/s].
+
+    Returns:
+        [θ̇₁, θ̇₂], (..., 2) [rad/s].
+
+    Raises:
+        numpy.linalg.LinAlgError: If a determinant is exactly zero.
+
+    Example:
+        Each row is ten times nearer to full reach than the one before, and ten times faster:
+
+        >>> two_link_rates([1, 1], [[0, 0.1], [0, 0.01], [0, 0.001]]).round(1)
+        array([[   10.,   -20.],
+               [  100.,  -200.],
+               [ 1000., -2000.]])
+    """
+    if np.any(two_link_determinant(lengths, q) == 0.0):
+        raise np.linalg.LinAlgError("two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded")
+    (l1, l2), (q1, q2) = _each(lengths), _each(q)
+    rate1 = speed * np.cos(q1 + q2) / (l1 * np.sin(q2))
+    return np.stack([rate1, -speed * np.cos(q1) / (l2 * np.sin(q2)) - rate1], axis=-1)
 
 
 def two_link_velocity_in_frame_0(lengths: ArrayLike, q: ArrayLike, qdot: ArrayLike) -> NDArray[np.float64]:

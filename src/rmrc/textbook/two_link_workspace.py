@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.errors import ModelError
-from rmrc.textbook.planar import two_link_position
-from rmrc.textbook.two_link import two_link_postures
+from rmrc.textbook.two_link import two_link_position, two_link_postures
 
 Array = NDArray[np.float64]
 ArcKind = Literal["outer", "inner", "q1 lower", "q1 upper", "q2 lower", "q2 upper"]
@@ -20,6 +19,9 @@ ArcKind = Literal["outer", "inner", "q1 lower", "q1 upper", "q2 lower", "q2 uppe
 # A posture is away from its limits if it is this far inside [rad]: more than the rounding of the inverse
 # kinematics near full reach, √1e-16, less than can be seen.
 INSIDE = 1e-6
+
+# Tests for each point of an arc: where arcs nearly touch, what is left of them can be short.
+FINER = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,7 +78,8 @@ def two_link_boundary(
         spacing: Between the points of an arc, at most, in the joint that moves [rad].
 
     Returns:
-        The arcs; together they are closed. With l₁ = l₂ there is no inner circle, only a point.
+        The arcs; together they are closed, but for pieces shorter than spacing/16. With l₁ = l₂ there
+        is no inner circle, only a point.
 
     Raises:
         ModelError: If a length is not positive, or a lower limit is not below the upper one.
@@ -145,19 +148,20 @@ def _outside(
         beyond = (postures - ranges[:, 0]) % (2 * np.pi)
         within = is_free | ((beyond > INSIDE) & (beyond < ranges[:, 1] - ranges[:, 0] - INSIDE))
         # Where both limits of θ₂ are the same circle, the lower one has it already.
-        mirrored = np.abs(postures[..., 1] - ranges[1, 0]) < INSIDE
+        mirrored = np.abs(beyond[..., 1] - np.pi) > np.pi - INSIDE
         within[..., 1] |= mirrored & ~is_free[1] & (first[1] == last[1] == ranges[1, 1])
         inside = within.all(axis=-1) & (np.abs(np.sin(postures[..., 1])) > INSIDE)
         return np.logical_not(inside.any(axis=-1))
 
-    t = np.linspace(0.0, 1.0, int(np.ceil(width / spacing)) + 1)
-    seen = visible(t)
+    count = int(np.ceil(width / spacing))
+    t, tests = np.linspace(0.0, 1.0, count + 1), np.linspace(0.0, 1.0, FINER * count + 1)
+    seen = visible(tests)
     changes = np.flatnonzero(seen[1:] != seen[:-1])
     # Where a piece begins or ends, between two samples: by bisection, to the last bit.
-    low, high = t[changes], t[changes + 1]
+    low, high = tests[changes], tests[changes + 1]
     for _ in range(50):
         middle = 0.5 * (low + high)
-        as_before = visible(middle) == seen[changes] if len(changes) else seen[changes]
+        as_before = visible(middle) == seen[changes]
         low, high = np.where(as_before, middle, low), np.where(as_before, high, middle)
     knots = np.concatenate([[0.0], 0.5 * (low + high), [1.0]])
     for i, (start, stop) in enumerate(pairwise(knots)):
