@@ -8,8 +8,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rmrc.output.figures import save
-from rmrc.textbook.planar import two_link_jacobian_inverse, two_link_position
-from rmrc.textbook.two_link import two_link_postures, two_link_small_displacements
+from rmrc.textbook.two_link import (
+    two_link_jacobian_inverse,
+    two_link_position,
+    two_link_postures,
+    two_link_small_displacements,
+)
 
 # The tip moves by this much: a part in 2000 of the reach [m].
 DISPLACEMENT = 1e-3
