@@ -123,7 +123,7 @@ WORDS = {
         ("stanford", "wrist", [0.0, np.pi / 2, 0.6, 0.0, 0.0, 0.2]),
         # The boom points along x: a force of 1 N across it has no moment about the first axis with one of -0.6 N m.
         [
-            "cannot turn about -z in place, nor move along y without turning; a force along y with a moment "
+            "cannot turn about z in place, nor move along y without turning; a force along y with a moment "
             "about -z, 0.86 N to 0.51 N m, asks for no torque"
         ],
         ["theta_4 and theta_6 turn against each other, 1 : -1, without moving the site"],
@@ -255,6 +255,17 @@ def test_a_slow_motion_is_what_its_joints_give():
         assert np.linalg.norm(one.motion / task.joint_scale) == pytest.approx(1.0, abs=ROUNDING)
         assert one.sigma == found.sigma[-1] < SINGULAR_BELOW * found.sigma[0]
     assert "while turning by" in inspect_arm(model("stanford"), [0.3, 1.0, 0.6, 0.7, 1e-3, 0.2]).slow[0].words
+
+
+def test_joints_that_hardly_move_are_left_out_and_that_is_said():
+    # 4 of the 6 joints make nearly all of the motion, the others less than a tenth of the largest.
+    found = inspect_arm(model("stanford"), [0.3, 1.5, 0.6, 1.5, 1e-3, 0.2])
+    (one,) = found.slow
+    left_out = np.abs(one.motion) < 0.1 * np.abs(one.motion).max()
+    said = one.words.partition(" for ")[2]
+    assert left_out.any() and said.startswith("mainly ")
+    for joint, out in zip(found.arm.joints, left_out, strict=True):
+        assert (joint in said) != out
 
 
 def test_no_row_moves_at_all():

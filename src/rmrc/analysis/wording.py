@@ -67,10 +67,11 @@ def lost(twist: Array, wrench: Array) -> str:
     if moves and turns:
         along, about = direction(wrench[:3]), direction(wrench[3:])
         sizes = f"{_size(wrench[:3])} N to {_size(wrench[3:])} N m"
-        return (
-            f"cannot turn about {about} in place, nor move along {along} without turning; "
-            f"a force along {along} with a moment about {about}, {sizes}, asks for no torque"
+        cannot = (
+            f"turn about {_line(wrench[3:])} in place, nor move along {_line(wrench[:3])} without turning"
         )
+        free = f"a force along {along} with a moment about {about}, {sizes}, asks for no torque"
+        return f"cannot {cannot}; {free}"
     if moves:
         along = direction(twist[:3])
         return f"cannot move along {along}; a force along {along} asks for no torque"
@@ -102,7 +103,7 @@ def nearly_lost(twist: Array, motion: Array, joints: Sequence[str], units: Seque
         fastest = int(np.argmax(np.abs(motion)))
         rate = f"{amount(float(abs(motion[fastest]) / share))} {units[fastest]}/s of {joints[fastest]}"
         needed = f"; 1 {'m' if moves else 'rad'}/s of it takes {rate}"
-    return f"{does} for {takes}{needed}"
+    return f"{does} for {_mainly(motion)}{takes}{needed}"
 
 
 def standing_still(
@@ -119,7 +120,7 @@ def standing_still(
     """
     main = main_joints(motion)
     names = listed([joints[i] for i in main])
-    mainly = "" if np.abs(np.delete(motion, main)).max(initial=0.0) < STANDS_STILL else "mainly "
+    mainly = _mainly(motion)
     verb = {frozenset({"rad"}): "turn", frozenset({"m"}): "slide"}.get(
         frozenset(units[i] for i in main), "move"
     )
@@ -154,10 +155,23 @@ def main_joints(motion: Array) -> list[int]:
     return [int(i) for i in np.flatnonzero(np.abs(motion) >= MAIN_SHARE * np.abs(motion).max())]
 
 
+def _mainly(motion: Array) -> str:
+    """Return `mainly ` if joints that are left out do move."""
+    rest = np.delete(motion, main_joints(motion))
+    return "mainly " if np.abs(rest).max(initial=0.0) >= STANDS_STILL else ""
+
+
 def _proportion(motion: Array, main: Sequence[int], units: Sequence[str]) -> str:
     first = motion[main[0]]
     mixed = len({units[i] for i in main}) > 1
     return " : ".join(f"{motion[i] / first:.3g}" + f" {units[i]}" * mixed for i in main)
+
+
+def _line(vector: Array) -> str:
+    """Return a direction of which both ways are meant: its first large component is positive."""
+    size = np.abs(vector)
+    first = np.argmax(size >= size.max() * (1.0 - SAID))
+    return direction(vector * np.sign(vector[first]))
 
 
 def _size(part: Array) -> str:
