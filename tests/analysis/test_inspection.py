@@ -1,5 +1,7 @@
 """What an inspection says is so: against closed forms, defining equations, finite differences and MuJoCo."""
 
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -162,6 +164,39 @@ def test_what_is_lost_and_what_stands_still_for_any_chain(tmp_path_factory, seed
         == found.rank
         == np.linalg.matrix_rank(found.task.matrix(arm.jacobian(found.q)), 1e-9)
     )
+
+
+@given(seeds)
+@settings(max_examples=20, deadline=None)
+def test_the_words_name_the_directions_that_are_found(tmp_path_factory, seed):
+    arm = chain_of(tmp_path_factory, seed)
+    found = inspect_arm(arm, arm.sampled(1, seed)[0], axes=AXES, frame="site")
+    R = found.R_world_frame
+    for one in found.lost:
+        said = directions(one.words.partition("; ")[2])
+        # In the order in which they are said: the force, then the moment. Two decimals are 0.005 each way.
+        parts = [part for part in (R.T @ one.wrench[:3], R.T @ one.wrench[3:]) if np.linalg.norm(part) > 0.005]
+        for words, part in zip(said, parts, strict=True):
+            assert_allclose(words, part / np.linalg.norm(part), atol=0.0051)
+        assert one.words.endswith(" (axes of the site)")
+    for one in found.standing:
+        for joint, rate in zip(arm.joints, one.motion, strict=True):
+            is_main = abs(rate) >= 0.1 * np.abs(one.motion).max()
+            assert (re.search(rf"\b{joint}\b", one.words) is not None) == is_main
+
+
+def directions(words):
+    """Return the directions that a sentence names, in their order."""
+    unit = {
+        sign + axis: factor * np.eye(3)[i]
+        for i, axis in enumerate("xyz")
+        for sign, factor in (("", 1), ("-", -1))
+    }
+    found = re.findall(r"(?:along|about) (\([^)]*\)|-?[xyz])", words)
+    return [
+        unit[one] if one in unit else np.array([float(part) for part in one[1:-1].split(",")])
+        for one in found
+    ]
 
 
 def check_spaces(found, J):
