@@ -18,6 +18,7 @@ LAYERS = (
     ("rmrc.cli",),
     ("rmrc.job", "rmrc.comparison"),
     ("rmrc.output", "rmrc.facts", "rmrc.interruption"),
+    ("rmrc.holding",),
     ("rmrc.simulation", "rmrc.filter_factors"),
     ("rmrc.preparation",),
     ("rmrc.plant", "rmrc.scorecard", "rmrc.analysis"),
@@ -41,7 +42,10 @@ OWNERS = {
     "rerun": tuple(f"rmrc.output.{name}" for name in ("recording", "overlay", "look", "track", "stream")),
     "pyarrow": ("rmrc.output.recording", "rmrc.output.stream"),  # comes with rerun
     "matplotlib": tuple(f"rmrc.output.{name}" for name in ("figures", "arm_figure", "textbook_figures")),
-    "rich": ("rmrc.cli", "rmrc.output.tables", "rmrc.output.comparison_table", "rmrc.output.sheets"),
+    "rich": (
+        "rmrc.cli",
+        *(f"rmrc.output.{name}" for name in ("tables", "comparison_table", "sheets", "bearing")),
+    ),
     "typer": ("rmrc.cli",),
 }
 

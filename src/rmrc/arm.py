@@ -291,6 +291,25 @@ class Arm:
         mujoco.mj_jacSite(self.model, self._data, full[:3], full[3:], self.wiring.site)
         return self._followed(full)
 
+    def rest_torques(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
+        """Return what the drives give at rest against gravity, and against springs, (n,) each [N·m or N].
+
+        What the model itself compensates of gravity is taken off. Joints not of the arm are at `home`.
+        """
+        self._kinematics(q)
+        mujoco.mj_fwdPosition(self.model, self._data)
+        mujoco.mj_fwdVelocity(self.model, self._data)
+        weight = self._data.qfrc_bias - self._data.qfrc_gravcomp
+        return self._followed(weight), self._followed(-self._data.qfrc_spring)
+
+    @property
+    def friction(self) -> Array:
+        """Dry friction that can bear a part of a drive's load at rest, (n,) [N·m or N]."""
+        loss = np.array(self.model.dof_frictionloss[self.wiring.dof])
+        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
+            loss[travel.hinge] += abs(travel.ratio) * self.model.dof_frictionloss[address]
+        return loss
+
     def frames(self, q: Array) -> tuple[Array, Array]:
         """Return what moves, for joint positions (T, n).
 

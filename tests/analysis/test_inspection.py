@@ -175,7 +175,9 @@ def test_the_words_name_the_directions_that_are_found(tmp_path_factory, seed):
     for one in found.lost:
         said = directions(one.words.partition("; ")[2])
         # In the order in which they are said: the force, then the moment. Two decimals are 0.005 each way.
-        parts = [part for part in (R.T @ one.wrench[:3], R.T @ one.wrench[3:]) if np.linalg.norm(part) > 0.005]
+        parts = [
+            part for part in (R.T @ one.wrench[:3], R.T @ one.wrench[3:]) if np.linalg.norm(part) > 0.005
+        ]
         for words, part in zip(said, parts, strict=True):
             assert_allclose(words, part / np.linalg.norm(part), atol=0.0051)
         assert one.words.endswith(" (axes of the site)")
@@ -372,8 +374,8 @@ def test_ellipsoids_hold_what_unit_rates_and_torques_can(tmp_path_factory, seed)
     arm = chain_of(tmp_path_factory, seed)
     found, rng = inspect_arm(arm, arm.sampled(1, seed)[0], axes=AXES, length=0.6), np.random.default_rng(seed)
     J = arm.jacobian(found.q)
-    assert [one.rows for one in found.reach] == [("x", "y", "z"), ("rx", "ry", "rz")]
-    for one, rows in zip(found.reach, (slice(3), slice(3, 6)), strict=True):
+    assert [one.rows for one in found.ellipsoids] == [("x", "y", "z"), ("rx", "ry", "rz")]
+    for one, rows in zip(found.ellipsoids, (slice(3), slice(3, 6)), strict=True):
         rates = rng.normal(size=(100, arm.n))
         rates /= np.linalg.norm(rates, axis=1, keepdims=True)
         along = (rates * found.task.joint_scale) @ J[rows].T @ one.velocity.axes
@@ -441,7 +443,7 @@ def test_errors_of_single_joints_add_in_squares_and_none_is_worse_than_the_worst
 def test_a_wrench_is_held_by_what_mujoco_and_the_equilibrium_of_links_say(tmp_path_factory, seed):
     arm = chain_of(tmp_path_factory, seed)
     q = arm.sampled(1, seed)[0]
-    held = inspect_arm(arm, q, wrench=WRENCH).held
+    held = inspect_arm(arm, q, wrench=WRENCH).balance
     data = mujoco.MjData(arm.model)
     data.qpos[:] = arm.configuration(q)
     mujoco.mj_forward(arm.model, data)
@@ -449,9 +451,9 @@ def test_a_wrench_is_held_by_what_mujoco_and_the_equilibrium_of_links_say(tmp_pa
     p = data.site_xpos[arm.wiring.site]
     mujoco.mj_applyFT(arm.model, data, WRENCH[:3], WRENCH[3:], p, arm.wiring.body, torques)
     assert_allclose(held.equivalent, torques[arm.wiring.dof], atol=1e-11)
-    assert_allclose(held.balancing, -held.equivalent, atol=0.0)
+    assert_allclose(held.equilibrium, -held.equivalent, atol=0.0)
     # All links beyond a joint are at rest: reaction and wrench cancel at any point.
-    for reaction, point in zip(held.reactions, held.points, strict=True):
+    for reaction, point in zip(held.reaction_world, held.frames[:, :3, 3], strict=True):
         assert_allclose(reaction[:3], -WRENCH[:3], atol=1e-11)
         assert_allclose(reaction[3:], -WRENCH[3:] - np.cross(p - point, WRENCH[:3]), atol=1e-11)
     assert held.disagreement < 1e-11
@@ -459,10 +461,10 @@ def test_a_wrench_is_held_by_what_mujoco_and_the_equilibrium_of_links_say(tmp_pa
 
 def test_torques_of_the_notes():
     # l = 1 m, theta = (0, 60 deg): pressing down with 1 N is what (-3/2, -1/2) N m do.
-    held = inspect_arm(model("planar_2link"), np.radians([0, 60]), wrench=[0, -1, 0, 0, 0, 0]).held
+    held = inspect_arm(model("planar_2link"), np.radians([0, 60]), wrench=[0, -1, 0, 0, 0, 0]).balance
     assert_allclose(held.equivalent, [-1.5, -0.5], atol=ROUNDING)
-    held = inspect_arm(model("planar_2link"), np.radians([90, 0]), wrench=[0, -1000, 0, 0, 0, 0]).held
-    assert_allclose(held.balancing, [0, 0], atol=1e-9)  # rounding of 1000 N
+    held = inspect_arm(model("planar_2link"), np.radians([90, 0]), wrench=[0, -1000, 0, 0, 0, 0]).balance
+    assert_allclose(held.equilibrium, [0, 0], atol=1e-9)  # rounding of 1000 N
 
 
 # Questions ---------------------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis import routes
-from rmrc.analysis.routes import jacobians, link_frames
+from rmrc.analysis.routes import jacobians, link_transforms
 from rmrc.spatial import quat_to_matrix
 from screws import screw_chain
 
@@ -43,8 +43,8 @@ def test_routes_agree_for_any_chain(tmp_path_factory, seed):
     arm = arms.load(path)
     (q,) = arm.sampled(1, seed)
     agree(arm, q)
-    # Link frames end at the site.
-    links, _, tip = link_frames(arm, q)
+    # Link transforms end at the site.
+    links, _, tip = link_transforms(arm, q)
     end = np.linalg.multi_dot([*links, tip]) if len(links) else tip
     pose = arm.pose(q)
     np.testing.assert_allclose(end[:3, 3], pose[:3], atol=ROUNDING)

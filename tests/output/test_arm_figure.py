@@ -77,7 +77,7 @@ def test_at_a_singularity_velocities_are_a_line_and_forces_are_cut_off_where_the
 def test_the_shadow_of_a_spatial_ellipsoid():
     (one,) = found("stanford", [0.3, 1.0, 0.6, 0.7, 0.5, 0.2])
     velocity, _ = ellipses(one, [0, 2])
-    whole = one.reach[0].velocity
+    whole = one.ellipsoids[0].velocity
     # The shadow along an axis is as wide as the ellipsoid: the root of the diagonal of J J^T.
     for row, world in ((0, 0), (1, 2)):
         width = np.linalg.norm(velocity.axes[row] * velocity.half_axes)

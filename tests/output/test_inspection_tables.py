@@ -51,7 +51,7 @@ def test_slides_are_told_from_hinges(stanford):
     assert (joints["d_3"][0], joints["d_3"][2], joints["d_3"][3]) == ("slide", "m", "-")
     assert (joints["theta_1"][0], joints["theta_1"][2]) == ("hinge", "rad")
     assert (torques["d_3"][2], torques["theta_1"][2]) == ("N", "N m")
-    assert torques["d_3"][0] == number(stanford.held.balancing[2])
+    assert torques["d_3"][0] == number(stanford.balance.equilibrium[2])
 
 
 def test_a_lost_direction_holds_any_force():

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from itertools import accumulate
 from math import comb
 
 import numpy as np
 
-from rmrc.analysis.routes import Array, jacobians, link_frames
+from rmrc.analysis.routes import Array, jacobians
 from rmrc.analysis.singular_directions import LOST, SLOW, Lost, Motion, Slow, examine, rank_of
+from rmrc.analysis.statics import Balance, balance
 from rmrc.analysis.task import SAMPLES, Task, choose
 from rmrc.analysis.wording import amount, direction, listed
 from rmrc.arm import Arm
@@ -17,23 +17,22 @@ from rmrc.spatial import AXES, quat_to_matrix
 from rmrc.textbook.displacement import tip_covariance
 from rmrc.textbook.ellipsoid import Ellipsoid, force_ellipsoid, velocity_ellipsoid
 from rmrc.textbook.euler import analytic_jacobian, zyz_angles, zyz_is_singular, zyz_rate_matrix
-from rmrc.textbook.propagation import actuator_torques, inward_wrenches
 from rmrc.textbook.reference_frame import rotate_jacobian
 from rmrc.textbook.singularity import rank_by_minors
-from rmrc.textbook.statics import equilibrium_torques, joint_torques
 
 FRAMES = ("world", "site", "base")
+WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
 
 # A joint is said to be near its limit within this share of its range: some 10 degrees of most joints.
 NEAR_LIMIT = 0.05
 # A limit in degrees, rounded to radians in a file of eight digits, is not yet passed.
 AT_LIMIT = 1e-6
-# More minors than these are not counted: a second for 6 rows and 20 joints.
-MOST_MINORS = 40_000
+# More minors than these are not computed. 6 rows and 20 joints have 230 229, which take a tenth of a second.
+MOST_MINORS = 250_000
 
 
 @dataclass(frozen=True, eq=False)
-class Reach:
+class Ellipsoids:
     """Velocities that unit joint rates give, and forces that unit joint torques hold, in one kind of rows.
 
     Slides count per L meters, the characteristic length, and their forces times L.
@@ -72,28 +71,6 @@ class TipError:
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
-    """What holds the arm still while a wrench acts on it at the site; gravity is left out.
-
-    Attributes:
-        wrench: That acts on the arm, [f; n] along world axes, (6,) [N, N·m].
-        balancing: Joint torques that hold it: −Jᵀ F, (n,) [N·m or N].
-        equivalent: Joint torques that do what it does: Jᵀ F, (n,).
-        reactions: [f; n] on each link by the link before it, at a point on the joint's axis along world axes,
-            (n, 6) [N, N·m].
-        points: These points, in the world, (n, 3) [m].
-        disagreement: Between the torques of the reactions and −Jᵀ F, the largest [N·m or N].
-    """
-
-    wrench: Array
-    balancing: Array
-    equivalent: Array
-    reactions: Array
-    points: Array
-    disagreement: float
-
-
-@dataclass(frozen=True, eq=False)
 class Inspection:
     """An arm at one configuration. Vectors are along world axes but for `jacobian`.
 
@@ -115,12 +92,12 @@ class Inspection:
         lost: Task directions that cannot move.
         slow: Task directions that nearly cannot: κ of them is at least the 100 that the law calls SINGULAR.
         standing: Joint motions that do not move the task: of a redundant arm, or at a singularity.
-        reach: Ellipsoids of the translations of the task, and of its rotations.
+        ellipsoids: Ellipsoids of the translations of the task, and of its rotations.
         E: Ω = E Θ̇ for the Z-Y-Z angles, (3, 3).
         analytic_jacobian: Rows [ṗ; α̇; β̇; γ̇], (6, n); None where the angles are singular.
         angles_in_words: Whether the angles are singular here, and what they cannot do.
         tip_error: None if no joint errors were given.
-        held: None if no wrench was given.
+        balance: What holds it against the wrench, without gravity; None if no wrench was given.
         warnings: What is wrong with the question, but can be answered.
     """
 
@@ -141,12 +118,12 @@ class Inspection:
     lost: tuple[Lost, ...]
     slow: tuple[Slow, ...]
     standing: tuple[Motion, ...]
-    reach: tuple[Reach, ...]
+    ellipsoids: tuple[Ellipsoids, ...]
     E: Array
     analytic_jacobian: Array | None
     angles_in_words: str
     tip_error: TipError | None
-    held: Held | None
+    balance: Balance | None
     warnings: tuple[str, ...]
 
     @property
@@ -220,12 +197,12 @@ which turns about -z'
         determinant=float(np.linalg.det(J[task.rows])) if A.shape[0] == A.shape[1] else None,
         sigma=sigma, rank=rank_of(sigma),
         rank_by_minors=int(rank_by_minors(A, LOST)) if minors <= MOST_MINORS else None,
-        lost=lost, slow=slow, standing=standing, reach=_reach(task, J),
+        lost=lost, slow=slow, standing=standing, ellipsoids=_ellipsoids(task, J),
         E=zyz_rate_matrix(angles),
         analytic_jacobian=None if zyz_is_singular(angles) else analytic_jacobian(J, angles),
         angles_in_words=_angles_in_words(angles),
         tip_error=None if joint_error is None else _tip_error(arm, J, joint_error),
-        held=None if wrench is None else _held(arm, q, J, R, wrench),
+        balance=None if wrench is None else balance(arm, q, _numbers("wrench", wrench, WRENCH)),
         warnings=_warnings(arm, q),
     )  # fmt: skip
 
@@ -283,13 +260,13 @@ def _why(task: Task, asked: bool) -> str:
     return f"these the arm can move independently of each other; {', '.join(reasons)}"
 
 
-def _reach(task: Task, J: Array) -> tuple[Reach, ...]:
+def _ellipsoids(task: Task, J: Array) -> tuple[Ellipsoids, ...]:
     found = []
     for rows in (task.rows[task.rows < 3], task.rows[task.rows >= 3]):
         if len(rows):
             part = J[rows] * task.joint_scale
             names = tuple(AXES[row] for row in rows)
-            found.append(Reach(names, velocity_ellipsoid(part), force_ellipsoid(part)))
+            found.append(Ellipsoids(names, velocity_ellipsoid(part), force_ellipsoid(part)))
     return tuple(found)
 
 
@@ -326,21 +303,6 @@ def _worst(covariance: Array) -> Array:
     variances, directions = np.linalg.eigh(covariance)
     worst = directions[:, -1] * np.sqrt(max(variances[-1], 0.0))
     return np.asarray(worst if worst[np.argmax(np.abs(worst))] >= 0.0 else -worst)
-
-
-def _held(arm: Arm, q: Array, J: Array, R: Array, wrench: Sequence[float] | Array) -> Held:
-    wrench = _numbers("wrench", wrench, ("fx", "fy", "fz", "nx", "ny", "nz"))
-    links, pitch, tip = link_frames(arm, q)
-    pressed = -np.concatenate([R.T @ wrench[:3], R.T @ wrench[3:]])  # by the tip on the world, along its axes
-    reactions = inward_wrenches(links, pressed, tip)
-    balancing = equilibrium_torques(J, wrench)
-    frames = list(accumulate(links, np.matmul))
-    turned = [np.concatenate([T[:3, :3] @ r[:3], T[:3, :3] @ r[3:]])
-              for T, r in zip(frames, reactions, strict=True)]  # fmt: skip
-    return Held(
-        wrench, balancing, joint_torques(J, wrench), np.array(turned), np.array([T[:3, 3] for T in frames]),
-        float(np.abs(actuator_torques(reactions, pitch) - balancing).max()),
-    )  # fmt: skip
 
 
 def _warnings(arm: Arm, q: Array) -> tuple[str, ...]:

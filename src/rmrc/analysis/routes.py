@@ -32,7 +32,7 @@ def jacobians(arm: Arm, q: Sequence[float] | Array) -> dict[str, Array]:
         arm: The arm.
         q: Joint positions, (n,) [rad or m].
     """
-    links, pitch, tip = link_frames(arm, q)
+    links, pitch, tip = link_transforms(arm, q)
     return {
         "mujoco": arm.jacobian(q),
         "screws": jacobian_by_screws(arm, q),
@@ -61,8 +61,8 @@ def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
     return geometric_from_screws(space_jacobian(screws, q), tip)
 
 
-def link_frames(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array, Array]:
-    """Return the arm as link transforms, for `rmrc.textbook.propagation`.
+def link_transforms(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    """Return the link transforms of the arm, for `rmrc.textbook.propagation`.
 
     Frame {i} is fixed in link i, its z along the axis of joint i; at q = 0 its origin is MuJoCo's anchor. It
     moves as a modified DH link of no length and twist: q turns about z, or slides along it.

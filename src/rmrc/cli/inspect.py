@@ -17,7 +17,6 @@ from rmrc.errors import QuestionError
 if TYPE_CHECKING:
     from rmrc.arm import Arm
 
-WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
 PICTURES = (".png", ".svg", ".pdf")
 
 
@@ -66,7 +65,7 @@ def inspect(
         raise QuestionError("give --q or --keyframe, not both")
     rows = task_axes(axes)
     with notice("reading the model ..."):
-        from rmrc.analysis.inspection import inspect_arm
+        from rmrc.analysis.inspection import WRENCH, inspect_arm
         from rmrc.arm import load
         from rmrc.output import inspection_json, inspection_tables
         from rmrc.output.sheets import as_table

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from rmrc.analysis.inspection import Inspection
-from rmrc.analysis.routes import Array, link_frames, pitches
+from rmrc.analysis.routes import Array, link_transforms, pitches
 from rmrc.arm import Arm
 from rmrc.output.figures import plain, save
 from rmrc.output.sheets import number
@@ -96,7 +96,7 @@ def skeleton(found: Inspection) -> Array:
     """Return what a stick figure joins: base, a point on each joint's axis, site, (n + 2, 3) [m]."""
     arm = found.arm
     poses, _ = arm.frames(found.q[None])
-    frames = accumulate(link_frames(arm, found.q)[0], np.matmul)
+    frames = accumulate(link_transforms(arm, found.q)[0], np.matmul)
     return np.array([poses[0, arm.base, :3], *(T[:3, 3] for T in frames), found.pose[:3]])
 
 

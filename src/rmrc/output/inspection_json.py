@@ -26,7 +26,7 @@ KEYS = {
     "ellipsoids": "rows; directions as rows of numbers; half axes of velocity and force, null if infinite",
     "euler_rates": "E with w = E (alpha', beta', gamma'); the analytic jacobian, null where singular; words",
     "tip_error": "joints, deviation of x y z rx ry rz, covariance, worst translation and rotation; or null",
-    "statics": "wrench, balancing and equivalent torques, reactions, their points, disagreement; or null",
+    "statics": "wrench, equilibrium and equivalent torques, reactions, their points, disagreement; or null",
     "warnings": "in words",
 }
 """What each key holds: SI, radians; vectors along world axes but for `jacobian`; all numbers are finite."""
@@ -34,7 +34,7 @@ KEYS = {
 
 def facts(found: Inspection) -> dict[str, Any]:
     """Return an inspection as strict JSON, by `KEYS`; what is infinite or undefined is null."""
-    arm, task, error, held = found.arm, found.task, found.tip_error, found.held
+    arm, task, error, balance = found.arm, found.task, found.tip_error, found.balance
     values = {
         "model": str(arm.path),
         "site": arm.site,
@@ -74,7 +74,7 @@ def facts(found: Inspection) -> dict[str, Any]:
                 "velocity": one.velocity.half_axes,
                 "force": one.force.half_axes,
             }
-            for one in found.reach
+            for one in found.ellipsoids
         ],
         "euler_rates": {
             "E": found.E,
@@ -89,14 +89,14 @@ def facts(found: Inspection) -> dict[str, Any]:
             "worst_translation": error.worst_translation,
             "worst_rotation": error.worst_rotation,
         },
-        "statics": held
+        "statics": balance
         and {
-            "wrench": held.wrench,
-            "balancing": held.balancing,
-            "equivalent": held.equivalent,
-            "reactions": held.reactions,
-            "points": held.points,
-            "disagreement": held.disagreement,
+            "wrench": balance.wrench,
+            "equilibrium": balance.equilibrium,
+            "equivalent": balance.equivalent,
+            "reactions": balance.reaction_world,
+            "points": balance.frames[:, :3, 3],
+            "disagreement": balance.disagreement,
         },
         "warnings": found.warnings,
     }

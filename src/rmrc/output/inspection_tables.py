@@ -17,10 +17,10 @@ ROUTE_NAMES = {
 def sheets(found: Inspection) -> list[Sheet]:
     """Return an inspection as tables of at most 100 columns, the most general first."""
     tables = [_joints(found), _site(found), _jacobian(found), _routes(found), _task(found), _words(found)]
-    tables += [_reach(found), _angles(found)]
+    tables += [_ellipsoids(found), _angles(found)]
     if found.tip_error is not None:
         tables.append(_tip_error(found))
-    if found.held is not None:
+    if found.balance is not None:
         tables += [_torques(found), _reactions(found)]
     return tables
 
@@ -110,13 +110,13 @@ def _words(found: Inspection) -> Sheet:
     return Sheet("What it cannot do, and what moves nothing", ("", ""), rows, frozenset({0, 1}))
 
 
-def _reach(found: Inspection) -> Sheet:
+def _ellipsoids(found: Inspection) -> Sheet:
     rows = []
-    for reach in found.reach:
-        at = [AXES.index(axis) % 3 for axis in reach.rows]
-        units = ("m/s", "N") if reach.rows[0] in "xyz" else ("rad/s", "N m")
+    for pair in found.ellipsoids:
+        at = [AXES.index(axis) % 3 for axis in pair.rows]
+        units = ("m/s", "N") if pair.rows[0] in "xyz" else ("rad/s", "N m")
         for axis, speed, force in zip(
-            reach.velocity.axes.T, reach.velocity.half_axes, reach.force.half_axes, strict=True
+            pair.velocity.axes.T, pair.velocity.half_axes, pair.force.half_axes, strict=True
         ):
             whole = np.zeros(3)
             whole[at] = axis if axis[np.argmax(np.abs(axis))] > 0.0 else -axis
@@ -165,24 +165,24 @@ def _tip_error(found: Inspection) -> Sheet:
 
 
 def _torques(found: Inspection) -> Sheet:
-    held = found.held
-    assert held is not None
+    balance = found.balance
+    assert balance is not None
     rows = [
         (joint, number(_clean(one)), number(_clean(other)), "N" if unit == "m" else "N m")
         for joint, one, other, unit in zip(
-            found.arm.joints, held.balancing, held.equivalent, _units(found), strict=True
+            found.arm.joints, balance.equilibrium, balance.equivalent, _units(found), strict=True
         )
     ]
-    title = f"Torques for the wrench {_listed(held.wrench)} on the arm at the site; gravity is left out"
+    title = f"Torques for the wrench {_listed(balance.wrench)} on the arm at the site; gravity is left out"
     return Sheet(title, ("joint", "hold it", "equal it", "unit"), rows, frozenset({0, 3}))
 
 
 def _reactions(found: Inspection) -> Sheet:
-    held = found.held
-    assert held is not None
+    balance = found.balance
+    assert balance is not None
     rows = [
         (joint, *(number(_clean(value)) for value in reaction))
-        for joint, reaction in zip(found.arm.joints, held.reactions, strict=True)
+        for joint, reaction in zip(found.arm.joints, balance.reaction_world, strict=True)
     ]
     return Sheet(
         "Force [N] and moment [N m] on the link behind each joint by the one before, there, in the world",
