@@ -329,6 +329,11 @@ class Arm:
         return poses, jacobians
 
     @property
+    def base(self) -> int:
+        """Id of the body that carries the first joint's: the world, or what stands on it."""
+        return int(self.model.body_parentid[self.model.jnt_bodyid[self.wiring.joint[0]]])
+
+    @property
     def body_names(self) -> list[str]:
         """Names of all bodies, the world first; a body without one goes by its number."""
         return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rmrc.errors import QuestionError
 from rmrc.scenario.values import angle
+from rmrc.spatial import AXES
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
@@ -33,7 +34,7 @@ TaskAxes = Annotated[
     ),
 ]
 Length = Annotated[
-    float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w [m].", min=1e-6)
+    float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w, in m.", min=1e-6)
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
 
@@ -57,6 +58,21 @@ def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float6
         except ValueError as error:
             raise QuestionError(f"{option}, {name}: {error}") from None
     return np.array(values)
+
+
+def task_axes(text: str | None) -> tuple[str, ...] | None:
+    """Return the rows of --axes; None without it, to let `rmrc.analysis.task.choose` choose.
+
+    Raises:
+        QuestionError: There is no such row.
+    """
+    if text is None:
+        return None
+    rows = tuple(part.strip() for part in text.strip().strip("[]").split(","))
+    for row in rows:
+        if row not in AXES:
+            raise QuestionError(f'--axes: no row "{row}"; choose from {" ".join(AXES)}')
+    return rows
 
 
 def configuration(arm: Arm, q: str | None, keyframe: str | None) -> NDArray[np.float64]:
