@@ -343,13 +343,13 @@ def test_the_frame_of_the_base_is_that_of_the_body_which_carries_the_arm(tmp_pat
     [
         (
             "planar_2link",
-            "these the arm can move independently of each other; z, rx and ry stay as they are, rz follows from those before",
+            "these the arm can move independently of each other; z, rx and ry stay as they are, rz follows from these",
         ),
         ("planar_3link", "these the arm can move independently of each other; z, rx and ry stay as they are"),
         ("stanford", "the arm can move all six independently of each other"),
         (
             "anthropomorphic",
-            "these the arm can move independently of each other; rx, ry and rz follow from those before",
+            "these the arm can move independently of each other; rx, ry and rz follow from these",
         ),
     ],
 )

@@ -254,7 +254,7 @@ def _why(task: Task, asked: bool) -> str:
     reasons = [
         f"{listed(names)} {verb}{'s' * (len(names) == 1)} {what}"
         for names, verb, what in ((still, "stay", "as it is" if len(still) == 1 else "as they are"),
-                                  (tied, "follow", "from those before"))
+                                  (tied, "follow", "from these"))
         if names
     ]  # fmt: skip
     return f"these the arm can move independently of each other; {', '.join(reasons)}"
