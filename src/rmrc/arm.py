@@ -329,6 +329,11 @@ class Arm:
         return poses, jacobians
 
     @property
+    def base(self) -> int:
+        """Id of the body that carries the first joint's: the world, or what stands on it."""
+        return int(self.model.body_parentid[self.model.jnt_bodyid[self.wiring.joint[0]]])
+
+    @property
     def body_names(self) -> list[str]:
         """Names of all bodies, the world first; a body without one goes by its number."""
         return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]
@@ -464,6 +469,13 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
                 f"{did_you_mean(name, own)}; the chain: {', '.join(own)}",
                 "joints",
             )
+    outward = [name for name in own if name in names]
+    if outward != list(names):
+        raise ModelError(
+            f"{path}: joints must be listed once each, from the world outward, got [{', '.join(names)}]; "
+            f"write [{', '.join(outward)}]",
+            "joints",
+        )
     followed = tuple(
         replace(travel, hinge=names.index(own[travel.hinge]))
         for travel in travels.values()

@@ -232,13 +232,6 @@ def _check_encoder(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
             f'joint "{arm.idle[0]}" of {arm.path} moves the site and is not driven, so that q + offset does '
             "not say where the site is; drive it, or leave arm.encoder out",
         )
-    outward = [name for _, name in sorted(zip(arm.wiring.joint, arm.joints, strict=True))]
-    if outward != list(arm.joints):
-        problems.add(
-            "arm.encoder",
-            f"needs the joints from the world outward, got arm.joints [{', '.join(arm.joints)}]; "
-            f"write [{', '.join(outward)}]",
-        )
 
 
 def _check_method(scenario: Scenario, arm: Arm, problems: _Problems) -> None:

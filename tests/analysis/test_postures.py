@@ -130,6 +130,16 @@ def test_the_torus_arm_has_the_postures_of_its_closed_form(name, point):
     assert_allclose(found.q, sorted_rows(expected), atol=1e-11)
 
 
+def test_a_spherical_wrist_has_two_postures():
+    task = choose(load("spherical_wrist"))
+    q = np.array([0.4, 0.9, -0.7])
+    found = find_postures(task, task.arm.pose(q), limits=False)
+    assert task.axes == ("rx", "ry", "rz")
+    # The other is flipped: (q_1 ± π, −q_2, q_3 ± π).
+    expected = [q, np.angle(np.exp(1j * (q * [1, -1, 1] + [np.pi, 0, np.pi])))]
+    assert_allclose(found.q, sorted_rows(expected), atol=1e-11)
+
+
 def test_a_long_torus_arm_has_two_postures_at_most_and_a_short_one_four():
     counts = {}
     for name in ("torus_3r", "torus_3r_short"):

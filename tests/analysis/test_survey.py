@@ -72,6 +72,10 @@ def test_threads_change_no_bit(monkeypatch):
     [
         ("planar_2link", ("x", "y")),
         ("planar_3link", ("x", "y", "rz")),
+        ("anthropomorphic", ("x", "y", "z")),
+        ("spherical_wrist", ("rx", "ry", "rz")),
+        ("planar_rp", ("x", "y")),
+        ("helical", ("x", "y", "z")),
         ("stanford", ("x", "y", "z", "rx", "ry", "rz")),
     ],
 )

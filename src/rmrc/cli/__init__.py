@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import ik, scenarios, statics
+from rmrc.cli import ik, inspect, scenarios, statics
 from rmrc.cli.console import EXIT_INPUT, complain
 from rmrc.errors import RmrcError
 
@@ -23,8 +23,14 @@ app = typer.Typer(
     pretty_exceptions_enable=False,  # a trace is for us, and only for bugs
 )
 for verb in (
-    scenarios.run, scenarios.compare, scenarios.replay, scenarios.schema, statics.statics, ik.ik,
-):  # fmt: skip
+    scenarios.run,
+    scenarios.compare,
+    scenarios.replay,
+    scenarios.schema,
+    inspect.inspect,
+    statics.statics,
+    ik.ik,
+):
     app.command()(verb)
 
 

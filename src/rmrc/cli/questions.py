@@ -16,9 +16,6 @@ from rmrc.spatial import AXES
 if TYPE_CHECKING:
     from rmrc.arm import Arm
 
-if TYPE_CHECKING:
-    from rmrc.arm import Arm
-
 Model = Annotated[Path, typer.Argument(help="The arm, an MJCF file.", show_default=False)]
 Site = Annotated[
     str | None, typer.Option(help="The point in question; default: the site that the most joints move.")
@@ -37,7 +34,7 @@ TaskAxes = Annotated[
     ),
 ]
 Length = Annotated[
-    float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w [m].", min=1e-6)
+    float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w, in m.", min=1e-6)
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
 
