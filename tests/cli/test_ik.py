@@ -201,6 +201,8 @@ def test_the_tolerance_is_the_users(rmrc):
         (("--to", "1,1", "--quat", "1,0"), "--quat must have 4 values, one for each of w, x, y, z, got 2: '1,0'"),
         (("--quat", "1,0,0,0"), "--quat needs --to with a value for each of x, y"),
         (("--to", "1,1", "--q", "1,1", "--keyframe", "home"), "give --q or --keyframe, not both"),
+        (("--to", "1,1", "--tolerance", "inf"), "--tolerance must be finite, got inf"),
+        (("--to", "1,1", "--length", "inf"), "--length must be finite, got inf"),
         (
             ("--to", "1,1", "--all", "--iterates"),
             "give --all or --iterates, not both: all postures are searched from many starts",

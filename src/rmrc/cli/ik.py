@@ -1,6 +1,7 @@
 """The verb `ik`: joint positions that bring a site to a pose, or as near as they can."""
 
 import json
+import math
 from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
@@ -90,6 +91,9 @@ def ik(
     if every and (iterates or method is Method.NEWTON):
         option = "--iterates" if iterates else "--method newton"
         raise QuestionError(f"give --all or {option}, not both: all postures are searched from many starts")
+    for option, value in (("--length", length), ("--tolerance", tolerance)):
+        if not math.isfinite(value):
+            raise QuestionError(f"{option} must be finite, got {value}")
     rows = task_axes(axes)
     with notice("reading the model ..."):
         from rmrc.analysis.inverse_kinematics import solve_ik
