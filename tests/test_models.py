@@ -58,6 +58,12 @@ DESCRIBED = {
         closed_form={"tip": six_rows(1.0, 0.8, 0.6), "wrist": six_rows(1.0, 0.8, 0.0)},
         task=(0, 1, 5),
     ),
+    "planar_6_3": Described(
+        chain=planar(6.0, 3.0),
+        sites={"tip": (2, (3.0, 0.0, 0.0))},
+        closed_form={"tip": six_rows(6.0, 3.0)},
+        task=(0, 1),
+    ),
     "stanford": Described(
         chain=stanford_chain(),
         sites={"wrist": (6, (0.0, 0.0, 0.0)), "tool": (6, (0.0, 0.0, 0.263))},
@@ -272,6 +278,8 @@ def test_torque_limits_hold_the_arm_against_gravity_twice_over(name, unit):
     [
         ("planar_2link", "link_1", 1.0, 0.030),
         ("planar_2link", "link_2", 1.0, 0.030),
+        ("planar_6_3", "link_1", 6.0, 0.150),
+        ("planar_6_3", "link_2", 3.0, 0.100),
         ("planar_3link", "link_1", 1.0, 0.030),
         ("planar_3link", "link_2", 0.8, 0.025),
         ("planar_3link", "link_3", 0.6, 0.020),

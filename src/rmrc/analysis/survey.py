@@ -5,6 +5,7 @@ configuration a call.
 """
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -14,7 +15,7 @@ from rmrc.analysis.task import Array, Task
 from rmrc.control.compiled import Record, entry, machine_code
 from rmrc.control.kinematics import follow_chain, geometric_jacobian
 from rmrc.control.law import scale_task
-from rmrc.control.smallmat import svd_from_scratch
+from rmrc.control.smallmat import singular_values
 
 # Configurations that a thread takes at a time: some milliseconds of work.
 SHARE = 4096
@@ -57,16 +58,33 @@ def survey(task: Task, q: Array, threads: int | None = None) -> Survey:
     """
     q = np.ascontiguousarray(q, np.float64)
     pose, sigma = np.empty((len(q), 7)), np.empty((len(q), min(len(task.rows), task.arm.n)))
-    world = task.record()
-    kernel = machine_code(examine, world, q, pose, sigma)
+    _shared(examine, task, threads, q, pose, sigma)
+    return Survey(q, pose, sigma)
+
+
+def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, Array]:
+    """Return positions of the site, (N, 3) [m], and Jacobians, (N, 6, n), at many configurations (N, n).
+
+    Args:
+        task: The arm; its rows do not matter.
+        q: Joint positions, (N, n).
+        threads: None for one on each core; the result does not depend on it.
+    """
+    q = np.ascontiguousarray(q, np.float64)
+    position, J = np.empty((len(q), 3)), np.empty((len(q), 6, task.arm.n))
+    _shared(locate, task, threads, q, position, J)
+    return position, J
+
+
+def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *arrays: Array) -> None:
+    """Let threads work on the rows of arrays, SHARE at a time."""
+    compiled = machine_code(kernel, task.record(), *arrays)
 
     def share(first: int) -> None:
-        part = slice(first, first + SHARE)
-        kernel(task.record(), q[part], pose[part], sigma[part])
+        compiled(task.record(), *(array[first : first + SHARE] for array in arrays))
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(share, range(0, len(q), SHARE)))
-    return Survey(q, pose, sigma)
+        list(pool.map(share, range(0, len(arrays[0]), SHARE)))
 
 
 @entry
@@ -85,4 +103,21 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
             pose[i, c] = world.pose[c]
         geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
         scale_task(world)
-        svd_from_scratch(world.A, world.m, world.n, world.u, sigma[i], world.v)
+        singular_values(world.A, world.m, world.n, world.v if world.m <= world.n else world.u, sigma[i])
+
+
+@entry
+def locate(world: Record, q: Array, position: Array, J: Array) -> None:
+    """Write positions (N, 3) and Jacobians (N, 6, n) at joint positions (N, n).
+
+    Args:
+        world: A task's record; its measurement is overwritten.
+        q: Read.
+        position: Written.
+        J: Written.
+    """
+    for i in range(q.shape[0]):
+        follow_chain(world, q[i])
+        for c in range(3):
+            position[i, c] = world.pose[c]
+        geometric_jacobian(world, world.pose, world.anchor, world.axis, J[i])

@@ -13,6 +13,8 @@ from rmrc.control.compiled import Array, compiled, entry, inlined
 ORTHOGONAL = 3e-15
 # Rotations by so little leave cosines of their square, 1e-13.
 SMALL = 3e-7
+# Of values alone: rotations by so little leave others of their square, 1e-8, which move a value by their square.
+SMALL_FOR_VALUES = 1e-4
 # Up to here the neglected terms of the cosine's series, 5/16 t⁶, are below rounding.
 SERIES = 1e-3
 # Quadratic convergence needs 3 to 6 sweeps from a cold start; more means the input is not finite.
@@ -88,11 +90,13 @@ def rotate_rows(rows: Array, p: int, q: int, c: float, s: float, size: int) -> N
 
 
 @compiled
-def orthogonalize_rows(long: Array, basis: Array, norm2: Array, k: int, size: int) -> None:
+def orthogonalize_rows(
+    long: Array, basis: Array, norm2: Array, k: int, size: int, width: int, small: float
+) -> None:
     """Rotate the k rows of `long` until they are orthogonal, and `basis` along (one-sided Jacobi).
 
     The relative test makes small singular values as accurate as large ones [Demmel92]. A sweep whose
-    largest rotation was SMALL leaves errors of its square, so no sweep is spent on confirming it. Pairs
+    largest rotation was `small` leaves errors of its square, so no sweep is spent on confirming it. Pairs
     (p, q) with p + q constant modulo k have no row in common: the processor works on several at once.
     `norm2` holds the squared lengths of the rows, before and after.
     """
@@ -108,12 +112,12 @@ def orthogonalize_rows(long: Array, basis: Array, norm2: Array, k: int, size: in
                     continue
                 t, c = rotation(gamma, norm2[q] - norm2[p])
                 rotate_rows(long, p, q, c, c * t, size)
-                rotate_rows(basis, p, q, c, c * t, k)
+                rotate_rows(basis, p, q, c, c * t, width)
                 norm2[p] -= t * gamma
                 norm2[q] += t * gamma
                 largest = max(largest, abs(t))
         squared_norms(long, norm2, k, size)
-        if largest <= SMALL:
+        if largest <= small:
             break
 
 
@@ -249,11 +253,37 @@ def svd_from_scratch(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array)
 
 
 @inlined
+def singular_values(a: Array, m: int, n: int, long: Array, sigma: Array) -> None:
+    """Write the singular values of the leading (m, n) block of `a`, falling: `svd` without any vectors.
+
+    Args:
+        a: Matrix, at least (m, n).
+        m: Rows.
+        n: Columns.
+        long: Overwritten, at least (k, max(m, n)).
+        sigma: Written, at least (k,).
+    """
+    k, size = min(m, n), max(m, n)
+    for i in range(k):
+        for j in range(size):
+            long[i, j] = a[i, j] if m <= n else a[j, i]
+    squared_norms(long, sigma, k, size)
+    scale = tame(long, sigma, k, size)
+    orthogonalize_rows(long, long, sigma, k, size, 0, SMALL_FOR_VALUES)
+    for i in range(k):
+        value, p = scale * math.sqrt(sigma[i]), i
+        while p > 0 and sigma[p - 1] < value:
+            sigma[p] = sigma[p - 1]
+            p -= 1
+        sigma[p] = value
+
+
+@inlined
 def decompose(long: Array, basis: Array, sigma: Array, k: int, size: int) -> None:
     """Turn `long` = basis @ matrix into orthonormal rows, their lengths into `sigma`."""
     squared_norms(long, sigma, k, size)
     scale = tame(long, sigma, k, size)
-    orthogonalize_rows(long, basis, sigma, k, size)
+    orthogonalize_rows(long, basis, sigma, k, size, k, SMALL)
     for i in range(k):
         sigma[i] = math.sqrt(sigma[i])
     sort_falling(sigma, long, basis, k, size)
