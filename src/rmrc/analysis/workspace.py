@@ -1,0 +1,486 @@
+"""Where the site of an arm can be, how well it moves there, and where it loses a direction.
+
+A planar arm of two joints, or an arm of three in a half-plane about its first axis, is a sheet: two joint
+positions give two coordinates, and the image of a grid is followed exactly, folds and all. Any other arm is
+sampled, and the cells at the edge of what was found are sampled more until no cell is added.
+"""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from itertools import product
+from pathlib import Path
+from threading import Event
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.analysis.sheet import covering, zero_curves
+from rmrc.analysis.singular_set import nearest_singular
+from rmrc.analysis.slices import Slice, choose_slice
+from rmrc.analysis.survey import Survey, jacobians, survey
+from rmrc.analysis.task import Array, Task, choose
+from rmrc.arm import Arm
+from rmrc.errors import QuestionError
+from rmrc.files import written_whole
+
+Measure = Literal["sigma_min", "manipulability", "condition"]
+MEASURES: tuple[Measure, ...] = ("sigma_min", "manipulability", "condition")
+UNITS = {"sigma_min": "1", "manipulability": "1", "condition": "1", "postures": "1"}
+
+# Steps of a sheet's grid over the range of a joint: half a degree of a full turn, whose chords leave its arcs
+# by 1e-5 of their radius.
+GRID = 720
+# The grid of a full turn is shifted by this part of a step, so that 0 and π, where arms are singular, are
+# no nodes of it, and not its ends.
+SHIFT = 0.381966
+# Configurations that are looked at together: some tens of megabytes.
+BLOCK = 1 << 16
+# Random configurations from which singular ones are sought, where they are no curves on a sheet.
+STARTS = 4000
+# Sampling around the edge: at most so many rounds, each with so many configurations near one of every cell at
+# the edge, apart by so much [rad or m].
+ROUNDS, NEIGHBORS, NEARBY = 12, 64, (0.2, 0.05, 0.01)
+
+
+class Interrupted(Exception):  # noqa: N818 - it is no error
+    """Ctrl-C came while a workspace was computed."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A curve of the slice, and the configurations that it is the image of.
+
+    Attributes:
+        label: `singular`, or the limit that is reached: `NAME lower`, `NAME upper`.
+        q: (k, n) [rad or m].
+        points: In the slice, (k, 2) [m].
+        within: Which of them are within the joint limits, (k,).
+    """
+
+    label: str
+    q: Array
+    points: Array
+    within: NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The cells that the site can reach, with or without joint limits.
+
+    Attributes:
+        size: Side of a cell [m].
+        reached: (A, B).
+        postures: Number of postures that put the site into the middle of a cell, (A, B); -1 where the arm
+            has infinitely many, or the slice is not a sheet.
+        values: σ_min, w and κ of the best, or the worst, of the postures found, each (A, B); nan elsewhere.
+        q: The posture of the best, or the worst, σ_min, (A, B, n); nan elsewhere.
+    """
+
+    size: float
+    reached: NDArray[np.bool_]
+    postures: NDArray[np.int64]
+    values: dict[Measure, Array]
+    q: Array
+
+    @property
+    def area(self) -> float:
+        """Area of all cells that are reached [m²]."""
+        return float(self.reached.sum()) * self.size**2
+
+    @property
+    def accuracy(self) -> float:
+        """What the area can be wrong by [m²]: half a cell wherever two neighbors differ."""
+        padded = np.pad(self.reached, 1)
+        borders = (padded[1:] != padded[:-1]).sum() + (padded[:, 1:] != padded[:, :-1]).sum()
+        return float(borders) * 0.5 * self.size**2
+
+
+@dataclass(frozen=True)
+class Workspace:
+    """What `workspace` found.
+
+    Attributes:
+        task: The arm, and the rows whose singular values were taken.
+        part: The slice.
+        a: Edges of the cells along the first coordinate, (A + 1,) [m].
+        b: Along the second, (B + 1,) [m].
+        free: Without joint limits: each hinge turns fully; slides keep theirs.
+        limited: With them.
+        singular: Singular curves, on a sheet; else one "curve" of points without an order.
+        limits: Images of joint limits, on a sheet.
+        home: The configuration that the arm is drawn at, (n,).
+        links: Points of the drawn arm in the slice, (k, 2) [m].
+        worst: Whether `values` are of the worst posture and not of the best.
+        samples: Configurations that were looked at.
+    """
+
+    task: Task
+    part: Slice
+    a: Array
+    b: Array
+    free: Reach
+    limited: Reach
+    singular: tuple[Curve, ...]
+    limits: tuple[Curve, ...]
+    home: Array
+    links: Array
+    worst: bool
+    samples: int
+
+    def volume(self, reach: Reach) -> float | None:
+        """Return the volume that a slice about the first axis sweeps, 2π ∫ r dA [m³]; None for a plane."""
+        if not self.part.is_round:
+            return None
+        r = 0.5 * (self.a[1:] + self.a[:-1])
+        return float(2.0 * np.pi * (reach.reached.sum(axis=1) @ r) * reach.size**2)
+
+
+@dataclass
+class _Found:
+    """The best, or the worst, of what was found in each cell."""
+
+    task: Task
+    shape: tuple[int, int]
+    worst: bool
+    values: dict[Measure, Array] = field(init=False)
+    q: Array = field(init=False)
+    count: NDArray[np.int64] = field(init=False)
+    seen: int = 0
+
+    def __post_init__(self) -> None:
+        cells = self.shape[0] * self.shape[1]
+        self.values = {measure: np.full(cells, np.nan) for measure in MEASURES}
+        self.q = np.full((cells, self.task.arm.n), np.nan)
+        self.count = np.zeros(cells, np.int64)
+
+    def add(self, cells: NDArray[np.int64], found: Survey) -> None:
+        """Take what was found at configurations, of which each belongs to a cell."""
+        self.seen += len(cells)
+        self.count += np.bincount(cells, minlength=len(self.count))
+        of = {
+            "sigma_min": found.sigma[:, -1],
+            "manipulability": found.manipulability,
+            "condition": found.condition,
+        }
+        for measure in MEASURES:
+            high = (measure == "condition") == self.worst
+            key = of[measure] if high else -of[measure]
+            # Of equal indices, the last one assigned stays.
+            order = np.argsort(key, kind="stable")
+            best = np.full(len(self.count), -1)
+            best[cells[order]] = order
+            hit = np.flatnonzero(best >= 0)
+            new, old = of[measure][best[hit]], self.values[measure][hit]
+            better = np.isnan(old) | ((new > old) if high else (new < old))
+            self.values[measure][hit[better]] = new[better]
+            if measure == "sigma_min":
+                self.q[hit[better]] = found.q[best[hit[better]]]
+
+    def reach(self, size: float, postures: bool) -> Reach:
+        """Return all of it as maps."""
+        counted = self.count if postures else np.where(self.count > 0, -1, 0)
+        return Reach(
+            size,
+            (self.count > 0).reshape(self.shape),
+            counted.reshape(self.shape),
+            {measure: value.reshape(self.shape) for measure, value in self.values.items()},
+            self.q.reshape(*self.shape, -1),
+        )
+
+
+def workspace(
+    arm: Arm,
+    plane: str | None = None,
+    q: Array | None = None,
+    through: Array | None = None,
+    axes: list[str] | None = None,
+    length: float = 1.0,
+    cells: int = 200,
+    samples: int = 1_000_000,
+    worst: bool = False,
+    on_samples: Callable[[int], None] | None = None,
+    stop: Event | None = None,
+) -> Workspace:
+    """Find where the site can be in a slice, with and without joint limits, and where it is singular there.
+
+    Args:
+        arm: The arm.
+        plane: `xy`, `xz`, `yz`, or `rz`: distance from the first axis and height; None for the plane of a
+            planar arm, else `rz` if the first joint turns, else `xz`.
+        q: Joint positions, (n,), of joints that do not matter; None for `home`.
+        through: A point of the plane, (3,) [m]; None for the site at q.
+        axes: Rows of the twist whose singular values are taken; None for the linear ones that the arm can move.
+        length: Characteristic length, which makes meters and radians comparable [m].
+        cells: Number of cells along the longer side.
+        samples: Random configurations, with limits and as many without, of an arm that is no sheet.
+        worst: Whether to keep the worst of the postures that reach a cell instead of the best.
+        on_samples: Called with the number of configurations that were looked at since the last call.
+        stop: Set to end early.
+
+    Raises:
+        QuestionError: The arm has no such slice, or slides without limits.
+        Interrupted: `stop` was set.
+
+    Example:
+        >>> from rmrc.arm import load
+        >>> found = workspace(load(Path("models/planar_6_3.xml")), cells=60)   # doctest: +SKIP
+        >>> round(found.free.area / np.pi)                                     # doctest: +SKIP
+        72
+    """
+    home = arm.configuration("home")[arm.wiring.qpos] if q is None else np.asarray(q, np.float64)
+    part = choose_slice(arm, plane, home, through)
+    task = _task(arm, axes, length)
+    work = _Work(arm, task, part, home, worst, on_samples or (lambda _: None), stop or Event())
+    free_range, own_range = _ranges(arm, part)
+    if part.is_sheet:
+        return work.sheet(free_range, own_range, cells)
+    return work.sampled(free_range, own_range, cells, samples)
+
+
+def _task(arm: Arm, axes: list[str] | None, length: float) -> Task:
+    if axes is not None:
+        return choose(arm, axes, length)
+    mine = choose(arm, None, length)
+    linear = mine.rows[mine.rows < 3]
+    return Task(arm, linear, length)
+
+
+def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:
+    """Return lower and upper position of each joint without and with limits, both (n, 2)."""
+    turns = ~arm.is_slide & (arm.pitch == 0.0)
+    for joint in part.joints:
+        if not turns[joint] and not np.isfinite(arm.position_limit[joint]).all():
+            raise QuestionError(
+                f'{arm.path}: joint "{arm.joints[joint]}" slides without limits, so that the site can be anywhere; '
+                "give it a range in the model"
+            )
+    full = np.array([-np.pi, np.pi])
+    own = arm.position_limit.copy()
+    # A hinge with more than a turn, or with one end, reaches what a full turn does.
+    own[turns & ~(own[:, 1] - own[:, 0] < 2.0 * np.pi)] = full
+    free = np.where(turns[:, None], full, own)
+    return free, own
+
+
+@dataclass
+class _Work:
+    arm: Arm
+    task: Task
+    part: Slice
+    home: Array
+    worst: bool
+    on_samples: Callable[[int], None]
+    stop: Event
+    total: int = 0
+
+    def survey(self, q: Array) -> Iterator[Survey]:
+        """Yield what is found at configurations, block by block."""
+        for first in range(0, len(q), BLOCK):
+            self.did(min(BLOCK, len(q) - first))
+            yield survey(self.task, q[first : first + BLOCK])
+
+    def did(self, count: int) -> None:
+        if self.stop.is_set():
+            raise Interrupted
+        self.total += count
+        self.on_samples(count)
+
+    # A sheet ------------------------------------------------------------------------------------
+
+    def sheet(self, free: Array, own: Array, cells: int) -> Workspace:
+        turns = free[self.part.joints] != own[self.part.joints]
+        nodes_free = [self.nodes(joint, free) for joint in self.part.joints]
+        nodes_own = [
+            self.nodes(joint, own) if limited else nodes
+            for joint, nodes, limited in zip(self.part.joints, nodes_free, turns.any(axis=1), strict=True)
+        ]
+        at, value = self.image(nodes_free, with_determinant=True)
+        origin, size, shape = self.cells([at.reshape(-1, 2)], cells)
+        reaches = []
+        for nodes, images in ((nodes_free, at), (nodes_own, self.image(nodes_own)[0])):
+            found = _Found(self.task, shape, self.worst)
+            mirror = [1.0, -1.0] if self.part.is_round and np.isfinite(self.part.axes[0]).all() else [1.0]
+            for sign in mirror:
+                places, where = covering(images * [sign, 1.0], origin, size, shape)
+                q = np.tile(self.home, (len(places), 1))
+                for joint, steps, column in zip(self.part.joints, nodes, where.T, strict=True):
+                    q[:, joint] = np.interp(column, np.arange(len(steps)), steps)
+                for first, block in zip(range(0, len(q), BLOCK), self.survey(q), strict=True):
+                    found.add(places[first : first + BLOCK], block)
+            reaches.append(found.reach(size, postures=True))
+        singular = tuple(self.singular_curves(nodes_free, value, own))
+        limits = tuple(self.limit_curves(nodes_own, own, free))
+        return self.finish(origin, size, shape, reaches, singular, limits)
+
+    def nodes(self, joint: int, ranges: Array) -> Array:
+        low, high = ranges[joint]
+        steps = max(2, int(np.ceil(GRID * min(1.0, (high - low) / (2.0 * np.pi))))) if self.turns(joint) else GRID
+        is_full = self.turns(joint) and high - low >= 2.0 * np.pi
+        return np.linspace(low, high, steps + 1) - (SHIFT * (high - low) / steps if is_full else 0.0)
+
+    def turns(self, joint: int) -> bool:
+        return bool(not self.arm.is_slide[joint] and self.arm.pitch[joint] == 0.0)
+
+    def image(self, nodes: list[Array], with_determinant: bool = False) -> tuple[Array, Array]:
+        """Return images of the grid's nodes, (A, B, 2), and the determinant there."""
+        first, second = self.part.joints
+        at, value = np.empty((len(nodes[0]), len(nodes[1]), 2)), np.empty((len(nodes[0]), len(nodes[1])))
+        q = np.tile(self.home, (len(nodes[1]), 1))
+        q[:, second] = nodes[1]
+        for i, position in enumerate(nodes[0]):
+            q[:, first] = position
+            points, J = jacobians(self.task, q)
+            at[i] = self.part.signed(points)
+            if with_determinant:
+                value[i] = np.linalg.det(self.part.basis @ J[:, :3][:, :, self.part.movers])
+            self.did(len(q))
+        return at, value
+
+    def singular_curves(self, nodes: list[Array], value: Array, own: Array) -> Iterator[Curve]:
+        for places in zero_curves(value):
+            q = np.tile(self.home, (len(places), 1))
+            for joint, steps, column in zip(self.part.joints, nodes, places.T, strict=True):
+                q[:, joint] = np.interp(column, np.arange(len(steps)), steps)
+            q, found = nearest_singular(self.task, self.part, q, self.part.joints)
+            yield self.curve("singular", q[found], own)
+
+    def limit_curves(self, nodes: list[Array], own: Array, free: Array) -> Iterator[Curve]:
+        for i, joint in enumerate(self.part.joints):
+            if self.turns(joint) and (free[joint] == own[joint]).all():
+                continue
+            for end, word in enumerate(("lower", "upper")):
+                other = self.part.joints[1 - i]
+                q = np.tile(self.home, (len(nodes[1 - i]), 1))
+                q[:, joint], q[:, other] = own[joint, end], nodes[1 - i]
+                yield self.curve(f"{self.arm.joints[joint]} {word}", q, own)
+
+    # Samples --------------------------------------------------------------------------------------
+
+    def sampled(self, free: Array, own: Array, cells: int, samples: int) -> Workspace:
+        part, rng = self.part, np.random.default_rng(0)
+        starts = self.in_slice(self.random(rng, free, STARTS), free, rng)
+        q, found = nearest_singular(self.task, part, starts, part.movers)
+        q = np.where(self.turning, (q + np.pi) % (2.0 * np.pi) - np.pi, q)
+        singular = self.curve("singular", q[found & self.inside(q, free)], own)
+        origin, size, shape = self.cells([part.coordinates(jacobians(self.task, starts)[0]), singular.points], cells)
+        reaches = []
+        for ranges in (free, own):
+            known = _Found(self.task, shape, self.worst)
+            mine = singular.q[singular.within] if ranges is own else singular.q
+            self.look(known, mine, origin, size)
+            for first in range(0, samples, BLOCK):
+                q = self.random(rng, ranges, min(BLOCK, samples - first))
+                self.look(known, self.in_slice(q, ranges, rng), origin, size)
+            self.grow(known, ranges, origin, size, rng)
+            reaches.append(known.reach(size, postures=False))
+        return self.finish(origin, size, shape, reaches, (singular,), ())
+
+    @property
+    def turning(self) -> NDArray[np.bool_]:
+        return ~self.arm.is_slide & (self.arm.pitch == 0.0)
+
+    def random(self, rng: np.random.Generator, ranges: Array, count: int) -> Array:
+        q = np.tile(self.home, (count, 1))
+        joints = self.part.joints
+        q[:, joints] = rng.uniform(ranges[joints, 0], ranges[joints, 1], (count, len(joints)))
+        return q
+
+    def inside(self, q: Array, ranges: Array) -> NDArray[np.bool_]:
+        """Return which configurations are within ranges, a hinge also a turn further; to rounding."""
+        joints = self.part.joints
+        beyond = q[:, joints] - ranges[joints, 0]
+        beyond = np.where(self.turning[joints], (beyond + 1e-9) % (2.0 * np.pi) - 1e-9, beyond)
+        width = ranges[joints, 1] - ranges[joints, 0]
+        return np.asarray(((beyond >= -1e-9) & (beyond <= width + 1e-9)).all(axis=1))
+
+    def in_slice(self, q: Array, ranges: Array, rng: np.random.Generator) -> Array:
+        """Return the configurations, each with one joint moved so that the site is in the plane, if it can.
+
+        With the others at rest the distance to the plane is f + a (cos δ − 1) + b sin δ of a hinge, f + b δ of a
+        slide, where b is the normal's part of the joint's column of J and a that of J × z.
+        """
+        part = self.part
+        if not part.cuts:
+            return q
+        position, J = jacobians(self.task, q)
+        which = part.movers[rng.integers(len(part.movers), size=len(q))]
+        column = J[np.arange(len(q)), :, which]
+        f, b = part.offset(position), column[:, :3] @ part.normal
+        a = np.cross(column[:, :3], column[:, 3:]) @ part.normal
+        # cos(δ − φ) = (a − f)/√(a² + b²), with tan φ = b/a.
+        with np.errstate(divide="ignore", invalid="ignore"):
+            turned = np.arctan2(b, a) + rng.choice([-1.0, 1.0], len(q)) * np.arccos((a - f) / np.hypot(a, b))
+            slid = -f / b
+        change = np.where(self.arm.is_slide[which], slid, turned)
+        change[self.arm.pitch[which] != 0.0] = np.nan
+        moved = q.copy()
+        rows = np.arange(len(q))
+        moved[rows, which] += change
+        hinge = self.turning[which]
+        low = ranges[which, 0]
+        moved[rows, which] = np.where(hinge, low + (moved[rows, which] - low) % (2.0 * np.pi), moved[rows, which])
+        return moved[np.isfinite(change) & self.inside(np.nan_to_num(moved), ranges)]
+
+    def look(self, known: _Found, q: Array, origin: Array, size: float) -> None:
+        for found in self.survey(q):
+            places = np.floor((self.part.coordinates(found.pose[:, :3]) - origin) / size).astype(np.int64)
+            fits = ((places >= 0) & (places < known.shape)).all(axis=1)
+            kept = Survey(found.q[fits], found.pose[fits], found.sigma[fits])
+            known.add(places[fits, 0] * known.shape[1] + places[fits, 1], kept)
+
+    def grow(self, known: _Found, ranges: Array, origin: Array, size: float, rng: np.random.Generator) -> None:
+        """Look near the configurations at the edge of what was found, until no cell is added."""
+        joints, without = self.part.joints, 0
+        for turn in range(ROUNDS):
+            before = int(np.count_nonzero(known.count))
+            reached = np.pad((known.count > 0).reshape(known.shape), 1)
+            inner = reached[2:, 1:-1] & reached[:-2, 1:-1] & reached[1:-1, 2:] & reached[1:-1, :-2]
+            edge = np.flatnonzero((reached[1:-1, 1:-1] & ~inner).ravel())
+            q = np.repeat(known.q[edge], NEIGHBORS, axis=0)
+            q[:, joints] += rng.normal(0.0, NEARBY[turn % len(NEARBY)], (len(q), len(joints)))
+            q[:, joints] = np.clip(q[:, joints], ranges[joints, 0], ranges[joints, 1])
+            self.look(known, self.in_slice(q, ranges, rng), origin, size)
+            without = without + 1 if int(np.count_nonzero(known.count)) == before else 0
+            if without == len(NEARBY):
+                break
+
+    # Both -----------------------------------------------------------------------------------------
+
+    def cells(self, points: list[Array], cells: int) -> tuple[Array, float, tuple[int, int]]:
+        """Return lower corner, side and number of cells around points, with one cell to spare."""
+        every = np.concatenate(points)
+        low, high = every.min(axis=0), every.max(axis=0)
+        if self.part.is_round:
+            far = np.abs(every[:, 0]).max()
+            low[0], high[0] = 0.0, far
+        size = float((high - low).max()) / (cells - 2)
+        low = low - size
+        if self.part.is_round:
+            low[0] = 0.0
+        shape = np.ceil((high - low) / size).astype(int) + 1
+        return low, size, (int(shape[0]), int(shape[1]))
+
+    def curve(self, label: str, q: Array, own: Array) -> Curve:
+        points = self.part.coordinates(jacobians(self.task, q)[0]) if len(q) else np.empty((0, 2))
+        return Curve(label, q, points, self.inside(q, own))
+
+    def finish(
+        self, origin: Array, size: float, shape: tuple[int, int], reaches: list[Reach],
+        singular: tuple[Curve, ...], limits: tuple[Curve, ...],
+    ) -> Workspace:  # fmt: skip
+        a, b = (origin[i] + size * np.arange(shape[i] + 1) for i in range(2))
+        links = self.part.coordinates(_links(self.arm, self.home))
+        return Workspace(
+            self.task, self.part, a, b, *reaches, singular, limits, self.home, links, self.worst, self.total
+        )
+
+
+def _links(arm: Arm, q: Array) -> Array:
+    """Return the way along the arm from the world to the site, (k, 3): origins of its bodies."""
+    poses, _ = arm.frames(q[None])
+    chain, body = [], int(arm.wiring.body)
+    while body > 0:
+        chain.append(poses[0, body, :3])
+        body = int(arm.model.body_parentid[body])
+    return np.array([*chain[::-1], arm.pose(q)[:3]])
