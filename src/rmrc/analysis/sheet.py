@@ -9,7 +9,9 @@ from rmrc.analysis.task import Array
 from rmrc.control.compiled import compiled, entry, machine_code
 
 
-def covering(at: Array, origin: Array, size: float, shape: tuple[int, int]) -> tuple[NDArray[np.int64], Array]:
+def covering(
+    at: Array, origin: Array, size: float, shape: tuple[int, int]
+) -> tuple[NDArray[np.int64], Array]:
     """Return which centers of cells the image of a grid covers, each as often as it does.
 
     Each square of the grid is cut into two triangles, which are mapped to triangles; a center on a border

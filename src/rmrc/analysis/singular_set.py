@@ -63,5 +63,3 @@ def nearest_singular(
         size = np.linalg.norm(step, axis=1, keepdims=True)
         q[np.ix_(left, joints)] += step * np.minimum(1.0, LONGEST / np.maximum(size, 1e-300))
     return q, found
-
-

@@ -164,6 +164,4 @@ def _about(arm: Arm, movers: NDArray[np.intp], q: Array) -> Slice:
     flat = np.abs(across - (across @ outward)[:, None] * outward).max() < PARALLEL * np.abs(across).max()
     radial = outward if flat else np.full(3, np.nan)
     height = "z" if axis[2] > 1.0 - PARALLEL else "h"
-    return Slice(
-        "rz", ("r", height), origin, np.stack([radial, axis]), np.zeros(3), False, movers, np.eye(3)
-    )
+    return Slice("rz", ("r", height), origin, np.stack([radial, axis]), np.zeros(3), False, movers, np.eye(3))

@@ -19,6 +19,8 @@ from rmrc.control.smallmat import singular_values
 
 # Configurations that a thread takes at a time: some milliseconds of work.
 SHARE = 4096
+# Configurations that a caller with many more had better ask for at a time: some tens of megabytes.
+BLOCK = 1 << 16
 
 
 @dataclass(frozen=True)

@@ -5,28 +5,20 @@ positions give two coordinates, and the image of a grid is followed exactly, fol
 sampled, and the cells at the edge of what was found are sampled more until no cell is added.
 """
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from itertools import product
-from pathlib import Path
-from threading import Event
-from typing import Any, Literal
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.analysis.reach import Curve, Found, Reach, Workspace
 from rmrc.analysis.sheet import covering, zero_curves
 from rmrc.analysis.singular_set import nearest_singular
 from rmrc.analysis.slices import Slice, choose_slice
-from rmrc.analysis.survey import Survey, jacobians, survey
+from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.task import Array, Task, choose
 from rmrc.arm import Arm
 from rmrc.errors import QuestionError
-from rmrc.files import written_whole
-
-Measure = Literal["sigma_min", "manipulability", "condition"]
-MEASURES: tuple[Measure, ...] = ("sigma_min", "manipulability", "condition")
-UNITS = {"sigma_min": "1", "manipulability": "1", "condition": "1", "postures": "1"}
 
 # Steps of a sheet's grid over the range of a joint: half a degree of a full turn, whose chords leave its arcs
 # by 1e-5 of their radius.
@@ -34,8 +26,6 @@ GRID = 720
 # The grid of a full turn is shifted by this part of a step, so that 0 and π, where arms are singular, are
 # no nodes of it, and not its ends.
 SHIFT = 0.381966
-# Configurations that are looked at together: some tens of megabytes.
-BLOCK = 1 << 16
 # Random configurations from which singular ones are sought, where they are no curves on a sheet.
 STARTS = 4000
 # Sampling around the edge: at most so many rounds, each with so many configurations near one of every cell at
@@ -43,164 +33,17 @@ STARTS = 4000
 ROUNDS, NEIGHBORS, NEARBY = 12, 64, (0.2, 0.05, 0.01)
 
 
-class Interrupted(Exception):  # noqa: N818 - it is no error
-    """Ctrl-C came while a workspace was computed."""
-
-
-@dataclass(frozen=True)
-class Curve:
-    """A curve of the slice, and the configurations that it is the image of.
-
-    Attributes:
-        label: `singular`, or the limit that is reached: `NAME lower`, `NAME upper`.
-        q: (k, n) [rad or m].
-        points: In the slice, (k, 2) [m].
-        within: Which of them are within the joint limits, (k,).
-    """
-
-    label: str
-    q: Array
-    points: Array
-    within: NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Reach:
-    """The cells that the site can reach, with or without joint limits.
-
-    Attributes:
-        size: Side of a cell [m].
-        reached: (A, B).
-        postures: Number of postures that put the site into the middle of a cell, (A, B); -1 where the arm
-            has infinitely many, or the slice is not a sheet.
-        values: σ_min, w and κ of the best, or the worst, of the postures found, each (A, B); nan elsewhere.
-        q: The posture of the best, or the worst, σ_min, (A, B, n); nan elsewhere.
-    """
-
-    size: float
-    reached: NDArray[np.bool_]
-    postures: NDArray[np.int64]
-    values: dict[Measure, Array]
-    q: Array
-
-    @property
-    def area(self) -> float:
-        """Area of all cells that are reached [m²]."""
-        return float(self.reached.sum()) * self.size**2
-
-    @property
-    def accuracy(self) -> float:
-        """What the area can be wrong by [m²]: half a cell wherever two neighbors differ."""
-        padded = np.pad(self.reached, 1)
-        borders = (padded[1:] != padded[:-1]).sum() + (padded[:, 1:] != padded[:, :-1]).sum()
-        return float(borders) * 0.5 * self.size**2
-
-
-@dataclass(frozen=True)
-class Workspace:
-    """What `workspace` found.
-
-    Attributes:
-        task: The arm, and the rows whose singular values were taken.
-        part: The slice.
-        a: Edges of the cells along the first coordinate, (A + 1,) [m].
-        b: Along the second, (B + 1,) [m].
-        free: Without joint limits: each hinge turns fully; slides keep theirs.
-        limited: With them.
-        singular: Singular curves, on a sheet; else one "curve" of points without an order.
-        limits: Images of joint limits, on a sheet.
-        home: The configuration that the arm is drawn at, (n,).
-        links: Points of the drawn arm in the slice, (k, 2) [m].
-        worst: Whether `values` are of the worst posture and not of the best.
-        samples: Configurations that were looked at.
-    """
-
-    task: Task
-    part: Slice
-    a: Array
-    b: Array
-    free: Reach
-    limited: Reach
-    singular: tuple[Curve, ...]
-    limits: tuple[Curve, ...]
-    home: Array
-    links: Array
-    worst: bool
-    samples: int
-
-    def volume(self, reach: Reach) -> float | None:
-        """Return the volume that a slice about the first axis sweeps, 2π ∫ r dA [m³]; None for a plane."""
-        if not self.part.is_round:
-            return None
-        r = 0.5 * (self.a[1:] + self.a[:-1])
-        return float(2.0 * np.pi * (reach.reached.sum(axis=1) @ r) * reach.size**2)
-
-
-@dataclass
-class _Found:
-    """The best, or the worst, of what was found in each cell."""
-
-    task: Task
-    shape: tuple[int, int]
-    worst: bool
-    values: dict[Measure, Array] = field(init=False)
-    q: Array = field(init=False)
-    count: NDArray[np.int64] = field(init=False)
-    seen: int = 0
-
-    def __post_init__(self) -> None:
-        cells = self.shape[0] * self.shape[1]
-        self.values = {measure: np.full(cells, np.nan) for measure in MEASURES}
-        self.q = np.full((cells, self.task.arm.n), np.nan)
-        self.count = np.zeros(cells, np.int64)
-
-    def add(self, cells: NDArray[np.int64], found: Survey) -> None:
-        """Take what was found at configurations, of which each belongs to a cell."""
-        self.seen += len(cells)
-        self.count += np.bincount(cells, minlength=len(self.count))
-        of = {
-            "sigma_min": found.sigma[:, -1],
-            "manipulability": found.manipulability,
-            "condition": found.condition,
-        }
-        for measure in MEASURES:
-            high = (measure == "condition") == self.worst
-            key = of[measure] if high else -of[measure]
-            # Of equal indices, the last one assigned stays.
-            order = np.argsort(key, kind="stable")
-            best = np.full(len(self.count), -1)
-            best[cells[order]] = order
-            hit = np.flatnonzero(best >= 0)
-            new, old = of[measure][best[hit]], self.values[measure][hit]
-            better = np.isnan(old) | ((new > old) if high else (new < old))
-            self.values[measure][hit[better]] = new[better]
-            if measure == "sigma_min":
-                self.q[hit[better]] = found.q[best[hit[better]]]
-
-    def reach(self, size: float, postures: bool) -> Reach:
-        """Return all of it as maps."""
-        counted = self.count if postures else np.where(self.count > 0, -1, 0)
-        return Reach(
-            size,
-            (self.count > 0).reshape(self.shape),
-            counted.reshape(self.shape),
-            {measure: value.reshape(self.shape) for measure, value in self.values.items()},
-            self.q.reshape(*self.shape, -1),
-        )
-
-
 def workspace(
     arm: Arm,
     plane: str | None = None,
     q: Array | None = None,
     through: Array | None = None,
-    axes: list[str] | None = None,
+    axes: Sequence[str] | None = None,
     length: float = 1.0,
     cells: int = 200,
     samples: int = 1_000_000,
     worst: bool = False,
     on_samples: Callable[[int], None] | None = None,
-    stop: Event | None = None,
 ) -> Workspace:
     """Find where the site can be in a slice, with and without joint limits, and where it is singular there.
 
@@ -216,11 +59,9 @@ def workspace(
         samples: Random configurations, with limits and as many without, of an arm that is no sheet.
         worst: Whether to keep the worst of the postures that reach a cell instead of the best.
         on_samples: Called with the number of configurations that were looked at since the last call.
-        stop: Set to end early.
 
     Raises:
         QuestionError: The arm has no such slice, or slides without limits.
-        Interrupted: `stop` was set.
 
     Example:
         >>> from rmrc.arm import load
@@ -231,14 +72,19 @@ def workspace(
     home = arm.configuration("home")[arm.wiring.qpos] if q is None else np.asarray(q, np.float64)
     part = choose_slice(arm, plane, home, through)
     task = _task(arm, axes, length)
-    work = _Work(arm, task, part, home, worst, on_samples or (lambda _: None), stop or Event())
+    work = _Work(arm, task, part, home, worst, on_samples or (lambda _: None))
     free_range, own_range = _ranges(arm, part)
     if part.is_sheet:
         return work.sheet(free_range, own_range, cells)
     return work.sampled(free_range, own_range, cells, samples)
 
 
-def _task(arm: Arm, axes: list[str] | None, length: float) -> Task:
+def expected(part: Slice, samples: int) -> int:
+    """Return about how many configurations `workspace` looks at: for a progress bar."""
+    return 2 * (GRID + 1) ** 2 if part.is_sheet else 2 * samples
+
+
+def _task(arm: Arm, axes: Sequence[str] | None, length: float) -> Task:
     if axes is not None:
         return choose(arm, axes, length)
     mine = choose(arm, None, length)
@@ -271,7 +117,6 @@ class _Work:
     home: Array
     worst: bool
     on_samples: Callable[[int], None]
-    stop: Event
     total: int = 0
 
     def survey(self, q: Array) -> Iterator[Survey]:
@@ -281,8 +126,6 @@ class _Work:
             yield survey(self.task, q[first : first + BLOCK])
 
     def did(self, count: int) -> None:
-        if self.stop.is_set():
-            raise Interrupted
         self.total += count
         self.on_samples(count)
 
@@ -299,7 +142,7 @@ class _Work:
         origin, size, shape = self.cells([at.reshape(-1, 2)], cells)
         reaches = []
         for nodes, images in ((nodes_free, at), (nodes_own, self.image(nodes_own)[0])):
-            found = _Found(self.task, shape, self.worst)
+            found = Found(self.task, shape, self.worst)
             mirror = [1.0, -1.0] if self.part.is_round and np.isfinite(self.part.axes[0]).all() else [1.0]
             for sign in mirror:
                 places, where = covering(images * [sign, 1.0], origin, size, shape)
@@ -315,7 +158,9 @@ class _Work:
 
     def nodes(self, joint: int, ranges: Array) -> Array:
         low, high = ranges[joint]
-        steps = max(2, int(np.ceil(GRID * min(1.0, (high - low) / (2.0 * np.pi))))) if self.turns(joint) else GRID
+        steps = (
+            max(2, int(np.ceil(GRID * min(1.0, (high - low) / (2.0 * np.pi))))) if self.turns(joint) else GRID
+        )
         is_full = self.turns(joint) and high - low >= 2.0 * np.pi
         return np.linspace(low, high, steps + 1) - (SHIFT * (high - low) / steps if is_full else 0.0)
 
@@ -326,15 +171,17 @@ class _Work:
         """Return images of the grid's nodes, (A, B, 2), and the determinant there."""
         first, second = self.part.joints
         at, value = np.empty((len(nodes[0]), len(nodes[1]), 2)), np.empty((len(nodes[0]), len(nodes[1])))
-        q = np.tile(self.home, (len(nodes[1]), 1))
-        q[:, second] = nodes[1]
-        for i, position in enumerate(nodes[0]):
-            q[:, first] = position
-            points, J = jacobians(self.task, q)
-            at[i] = self.part.signed(points)
+        rows = max(1, BLOCK // len(nodes[1]))
+        for begin in range(0, len(nodes[0]), rows):
+            some = slice(begin, begin + rows)
+            q = np.tile(self.home, (*value[some].shape, 1))
+            q[..., first], q[..., second] = nodes[0][some, None], nodes[1]
+            points, J = jacobians(self.task, q.reshape(-1, self.arm.n))
+            at[some] = self.part.signed(points).reshape(at[some].shape)
             if with_determinant:
-                value[i] = np.linalg.det(self.part.basis @ J[:, :3][:, :, self.part.movers])
-            self.did(len(q))
+                own = self.part.basis @ J[:, :3][:, :, self.part.movers]
+                value[some] = np.linalg.det(own).reshape(value[some].shape)
+            self.did(len(points))
         return at, value
 
     def singular_curves(self, nodes: list[Array], value: Array, own: Array) -> Iterator[Curve]:
@@ -363,10 +210,12 @@ class _Work:
         q, found = nearest_singular(self.task, part, starts, part.movers)
         q = np.where(self.turning, (q + np.pi) % (2.0 * np.pi) - np.pi, q)
         singular = self.curve("singular", q[found & self.inside(q, free)], own)
-        origin, size, shape = self.cells([part.coordinates(jacobians(self.task, starts)[0]), singular.points], cells)
+        origin, size, shape = self.cells(
+            [part.coordinates(jacobians(self.task, starts)[0]), singular.points], cells
+        )
         reaches = []
         for ranges in (free, own):
-            known = _Found(self.task, shape, self.worst)
+            known = Found(self.task, shape, self.worst)
             mine = singular.q[singular.within] if ranges is own else singular.q
             self.look(known, mine, origin, size)
             for first in range(0, samples, BLOCK):
@@ -419,17 +268,19 @@ class _Work:
         moved[rows, which] += change
         hinge = self.turning[which]
         low = ranges[which, 0]
-        moved[rows, which] = np.where(hinge, low + (moved[rows, which] - low) % (2.0 * np.pi), moved[rows, which])
+        moved[rows, which] = np.where(
+            hinge, low + (moved[rows, which] - low) % (2.0 * np.pi), moved[rows, which]
+        )
         return moved[np.isfinite(change) & self.inside(np.nan_to_num(moved), ranges)]
 
-    def look(self, known: _Found, q: Array, origin: Array, size: float) -> None:
+    def look(self, known: Found, q: Array, origin: Array, size: float) -> None:
         for found in self.survey(q):
             places = np.floor((self.part.coordinates(found.pose[:, :3]) - origin) / size).astype(np.int64)
             fits = ((places >= 0) & (places < known.shape)).all(axis=1)
             kept = Survey(found.q[fits], found.pose[fits], found.sigma[fits])
             known.add(places[fits, 0] * known.shape[1] + places[fits, 1], kept)
 
-    def grow(self, known: _Found, ranges: Array, origin: Array, size: float, rng: np.random.Generator) -> None:
+    def grow(self, known: Found, ranges: Array, origin: Array, size: float, rng: np.random.Generator) -> None:
         """Look near the configurations at the edge of what was found, until no cell is added."""
         joints, without = self.part.joints, 0
         for turn in range(ROUNDS):
@@ -472,7 +323,18 @@ class _Work:
         a, b = (origin[i] + size * np.arange(shape[i] + 1) for i in range(2))
         links = self.part.coordinates(_links(self.arm, self.home))
         return Workspace(
-            self.task, self.part, a, b, *reaches, singular, limits, self.home, links, self.worst, self.total
+            self.task,
+            self.part,
+            a,
+            b,
+            reaches[0],
+            reaches[1],
+            singular,
+            limits,
+            self.home,
+            links,
+            self.worst,
+            self.total,
         )
 
 

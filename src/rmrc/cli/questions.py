@@ -1,15 +1,20 @@
 """What the verbs about a model share: their options, and lists of numbers read from them."""
 
+from __future__ import annotations
+
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm
 from rmrc.errors import QuestionError
 from rmrc.scenario.values import angle
+from rmrc.spatial import AXES
+
+if TYPE_CHECKING:
+    from rmrc.arm import Arm
 
 Model = Annotated[Path, typer.Argument(help="The arm, an MJCF file.", show_default=False)]
 Site = Annotated[
@@ -53,6 +58,21 @@ def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float6
         except ValueError as error:
             raise QuestionError(f"{option}, {name}: {error}") from None
     return np.array(values)
+
+
+def task_axes(text: str | None) -> tuple[str, ...] | None:
+    """Return the rows of --axes; None without it, to let `rmrc.analysis.task.choose` choose.
+
+    Raises:
+        QuestionError: There is no such row.
+    """
+    if text is None:
+        return None
+    rows = tuple(part.strip() for part in text.strip().strip("[]").split(","))
+    for row in rows:
+        if row not in AXES:
+            raise QuestionError(f'--axes: no row "{row}"; choose from {" ".join(AXES)}')
+    return rows
 
 
 def configuration(arm: Arm, q: str | None, keyframe: str | None) -> NDArray[np.float64]:

@@ -1,4 +1,4 @@
-"""Pictures for a page: the filters g(σ) of several inverses in one plot. The only owner of matplotlib."""
+"""Pictures for a page: the filters g(σ) of several inverses in one plot. How pictures are saved."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -28,9 +28,18 @@ def filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]], paths:
         curves: Label and curve of each variant, one or more.
         paths: Files to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
     """
+    save(_filter_factors(name, curves), paths)
+
+
+def save(figure: Figure, paths: Sequence[Path]) -> None:
+    """Write a picture, whole or not at all.
+
+    Args:
+        figure: The picture.
+        paths: Files to write; the suffix says how: `.png`, `.svg` or `.pdf`.
+    """
     # Text as text, so that a page can be searched; and the same bytes for the same picture.
     with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc"}):
-        figure = _filter_factors(name, curves)
         for path in paths:
             kind = path.suffix[1:]
             # A date would make equal pictures differ.
@@ -55,7 +64,7 @@ def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Fi
         axes.plot(
             sigma, gain, color=paint, linewidth=1.6 + 3.0 * outside, linestyle=(0, DASHES[i % len(DASHES)]),
             marker=MARKERS[i % len(MARKERS)], markevery=[where], markersize=8.0 + 5.0 * outside,
-            markeredgecolor="black", label=f"{_plain(label)}\n    σ_min = {curve.sigma_min:.3g}",
+            markeredgecolor="black", label=f"{plain(label)}\n    σ_min = {curve.sigma_min:.3g}",
         )  # fmt: skip
         # The rug: the same σ at the bottom, where a gain of 0 has no place on the curve.
         axes.plot(
@@ -64,7 +73,7 @@ def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Fi
         )  # fmt: skip
     axes.plot(ends, 1.0 / ends, ":", color="black", linewidth=0.9, label="1/σ, exact")
     _frame(axes, curves)
-    axes.set_title(f"{_plain(name)}: the inverses as filters")
+    axes.set_title(f"{plain(name)}: the inverses as filters")
     figure.legend(loc="outside right upper", frameon=False, handlelength=4.5)
     return figure
 
@@ -84,6 +93,6 @@ def _frame(axes: Axes, curves: Sequence[tuple[str, FilterFactor]]) -> None:
     axes.grid(which="major", color="0.85", linewidth=0.8)
 
 
-def _plain(text: str) -> str:
+def plain(text: str) -> str:
     """Return a text that is not read as mathematics."""
     return text.replace("$", r"\$")
