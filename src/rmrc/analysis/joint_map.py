@@ -22,7 +22,7 @@ class JointMap:
         second: Positions of the second, (B,) [rad or m].
         q: Positions of all joints; those of the two do not matter, (n,).
         values: σ_min, w and κ, each (A, B).
-        singular: Where det A = 0 of a square task, as polylines (k, 2) of both joints' positions; none of another.
+        singular: Where det A = 0 of a square task, as polylines (k, 2) of both positions; none of another.
     """
 
     task: Task
@@ -59,13 +59,14 @@ def joint_map(
     for name in names:
         if name not in arm.joints:
             raise QuestionError(
-                f'--over: no joint "{name}"{did_you_mean(name, arm.joints)}; its joints: {", ".join(arm.joints)}'
+                f'--over: no joint "{name}"{did_you_mean(name, arm.joints)}; '
+                f"its joints: {', '.join(arm.joints)}"
             )
     if names[0] == names[1]:
         raise QuestionError(f'--over needs two different joints, got "{names[0]}" twice')
     one, other = joints = (arm.joints.index(names[0]), arm.joints.index(names[1]))
     steps = [_positions(task, joint, cells) for joint in joints]
-    shape = (len(steps[0]), len(steps[1]))
+    shape, is_square = (len(steps[0]), len(steps[1])), len(task.rows) == arm.n
     sigma, value = np.empty((*shape, k)), np.empty(shape)
     rows = max(1, BLOCK // shape[1])
     for begin in range(0, shape[0], rows):
@@ -74,19 +75,22 @@ def joint_map(
         every[..., one], every[..., other] = steps[0][some, None], steps[1]
         flat = every.reshape(-1, arm.n)
         sigma[some] = survey(task, flat).sigma.reshape(*value[some].shape, k)
-        if k == len(task.rows) == arm.n:
+        if is_square:
             value[some] = np.linalg.det(task.matrix(jacobians(task, flat)[1])).reshape(value[some].shape)
         if on_samples is not None:
             on_samples(len(flat))
-    curves = zero_curves(value) if k == len(task.rows) == arm.n else []
+    known = Survey(every, every, sigma.reshape(-1, k))
+    values = {
+        "sigma_min": sigma[..., -1],
+        "manipulability": known.manipulability.reshape(shape),
+        "condition": known.condition.reshape(shape),
+    }
+    curves = zero_curves(value) if is_square else []
     grid = [np.arange(len(step)) for step in steps]
-    found = Survey(np.empty(0), np.empty(0), sigma.reshape(-1, k))
-    return JointMap(
-        task, joints, steps[0], steps[1], q,
-        {"sigma_min": sigma[..., -1], "manipulability": found.manipulability.reshape(shape),
-         "condition": found.condition.reshape(shape)},
-        tuple(np.stack([np.interp(curve[:, c], grid[c], steps[c]) for c in range(2)], axis=1) for curve in curves),
-    )  # fmt: skip
+    singular = tuple(
+        np.stack([np.interp(curve[:, c], grid[c], steps[c]) for c in range(2)], axis=1) for curve in curves
+    )
+    return JointMap(task, joints, steps[0], steps[1], q, values, singular)
 
 
 def _positions(task: Task, joint: int, cells: int) -> Array:
@@ -94,7 +98,8 @@ def _positions(task: Task, joint: int, cells: int) -> Array:
     if not np.isfinite(high - low):
         if task.arm.is_slide[joint]:
             raise QuestionError(
-                f'--over: joint "{task.arm.joints[joint]}" slides without limits; give it a range in the model'
+                f'--over: joint "{task.arm.joints[joint]}" slides without limits; '
+                "give it a range in the model"
             )
         low, high = -np.pi, np.pi
     return np.linspace(low, high, cells + 1)

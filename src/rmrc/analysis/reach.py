@@ -75,7 +75,7 @@ class Workspace:
         free: Without joint limits: each hinge turns fully; slides keep theirs.
         limited: With them.
         singular: Singular curves, on a sheet; else one "curve" of points without an order.
-        limits: Images of joint limits, on a sheet.
+        limits: Where joints at their limits bound, by limit: curves on a sheet, else points.
         home: The configuration that the arm is drawn at, (n,).
         links: Points of the drawn arm in the slice, (k, 2) [m].
         worst: Whether `values` are of the worst posture and not of the best.
@@ -115,9 +115,8 @@ class Found:
     count: NDArray[np.int64] = field(init=False)
     seen: int = 0
 
-    def __post_init__(self) -> None:
+    def __post_init__(self) -> None:  # noqa: D105
         cells = self.shape[0] * self.shape[1]
-        """Begin with nothing."""
         self.values = {measure: np.full(cells, np.nan) for measure in MEASURES}
         self.q = np.full((cells, self.task.arm.n), np.nan)
         self.count = np.zeros(cells, np.int64)

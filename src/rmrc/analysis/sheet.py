@@ -1,7 +1,5 @@
 """The image of two joints' ranges in a plane: which points it covers, how often, and where it folds."""
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -56,10 +54,10 @@ def is_left(ax: float, ay: float, bx: float, by: float, x: float, y: float) -> b
 
 
 @entry
-def scan(
+def scan(  # noqa: C901 - a loop for each of squares, halves, columns, rows
     at: Array, origin: Array, size: float, shape: NDArray[np.int64], cells: NDArray[np.int64], where: Array
 ) -> int:
-    """Write cells and places as `covering` returns them; return how many, and only count into empty arrays."""
+    """Write cells and places as `covering` returns them, but not into empty arrays; return how many."""
     found, corner = 0, np.empty((3, 2))
     for i in range(at.shape[0] - 1):
         for j in range(at.shape[1] - 1):
@@ -140,7 +138,7 @@ def zero_curves(value: Array) -> list[Array]:
     return [np.array([place(edge) for edge in chain]) for chain in _chains(links)]
 
 
-def _chains(links: dict[int, list[int]]) -> list[Sequence[int]]:
+def _chains(links: dict[int, list[int]]) -> list[list[int]]:
     """Return the paths of a graph in which no node has more than two links; open ones first."""
     chains, left = [], set(links)
     ends = [edge for edge, others in links.items() if len(others) == 1]

@@ -1,4 +1,4 @@
-"""Configurations in which the site has lost a direction, found by Newton's method from configurations nearby."""
+"""Configurations in which the site has lost a direction, by Newton's method from others nearby."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,8 +21,8 @@ def nearest_singular(
     """Return singular configurations near to others, in the slice, and which of them were found.
 
     J_v(q)ᵀ u = 0 for a unit vector u, the direction that is lost, is a smooth system of equations for q and u
-    also where J_v is not square. Its derivative by q is u·∂²p/∂q_i∂q_j = u·(z_i × J_v,j), for i before j; each step is
-    the shortest that solves the linearized system [Selig92, §6.2].
+    also where J_v is not square. Its derivative by q is u·∂²p/∂q_i∂q_j = u·(z_i × J_v,j), for i before j;
+    each step is the shortest that solves the linearized system.
 
     Args:
         task: The arm.
@@ -40,7 +40,7 @@ def nearest_singular(
         position, J = jacobians(task, q[left])
         linear, angular = J[:, :3][:, :, joints], J[:, 3:][:, :, joints]
         own = part.basis @ linear
-        U, sigma, _ = np.linalg.svd(own, full_matrices=True)
+        U, _, _ = np.linalg.svd(own, full_matrices=True)
         u = U[:, :, -1]
         lost = np.einsum("nmk,nm->nk", own, u)
         away = part.offset(position)

@@ -1,4 +1,4 @@
-"""Where a workspace is cut: the plane of a planar arm, a plane through a point, or a half-plane about the first axis."""
+"""Where a workspace is cut: a planar arm's plane, a plane through a point, a half-plane about an axis."""
 
 from dataclasses import dataclass
 
@@ -64,7 +64,7 @@ class Slice:
         return np.stack([np.linalg.norm(arm - along[..., None] * self.axes[1], axis=-1), along], axis=-1)
 
     def signed(self, position: Array) -> Array:
-        """Return the coordinates of points (..., 3) that the first joint has not turned, the first with a sign.
+        """Return the coordinates of points (..., 3) that the first joint has not turned, r with a sign.
 
         r = |ρ| has an edge where an arm reaches over the axis, ρ has none; where the joints after the first
         leave the plane through the axis, it is `coordinates`.
@@ -104,7 +104,8 @@ def choose_slice(arm: Arm, plane: str | None, q: Array, through: Array | None = 
     if rank < 2 or rank != dimensions:
         where = {0: "nowhere", 1: "along a curve"}.get(rank, "on a curved surface")
         raise QuestionError(
-            f'{arm.path}: site "{arm.site}" moves {where}; a workspace needs a site that moves in a plane or in space'
+            f'{arm.path}: site "{arm.site}" moves {where}; '
+            "a workspace needs a site that moves in a plane or in space"
         )
     at = arm.pose(q)[:3] if through is None else through
     if dimensions == 2:

@@ -28,6 +28,8 @@ GRID = 720
 SHIFT = 0.381966
 # Random configurations from which singular ones are sought, where they are no curves on a sheet.
 STARTS = 4000
+# As many for each limit of each joint.
+STARTS_AT_LIMIT = 600
 # Sampling around the edge: at most so many rounds, each with so many configurations near one of every cell at
 # the edge, apart by so much [rad or m].
 ROUNDS, NEIGHBORS, NEARBY = 12, 64, (0.2, 0.05, 0.01)
@@ -153,19 +155,18 @@ class _Work:
                     found.add(places[first : first + BLOCK], block)
             reaches.append(found.reach(size, postures=True))
         singular = tuple(self.singular_curves(nodes_free, value, own))
-        limits = tuple(self.limit_curves(nodes_own, own, free))
+        limits = tuple(self.limit_curves(nodes_own, own))
         return self.finish(origin, size, shape, reaches, singular, limits)
 
     def nodes(self, joint: int, ranges: Array) -> Array:
         low, high = ranges[joint]
         steps = (
-            max(2, int(np.ceil(GRID * min(1.0, (high - low) / (2.0 * np.pi))))) if self.turns(joint) else GRID
+            max(2, int(np.ceil(GRID * min(1.0, (high - low) / (2.0 * np.pi)))))
+            if self.turning[joint]
+            else GRID
         )
-        is_full = self.turns(joint) and high - low >= 2.0 * np.pi
+        is_full = self.turning[joint] and high - low >= 2.0 * np.pi
         return np.linspace(low, high, steps + 1) - (SHIFT * (high - low) / steps if is_full else 0.0)
-
-    def turns(self, joint: int) -> bool:
-        return bool(not self.arm.is_slide[joint] and self.arm.pitch[joint] == 0.0)
 
     def image(self, nodes: list[Array], with_determinant: bool = False) -> tuple[Array, Array]:
         """Return images of the grid's nodes, (A, B, 2), and the determinant there."""
@@ -192,15 +193,12 @@ class _Work:
             q, found = nearest_singular(self.task, self.part, q, self.part.joints)
             yield self.curve("singular", q[found], own)
 
-    def limit_curves(self, nodes: list[Array], own: Array, free: Array) -> Iterator[Curve]:
-        for i, joint in enumerate(self.part.joints):
-            if self.turns(joint) and (free[joint] == own[joint]).all():
-                continue
-            for end, word in enumerate(("lower", "upper")):
-                other = self.part.joints[1 - i]
-                q = np.tile(self.home, (len(nodes[1 - i]), 1))
-                q[:, joint], q[:, other] = own[joint, end], nodes[1 - i]
-                yield self.curve(f"{self.arm.joints[joint]} {word}", q, own)
+    def limit_curves(self, nodes: list[Array], own: Array) -> Iterator[Curve]:
+        for joint, end, word in self.ends(own):
+            i = int(np.flatnonzero(self.part.joints != joint)[0])
+            q = np.tile(self.home, (len(nodes[i]), 1))
+            q[:, joint], q[:, self.part.joints[i]] = own[joint, end], nodes[i]
+            yield self.curve(f"{self.arm.joints[joint]} {word}", q, own)
 
     # Samples --------------------------------------------------------------------------------------
 
@@ -223,11 +221,28 @@ class _Work:
                 self.look(known, self.in_slice(q, ranges, rng), origin, size)
             self.grow(known, ranges, origin, size, rng)
             reaches.append(known.reach(size, postures=False))
-        return self.finish(origin, size, shape, reaches, (singular,), ())
+        limits = tuple(self.limit_points(own, rng))
+        return self.finish(origin, size, shape, reaches, (singular,), limits)
+
+    def limit_points(self, own: Array, rng: np.random.Generator) -> Iterator[Curve]:
+        """Yield where, of each joint, a limit bounds: it stays there, and the others alone are singular."""
+        for joint, end, word in self.ends(own):
+            q = self.random(rng, own, STARTS_AT_LIMIT)
+            q[:, joint] = own[joint, end]
+            others = self.part.movers[self.part.movers != joint]
+            q, found = nearest_singular(self.task, self.part, q, others)
+            yield self.curve(f"{self.arm.joints[joint]} {word}", q[found & self.inside(q, own)], own)
+
+    def ends(self, own: Array) -> Iterator[tuple[int, int, str]]:
+        """Yield the limits of the joints: joint, 0 or 1, and its word."""
+        for joint in self.part.joints:
+            if not self.turning[joint] or own[joint, 1] - own[joint, 0] < 2.0 * np.pi:
+                yield from ((int(joint), end, word) for end, word in enumerate(("lower", "upper")))
 
     @property
     def turning(self) -> NDArray[np.bool_]:
-        return ~self.arm.is_slide & (self.arm.pitch == 0.0)
+        turns: NDArray[np.bool_] = ~self.arm.is_slide & (self.arm.pitch == 0.0)
+        return turns
 
     def random(self, rng: np.random.Generator, ranges: Array, count: int) -> Array:
         q = np.tile(self.home, (count, 1))

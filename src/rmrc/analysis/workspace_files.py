@@ -62,11 +62,12 @@ def save(found: Workspace, path: Path) -> None:
         [c.label for c in found.limits] or [""], [len(c.q) for c in found.limits] or [0]
     )
     about = {
-        "model": arm.path.name, "site": arm.site, "joints": arm.joints, "slice": part.name, "labels": part.labels,
+        "model": arm.path.name, "site": arm.site, "joints": arm.joints, "slice": part.name,
+        "labels": part.labels,
         "origin": part.origin.tolist(), "normal": part.normal.tolist(), "axes": found.task.axes,
         "length": found.task.length, "posture": "worst" if found.worst else "best",
     }  # fmt: skip
-    texts = {"meaning": json.dumps(ARRAYS), "about": json.dumps(about)}
+    texts: dict[str, Any] = {"meaning": json.dumps(ARRAYS), "about": json.dumps(about)}
     with written_whole(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **{name: arrays[name] for name in ARRAYS}, **texts)
 
@@ -86,17 +87,18 @@ def save_joint_map(found: JointMap, path: Path) -> None:
         "sigma_min": "smallest singular value, (A, B)",
         "manipulability": "product of the singular values, (A, B)",
         "condition": "sigma_1/sigma_min, (A, B)",
-        "singular": "positions of both joints where det J = 0, (K, 2) [rad or m]; none of a task that is not square",
+        "singular": "positions of both joints where det J = 0, (K, 2) [rad or m]; only of a square task",
         "singular_curve": "number of the curve that each belongs to, (K,)",
     }
     about = {
-        "model": arm.path.name, "site": arm.site, "joints": arm.joints, "over": [arm.joints[j] for j in found.joints],
+        "model": arm.path.name, "site": arm.site, "joints": arm.joints,
+        "over": [arm.joints[joint] for joint in found.joints],
         "axes": found.task.axes, "length": found.task.length,
     }  # fmt: skip
     arrays: dict[str, Any] = {"first": found.first, "second": found.second, "q": found.q, **found.values}
     arrays["singular"] = np.concatenate([np.empty((0, 2)), *found.singular])
     arrays["singular_curve"] = np.repeat(np.arange(len(found.singular)), [len(c) for c in found.singular])
-    texts = {"meaning": json.dumps(meaning), "about": json.dumps(about)}
+    texts: dict[str, Any] = {"meaning": json.dumps(meaning), "about": json.dumps(about)}
     with written_whole(path) as temporary, temporary.open("wb") as file:
         np.savez_compressed(file, **{name: arrays[name] for name in meaning}, **texts)
 
@@ -108,15 +110,16 @@ def summary(found: Workspace) -> dict[str, Any]:
         found: What to tell of.
 
     Returns:
-        Slice and cells; of both reachable sets area (and volume, of a slice about an axis), how far they can be
-        off, extents and the extremes of σ_min; counts of singular configurations.
+        Slice and cells; of both reachable sets area (and volume, of a slice about an axis), how far they can
+        be off, extents and the extremes of σ_min; counts of singular configurations.
     """
     arm, part = found.task.arm, found.part
     return {
         "model": arm.path.name, "site": arm.site, "joints": list(arm.joints), "slice": part.name,
         "labels": list(part.labels), "origin": part.origin.tolist(), "axes": list(found.task.axes),
         "length": found.task.length, "method": "sheet" if part.is_sheet else "samples",
-        "posture": "worst" if found.worst else "best", "configurations": found.samples, "cell": found.free.size,
+        "posture": "worst" if found.worst else "best", "configurations": found.samples,
+        "cell": found.free.size,
         "cells": list(found.free.reached.shape), "without_limits": _of(found, found.free),
         "with_limits": _of(found, found.limited),
         "singular": {
@@ -148,7 +151,8 @@ def joint_summary(found: JointMap) -> dict[str, Any]:
     facts: dict[str, Any] = {
         "model": arm.path.name, "site": arm.site, "over": [arm.joints[joint] for joint in found.joints],
         "q": found.q.tolist(), "axes": list(found.task.axes), "length": found.task.length,
-        "cells": [len(found.first) - 1, len(found.second) - 1], "configurations": found.values["sigma_min"].size,
+        "cells": [len(found.first) - 1, len(found.second) - 1],
+        "configurations": found.values["sigma_min"].size,
         "singular_curves": len(found.singular),
     }  # fmt: skip
     return facts | {measure: _ends(found.values[measure]) for measure in MEASURES}

@@ -13,7 +13,7 @@ from rmrc.control.compiled import Array, compiled, entry, inlined
 ORTHOGONAL = 3e-15
 # Rotations by so little leave cosines of their square, 1e-13.
 SMALL = 3e-7
-# Of values alone: rotations by so little leave others of their square, 1e-8, which move a value by their square.
+# Of values alone: rotations by so little leave others of their square, which move a value by that squared.
 SMALL_FOR_VALUES = 1e-4
 # Up to here the neglected terms of the cosine's series, 5/16 t⁶, are below rounding.
 SERIES = 1e-3

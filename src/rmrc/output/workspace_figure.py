@@ -1,13 +1,16 @@
-"""Pictures of a workspace: what is reached with and without limits, where it is singular, how well the arm moves."""
+"""Pictures of a workspace: what is reached, with and without limits, and how well the arm moves there."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
+from matplotlib import colormaps
 from matplotlib.axes import Axes
-from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
+from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from numpy.typing import NDArray
 
 from rmrc.analysis.joint_map import JointMap
 from rmrc.analysis.reach import Workspace
@@ -23,9 +26,11 @@ NAMES = {
 WIDTH = 7.2  # inches of the picture
 # Condition numbers beyond it are drawn alike.
 WORST_CONDITION = 100.0
-# Limits differ by these where there are no colors; a joint has one for each of its ends.
-DASHES = ((0, (1, 1.2)), (0, (7, 1.5, 1.5, 1.5)), (0, (7, 1.5, 1.5, 1.5, 1.5, 1.5)), (0, (3, 1.5)))
+# Joints at their limits differ by these where there are no colors.
+DASHES = ((0, (1, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
+MARKERS = "^sD+vP*<"
 PALE, DARK = "0.88", "0.70"
+_LEGEND = {"markersize": 6.0}
 
 
 def draw_workspace(found: Workspace, path: Path, measure: str | None = None) -> None:
@@ -34,8 +39,8 @@ def draw_workspace(found: Workspace, path: Path, measure: str | None = None) -> 
     Args:
         found: What to draw.
         path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
-        measure: `sigma_min`, `manipulability`, `condition` or `postures` as a map of what is reached within the
-            limits; None for none.
+        measure: `sigma_min`, `manipulability`, `condition` or `postures` as a map of what is reached within
+            the limits; None for none.
     """
     save(_workspace(found, measure), [path])
 
@@ -75,11 +80,7 @@ def _workspace(found: Workspace, measure: str | None) -> Figure:
         )
         _colored(figure, axes, found.a, found.b, values, measure, _posture(found, measure))
     handles += _singular(axes, found)
-    for i, curve in enumerate(found.limits):
-        style = {"linestyle": DASHES[i % len(DASHES)], "color": "black", "linewidth": 2.0}
-        axes.plot(*curve.points.T, **style)
-        name, end = curve.label.rsplit(" ", 1)
-        handles.append(Line2D([], [], **style, label=f"{plain(name)} at its {end} limit"))
+    handles += _limits(axes, found)
     (drawn,) = axes.plot(
         *found.links.T, color="#1f4e9c", linewidth=3.5, marker="o", markersize=7.0, markerfacecolor="white",
         markeredgewidth=1.6, zorder=5, solid_capstyle="round", label="the arm",
@@ -110,7 +111,7 @@ def _posture(found: Workspace, measure: str) -> str:
     return "" if measure == "postures" else f", {'worst' if found.worst else 'best'} posture"
 
 
-def _region(axes: Axes, found: Workspace, reached: Array, color: str, hatch: str) -> None:
+def _region(axes: Axes, found: Workspace, reached: NDArray[np.bool_], color: str, hatch: str) -> None:
     """Fill the cells that are reached, up to the middle of their borders."""
     a, b = (0.5 * (edges[1:] + edges[:-1]) for edges in (found.a, found.b))
     # A half-plane begins on the axis, not in the middle of its first cells.
@@ -124,36 +125,54 @@ def _region(axes: Axes, found: Workspace, reached: Array, color: str, hatch: str
         filled.set_linewidth(0.0)
 
 
-def _singular(axes: Axes, found: Workspace) -> list[Patch | Line2D]:
-    """Draw singular curves: solid within the limits, dashed beyond; or points, filled and open."""
-    handles: list[Patch | Line2D] = []
-    lines = found.part.is_sheet
-    for within, dash, marker, word in (
-        (False, "--", "x", "singular, beyond the limits"),
-        (True, "-", "o", "singular"),
-    ):
-        style = (
-            {"linestyle": dash, "color": "black", "linewidth": 2.6 if within else 1.5}
-            if lines
-            else {
-                "linestyle": "",
-                "marker": marker,
-                "markersize": 2.2,
-                "color": "black" if within else "0.45",
-            }
-        )
-        any_drawn = False
-        for curve in found.singular:
+def _singular(axes: Axes, found: Workspace) -> list[Line2D]:
+    """Draw singular curves: solid within the limits, dashed beyond; or points, filled and crosses."""
+    handles = []
+    for within, word in ((False, "singular, beyond the limits"), (True, "singular")):
+        style: dict[str, Any] = {"color": "black", "linewidth": 2.8, "linestyle": "-"}
+        if not within:
+            style = {"color": "black", "linewidth": 1.4, "linestyle": (0, (7, 4))}
+        if not found.part.is_sheet:
+            style = {"linestyle": "", "marker": "o" if within else "x", "markersize": 2.2 if within else 2.8}
+            style["color"] = "black" if within else "0.35"
+        curves = [curve for curve in found.singular if (curve.within == within).any()]
+        for curve in curves:
             shown = curve.within == within
-            if lines and not within:  # up to the limit
+            if found.part.is_sheet and not within:  # up to the limit
                 shown = shown | np.roll(shown, 1) | np.roll(shown, -1)
-            if (curve.within == within).any():
-                any_drawn = True
-                axes.plot(*np.where(shown[:, None], curve.points, np.nan).T, zorder=4, **style)
-        if any_drawn:
-            if not lines:
-                style["markersize"] = 5.0
-            handles.append(Line2D([], [], **style, label=word))
+            axes.plot(*np.where(shown[:, None], curve.points, np.nan).T, zorder=4, **style)
+        if curves:
+            handles.append(Line2D([], [], **style | _LEGEND, label=word))
+    return handles
+
+
+def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
+    """Draw what limits bound, a style for each joint, and write the limit beside it."""
+    arm, handles = found.task.arm, []
+    for i, joint in enumerate(found.part.joints):
+        style: dict[str, Any] = {"linestyle": DASHES[i % len(DASHES)], "color": "black", "linewidth": 2.2}
+        if not found.part.is_sheet:
+            style = {
+                "linestyle": "",
+                "marker": MARKERS[i % len(MARKERS)],
+                "markersize": 3.6,
+                "color": "black",
+            }
+            style |= {"markerfacecolor": "white", "markeredgewidth": 0.6}
+        curves = [curve for curve in found.limits if curve.label.rpartition(" ")[0] == arm.joints[joint]]
+        for curve in curves:
+            axes.plot(*curve.points.T, zorder=3, **style)
+            if found.part.is_sheet:
+                low, high = arm.position_limit[joint]
+                value = high if curve.label.endswith("upper") else low
+                text = f"{value:.3g} m" if arm.is_slide[joint] else f"{np.degrees(value):.4g}°"
+                axes.annotate(
+                    f"{plain(arm.joints[joint])} = {text}", curve.points[len(curve.points) // 2], fontsize=8,
+                    ha="center", va="center", zorder=7, annotation_clip=True,
+                    bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+                )  # fmt: skip
+        if curves:
+            handles.append(Line2D([], [], **style | _LEGEND, label=f"{plain(arm.joints[joint])} at a limit"))
     return handles
 
 
@@ -163,13 +182,19 @@ def _colored(figure: Figure, axes: Axes, a: Array, b: Array, values: Array, meas
     if not len(finite):
         return
     norm: Normalize
-    colors = "viridis"
+    colors: Colormap = colormaps["viridis"]
     if measure == "postures":
         most = int(finite.max())
-        norm, levels, colors = BoundaryNorm(np.arange(0.5, most + 1.0), 256), np.arange(1.5, most), "Greys"
+        # Bright enough for black lines.
+        colors = ListedColormap([str(gray) for gray in np.linspace(0.95, 0.5, most)])
+        norm, levels = BoundaryNorm(np.arange(0.5, most + 1.0), most), np.empty(0)
     elif measure == "condition":
         values = np.minimum(np.where(np.isnan(values), np.nan, values), WORST_CONDITION)
-        norm, levels, colors = LogNorm(1.0, WORST_CONDITION), np.array([1.5, 2, 3, 5, 10, 30]), "viridis_r"
+        norm, levels, colors = (
+            LogNorm(1.0, WORST_CONDITION),
+            np.array([1.5, 2, 3, 5, 10, 30]),
+            colormaps["viridis_r"],
+        )
     else:
         norm = Normalize(0.0, finite.max())
         levels = finite.max() * np.array([0.1, 0.25, 0.5, 0.75, 0.9])
@@ -181,9 +206,9 @@ def _colored(figure: Figure, axes: Axes, a: Array, b: Array, values: Array, meas
         axes.clabel(lines, fmt="%.2g", fontsize=8, colors="white")
     bar = figure.colorbar(mesh, ax=axes, label=NAMES[measure] + more, shrink=0.85)
     if measure == "postures":
-        bar.set_ticks(np.arange(1, int(finite.max()) + 1))
+        bar.set_ticks(list(range(1, int(finite.max()) + 1)))
     elif measure == "condition":
-        ticks = np.array([1, 2, 5, 10, 20, 50, 100])
+        ticks = [1, 2, 5, 10, 20, 50, 100]
         bar.set_ticks(ticks, labels=[*map(str, ticks[:-1]), "≥ 100"])
 
 
@@ -198,8 +223,9 @@ def _joint_map(found: JointMap, measure: str) -> Figure:
         axes.plot(
             *(curve * degrees).T, color="black", linewidth=2.6, label="" if i else "singular: det J = 0"
         )
-    for label, joint in zip((axes.set_xlabel, axes.set_ylabel), found.joints, strict=True):
-        label(f"{plain(arm.joints[joint])} [{'m' if arm.is_slide[joint] else '°'}]")
+    names = [f"{plain(arm.joints[joint])} [{'m' if arm.is_slide[joint] else '°'}]" for joint in found.joints]
+    axes.set_xlabel(names[0])
+    axes.set_ylabel(names[1])
     axes.set_title(f"{plain(arm.path.stem)}: {plain(arm.site)}, rows {' '.join(found.task.axes)}")
     axes.plot(
         found.q[found.joints[0]] * degrees[0], found.q[found.joints[1]] * degrees[1], "*", markersize=14.0,
