@@ -40,7 +40,7 @@ OWNERS = {
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
     "rerun": tuple(f"rmrc.output.{name}" for name in ("recording", "overlay", "look", "track", "stream")),
     "pyarrow": ("rmrc.output.recording", "rmrc.output.stream"),  # comes with rerun
-    "matplotlib": ("rmrc.output.figures",),
+    "matplotlib": ("rmrc.output.figures", "rmrc.output.workspace_figure"),
     "rich": ("rmrc.cli", "rmrc.output.tables", "rmrc.output.comparison_table", "rmrc.output.sheets"),
     "typer": ("rmrc.cli",),
 }

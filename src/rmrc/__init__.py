@@ -8,6 +8,8 @@ the compiled law take a third of a second.
     (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
     figures = rmrc.scorecard.scorecard(run)                       # a module; import it
     rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
+    arm = rmrc.arm.load(Path("models/planar_6_3.xml"))            # a module; import it
+    found = rmrc.workspace(arm)                                   # rmrc.analysis.workspace
 """
 
 from importlib import import_module
@@ -21,6 +23,7 @@ _HOMES = {
     "Simulation": "rmrc.simulation",
     "Run": "rmrc.run",
     "resolve_rates": "rmrc.control.law",
+    "workspace": "rmrc.analysis.workspace",
 }
 
 

@@ -28,7 +28,7 @@ def covering(
     Example:
         A square that is folded along its diagonal covers a half of itself twice:
 
-        >>> at = np.array([[[0.0, 0.0], [1.0, 0.0]], [[1.0, 0.0], [0.5, 0.5]]])
+        >>> at = np.array([[[0.0, 0.0], [0.0, 1.0]], [[1.0, 0.0], [0.0, 0.0]]])
         >>> cells, where = covering(at, np.array([0.0, 0.0]), 0.25, (4, 4))
         >>> np.unique(np.bincount(cells, minlength=16)).tolist()
         [0, 2]

@@ -55,7 +55,7 @@ def workspace(
             planar arm, else `rz` if the first joint turns, else `xz`.
         q: Joint positions, (n,), of joints that do not matter; None for `home`.
         through: A point of the plane, (3,) [m]; None for the site at q.
-        axes: Rows of the twist whose singular values are taken; None for the linear ones that the arm can move.
+        axes: Rows of the twist whose singular values are taken; None for the linear ones that can move.
         length: Characteristic length, which makes meters and radians comparable [m].
         cells: Number of cells along the longer side.
         samples: Random configurations, with limits and as many without, of an arm that is no sheet.
@@ -66,9 +66,10 @@ def workspace(
         QuestionError: The arm has no such slice, or slides without limits.
 
     Example:
+        >>> from pathlib import Path
         >>> from rmrc.arm import load
-        >>> found = workspace(load(Path("models/planar_6_3.xml")), cells=60)   # doctest: +SKIP
-        >>> round(found.free.area / np.pi)                                     # doctest: +SKIP
+        >>> found = workspace(load(Path("models/planar_6_3.xml")), cells=60)
+        >>> round(found.free.area / np.pi)
         72
     """
     home = arm.configuration("home")[arm.wiring.qpos] if q is None else np.asarray(q, np.float64)
@@ -100,8 +101,8 @@ def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:
     for joint in part.joints:
         if not turns[joint] and not np.isfinite(arm.position_limit[joint]).all():
             raise QuestionError(
-                f'{arm.path}: joint "{arm.joints[joint]}" slides without limits, so that the site can be anywhere; '
-                "give it a range in the model"
+                f'{arm.path}: joint "{arm.joints[joint]}" slides without limits, so that the site '
+                "can be anywhere; give it a range in the model"
             )
     full = np.array([-np.pi, np.pi])
     own = arm.position_limit.copy()
@@ -261,8 +262,8 @@ class _Work:
     def in_slice(self, q: Array, ranges: Array, rng: np.random.Generator) -> Array:
         """Return the configurations, each with one joint moved so that the site is in the plane, if it can.
 
-        With the others at rest the distance to the plane is f + a (cos δ − 1) + b sin δ of a hinge, f + b δ of a
-        slide, where b is the normal's part of the joint's column of J and a that of J × z.
+        With the others at rest the distance to the plane is f + a (cos δ − 1) + b sin δ of a hinge, and
+        f + b δ of a slide, where b is the normal's part of the joint's column J_v, and a that of J_v × z.
         """
         part = self.part
         if not part.cuts:

@@ -38,7 +38,7 @@ def workspace(
         str | None,
         typer.Option(
             metavar="xy|xz|yz|rz",
-            help="Slice; rz: distance from the first axis, and height. Default: a planar arm's plane, rz, or xz.",
+            help="Slice; rz: distance from the first axis, height. Default: a planar arm's plane, rz or xz.",
         ),
     ] = None,
     through: Annotated[
@@ -140,8 +140,8 @@ def _slice(
     part = choose_slice(asked.arm, plane, asked.q, through)
     if measure == "postures" and not part.is_sheet:
         raise QuestionError(
-            f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}, and postures are "
-            "counted where two do; leave out --map or ask for another"
+            f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; postures are counted "
+            "where two do"
         )
     with progress(f"{asked.arm.path.stem}: workspace", expected(part, samples), asked.quiet) as on_samples:
         found = workspace(

@@ -169,7 +169,7 @@ def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
                 axes.annotate(
                     f"{plain(arm.joints[joint])} = {text}", curve.points[len(curve.points) // 2], fontsize=8,
                     ha="center", va="center", zorder=7, annotation_clip=True,
-                    bbox={"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85},
+                    bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85},
                 )  # fmt: skip
         if curves:
             handles.append(Line2D([], [], **style | _LEGEND, label=f"{plain(arm.joints[joint])} at a limit"))

@@ -41,7 +41,8 @@ def sheet(facts: dict[str, Any]) -> Sheet:
 
 def joint_sheet(facts: dict[str, Any]) -> Sheet:
     """Return the table of a summary by `rmrc.analysis.workspace_files.joint_summary`."""
-    title = f"{facts['model']}, site {facts['site']}, over {' and '.join(facts['over'])}, rows {' '.join(facts['axes'])}"
+    over, counted = " and ".join(facts["over"]), " ".join(facts["axes"])
+    title = f"{facts['model']}, site {facts['site']}, over {over}, rows {counted}"
     rows = [(word, _range(facts[key])) for key, word in WORDS.items()]
     return Sheet(
         title, ("", "from least to most"), [*rows, ("curves of det J = 0", str(facts["singular_curves"]))]
