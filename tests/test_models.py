@@ -5,7 +5,7 @@ sources' numbers, in the sources' frames.
 """
 
 import functools
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import mujoco
@@ -15,25 +15,45 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from rmrc.spatial import shift_twist
+from rmrc.textbook.anthropomorphic import anthropomorphic_chain, anthropomorphic_jacobian
 from rmrc.textbook.dh import DHChain
+from rmrc.textbook.helical import helical_jacobian
 from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian
+from rmrc.textbook.planar_rp import planar_rp_chain, planar_rp_jacobian
+from rmrc.textbook.puma import puma_chain, puma_gravity_torques
+from rmrc.textbook.spherical_wrist import spherical_wrist_chain, spherical_wrist_jacobian
 from rmrc.textbook.stanford import stanford_chain, stanford_jacobian
+from rmrc.textbook.torus import torus_chain, torus_jacobian
 
 MODELS = Path(__file__).parent.parent / "models"
 
 # Products of six transforms with lengths of about 1 m.
 ROUNDING = 1e-12
+# Central differences of poses, step 1e-6: 1e-16 / 1e-6 of rounding, (1e-6)² of truncation.
+DIFFERENCE = 1e-8
 
 
 @dataclass(frozen=True)
 class Described:
-    """What the sources say of one arm: its table, where its sites are, and its closed-form J."""
+    """What the sources say of one arm: its table, where its sites are, and its closed-form J.
+
+    An arm with a helical joint has more joints in MuJoCo than it can move on its own: `coupling` gives
+    those of the model, and of the table, from q, whose rates J is for.
+    """
 
     chain: DHChain
     sites: dict  # name -> (frame, point in that frame)
     closed_form: dict  # site name -> J(q), six rows
     task: tuple = (0, 1, 2, 3, 4, 5)
     base: tuple = (0.0, 0.0, 0.0)
+    coupling: tuple | None = None
+    home_sigma: float = 0.3
+
+    @property
+    def coupled(self):
+        """Positions (and rates) of the model's joints from q, as a matrix."""
+        return np.eye(len(self.chain.kinds)) if self.coupling is None else np.array(self.coupling)
 
 
 def planar(*lengths):
@@ -43,6 +63,25 @@ def planar(*lengths):
 
 def six_rows(*lengths):
     return lambda q: embed_planar_jacobian(planar_jacobian(lengths, q))
+
+
+def torus(*lengths):
+    return Described(
+        chain=torus_chain(lengths),
+        sites={"tip": (3, (lengths[-1], 0.0, 0.0))},
+        closed_form={"tip": lambda q: torus_jacobian(lengths, q)},
+        task=(0, 1, 2),
+        base=(0.0, 0.0, 1.2),
+    )
+
+
+def wrist_rows(q, reach=0.0):
+    """Six rows of the spherical wrist, at a point on the third axis."""
+    axes = spherical_wrist_jacobian(q)
+    return shift_twist(np.vstack([np.zeros((3, 3)), axes]).T, -reach * axes[:, 2]).T
+
+
+RISE = 0.5 / (2 * np.pi)  # of the screw, in a radian
 
 
 DESCRIBED = {
@@ -70,6 +109,47 @@ DESCRIBED = {
         closed_form={"wrist": stanford_jacobian},
         base=(0.0, 0.0, 0.412),
     ),
+    "anthropomorphic": Described(
+        chain=anthropomorphic_chain([0.8, 0.6]),
+        sites={"tip": (3, (0.0, 0.0, 0.0))},
+        closed_form={"tip": lambda q: anthropomorphic_jacobian([0.8, 0.6], q)},
+        task=(0, 1, 2),
+        base=(0.0, 0.0, 1.0),
+    ),
+    "torus_3r": torus(1.2, 0.6, 0.5),
+    "torus_3r_short": torus(0.4, 0.6, 0.5),
+    "spherical_wrist": Described(
+        chain=spherical_wrist_chain(),
+        sites={"center": (3, (0.0, 0.0, 0.0)), "tool": (3, (0.0, 0.0, 0.2))},
+        closed_form={"center": wrist_rows, "tool": lambda q: wrist_rows(q, 0.2)},
+        task=(3, 4, 5),
+        base=(0.0, 0.0, 0.5),
+    ),
+    "planar_rp": Described(
+        chain=planar_rp_chain(),
+        sites={"tip": (2, (0.0, 0.0, 1.0))},
+        closed_form={"tip": lambda q: embed_planar_jacobian(planar_rp_jacobian(q))},
+        task=(0, 1),
+    ),
+    "helical": Described(
+        chain=DHChain(
+            table=((0, 0, 0, 0), (0, 0, 0, np.pi / 2), (np.pi / 2, 0, 0, 0), (0, 0, 0, 0)),
+            kinds=("revolute", "prismatic", "prismatic", "revolute"),
+        ),
+        sites={"tip": (4, (0.5, 0.0, 0.0))},
+        closed_form={"tip": lambda q: helical_jacobian(RISE, 0.5, q)},
+        task=(0, 1, 2),
+        base=(0.0, 0.0, 1.1),
+        coupling=((1, 0, 0), (RISE, 0, 0), (0, 1, 0), (0, 0, 1)),
+    ),
+    "puma560": Described(
+        chain=puma_chain(),
+        sites={"wrist": (6, (0.0, 0.0, 0.0)), "tool": (6, (0.0, 0.0, 0.1))},
+        closed_form={},
+        base=(0.0, 0.0, 0.672),
+        # No posture has more than 0.27: its links are 0.43 m long and J mixes meters with radians.
+        home_sigma=0.2,
+    ),
 }
 
 every_model = pytest.mark.parametrize("name", sorted(path.stem for path in MODELS.glob("*.xml")))
@@ -96,17 +176,23 @@ def load(name):
 loaded = functools.cache(load)
 
 
-def fresh(model, q):
+def fresh(model, qpos):
     data = mujoco.MjData(model)
-    data.qpos[:] = q
+    data.qpos[:] = qpos
     mujoco.mj_forward(model, data)
     return data
 
 
+def driven(model):
+    """Ids of the joints that are not the follower of another."""
+    followers = model.eq_obj1id[model.eq_type == mujoco.mjtEq.mjEQ_JOINT]
+    return np.setdiff1d(np.arange(model.njnt), followers)
+
+
 def positions(model, unit):
-    """Joint positions between the limits, from numbers between 0 and 1."""
-    low, high = model.jnt_range.T
-    return low + (high - low) * np.array(unit[: model.nq])
+    """Positions q of the driven joints between their limits, from numbers between 0 and 1."""
+    low, high = model.jnt_range[driven(model)].T
+    return low + (high - low) * np.array(unit[: len(low)])
 
 
 def site_jacobian(model, data, site):
@@ -120,16 +206,36 @@ def moving(model):
     return [b for b in range(model.nbody) if model.body_weldid[b] != 0]
 
 
+def differences(model, coupled, q, site):
+    """J from poses a little before and after each joint position, six rows."""
+    data, columns = mujoco.MjData(model), []
+
+    def pose(q):
+        data.qpos[:] = coupled @ q
+        mujoco.mj_kinematics(model, data)
+        return data.site(site).xpos.copy(), data.site(site).xmat.reshape(3, 3).copy()
+
+    for step in 1e-6 * np.eye(len(q)):
+        (p, R), (p_before, R_before) = pose(q + step), pose(q - step)
+        turn = R @ R_before.T
+        # Of so small a turn, 2e-6 rad, the sine is the angle to 1e-18.
+        vector = [turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]]
+        columns.append(np.concatenate([p - p_before, np.multiply(0.5, vector)]) / 2e-6)
+    return np.array(columns).T
+
+
 def check_kinematics(model, described, q):
-    data = fresh(model, q)
-    frames = described.chain.frames(q)
+    coupled = described.coupled
+    data = fresh(model, coupled @ q)
+    frames = described.chain.frames(coupled @ q)
     for site, (frame, point) in described.sites.items():
         pose = frames[frame]
         expected = np.add(described.base, pose[:3, :3] @ point + pose[:3, 3])
         assert_allclose(data.site(site).xpos, expected, atol=ROUNDING)
         assert_allclose(data.site(site).xmat.reshape(3, 3), pose[:3, :3], atol=ROUNDING)
-        J = site_jacobian(model, data, site)
-        assert_allclose(J, described.chain.jacobian(q, frame, point), atol=ROUNDING)
+        J = site_jacobian(model, data, site) @ coupled
+        assert_allclose(J, described.chain.jacobian(coupled @ q, frame, point) @ coupled, atol=ROUNDING)
+        assert_allclose(J, differences(model, coupled, q, site), atol=DIFFERENCE)
         if site in described.closed_form:
             assert_allclose(J, described.closed_form[site](q), atol=ROUNDING)
 
@@ -175,7 +281,7 @@ def test_every_model_is_described():
 @every_model
 def test_conventions_of_a_model_hold(name):
     model = load(name)
-    joints = [model.joint(i).name for i in range(model.njnt)]
+    joints = [model.joint(i).name for i in driven(model)]
     assert [model.actuator(i).name for i in range(model.nu)] == joints
     assert [model.joint(i).name for i in model.actuator_trnid[:, 0]] == joints
     assert all(model.jnt_limited)
@@ -201,11 +307,13 @@ def test_home_lies_within_limits_and_away_from_singularities(name):
     assert np.all((low < home.qpos) & (home.qpos < high))
     assert np.all(home.qvel == 0)
     assert np.all(home.ctrl == 0)
+    coupled = DESCRIBED[name].coupled
+    assert_allclose(coupled @ home.qpos[driven(model)], home.qpos, atol=ROUNDING)
     data = fresh(model, home.qpos)
     for site in DESCRIBED[name].sites:
-        J = site_jacobian(model, data, site)[list(DESCRIBED[name].task)]
+        J = (site_jacobian(model, data, site) @ coupled)[list(DESCRIBED[name].task)]
         # 0.3 is where the default damping schedule of a scenario begins: at home nothing is damped.
-        assert np.linalg.svd(J, compute_uv=False)[-1] > 0.3
+        assert np.linalg.svd(J, compute_uv=False)[-1] > DESCRIBED[name].home_sigma
     floor = data.geom("floor").xpos[2]
     assert np.all(data.xipos[moving(model), 2] > floor)
     assert np.all(data.site_xpos[:, 2] > floor)
@@ -226,6 +334,14 @@ def test_pose_and_jacobian_are_those_of_the_textbook(name, unit):
         ("planar_3link", "link_3", (0.8, 0, 0.001)),
         ("stanford", "link_2", (0, -0.154, 0)),
         ("stanford", "base", (0, 0, 0.411)),
+        ("anthropomorphic", "link_3", (0.801, 0, 0)),
+        ("torus_3r", "link_2", (0.4, 0, 0)),
+        ("torus_3r_short", "link_3", (0.5, 0, 0)),
+        ("spherical_wrist", "link_3", (0, 0, 0.001)),
+        ("planar_rp", "link_2", (0, 0.001, 0)),
+        ("helical", "crank", (0.001, 0, 0)),
+        ("puma560", "link_3", (0.4318, 0, 0.0934)),
+        ("puma560", "link_4", (0.0203, -0.4331, 0)),
     ],
 )
 def test_a_misplaced_body_is_seen(name, body, position):
@@ -268,36 +384,65 @@ def test_a_center_of_mass_ten_times_too_far_is_seen(link):
 @settings(max_examples=30, deadline=None)
 @given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_torque_limits_hold_the_arm_against_gravity_twice_over(name, unit):
-    model = loaded(name)
-    data = fresh(model, positions(model, unit))
-    assert np.all(2 * np.abs(data.qfrc_bias) < model.actuator_forcerange[:, 1])
+    model, coupled = loaded(name), DESCRIBED[name].coupled
+    data = fresh(model, coupled @ positions(model, unit))
+    # By virtual work what a follower bears is borne by its leader.
+    assert np.all(2 * np.abs(coupled.T @ data.qfrc_bias) < model.actuator_forcerange[:, 1])
 
 
-@pytest.mark.parametrize(
-    ("name", "link", "length", "outer"),
-    [
-        ("planar_2link", "link_1", 1.0, 0.030),
-        ("planar_2link", "link_2", 1.0, 0.030),
-        ("planar_6_3", "link_1", 6.0, 0.150),
-        ("planar_6_3", "link_2", 3.0, 0.100),
-        ("planar_3link", "link_1", 1.0, 0.030),
-        ("planar_3link", "link_2", 0.8, 0.025),
-        ("planar_3link", "link_3", 0.6, 0.020),
-    ],
-)
-def test_planar_links_weigh_as_aluminum_tubes(name, link, length, outer):
-    """A full cylinder less its bore, 3 mm of wall, 2700 kg/m³."""
-    full, bore = (2700 * np.pi * r**2 * length for r in (outer, outer - 0.003))
-    along = (full * outer**2 - bore * (outer - 0.003) ** 2) / 2
-    across = along / 2 + (full - bore) * length**2 / 12
-    body = load(name).body(link)
+ALUMINUM = 2700.0
+TUBES = [  # arm, link, length, outer radius, wall (0: solid), along which axis, center
+    ("planar_2link", "link_1", 1.0, 0.030, 0.003, 0, (0.5, 0, 0)),
+    ("planar_2link", "link_2", 1.0, 0.030, 0.003, 0, (0.5, 0, 0)),
+    ("planar_6_3", "link_1", 6.0, 0.150, 0.003, 0, (3.0, 0, 0)),
+    ("planar_6_3", "link_2", 3.0, 0.100, 0.003, 0, (1.5, 0, 0)),
+    ("planar_3link", "link_1", 1.0, 0.030, 0.003, 0, (0.5, 0, 0)),
+    ("planar_3link", "link_2", 0.8, 0.025, 0.003, 0, (0.4, 0, 0)),
+    ("planar_3link", "link_3", 0.6, 0.020, 0.003, 0, (0.3, 0, 0)),
+    ("anthropomorphic", "link_1", 0.3, 0.050, 0.003, 2, (0, 0, -0.15)),
+    ("anthropomorphic", "link_2", 0.8, 0.030, 0.003, 0, (0.4, 0, 0)),
+    ("anthropomorphic", "link_3", 0.6, 0.025, 0.003, 0, (0.3, 0, 0)),
+    ("torus_3r", "link_1", 1.2, 0.035, 0.003, 0, (0.6, 0, 0)),
+    ("torus_3r", "link_2", 0.6, 0.030, 0.003, 0, (0.3, 0, 0)),
+    ("torus_3r", "link_3", 0.5, 0.025, 0.003, 0, (0.25, 0, 0)),
+    ("torus_3r_short", "link_1", 0.4, 0.035, 0.003, 0, (0.2, 0, 0)),
+    ("torus_3r_short", "link_2", 0.6, 0.030, 0.003, 0, (0.3, 0, 0)),
+    ("torus_3r_short", "link_3", 0.5, 0.025, 0.003, 0, (0.25, 0, 0)),
+    ("spherical_wrist", "link_1", 0.12, 0.040, 0, 2, (0, 0, -0.1)),
+    ("spherical_wrist", "link_2", 0.10, 0.030, 0, 2, (0, 0, 0)),
+    ("spherical_wrist", "link_3", 0.12, 0.025, 0, 2, (0, 0, 0.1)),
+    ("planar_rp", "link_1", 0.3, 0.045, 0.003, 1, (0, 0, 0)),
+    ("planar_rp", "link_2", 2.0, 0.020, 0.003, 2, (0, 0, 0)),
+    ("helical", "nut", 0.2, 0.060, 0, 2, (0, 0, 0)),
+    ("helical", "boom", 1.0, 0.025, 0.003, 2, (0.065, 0, -0.5)),
+    ("helical", "crank", 0.5, 0.020, 0.003, 0, (0.25, 0, 0)),
+]
+
+
+@pytest.mark.parametrize(("name", "link", "length", "outer", "wall", "axis", "center"), TUBES)
+def test_links_of_our_own_weigh_as_aluminum_tubes(name, link, length, outer, wall, axis, center):
+    """A full cylinder less its bore."""
+    inner = outer - wall if wall else 0.0
+    full, bore = (ALUMINUM * np.pi * r**2 * length for r in (outer, inner))
+    along = (full * outer**2 - bore * inner**2) / 2
+    moments = np.full(3, along / 2 + (full - bore) * length**2 / 12)
+    moments[axis] = along
+    body = loaded(name).body(link)
     # The file gives seven digits.
     assert_allclose(body.mass, full - bore, rtol=1e-6)
-    assert_allclose(body.ipos, [length / 2, 0, 0], atol=ROUNDING)
+    assert_allclose(body.ipos, center, atol=ROUNDING)
     R = np.zeros(9)
     mujoco.mju_quat2Mat(R, body.iquat)
     inertia = R.reshape(3, 3) @ np.diag(body.inertia) @ R.reshape(3, 3).T
-    assert_allclose(inertia, np.diag([along, across, across]), rtol=1e-6, atol=ROUNDING)
+    assert_allclose(inertia, np.diag(moments), rtol=1e-6, atol=ROUNDING)
+
+
+def test_every_link_has_a_source_for_its_mass():
+    """It is a tube, or one of the arms below whose masses are published."""
+    tubes = {(name, link) for name, link, *_ in TUBES}
+    for name in DESCRIBED.keys() - {"stanford", "puma560"}:
+        model = loaded(name)
+        assert {(name, model.body(b).name) for b in moving(model)} <= tubes
 
 
 # [Bejczy74], [Paul81, tables 6.4-6.6], in Paul's standard link frames: kg, m, kg m² about the
@@ -340,17 +485,21 @@ def paul_frames(q):
     return frames
 
 
+def mass_in_frame(model, data, name, frame):
+    """A body's mass, its center in a frame, and its moments about the center along the frame's axes."""
+    body = model.body(name).id
+    center = frame[:3, :3].T @ (data.xipos[body] - frame[:3, 3])
+    R = frame[:3, :3].T @ data.ximat[body].reshape(3, 3)
+    return model.body_mass[body], center, R @ np.diag(model.body_inertia[body]) @ R.T
+
+
 def check_stanford_masses(model, q):
     """Mass, center and moments in Paul's frames, found through the poses of the running model."""
     data = fresh(model, q)
     for i, frame in enumerate(paul_frames(q)):
-        body = model.body(f"link_{i + 1}").id
-        mass = model.body_mass[body]
+        mass, center, about_center = mass_in_frame(model, data, f"link_{i + 1}", frame)
         assert mass == PAUL["mass"][i]
-        center = frame[:3, :3].T @ (data.xipos[body] - frame[:3, 3])
         assert_allclose(center, PAUL["center"][i], atol=ROUNDING)
-        R = frame[:3, :3].T @ data.ximat[body].reshape(3, 3)
-        about_center = R @ np.diag(model.body_inertia[body]) @ R.T
         about_origin = about_center + mass * (center @ center * np.eye(3) - np.outer(center, center))
         # MuJoCo finds the principal axes of a full tensor to about 1e-9 of it.
         assert_allclose(about_origin, np.diag(PAUL["inertia"][i]), atol=1e-9)
@@ -391,3 +540,185 @@ def test_stanford_armature_and_limits_are_the_tables_numbers():
     ]
     # The file gives eight digits of the angles.
     assert_allclose(model.jnt_range, expected, atol=1e-7)
+
+
+# [Armstrong86], in the frames of its modified table, moments about the centers: kg, m, kg m².
+# Only the moment about its axis is published of link 1.
+ARMSTRONG = {
+    "mass": [17.40, 4.80, 0.82, 0.34, 0.09],
+    "center": [[0.068, 0.006, -0.016], [0, -0.070, 0.014], [0, 0, -0.019], [0, 0, 0], [0, 0, 0.032]],
+    "inertia": [
+        [0.130, 0.524, 0.539],
+        [0.066, 0.0125, 0.086],
+        [0.0018, 0.0018, 0.0013],
+        [0.0003, 0.0003, 0.0004],
+        [0.00015, 0.00015, 0.00004],
+    ],
+    "axis_1": 0.35,
+    "armature": [1.14, 4.71, 0.827, 0.200, 0.179, 0.193],
+    "torque": [97.6, 186.4, 89.4, 24.2, 20.1, 21.3],
+    "gravity": [-37.2, -8.44, 1.02, 0.249, -0.0282],
+}
+# What the file adds to the moments of link 3, which no body can have as they were measured.
+MADE_POSSIBLE = np.array([0.00375, 0.00375, 0.0])
+
+
+def check_puma_masses(model, q):
+    """Mass, center and moments in the table's frames, found through the poses of the running model."""
+    data = fresh(model, q)
+    frames = puma_chain().frames(q)[1:]
+    frames[:, 2, 3] += 0.672
+    _, center, about_center = mass_in_frame(model, data, "link_1", frames[0])
+    assert_allclose(center, 0.0, atol=ROUNDING)
+    assert_allclose(about_center[2, 2], ARMSTRONG["axis_1"], atol=ROUNDING)
+    for i, frame in enumerate(frames[1:]):
+        mass, center, about_center = mass_in_frame(model, data, f"link_{i + 2}", frame)
+        assert mass == ARMSTRONG["mass"][i]
+        assert_allclose(center, ARMSTRONG["center"][i], atol=ROUNDING)
+        moments = np.add(ARMSTRONG["inertia"][i], MADE_POSSIBLE if i == 1 else 0.0)
+        assert_allclose(about_center, np.diag(moments), atol=ROUNDING)
+
+
+@settings(max_examples=20, deadline=None)
+@given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
+def test_puma_masses_are_the_tables_numbers_in_the_tables_frames(unit):
+    model = loaded("puma560")
+    check_puma_masses(model, positions(model, unit))
+
+
+@pytest.mark.parametrize("link", [f"link_{i}" for i in (2, 3, 4, 6)])
+def test_a_puma_center_of_mass_with_the_wrong_sign_is_seen(link):
+    """Negative control: the standard convention has other signs than the table's."""
+    model = load("puma560")
+    model.body(link).ipos *= -1
+    with pytest.raises(AssertionError):
+        check_puma_masses(model, positions(model, [0.6] * 6))
+
+
+def test_the_puma_s_third_link_is_changed_as_little_as_makes_it_possible():
+    x, y, z = ARMSTRONG["inertia"][1]
+    assert x + y < z  # as published
+    x, y, z = ARMSTRONG["inertia"][1] + MADE_POSSIBLE
+    assert x + y == pytest.approx(z, abs=ROUNDING)
+
+
+def test_puma_drives_are_the_tables_numbers():
+    model = load("puma560")
+    assert_allclose(model.dof_armature, ARMSTRONG["armature"], atol=0)
+    limits = np.outer(ARMSTRONG["torque"], [-1, 1])
+    assert_allclose(model.actuator_forcerange, limits, atol=0)
+    expected = np.radians([[-160, 160], [-225, 45], [-45, 225], [-110, 170], [-100, 100], [-266, 266]])
+    # The file gives eight digits of the angles.
+    assert_allclose(model.jnt_range, expected, atol=1e-7)
+
+
+def check_puma_gravity(model, q):
+    # Three digits of g₁, and 9.80 or 9.81 m/s²: 0.05 N·m each of up to 46.
+    held = puma_gravity_torques(ARMSTRONG["gravity"], q)
+    assert_allclose(fresh(model, q).qfrc_bias, held, atol=0.06)
+
+
+def check_puma_inertia(model, q):
+    """Four entries of the mass matrix from the constants I₂, I₄.. I₆ and so on of [Armstrong86], kg m²."""
+    data = fresh(model, q)
+    M = np.zeros((6, 6))
+    mujoco.mj_fullM(model, data, M)
+    (_, c2, c3, c4, c5, _), (_, s2, s3, _, s5, _) = np.cos(q), np.sin(q)
+    c23, s23 = np.cos(q[1] + q[2]), np.sin(q[1] + q[2])
+    elbow = 0.372 * s3 - 0.011 * c3 + 0.00124 * (s3 * c5 + c3 * c4 * s5)
+    hand = 0.333 + 2 * 0.00125 * c5
+    waist = 0.690 * s2 - 0.134 * c23 + 0.0238 * c2 - 0.00379 * s23  # the rest is below 0.003
+    # Half a unit of the last digit of I₂ = 1.75, and what the waist leaves out.
+    assert_allclose(
+        [M[2, 2], M[1, 2], M[1, 1], M[0, 1]],
+        [0.827 + hand, hand + elbow, 4.71 + 1.75 + hand + 2 * elbow, waist],
+        atol=0.005,
+    )
+
+
+@settings(max_examples=20, deadline=None)
+@given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
+def test_puma_has_the_published_gravity_torques_and_inertia(unit):
+    model = loaded("puma560")
+    q = positions(model, unit)
+    check_puma_gravity(model, q)
+    check_puma_inertia(model, q)
+
+
+def waist_inertia(I1, I3, q):
+    """The first entry of the mass matrix, motor included, with the published constants but for two."""
+    c2, s2, c23, s23 = np.cos(q[1]), np.sin(q[1]), np.cos(q[1] + q[2]), np.sin(q[1] + q[2])
+    others = 0.298 * s23**2 - 0.0213 * s23 * c23 - 0.0142 * s2 * c2
+    return 1.14 + I1 + I3 * c2**2 + others + 2 * (0.372 * c2 * s23 - 0.011 * c2 * c23)
+
+
+@settings(max_examples=20, deadline=None)
+@given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
+def test_two_published_constants_of_the_puma_do_not_follow_from_its_published_masses(unit):
+    model = loaded("puma560")
+    q = positions(model, unit)
+    data, M = fresh(model, q), np.zeros((6, 6))
+    mujoco.mj_fullM(model, data, M)
+    # What the hand adds is below 0.01 kg m².
+    assert M[0, 0] == pytest.approx(waist_inertia(1.557, 1.602, q), abs=0.01)
+    assert M[0, 0] - waist_inertia(1.43, 1.38, q) > 0.1
+
+
+def test_slips_of_transcriptions_of_the_puma_are_seen():
+    """Negative control: link 3's third moment of 0.066, its center with the wrist's weight."""
+    q = np.radians([10, -50, 100, 20, 30, 40])
+    model = load("puma560")
+    model.body("link_3").inertia[2] = 0.066
+    with pytest.raises(AssertionError):
+        check_puma_inertia(model, q)
+    model = load("puma560")
+    model.body("link_3").ipos[1] = -0.143
+    with pytest.raises(AssertionError):
+        check_puma_gravity(model, q)
+
+
+def largest_slip(model, seconds=2.0):
+    """How far hinge and slide of the screw come apart under random control at full rates [m]."""
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key("home").id)
+    rng = np.random.default_rng(2)
+    slip = 0.0
+    for step in range(round(seconds / model.opt.timestep)):
+        if step % 100 == 0:
+            data.ctrl[:] = rng.choice([-1, 1], 3) * model.actuator_ctrlrange[:, 1]
+        mujoco.mj_step(model, data)
+        slip = max(slip, abs(data.joint("screw_travel").qpos[0] - RISE * data.joint("screw").qpos[0]))
+    assert np.ptp(data.qpos) > 0.1
+    return slip
+
+
+def test_the_screw_is_a_hinge_and_a_slide_coupled_by_its_pitch():
+    model = load("helical")
+    assert model.neq == 1
+    assert model.eq_type[0] == mujoco.mjtEq.mjEQ_JOINT
+    assert model.joint(model.eq_obj1id[0]).name == "screw_travel"
+    assert model.joint(model.eq_obj2id[0]).name == "screw"
+    assert_allclose(model.eq_data[0, :5], [0, RISE, 0, 0, 0], atol=ROUNDING)
+    assert_allclose(model.joint("screw_travel").range, RISE * model.joint("screw").range, atol=ROUNDING)
+    assert_allclose(DESCRIBED["helical"].coupled[1], [RISE, 0, 0], atol=0)
+
+
+def test_another_pitch_is_seen():
+    """Negative control: a coupling of 1 % more must not pass the kinematics' check."""
+    steeper = replace(DESCRIBED["helical"], coupling=((1, 0, 0), (1.01 * RISE, 0, 0), (0, 1, 0), (0, 0, 1)))
+    model = loaded("helical")
+    with pytest.raises(AssertionError):
+        check_kinematics(model, steeper, positions(model, [0.6] * 6))
+
+
+def test_the_physics_keeps_the_screw_on_its_helix():
+    # Measured 4e-6 m; the constraint is soft, and grows with force and time step.
+    assert largest_slip(load("helical")) < 1e-5
+
+
+def test_a_soft_coupling_lets_the_screw_slip():
+    """Negative control: MuJoCo's default constraint, 20 ms, is no screw."""
+    spec = spec_of("helical")
+    spec.equalities[0].solref = [0.02, 1]
+    spec.equalities[0].solimp = [0.9, 0.95, 0.001, 0.5, 2]
+    assert largest_slip(spec.compile()) > 1e-3

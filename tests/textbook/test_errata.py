@@ -5,10 +5,23 @@ import pytest
 from numpy.testing import assert_allclose
 
 from rmrc.control.law import resolve_rates
-from rmrc.spatial import quat_from_axis_angle, quat_to_matrix, skew, twist_transform, wrench_transform
+from rmrc.spatial import (
+    exp_rotation,
+    quat_from_axis_angle,
+    quat_to_matrix,
+    skew,
+    twist_transform,
+    wrench_transform,
+)
 from rmrc.textbook.dh import DHChain
-from rmrc.textbook.planar import planar_jacobian, planar_position, three_link_jacobian, two_link_jacobian
+from rmrc.textbook.ellipsoid import velocity_ellipsoid
+from rmrc.textbook.motion import point_velocity, written_in
+from rmrc.textbook.newton import newton_raphson
+from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian, planar_position, three_link_jacobian
+from rmrc.textbook.redundancy import resolved_rates, weighted_left_inverse, weighted_right_inverse
+from rmrc.textbook.singularity import minors, rank_by_minors
 from rmrc.textbook.stanford import stanford_jacobian
+from rmrc.textbook.two_link import two_link_jacobian, two_link_rates
 
 # All numbers here are of order 1; a dozen operations leave errors of some 1e-16.
 ROUNDING = 1e-12
@@ -22,6 +35,133 @@ LENGTHS = np.array([1.0, 0.8, 0.6])
 def refuted(printed, holds):
     """Whether two values differ by more than any rounding."""
     return np.abs(np.subtract(printed, holds)).max() > 1e-3
+
+
+# The frames of A are those of standard DH: joint i+1 turns or slides along z of frame i.
+STANDARD = DHChain(
+    ((0.7, 0.5, 0.1, 0.2), (-0.4, 0.8, 0.2, 0.1), (0.9, 0.3, 0.4, -0.3)),
+    ("revolute", "prismatic", "revolute"),
+    "standard",
+)
+RATES = np.array([0.7, -1.1, 0.6])
+Z = np.array([0.0, 0.0, 1.0])
+
+
+def tip_velocity(chain, spin, velocity):
+    """[v; ω] of the last frame along {0}, by A's two lines: each takes i, R, P and the twist so far."""
+    v, omega = np.zeros((2, 3))
+    for i, T in enumerate(chain.link_transforms(Q)):
+        R, P = T[:3, :3], T[:3, 3]
+        omega_next = spin(i, R, omega)
+        v, omega = velocity(i, R, P, v, omega, omega_next), omega_next
+    R = chain.frames(Q)[-1, :3, :3]
+    return np.concatenate([R @ v, R @ omega])
+
+
+def theta_rate(i):
+    return RATES[i] if STANDARD.kinds[i] == "revolute" else 0.0
+
+
+def d_rate(i):
+    return RATES[i] if STANDARD.kinds[i] == "prismatic" else 0.0
+
+
+def spin(i, R, omega):
+    return R.T @ (omega + theta_rate(i) * Z)
+
+
+def velocity(i, R, P, v, _, omega_next):
+    return R.T @ (v + np.cross(R @ omega_next, P) + d_rate(i) * Z)
+
+
+def test_example_5_3_takes_rate_and_angular_velocity_of_the_next_link():
+    explicit = STANDARD.jacobian(Q) @ RATES
+    assert_allclose(tip_velocity(STANDARD, spin, velocity), explicit, atol=ROUNDING)
+
+    def late_spin(i, R, omega):
+        return R.T @ (omega + (theta_rate(i - 1) if i else 0.0) * Z)
+
+    def late_velocity(i, R, P, v, omega, _):
+        return R.T @ (v + np.cross(omega, P) + d_rate(i) * Z)
+
+    for printed in (
+        tip_velocity(STANDARD, late_spin, velocity),
+        tip_velocity(STANDARD, spin, late_velocity),
+        tip_velocity(STANDARD, late_spin, late_velocity),
+    ):
+        assert refuted(printed, explicit)
+
+
+@pytest.mark.parametrize("observer", ["link", "ground"])
+def test_a_slide_adds_its_rate_along_the_axis_and_not_the_rate_of_the_axis(observer):
+    explicit = STANDARD.jacobian(Q) @ RATES
+
+    def printed(i, R, P, v, omega, omega_next):
+        slides = STANDARD.kinds[i] == "prismatic"
+        # Seen from its own link, the axis does not change; seen from the ground, it turns with the link.
+        axis_rate = np.cross(omega, Z) if observer == "ground" else np.zeros(3)
+        return R.T @ (v + np.cross(R @ omega_next, P) + slides * axis_rate)
+
+    assert_allclose(tip_velocity(STANDARD, spin, velocity), explicit, atol=ROUNDING)
+    assert refuted(tip_velocity(STANDARD, spin, printed), explicit)
+
+
+def test_way_to_the_next_frame_is_minus_the_way_back_and_not_to_itself():
+    explicit = STANDARD.jacobian(Q) @ RATES
+
+    def with_way(way):
+        def carried(i, R, P, v, _, omega_next):
+            return R.T @ (v + np.cross(R @ omega_next, way(R, P)) + d_rate(i) * Z)
+
+        return tip_velocity(STANDARD, spin, carried)
+
+    assert_allclose(with_way(lambda R, P: -R @ (-R.T @ P)), explicit, atol=ROUNDING)
+    assert refuted(with_way(lambda R, P: R @ (-R.T @ P)), explicit)  # ᶦR_i+1 ᶦ⁺¹P_i without the minus
+    assert refuted(with_way(lambda *_: np.zeros(3)), explicit)  # ᶦP_i
+
+
+def test_only_the_rates_of_slides_move_along_their_axes():
+    frames = STANDARD.frames(Q)
+    axes, origins = frames[:-1, :3, 2], frames[:-1, :3, 3]
+    turning = sum(theta_rate(i) * np.cross(axes[i], frames[-1, :3, 3] - origins[i]) for i in range(3))
+    holds = turning + sum(d_rate(i) * axes[i] for i in range(3))
+    explicit = (STANDARD.jacobian(Q) @ RATES)[:3]
+    assert_allclose(holds, explicit, atol=ROUNDING)
+    assert refuted(turning + RATES @ axes, explicit)
+
+
+def test_velocity_that_b_sees_must_be_turned_for_a_to_write_it():
+    step, spin_b = 1e-5, np.array([0.3, -0.2, 0.5])
+    rotation = lambda t: quat_to_matrix(exp_rotation(t * spin_b)) @ ROTATION  # noqa: E731
+    point = lambda t: np.array([np.sin(t), np.cos(t), t])  # noqa: E731
+    seen_by_b = (point(step) - point(-step)) / (2 * step)
+    seen_by_a = (rotation(step) @ point(step) - rotation(-step) @ point(-step)) / (2 * step)
+    still, turning = np.zeros(3), (spin_b, point(0.0))
+    written_by_a = written_in(ROTATION, seen_by_b)
+    # What {A} sees is this and what the turning of {B} carries; central differences: 1e-16/1e-5, (1e-5)²/6.
+    assert_allclose(written_by_a, seen_by_a - point_velocity(still, ROTATION, still, *turning), atol=1e-8)
+    assert refuted(written_by_a, seen_by_b)
+
+
+def torques_inwards(force, lever):
+    """A's statics of the standard chain, for a force at the tip: n_i about joint i, along frame {i}."""
+    links, frames = STANDARD.link_transforms(Q), STANDARD.frames(Q)
+    f, n, torques = frames[-1, :3, :3].T @ force, np.zeros(3), []
+    for i in reversed(range(3)):  # link i+1, whose joint is on z of frame i
+        T = links[i]
+        if i < 2:
+            f, n = links[i + 1, :3, :3] @ f, links[i + 1, :3, :3] @ n
+        to_next = links[i + 1, :3, 3] if i < 2 else np.zeros(3)
+        n = n + np.cross(lever(-T[:3, :3].T @ T[:3, 3], to_next), f)
+        torques.append((n if STANDARD.kinds[i] == "revolute" else f) @ T[:3, :3].T @ Z)
+    return torques[::-1]
+
+
+def test_moment_of_a_link_is_taken_over_the_way_back_to_its_joint():
+    force = np.array([0.4, -0.8, 0.3])
+    explicit = STANDARD.jacobian(Q)[:3].T @ force
+    assert_allclose(torques_inwards(force, lambda back, _: -back), explicit, atol=ROUNDING)
+    assert refuted(torques_inwards(force, lambda _, to_next: -to_next), explicit)
 
 
 def test_force_transform_is_the_transpose_of_the_velocity_transform_the_other_way():
@@ -45,6 +185,26 @@ def test_jacobian_times_its_right_inverse_is_the_identity_of_the_task():
     assert refuted(right_inverse @ J, np.eye(4))  # nor is it I_n the other way round
 
 
+def test_rates_along_x_stay_finite_if_the_arm_points_along_y():
+    lengths = np.array([1.0, 0.8])
+    elbow = np.array([1e-2, 1e-4, 1e-6])
+    along_y = two_link_rates(lengths, np.stack([np.full(3, np.pi / 2), elbow], axis=-1))
+    # cos(90°) is 6e-17 in floating point, and is divided by 1e-6
+    assert_allclose(along_y, np.broadcast_to([-1 / lengths[0], 1 / lengths[0]], (3, 2)), atol=1e-4)
+    elsewhere = two_link_rates(lengths, np.stack([np.full(3, 1.0), elbow], axis=-1))
+    assert np.all(np.abs(elsewhere[1:]) > 50 * np.abs(elsewhere[:-1]))
+
+
+def test_whether_a_twist_has_solutions_is_not_decided_by_the_numbers_of_rows_and_joints():
+    tall = planar_jacobian(LENGTHS[:2], Q[:2])  # m = 3 > n = 2
+    rates = np.array([0.7, -0.4])
+    assert_allclose(weighted_left_inverse(tall) @ (tall @ rates), rates, atol=ROUNDING)
+    stretched = planar_jacobian(LENGTHS, [0.0, 0.0, 0.0])[:2]  # m = 2 < n = 3, but of rank 1
+    along = np.array([1.0, 0.0])
+    nearest = np.linalg.lstsq(stretched, along, rcond=None)[0]
+    assert refuted(stretched @ nearest, along)
+
+
 def test_x_of_a_planar_arm_falls_with_every_angle_where_the_links_point_up():
     # Central differences of functions of order 1: 1e-16 / 1e-6 of rounding, (1e-6)² of truncation.
     step = 1e-6 * np.eye(3)
@@ -54,6 +214,51 @@ def test_x_of_a_planar_arm_falls_with_every_angle_where_the_links_point_up():
     assert_allclose(np.negative(printed), slope, atol=1e-8)
     assert_allclose(planar_jacobian(LENGTHS, Q)[0], slope, atol=1e-8)
     assert refuted(printed, slope)
+
+
+def test_columns_of_the_regular_posture_are_dependent_too():
+    for elbow, rank in ((0.0, 1), (np.pi / 2, 2)):
+        J = three_link_jacobian([2.0, 1.0, 1.0], [0.0, elbow, 0.0])[:2]
+        assert rank_by_minors(J) == rank
+        internal = np.linalg.svd(J)[2][2]
+        assert_allclose(J @ internal, 0.0, atol=ROUNDING)  # so the columns are dependent both times
+        assert (np.abs(minors(J.T @ J, 3)).max() < ROUNDING) and (rank_by_minors(J.T) == rank)
+
+
+def test_first_entry_of_the_second_jacobian_is_negative():
+    J = three_link_jacobian([2.0, 1.0, 1.0], [0.4491, 2.1576, -0.5123])
+    assert J[0, 0] == pytest.approx(-2.2441, abs=2e-4)  # the angles have four decimals
+    assert refuted(J[0, 0], 2.2441)
+
+
+def worked_example(start, steps):
+    lengths = [2.0, 1.0, 1.0]
+    return newton_raphson(
+        lambda q: planar_position(lengths, q),
+        lambda q: three_link_jacobian(lengths, q),
+        start,
+        [0.5, 3.0, 2 * np.pi / 3],
+        most_steps=steps,
+    )
+
+
+def test_second_step_of_the_worked_example_solves_no_equations_at_all():
+    step = np.array([-0.1606, 0.5493, -0.3887])
+    found = worked_example([0.4491, 2.1576, -0.5123], 1)
+    assert_allclose(found.step[0], [-0.2011, 0.6586, -0.4576], atol=1e-4)  # from angles of four decimals
+    J = three_link_jacobian([2.0, 1.0, 1.0], found.q[0])
+    printed = np.array([[2.2441, -1.3758, -0.8660], [0.4413, -1.4603, -0.5000], [1, 1, 1]])
+    values = np.array([-0.059, -0.756, 0.0])  # three decimals
+    assert_allclose(found.error[0], values, atol=5e-4)
+    for matrix in (J, printed, printed * [[-1, 1, 1], [1, 1, 1], [1, 1, 1]]):
+        assert refuted(matrix @ step, values)
+
+
+def test_third_iterate_does_not_follow_from_the_second_but_the_fourth_does_from_the_third():
+    second, third, fourth = [0.6097, 1.6083, -0.1236], [0.6789, 1.4106, 0.0049], [0.6984, 1.4329, -0.0369]
+    assert_allclose(worked_example(second, 1).q[1], [0.6970, 1.4417, -0.0443], atol=1e-4)
+    assert refuted(worked_example(second, 1).q[1], third)
+    assert_allclose(worked_example(third, 1).q[1], fourth, atol=1e-4)
 
 
 def test_second_newton_step_of_the_worked_example_has_minus_1_3603():
@@ -81,6 +286,16 @@ def test_near_full_reach_both_terms_of_the_elbow_are_negative():
     assert_allclose(rates[1], holds, rtol=2e-4)
     assert_allclose(rates[0], [1 / (l1 * elbow), 1 / l1], rtol=2e-4)
     assert refuted(rates[1], -holds)
+
+
+def test_full_jacobian_of_two_links_has_three_rows_of_zeros():
+    arm = DHChain(((0.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)), ("revolute", "revolute"))
+    J = arm.jacobian(Q[:2], point=(0.8, 0.0, 0.0))
+    assert len(J) == 6 != 5
+    assert np.flatnonzero(~J.any(axis=1)).tolist() == [2, 3, 4]
+    assert_allclose(embed_planar_jacobian(planar_jacobian(LENGTHS[:2], Q[:2])), J, atol=ROUNDING)
+    # Its determinant is that of the two rows that are left when they and the angle are dropped.
+    assert np.linalg.det(J[:2]) == pytest.approx(0.8 * np.sin(Q[1]))
 
 
 def test_jacobian_at_the_end_effector_from_frame_n_needs_no_trailing_rotation():
@@ -111,3 +326,72 @@ def test_velocity_of_the_tip_needs_brackets_around_the_way_to_it():
     column = arm.jacobian(q)[:3, 1]
     assert_allclose(np.cross(axis, tip - origin), column, atol=ROUNDING)
     assert refuted(np.cross(axis, tip) - origin, column)
+
+
+def test_velocity_by_the_fourth_joint_is_the_fourth_and_not_the_first():
+    # Three hinges and a slide, as in the figure; the velocities by all joints add up to that of the tip.
+    arm = DHChain(
+        ((0, 0, 0, 0), (0.5, 0.4, 0, 0), (0.3, 0.6, 0, 0), (0.2, 0.5, 0, 0)),
+        ("revolute",) * 3 + ("prismatic",),
+    )
+    q, rates = np.array([*Q, 0.2]), np.array([0.7, -1.1, 0.6, 0.9])
+    frames = arm.frames(q)
+    turning = [
+        rates[i] * np.cross(frames[i + 1, :3, 2], frames[4, :3, 3] - frames[i + 1, :3, 3]) for i in range(3)
+    ]
+    sliding = rates[3] * frames[4, :3, 2]
+    tip = (arm.jacobian(q) @ rates)[:3]
+    assert_allclose(sum(turning) + sliding, tip, atol=ROUNDING)
+    assert refuted(sliding + sum(turning[1:]), tip)  # with u₁ = z₄ q̇₄
+
+
+def test_way_to_the_tip_ends_at_the_frame_after_the_last_joint():
+    l1, l2 = 1.0, 0.8
+    arm = DHChain(((0, 0, 0, 0), (0, l1, 0, 0)), ("revolute", "revolute"))  # D's frames: {3} is the tip
+    frames, q = arm.frames(Q[:2]), Q[:2]
+    origins = [*frames[1:, :3, 3], (frames[-1] @ [l2, 0, 0, 1])[:3]]
+    J = arm.jacobian(q, point=(l2, 0, 0))[:3]
+    columns = lambda end: np.transpose([np.cross(Z, end - origins[i]) for i in range(2)])  # noqa: E731
+    assert_allclose(columns(origins[2]), J, atol=ROUNDING)
+    assert refuted(columns(origins[1]), J)  # o_n
+    assert not columns(origins[1])[:, 1].any()  # which would leave nothing for the last joint to move
+
+
+def test_normal_matrix_of_a_redundant_arm_has_no_inverse_at_a_singularity():
+    for elbow, rank in ((0.0, 1), (0.9, 2)):
+        J = planar_jacobian(LENGTHS, [0.0, elbow, 0.0])[:2]
+        assert J.shape == (2, 3)
+        assert np.linalg.matrix_rank(J @ J.T) == rank
+    with pytest.raises(np.linalg.LinAlgError):
+        weighted_right_inverse(planar_jacobian(LENGTHS, [0.0, 0.0, 0.0])[:2])
+
+
+def test_right_inverse_is_not_for_fewer_joints_than_rows():
+    J = embed_planar_jacobian(planar_jacobian(LENGTHS[:2], Q[:2]))  # two joints, six rows
+    assert np.linalg.matrix_rank(J @ J.T) == 2 < 6
+    with pytest.raises(np.linalg.LinAlgError):
+        weighted_right_inverse(J)
+    assert_allclose(weighted_left_inverse(J) @ J, np.eye(2), atol=ROUNDING)
+
+
+def test_velocity_ellipse_is_of_unit_rates_not_of_unit_positions():
+    rates = np.array([0.6, -0.8])
+    for q, is_unit in (([0.6, 0.8], True), ([1.4, 2.0], False)):
+        J = two_link_jacobian(LENGTHS[:2], q)
+        assert (np.dot(q, q) == pytest.approx(1.0)) == is_unit
+        # Unit rates are on it whatever the positions, and others are not.
+        assert (J @ rates) @ np.linalg.solve(J @ J.T, J @ rates) == pytest.approx(1.0)
+        slow = J @ (0.5 * rates)
+        assert slow @ np.linalg.solve(J @ J.T, slow) == pytest.approx(0.25)
+
+
+def test_unit_rates_of_a_redundant_arm_fill_its_ellipse():
+    J = planar_jacobian(LENGTHS, Q)[:2]
+    ellipse = velocity_ellipsoid(J)
+    for internal in (0.0, 0.5, 1.0):
+        rates = resolved_rates(J, 0.1 * ellipse.axes[:, 0])
+        unit = np.sqrt(1 - internal**2) * rates / np.linalg.norm(rates) + internal * np.linalg.svd(J)[2][2]
+        assert np.linalg.norm(unit) == pytest.approx(1.0)
+        value = (J @ unit) @ np.linalg.solve(J @ J.T, J @ unit)
+        assert value == pytest.approx(1 - internal**2, abs=1e-9)
+        assert refuted(value, 1.0) == (internal > 0)

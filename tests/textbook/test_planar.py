@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.textbook import planar
+from rmrc.textbook import planar, two_link
 from rmrc.textbook.dh import DHChain
 
 # Sums of a few products of order one.
@@ -60,6 +60,27 @@ def test_a_jacobian_of_angles_that_are_not_summed_is_no_derivative():
 
 @settings(max_examples=40, deadline=None)
 @given(links)
+def test_centers_of_rotation_give_the_same_jacobian(case):
+    lengths, q = case
+    origins = dh(lengths).frames(q)[1:, :2, 3]
+    tip = planar.planar_position(lengths, q)[:2]
+    J = planar.planar_jacobian_from_centers(origins, tip)
+    assert_allclose(J, planar.planar_jacobian(lengths, q), atol=ROUNDING)
+    # Wherever the drawing lies: all that counts is where the joints are relative to the point.
+    assert_allclose(planar.planar_jacobian_from_centers(origins + 1.0, tip + 1.0), J, atol=ROUNDING)
+
+
+def test_centers_that_are_link_centers_are_no_centers_of_rotation():
+    """Negative control of the test above."""
+    lengths, q = np.array([1.0, 0.8, 0.6]), np.array([0.4, -0.9, 0.3])
+    centers = dh(lengths / 2).frames(q)[1:, :2, 3]
+    J = planar.planar_jacobian_from_centers(centers, planar.planar_position(lengths, q)[:2])
+    with pytest.raises(AssertionError):
+        assert_allclose(J, planar.planar_jacobian(lengths, q), atol=1e-3)
+
+
+@settings(max_examples=40, deadline=None)
+@given(links)
 def test_position_and_six_rows_equal_the_dh_chain(case):
     lengths, q = case
     chain, tip = dh(lengths), (lengths[-1], 0.0, 0.0)
@@ -76,10 +97,10 @@ def test_position_and_six_rows_equal_the_dh_chain(case):
 def test_two_links_as_printed_equal_n_links(case):
     lengths, q = case
     assert_allclose(
-        planar.two_link_position(lengths, q), planar.planar_position(lengths, q)[:2], atol=ROUNDING
+        two_link.two_link_position(lengths, q), planar.planar_position(lengths, q)[:2], atol=ROUNDING
     )
     assert_allclose(
-        planar.two_link_jacobian(lengths, q), planar.planar_jacobian(lengths, q)[:2], atol=ROUNDING
+        two_link.two_link_jacobian(lengths, q), planar.planar_jacobian(lengths, q)[:2], atol=ROUNDING
     )
 
 
@@ -104,50 +125,10 @@ def test_wrist_point_is_the_third_frame_of_the_dh_chain(case):
 def test_determinants_are_l1_l2_s2(case):
     lengths, q = case
     expected = lengths[0] * lengths[1] * np.sin(q[1])
-    assert_allclose(planar.two_link_determinant(lengths[:2], q[:2]), expected, atol=ROUNDING)
-    two = np.linalg.det(planar.two_link_jacobian(lengths[:2], q[:2]))
+    assert_allclose(two_link.two_link_determinant(lengths[:2], q[:2]), expected, atol=ROUNDING)
+    two = np.linalg.det(two_link.two_link_jacobian(lengths[:2], q[:2]))
     three = np.linalg.det(planar.three_link_jacobian(lengths, q))
     assert_allclose([two, three], expected, atol=ROUNDING)
-
-
-@settings(max_examples=40, deadline=None)
-@given(fixed(2).filter(lambda case: abs(np.sin(case[1][1])) > 1e-3))
-def test_inverse_times_jacobian_is_the_identity(case):
-    lengths, q = case
-    J, inverse = planar.two_link_jacobian(lengths, q), planar.two_link_jacobian_inverse(lengths, q)
-    # Rounding of each factor is relative to its norm.
-    tolerance = ROUNDING * np.linalg.norm(J) * np.linalg.norm(inverse)
-    assert_allclose(J @ inverse, np.eye(2), atol=tolerance)
-    assert_allclose(inverse @ J, np.eye(2), atol=tolerance)
-
-
-@settings(max_examples=40, deadline=None)
-@given(fixed(2).filter(lambda case: abs(np.sin(case[1][1])) > 1e-3), st.floats(-2.0, 2.0))
-def test_rates_of_example_5_5_move_the_tip_along_x(case, speed):
-    lengths, q = case
-    rates = planar.two_link_rates(lengths, q, speed)
-    J = planar.two_link_jacobian(lengths, q)
-    # Terms of size |J||rates| cancel in y.
-    tolerance = ROUNDING * (1.0 + np.linalg.norm(J) * np.linalg.norm(rates))
-    assert_allclose(J @ rates, [speed, 0.0], atol=tolerance)
-
-
-def test_rates_of_example_5_5_grow_as_one_over_theta_2():
-    """The order of the pole, measured: slope −1 of log rate over log θ₂."""
-    theta = np.array([1e-2, 1e-3, 1e-4])
-    rates = planar.two_link_rates([1.0, 0.7], np.stack([np.full(3, 0.4), theta], axis=-1))
-    slopes = np.diff(np.log(np.abs(rates)), axis=0) / np.diff(np.log(theta))[:, None]
-    # cos(θ₁ + θ₂) is not constant: it bends the slope by about θ₂ = 1e-3.
-    assert_allclose(slopes[-1], [-1.0, -1.0], atol=1e-3)
-
-
-def test_there_is_no_inverse_at_full_reach():
-    with pytest.raises(np.linalg.LinAlgError) as caught:
-        planar.two_link_jacobian_inverse([1, 1], [0.3, 0.0])
-    assert str(caught.value) == "two-link arm: det J = l1 l2 sin(theta2) = 0, J has no inverse"
-    with pytest.raises(np.linalg.LinAlgError) as caught:
-        planar.two_link_rates([1, 1], [[0.3, 1.0], [0.3, 0.0]])
-    assert str(caught.value) == "two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded"
 
 
 @pytest.mark.parametrize(
@@ -155,13 +136,14 @@ def test_there_is_no_inverse_at_full_reach():
     [
         (planar.planar_position, 4),
         (planar.planar_jacobian, 4),
-        (planar.two_link_position, 2),
-        (planar.two_link_jacobian, 2),
-        (planar.two_link_determinant, 2),
-        (planar.two_link_jacobian_inverse, 2),
-        (planar.two_link_rates, 2),
+        (two_link.two_link_position, 2),
+        (two_link.two_link_jacobian, 2),
+        (two_link.two_link_determinant, 2),
+        (two_link.two_link_jacobian_inverse, 2),
+        (two_link.two_link_rates, 2),
         (planar.three_link_position, 3),
         (planar.three_link_jacobian, 3),
+        (lambda arms, q: planar.planar_jacobian_from_centers(np.stack([arms, arms + 1.0], axis=-2), q), 2),
     ],
 )
 def test_leading_axes_are_arms_and_configurations(function, n):

@@ -7,8 +7,9 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.textbook.planar import two_link_jacobian, two_link_position
+from rmrc.textbook.planar import planar_jacobian
 from rmrc.textbook.statics import equilibrium_torques, joint_torques
+from rmrc.textbook.two_link import two_link_jacobian, two_link_position
 
 # A few products of order ten.
 ROUNDING = 1e-12
@@ -47,6 +48,18 @@ def test_the_two_examples_of_the_notes(degrees, force, tau):
     # 1000 N times cos 90° = 6e-17.
     assert_allclose(joint_torques(J, force), tau, atol=1e-12)
     assert_allclose(equilibrium_torques(J, force), np.negative(tau), atol=1e-12)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(1, 6), st.floats(-3, 3), st.integers(0, 2**32 - 1))
+def test_force_along_a_lost_direction_costs_no_torque_and_any_other_does(n, q1, seed):
+    rng = np.random.default_rng(seed)
+    lengths, folds = rng.uniform(0.5, 1.5, n), rng.integers(0, 2, n - 1) * np.pi
+    J = planar_jacobian(lengths, [q1, *folds])[:2]  # all links on one line, stretched out or folded
+    along, across = np.array([[np.cos(q1), np.sin(q1)], [-np.sin(q1), np.cos(q1)]])
+    # 1000 N times a reach of 9 m, in rounding.
+    assert_allclose(joint_torques(J, 1000 * along), 0.0, atol=1e-11)
+    assert np.abs(joint_torques(J, across)).max() >= 0.5  # the last joint's lever is its own link
 
 
 def test_leading_axes_are_cases():

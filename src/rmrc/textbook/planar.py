@@ -1,4 +1,4 @@
-"""Planar arms with revolute joints: n links in general, two and three as printed in the notes.
+"""Planar arms with revolute joints: n links in general, three as printed in the notes.
 
 All links move in the x-y plane, joint axes along +z, q = 0 stretched out along x. The rows of a
 planar Jacobian are x, y and the rotation about z; `lengths` is l_1..l_n in m, `q` is in radians.
@@ -60,6 +60,31 @@ def planar_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
     return np.stack([x, y, np.ones_like(phi)], axis=-2)
 
 
+def planar_jacobian_from_centers(centers: ArrayLike, point: ArrayLike) -> NDArray[np.float64]:
+    """Return the Jacobian of a point from where the joints are: no derivative is taken.
+
+    Each joint is the center of rotation of all that comes after it, so its column is
+    (j_y − y, x − j_x) for the joint at j and the point at (x, y); the angle gets 1 [Selig92, §6.4].
+
+    Args:
+        centers: Positions j_1..j_n of the joints, (..., n, 2) [m].
+        point: Position of the point, (..., 2) [m].
+
+    Returns:
+        Rows x, y, rz in the frame of centers and point, (..., 3, n).
+
+    Example:
+        Two links of 1 m, bent by 90°: joints at (0, 0) and (1, 0), the tip at (1, 1).
+
+        >>> planar_jacobian_from_centers([[0, 0], [1, 0]], [1, 1])
+        array([[-1., -1.],
+               [ 1.,  0.],
+               [ 1.,  1.]])
+    """
+    arm = np.asarray(point, dtype=np.float64)[..., None, :] - np.asarray(centers, dtype=np.float64)
+    return np.stack([-arm[..., 1], arm[..., 0], np.ones_like(arm[..., 0])], axis=-2)
+
+
 def embed_planar_jacobian(jacobian: ArrayLike) -> NDArray[np.float64]:
     """Return a planar Jacobian with all six rows: z, rx and ry of a planar arm are zero.
 
@@ -78,136 +103,6 @@ def embed_planar_jacobian(jacobian: ArrayLike) -> NDArray[np.float64]:
     spatial = np.zeros((*jacobian.shape[:-2], 6, jacobian.shape[-1]))
     spatial[..., [0, 1, 5], :] = jacobian
     return spatial
-
-
-def two_link_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
-    """Return the tip of the two-link arm.
-
-    x = l₁ c₁ + l₂ c₁₂, y = l₁ s₁ + l₂ s₁₂ [Khatib08].
-
-    Args:
-        lengths: l₁, l₂, (..., 2) [m].
-        q: θ₁, θ₂, (..., 2) [rad].
-
-    Returns:
-        [x, y], (..., 2) [m].
-
-    Example:
-        >>> two_link_position([1, 1], np.radians([60, -120])).round(3) + 0.0
-        array([1., 0.])
-    """
-    (l1, l2), (q1, q2) = _each(lengths), _each(q)
-    x = l1 * np.cos(q1) + l2 * np.cos(q1 + q2)
-    y = l1 * np.sin(q1) + l2 * np.sin(q1 + q2)
-    return np.stack([x, y], axis=-1)
-
-
-def two_link_jacobian(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
-    """Return the two rows that can move of the two-link arm's Jacobian, in frame {0}.
-
-    J = [[−l₁ s₁ − l₂ s₁₂, −l₂ s₁₂], [l₁ c₁ + l₂ c₁₂, l₂ c₁₂]] [Craig05, §5.7].
-
-    Args:
-        lengths: l₁, l₂, (..., 2) [m].
-        q: θ₁, θ₂, (..., 2) [rad].
-
-    Returns:
-        Rows x, y, (..., 2, 2) [m].
-
-    Example:
-        >>> two_link_jacobian([1, 1], np.radians([0, 90])).round(3) + 0.0
-        array([[-1., -1.],
-               [ 1.,  0.]])
-    """
-    (l1, l2), (q1, q2) = _each(lengths), _each(q)
-    x2, y2 = l2 * np.cos(q1 + q2), l2 * np.sin(q1 + q2)
-    x, y = l1 * np.cos(q1) + x2, l1 * np.sin(q1) + y2
-    return np.stack([np.stack([-y, -y2], axis=-1), np.stack([x, x2], axis=-1)], axis=-2)
-
-
-def two_link_determinant(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
-    """Return det J = l₁ l₂ s₂: singular stretched out or folded, θ₂ = kπ [Craig05, example 5.4].
-
-    Args:
-        lengths: l₁, l₂, (..., 2) [m].
-        q: θ₁, θ₂, (..., 2) [rad].
-
-    Returns:
-        det J, (...) [m²].
-
-    Example:
-        >>> two_link_determinant([6, 3], np.radians([10, 30])).round(3)
-        np.float64(9.0)
-    """
-    (l1, l2), (_, q2) = _each(lengths), _each(q)
-    return np.asarray(l1 * l2 * np.sin(q2))[()]
-
-
-def two_link_jacobian_inverse(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:
-    """Return the inverse of the two-link arm's Jacobian, in frame {0}.
-
-    J⁻¹ = [[l₂ c₁₂, l₂ s₁₂], [−l₁ c₁ − l₂ c₁₂, −l₁ s₁ − l₂ s₁₂]] / (l₁ l₂ s₂)
-    [Craig05, example 5.5].
-
-    Args:
-        lengths: l₁, l₂, (..., 2) [m].
-        q: θ₁, θ₂, (..., 2) [rad].
-
-    Returns:
-        J⁻¹, columns x, y, (..., 2, 2) [1/m].
-
-    Raises:
-        numpy.linalg.LinAlgError: If a determinant is exactly zero. In floating point sin π is 1e-16
-            and not 0, so an arm folded by θ₂ = π gives huge numbers instead.
-
-    Example:
-        >>> two_link_jacobian_inverse([1, 1], np.radians([0, 90])).round(3) + 0.0
-        array([[ 0.,  1.],
-               [-1., -1.]])
-    """
-    determinant = np.asarray(two_link_determinant(lengths, q))
-    if np.any(determinant == 0.0):
-        raise np.linalg.LinAlgError("two-link arm: det J = l1 l2 sin(theta2) = 0, J has no inverse")
-    J = two_link_jacobian(lengths, q)
-    adjugate = np.stack(
-        [
-            np.stack([J[..., 1, 1], -J[..., 0, 1]], axis=-1),
-            np.stack([-J[..., 1, 0], J[..., 0, 0]], axis=-1),
-        ],
-        axis=-2,
-    )
-    return adjugate / determinant[..., None, None]
-
-
-def two_link_rates(lengths: ArrayLike, q: ArrayLike, speed: float = 1.0) -> NDArray[np.float64]:
-    """Return the joint rates that move the tip along x: they grow without bound as θ₂ → 0.
-
-    θ̇₁ = v c₁₂ / (l₁ s₂), θ̇₂ = −v c₁ / (l₂ s₂) − v c₁₂ / (l₁ s₂) [Craig05, example 5.5].
-
-    Args:
-        lengths: l₁, l₂, (..., 2) [m].
-        q: θ₁, θ₂, (..., 2) [rad].
-        speed: v along x of frame {0} [m/s].
-
-    Returns:
-        [θ̇₁, θ̇₂], (..., 2) [rad/s].
-
-    Raises:
-        numpy.linalg.LinAlgError: If a determinant is exactly zero.
-
-    Example:
-        Each row is ten times nearer to full reach than the one before, and ten times faster:
-
-        >>> two_link_rates([1, 1], [[0, 0.1], [0, 0.01], [0, 0.001]]).round(1)
-        array([[   10.,   -20.],
-               [  100.,  -200.],
-               [ 1000., -2000.]])
-    """
-    if np.any(two_link_determinant(lengths, q) == 0.0):
-        raise np.linalg.LinAlgError("two-link arm: det J = l1 l2 sin(theta2) = 0, rates are unbounded")
-    (l1, l2), (q1, q2) = _each(lengths), _each(q)
-    rate1 = speed * np.cos(q1 + q2) / (l1 * np.sin(q2))
-    return np.stack([rate1, -speed * np.cos(q1) / (l2 * np.sin(q2)) - rate1], axis=-1)
 
 
 def three_link_position(lengths: ArrayLike, q: ArrayLike) -> NDArray[np.float64]:

@@ -27,7 +27,7 @@ def joint_torques(jacobian: ArrayLike, wrench: ArrayLike) -> NDArray[np.float64]
     Example:
         The notes' two links of 1 m at (0, 60°) press down with 1 N:
 
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> joint_torques(two_link_jacobian([1, 1], np.radians([0, 60])), [0, -1]).round(12)
         array([-1.5, -0.5])
 
@@ -57,7 +57,7 @@ def equilibrium_torques(jacobian: ArrayLike, wrench: ArrayLike) -> NDArray[np.fl
     Example:
         A weight of 1 N hangs at the tip of two links of 1 m at (0, 60°):
 
-        >>> from rmrc.textbook.planar import two_link_jacobian
+        >>> from rmrc.textbook.two_link import two_link_jacobian
         >>> equilibrium_torques(two_link_jacobian([1, 1], np.radians([0, 60])), [0, -1]).round(12)
         array([1.5, 0.5])
     """

@@ -1,0 +1,180 @@
+"""Joint rates for a wanted twist when J is not square, by normal equations alone.
+
+m < n: of all rates that do the task, the weighted smallest; m > n: the rates whose twist comes
+nearest. There is no singular value decomposition here: this is the other opinion on the compiled law,
+and it refuses a J without full rank where the law damps.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rmrc.errors import ModelError
+
+# A pivot of the normal matrix is sin² of the angle between a row and those before it, times its
+# length squared. Rounding makes this part of it: rows nearer than 1e-6 rad cannot be told from dependent.
+DEPENDENT = 1e-12
+
+
+def weighted_right_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
+    """Return J⁺ = W⁻¹ Jᵀ (J W⁻¹ Jᵀ)⁻¹, for m ≤ n: the least q̇ᵀ W q̇ among the rates that do the task.
+
+    From Lagrange's conditions W q̇ = Jᵀ λ, J q̇ = V [Whitney69]. J J⁺ = I_m; for m = n it is J⁻¹.
+
+    Args:
+        jacobian: J, (..., m, n).
+        weights: W, symmetric positive definite: a heavier joint moves less, (..., n, n); None: I.
+
+    Returns:
+        J⁺, (..., n, m).
+
+    Raises:
+        numpy.linalg.LinAlgError: If the rows of J are dependent.
+        ModelError: If W is not symmetric and positive definite.
+
+    Example:
+        Two joints that do the same share the work in inverse proportion to their weights:
+
+        >>> weighted_right_inverse([[1, 1]]).T
+        array([[0.5, 0.5]])
+        >>> weighted_right_inverse([[1, 1]], np.diag([1, 3])).T
+        array([[0.75, 0.25]])
+
+        An arm in the y-z plane, stretched out along y, cannot move along x; only its row z counts:
+
+        >>> J = np.array([[0, 0], [0, 0], [2, 1]])
+        >>> weighted_right_inverse(J[2:]).T
+        array([[0.4, 0.2]])
+    """
+    J = np.asarray(jacobian, dtype=np.float64)
+    W = _weights(weights, J.shape[-1])
+    spread = np.swapaxes(np.linalg.solve(W, np.swapaxes(J, -1, -2)), -1, -2)  # J W⁻¹
+    normal = spread @ np.swapaxes(J, -1, -2)
+    _check_rank(normal, J.shape, "rows")
+    return np.swapaxes(np.linalg.solve(normal, spread), -1, -2)
+
+
+def weighted_left_inverse(jacobian: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
+    """Return J⁺ = (Jᵀ W J)⁻¹ Jᵀ W, for m ≥ n: the rates whose twist comes nearest to the wanted one.
+
+    They make (V − J q̇)ᵀ W (V − J q̇) least: Jᵀ W (V − J q̇) = 0 [Whitney69]. J⁺ J = I_n.
+
+    Args:
+        jacobian: J, (..., m, n).
+        weights: W, symmetric positive definite: a heavier row is followed better, (..., m, m); None: I.
+
+    Returns:
+        J⁺, (..., n, m).
+
+    Raises:
+        numpy.linalg.LinAlgError: If the columns of J are dependent.
+        ModelError: If W is not symmetric and positive definite.
+
+    Example:
+        One joint cannot give two velocities; a row of weight 3 is followed more closely:
+
+        >>> weighted_left_inverse([[1], [1]]) @ [0, 4]
+        array([2.])
+        >>> weighted_left_inverse([[1], [1]], np.diag([1, 3])) @ [0, 4]
+        array([3.])
+    """
+    J = np.asarray(jacobian, dtype=np.float64)
+    weighed = np.swapaxes(J, -1, -2) @ _weights(weights, J.shape[-2])
+    normal = weighed @ J
+    _check_rank(normal, J.shape, "columns")
+    return np.asarray(np.linalg.solve(normal, weighed))
+
+
+def null_space_projector(jacobian: ArrayLike, weights: ArrayLike | None = None) -> NDArray[np.float64]:
+    """Return N = I − J⁺ J with the weighted right inverse: what it lets through does not move the task.
+
+    J N = 0 and N N = N; of all rates with J q̇ = 0, N q̇₀ is the nearest to q̇₀ in the metric W
+    [Liegeois77].
+
+    Args:
+        jacobian: J, (..., m, n), m ≤ n.
+        weights: W, symmetric positive definite, (..., n, n); None: I.
+
+    Returns:
+        N, (..., n, n).
+
+    Raises:
+        numpy.linalg.LinAlgError: If the rows of J are dependent.
+        ModelError: If W is not symmetric and positive definite.
+
+    Example:
+        >>> null_space_projector([[1, 1]])
+        array([[ 0.5, -0.5],
+               [-0.5,  0.5]])
+    """
+    J = np.asarray(jacobian, dtype=np.float64)
+    return np.eye(J.shape[-1]) - weighted_right_inverse(J, weights) @ J
+
+
+def resolved_rates(
+    jacobian: ArrayLike, twist: ArrayLike, qdot0: ArrayLike | None = None, weights: ArrayLike | None = None
+) -> NDArray[np.float64]:
+    """Return q̇ = J⁺ V + (I − J⁺ J) q̇₀, for m ≤ n: the task exactly, and of q̇₀ what does not disturb it.
+
+    Of all rates with J q̇ = V it has the least (q̇ − q̇₀)ᵀ W (q̇ − q̇₀) [Liegeois77].
+
+    Args:
+        jacobian: J, (..., m, n).
+        twist: V, wanted, in the rows of J, (..., m).
+        qdot0: Wished rates, (..., n); None: 0.
+        weights: W, symmetric positive definite, (..., n, n); None: I.
+
+    Returns:
+        q̇, (..., n).
+
+    Raises:
+        numpy.linalg.LinAlgError: If the rows of J are dependent.
+        ModelError: If W is not symmetric and positive definite.
+
+    Example:
+        Two joints move one slide by 2; the wish that the first does all of it is granted:
+
+        >>> resolved_rates([[1, 1]], [2], qdot0=[2, 0])
+        array([2., 0.])
+    """
+    J = np.asarray(jacobian, dtype=np.float64)
+    wish = np.zeros(J.shape[-1]) if qdot0 is None else np.asarray(qdot0, dtype=np.float64)
+    missing = np.asarray(twist, dtype=np.float64) - _times(J, wish)
+    return wish + _times(weighted_right_inverse(J, weights), missing)
+
+
+def _times(matrix: NDArray[np.float64], vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray((matrix @ vector[..., None])[..., 0])
+
+
+def _weights(weights: ArrayLike | None, size: int) -> NDArray[np.float64]:
+    if weights is None:
+        return np.eye(size)
+    W = np.asarray(weights, dtype=np.float64)
+    if W.shape[-2:] != (size, size):
+        raise ModelError(f"weights: expected a {size} x {size} matrix, got shape {W.shape}")
+    if not np.allclose(W, np.swapaxes(W, -1, -2), rtol=1e-12, atol=0.0) or np.any(_least_pivot(W) <= 0.0):
+        raise ModelError("weights: the matrix is not symmetric and positive definite")
+    return W
+
+
+def _check_rank(normal: NDArray[np.float64], shape: tuple[int, ...], which: str) -> None:
+    if np.any(_least_pivot(normal) <= DEPENDENT):
+        raise np.linalg.LinAlgError(
+            f"J of {shape[-2]} rows and {shape[-1]} columns has dependent {which}: "
+            "the normal equations have no solution; damp, or drop what cannot move"
+        )
+
+
+def _least_pivot(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the least pivot of Cholesky's factors relative to its diagonal, 0 where there is none, (...)."""
+    diagonal = np.diagonal(normal, axis1=-2, axis2=-1)
+    if not np.all(diagonal > 0.0):
+        return np.zeros(())
+    scale = np.sqrt(diagonal)
+    try:
+        factor = np.linalg.cholesky(normal / (scale[..., :, None] * scale[..., None, :]))
+    except np.linalg.LinAlgError:
+        return np.zeros(())
+    return np.asarray(np.diagonal(factor, axis1=-2, axis2=-1).min(axis=-1) ** 2)

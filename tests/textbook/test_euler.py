@@ -1,0 +1,162 @@
+"""Z-Y-Z angles against scipy's, their rates against differences of rotations and of poses."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from rmrc.textbook.dh import DHChain
+from rmrc.textbook.euler import (
+    analytic_jacobian,
+    zyz_angles,
+    zyz_determinant,
+    zyz_is_singular,
+    zyz_matrix,
+    zyz_rate_matrix,
+)
+
+# A few products of sines and cosines.
+ROUNDING = 1e-14
+# Central differences of step 1e-5: truncation (1e-5)²/6 times a third derivative of order 1, rounding 1e-16/1e-5.
+DIFFERENCE = 1e-8
+STEP = 1e-5
+
+many = settings(max_examples=50, deadline=None)
+angle = st.floats(-3.1, 3.1)
+triples = st.tuples(angle, angle, angle).map(np.array)
+
+
+@many
+@given(triples)
+def test_matrix_is_scipys_of_intrinsic_z_y_z(angles):
+    assert_allclose(zyz_matrix(angles), Rotation.from_euler("ZYZ", angles).as_matrix(), atol=ROUNDING)
+
+
+DEGENERATE = [0.0, -0.0, np.pi, -np.pi, 1e-15, np.pi - 1e-15]
+
+
+@many
+@given(
+    angle,
+    st.one_of(angle, st.sampled_from([*DEGENERATE, 1e-13, 1e-9, -1e-6, np.pi - 1e-9])),
+    angle,
+    st.booleans(),
+)
+def test_both_branches_give_the_rotation_back_also_where_the_angles_are_not_unique(alpha, beta, gamma, flip):
+    R = Rotation.from_euler("Z", alpha) * Rotation.from_euler("Y", beta) * Rotation.from_euler("Z", gamma)
+    found = zyz_angles(R.as_matrix(), flip=flip)
+    # Where sin β is below 1e-12, α = 0 leaves out that much.
+    assert_allclose(Rotation.from_euler("ZYZ", found).as_matrix(), R.as_matrix(), atol=2e-12)
+    assert (-np.pi <= found[1] <= 0) if flip else (0 <= found[1] <= np.pi)
+    assert (np.abs(found) <= np.pi).all()
+
+
+@pytest.mark.parametrize("beta", DEGENERATE)
+def test_where_only_the_sum_or_the_difference_is_known_alpha_is_zero(beta):
+    sign = np.sign(np.cos(beta))
+    alpha, _, gamma = zyz_angles(zyz_matrix([0.5, beta, 0.3]))
+    assert alpha == 0
+    assert gamma == pytest.approx(0.3 + sign * 0.5, abs=ROUNDING)
+
+
+@many
+@given(triples)
+def test_first_branch_gives_angles_back_whose_beta_is_positive(angles):
+    angles = np.abs(angles) + np.array([0, 0.01, 0])
+    assert_allclose(zyz_angles(zyz_matrix(angles)), angles, atol=1e-12)  # 1e-16 / sin β, β >= 0.01
+
+
+def spin(rotation, angles, rates):
+    """Ω from a difference quotient of R alone."""
+    quotient = (rotation(angles + STEP * rates) - rotation(angles - STEP * rates)) / (2 * STEP)
+    S = quotient @ rotation(angles).T
+    return np.array([S[2, 1] - S[1, 2], S[0, 2] - S[2, 0], S[1, 0] - S[0, 1]]) / 2
+
+
+@many
+@given(triples, st.tuples(*[st.floats(-1, 1)] * 3).map(np.array))
+def test_rate_matrix_makes_the_angular_velocity_of_the_rates(angles, rates):
+    def rotation(a):
+        return Rotation.from_euler("ZYZ", a).as_matrix()
+
+    assert_allclose(zyz_rate_matrix(angles) @ rates, spin(rotation, angles, rates), atol=DIFFERENCE)
+
+
+def test_a_transposed_rate_matrix_is_seen():
+    angles, rates = np.array([0.4, 0.9, -0.5]), np.array([0.3, -0.7, 0.6])
+    omega = spin(lambda a: Rotation.from_euler("ZYZ", a).as_matrix(), angles, rates)
+    assert np.abs(zyz_rate_matrix(angles).T @ rates - omega).max() > 0.1
+
+
+@many
+@given(triples)
+def test_determinant_is_that_of_the_matrix(angles):
+    assert_allclose(zyz_determinant(angles), np.linalg.det(zyz_rate_matrix(angles)), atol=ROUNDING)
+
+
+@pytest.mark.parametrize("beta", [0.0, np.pi, -np.pi])
+def test_at_beta_zero_and_pi_no_rates_turn_about_the_axis_across(beta):
+    angles = np.array([0.4, beta, 0.3])
+    assert zyz_is_singular(angles)
+    assert np.linalg.matrix_rank(zyz_rate_matrix(angles), tol=1e-12) == 2
+    across = np.array([np.cos(0.4), np.sin(0.4), 0.0])  # normal to z and to the turned y axis
+    assert_allclose(across @ zyz_rate_matrix(angles), 0.0, atol=1e-15)
+    assert not zyz_is_singular(angles + np.array([0, 1e-6, 0]))
+
+
+ARM = DHChain(
+    (
+        (0, 0, 0.2, 0),
+        (-1.3, 0.1, 0.1, 0.3),
+        (0.4, 0.5, 0, 0),
+        (1.2, 0, 0.4, 0),
+        (-1.1, 0, 0, 0),
+        (0.9, 0, 0, 0),
+    ),
+    ("revolute", "revolute", "prismatic", "revolute", "revolute", "revolute"),
+)
+TOOL = np.array([0.1, -0.2, 0.3])
+
+
+def posture(q):
+    pose = ARM.frames(q)[-1]
+    return np.concatenate([pose[:3, :3] @ TOOL + pose[:3, 3], zyz_angles(pose[:3, :3])])
+
+
+@many
+@given(st.tuples(*[st.floats(-2, 2)] * 6).map(np.array))
+def test_analytic_jacobian_is_the_derivative_of_position_and_angles(q):
+    angles = posture(q)[3:]
+    assume(np.abs(np.sin(angles[1])) > 0.2)
+    columns = []
+    for step in STEP * np.eye(6):
+        change = posture(q + step) - posture(q - step)
+        change[3:] = (change[3:] + np.pi) % (2 * np.pi) - np.pi  # a full turn is no change
+        columns.append(change / (2 * STEP))
+    J_a = analytic_jacobian(ARM.jacobian(q, point=TOOL), angles)
+    # Near the singularity third derivatives grow like 2 sin⁻³ β = 250: (1e-5)²/6 · 250, and as much for the rest.
+    assert_allclose(J_a, np.transpose(columns), atol=5e-8)
+
+
+@pytest.mark.parametrize("beta", [0.0, np.pi])
+def test_where_the_representation_is_singular_the_arm_is_not_and_the_message_says_so(beta):
+    J = np.eye(6)
+    with pytest.raises(np.linalg.LinAlgError) as caught:
+        analytic_jacobian(J, [0.1, beta, 0.2])
+    assert str(caught.value) == (
+        f"Z-Y-Z angles: |sin(beta)| is {np.sin(beta):.2g}, at most 1e-12: "
+        "the representation is singular, not the arm; use the geometric Jacobian"
+    )
+
+
+def test_leading_axes_are_cases():
+    rng = np.random.default_rng(1)
+    angles, J = rng.uniform(0.2, 1.2, (4, 3)), rng.normal(size=(5, 1, 6, 3))
+    J_a = analytic_jacobian(J, angles)
+    assert J_a.shape == (5, 4, 6, 3)
+    assert_allclose(J_a[3, 2], analytic_jacobian(J[3, 0], angles[2]), atol=1e-13)
+    assert_allclose(zyz_angles(zyz_matrix(angles)), angles, atol=1e-13)
+    with pytest.raises(np.linalg.LinAlgError, match="the representation is singular"):
+        analytic_jacobian(J, np.vstack([angles[:3], [[0.1, 0.0, 0.2]]]))

@@ -1,0 +1,301 @@
+"""Recursions from link to link against explicit forms: DH chains, MuJoCo, moments about each joint, power."""
+
+from functools import partial
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.testing import assert_allclose
+
+from chains import random_chain
+from rmrc.errors import ModelError
+from rmrc.textbook import propagation
+from rmrc.textbook.dh import DHChain
+from rmrc.textbook.propagation import (
+    actuator_torques,
+    inward_wrenches,
+    jacobian_by_propagation,
+    outward_velocities,
+)
+
+# A few dozen products of order ten.
+ROUNDING = 1e-12
+
+many = settings(max_examples=30, deadline=None)
+seeds = st.integers(0, 2**32 - 1)
+
+
+def moved(point):
+    T = np.eye(4)
+    T[:3, 3] = point
+    return T
+
+
+class Chain:
+    """A random modified DH chain: links, pitch, tip, rates, a wrench; and its explicit Jacobian.
+
+    A helical joint is told to the DH chain as a hinge and a slide on one axis, so it knows no pitch.
+    """
+
+    def __init__(self, seed):
+        rng = np.random.default_rng(seed)
+        n = rng.integers(1, 7)
+        table = [tuple(row) for row in rng.uniform(-1, 1, (n, 4)) * [np.pi, 1, 1, np.pi]]
+        self.pitch = rng.choice([0.0, 0.3, -0.2, np.inf], n)
+        self.q, self.qdot = rng.uniform(-2, 2, (2, n))
+        self.point, self.wrench = rng.uniform(-1, 1, 3), rng.normal(size=6)
+        self.coupling = np.zeros((2 * n, n))
+        self.coupling[np.arange(n) * 2, np.arange(n)] = np.isfinite(self.pitch)
+        self.coupling[np.arange(n) * 2 + 1, np.arange(n)] = np.where(np.isinf(self.pitch), 1.0, self.pitch)
+        rows = [row for first in table for row in (first, (0.0, 0.0, 0.0, 0.0))]
+        self.pairs = DHChain(tuple(rows), ("revolute", "prismatic") * n)
+        self.frames = self.pairs.frames(self.coupling @ self.q)[::2]
+        self.links = np.linalg.inv(self.frames[:-1]) @ self.frames[1:]
+        self.tip = moved(self.point)
+
+    def jacobian(self, link, point=(0.0, 0.0, 0.0)):
+        """Of a point of link 1..n, explicitly, along {0}."""
+        return self.pairs.jacobian(self.coupling @ self.q, 2 * link, point) @ self.coupling
+
+
+def check_velocities(chain):
+    twists = outward_velocities(chain.links, chain.pitch, chain.qdot, chain.tip)
+    n = len(chain.q)
+    for link, point in [*((i, np.zeros(3)) for i in range(1, n + 1)), (n, chain.point)]:
+        R = chain.frames[link][:3, :3]
+        explicit = chain.jacobian(link, point) @ chain.qdot
+        row = link if point.any() else link - 1
+        assert_allclose(twists[row], [*(R.T @ explicit[:3]), *(R.T @ explicit[3:])], atol=ROUNDING)
+    J = jacobian_by_propagation(chain.links, chain.pitch, chain.tip)
+    assert_allclose(J, chain.jacobian(n, chain.point), atol=ROUNDING)
+
+
+def check_reactions(chain):
+    """What is cut free at joint i is in equilibrium: same force, and its moment about the joint."""
+    reactions = inward_wrenches(chain.links, chain.wrench, chain.tip)
+    last = chain.frames[-1]
+    R, tip = last[:3, :3], last[:3, :3] @ chain.point + last[:3, 3]
+    f, n = R @ chain.wrench[:3], R @ chain.wrench[3:]
+    for frame, reaction in zip(chain.frames[1:], reactions, strict=True):
+        moment = n + np.cross(tip - frame[:3, 3], f)
+        assert_allclose(reaction, [*(frame[:3, :3].T @ f), *(frame[:3, :3].T @ moment)], atol=ROUNDING)
+    tau = actuator_torques(reactions, chain.pitch)
+    explicit = chain.jacobian(len(chain.q), chain.point)
+    assert_allclose(tau, explicit.T @ np.concatenate([f, n]), atol=ROUNDING)
+
+
+@many
+@given(seeds)
+def test_velocities_are_those_of_the_explicit_jacobian_for_every_link(seed):
+    check_velocities(Chain(seed))
+
+
+@many
+@given(seeds)
+def test_reactions_keep_every_cut_in_equilibrium_and_drives_give_j_transposed_f(seed):
+    check_reactions(Chain(seed))
+
+
+@many
+@given(seeds)
+def test_drives_give_the_power_of_the_tip_and_bearings_none(seed):
+    chain = Chain(seed)
+    twists = outward_velocities(chain.links, chain.pitch, chain.qdot, chain.tip)
+    tau = actuator_torques(inward_wrenches(chain.links, chain.wrench, chain.tip), chain.pitch)
+    assert_allclose(tau @ chain.qdot, chain.wrench @ twists[-1], atol=ROUNDING)
+
+
+def test_what_costs_no_torque_at_a_singularity_is_carried_by_the_bearings():
+    arm = DHChain(((0, 0, 0, 0), (0, 1.0, 0, 0), (0, 0.8, 0, 0)), ("revolute",) * 3)
+    along = np.array([1000.0, 0, 0, 0, 0, 0])  # the links' own direction, stretched out
+    reactions = inward_wrenches(arm.link_transforms([0.7, 0, 0]), along, moved([0.6, 0, 0]))
+    assert_allclose(reactions, [along] * 3, atol=0)
+    assert_allclose(actuator_torques(reactions, np.zeros(3)), 0.0, atol=0)
+
+
+def as_written(links, rates, ahead=False):
+    """The notes' two lines for revolute joints, with ω_i, or with ω_i+1, in front of P."""
+    v, omega = np.zeros((2, 3))
+    for T, rate in zip(links, rates, strict=True):
+        R, P = T[:3, :3], T[:3, 3]
+        omega_next = R.T @ omega + rate * np.array([0.0, 0.0, 1.0])
+        v = R.T @ (v + np.cross(R @ omega_next if ahead else omega, P))
+        omega = omega_next
+    return np.concatenate([v, omega])
+
+
+def test_frames_on_their_own_joint_are_carried_by_the_link_before():
+    chain = Chain(3)
+    found = outward_velocities(chain.links, np.zeros(len(chain.q)), chain.qdot)[-1]
+    assert_allclose(found, as_written(chain.links, chain.qdot), atol=ROUNDING)
+    # ω_i+1 belongs to the frames of standard DH, which are carried by their own link.
+    assert np.abs(found - as_written(chain.links, chain.qdot, ahead=True)).max() > 1e-3
+
+
+# Negative controls: each fault is planted into the recursion, and a check above must fail --------
+
+
+def turned(R):
+    return np.swapaxes(R, -1, -2)
+
+
+FAULTS = {
+    "twists transposed": (check_velocities, "twist_transform", lambda right, R, p: turned(right(R, p))),
+    "twists not turned": (check_velocities, "twist_transform", lambda right, R, p: right(turned(R), p)),
+    "wrenches transposed": (check_reactions, "wrench_transform", lambda right, R, p: turned(right(R, p))),
+    "lever reversed": (check_reactions, "wrench_transform", lambda right, R, p: right(R, -p)),
+    "pitch dropped": (
+        check_velocities,
+        "joint_screw",
+        lambda right, z, u, h: right(z, u, np.where(np.isinf(h), h, 0.0)),
+    ),
+    "pitch of a torque dropped": (
+        check_reactions,
+        "joint_screw",
+        lambda right, z, u, h: right(z, u, np.where(np.isinf(h), h, 0.0)),
+    ),
+    "slide taken for a hinge": (
+        check_velocities,
+        "joint_screw",
+        lambda right, z, u, h: right(z, u, np.where(np.isinf(h), 0.0, h)),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_fault_in_the_recursion_is_seen(name, monkeypatch):
+    check, function, fault = FAULTS[name]
+    chain = next(chain for chain in map(Chain, range(1000)) if {0.0, 0.3, np.inf} <= set(chain.pitch))
+    check(chain)
+    monkeypatch.setattr(propagation, function, partial(fault, getattr(propagation, function)))
+    with pytest.raises(AssertionError):
+        check(chain)
+
+
+# Any arm of MuJoCo -------------------------------------------------------------------------------
+
+
+def frame_along(axis, origin):
+    """A frame with z along an axis; where x points is free."""
+    across = np.cross(axis, [1.0, 0, 0] if abs(axis[0]) < 0.7 else [0, 1.0, 0])
+    x = across / np.linalg.norm(across)
+    T = moved(origin)
+    T[:3, :3] = np.transpose([x, np.cross(axis, x), axis])
+    return T
+
+
+def random_arm(seed):
+    """Return a random arm of MuJoCo at rest and its chain: joints, their frames, and the tip in the last."""
+    model = mujoco.MjModel.from_xml_string(random_chain(seed))
+    data = mujoco.MjData(model)
+    data.qpos[7:] = np.random.default_rng(seed).uniform(-1, 1, model.nq - 7)
+    mujoco.mj_forward(model, data)
+    joints = [j for j in range(model.njnt) if model.joint(j).name.startswith("j")]
+    frames = np.stack([frame_along(data.xaxis[j], data.xanchor[j]) for j in joints])
+    tip = moved(data.site("tip").xpos)
+    tip[:3, :3] = data.site("tip").xmat.reshape(3, 3)
+    return model, data, joints, frames, tip
+
+
+def as_links(frames, tip):
+    poses = [np.eye(4), *frames]
+    return np.linalg.inv(poses[:-1]) @ poses[1:], np.linalg.inv(poses[-1]) @ tip
+
+
+@settings(max_examples=15, deadline=None)
+@given(seeds)
+def test_links_taken_from_any_arm_give_mujocos_jacobian(seed):
+    model, data, joints, frames, tip = random_arm(seed)
+    links, last = as_links(frames, tip)
+    slides = model.jnt_type[joints] == mujoco.mjtJoint.mjJNT_SLIDE
+    J = jacobian_by_propagation(links, np.where(slides, np.inf, 0.0), last)
+    expected = np.zeros((6, model.nv))
+    mujoco.mj_jacSite(model, data, expected[:3], expected[3:], model.site("tip").id)
+    assert_allclose(J, expected[:, model.jnt_dofadr[joints]], atol=ROUNDING)
+
+
+@settings(max_examples=15, deadline=None)
+@given(seeds)
+def test_reactions_are_the_forces_between_mujocos_bodies(seed):
+    """The physics' own: what acts from parent to child if nothing moves, accelerates or weighs anything."""
+    model, data, joints, frames, tip = random_arm(seed)
+    wrench = np.random.default_rng([seed, 1]).normal(size=6)  # along the tip's axes
+    links, last = as_links(frames, tip)
+    reactions = inward_wrenches(links, wrench, last)
+
+    f, n = tip[:3, :3] @ wrench[:3], tip[:3, :3] @ wrench[3:]
+    hand = model.site("tip").bodyid[0]
+    lever = data.site("tip").xpos - data.xipos[hand]
+    data.xfrc_applied[hand] = [*-f, *-(n + np.cross(lever, f))]  # the world presses back
+    model.opt.gravity[:] = 0
+    data.qacc[:] = data.qvel[:] = 0
+    mujoco.mj_rnePostConstraint(model, data)
+    for joint, frame, reaction in zip(joints, frames, reactions, strict=True):
+        body = model.jnt_bodyid[joint]
+        moment, force = np.split(data.cfrc_int[body], 2)  # about the center of mass of the whole tree
+        moment = moment + np.cross(data.subtree_com[model.body_rootid[body]] - frame[:3, 3], force)
+        R = frame[:3, :3]
+        # Levers of meters, forces of order 1, eight links.
+        assert_allclose(reaction, [*(R.T @ force), *(R.T @ moment)], atol=1e-11)
+
+
+# Arguments ---------------------------------------------------------------------------------------
+
+
+def test_without_a_tip_the_last_frame_is_the_tip():
+    chain = Chain(6)
+    twists = outward_velocities(chain.links, chain.pitch, chain.qdot)
+    assert_allclose(twists[-1], twists[-2], atol=0)
+    bare = inward_wrenches(chain.links, chain.wrench)
+    assert_allclose(bare[-1], chain.wrench, atol=0)
+    J = jacobian_by_propagation(chain.links, chain.pitch)
+    assert_allclose(J, chain.jacobian(len(chain.q)), atol=ROUNDING)
+
+
+def test_leading_axes_are_configurations_rates_and_wrenches():
+    chain = DHChain(((0.1, 0.2, 0.3, 0.4), (0.5, 0.6, 0.7, 0.8), (0.2, 0.1, 0, 0)), ("revolute",) * 3)
+    rng = np.random.default_rng(1)
+    q, qdot, wrench = rng.uniform(-1, 1, (5, 1, 3)), rng.normal(size=(4, 3)), rng.normal(size=(4, 6))
+    links, pitch, tip = chain.link_transforms(q), [0.0, 0.2, np.inf], moved([0.1, 0.2, 0.3])
+    twists = outward_velocities(links, pitch, qdot, tip)
+    wrenches, J = inward_wrenches(links, wrench, tip), jacobian_by_propagation(links, pitch, tip)
+    assert (twists.shape, wrenches.shape, J.shape) == ((5, 4, 4, 6), (5, 4, 3, 6), (5, 1, 6, 3))
+    assert_allclose(twists[3, 2], outward_velocities(links[3, 0], pitch, qdot[2], tip), atol=ROUNDING)
+    assert_allclose(wrenches[3, 2], inward_wrenches(links[3, 0], wrench[2], tip), atol=ROUNDING)
+    assert_allclose(J[3, 0], jacobian_by_propagation(links[3, 0], pitch, tip), atol=ROUNDING)
+
+
+LINKS = np.stack([np.eye(4)] * 2)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (
+            lambda: outward_velocities(LINKS, [0, 0], [1, 2, 3]),
+            "chain: 2 joints but rates of shape (3,); give one a joint",
+        ),
+        (
+            lambda: outward_velocities(LINKS, 0.0, [1, 2]),
+            "chain: 2 joints but pitches of shape (); give one a joint",
+        ),
+        (
+            lambda: jacobian_by_propagation(LINKS, [0, 0, 0]),
+            "chain: 2 joints but pitches of shape (3,); give one a joint",
+        ),
+        (
+            lambda: actuator_torques(np.ones((2, 6)), [0]),
+            "chain: 2 joints but pitches of shape (1,); give one a joint",
+        ),
+        (
+            lambda: outward_velocities(LINKS, [0, np.nan], [1, 2]),
+            "joint pitch: nan or -inf; give 0 if revolute, inf if prismatic, else m/rad",
+        ),
+    ],
+)
+def test_wrong_arguments_are_refused(call, message):
+    with pytest.raises(ModelError) as caught:
+        call()
+    assert str(caught.value) == message

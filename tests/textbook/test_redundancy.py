@@ -1,0 +1,190 @@
+"""Inverses by normal equations: defining equations, Lagrange's conditions, minimum among random rates."""
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+from numpy.testing import assert_allclose
+
+from rmrc.errors import ModelError
+from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian
+from rmrc.textbook.redundancy import (
+    null_space_projector,
+    resolved_rates,
+    weighted_left_inverse,
+    weighted_right_inverse,
+)
+from rmrc.textbook.two_link import two_link_jacobian_inverse
+
+entries = st.floats(-2.0, 2.0)
+
+
+@st.composite
+def wide(draw):
+    """J with m <= n and a condition below 1e3, and W of condition up to some 1e2."""
+    n = draw(st.integers(1, 6))
+    m = draw(st.integers(1, n))
+    J = draw(arrays(float, (m, n), elements=entries))
+    sigma = np.linalg.svd(J, compute_uv=False)
+    assume(sigma[-1] > 1e-3 * sigma[0] and sigma[0] > 0.1)
+    root = draw(arrays(float, (n, n), elements=entries))
+    return J, root @ root.T + np.eye(n)
+
+
+# Normal equations square the condition, 1e3² · 1e2 · 1e-16.
+SQUARED = 1e-7
+
+
+@settings(max_examples=60, deadline=None)
+@given(wide(), st.integers(0, 1000))
+def test_the_right_inverse_meets_lagrange_s_conditions_and_no_feasible_rates_cost_less(case, seed):
+    J, W = case
+    rng = np.random.default_rng(seed)
+    twist = rng.normal(size=len(J))
+    rates = weighted_right_inverse(J, W) @ twist
+    size = 1 + np.abs(rates).max()
+    assert_allclose(J @ rates, twist, atol=SQUARED * size)
+    # W q̇ is in the range of Jᵀ: least squares by singular values finds the λ.
+    multipliers = np.linalg.lstsq(J.T, W @ rates, rcond=None)[0]
+    assert_allclose(J.T @ multipliers, W @ rates, atol=SQUARED * size * np.abs(W).max())
+    null = np.linalg.svd(J)[2][len(J) :]
+    for _ in range(5):
+        other = rates + rng.normal(size=len(null)) @ null
+        assert other @ W @ other >= rates @ W @ rates * (1 - SQUARED)
+
+
+@settings(max_examples=60, deadline=None)
+@given(wide(), st.integers(0, 1000))
+def test_the_left_inverse_meets_the_normal_equations_and_no_rates_come_nearer(case, seed):
+    J = case[0].T
+    rng = np.random.default_rng(seed)
+    root = rng.normal(size=(len(J), len(J)))
+    W = root @ root.T + np.eye(len(J))
+    twist = rng.normal(size=len(J))
+    inverse = weighted_left_inverse(J, W)
+    assert_allclose(inverse @ J, np.eye(J.shape[1]), atol=SQUARED * np.abs(inverse).max() + SQUARED)
+    rates = inverse @ twist
+    missed = twist - J @ rates
+    assert_allclose(J.T @ W @ missed, 0.0, atol=SQUARED * (1 + np.abs(W).max() * np.abs(twist).max()))
+    for _ in range(5):
+        other = twist - J @ (rates + 0.1 * rng.normal(size=len(rates)))
+        assert other @ W @ other >= missed @ W @ missed * (1 - SQUARED)
+
+
+@settings(max_examples=60, deadline=None)
+@given(wide(), st.integers(0, 1000))
+def test_the_null_space_keeps_wishes_out_of_the_task_and_grants_what_it_can(case, seed):
+    J, W = case
+    rng = np.random.default_rng(seed)
+    twist, wish = rng.normal(size=len(J)), rng.normal(size=J.shape[1])
+    N = null_space_projector(J, W)
+    # N is some √cond W large
+    assert_allclose(J @ N, 0.0, atol=SQUARED * 10)
+    assert_allclose(N @ N, N, atol=SQUARED * 10)
+    rates = resolved_rates(J, twist, wish, W)
+    expected = weighted_right_inverse(J, W) @ twist + N @ wish
+    assert_allclose(rates, expected, atol=SQUARED * (1 + np.abs(expected).max()))
+    # the minimum of (q̇ − q̇₀)ᵀ W (q̇ − q̇₀): W (q̇ − q̇₀) is orthogonal to every internal motion
+    null = np.linalg.svd(J)[2][len(J) :]
+    size = np.abs(W).max() * (1 + np.abs(rates).max())
+    assert_allclose(null @ W @ (rates - wish), 0.0, atol=SQUARED * size)
+
+
+def test_the_wrong_weights_are_no_minimum():
+    """Negative control: the minimum of ‖q̇‖ is not that of q̇ᵀ W q̇, and leaves W q̇ outside Jᵀ's range."""
+    J, W = np.array([[1.0, 2.0, 0.5]]), np.diag([1.0, 5.0, 2.0])
+    weighted, plain = weighted_right_inverse(J, W) @ [1.0], weighted_right_inverse(J) @ [1.0]
+    assert weighted @ W @ weighted < 0.9 * (plain @ W @ plain)
+    assert plain @ plain < 0.9 * (weighted @ weighted)
+    multiplier = (W @ plain) / J[0]
+    assert np.ptp(multiplier) > 0.1
+
+
+def test_a_projector_of_a_damped_inverse_leaks_into_the_task():
+    """Negative control of J N = 0."""
+    J = planar_jacobian([1, 0.8, 0.6], [0.3, 0.7, -0.4])[:2]
+    damped = J.T @ np.linalg.inv(J @ J.T + 0.1**2 * np.eye(2))
+    assert np.abs(J @ null_space_projector(J)).max() < 1e-12
+    assert np.abs(J @ (np.eye(3) - damped @ J)).max() > 1e-3
+
+
+@settings(max_examples=30, deadline=None)
+@given(wide())
+def test_without_weights_both_are_the_pseudo_inverse(case):
+    J, _ = case
+    reference = np.linalg.pinv(J)  # by singular values
+    atol = SQUARED * np.abs(reference).max()
+    assert_allclose(weighted_right_inverse(J), reference, atol=atol)
+    assert_allclose(weighted_left_inverse(J.T), reference.T, atol=atol)
+
+
+def test_a_square_jacobian_has_its_inverse_whatever_the_weights():
+    lengths, q, W = [1.0, 0.8], [0.4, 0.9], np.diag([1.0, 7.0])
+    J = planar_jacobian(lengths, q)[:2]
+    inverse = two_link_jacobian_inverse(lengths, q)
+    for found in (weighted_right_inverse(J, W), weighted_left_inverse(J, W)):
+        assert_allclose(found, inverse, atol=1e-12)
+
+
+def test_only_rows_that_can_move_have_a_right_inverse():
+    """The y-z arm: x of the world never moves. Two of six rows are controlled, with det J = l₁ l₂ s₂."""
+    lengths, q = np.array([1.0, 0.8]), np.array([0.4, 0.9])
+    to_y_z = np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]])  # x, y of the plane are y, z of the world
+    J = to_y_z @ embed_planar_jacobian(planar_jacobian(lengths, q))[:3]
+    assert np.all(J[0] == 0.0)
+    with pytest.raises(np.linalg.LinAlgError):
+        weighted_right_inverse(J)
+    reduced = J[1:]
+    assert np.linalg.det(reduced) == pytest.approx(lengths.prod() * np.sin(q[1]))
+    assert_allclose(reduced @ weighted_right_inverse(reduced), np.eye(2), atol=1e-12)
+    # With all three rows the left inverse gives the same rates, as nothing of x can be helped.
+    assert_allclose(weighted_left_inverse(J)[:, 1:], weighted_right_inverse(reduced), atol=1e-12)
+
+
+def test_rank_loss_is_said_in_words():
+    stretched = planar_jacobian([1, 1, 1], [0.3, 0.0, 0.0])[:2]
+    message = "the normal equations have no solution; damp, or drop what cannot move"
+    for function, J, which in (
+        (weighted_right_inverse, stretched, "J of 2 rows and 3 columns has dependent rows"),
+        (null_space_projector, np.zeros((1, 2)), "J of 1 rows and 2 columns has dependent rows"),
+        (weighted_right_inverse, np.ones((3, 2)), "J of 3 rows and 2 columns has dependent rows"),
+        (weighted_left_inverse, stretched, "J of 2 rows and 3 columns has dependent columns"),
+        (weighted_left_inverse, stretched.T, "J of 3 rows and 2 columns has dependent columns"),
+    ):
+        with pytest.raises(np.linalg.LinAlgError) as caught:
+            function(J)
+        assert str(caught.value) == f"{which}: {message}"
+
+
+@pytest.mark.parametrize(
+    ("weights", "message"),
+    [
+        (np.diag([1.0, 0.0, 1.0]), "weights: the matrix is not symmetric and positive definite"),
+        (np.diag([1.0, -1.0, 1.0]), "weights: the matrix is not symmetric and positive definite"),
+        ([[1, 2, 0], [2, 1, 0], [0, 0, 1]], "weights: the matrix is not symmetric and positive definite"),
+        ([[1, 0.5, 0], [0, 1, 0], [0, 0, 1]], "weights: the matrix is not symmetric and positive definite"),
+        (np.eye(2), "weights: expected a 3 x 3 matrix, got shape (2, 2)"),
+        ([1.0, 2.0, 3.0], "weights: expected a 3 x 3 matrix, got shape (3,)"),
+    ],
+)
+def test_weights_that_are_none_are_refused(weights, message):
+    with pytest.raises(ModelError) as caught:
+        weighted_right_inverse([[1.0, 2.0, 3.0]], weights)
+    assert str(caught.value) == message
+
+
+@pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
+def test_the_unit_of_the_jacobian_does_not_decide_its_rank(scale):
+    J = scale * planar_jacobian([1, 1, 1], [0.3, 0.7, 0.2])[:2]
+    assert_allclose(J @ weighted_right_inverse(J), np.eye(2), atol=1e-12)
+
+
+def test_leading_axes_are_configurations():
+    rng = np.random.default_rng(4)
+    J, W = rng.normal(size=(5, 2, 4)), np.diag([1.0, 2.0, 3.0, 4.0])
+    twist, wish = rng.normal(size=(5, 2)), rng.normal(size=4)
+    rates = resolved_rates(J, twist, wish, W)
+    assert_allclose(rates[3], resolved_rates(J[3], twist[3], wish, W), atol=1e-12)
+    left = weighted_left_inverse(np.swapaxes(J, -1, -2), W)
+    assert_allclose(left[3], weighted_left_inverse(J[3].T, W), atol=1e-12)
