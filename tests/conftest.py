@@ -1,9 +1,12 @@
-"""What the tests of running arms share: scenarios in a line, and the runs that they give."""
+"""What the tests share: scenarios in a line, the runs that they give, and the command line."""
+
+import sys
 
 import pytest
 from hypothesis import settings
 
 from project import ROOT
+from rmrc import cli
 from rmrc.preparation import prepare
 from rmrc.scenario import loads
 from rmrc.simulation import Simulation
@@ -11,6 +14,8 @@ from rmrc.simulation import Simulation
 # Compiling on the first example, and two busy cores, must not count as a slow test.
 settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("rmrc")
+
+COMPILING = "rmrc: compiling the control law (once; kept for the next time) ...\n"
 
 BASE = """
 name: test
@@ -36,3 +41,19 @@ def simulate(scenario):
         return prepared, Simulation([prepared]).run()[0]
 
     return run
+
+
+@pytest.fixture
+def rmrc(tmp_path, monkeypatch, capfd):
+    """Return a function: arguments -> (exit code, stdout, stderr), run in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+    def call(*arguments):
+        monkeypatch.setattr(sys, "argv", ["rmrc", *arguments])
+        with pytest.raises(SystemExit) as caught:
+            cli.main()
+        out, err = capfd.readouterr()
+        # said by the first run ever only, which may be any of these
+        return caught.value.code, out, err.replace(COMPILING, "")
+
+    return call

@@ -7,10 +7,12 @@ from rmrc.analysis.slices import Slice
 from rmrc.analysis.survey import jacobians
 from rmrc.analysis.task import Array, Task
 
-# A configuration is singular if σ_min, and on the plane if its distance, is below this part of the largest σ
-# of all: Newton's method ends at rounding, 1e-15 of it, or slower where two curves cross.
+# A configuration is singular if σ_min, and on the plane if its distance, is below this part of the largest
+# entry of J: Newton's method ends at rounding, 1e-15 of it, or slower where two curves cross.
 SINGULAR = 1e-9
 STEPS = 30
+# Part of the sum of squares of a step's equations: directions with less, 3e-7 of it, count as rounding.
+DAMPING = 1e-13
 # A step is at most this long [rad or m]: farther the second derivatives mean little.
 LONGEST = 0.3
 
@@ -58,8 +60,11 @@ def nearest_singular(
         system[:, k, k:] = u
         system[:, k + 1, :k] = part.cuts * np.einsum("nck,c->nk", linear, part.normal)
         wanted = -np.concatenate([lost, np.zeros((len(u), 1)), away[:, None]], axis=1)
-        # Solutions lie on curves: some singular values are rounding, and their directions are left alone.
-        step = np.einsum("nij,nj->ni", np.linalg.pinv(system[go], rcond=1e-7), wanted[go])[:, :k]
+        # Solutions lie on curves and some equations say the same: damping leaves those directions alone.
+        system, wanted = system[go], wanted[go]
+        square = system @ np.swapaxes(system, 1, 2)
+        square += DAMPING * np.trace(square, axis1=1, axis2=2)[:, None, None] * np.eye(k + 2)
+        step = (np.swapaxes(system, 1, 2) @ np.linalg.solve(square, wanted[:, :, None]))[:, :k, 0]
         size = np.linalg.norm(step, axis=1, keepdims=True)
         q[np.ix_(left, joints)] += step * np.minimum(1.0, LONGEST / np.maximum(size, 1e-300))
     return q, found

@@ -191,7 +191,9 @@ class _Work:
             q = np.tile(self.home, (len(places), 1))
             for joint, steps, column in zip(self.part.joints, nodes, places.T, strict=True):
                 q[:, joint] = np.interp(column, np.arange(len(steps)), steps)
-            q, found = nearest_singular(self.task, self.part, q, self.part.joints)
+            q, found = nearest_singular(self.task, self.part, q, self.part.movers)
+            if self.part.is_round:  # any position of the first joint will do
+                q[:, self.part.movers[0]] = self.home[self.part.movers[0]]
             yield self.curve("singular", q[found], own)
 
     def limit_curves(self, nodes: list[Array], own: Array) -> Iterator[Curve]:

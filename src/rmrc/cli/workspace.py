@@ -140,8 +140,8 @@ def _slice(
     part = choose_slice(asked.arm, plane, asked.q, through)
     if measure == "postures" and not part.is_sheet:
         raise QuestionError(
-            f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; postures are counted "
-            "where two do"
+            f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; "
+            "postures are counted where two do"
         )
     with progress(f"{asked.arm.path.stem}: workspace", expected(part, samples), asked.quiet) as on_samples:
         found = workspace(
