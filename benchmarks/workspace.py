@@ -1,4 +1,4 @@
-"""How much faster many configurations are surveyed than one by one through MuJoCo, as ratios measured in one run.
+"""How much faster many configurations are surveyed than one by one through MuJoCo: ratios of one run.
 
     python benchmarks/workspace.py [--rounds 7] [--json]
 

@@ -29,7 +29,9 @@ def test_a_picture_is_whole_and_small_enough_for_a_page(path):
 def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
     """Coarser than for the page, and into another folder."""
     arguments = [
-        str(ROOT / part) if part.startswith("models/") else part.replace("docs/figures", str(tmp_path / "out"))
+        str(ROOT / part)
+        if part.startswith("models/")
+        else part.replace("docs/figures", str(tmp_path / "out"))
         for part in shlex.split(command)
     ]
     coarse = ["--cells", "20"] if arguments[0] == "workspace" else []

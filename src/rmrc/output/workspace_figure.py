@@ -148,7 +148,7 @@ def _singular(axes: Axes, found: Workspace) -> list[Line2D]:
 
 def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
     """Draw what limits bound, a style for each joint, and write the limit beside it."""
-    arm, handles = found.task.arm, []
+    arm, handles, taken = found.task.arm, [], [*found.links]
     for i, joint in enumerate(found.part.joints):
         style: dict[str, Any] = {"linestyle": DASHES[i % len(DASHES)], "color": "black", "linewidth": 2.2}
         if not found.part.is_sheet:
@@ -159,21 +159,37 @@ def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
                 "color": "black",
             }
             style |= {"markerfacecolor": "white", "markeredgewidth": 0.6}
-        curves = [curve for curve in found.limits if curve.label.rpartition(" ")[0] == arm.joints[joint]]
+        curves = [c for c in found.limits if c.label.rpartition(" ")[0] == arm.joints[joint] and len(c.q)]
         for curve in curves:
-            axes.plot(*curve.points.T, zorder=3, **style)
+            shown = curve.points
+            if found.part.is_sheet and curve is not curves[0]:
+                # Where two curves are one, as at ±160°, the dashes of both would make a solid line.
+                gap = np.linalg.norm(shown[:, None] - curves[0].points, axis=-1).min(axis=1)
+                shown = np.where(gap[:, None] < found.free.size, np.nan, shown)
+            axes.plot(*shown.T, zorder=3, **style)
             if found.part.is_sheet:
                 low, high = arm.position_limit[joint]
                 value = high if curve.label.endswith("upper") else low
                 text = f"{value:.3g} m" if arm.is_slide[joint] else f"{np.degrees(value):.4g}°"
+                at = _clearest(curve.points, found, taken)
+                taken.append(at)
                 axes.annotate(
-                    f"{plain(arm.joints[joint])} = {text}", curve.points[len(curve.points) // 2], fontsize=8,
-                    ha="center", va="center", zorder=7, annotation_clip=True,
+                    f"{plain(arm.joints[joint])} = {text}", (at[0], at[1]), fontsize=8, ha="center", va="center",
+                    zorder=7,
                     bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85},
                 )  # fmt: skip
         if curves:
             handles.append(Line2D([], [], **style | _LEGEND, label=f"{plain(arm.joints[joint])} at a limit"))
     return handles
+
+
+def _clearest(points: Array, found: Workspace, taken: list[Array]) -> Array:
+    """Return the point of a curve that is farthest from the frame, the arm, and what is written already."""
+    low, high = np.array([found.a[0], found.b[0]]), np.array([found.a[-1], found.b[-1]])
+    # A text is about three times as wide as high.
+    frame = (np.minimum(points - low, high - points) / [2.0, 1.0]).min(axis=1)
+    written = np.linalg.norm((points[:, None] - np.array(taken)) / [2.0, 1.0], axis=-1).min(axis=1)
+    return np.asarray(points[np.argmax(np.minimum(2.0 * frame, written))])
 
 
 def _colored(figure: Figure, axes: Axes, a: Array, b: Array, values: Array, measure: str, more: str) -> None:
