@@ -15,7 +15,7 @@ from rmrc.analysis.task import Array, Task
 from rmrc.control.compiled import Record, entry, machine_code
 from rmrc.control.kinematics import follow_chain, geometric_jacobian
 from rmrc.control.law import scale_task
-from rmrc.control.smallmat import singular_values
+from rmrc.control.smallmat import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
 
 # Configurations that a thread takes at a time: some milliseconds of work.
 SHARE = 4096
@@ -99,13 +99,21 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
         pose: Written.
         sigma: Written.
     """
-    for i in range(q.shape[0]):
-        follow_chain(world, q[i])
-        for c in range(7):
-            pose[i, c] = world.pose[c]
-        geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
-        scale_task(world)
-        singular_values(world.A, world.m, world.n, world.v if world.m <= world.n else world.u, sigma[i])
+    k, size = world.k, max(world.m, world.n)
+    long, norm2, scale = np.zeros((k, size, LANES)), np.empty((k, LANES)), np.empty(LANES)
+    rows, row_norm2 = np.empty((k, size)), np.empty(k)
+    for first in range(0, q.shape[0], LANES):
+        count = min(LANES, q.shape[0] - first)
+        for w in range(count):
+            follow_chain(world, q[first + w])
+            for c in range(7):
+                pose[first + w, c] = world.pose[c]
+            geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
+            scale_task(world)
+            scale[w] = put_in_lane(world.A, world.m, world.n, rows, row_norm2, long, w)
+        singular_values_of_lanes(long, norm2, k, size)
+        for w in range(count):
+            take_from_lane(norm2, k, w, scale[w], sigma[first + w])
 
 
 @entry

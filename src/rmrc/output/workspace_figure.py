@@ -175,8 +175,7 @@ def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
                 taken.append(at)
                 axes.annotate(
                     f"{plain(arm.joints[joint])} = {text}", (at[0], at[1]), fontsize=8, ha="center", va="center",
-                    zorder=7,
-                    bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85},
+                    zorder=7, bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85},
                 )  # fmt: skip
         if curves:
             handles.append(Line2D([], [], **style | _LEGEND, label=f"{plain(arm.joints[joint])} at a limit"))
