@@ -7,10 +7,11 @@ import pytest
 from matplotlib.image import imread
 
 from project import ROOT
+from rmrc.cli.workspace import COMPILING
 
 SIX_THREE = str(ROOT / "models/planar_6_3.xml")
 STANFORD = str(ROOT / "models/stanford.xml")
-LOADING = "rmrc: loading, or compiling for the first time (once; kept for the next time) ...\n"
+LOADING = f"rmrc: {COMPILING}\n"
 
 
 @pytest.fixture
@@ -132,6 +133,6 @@ def test_ctrl_c_leaves_nothing_and_exits_130(workspace, tmp_path, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(module, "covering", interrupted)
+    monkeypatch.setattr(module, "zero_curves", interrupted)
     assert workspace(SIX_THREE) == (130, "", "rmrc: interrupted; nothing was written\n")
     assert not (tmp_path / "recordings").exists()

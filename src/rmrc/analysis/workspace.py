@@ -82,6 +82,14 @@ def workspace(
     return work.sampled(free_range, own_range, cells, samples)
 
 
+def compile_for(arm: Arm) -> None:
+    """Compile what a workspace needs, or load it if it was: the first time ever takes seconds."""
+    task = Task(arm, np.arange(3))
+    survey(task, np.zeros((1, arm.n)))
+    covering(np.zeros((2, 2, 2)), np.zeros(2), 1.0, (1, 1))
+    jacobians(task, np.zeros((1, arm.n)))
+
+
 def expected(part: Slice, samples: int) -> int:
     """Return about how many configurations `workspace` looks at: for a progress bar."""
     return 2 * (GRID + 1) ** 2 if part.is_sheet else 2 * samples

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from rmrc.arm import Arm
     from rmrc.output.sheets import Sheet
 
+COMPILING = "loading, and compiling the kinematics (once; kept for the next time) ..."
 MAPS = ("sigma_min", "manipulability", "condition", "postures")
 PICTURES = (".png", ".svg", ".pdf")
 
@@ -76,11 +77,13 @@ def workspace(
     if map_ is not None and map_ not in MAPS:
         raise QuestionError(f"--map must be one of {', '.join(MAPS)}, got {map_!r}")
     rows = task_axes(axes)
-    with notice("loading, or compiling for the first time (once; kept for the next time) ..."):
+    with notice(COMPILING):
+        from rmrc.analysis.workspace import compile_for
         from rmrc.arm import load
         from rmrc.output.sheets import as_table
 
-    arm = load(model, site)
+        arm = load(model, site)
+        compile_for(arm)
     name = f"{arm.path.stem}.{'workspace' if over is None else 'joints'}"
     files = [picture or out / f"{name}.png", out / f"{name}.npz"]
     at = configuration(arm, q, keyframe)

@@ -173,9 +173,10 @@ def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
                 text = f"{value:.3g} m" if arm.is_slide[joint] else f"{np.degrees(value):.4g}°"
                 at = _clearest(curve.points, found, taken)
                 taken.append(at)
+                box = {"boxstyle": "round,pad=0.2", "facecolor": "white", "edgecolor": "none", "alpha": 0.85}
                 axes.annotate(
-                    f"{plain(arm.joints[joint])} = {text}", (at[0], at[1]), fontsize=8, ha="center", va="center",
-                    zorder=7, bbox={"boxstyle": "round,pad=0.2", "fc": "white", "ec": "none", "alpha": 0.85},
+                    f"{plain(arm.joints[joint])} = {text}", (at[0], at[1]), fontsize=8, ha="center",
+                    va="center", zorder=7, bbox=box,
                 )  # fmt: skip
         if curves:
             handles.append(Line2D([], [], **style | _LEGEND, label=f"{plain(arm.joints[joint])} at a limit"))
