@@ -7,6 +7,7 @@ from hypothesis import settings
 
 from project import ROOT
 from rmrc import cli
+from rmrc.cli.console import COMPILING
 from rmrc.preparation import prepare
 from rmrc.scenario import loads
 from rmrc.simulation import Simulation
@@ -14,8 +15,6 @@ from rmrc.simulation import Simulation
 # Compiling on the first example, and two busy cores, must not count as a slow test.
 settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("rmrc")
-
-COMPILING = "rmrc: compiling the control law (once; kept for the next time) ...\n"
 
 BASE = """
 name: test
@@ -54,6 +53,6 @@ def rmrc(tmp_path, monkeypatch, capfd):
             cli.main()
         out, err = capfd.readouterr()
         # said by the first run ever only, which may be any of these
-        return caught.value.code, out, err.replace(COMPILING, "")
+        return caught.value.code, out, err.replace(f"rmrc: {COMPILING}\n", "")
 
     return call

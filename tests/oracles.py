@@ -86,7 +86,10 @@ class Kinematics:
 
 
 class NumpyLoop:
-    """The closed loop of one scenario, written as one would in a notebook."""
+    """The closed loop of one scenario, written as one would in a notebook.
+
+    `data` is the arm where it is; `kinematics` is also asked where the law takes it to be.
+    """
 
     def __init__(self, prepared):
         self.scenario, self.arm, self.reference = (
@@ -120,6 +123,8 @@ class NumpyLoop:
         self.rate = np.broadcast_to(self.arm.rate_limit if limits.rate is None else limits.rate, n)
         self.acceleration = np.broadcast_to(np.inf if limits.acceleration is None else limits.acceleration, n)
         self.start = prepared.qpos[self.qpos]
+        encoder = self.scenario.arm.encoder
+        self.offset = np.random.default_rng(encoder.seed).normal(encoder.offset, encoder.deviation, n)
         if control.nullspace.objective == "secondary":
             self.start_second(control.nullspace.secondary)
         self.last = np.zeros(n)
@@ -161,8 +166,9 @@ class NumpyLoop:
         else:
             mujoco.mj_step1(model, data)
             qdot = data.qvel[self.dof].copy()
-        row = self.law(data.qpos[self.qpos].copy())
-        row["qdot"], row["tau"] = qdot, tau
+        q = data.qpos[self.qpos].copy()
+        row = self.law(q + self.offset)
+        row |= {"q": q, "qdot": qdot, "tau": tau, "pose_error": self.error(q)}
         cmd = row["qdot_cmd"]
         if plant.kind == "ideal":
             data.qpos[self.qpos] += self.scenario.control.period * cmd
@@ -194,10 +200,9 @@ class NumpyLoop:
     def law(self, q):
         """Return the row of a tick: (3), inverse, null space, pace, stop, limits."""
         control = self.scenario.control
-        point, turn, full = self.kinematics.at(q, self.site)
-        J = full[self.rows]
+        J = self.kinematics.at(q, self.site)[2][self.rows]
         pose_ref, twist_ref = self.wanted()
-        error = pose_error(pose_ref[:3], Rotation.from_quat(pose_ref[3:], scalar_first=True), point, turn)
+        error = self.error(q)
         forward = control.feedforward * twist_ref[self.rows]
         v = self.pace * forward + control.feedback * error[self.rows]
         lam = self.damping(J, v, error)
@@ -217,9 +222,7 @@ class NumpyLoop:
         if control.inverse.method != "transpose":  # at rest its α is rounding over rounding
             row["gain"] = self.gains(J, G)
         return row | {
-            "q": q,
             "qdot_cmd": cmd,
-            "pose_error": error,
             "pose_ref": pose_ref,
             "twist_ref": self.pace * twist_ref,
             "sigma": sigma,
@@ -229,6 +232,12 @@ class NumpyLoop:
             "status": status,
             "limited": limited,
         }
+
+    def error(self, q):
+        """Return the error (2) of an arm at q."""
+        wanted, _ = self.wanted()
+        turn = Rotation.from_quat(wanted[3:], scalar_first=True)
+        return pose_error(wanted[:3], turn, *self.kinematics.at(q, self.site)[:2])
 
     def wanted(self):
         """Return pose and twist of the reference at the path time, between its ticks if need be."""

@@ -18,6 +18,7 @@ LAYERS = (
     ("rmrc.cli",),
     ("rmrc.job", "rmrc.comparison"),
     ("rmrc.output", "rmrc.facts", "rmrc.interruption"),
+    ("rmrc.holding",),
     ("rmrc.simulation", "rmrc.filter_factors"),
     ("rmrc.preparation",),
     ("rmrc.plant", "rmrc.scorecard", "rmrc.analysis"),
@@ -40,8 +41,13 @@ OWNERS = {
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
     "rerun": tuple(f"rmrc.output.{name}" for name in ("recording", "overlay", "look", "track", "stream")),
     "pyarrow": ("rmrc.output.recording", "rmrc.output.stream"),  # comes with rerun
-    "matplotlib": ("rmrc.output.figures", "rmrc.output.workspace_figure"),
-    "rich": ("rmrc.cli", "rmrc.output.tables", "rmrc.output.comparison_table", "rmrc.output.sheets"),
+    "matplotlib": tuple(
+        f"rmrc.output.{name}" for name in ("figures", "arm_figure", "textbook_figures", "workspace_figure")
+    ),
+    "rich": (
+        "rmrc.cli",
+        *(f"rmrc.output.{name}" for name in ("tables", "comparison_table", "sheets", "bearing")),
+    ),
     "typer": ("rmrc.cli",),
 }
 

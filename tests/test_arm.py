@@ -173,6 +173,16 @@ def test_a_travel_cannot_be_driven(tmp_path):
     )
 
 
+def test_joints_are_listed_outward():
+    """Forward kinematics carries a pose from one to the next."""
+    with pytest.raises(ModelError) as caught:
+        arms.load(TWO_LINK, "tip", ["elbow", "shoulder"])
+    assert str(caught.value) == (
+        f"{TWO_LINK}: joints must be listed once each, from the world outward, got [elbow, shoulder]; "
+        "write [shoulder, elbow]"
+    )
+
+
 def test_without_a_name_the_site_is_that_of_the_most_joints(tmp_path):
     assert load(tmp_path, CART, None).site == "hand"
     assert arms.load(ROOT / "models/stanford.xml").site == "tool"  # the last of two

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 from project import ROOT
-from rmrc import cli
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import InverseSection
 
@@ -24,24 +23,13 @@ target: {path: [{line: {by: [0.05, 0.0]}}]}
 expect: {position_error.max: {below: 0.001}}
 """.replace("MODELS", str(ROOT / "models"))
 
+
 COMPILING = "rmrc: compiling the control law (once; kept for the next time) ...\n"
 
 
-@pytest.fixture
-def rmrc(tmp_path, monkeypatch, capfd):
-    """Return a function: arguments -> (exit code, stdout, stderr), run in an empty folder."""
-    monkeypatch.chdir(tmp_path)
+@pytest.fixture(autouse=True)
+def quick(tmp_path):
     (tmp_path / "quick.yaml").write_text(QUICK)
-
-    def call(*arguments):
-        monkeypatch.setattr(sys, "argv", ["rmrc", *arguments])
-        with pytest.raises(SystemExit) as caught:
-            cli.main()
-        out, err = capfd.readouterr()
-        # said by the first run ever only, which may be any of these
-        return caught.value.code, out, err.replace(COMPILING, "")
-
-    return call
 
 
 def test_run_leaves_recording_columns_and_scorecard(rmrc, tmp_path):

@@ -68,3 +68,11 @@ def test_the_mark_has_the_gain_of_the_run_for_every_schedule(simulate, schedule)
     prepared, run = simulate(f"control.inverse.damping={{schedule: {schedule}, below: 2, error_gain: 50}}")
     tick = run["sigma"][:, -1].argmin()
     assert filter_factor(prepared, run).gain_min == pytest.approx(run["gain"][tick, -1], rel=1e-10)
+
+
+def test_the_law_is_asked_about_the_arm_that_it_saw(simulate):
+    by_error = "control.inverse.damping={schedule: error, error_gain: 50}"
+    prepared, run = simulate(by_error, "arm.encoder.offset=[0.02, -0.05]")
+    tick = run["sigma"][:, -1].argmin()
+    # the law's own forward kinematics are not MuJoCo's: some 30 roundings more
+    assert filter_factor(prepared, run).gain_min == pytest.approx(run["gain"][tick, -1], rel=1e-10)

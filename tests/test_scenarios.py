@@ -45,6 +45,11 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("algorithmic_singularity", "control.nullspace.secondary.priority=classical"),
         ("joint_limit", "control.limits.on_excess=scale"),
         ("posture_sweep", "control.nullspace.objective=none"),
+        ("encoder_offsets", "arm.encoder.deviation=1 deg"),
+        ("example_5_5", "control.inverse.method=damped"),
+        ("whitney_1972", "control.feedback=25"),
+        # blind to the buckling: what the elbow does moves the tip neither in x nor in y
+        ("hold_at_singularity", "task.axes=[x, y]"),
     ],
 )
 def test_expectations_find_a_law_that_does_worse(name, fault):
@@ -63,6 +68,23 @@ def test_approach_comes_within_10_mm_of_full_reach_and_back():
     assert 0 < 2.0 - reach.max() < 0.010
     assert run["pose"][-1, 0] == pytest.approx(1.0, abs=1e-3)
     assert run["sigma"][:, -1].min() < 0.3 < run["sigma"][0, -1]  # damping starts and ends
+
+
+@pytest.mark.parametrize("force", [-1000, 1000])
+def test_the_stretched_arm_bears_pressure_and_pull_with_a_twentieth_of_its_torque(force):
+    run, results = outcomes("hold_at_singularity", f"plant.wrench=[{force}, 0, 0, 0, 0, 0]")
+    assert all(outcome.ok for outcome in results)
+    # The elbow gives what is left of Jᵀ F at the angle that it is pressed, or pulled, to.
+    q = run["q"][-1]
+    height = run["pose"][-1, 1] - np.sin(q[0])  # of the tip above the elbow
+    assert run["tau"][-1, 1] == pytest.approx(height * force, rel=1e-6)
+    assert (abs(q[1]) > np.radians(0.2)) == (force < 0)  # pressure bends it further, a pull straightens it
+
+
+@pytest.mark.parametrize("fault", ["control.feedback=1", "arm.start=[-30 deg, 60 deg]"])
+def test_a_soft_or_a_bent_arm_does_not_bear_it(fault):
+    _, results = outcomes("hold_at_singularity", fault)
+    assert not any(outcome.ok for outcome in results)
 
 
 def test_stanford_wrist_passes_its_singularity_at_one_degree():

@@ -139,6 +139,17 @@ VARIANTS = {
         *PLANAR, DRIFT, "control.at_singularity=stop", "control.stop={sigma: 0.82}",
         "control.limits={rate: 0.3, acceleration: 4, on_excess: redistribute}",
     ),
+    "encoders off, 6 joints, damped": (
+        *STANFORD, *SIX, "arm.encoder.offset=[0.01, -0.02, 0.005, 0.03, -0.01, 0.02]", "plant.kind=ideal",
+    ),
+    "encoders off, drawn, slow, manipulability": (
+        *PLANAR, OBJECTIVE + "manipulability", "control.at_singularity=slow", "control.limits.rate=0.3",
+        "arm.encoder={offset: [1 deg, 0, -1 deg], deviation: [0.5 deg, 1 deg, 0], seed: 3}",
+    ),
+    "encoders off, stop, pushed, limits": (
+        *FOLDED, DRIFT, "arm.encoder={deviation: 0.5 deg, seed: 1}", "control.limits={acceleration: 2, on_excess: clamp}",
+        "control.at_singularity=stop", "plant={kind: torque, wrench: [5, -3, 1, 0, 0, 2]}",
+    ),
     "no feed-forward": (SHORT, "control.feedforward=false",),
     "no feedback": (SHORT, "control.feedback=0",),
     "ideal": (*NEAR, "plant.kind=ideal"),
@@ -186,6 +197,12 @@ OFF = {
     "saturation": (VARIANTS["redistributed rates"], "control.limits.rate=[0.4, 0.3, 0.2000002]"),
     "slow.change": (VARIANTS["slow"], "control.slow.change=10.00001"),
     "stop.change": (VARIANTS["stop"], "control.stop.change=10.00001"),
+    "encoder.offset": (
+        VARIANTS["encoders off, 6 joints, damped"], "arm.encoder.offset=[0.01, -0.02, 0.005, 0.03, -0.01, 0.02000002]",
+    ),
+    "encoder.deviation": (
+        VARIANTS["encoders off, drawn, slow, manipulability"], "arm.encoder.deviation=[0.5 deg, 1.000001 deg, 0]",
+    ),
 }  # fmt: skip
 
 
@@ -369,6 +386,9 @@ def compare_random_chain(scenario, tmp_path_factory, seed):
         f"plant.kind={rng.choice(['ideal', 'servo', 'torque'])}", COARSE,
         "target.path=[{line: {by: [0.02, 0.02, 0.02], turn: {axis: x, angle: 0.05}}}]",
     ]  # fmt: skip
+    of_encoders = np.random.default_rng([seed, 2])  # beside the draws above, which stay as they were
+    if of_encoders.random() < 0.5 and control["nullspace"]["objective"] != "secondary":
+        chosen.append(f"arm.encoder={{deviation: {of_encoders.uniform(0.001, 0.05)}, seed: {seed}}}")
     prepared = prepare(scenario(*chosen))
     (run,) = Simulation([prepared]).run()
     assert run.divergence is None

@@ -8,7 +8,11 @@ the compiled law take a third of a second.
     (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
     figures = rmrc.scorecard.scorecard(run)                       # a module; import it
     rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
-    arm = rmrc.arm.load(Path("models/planar_6_3.xml"))            # a module; import it
+    arm = rmrc.arm.load(Path("models/stanford.xml"))              # a module; import it
+    found = rmrc.inspect_arm(arm, q)                              # rmrc.analysis.inspection
+    borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics
+    costs = rmrc.wrench_costs(arm, q)                             # the same
+    held = rmrc.hold(arm, q, wrench)                              # rmrc.holding
     found = rmrc.workspace(arm)                                   # rmrc.analysis.workspace
 """
 
@@ -23,6 +27,10 @@ _HOMES = {
     "Simulation": "rmrc.simulation",
     "Run": "rmrc.run",
     "resolve_rates": "rmrc.control.law",
+    "inspect_arm": "rmrc.analysis.inspection",
+    "balance": "rmrc.analysis.statics",
+    "wrench_costs": "rmrc.analysis.statics",
+    "hold": "rmrc.holding",
     "workspace": "rmrc.analysis.workspace",
 }
 

@@ -263,6 +263,12 @@ class Arm:
         """Names of all sites of the model that have one."""
         return tuple(name for i in range(self.model.nsite) if (name := self.model.site(i).name))
 
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Names of the joints that move the controlled site and are not driven."""
+        known = {*self.joints, *(travel.name for travel in self.travels)}
+        return tuple(name for name in _chain(self.path, self.model, self.site) if name not in known)
+
     def moves(self, site: str) -> NDArray[np.bool_]:
         """Return which joints of the arm move a site, (n,): those between the world and its body."""
         above, body = set(), int(self.model.site_bodyid[self.model.site(site).id])
@@ -291,6 +297,25 @@ class Arm:
         mujoco.mj_jacSite(self.model, self._data, full[:3], full[3:], self.wiring.site)
         return self._followed(full)
 
+    def rest_torques(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
+        """Return what the drives give at rest against gravity, and against springs, (n,) each [N·m or N].
+
+        What the model itself compensates of gravity is taken off. Joints not of the arm are at `home`.
+        """
+        self._kinematics(q)
+        mujoco.mj_fwdPosition(self.model, self._data)
+        mujoco.mj_fwdVelocity(self.model, self._data)
+        weight = self._data.qfrc_bias - self._data.qfrc_gravcomp
+        return self._followed(weight), self._followed(-self._data.qfrc_spring)
+
+    @property
+    def friction(self) -> Array:
+        """Dry friction that can bear a part of a drive's load at rest, (n,) [N·m or N]."""
+        loss = np.array(self.model.dof_frictionloss[self.wiring.dof])
+        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
+            loss[travel.hinge] += abs(travel.ratio) * self.model.dof_frictionloss[address]
+        return loss
+
     def frames(self, q: Array) -> tuple[Array, Array]:
         """Return what moves, for joint positions (T, n).
 
@@ -302,6 +327,11 @@ class Arm:
             jacobian[:] = self.jacobian(positions)
             row[:, :3], row[:, 3:] = self._data.xpos, self._data.xquat
         return poses, jacobians
+
+    @property
+    def base(self) -> int:
+        """Id of the body that carries the first joint's: the world, or what stands on it."""
+        return int(self.model.body_parentid[self.model.jnt_bodyid[self.wiring.joint[0]]])
 
     @property
     def body_names(self) -> list[str]:
@@ -439,6 +469,13 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
                 f"{did_you_mean(name, own)}; the chain: {', '.join(own)}",
                 "joints",
             )
+    outward = [name for name in own if name in names]
+    if outward != list(names):
+        raise ModelError(
+            f"{path}: joints must be listed once each, from the world outward, got [{', '.join(names)}]; "
+            f"write [{', '.join(outward)}]",
+            "joints",
+        )
     followed = tuple(
         replace(travel, hinge=names.index(own[travel.hinge]))
         for travel in travels.values()

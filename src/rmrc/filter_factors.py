@@ -15,6 +15,7 @@ from rmrc.control.law import resolve
 from rmrc.control.records import tick_type, world_type
 from rmrc.preparation import Prepared, world_record
 from rmrc.run import Run
+from rmrc.spatial import pose_error
 
 _Array = NDArray[np.float64]
 
@@ -85,10 +86,11 @@ def _world_at(prepared: Prepared, run: Run, tick: int) -> tuple[NDArray[np.void]
     world = np.array([world_record(prepared, 0)])
     world["objective"], world["on_excess"] = Objective.NONE, OnExcess.NONE
     world["at_singularity"] = AtSingularity.DAMP
-    world["J"][0, :, : arm.n] = arm.jacobian(run["q"][tick])
-    pose_error = run["pose_error"][tick]
-    world["twist_cmd"] = control.feedforward * run["twist_ref"][tick] + control.feedback * pose_error
+    q = run["q"][tick] + prepared.encoder_offset  # where the law sees the arm
+    world["J"][0, :, : arm.n] = arm.jacobian(q)
+    error = pose_error(run["pose_ref"][tick], arm.pose(q))
+    world["twist_cmd"] = control.feedforward * run["twist_ref"][tick] + control.feedback * error
     m = int(world["m"][0])
     row_scale = world["row_scale"][0, :m]
-    world["error"] = np.linalg.norm(row_scale * pose_error[world["row"][0, :m]])
+    world["error"] = np.linalg.norm(row_scale * error[world["row"][0, :m]])
     return world, np.outer(row_scale, world["joint_scale"][0, : arm.n])

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
 from rmrc.control.compiled import Array, Record, compiled, entry, machine_code
-from rmrc.control.kinematics import geometric_jacobian
+from rmrc.control.kinematics import follow_chain, geometric_jacobian, pose_error
 from rmrc.control.law import control
 
 # MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
@@ -77,12 +77,17 @@ def tick(
         if world.diverged_joint >= -1:
             world.diverged = t
             continue
-        geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
+        if world.is_off:
+            believe_encoders(world)
+        else:
+            geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
         if world.m_2 > 0:
             measure_second(world, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
         out.time = t * world.period
         read_reference(world, out, reference[world.reference])
         control(world, out)
+        if world.is_off:
+            return_to_truth(world, out)
         world.diverged_joint = bad_command(world, out)
         if world.diverged_joint >= 0:
             world.diverged = t
@@ -114,6 +119,25 @@ def measure(
         world.pose[3 + i] = xquat[world.site, i]
     for i in range(7):
         out.pose[i] = world.pose[i]
+
+
+@compiled
+def believe_encoders(world: Record) -> None:
+    """Show the law an arm at q + offset: its pose and Jacobian are not MuJoCo's, which knows q."""
+    for j in range(world.n):
+        world.q[j] += world.encoder_offset[j]
+    follow_chain(world, world.q)
+    geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
+
+
+@compiled
+def return_to_truth(world: Record, out: Record) -> None:
+    """Go on with the arm where it is, and record the error that it really has."""
+    for j in range(world.n):
+        world.q[j] = out.q[j]
+    for i in range(7):
+        world.pose[i] = out.pose[i]
+    pose_error(world.pose, out.pose_ref, out.pose_error)
 
 
 @compiled
@@ -326,7 +350,8 @@ class PlantBatch:
     def _wire(self, arm: Arm, model: mujoco.MjModel, wiring: Wiring) -> None:
         """Write ids and state columns into the records."""
         worlds, n = self.worlds, arm.n
-        worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
+        off = worlds["is_off"][:, None] == 1
+        worlds["joint"][:, :n], worlds["dof"][:, :n] = np.where(off, np.arange(n), wiring.joint), wiring.dof
         worlds["actuator"][:, :n] = wiring.actuator
         worlds["is_slide"][:, :n], worlds["pitch"][:, :n] = arm.is_slide, arm.pitch
         worlds["travel_column"] = -1

@@ -1,7 +1,7 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -81,6 +81,28 @@ class Prepared:
         """Rank of the task almost everywhere."""
         return structural_rank(self.arm, self.rows, self.row_scale, self.joint_scale)
 
+    @cached_property
+    def encoder_offset(self) -> NDArray[np.float64]:
+        """What the encoders say too much, (n,): offset + deviation · z.
+
+        z is `numpy.random.default_rng(seed).standard_normal(n)`, one number a joint.
+        """
+        encoder, n = self.scenario.arm.encoder, self.arm.n
+        offset = np.broadcast_to(encoder.offset, n)
+        return offset + encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
+
+    def with_encoder_seed(self, seed: int) -> "Prepared":
+        """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
+
+        Args:
+            seed: Takes the place of `arm.encoder.seed`.
+        """
+        encoder = self.scenario.arm.encoder.model_copy(update={"seed": seed})
+        arm = self.scenario.arm.model_copy(update={"encoder": encoder})
+        other = replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
+        vars(other)["rank"] = self.rank  # encoders do not change it, and it takes longest to find
+        return other
+
     @property
     def batch_key(self) -> object:
         """What worlds must have in common to be stepped together."""
@@ -104,6 +126,7 @@ def prepare(scenario: Scenario, known: dict[object, Arm] | None = None) -> Prepa
     problems = _Problems(scenario)
     qpos = _start(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
+    _check_encoder(scenario, arm, problems)
     _check_method(scenario, arm, problems)
     _check_second_task(scenario, arm, problems)
     _check_slow(scenario, arm, problems)
@@ -175,6 +198,8 @@ def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.floa
 def _check_lengths(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
     control = scenario.control
     for key, values in (
+        ("arm.encoder.offset", scenario.arm.encoder.offset),
+        ("arm.encoder.deviation", scenario.arm.encoder.deviation),
         ("control.joint_weights", control.joint_weights),
         ("control.nullspace.posture", control.nullspace.posture),
         ("control.nullspace.rates", control.nullspace.rates),
@@ -189,6 +214,24 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
 
 def _wrong_length(got: int, arm: Arm) -> str:
     return f"must have {arm.n} values, one for each joint ({', '.join(arm.joints)}), got {got}"
+
+
+def _check_encoder(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+    encoder = scenario.arm.encoder
+    if not (np.any(encoder.offset) or np.any(encoder.deviation)):
+        return
+    if scenario.control.nullspace.objective == "secondary":
+        problems.add(
+            "arm.encoder",
+            'the objective "secondary" knows its site only where the encoders are right; '
+            "take another control.nullspace.objective, or leave arm.encoder out",
+        )
+    if arm.idle:
+        problems.add(
+            "arm.encoder",
+            f'joint "{arm.idle[0]}" of {arm.path} moves the site and is not driven, so that q + offset does '
+            "not say where the site is; drive it, or leave arm.encoder out",
+        )
 
 
 def _check_method(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
@@ -261,6 +304,7 @@ def world_record(prepared: Prepared, reference: int) -> np.void:
 
     world["period"], world["feedback"] = control.period, control.feedback
     world["feedforward"] = float(control.feedforward)
+    _set_encoder(world, prepared)
     _set_inverse(world, scenario)
     _set_nullspace(world, prepared)
     _set_limits(world, prepared)
@@ -270,6 +314,13 @@ def world_record(prepared: Prepared, reference: int) -> np.void:
     world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
     world["wrench"] = plant.wrench
     return world[0]  # type: ignore[no-any-return]
+
+
+def _set_encoder(world: NDArray[np.void], prepared: Prepared) -> None:
+    chain, n = prepared.arm.chain, prepared.arm.n
+    world["is_off"], world["encoder_offset"][0, :n] = prepared.encoder_offset.any(), prepared.encoder_offset
+    world["zero_axis"][0, :n], world["zero_step"][0, :n] = chain.axis, chain.step
+    world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
 
 
 def _set_inverse(world: NDArray[np.void], scenario: Scenario) -> None:

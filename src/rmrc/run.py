@@ -29,13 +29,13 @@ class Column:
 
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
-    "q": Column("joint", "joint positions, measured", "n"),
+    "q": Column("joint", "joint positions, the true ones where encoders are off", "n"),
     "qdot": Column("joint/s", "joint rates, measured", "n"),
     "qdot_cmd": Column("joint/s", "joint rates, sent", "n"),
-    "pose": Column("m, quat w x y z", "pose of the site in the world", "7"),
+    "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "twist wanted, [v; ω] along world axes", "6"),
-    "pose_error": Column("m, rad", "[p_ref − p; log(R_ref Rᵀ)]", "6"),
+    "pose_error": Column("m, rad", "[p_ref − p; log(R_ref Rᵀ)] of the true pose", "6"),
     "sigma": Column("1", "singular values of the scaled task Jacobian, falling", "k"),
     "gain": Column("1", "filter g(σ) that the inverse used", "k"),
     "damping": Column("1", "λ, in the units of σ"),

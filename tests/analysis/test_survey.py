@@ -96,6 +96,10 @@ def test_jacobians_are_mujocos():
     [
         ("planar_2link", ("x", "y")),
         ("planar_3link", ("x", "y", "rz")),
+        ("anthropomorphic", ("x", "y", "z")),
+        ("spherical_wrist", ("rx", "ry", "rz")),
+        ("planar_rp", ("x", "y")),
+        ("helical", ("x", "y", "z")),
         ("stanford", ("x", "y", "z", "rx", "ry", "rz")),
     ],
 )

@@ -7,11 +7,9 @@ import pytest
 from matplotlib.image import imread
 
 from project import ROOT
-from rmrc.cli.workspace import COMPILING
 
 SIX_THREE = str(ROOT / "models/planar_6_3.xml")
 STANFORD = str(ROOT / "models/stanford.xml")
-LOADING = f"rmrc: {COMPILING}\n"
 
 
 @pytest.fixture
@@ -19,8 +17,7 @@ def workspace(rmrc):
     """Return a function: arguments -> (exit code, stdout, stderr) of `rmrc workspace`."""
 
     def call(*arguments):
-        code, out, err = rmrc("workspace", *arguments)
-        return code, out, err.replace(LOADING, "")
+        return rmrc("workspace", *arguments)
 
     return call
 

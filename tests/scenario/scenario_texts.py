@@ -40,7 +40,8 @@ expect:
 # Every key of a scenario has a value here; the schema test holds it against the schema.
 FULL = """\
 name: full
-arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b]}
+arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b],
+      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7}}
 task: {axes: [x, y], length: 0.5, weights: [1.0, 2.0]}
 control:
   period: 0.002

@@ -79,6 +79,9 @@ def test_rows_of_the_schema_read_as_a_table():
         "name": "text",
         "arm.model": "path",
         "arm.start": "text or list of angles",
+        "arm.encoder.offset": "angle or list of angles",
+        "arm.encoder.deviation": "angle >= 0 or list of angles >= 0",
+        "arm.encoder.seed": "integer >= 0",
         "task.axes": "list of (x | y | z | rx | ry | rz)",
         "control.inverse.method": "inverse | pseudoinverse | truncated | transpose | damped | filtered"
         " | selectively_damped | jparse",
@@ -103,7 +106,7 @@ def valid(value, schema, root):
     known = {"$ref", "$defs", "$schema", "title", "description", "default", "unit", "format"}
     types = {
         "object": dict, "array": list, "string": str, "number": (int, float),
-        "boolean": bool, "null": type(None),
+        "integer": int, "boolean": bool, "null": type(None),
     }  # fmt: skip
     items = value if isinstance(value, list) else []
     keys = value if isinstance(value, dict) else {}
@@ -155,6 +158,10 @@ def test_the_json_schema_accepts_what_is_read(text):
     ("old", "new"),
     [
         ("name: full", "nam: full"),
+        ("seed: 7", "seed: 7.0"),
+        ("seed: 7", "seed: -7"),
+        ("deviation: 0.1 deg", "deviation: -0.1"),
+        ("deviation: 0.1 deg", "deviation: [-0.1 deg, 0.1]"),
         ("feedback: 3.0", "feedback: -3.0"),
         ("angle: 30 deg", "angle: 30 degrees"),
         ("hold: {for: 0.5}", "hold: {duration: 0.5}"),

@@ -157,7 +157,12 @@ def test_a_scenario_reads_back_from_its_yaml_equal(data):
 # A short path, because PyYAML breaks lines at 80 columns.
 COMPLETE = """\
 name: x
-arm: {model: /arm.xml, site: tip, start: home, joints: null}
+arm:
+  model: /arm.xml
+  site: tip
+  start: home
+  joints: null
+  encoder: {offset: 0.0, deviation: 0.0, seed: 0}
 task:
   axes: [x, y, z, rx, ry, rz]
   length: 1.0

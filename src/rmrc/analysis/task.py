@@ -75,7 +75,8 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> 
 
     These are the rows of its reduced Jacobian [Khatib08]: of x y z rx ry rz, in this order, each that raises
     the rank that the rows before it have almost everywhere. A 2-link planar arm gets x and y, a SCARA arm
-    x, y, z and rz, an arm with six joints or more usually all.
+    x, y, z and rz, an arm with six joints or more usually all. The rotations come first if they alone can
+    tell all joints and the translations cannot: a spherical wrist gets rx, ry and rz at any of its points.
 
     Args:
         arm: The arm.
@@ -87,12 +88,17 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> 
     """
     if axes is not None:
         return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length)
+
+    def rank(rows: Sequence[int]) -> int:
+        task = Task(arm, np.array(rows), length)
+        return structural_rank(arm, task.rows, task.row_scale, task.joint_scale)
+
+    turns_first = rank([3, 4, 5]) == arm.n > rank([0, 1, 2])
     rows: list[int] = []
-    for row in range(6):
-        more = Task(arm, np.array([*rows, row]), length)
-        if structural_rank(arm, more.rows, more.row_scale, more.joint_scale) > len(rows):
+    for row in (3, 4, 5, 0, 1, 2) if turns_first else range(6):
+        if rank([*rows, row]) > len(rows):
             rows.append(row)
-    return Task(arm, np.array(rows), length)
+    return Task(arm, np.sort(rows), length)
 
 
 def structural_rank(arm: Arm, rows: NDArray[np.intp], row_scale: Array, joint_scale: Array) -> int:

@@ -74,7 +74,7 @@ def workspace(
     """
     home = arm.configuration("home")[arm.wiring.qpos] if q is None else np.asarray(q, np.float64)
     part = choose_slice(arm, plane, home, through)
-    task = _task(arm, axes, length)
+    task = _task(arm, part, axes, length)
     work = _Work(arm, task, part, home, worst, on_samples or (lambda _: None))
     free_range, own_range = _ranges(arm, part)
     if part.is_sheet:
@@ -95,12 +95,14 @@ def expected(part: Slice, samples: int) -> int:
     return 2 * (GRID + 1) ** 2 if part.is_sheet else 2 * samples
 
 
-def _task(arm: Arm, axes: Sequence[str] | None, length: float) -> Task:
+def _task(arm: Arm, part: Slice, axes: Sequence[str] | None, length: float) -> Task:
+    """Return the task of some axes, or of the linear ones; of a planar arm the two that show its plane best."""
     if axes is not None:
         return choose(arm, axes, length)
-    mine = choose(arm, None, length)
-    linear = mine.rows[mine.rows < 3]
-    return Task(arm, linear, length)
+    rows = np.arange(3)
+    return Task(
+        arm, rows if len(part.basis) == 3 else np.delete(rows, np.argmax(np.abs(part.normal))), length
+    )
 
 
 def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:

@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import scenarios, workspace
+from rmrc.cli import inspect, scenarios, statics, workspace
 from rmrc.cli.console import EXIT_INPUT, complain
 from rmrc.errors import RmrcError
 
@@ -22,7 +22,15 @@ app = typer.Typer(
     add_completion=False,
     pretty_exceptions_enable=False,  # a trace is for us, and only for bugs
 )
-for verb in (scenarios.run, scenarios.compare, scenarios.replay, scenarios.schema, workspace.workspace):
+for verb in (
+    scenarios.run,
+    scenarios.compare,
+    scenarios.replay,
+    scenarios.schema,
+    inspect.inspect,
+    statics.statics,
+    workspace.workspace,
+):
     app.command()(verb)
 
 

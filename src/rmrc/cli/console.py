@@ -10,6 +10,8 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, T
 
 EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERRUPTED = 1, 2, 3, 130
 
+COMPILING = "compiling the control law (once; kept for the next time) ..."
+
 # The widest table needs so many columns, and a pipe has any number.
 PIPE_WIDTH = 100
 

@@ -34,7 +34,7 @@ TaskAxes = Annotated[
     ),
 ]
 Length = Annotated[
-    float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w [m].", min=1e-6)
+    float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w, in m.", min=1e-6)
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
 

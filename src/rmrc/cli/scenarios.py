@@ -11,6 +11,7 @@ from rich.console import Console
 
 from rmrc import scenario as scenarios
 from rmrc.cli.console import (
+    COMPILING,
     EXIT_DIVERGED,
     EXIT_INTERRUPTED,
     EXIT_MISSED,
@@ -146,7 +147,7 @@ def schema(
 
 def _compile(work: "Job | Comparison") -> None:
     try:
-        with notice("compiling the control law (once; kept for the next time) ..."):
+        with notice(COMPILING):
             work.compile()
     except KeyboardInterrupt:
         complain("interrupted before the first tick")

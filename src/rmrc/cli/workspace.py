@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rmrc.cli.console import EXIT_INTERRUPTED, complain, notice, output, progress
+from rmrc.cli.console import COMPILING, EXIT_INTERRUPTED, complain, notice, output, progress
 from rmrc.cli.questions import (
     AsJson,
     Keyframe,
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from rmrc.arm import Arm
     from rmrc.output.sheets import Sheet
 
-COMPILING = "loading, and compiling the kinematics (once; kept for the next time) ..."
 MAPS = ("sigma_min", "manipulability", "condition", "postures")
 PICTURES = (".png", ".svg", ".pdf")
 

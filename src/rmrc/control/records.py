@@ -44,7 +44,8 @@ def _world_type(c: int) -> np.dtype[np.void]:
             # which it diverged or -1, and the joint
             ("reference", np.int64), ("path_ticks", np.int64), ("ticks", np.int64),
             ("diverged", np.int64), ("diverged_joint", np.int64),
-            # wiring: MuJoCo's ids, and columns of the state row
+            # wiring: MuJoCo's ids, and columns of the state row; where kinematics are not MuJoCo's,
+            # `joint` is the row of `axis` and `anchor`
             ("joint", np.int64, (c,)), ("is_slide", np.int64, (c,)), ("pitch", np.float64, (c,)),
             ("dof", np.int64, (c,)),
             ("actuator", np.int64, (c,)), ("site", np.int64), ("body", np.int64),
@@ -76,6 +77,8 @@ def _world_type(c: int) -> np.dtype[np.void]:
             # plant
             ("plant", np.int64), ("bandwidth", np.float64), ("wrench", np.float64, (6,)),
             ("lever", np.float64, (3,)),
+            # encoders: whether they are off, and by how much
+            ("is_off", np.int64), ("encoder_offset", np.float64, (c,)),
             # geometry of the arm at 0, and its axes where it is: only where kinematics are not MuJoCo's
             ("zero_axis", np.float64, (c, 3)), ("zero_step", np.float64, (c, 3)),
             ("tip_step", np.float64, (3,)), ("tip_quat", np.float64, (4,)),

@@ -44,6 +44,7 @@ from rmrc.scenario.sections import (
     Check,
     ControlSection,
     DampingSection,
+    EncoderSection,
     InverseSection,
     LimitsSection,
     NullspaceSection,
@@ -61,8 +62,8 @@ from rmrc.scenario.variation import Variant, variants
 from rmrc.scenario.wording import show
 
 __all__ = [
-    "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "Hold",
-    "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
+    "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "EncoderSection",
+    "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
     "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
     "StopSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment",
     "Variant", "json_schema", "load", "loads", "schema_rows", "variants",

@@ -129,6 +129,7 @@ _WANTS = {
     "string_type": "must be text",
     "path_type": "must be text",
     "bool_type": "must be true or false",
+    "int_type": "must be a whole number without a dot",
     "tuple_type": "must be a list",
     "model_type": "must be a mapping",
     "dict_type": "must be a mapping",

@@ -69,8 +69,8 @@ def _inline(value: object) -> str:
 def _type(schema: dict[str, Any]) -> str:
     """Return the type of a value in words."""
     options = schema.get("anyOf", schema.get("oneOf"))
-    if schema.get("title") == "angle":
-        return "angle"
+    if schema.get("title", "").startswith("angle"):
+        return str(schema["title"])
     if options:
         return " or ".join(_type(o) for o in options if o.get("type") != "null")
     if "enum" in schema or "const" in schema:
@@ -80,9 +80,9 @@ def _type(schema: dict[str, Any]) -> str:
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
         item = re.sub("^(number|angle)", r"\1s", _type(schema["items"]))
         return f"list of {count}({item})" if "|" in item else f"list of {count}{item}"
-    if schema["type"] == "number":
+    if schema["type"] in ("number", "integer"):
         signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
         bounds = [f"{sign} {show(schema[k])}" for k, sign in signs.items() if k in schema]
-        return " ".join(["number", ", ".join(bounds)]).strip()
+        return " ".join([schema["type"], ", ".join(bounds)]).strip()
     words = {"string": "text", "boolean": "true | false"}
     return "path" if schema.get("format") == "path" else words[schema["type"]]

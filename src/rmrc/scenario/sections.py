@@ -10,6 +10,7 @@ from rmrc.control.choices import Method, Objective, Schedule
 from rmrc.scenario.path import Segment
 from rmrc.scenario.places import Key, Origin, split
 from rmrc.scenario.values import (
+    AngleOrEach,
     Axes,
     Axis,
     Choice,
@@ -19,12 +20,14 @@ from rmrc.scenario.values import (
     NameOrPositions,
     Names,
     NotNegative,
+    NotNegativeAngleOrEach,
     Number,
     OneOrEach,
     Positions,
     Positive,
     Rates,
     Section,
+    Seed,
     Switch,
     Text,
     Weights,
@@ -54,6 +57,19 @@ def sort_axes(section: Section, beside: str) -> None:
             section.__dict__[name] = tuple(values[i] for i in order)
 
 
+class EncoderSection(Section):
+    """How far the arm's encoders are off: the law works with q + offset, where the arm is at q."""
+
+    offset: AngleOrEach = key("what the encoders of all joints, or of each, say too much", 0.0, "rad or m")
+    deviation: NotNegativeAngleOrEach = key(
+        "standard deviation of what is added to `offset`, of all joints or of each; it is drawn once, from a "
+        "normal distribution",
+        0.0,
+        "rad or m",
+    )
+    seed: Seed = key("what is drawn: the same seed, the same offsets", 0)
+
+
 class ArmSection(Section):
     """The arm: which model, which point of it, where it starts."""
 
@@ -63,6 +79,7 @@ class ArmSection(Section):
         "where the joints start: a keyframe's name, or a position a joint", "home", "rad or m"
     )
     joints: Names | None = key("the joints that are driven; null: those between the base and the site", None)
+    encoder: EncoderSection = key("how far its encoders are off", EncoderSection())
 
 
 class TaskSection(Section):

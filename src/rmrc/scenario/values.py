@@ -29,7 +29,8 @@ from rmrc.scenario.wording import nearby, printable, show
 # A direction is normalized by its user; below this length its squares would vanish or be noise.
 _SHORTEST = 1e-9
 
-_DECIMAL = r"[-+]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
+_DECIMAL = rf"[-+]?{_UNSIGNED}"
 
 
 class Section(BaseModel):
@@ -166,6 +167,7 @@ def _text_or_list(value: object) -> str | None:
 Number = Annotated[float, Field(strict=True, allow_inf_nan=False)]
 Positive = Annotated[Number, Field(gt=0)]
 NotNegative = Annotated[Number, Field(ge=0)]
+Seed = Annotated[int, Field(strict=True, ge=0)]
 Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Name = Annotated[Text, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=100)]
@@ -177,6 +179,19 @@ Angle = Annotated[
         {
             "title": "angle",
             "anyOf": [{"type": "number"}, {"type": "string", "pattern": rf"^\s*{_DECIMAL}\s*(deg|rad)\s*$"}],
+        }
+    ),
+]
+NotNegativeAngle = Annotated[
+    NotNegative,
+    BeforeValidator(_radians),
+    WithJsonSchema(
+        {
+            "title": "angle >= 0",
+            "anyOf": [
+                {"type": "number", "minimum": 0},
+                {"type": "string", "pattern": rf"^\s*\+?{_UNSIGNED}\s*(deg|rad)\s*$"},
+            ],
         }
     ),
 ]
@@ -200,4 +215,12 @@ NameOrPositions = Annotated[
 ]
 OneOrEach = Annotated[
     Annotated[Positive, Tag("<one>")] | Annotated[Weights, Tag("<list>")], Discriminator(_one_or_list)
+]
+AngleOrEach = Annotated[
+    Annotated[Angle, Tag("<one>")] | Annotated[Positions, Tag("<list>")], Discriminator(_one_or_list)
+]
+NotNegativeAngleOrEach = Annotated[
+    Annotated[NotNegativeAngle, Tag("<one>")]
+    | Annotated[tuple[NotNegativeAngle, ...], Count(1), Tag("<list>")],
+    Discriminator(_one_or_list),
 ]

@@ -1,0 +1,133 @@
+"""The verb `statics`: what drives and links bear under a wrench, and whether the physics says the same."""
+
+import json
+import math
+from enum import StrEnum
+from typing import Annotated
+
+import numpy as np
+import typer
+from numpy.typing import NDArray
+
+from rmrc.cli.console import (
+    COMPILING,
+    EXIT_DIVERGED,
+    EXIT_INTERRUPTED,
+    EXIT_MISSED,
+    complain,
+    notice,
+    output,
+    progress,
+)
+from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration
+from rmrc.errors import QuestionError
+
+# Squares of numbers up to this are finite.
+LARGEST = 1e100
+
+
+class Frame(StrEnum):
+    """Along whose axes a wrench is given."""
+
+    WORLD = "world"
+    SITE = "site"
+
+
+Wrench = Annotated[
+    str,
+    typer.Option(
+        metavar="fx,fy,fz,nx,ny,nz",
+        help="What acts on the arm at the site: force [N] and moment [N·m]; or a force alone.",
+        show_default=False,
+    ),
+]
+Axes = Annotated[Frame, typer.Option("--frame", help="Along whose axes the wrench is given.")]
+Gravity = Annotated[
+    bool, typer.Option("--gravity/--no-gravity", help="Whether the drives bear the arm's weight as well.")
+]
+Hold = Annotated[
+    float | None,
+    typer.Option(
+        "--hold",
+        metavar="SECONDS",
+        help="Hold it in the physics until all is still, so long at most, and read the actuators.",
+        min=0.2,
+        max=1000.0,
+    ),
+]
+
+
+def statics(
+    model: Model,
+    wrench: Wrench,
+    q: Positions = None,
+    keyframe: Keyframe = None,
+    site: Site = None,
+    frame: Axes = Frame.WORLD,
+    gravity: Gravity = False,
+    hold: Hold = None,
+    length: Length = 1.0,
+    as_json: AsJson = False,
+) -> None:
+    """Tell what drives and links bear while a wrench acts on an arm, and which wrenches cost nothing."""
+    from rmrc import arm as arms
+    from rmrc.analysis.statics import balance, wrench_costs
+    from rmrc.output import bearing
+    from rmrc.spatial import rotate
+
+    acts = read_wrench(wrench)
+    arm = arms.load(model, site)
+    positions = configuration(arm, q, keyframe)
+    if frame is Frame.SITE:
+        acts = rotate(arm.pose(positions)[3:], acts.reshape(2, 3)).ravel()
+    borne = balance(arm, positions, acts, gravity)
+    costs = wrench_costs(arm, positions, length)
+    held = None
+    if hold is not None:
+        from rmrc.holding import Holding
+
+        holding = Holding(borne, gravity, hold)
+        try:
+            with notice(COMPILING):
+                holding.compile()
+            with progress("hold", holding.ticks, as_json) as on_ticks:
+                held = holding.run(on_ticks)
+        except KeyboardInterrupt:
+            complain("interrupted while holding")
+            raise typer.Exit(EXIT_INTERRUPTED) from None
+    if as_json:
+        print(json.dumps(bearing.facts(borne, costs, length, held), indent=2, ensure_ascii=False))
+    else:
+        console = output()
+        for part in bearing.render(borne, costs, gravity, held):
+            console.print(part, highlight=False)
+    if held is not None and held.run.divergence:
+        complain(f"error: {held.run.divergence}")
+        raise typer.Exit(EXIT_DIVERGED)
+    if held is not None and not held.agrees:
+        raise typer.Exit(EXIT_MISSED)
+
+
+def read_wrench(text: str) -> NDArray[np.float64]:
+    """Return [f; n], (6,), of the option: six values, or a force alone.
+
+    Raises:
+        QuestionError: There are neither 3 nor 6, or one is no number.
+    """
+    parts = text.strip().strip("[]").split(",")
+    if len(parts) not in (3, 6):
+        raise QuestionError(
+            "--wrench must have 6 values, force fx,fy,fz [N] and moment nx,ny,nz [N·m], or 3, a force alone, "
+            f"got {len(parts)}: {text!r}"
+        )
+    wrench = np.zeros(6)
+    for i, (name, part) in enumerate(zip(("fx", "fy", "fz", "nx", "ny", "nz"), parts, strict=False)):
+        try:
+            wrench[i] = float(part)
+        except ValueError:
+            wrench[i] = math.nan
+        if not abs(wrench[i]) <= LARGEST:
+            raise QuestionError(
+                f"--wrench, {name}: must be a number within ±{LARGEST:g}, got {part.strip()!r}"
+            )
+    return wrench

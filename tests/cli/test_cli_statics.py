@@ -1,0 +1,165 @@
+"""The verb `statics`: what it prints, its JSON, its exit codes, and every mistake in full."""
+
+import json
+
+import numpy as np
+import pytest
+
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.analysis.statics import balance
+
+TWO, STANFORD = (str(ROOT / f"models/{name}.xml") for name in ("planar_2link", "stanford"))
+STRETCHED = (TWO, "--q", "90 deg,0", "--wrench", "0,-1000,0")
+
+
+def rows(out):
+    """Return the cells of the lines of a table or text, split at two blanks or more."""
+    return [[cell.strip() for cell in line.split("  ") if cell.strip()] for line in out.splitlines()]
+
+
+def test_the_example_of_the_notes_is_printed_with_both_signs_in_words(rmrc):
+    code, out, err = rmrc("statics", TWO, "--q", "0,60 deg", "--wrench", "0,-1,0")
+    assert (code, err) == (0, "")
+    assert "The wrench acts on the arm: force (0, -1, 0) N, moment (0, 0, 0) N·m, world axes." in out
+    assert "Equivalent, Jᵀ F: what they give for the site to press on the world with this wrench." in out
+    assert "Balancing, −Jᵀ F: what they give to hold still while this wrench acts on the arm." in out
+    cells = [line.split() for line in out.splitlines()]
+    assert ["shoulder", "[N·m]", "-1.500", "1.500", "100.0", "98.50", "ok"] in cells
+    assert ["elbow", "[N·m]", "-0.5000", "0.5000", "50.00", "49.50", "ok"] in cells
+    assert ["elbow", "0.8660", "0.5000", "0", "0", "0", "0.5000"] in cells  # along the link's own axes
+    assert ["elbow", "0", "1.000", "0", "0", "0", "0.5000"] in cells  # along the world's
+    assert "singular" not in out
+
+
+def test_stretched_it_says_what_costs_nothing_here_and_what_anywhere_and_holds_it(rmrc):
+    code, out, err = rmrc("statics", *STRETCHED, "--hold", "2")
+    assert (code, err) == (0, "")
+    assert ["forces alone", "a force along z", "0", "nothing, anywhere"] in rows(out)
+    assert ["a force along y", "0", "nothing: singular"] in rows(out)
+    assert (
+        "Of forces alone, 2 cost no torque here and 1 at almost every configuration: the arm is singular."
+        in out
+    )
+    assert (
+        "met: still, and the actuators give what statics says; no drive came to its torque limit."
+        in " ".join(out.split())
+    )
+
+
+def test_what_is_too_much_is_said_and_is_not_held(rmrc):
+    code, out, err = rmrc("statics", TWO, "--q", "0,60 deg", "--wrench", "0,-120,0")
+    assert (code, err) == (0, "")  # it was asked, and answered
+    assert "shoulder needs 180.0 N·m: 80.00 N·m more than its limit of 100.0 N·m." in out
+    assert next(line for line in out.splitlines() if line.startswith("elbow [")).endswith("EXCEEDED")
+    code, out, _ = rmrc("statics", TWO, "--q", "0,60 deg", "--wrench", "0,-120,0", "--hold", "0.5")
+    assert code == 1
+    assert "MISSED: not still, the fastest joint does" in out
+    assert "shoulder, elbow came to the torque limit." in " ".join(out.split())
+
+
+def test_no_line_is_wider_than_100_columns_and_nothing_is_cut_off(rmrc):
+    for model in sorted((ROOT / "models").glob("*.xml")):
+        code, out, _ = rmrc("statics", str(model), "--wrench", "1,-2,3,0.4,0.5,-0.6", "--gravity")
+        assert code == 0
+        assert max(map(len, out.splitlines())) <= 100
+        assert "…" not in out
+        for joint in arms.load(model).joints:
+            assert sum(line.startswith(joint) for line in out.splitlines()) >= 4
+
+
+def facts(rmrc, *arguments):
+    code, out, err = rmrc("statics", *arguments, "--json")
+    assert err == ""
+    return code, json.loads(out, parse_constant=lambda name: pytest.fail(f"{name} is no JSON"))
+
+
+def test_json_has_all_of_it(rmrc):
+    wrench = [5, -3, 4, 0.5, 0.2, 0.4]
+    code, found = facts(rmrc, STANFORD, "--wrench", "5,-3,4,.5,.2,.4", "--gravity", "--hold", "5")
+    assert code == 0
+    arm = arms.load(ROOT / "models/stanford.xml")
+    q = arm.configuration("home")[arm.wiring.qpos]
+    borne = balance(arm, q, wrench, gravity=True)
+    assert found["wrench_on_arm"] == wrench and found["site"] == "tool"
+    for name, column in (
+        ("equivalent", borne.equivalent), ("equilibrium", borne.equilibrium),
+        ("gravity", borne.gravity), ("in_all", borne.torque), ("margin", borne.margin),
+    ):  # fmt: skip
+        assert found["torque"][name] == column.tolist()
+    assert found["torque"]["unit"] == ["N·m", "N·m", "N", "N·m", "N·m", "N·m"]
+    assert [link["reaction"] for link in found["links"]] == borne.reaction.tolist()
+    assert found["costs"]["wrench"]["free_only_here"] == 0
+    assert found["held"]["agrees"] and np.allclose(found["held"]["measured"], borne.torque, atol=0.01)
+    # Negative control: without --gravity the drives bear less.
+    _, floating = facts(rmrc, STANFORD, "--wrench", "5,-3,4,.5,.2,.4")
+    assert floating["torque"]["gravity"] == [0] * 6 and floating["held"] is None
+    assert not np.allclose(floating["torque"]["in_all"], borne.torque, atol=0.01)
+
+
+def test_a_wrench_along_the_sites_axes_is_turned_into_the_worlds(rmrc):
+    _, found = facts(rmrc, TWO, "--q", "30 deg,60 deg", "--wrench", "2,0,0,3,0,0", "--frame", "site")
+    # at 90° the site's x is the world's y
+    assert np.allclose(found["wrench_on_arm"], [0, 2, 0, 0, 3, 0], rtol=0, atol=1e-12)
+    assert np.allclose(found["torque"]["equilibrium"], [-2 * np.cos(np.pi / 6), 0], rtol=0, atol=1e-12)
+
+
+def test_keyframe_site_and_length_are_taken(rmrc):
+    three = str(ROOT / "models/planar_3link.xml")
+    _, found = facts(
+        rmrc, three, "--site", "wrist", "--keyframe", "home", "--wrench", "1,0,0", "--length", "0.5"
+    )
+    assert (found["site"], found["length"]) == ("wrist", 0.5)
+    assert found["torque"]["equilibrium"][2] == 0  # the last joint does not move the wrist
+    (one,) = [one for one in found["costs"]["force"]["directions"] if one["costs"] == "nothing, anywhere"]
+    assert one["words"] == "a force along z" and one["wrench"] == [0, 0, 2, 0, 0, 0]  # 1/L newtons
+
+
+MISTAKES = {
+    "a wrench of 2": (
+        [TWO, "--wrench", "1,2"],
+        "--wrench must have 6 values, force fx,fy,fz [N] and moment nx,ny,nz [N·m], or 3, a force alone, got 2: '1,2'",
+    ),
+    "a wrench of 7": (
+        [TWO, "--wrench", "1,2,3,4,5,6,7"],
+        "--wrench must have 6 values, force fx,fy,fz [N] and moment nx,ny,nz [N·m], or 3, a force alone, got 7: "
+        "'1,2,3,4,5,6,7'",
+    ),
+    "no number": ([TWO, "--wrench", "1,two,3"], "--wrench, fy: must be a number within ±1e+100, got 'two'"),
+    "an angle": ([TWO, "--wrench", "1,2,3,4,5,60 deg"], "--wrench, nz: must be a number within ±1e+100, got '60 deg'"),
+    "infinite": ([TWO, "--wrench", "1,2,inf"], "--wrench, fz: must be a number within ±1e+100, got 'inf'"),
+    "q": (
+        [TWO, "--wrench", "1,2,3", "--q", "1"],
+        "--q must have 2 values, one for each of shoulder, elbow, got 1: '1'",
+    ),
+    "a site": (
+        [TWO, "--wrench", "1,2,3", "--site", "tap"],
+        f'{TWO}: has no site "tap"; did you mean "tip"?; its sites: tip',
+    ),
+    "beyond the limits": (
+        [TWO, "--wrench", "1,2,3", "--q", "0,3", "--hold", "1"],
+        'cannot hold: joint "elbow" must be within its limits [-2.79253, 2.79253] rad, got 3; '
+        "choose other joint positions",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", MISTAKES)
+def test_a_mistake_is_one_line_and_exit_code_2(rmrc, case):
+    arguments, message = MISTAKES[case]
+    code, out, err = rmrc("statics", *arguments)
+    assert (code, out, err) == (2, "", f"rmrc: error: {message}\n")
+
+
+def test_what_diverges_exits_3_and_ctrl_c_130(rmrc, monkeypatch):
+    code, out, err = rmrc("statics", TWO, "--wrench", "0,1e15,0", "--hold", "1")
+    assert code == 3
+    assert err.startswith("rmrc: error: diverged at tick ")
+    assert f"MISSED: {err.removeprefix('rmrc: error: ').strip()}" in " ".join(out.split())
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rmrc.holding.Holding.run", interrupted)
+    code, _, err = rmrc("statics", TWO, "--wrench", "0,1,0", "--hold", "1")
+    assert (code, err) == (130, "rmrc: interrupted while holding\n")
