@@ -39,7 +39,7 @@ def arm_of(name, site=None):
 
 @functools.cache
 def found(name, site=None, plane=None, through=None, **options):
-    options = {"cells": 100, "samples": 40_000} | options
+    options = {"cells": 100, "samples": 20_000} | options
     return workspace(arm_of(name, site), plane, through=through and np.array(through), **options)
 
 
@@ -67,7 +67,7 @@ def test_singular_set_of_the_arm_of_6_and_3_is_the_circles_of_radius_9_and_3():
         assert_allclose(radius, round(radius.mean()), rtol=1e-12)
     for curve in curves:  # whole circles, without a gap of more than a step
         turns = np.sort(np.arctan2(*curve.points.T[::-1]))
-        assert np.diff(turns, append=turns[0] + 2 * np.pi).max() < np.radians(1.0)
+        assert np.diff(turns, append=turns[0] + 2 * np.pi).max() < np.radians(1.5)
 
 
 def test_area_of_the_annulus_is_measured_to_the_accuracy_that_is_stated():
@@ -88,7 +88,7 @@ def test_area_of_the_annulus_is_measured_to_the_accuracy_that_is_stated():
 def test_boundary_with_limits_is_that_of_the_textbook():
     space = found("planar_6_3")
     ours = [*space.limits, *(replace(c, points=c.points[c.within]) for c in space.singular)]
-    step = 9.0 * np.radians(0.5)
+    step = 9.0 * np.radians(1.0)  # of the grid for 100 cells
     arcs = two_link_boundary(SIX_THREE, LIMITS)
     assert {arc.kind for arc in arcs} == {"q1 lower", "q1 upper", "outer", "q2 upper"}
     for arc in arcs:
@@ -103,7 +103,7 @@ def test_boundary_with_limits_is_that_of_the_textbook():
 def test_two_links_have_two_postures_everywhere_in_the_annulus():
     space = found("planar_6_3")
     radius = np.linalg.norm(middles(space), axis=-1)
-    # The image of the grid leaves the circles by 1e-5 of their radius.
+    # The image of the grid leaves the circles by 4e-5 of their radius.
     inside, outside = (radius > 3.001) & (radius < 8.999), (radius < 2.999) | (radius > 9.001)
     assert (space.free.postures[inside] == 2).all() and (space.free.postures[outside] == 0).all()
     assert (space.limited.postures[space.limited.reached] == 1).all()
@@ -127,7 +127,7 @@ def test_singular_set_of_the_torus_arm_is_a_hollow_torus_and_the_axis(name):
     kinds.append(np.abs(points[:, 0]))
     assert np.min(kinds, axis=0).max() < SINGULAR
     outer, hollow, *_, axis = kinds
-    assert (outer < SINGULAR).sum() > 300 and (hollow < SINGULAR).sum() > 300
+    assert (outer < SINGULAR).sum() > 200 and (hollow < SINGULAR).sum() > 200
     assert ((axis < SINGULAR).sum() > 100) == (l1 < l2 + l3)
     # Negative control: with l₂ and l₃ a millimeter longer the surfaces are others.
     assert np.abs(tubes(name, points) - (l2 + l3 + 1e-3)).min() > SINGULAR
@@ -182,7 +182,7 @@ def sigma_min(space, q):
 
 @every_arm
 def test_every_singular_configuration_is_singular_by_mujoco_and_in_the_slice(name, site, plane, through):
-    space = found(name, site, plane, through)
+    space = found(name, site, plane, through, cells=50)
     arm, part = space.task.arm, space.part
     for curve in space.singular:
         some = slice(None, None, max(1, len(curve.q) // 40))
@@ -212,7 +212,7 @@ def near(reached):
 
 @every_arm
 def test_every_tip_within_the_limits_lies_in_the_reachable_set(name, site, plane, through):
-    space = found(name, site, plane, through)
+    space = found(name, site, plane, through, cells=50)
     arm, part = space.task.arm, space.part
     # Those in the plane are rare: of a slice that cuts, points within a hundredth of a cell.
     q = arm.sampled(3000 if not part.cuts else 60_000, seed=7)
@@ -231,7 +231,7 @@ def test_every_tip_within_the_limits_lies_in_the_reachable_set(name, site, plane
 
 @every_arm
 def test_the_value_of_a_cell_is_that_of_a_posture_that_reaches_it(name, site, plane, through):
-    space = found(name, site, plane, through)
+    space = found(name, site, plane, through, cells=50)
     arm, part = space.task.arm, space.part
     for reach in (space.free, space.limited):
         cells = np.argwhere(reach.reached)[:: max(1, reach.reached.sum() // 50)]
@@ -240,7 +240,7 @@ def test_the_value_of_a_cell_is_that_of_a_posture_that_reaches_it(name, site, pl
             position = arm.pose(q)[:3]
             assert abs(part.offset(position)) < 1e-9
             middle = middles(space)[i, j]
-            # A chord of a step of half a degree, or within the cell.
+            # On a sheet it is the middle but for a chord of a degree, else anywhere in the cell.
             assert np.abs(part.coordinates(position) - middle).max() < 0.51 * reach.size
             A = space.task.matrix(arm.jacobian(q))
             assert_allclose(reach.values["sigma_min"][i, j], np.linalg.svd(A)[1][-1], atol=1e-12)

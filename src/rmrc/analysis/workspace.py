@@ -20,9 +20,9 @@ from rmrc.analysis.task import Array, Task, choose
 from rmrc.arm import Arm
 from rmrc.errors import QuestionError
 
-# Steps of a sheet's grid over the range of a joint: half a degree of a full turn, whose chords leave its arcs
-# by 1e-5 of their radius.
-GRID = 720
+# Steps of a sheet's grid over a full turn, or over a slide, for a cell: half a degree with 200 cells, whose
+# chords leave its arcs by 1e-5 of their radius, a hundredth of a cell. And at least so many.
+STEPS_A_CELL, FEWEST = 3.6, 180
 # The grid of a full turn is shifted by this part of a step, so that 0 and π, where arms are singular, are
 # no nodes of it, and not its ends.
 SHIFT = 0.381966
@@ -90,13 +90,17 @@ def compile_for(arm: Arm) -> None:
     jacobians(task, np.zeros((1, arm.n)))
 
 
-def expected(part: Slice, samples: int) -> int:
+def expected(part: Slice, cells: int, samples: int) -> int:
     """Return about how many configurations `workspace` looks at: for a progress bar."""
-    return 2 * (GRID + 1) ** 2 if part.is_sheet else 2 * samples
+    return 2 * _steps(cells) ** 2 if part.is_sheet else 2 * samples
+
+
+def _steps(cells: int) -> int:
+    return max(FEWEST, round(STEPS_A_CELL * cells))
 
 
 def _task(arm: Arm, part: Slice, axes: Sequence[str] | None, length: float) -> Task:
-    """Return the task of some axes, or of the linear ones; of a planar arm the two that show its plane best."""
+    """Return the task of some axes, or of the linear ones: of a planar arm the two that show most of it."""
     if axes is not None:
         return choose(arm, axes, length)
     rows = np.arange(3)
@@ -146,9 +150,9 @@ class _Work:
 
     def sheet(self, free: Array, own: Array, cells: int) -> Workspace:
         turns = free[self.part.joints] != own[self.part.joints]
-        nodes_free = [self.nodes(joint, free) for joint in self.part.joints]
+        nodes_free = [self.nodes(joint, free, cells) for joint in self.part.joints]
         nodes_own = [
-            self.nodes(joint, own) if limited else nodes
+            self.nodes(joint, own, cells) if limited else nodes
             for joint, nodes, limited in zip(self.part.joints, nodes_free, turns.any(axis=1), strict=True)
         ]
         at, value = self.image(nodes_free, with_determinant=True)
@@ -169,14 +173,11 @@ class _Work:
         limits = tuple(self.limit_curves(nodes_own, own))
         return self.finish(origin, size, shape, reaches, singular, limits)
 
-    def nodes(self, joint: int, ranges: Array) -> Array:
+    def nodes(self, joint: int, ranges: Array, cells: int) -> Array:
         low, high = ranges[joint]
-        steps = (
-            max(2, int(np.ceil(GRID * min(1.0, (high - low) / (2.0 * np.pi)))))
-            if self.turning[joint]
-            else GRID
-        )
-        is_full = self.turning[joint] and high - low >= 2.0 * np.pi
+        part = min(1.0, (high - low) / (2.0 * np.pi)) if self.turning[joint] else 1.0
+        steps = max(2, int(np.ceil(part * _steps(cells))))
+        is_full = self.turning[joint] and part == 1.0
         return np.linspace(low, high, steps + 1) - (SHIFT * (high - low) / steps if is_full else 0.0)
 
     def image(self, nodes: list[Array], with_determinant: bool = False) -> tuple[Array, Array]:

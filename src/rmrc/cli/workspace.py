@@ -145,7 +145,9 @@ def _slice(
             f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; "
             "postures are counted where two do"
         )
-    with progress(f"{asked.arm.path.stem}: workspace", expected(part, samples), asked.quiet) as on_samples:
+    with progress(
+        f"{asked.arm.path.stem}: workspace", expected(part, asked.cells, samples), asked.quiet
+    ) as on_samples:
         found = workspace(
             asked.arm,
             plane,
