@@ -138,11 +138,23 @@ class Found:
             best = np.full(len(self.count), -1)
             best[cells[order]] = order
             hit = np.flatnonzero(best >= 0)
-            new, old = of[measure][best[hit]], self.values[measure][hit]
-            better = np.isnan(old) | ((new > old) if high else (new < old))
-            self.values[measure][hit[better]] = new[better]
-            if measure == "sigma_min":
-                self.q[hit[better]] = found.q[best[hit[better]]]
+            self._keep(measure, hit, of[measure][best[hit]], found.q[best[hit]])
+
+    def include(self, other: "Found") -> None:
+        """Take what another has found as well."""
+        self.count += other.count
+        hit = np.flatnonzero(other.count)
+        for measure in MEASURES:
+            self._keep(measure, hit, other.values[measure][hit], other.q[hit])
+
+    def _keep(self, measure: Measure, cells: NDArray[np.int64], new: Array, q: Array) -> None:
+        """Take the value of each of some cells, all different, if it is better than what was found before."""
+        old = self.values[measure][cells]
+        high = (measure == "condition") == self.worst
+        better = np.isnan(old) | ((new > old) if high else (new < old))
+        self.values[measure][cells[better]] = new[better]
+        if measure == "sigma_min":
+            self.q[cells[better]] = q[better]
 
     def reach(self, size: float, postures: bool) -> Reach:
         """Return all of it as maps."""

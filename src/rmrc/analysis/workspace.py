@@ -225,16 +225,16 @@ class _Work:
         origin, size, shape = self.cells(
             [part.coordinates(jacobians(self.task, starts)[0]), singular.points], cells
         )
-        reaches = []
-        for ranges in (free, own):
-            known = Found(self.task, shape, self.worst)
+        both = [Found(self.task, shape, self.worst) for _ in range(2)]
+        for known, ranges in zip(both, (free, own), strict=True):
             mine = singular.q[singular.within] if ranges is own else singular.q
             self.look(known, mine, origin, size)
             for first in range(0, samples, BLOCK):
                 q = self.random(rng, ranges, min(BLOCK, samples - first))
                 self.look(known, self.in_slice(q, ranges, rng), origin, size)
             self.grow(known, ranges, origin, size, rng)
-            reaches.append(known.reach(size, postures=False))
+        both[0].include(both[1])  # what is reached within the limits is reached without
+        reaches = [known.reach(size, postures=False) for known in both]
         limits = tuple(self.limit_points(own, rng))
         return self.finish(origin, size, shape, reaches, (singular,), limits)
 
