@@ -411,3 +411,20 @@ def test_slices_that_an_arm_does_not_have_are_refused():
     with pytest.raises(QuestionError) as caught:
         workspace(boom, "zx")
     assert str(caught.value) == "--plane must be one of xy, xz, yz, rz, got 'zx'"
+
+
+def test_kept_postures_are_within_limits_that_do_not_lie_around_zero(tmp_path):
+    text = (
+        (ROOT / "models/planar_3link.xml")
+        .read_text()
+        .replace("common/world.xml", str(ROOT / "models/common/world.xml"))
+    )
+    path = tmp_path / "arm.xml"
+    path.write_text(text.replace('name="elbow" range="-2.7925268 2.7925268"', 'name="elbow" range="1.0 5.0"'))
+    arm = arms.load(path)
+    assert arm.position_limit[1].tolist() == [1.0, 5.0]
+    space = workspace(arm, q=np.array([0.0, 2.0, 0.0]), cells=30, samples=2000)
+    kept = space.limited.q[space.limited.reached]
+    low, high = arm.position_limit.T
+    assert (kept >= low - 1e-8).all() and (kept <= high + 1e-8).all()
+    assert kept[:, 1].max() > np.pi + 1.0

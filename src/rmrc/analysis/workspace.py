@@ -26,6 +26,8 @@ STEPS_A_CELL, FEWEST = 3.6, 180
 # The grid of a full turn is shifted by this part of a step, so that 0 and π, where arms are singular, are
 # no nodes of it, and not its ends.
 SHIFT = 0.381966
+# Of a joint at its limit [rad or m].
+ROUNDING = 1e-9
 # Random configurations from which singular ones are sought, where they are no curves on a sheet.
 STARTS = 4000
 # As many for each limit of each joint.
@@ -104,9 +106,9 @@ def _task(arm: Arm, part: Slice, axes: Sequence[str] | None, length: float) -> T
     if axes is not None:
         return choose(arm, axes, length)
     rows = np.arange(3)
-    return Task(
-        arm, rows if len(part.basis) == 3 else np.delete(rows, np.argmax(np.abs(part.normal))), length
-    )
+    if len(part.basis) == 2:
+        rows = np.delete(rows, np.argmax(np.abs(part.normal)))
+    return Task(arm, rows, length)
 
 
 def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:
@@ -128,6 +130,8 @@ def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:
 
 @dataclass
 class _Work:
+    """What the steps of one computation share."""
+
     arm: Arm
     task: Task
     part: Slice
@@ -220,7 +224,7 @@ class _Work:
         part, rng = self.part, np.random.default_rng(0)
         starts = self.in_slice(self.random(rng, free, STARTS), free, rng)
         q, found = nearest_singular(self.task, part, starts, part.movers)
-        q = np.where(self.turning, (q + np.pi) % (2.0 * np.pi) - np.pi, q)
+        q = self.wrapped(q, free)
         singular = self.curve("singular", q[found & self.inside(q, free)], own)
         origin, size, shape = self.cells(
             [part.coordinates(jacobians(self.task, starts)[0]), singular.points], cells
@@ -228,7 +232,7 @@ class _Work:
         both = [Found(self.task, shape, self.worst) for _ in range(2)]
         for known, ranges in zip(both, (free, own), strict=True):
             mine = singular.q[singular.within] if ranges is own else singular.q
-            self.look(known, mine, origin, size)
+            self.look(known, self.wrapped(mine, ranges), origin, size)
             for first in range(0, samples, BLOCK):
                 q = self.random(rng, ranges, min(BLOCK, samples - first))
                 self.look(known, self.in_slice(q, ranges, rng), origin, size)
@@ -267,10 +271,14 @@ class _Work:
     def inside(self, q: Array, ranges: Array) -> NDArray[np.bool_]:
         """Return which configurations are within ranges, a hinge also a turn further; to rounding."""
         joints = self.part.joints
-        beyond = q[:, joints] - ranges[joints, 0]
-        beyond = np.where(self.turning[joints], (beyond + 1e-9) % (2.0 * np.pi) - 1e-9, beyond)
-        width = ranges[joints, 1] - ranges[joints, 0]
-        return np.asarray(((beyond >= -1e-9) & (beyond <= width + 1e-9)).all(axis=1))
+        low, high = ranges[joints].T
+        positions = self.wrapped(q, ranges)[:, joints]
+        return np.asarray(((positions >= low - ROUNDING) & (positions <= high + ROUNDING)).all(axis=1))
+
+    def wrapped(self, q: Array, ranges: Array) -> Array:
+        """Return configurations with each hinge in the turn that begins at its lower end, to rounding."""
+        low = np.where(self.turning, ranges[:, 0], 0.0)
+        return np.where(self.turning, low - ROUNDING + (q - low + ROUNDING) % (2.0 * np.pi), q)
 
     def in_slice(self, q: Array, ranges: Array, rng: np.random.Generator) -> Array:
         """Return the configurations, each with one joint moved so that the site is in the plane, if it can.
@@ -293,14 +301,9 @@ class _Work:
         change = np.where(self.arm.is_slide[which], slid, turned)
         change[self.arm.pitch[which] != 0.0] = np.nan
         moved = q.copy()
-        rows = np.arange(len(q))
-        moved[rows, which] += change
-        hinge = self.turning[which]
-        low = ranges[which, 0]
-        moved[rows, which] = np.where(
-            hinge, low + (moved[rows, which] - low) % (2.0 * np.pi), moved[rows, which]
-        )
-        return moved[np.isfinite(change) & self.inside(np.nan_to_num(moved), ranges)]
+        moved[np.arange(len(q)), which] += change
+        moved = self.wrapped(moved[np.isfinite(change)], ranges)
+        return moved[self.inside(moved, ranges)]
 
     def look(self, known: Found, q: Array, origin: Array, size: float) -> None:
         for found in self.survey(q):
