@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 
 from project import ROOT
+from rmrc import arm as arms
 from rmrc.preparation import prepare
 from rmrc.scenario import load
 from rmrc.scorecard import check, scorecard
 from rmrc.simulation import Simulation
+from rmrc.textbook.redundancy import weighted_left_inverse
 
 SCENARIOS = sorted(path.stem for path in (ROOT / "scenarios").glob("*.yaml"))
 
@@ -48,6 +50,8 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("encoder_offsets", "arm.encoder.deviation=1 deg"),
         ("example_5_5", "control.inverse.method=damped"),
         ("whitney_1972", "control.feedback=25"),
+        ("more_rows_than_joints", "task.weights=[1, 1, 1]"),
+        ("only_some_velocities", "task.axes=[x, y]"),  # x never moves
         # blind to the buckling: what the elbow does moves the tip neither in x nor in y
         ("hold_at_singularity", "task.axes=[x, y]"),
     ],
@@ -85,6 +89,21 @@ def test_the_stretched_arm_bears_pressure_and_pull_with_a_twentieth_of_its_torqu
 def test_a_soft_or_a_bent_arm_does_not_bear_it(fault):
     _, results = outcomes("hold_at_singularity", fault)
     assert not any(outcome.ok for outcome in results)
+
+
+def test_more_rows_than_joints_are_the_textbooks_left_inverse_at_every_tick():
+    run, _ = outcomes("more_rows_than_joints")
+    feedback = load(ROOT / "scenarios/more_rows_than_joints.yaml").control.feedback
+    arm = arms.load(ROOT / "models/planar_2link.xml", "tip")
+    rows, W, without_weights = [0, 1, 5], np.diag([1.0, 1.0, 0.001]), []
+    for t in range(0, len(run), 50):
+        twist = (run["twist_ref"][t] + feedback * run["pose_error"][t])[rows]
+        J = arm.jacobian(run["q"][t])[rows]
+        # The normal equations have κ(J)² = 6, over √0.001, of digits less than the law: 1e-13.
+        wanted = weighted_left_inverse(J, W) @ twist
+        np.testing.assert_allclose(run["qdot_cmd"][t], wanted, atol=1e-12)
+        without_weights.append(np.abs(weighted_left_inverse(J, np.eye(3)) @ twist - wanted).max())
+    assert max(without_weights) > 0.01  # rad/s: such a law would be seen
 
 
 def test_stanford_wrist_passes_its_singularity_at_one_degree():

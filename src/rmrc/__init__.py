@@ -13,6 +13,8 @@ the compiled law take a third of a second.
     borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics
     costs = rmrc.wrench_costs(arm, q)                             # the same
     held = rmrc.hold(arm, q, wrench)                              # rmrc.holding
+    found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.inverse_kinematics
+    postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.postures
     found = rmrc.workspace(arm)                                   # rmrc.analysis.workspace
 """
 
@@ -31,6 +33,10 @@ _HOMES = {
     "balance": "rmrc.analysis.statics",
     "wrench_costs": "rmrc.analysis.statics",
     "hold": "rmrc.holding",
+    "goal_pose": "rmrc.analysis.inverse_kinematics",
+    "solve_ik": "rmrc.analysis.inverse_kinematics",
+    "solve_many": "rmrc.analysis.inverse_kinematics",
+    "find_postures": "rmrc.analysis.postures",
     "workspace": "rmrc.analysis.workspace",
 }
 

@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import inspect, scenarios, statics, workspace
+from rmrc.cli import ik, inspect, scenarios, statics, workspace
 from rmrc.cli.console import EXIT_INPUT, complain
 from rmrc.errors import RmrcError
 
@@ -29,6 +29,7 @@ for verb in (
     scenarios.schema,
     inspect.inspect,
     statics.statics,
+    ik.ik,
     workspace.workspace,
 ):
     app.command()(verb)

@@ -1,0 +1,161 @@
+"""The verb `ik`: joint positions that bring a site to a pose, or as near as they can."""
+
+import json
+import math
+from dataclasses import replace
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.text import Text
+
+from rmrc.cli.console import EXIT_MISSED, complain, notice, output
+from rmrc.cli.questions import (
+    AsJson,
+    Keyframe,
+    Length,
+    Model,
+    Positions,
+    Site,
+    TaskAxes,
+    configuration,
+    numbers,
+    task_axes,
+)
+from rmrc.errors import QuestionError
+
+if TYPE_CHECKING:
+    from rmrc.analysis.task import Array, Task
+
+
+class Method(StrEnum):
+    """How to search."""
+
+    DAMPED = "damped"
+    NEWTON = "newton"
+
+
+To = Annotated[
+    str | None,
+    typer.Option(
+        "--to",
+        metavar="X,Y,...",
+        help="The goal: a value for each row of the task, m, rad, or angles such as "
+        '"120 deg"; rx,ry,rz are a rotation vector.',
+    ),
+]
+Quat = Annotated[
+    str | None,
+    typer.Option("--quat", metavar="W,X,Y,Z", help="The goal's orientation; --to has x,y,z alone then."),
+]
+ToPositions = Annotated[
+    str | None, typer.Option("--to-q", metavar="Q1,Q2,...", help="The goal: where these joints put the site.")
+]
+Tolerance = Annotated[
+    float, typer.Option(help="How near is there: orientation in rad, position over --length.", min=1e-12)
+]
+WhichMethod = Annotated[
+    Method, typer.Option(help="Damped steps from several starts, or Newton's from one, all printed.")
+]
+Limits = Annotated[bool, typer.Option("--limits/--no-limits", help="Keep to the model's position limits.")]
+Every = Annotated[
+    bool,
+    typer.Option(
+        "--all",
+        help="Look for all postures, from many starts; two are one within 1e-4 rad, or m over --length.",
+    ),
+]
+Iterates = Annotated[bool, typer.Option("--iterates", help="Print every step.")]
+
+
+def ik(
+    model: Model,
+    to: To = None,
+    quat: Quat = None,
+    to_q: ToPositions = None,
+    q: Positions = None,
+    keyframe: Keyframe = None,
+    site: Site = None,
+    axes: TaskAxes = None,
+    length: Length = 1.0,
+    method: WhichMethod = Method.DAMPED,
+    limits: Limits = True,
+    every: Every = False,
+    iterates: Iterates = False,
+    tolerance: Tolerance = 1e-9,
+    as_json: AsJson = False,
+) -> None:
+    """Find joint positions that bring a site to a pose; begin at --q or --keyframe."""
+    from rmrc.arm import load
+
+    if every and (iterates or method is Method.NEWTON):
+        option = "--iterates" if iterates else "--method newton"
+        raise QuestionError(f"give --all or {option}, not both: all postures are searched from many starts")
+    for option, value in (("--length", length), ("--tolerance", tolerance)):
+        if not math.isfinite(value):
+            raise QuestionError(f"{option} must be finite, got {value}")
+    rows = task_axes(axes)
+    with notice("reading the model ..."):
+        from rmrc.analysis.inverse_kinematics import solve_ik
+        from rmrc.analysis.postures import find_postures
+        from rmrc.analysis.task import choose
+        from rmrc.output import postures as tables
+        from rmrc.output.sheets import as_table
+
+    arm = load(model, site)
+    task = choose(arm, rows, length)
+    goal, start = _goal(task, to, quat, to_q), configuration(arm, q, keyframe)
+    facts: dict[str, object] = {
+        "model": str(model), "site": arm.site, "axes": list(task.axes), "length": length,
+        "limits": limits, "tolerance": tolerance, "goal": goal.tolist(), "start": start.tolist(),
+    }  # fmt: skip
+    with notice("compiling the inverse kinematics (once; kept for the next time) ..."):
+        if every:
+            postures = find_postures(task, goal, start, limits=limits, tolerance=tolerance)
+            failed = postures.nearest
+        else:
+            solution = solve_ik(task, goal, start, method=method.value, limits=limits, tolerance=tolerance)
+            failed = None if solution.found else solution
+    if every:
+        facts |= tables.posture_facts(task, postures)
+        sheets = tables.posture_sheets(task, postures, limits)
+    else:
+        steps = iterates or method is Method.NEWTON
+        facts |= {"method": method.value, **tables.solution_facts(task, solution, steps)}
+        sheets = tables.solution_sheets(task, solution, limits, steps)
+    if as_json:
+        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
+    else:
+        console = output()
+        for sheet in sheets:
+            if sheet.title:  # printed by itself, as it may be wider than its table
+                console.print(Text(sheet.title, style="bold"))
+            console.print(as_table(replace(sheet, title="")))
+            console.print()
+    if failed is not None:
+        complain(tables.failure(task, failed))
+        raise typer.Exit(EXIT_MISSED)
+
+
+def _goal(task: "Task", to: str | None, quat: str | None, to_q: str | None) -> "Array":
+    """Return the pose (7,) of --to and --quat, or of --to-q."""
+    from rmrc.analysis.inverse_kinematics import goal_pose
+
+    if to_q is not None:
+        if to is not None or quat is not None:
+            raise QuestionError("give --to-q or --to and --quat, not both")
+        return task.arm.pose(numbers("--to-q", to_q, task.arm.joints))
+    positions = tuple(axis for axis in task.axes if not axis.startswith("r"))
+    if quat is None:
+        if to is None:
+            raise QuestionError(
+                f"give a goal: --to with a value for each of {', '.join(task.axes)}, or --to-q"
+            )
+        return goal_pose(task, numbers("--to", to, task.axes))
+    if to is None and positions:
+        raise QuestionError(f"--quat needs --to with a value for each of {', '.join(positions)}")
+    values = numbers("--to", to, positions) if to is not None else ()
+    orientation = numbers("--quat", quat, ("w", "x", "y", "z"))
+    if not orientation.any():
+        raise QuestionError(f"--quat must not be zero, got {quat!r}")
+    return goal_pose(task, values, orientation)

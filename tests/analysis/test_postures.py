@@ -1,0 +1,215 @@
+"""All postures are found, counted as closed forms count them, and a continuum is not listed."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.analysis import inverse_kinematics as inverse
+from rmrc.analysis.inverse_kinematics import goal_pose
+from rmrc.analysis.postures import find_postures
+from rmrc.analysis.task import choose
+from rmrc.spatial import pose_error
+from rmrc.textbook.torus import torus_postures
+
+
+def load(name, site=None):
+    return arms.load(ROOT / f"models/{name}.xml", site)
+
+
+def sorted_rows(q):
+    q = np.asarray(q)
+    return q[np.lexsort(q.round(6).T[::-1])]
+
+
+def assert_postures(task, goal, found):
+    """Each is a posture by MuJoCo, and no two are the same."""
+    for q in found.q:
+        error = pose_error(goal, task.arm.pose(q))[task.rows]
+        assert np.abs(error).max() < 1e-9
+    gaps = np.abs(np.exp(1j * found.q[:, None]) - np.exp(1j * found.q[None])).max(axis=2)
+    assert (gaps[~np.eye(len(found.q), dtype=bool)] > 1e-4).all()
+    assert found.nearest is None and found.hits.sum() <= found.starts
+
+
+def two_links(reach, x, y):
+    """The textbook's two postures: cosine law [Craig05, §4.4]."""
+    elbow = np.arccos((x * x + y * y - 2 * reach**2) / (2 * reach**2))
+    return [
+        (np.arctan2(y, x) - np.arctan2(np.sin(e), 1 + np.cos(e)), e) for e in (-elbow, elbow)
+    ]  # equal links
+
+
+def test_two_links_have_two_postures():
+    task = choose(load("planar_2link"))
+    found = find_postures(task, goal_pose(task, [0.9, 0.8]))
+    # 1e-13 is what the search goes down to, over the smallest singular value.
+    assert_allclose(found.q, sorted_rows(two_links(1.0, 0.9, 0.8)), atol=1e-12)
+    assert_array_equal(found.freedom, [0, 0])
+    assert not found.is_continuum
+
+
+def test_three_links_with_the_angle_have_two_postures():
+    task = choose(load("planar_3link"))
+    q = np.array([0.4, 0.9, -0.7])
+    goal = task.arm.pose(q)
+    found = find_postures(task, goal)
+    assert len(found.q) == 2
+    assert_postures(task, goal, found)
+    assert_allclose(found.q[found.q[:, 1] > 0], [q], atol=1e-12)
+    assert_allclose(found.q[found.q[:, 1] < 0][:, 1], -0.9, atol=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_the_puma_has_eight_postures(seed):
+    task = choose(load("puma560"))
+    q = task.arm.sampled(1, 30 + seed)
+    goal = task.arm.pose(q[0])
+    found = find_postures(task, goal, limits=False)
+    assert len(found.q) == 8 and not found.is_continuum
+    assert_postures(task, goal, found)
+    # Shoulder left or right, elbow up or down, wrist flipped or not: each once.
+    arms_ = {tuple(row) for row in np.exp(1j * found.q[:, :3]).round(6)}
+    assert len(arms_) == 4
+    wrists = found.q[:, 4].round(9)
+    assert all(-wrist in wrists for wrist in wrists)
+    # Within limits there are fewer, all of them among the eight.
+    kept = find_postures(task, goal)
+    assert 0 < len(kept.q) <= 8
+    lower, upper = task.arm.position_limit.T
+    for one in kept.q:
+        assert (one >= lower).all() and (one <= upper).all()
+        assert np.abs(np.exp(1j * found.q) - np.exp(1j * one)).max(axis=1).min() < 1e-9
+
+
+@pytest.mark.parametrize("site", ["wrist", "tool"])
+def test_the_stanford_arm_has_eight_postures_half_of_them_with_the_boom_behind(site):
+    arm = load("stanford", site)
+    task = choose(arm)
+    q = np.array([0.3, 1.1, 0.6, 0.5, 0.8, -0.4])
+    goal = arm.pose(q)
+    found = find_postures(task, goal, limits=False)
+    assert_postures(task, goal, found)
+    # Closed form: the wrist point (x, y, z) leaves 2 waist angles, d_3 sin θ_2 = ±√(x² + y² − d_2²), and for
+    # each of them d_3 > 0, or the boom turned round with d_3 < 0; then the wrist can be flipped.
+    x, y, z = load("stanford", "wrist").pose(q)[:3] - [0, 0, 0.412]
+    side = np.sqrt(x * x + y * y - 0.154**2)
+    expected = []
+    for s in (side, -side):
+        waist = np.arctan2(y, x) - np.arctan2(0.154, s)
+        for d in (np.hypot(s, z), -np.hypot(s, z)):
+            expected += [(waist, np.arctan2(s / d, z / d), d)] * 2
+    expected = np.array(expected)
+    expected[:, :2] = np.angle(np.exp(1j * expected[:, :2]))
+    assert_allclose(found.q[:, :3], sorted_rows(expected), atol=1e-11)
+    assert (found.q[:, 2] < 0).sum() == 4
+
+
+@pytest.mark.parametrize(
+    ("name", "point"),
+    [
+        ("torus_3r", [1.0, 0.5, 1.5]),
+        ("torus_3r", [0.7, -0.9, 1.0]),
+        ("torus_3r_short", [0.2, 0.0, 1.8]),
+        ("torus_3r_short", [0.75, 0.3, 1.1]),
+    ],
+)
+def test_the_torus_arm_has_the_postures_of_its_closed_form(name, point):
+    arm = load(name)
+    task = choose(arm)
+    # Lengths, and the height of the first link, are read off the model at 0 and at a right angle.
+    straight = arm.pose([0.0, 0.0, 0.0])
+    bent = arm.pose([0.0, 0.0, np.pi / 2]) - straight
+    up = arm.pose([0.0, np.pi / 2, 0.0]) - straight
+    outer, height = up[2], straight[2]
+    lengths = [straight[0] - outer, outer - bent[2], bent[2]]
+    expected = torus_postures(lengths, np.array(point) - [0, 0, height])
+    found = find_postures(task, goal_pose(task, point), limits=False)
+    assert len(found.q) == len(expected) > 0
+    assert_allclose(found.q, sorted_rows(expected), atol=1e-11)
+
+
+def test_a_spherical_wrist_has_two_postures():
+    task = choose(load("spherical_wrist"))
+    q = np.array([0.4, 0.9, -0.7])
+    found = find_postures(task, task.arm.pose(q), limits=False)
+    assert task.axes == ("rx", "ry", "rz")
+    # The other is flipped: (q_1 ± π, −q_2, q_3 ± π).
+    expected = [q, np.angle(np.exp(1j * (q * [1, -1, 1] + [np.pi, 0, np.pi])))]
+    assert_allclose(found.q, sorted_rows(expected), atol=1e-11)
+
+
+def test_a_long_torus_arm_has_two_postures_at_most_and_a_short_one_four():
+    counts = {}
+    for name in ("torus_3r", "torus_3r_short"):
+        task = choose(load(name))
+        goals = [task.arm.pose(q) for q in task.arm.sampled(12, 40)]
+        counts[name] = {len(find_postures(task, goal, limits=False, starts=500).q) for goal in goals}
+    assert counts["torus_3r"] == {2}
+    assert counts["torus_3r_short"] == {2, 4}
+
+
+# Continua ---------------------------------------------------------------------------------------
+
+
+def test_on_the_waist_axis_there_is_a_continuum():
+    task = choose(load("torus_3r_short"))
+    start = [0.7, 0.5, 0.5]
+    found = find_postures(task, goal_pose(task, [0.0, 0.0, 0.7]), start)
+    assert found.is_continuum and found.freedom.tolist() == [1] and len(found.q) == 1
+    # Any waist angle will do; of all that were met, the start's is nearest, to the spacing of the starts.
+    assert abs(found.q[0, 0] - 0.7) < 0.2
+    # Negative control: beside the axis they are isolated.
+    beside = find_postures(task, goal_pose(task, [0.01, 0.0, 0.7]), start, limits=False)
+    assert not beside.is_continuum and len(beside.q) == 4
+
+
+def test_an_arm_with_joints_to_spare_has_a_continuum():
+    task = choose(load("planar_3link"), ["x", "y"])
+    found = find_postures(task, goal_pose(task, [0.6, 0.3]), starts=200)
+    assert found.is_continuum and found.freedom.tolist() == [1]
+    assert found.hits.tolist() == [found.hits.sum()] and found.hits[0] > found.starts / 2
+
+
+def test_a_wrist_that_is_straight_leaves_a_continuum_beside_isolated_postures():
+    # θ_5 = 0: θ_4 and θ_6 turn about one axis. The other shoulder's wrist is bent, and its postures isolated.
+    task = choose(load("stanford"))
+    goal = task.arm.pose([0.3, 1.1, 0.6, 0.5, 0.0, -0.4])
+    found = find_postures(task, goal)
+    assert found.is_continuum and sorted(found.freedom)[-1] == 1
+    loose = found.q[found.freedom > 0]
+    assert len(loose) == 1
+    assert_allclose(loose[0, [0, 1, 2, 4]], [0.3, 1.1, 0.6, 0.0], atol=1e-6)
+    assert_allclose(np.exp(1j * (loose[0, 3] + loose[0, 5])), np.exp(0.1j), atol=1e-6)
+
+
+def test_a_singular_posture_with_none_beside_it_is_isolated():
+    # A is singular where two links are stretched, but they cannot move.
+    task = choose(load("planar_2link"))
+    found = find_postures(task, goal_pose(task, [2.0 * np.cos(0.3), 2.0 * np.sin(0.3)]))
+    assert not found.is_continuum
+    # The two postures are one there, to the root of rounding.
+    assert_allclose(found.q, [[0.3, 0.0]], atol=1e-6)
+
+
+# None, and the same -------------------------------------------------------------------------------
+
+
+def test_where_there_is_no_posture_the_nearest_is_told():
+    task = choose(load("planar_2link"))
+    found = find_postures(task, goal_pose(task, [0.0, 2.5]))
+    assert found.q.shape == (0, 2) and len(found.hits) == len(found.freedom) == 0
+    assert not found.is_continuum
+    assert_allclose(found.nearest.q, [np.pi / 2, 0.0], atol=1e-6)
+    assert_allclose(found.nearest.position_error, 0.5, atol=1e-12)
+
+
+def test_threads_change_no_bit(monkeypatch):
+    task = choose(load("puma560"))
+    goal = task.arm.pose(task.arm.sampled(1, 50)[0])
+    alone = find_postures(task, goal, starts=300, threads=1)
+    monkeypatch.setattr(inverse, "SHARE", 7)
+    shared = find_postures(task, goal, starts=300, threads=2)
+    for name in ("q", "hits", "freedom"):
+        assert_array_equal(getattr(shared, name), getattr(alone, name))
