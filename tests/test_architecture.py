@@ -41,7 +41,9 @@ OWNERS = {
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
     "rerun": tuple(f"rmrc.output.{name}" for name in ("recording", "overlay", "look", "track", "stream")),
     "pyarrow": ("rmrc.output.recording", "rmrc.output.stream"),  # comes with rerun
-    "matplotlib": tuple(f"rmrc.output.{name}" for name in ("figures", "arm_figure", "textbook_figures")),
+    "matplotlib": tuple(
+        f"rmrc.output.{name}" for name in ("figures", "arm_figure", "textbook_figures", "workspace_figure")
+    ),
     "rich": (
         "rmrc.cli",
         *(f"rmrc.output.{name}" for name in ("tables", "comparison_table", "sheets", "bearing")),

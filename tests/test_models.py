@@ -97,6 +97,12 @@ DESCRIBED = {
         closed_form={"tip": six_rows(1.0, 0.8, 0.6), "wrist": six_rows(1.0, 0.8, 0.0)},
         task=(0, 1, 5),
     ),
+    "planar_6_3": Described(
+        chain=planar(6.0, 3.0),
+        sites={"tip": (2, (3.0, 0.0, 0.0))},
+        closed_form={"tip": six_rows(6.0, 3.0)},
+        task=(0, 1),
+    ),
     "stanford": Described(
         chain=stanford_chain(),
         sites={"wrist": (6, (0.0, 0.0, 0.0)), "tool": (6, (0.0, 0.0, 0.263))},
@@ -388,6 +394,8 @@ ALUMINUM = 2700.0
 TUBES = [  # arm, link, length, outer radius, wall (0: solid), along which axis, center
     ("planar_2link", "link_1", 1.0, 0.030, 0.003, 0, (0.5, 0, 0)),
     ("planar_2link", "link_2", 1.0, 0.030, 0.003, 0, (0.5, 0, 0)),
+    ("planar_6_3", "link_1", 6.0, 0.150, 0.003, 0, (3.0, 0, 0)),
+    ("planar_6_3", "link_2", 3.0, 0.100, 0.003, 0, (1.5, 0, 0)),
     ("planar_3link", "link_1", 1.0, 0.030, 0.003, 0, (0.5, 0, 0)),
     ("planar_3link", "link_2", 0.8, 0.025, 0.003, 0, (0.4, 0, 0)),
     ("planar_3link", "link_3", 0.6, 0.020, 0.003, 0, (0.3, 0, 0)),

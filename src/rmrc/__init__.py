@@ -15,6 +15,7 @@ the compiled law take a third of a second.
     held = rmrc.hold(arm, q, wrench)                              # rmrc.holding
     found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.inverse_kinematics
     postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.postures
+    found = rmrc.workspace(arm)                                   # rmrc.analysis.workspace
 """
 
 from importlib import import_module
@@ -36,6 +37,7 @@ _HOMES = {
     "solve_ik": "rmrc.analysis.inverse_kinematics",
     "solve_many": "rmrc.analysis.inverse_kinematics",
     "find_postures": "rmrc.analysis.postures",
+    "workspace": "rmrc.analysis.workspace",
 }
 
 

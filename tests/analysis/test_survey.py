@@ -10,8 +10,8 @@ from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis import survey as surveys
-from rmrc.analysis.survey import survey
-from rmrc.analysis.task import choose
+from rmrc.analysis.survey import jacobians, survey
+from rmrc.analysis.task import Task, choose
 from screws import screw_chain
 
 # Products of eight rotations with lengths of about 1 m.
@@ -65,6 +65,30 @@ def test_threads_change_no_bit(monkeypatch):
     shared = survey(task, q, threads=2)
     assert_array_equal(shared.pose, alone.pose)
     assert_array_equal(shared.sigma, alone.sigma)
+
+
+def test_singular_values_are_numpys_of_any_size_and_near_singularities():
+    arm = arms.load(ROOT / "models/stanford.xml")
+    q = arm.sampled(100)  # not a multiple of the matrices that are decomposed side by side
+    q[50:, 4] *= 10.0 ** -np.arange(0.0, 10.0, 0.2)
+    for length in (1.0, 1e-70, 1e70):  # squares of either would leave the range
+        task = choose(arm, None, 1.0) if length == 1.0 else Task(arm, np.arange(3), length)
+        sigma = np.linalg.svd([task.matrix(arm.jacobian(one)) for one in q], compute_uv=False)
+        assert_allclose(survey(task, q).sigma, sigma, atol=ROUNDING * sigma.max(), rtol=1e-12)
+        # σ_min itself, of what is not rounding
+        clear = sigma[:, -1] > 1e-6 * sigma[:, 0]
+        assert_allclose(survey(task, q).sigma[clear, -1], sigma[clear, -1], rtol=1e-9)
+    task = choose(arm, ["x"])  # and of a single row
+    row = np.array([task.matrix(arm.jacobian(one)) for one in q])[:, 0]
+    assert_allclose(survey(task, q).sigma[:, 0], np.linalg.norm(row, axis=1), rtol=1e-12)
+
+
+def test_jacobians_are_mujocos():
+    arm = arms.load(ROOT / "models/stanford.xml")
+    q = arm.sampled(20)
+    position, J = jacobians(choose(arm), q)
+    assert_allclose(position, [arm.pose(one)[:3] for one in q], atol=ROUNDING)
+    assert_allclose(J, [arm.jacobian(one) for one in q], atol=ROUNDING)
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ configuration a call.
 """
 
 import os
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
@@ -14,10 +15,16 @@ from rmrc.analysis.task import Array, Task
 from rmrc.control.compiled import Record, entry, machine_code
 from rmrc.control.kinematics import follow_chain, geometric_jacobian
 from rmrc.control.law import scale_task
-from rmrc.control.smallmat import svd_from_scratch
+from rmrc.control.records import capacity
+from rmrc.control.smallmat import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
 
 # Configurations that a thread takes at a time: some milliseconds of work.
 SHARE = 4096
+# Configurations that a caller with many more had better ask for at a time: some tens of megabytes.
+BLOCK = 1 << 16
+
+# Machine code by kernel and capacity of the record, on which alone the types depend.
+_CODE: dict[tuple[str, int], Callable[..., None]] = {}
 
 
 @dataclass(frozen=True)
@@ -57,16 +64,37 @@ def survey(task: Task, q: Array, threads: int | None = None) -> Survey:
     """
     q = np.ascontiguousarray(q, np.float64)
     pose, sigma = np.empty((len(q), 7)), np.empty((len(q), min(len(task.rows), task.arm.n)))
-    world = task.record()
-    kernel = machine_code(examine, world, q, pose, sigma)
+    _shared(examine, task, threads, q, pose, sigma)
+    return Survey(q, pose, sigma)
+
+
+def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, Array]:
+    """Return positions of the site, (N, 3) [m], and Jacobians, (N, 6, n), at many configurations (N, n).
+
+    Args:
+        task: The arm; its rows do not matter.
+        q: Joint positions, (N, n).
+        threads: None for one on each core; the result does not depend on it.
+    """
+    q = np.ascontiguousarray(q, np.float64)
+    position, J = np.empty((len(q), 3)), np.empty((len(q), 6, task.arm.n))
+    _shared(locate, task, threads, q, position, J)
+    return position, J
+
+
+def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *arrays: Array) -> None:
+    """Let threads work on the rows of arrays, SHARE at a time."""
+    # Finding the types of a record takes as long as a thousand configurations.
+    known = kernel.__name__, capacity(task.arm.n)
+    if known not in _CODE:
+        _CODE[known] = machine_code(kernel, task.record(), *arrays)
+    compiled = _CODE[known]
 
     def share(first: int) -> None:
-        part = slice(first, first + SHARE)
-        kernel(task.record(), q[part], pose[part], sigma[part])
+        compiled(task.record(), *(array[first : first + SHARE] for array in arrays))
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(share, range(0, len(q), SHARE)))
-    return Survey(q, pose, sigma)
+        list(pool.map(share, range(0, len(arrays[0]), SHARE)))
 
 
 @entry
@@ -79,10 +107,35 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
         pose: Written.
         sigma: Written.
     """
+    k, size = world.k, max(world.m, world.n)
+    long, norm2, scale = np.zeros((k, size, LANES)), np.empty((k, LANES)), np.empty(LANES)
+    rows, row_norm2 = np.empty((k, size)), np.empty(k)
+    for first in range(0, q.shape[0], LANES):
+        count = min(LANES, q.shape[0] - first)
+        for w in range(count):
+            follow_chain(world, q[first + w])
+            for c in range(7):
+                pose[first + w, c] = world.pose[c]
+            geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
+            scale_task(world)
+            scale[w] = put_in_lane(world.A, world.m, world.n, rows, row_norm2, long, w)
+        singular_values_of_lanes(long, norm2, k, size)
+        for w in range(count):
+            take_from_lane(norm2, k, w, scale[w], sigma[first + w])
+
+
+@entry
+def locate(world: Record, q: Array, position: Array, J: Array) -> None:
+    """Write positions (N, 3) and Jacobians (N, 6, n) at joint positions (N, n).
+
+    Args:
+        world: A task's record; its measurement is overwritten.
+        q: Read.
+        position: Written.
+        J: Written.
+    """
     for i in range(q.shape[0]):
         follow_chain(world, q[i])
-        for c in range(7):
-            pose[i, c] = world.pose[c]
-        geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
-        scale_task(world)
-        svd_from_scratch(world.A, world.m, world.n, world.u, sigma[i], world.v)
+        for c in range(3):
+            position[i, c] = world.pose[c]
+        geometric_jacobian(world, world.pose, world.anchor, world.axis, J[i])

@@ -11,7 +11,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import ik, inspect, scenarios, statics
+from rmrc.cli import ik, inspect, scenarios, statics, workspace
 from rmrc.cli.console import EXIT_INPUT, complain
 from rmrc.errors import RmrcError
 
@@ -30,6 +30,7 @@ for verb in (
     inspect.inspect,
     statics.statics,
     ik.ik,
+    workspace.workspace,
 ):
     app.command()(verb)
 

@@ -13,6 +13,11 @@ from rmrc.control.compiled import Array, compiled, entry, inlined
 ORTHOGONAL = 3e-15
 # Rotations by so little leave cosines of their square, 1e-13.
 SMALL = 3e-7
+# Of values alone: rotations by so little leave others of their square, which move a value by that squared.
+SMALL_FOR_VALUES = 1e-4
+# Matrices that are decomposed side by side, the same entry of all of them in a row, so that the processor
+# works on several at once: enough to make up for the start of a loop, few enough for its nearest memory.
+LANES = 64
 # Up to here the neglected terms of the cosine's series, 5/16 t⁶, are below rounding.
 SERIES = 1e-3
 # Quadratic convergence needs 3 to 6 sweeps from a cold start; more means the input is not finite.
@@ -296,3 +301,121 @@ def cold_svd(a: Array) -> tuple[Array, Array, Array]:
     u, sigma, v = np.eye(k, m), np.zeros(k), np.eye(k, n)
     svd(np.ascontiguousarray(a, np.float64), m, n, u, sigma, v)
     return u, sigma, v
+
+
+@compiled
+def singular_values_of_lanes(long: Array, norm2: Array, k: int, size: int) -> None:
+    """Write the squared singular values of LANES matrices at once, unsorted: `decompose` without any vectors.
+
+    The same rotations, but for all matrices in step; one that is finished is rotated by exactly nothing, so
+    that its bits do not depend on those beside it.
+
+    Args:
+        long: The k rows of each matrix, (k, size, LANES); overwritten.
+        norm2: Written, (k, LANES).
+        k: Rows.
+        size: Columns, at least k.
+    """
+    sine, cosine, gamma = np.empty(LANES), np.empty(LANES), np.empty(LANES)
+    largest, left = np.empty(LANES), np.ones(LANES)
+    squared_norms_of_lanes(long, norm2, k, size)
+    for _ in range(SWEEPS_MAX):
+        largest[:] = 0.0
+        for p in range(k - 1):
+            for q in range(p + 1, k):
+                rotate_lanes(long, p, q, size, norm2, left, sine, cosine, gamma, largest)
+        squared_norms_of_lanes(long, norm2, k, size)
+        count = 0.0
+        for w in range(LANES):
+            if largest[w] <= SMALL_FOR_VALUES:
+                left[w] = 0.0
+            count += left[w]
+        if count == 0.0:
+            break
+
+
+@compiled
+def rotate_lanes(
+    long: Array, p: int, q: int, size: int, norm2: Array, left: Array, sine: Array, cosine: Array,
+    gamma: Array, largest: Array,
+) -> None:  # fmt: skip
+    """Rotate rows p and q of each matrix until they are orthogonal, of those that are left to do.
+
+    Args:
+        long: Rows of all matrices, (k, size, LANES).
+        p: A row.
+        q: Another.
+        size: Columns.
+        norm2: Squared lengths of the rows, (k, LANES); kept up.
+        left: 1 where a matrix is left to do, else 0, (LANES,).
+        sine: Overwritten, (LANES,).
+        cosine: Overwritten, (LANES,).
+        gamma: Overwritten, (LANES,).
+        largest: Largest tangent of this sweep, (LANES,); kept up.
+    """
+    for w in range(LANES):
+        gamma[w] = 0.0
+    for j in range(size):
+        for w in range(LANES):
+            gamma[w] += long[p, j, w] * long[q, j, w]
+    for w in range(LANES):
+        g, a, b = gamma[w], norm2[p, w], norm2[q, w]
+        counts = (g * g > ORTHOGONAL * ORTHOGONAL * a * b) & (left[w] > 0.0)
+        # As `rotation`, but without a branch, so that the processor can take several at once.
+        t = 2.0 * g / (b - a + math.copysign(math.sqrt((b - a) * (b - a) + 4.0 * g * g), b - a))
+        t = t if counts else 0.0
+        cosine[w] = 1.0 / math.sqrt(1.0 + t * t)
+        sine[w] = cosine[w] * t
+        norm2[p, w], norm2[q, w] = a - t * g, b + t * g
+        largest[w] = largest[w] if largest[w] > abs(t) else abs(t)
+    for j in range(size):
+        for w in range(LANES):
+            a, b = long[p, j, w], long[q, j, w]
+            long[p, j, w] = cosine[w] * a - sine[w] * b
+            long[q, j, w] = sine[w] * a + cosine[w] * b
+
+
+@compiled
+def squared_norms_of_lanes(long: Array, norm2: Array, k: int, size: int) -> None:
+    """Write the squared lengths of the k rows of each of LANES matrices, (k, LANES)."""
+    for p in range(k):
+        norm2[p, :] = 0.0
+        for j in range(size):
+            for w in range(LANES):
+                norm2[p, w] += long[p, j, w] * long[p, j, w]
+
+
+@compiled
+def put_in_lane(a: Array, m: int, n: int, rows: Array, norm2: Array, long: Array, w: int) -> float:
+    """Copy the leading (m, n) block of `a`, its shorter side as rows, into a lane; return its divisor.
+
+    Args:
+        a: Matrix, at least (m, n).
+        m: Rows.
+        n: Columns.
+        rows: Overwritten, at least (min(m, n), max(m, n)).
+        norm2: Overwritten, at least (min(m, n),).
+        long: Of all lanes; one is written.
+        w: Which.
+    """
+    k, size = min(m, n), max(m, n)
+    for p in range(k):
+        for j in range(size):
+            rows[p, j] = a[p, j] if m <= n else a[j, p]
+    squared_norms(rows, norm2, k, size)
+    scale = tame(rows, norm2, k, size)
+    for p in range(k):
+        for j in range(size):
+            long[p, j, w] = rows[p, j]
+    return scale
+
+
+@compiled
+def take_from_lane(norm2: Array, k: int, w: int, scale: float, sigma: Array) -> None:
+    """Write the singular values of a lane, falling, times what its matrix was divided by."""
+    for i in range(k):
+        value, p = scale * math.sqrt(norm2[i, w]), i
+        while p > 0 and sigma[p - 1] < value:
+            sigma[p] = sigma[p - 1]
+            p -= 1
+        sigma[p] = value

@@ -1,0 +1,12 @@
+# The pictures of the documents, made by the program itself: `make figures`.
+# A line a picture, plain enough to be copied; what else a command leaves goes to build/figures.
+
+PYTHON ?= .venv/bin/python
+
+.PHONY: figures
+figures:
+	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --picture docs/figures/workspace_6_3.png --out build/figures --quiet
+	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --map sigma_min --picture docs/figures/sigma_min_6_3.png --out build/figures --quiet
+	$(PYTHON) -m rmrc workspace models/torus_3r.xml --picture docs/figures/workspace_torus.png --out build/figures --quiet
+	$(PYTHON) -m rmrc workspace models/torus_3r_short.xml --map postures --picture docs/figures/postures_torus.png --out build/figures --quiet
+	$(PYTHON) -m rmrc workspace models/stanford.xml --over theta_2,theta_5 --site wrist --picture docs/figures/wrist_stanford.png --out build/figures --quiet

@@ -1,0 +1,186 @@
+"""The verb `workspace`: where an arm reaches, where it is singular there, and how well it moves."""
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from rmrc.cli.console import COMPILING, EXIT_INTERRUPTED, complain, notice, output, progress
+from rmrc.cli.questions import (
+    AsJson,
+    Keyframe,
+    Length,
+    Model,
+    Positions,
+    Site,
+    TaskAxes,
+    configuration,
+    numbers,
+    task_axes,
+)
+from rmrc.errors import QuestionError
+
+if TYPE_CHECKING:
+    from rmrc.analysis.task import Array
+    from rmrc.arm import Arm
+    from rmrc.output.sheets import Sheet
+
+MAPS = ("sigma_min", "manipulability", "condition", "postures")
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def workspace(
+    model: Model,
+    site: Site = None,
+    plane: Annotated[
+        str | None,
+        typer.Option(
+            metavar="xy|xz|yz|rz",
+            help="Slice; rz: distance from the first axis, height. Default: a planar arm's plane, rz or xz.",
+        ),
+    ] = None,
+    through: Annotated[
+        str | None, typer.Option(metavar="X,Y,Z", help="A point of the plane [m]; default: the site.")
+    ] = None,
+    map_: Annotated[
+        str | None,
+        typer.Option(
+            "--map", metavar="|".join(MAPS), help="What to color; default: nothing, with --over sigma_min."
+        ),
+    ] = None,
+    worst: Annotated[bool, typer.Option(help="Of the postures that reach a cell keep the worst.")] = False,
+    over: Annotated[
+        str | None,
+        typer.Option(metavar="JOINT,JOINT", help="Map these two joints, the others at --q or --keyframe."),
+    ] = None,
+    q: Positions = None,
+    keyframe: Keyframe = None,
+    axes: TaskAxes = None,
+    length: Length = 1.0,
+    cells: Annotated[int, typer.Option(help="Cells along the longer side.", min=10, max=2000)] = 200,
+    samples: Annotated[
+        int, typer.Option(help="Random configurations, where more joints move than fix a point.", min=1000)
+    ] = 1_000_000,
+    out: Annotated[Path, typer.Option(help="Folder for the files.")] = Path("recordings"),
+    picture: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="The picture instead: .png, .svg or .pdf.")
+    ] = None,
+    as_json: AsJson = False,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")] = False,
+) -> None:
+    """Map where an arm reaches and where it is singular; leave NAME.workspace.png and .npz."""
+    if picture is not None and picture.suffix not in PICTURES:
+        raise QuestionError(f"--picture {picture}: must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
+    if map_ is not None and map_ not in MAPS:
+        raise QuestionError(f"--map must be one of {', '.join(MAPS)}, got {map_!r}")
+    rows = task_axes(axes)
+    with notice(COMPILING):
+        from rmrc.analysis.workspace import compile_for
+        from rmrc.arm import load
+        from rmrc.output.sheets import as_table
+
+        arm = load(model, site)
+        compile_for(arm)
+    name = f"{arm.path.stem}.{'workspace' if over is None else 'joints'}"
+    files = [picture or out / f"{name}.png", out / f"{name}.npz"]
+    at = configuration(arm, q, keyframe)
+    try:
+        if over is None:
+            point = None if through is None else numbers("--through", through, ("x", "y", "z"))
+            asked = _Asked(arm, at, rows, length, cells, quiet or as_json)
+            facts, sheet = _slice(asked, plane, point, map_, worst, samples, files)
+        else:
+            if plane is not None or through is not None or worst or map_ == "postures":
+                raise QuestionError(
+                    "--over has no slice: leave out --plane, --through, --worst and --map postures"
+                )
+            facts, sheet = _over(_Asked(arm, at, rows, length, cells, quiet or as_json), over, map_, files)
+    except KeyboardInterrupt:
+        complain("interrupted; nothing was written")
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    if as_json:
+        print(
+            json.dumps(
+                facts | {"files": list(map(str, files))}, indent=2, ensure_ascii=False, allow_nan=False
+            )
+        )
+        return
+    console = output(quiet)
+    console.print(as_table(sheet))
+    for path in files:
+        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+
+
+@dataclass(frozen=True)
+class _Asked:
+    """What both kinds of map need."""
+
+    arm: "Arm"
+    q: "Array"
+    axes: tuple[str, ...] | None
+    length: float
+    cells: int
+    quiet: bool
+
+
+def _slice(
+    asked: _Asked,
+    plane: str | None,
+    through: "Array | None",
+    measure: str | None,
+    worst: bool,
+    samples: int,
+    files: list[Path],
+) -> tuple[dict[str, Any], "Sheet"]:
+    from rmrc.analysis.slices import choose_slice
+    from rmrc.analysis.workspace import expected, workspace
+    from rmrc.analysis.workspace_files import save, summary
+    from rmrc.output import workspace_figure, workspace_table
+
+    part = choose_slice(asked.arm, plane, asked.q, through)
+    if measure == "postures" and not part.is_sheet:
+        raise QuestionError(
+            f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; "
+            "postures are counted where two do"
+        )
+    with progress(
+        f"{asked.arm.path.stem}: workspace", expected(part, asked.cells, samples), asked.quiet
+    ) as on_samples:
+        found = workspace(
+            asked.arm,
+            plane,
+            asked.q,
+            through,
+            asked.axes,
+            asked.length,
+            asked.cells,
+            samples,
+            worst,
+            on_samples,
+        )
+    workspace_figure.draw_workspace(found, files[0], measure)
+    save(found, files[1])
+    facts = summary(found)
+    return facts, workspace_table.sheet(facts)
+
+
+def _over(asked: _Asked, over: str, measure: str | None, files: list[Path]) -> tuple[dict[str, Any], "Sheet"]:
+    from rmrc.analysis.joint_map import joint_map
+    from rmrc.analysis.task import choose
+    from rmrc.analysis.workspace_files import joint_summary, save_joint_map
+    from rmrc.output import workspace_figure, workspace_table
+
+    names = tuple(part.strip() for part in over.split(","))
+    if len(names) != 2:
+        raise QuestionError(
+            f"--over must name two joints, such as {','.join(asked.arm.joints[:2])}, got {over!r}"
+        )
+    task = choose(asked.arm, asked.axes, asked.length)
+    with progress(f"{asked.arm.path.stem}: {over}", (asked.cells + 1) ** 2, asked.quiet) as on_samples:
+        found = joint_map(task, (names[0], names[1]), asked.q, asked.cells, on_samples)
+    workspace_figure.draw_joint_map(found, files[0], measure or "sigma_min")
+    save_joint_map(found, files[1])
+    facts = joint_summary(found)
+    return facts, workspace_table.joint_sheet(facts)

@@ -1,0 +1,135 @@
+"""The verb `workspace`: what it leaves, what it says, and its exit codes."""
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from project import ROOT
+
+SIX_THREE = str(ROOT / "models/planar_6_3.xml")
+STANFORD = str(ROOT / "models/stanford.xml")
+
+
+@pytest.fixture
+def workspace(rmrc):
+    """Return a function: arguments -> (exit code, stdout, stderr) of `rmrc workspace`."""
+
+    def call(*arguments):
+        return rmrc("workspace", *arguments)
+
+    return call
+
+
+def test_it_leaves_a_picture_and_arrays_and_prints_a_table(workspace, tmp_path):
+    code, out, err = workspace(SIX_THREE, "--cells", "60")
+    assert (code, err) == (0, "")
+    assert "planar_6_3.xml, site tip, slice xy, rows x y" in out
+    assert "without limits" in out and "area of the slice [m²]" in out
+    assert out.endswith(
+        "wrote recordings/planar_6_3.workspace.png\nwrote recordings/planar_6_3.workspace.npz\n"
+    )
+    folder = tmp_path / "recordings"
+    assert sorted(p.name for p in folder.iterdir()) == [
+        "planar_6_3.workspace.npz",
+        "planar_6_3.workspace.png",
+    ]
+    assert imread(folder / "planar_6_3.workspace.png").shape[0] > 500
+    with np.load(folder / "planar_6_3.workspace.npz") as file:
+        assert max(file["free_reached"].shape) == 60
+
+
+def test_json_is_the_summary_and_nothing_else(workspace, tmp_path):
+    code, out, err = workspace(SIX_THREE, "--cells", "60", "--json", "--out", "a", "--picture", "b/c.svg")
+    facts = json.loads(out)
+    assert (code, err) == (0, "")
+    assert facts["without_limits"]["area"] == pytest.approx(72 * np.pi, rel=0.02)
+    assert facts["files"] == ["b/c.svg", "a/planar_6_3.workspace.npz"]
+    assert all((tmp_path / name).is_file() for name in facts["files"])
+
+
+def test_quiet_says_nothing(workspace, tmp_path):
+    assert workspace(SIX_THREE, "--cells", "20", "-q", "--map", "postures") == (0, "", "")
+    assert (tmp_path / "recordings/planar_6_3.workspace.png").is_file()
+
+
+def test_samples_axes_through_and_worst_reach_the_computation(workspace):
+    arguments = ["--plane", "yz", "--through", "0.3,0,0", "--axes", "x,y,z", "--length", "0.5", "--worst"]
+    code, out, _ = workspace(STANFORD, "--cells", "20", "--samples", "2000", "--json", *arguments)
+    facts = json.loads(out)
+    assert code == 0
+    assert (facts["slice"], facts["origin"], facts["posture"]) == ("yz", [0.3, 0.0, 0.0], "worst")
+    assert (facts["axes"], facts["length"], facts["method"]) == (["x", "y", "z"], 0.5, "samples")
+    assert facts["without_limits"]["postures"] is None
+
+
+def test_a_map_over_two_joints(workspace, tmp_path):
+    code, out, err = workspace(STANFORD, "--over", "theta_2,theta_5", "--cells", "40", "--map", "condition")
+    assert (code, err) == (0, "")
+    assert "curves of det J = 0" in out
+    assert sorted(p.name for p in (tmp_path / "recordings").iterdir()) == [
+        "stanford.joints.npz", "stanford.joints.png",
+    ]  # fmt: skip
+    code, out, _ = workspace(
+        STANFORD, "--over", "theta_2, theta_5", "--cells", "20", "--json", "--q", "0,0,0.5,0,0,0"
+    )
+    facts = json.loads(out)
+    assert facts["over"] == ["theta_2", "theta_5"] and facts["q"][2] == 0.5 and facts["cells"] == [20, 20]
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ((SIX_THREE, "--picture", "a.gif"), "--picture a.gif: must end in .png, .svg or .pdf"),
+        (
+            (SIX_THREE, "--map", "beauty"),
+            "--map must be one of sigma_min, manipulability, condition, postures, got 'beauty'",
+        ),
+        (
+            (SIX_THREE, "--plane", "xz"),
+            f'{SIX_THREE}: site "tip" moves in the plane xy; leave out --plane, got xz',
+        ),
+        ((STANFORD, "--plane", "up"), "--plane must be one of xy, xz, yz, rz, got 'up'"),
+        (
+            (STANFORD, "--through", "1,2"),
+            "--through must have 3 values, one for each of x, y, z, got 2: '1,2'",
+        ),
+        (
+            (STANFORD, "--map", "postures"),
+            "--map postures: 4 joints move the site in the slice rz; postures are counted where two do",
+        ),
+        (
+            (STANFORD, "--over", "theta_2"),
+            "--over must name two joints, such as theta_1,theta_2, got 'theta_2'",
+        ),
+        (
+            (STANFORD, "--over", "theta_2,theta_9"),
+            '--over: no joint "theta_9"; did you mean "theta_6"?; '
+            "its joints: theta_1, theta_2, d_3, theta_4, theta_5, theta_6",
+        ),
+        ((STANFORD, "--over", "d_3,d_3"), '--over needs two different joints, got "d_3" twice'),
+        (
+            (STANFORD, "--over", "theta_2,theta_5", "--plane", "xz"),
+            "--over has no slice: leave out --plane, --through, --worst and --map postures",
+        ),
+        ((STANFORD, "--q", "0", "--keyframe", "home"), "give --q or --keyframe, not both"),
+        ((STANFORD, "--axes", "x,w"), '--axes: no row "w"; choose from x y z rx ry rz'),
+    ],
+)
+def test_bad_input_is_one_line_and_leaves_nothing(workspace, tmp_path, arguments, message):
+    code, out, err = workspace(*arguments)
+    assert (code, out) == (2, "")
+    assert err == f"rmrc: error: {message}\n"
+    assert not (tmp_path / "recordings").exists()
+
+
+def test_ctrl_c_leaves_nothing_and_exits_130(workspace, tmp_path, monkeypatch):
+    from rmrc.analysis import workspace_search as module
+
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(module, "zero_curves", interrupted)
+    assert workspace(SIX_THREE) == (130, "", "rmrc: interrupted; nothing was written\n")
+    assert not (tmp_path / "recordings").exists()

@@ -1,0 +1,40 @@
+"""The Makefile makes every picture of the documents, and its commands are ones that the program knows."""
+
+import re
+import shlex
+
+import pytest
+from matplotlib.image import imread
+
+from project import ROOT
+
+COMMANDS = re.findall(r"^\t\$\(PYTHON\) -m rmrc (.+)$", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+FIGURES = ROOT / "docs/figures"
+PICTURE = re.compile(r"docs/figures/(\S+)")
+
+
+def test_every_picture_has_its_command_and_every_command_its_picture():
+    made = [PICTURE.search(command)[1] for command in COMMANDS]
+    assert sorted(made) == sorted(path.name for path in FIGURES.iterdir())
+    assert len(made) >= 4
+
+
+@pytest.mark.parametrize("path", sorted(FIGURES.iterdir()), ids=lambda path: path.name)
+def test_a_picture_is_whole_and_small_enough_for_a_page(path):
+    assert path.stat().st_size < 300_000
+    assert min(imread(path).shape[:2]) > 400
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: PICTURE.search(command)[1])
+def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
+    """Coarser than for the page, and into another folder."""
+    arguments = [
+        str(ROOT / part)
+        if part.startswith("models/")
+        else part.replace("docs/figures", str(tmp_path / "out"))
+        for part in shlex.split(command)
+    ]
+    coarse = ["--cells", "20"] if arguments[0] == "workspace" else []
+    code, _, err = rmrc(*arguments, *coarse)
+    assert (code, err) == (0, "")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [PICTURE.search(command)[1]]
