@@ -28,6 +28,7 @@ def test_a_planar_arm_is_drawn_in_its_plane_and_others_in_two(tmp_path):
     assert {name for name, drawn in planes.items() if len(drawn) == 1} == {
         "planar_2link",
         "planar_3link",
+        "planar_6_3",
         "planar_rp",
     }
     assert planes["planar_2link"] == [[0, 1]] and planes["stanford"] == [[0, 1], [0, 2]]
