@@ -2,6 +2,7 @@
 
 import importlib
 import re
+import shlex
 import shutil
 import subprocess
 import tomllib
@@ -279,6 +280,52 @@ def test_the_annotated_scenario_of_the_readme_can_be_run(monkeypatch):
     prepared = prepare(loads(text))
     figures = set(figure_names(prepared.arm.joints, prepared.scenario.task.axes))
     assert prepared.scenario.expect.keys() <= figures
+
+
+def shown(text):
+    """Return a line of output without what differs from machine to machine: rounding, and the width of columns."""
+    rounding = r"[-+]?\d(?:\.\d+)?e-(?:09|[1-9]\d)\b"
+    return " ".join(re.sub(rounding, "rounding", text).split())
+
+
+QUESTIONS = DOCUMENTS["docs/questions.md"]
+
+
+def questions():
+    """Return the commands of the page, each with the lines that it is said to print."""
+    blocks = re.findall(r"^```(\w*)\n(.*?)^```$", QUESTIONS, re.MULTILINE | re.DOTALL)
+    asked = []
+    for language, block in blocks:
+        if language == "sh":
+            asked += [(command, []) for command in block.splitlines()]
+        elif language == "":
+            asked[-1][1].extend(filter(str.strip, block.splitlines()))
+    return asked
+
+
+@pytest.mark.parametrize(("command", "lines"), questions(), ids=lambda value: str(value)[:60])
+def test_a_question_is_answered_as_its_page_says(rmrc, monkeypatch, tmp_path, command, lines):
+    words = shlex.split(command)
+    assert words[:3] == [".venv/bin/python", "-m", "rmrc"]
+    monkeypatch.chdir(ROOT)
+    out = ["--out", str(tmp_path)] if words[3] == "workspace" else []
+    code, printed, complaints = rmrc(*words[3:], *out)
+    answer = {shown(line) for line in (printed + complaints).splitlines()}
+    assert [line for line in lines if shown(line) not in answer] == []
+    assert code == any(line.startswith("rmrc: not reached") for line in lines)
+
+
+def test_every_question_has_an_answer_on_its_page():
+    answered = {shlex.split(command)[3] for command, lines in questions() if lines}
+    assert {"inspect", "ik", "statics"} <= answered
+
+
+def test_the_python_examples_of_the_questions_run(monkeypatch, capsys):
+    monkeypatch.chdir(ROOT)
+    for block in fenced(QUESTIONS, "python"):
+        exec(compile(block, "questions.md", "exec"), {})
+        said = re.findall(r"# (.+)$", block, re.MULTILINE)
+        assert capsys.readouterr().out.splitlines() == said
 
 
 def test_the_python_examples_of_the_readme_run(monkeypatch, capsys):

@@ -1,7 +1,8 @@
 """The face: verbs and exit codes, nothing else.
 
 0  all went well                        3  a world diverged; what it recorded is kept
-1  an expectation was not met         130  Ctrl-C; what was recorded is kept
+1  an expectation was not met, a      130  Ctrl-C; what was recorded is kept
+   goal not reached, a wrench not held
 2  bad input, one line says what
 """
 
