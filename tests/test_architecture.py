@@ -205,7 +205,7 @@ RULES = {
     every_module_has_a_layer: [("rmrc.somewhere", "")],
     imports_point_down: [
         ("rmrc.arm", "from rmrc.plant import Plant"),
-        ("rmrc.arm", "from . import plant"),
+        ("rmrc.arm.arm", "from .. import plant"),
         ("rmrc.control.law", "from rmrc import scenario"),
         ("rmrc.control.law", "from ..scenario import Scenario"),
         ("rmrc.errors", "import rmrc.files"),

@@ -107,13 +107,13 @@ class Holding:
             QuestionError: A joint is beyond its limits.
         """
         arm = wanted.arm
-        for name, position, (lower, upper), slides in zip(
-            arm.joints, wanted.q, arm.position_limit, arm.is_slide, strict=True
+        for name, position, (lower, upper), unit in zip(
+            arm.joints, wanted.q, arm.position_limit, arm.units, strict=True
         ):
             if not lower <= position <= upper:
                 raise QuestionError(
                     f'cannot hold: joint "{name}" must be within its limits [{lower:.6g}, {upper:.6g}] '
-                    f"{'m' if slides else 'rad'}, got {position:.6g}; choose other joint positions"
+                    f"{unit}, got {position:.6g}; choose other joint positions"
                 )
         self.wanted, self.gravity = wanted, gravity
         self.prepared: Prepared = prepare(

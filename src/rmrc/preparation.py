@@ -185,12 +185,11 @@ def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.floa
     for j, position in enumerate(qpos[arm.wiring.qpos]):
         lower, upper = arm.position_limit[j]
         if not lower <= position <= upper:
-            unit = "m" if arm.is_slide[j] else "rad"
             key = "arm.start" if isinstance(start, str) else f"arm.start[{j}]"
             problems.add(
                 key,
                 f'joint "{arm.joints[j]}" must start within its limits '
-                f"[{lower:.6g}, {upper:.6g}] {unit}, got {position:.6g}",
+                f"[{lower:.6g}, {upper:.6g}] {arm.units[j]}, got {position:.6g}",
             )
     return qpos
 

@@ -138,7 +138,7 @@ def test_a_picture_is_drawn(rmrc, tmp_path):
         (["--joint-error", "-1"], "joint error, shoulder: a standard deviation must be >= 0, got -1"),
         (
             ["--wrench", "1,2"],
-            "--wrench must have 6 values, one for each of fx, fy, fz, nx, ny, nz, got 2: '1,2'",
+            "--wrench must have 6 values, force fx,fy,fz [N] and moment nx,ny,nz [N·m], or 3, a force alone, got 2: '1,2'",
         ),
         (["--picture", "a.jpg"], "--picture a.jpg: must end in .png, .svg or .pdf"),
     ],

@@ -340,7 +340,7 @@ def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
     """Return q (N, n), each hinge as near to other positions as whole turns within the limits bring it."""
     turn = 2.0 * np.pi
     turns = -np.ceil((q - near - np.pi - HALF_TURN) / turn)
-    best, least = q, np.where(wheels(arm), np.inf, 0.0) * np.ones_like(q)
+    best, least = q, np.where(arm.comes_round, np.inf, 0.0) * np.ones_like(q)
     for more in (0, -1, 1, -2, 2):
         option = q + (turns + more) * turn
         is_within = (option >= limit[:, 0]) & (option <= limit[:, 1])
@@ -348,12 +348,6 @@ def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
         nearer = away < least - 3.0 * HALF_TURN
         best, least = np.where(nearer, option, best), np.where(nearer, away, least)
     return best
-
-
-def wheels(arm: Arm) -> NDArray[np.bool_]:
-    """Return which joints are where they were after a whole turn, (n,): hinges that are no screws."""
-    wheel: NDArray[np.bool_] = ~arm.is_slide & (arm.pitch == 0.0)
-    return wheel
 
 
 def kept_limit(arm: Arm, limits: bool) -> Array:

@@ -17,7 +17,6 @@ from rmrc.analysis.inverse_kinematics import (
     search,
     solve_ik,
     unwound,
-    wheels,
 )
 from rmrc.analysis.task import Array, Task
 
@@ -132,7 +131,7 @@ def _sharpest(
 def _difference(task: Task, a: Array, b: Array) -> Array:
     """Return a − b, scaled by S_q, hinges to the nearest turn."""
     gap = a - b
-    gap = np.where(wheels(task.arm), gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)), gap)
+    gap = np.where(task.arm.comes_round, gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)), gap)
     return gap / task.joint_scale
 
 

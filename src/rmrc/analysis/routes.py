@@ -41,11 +41,6 @@ def jacobians(arm: Arm, q: Sequence[float] | Array) -> dict[str, Array]:
     }
 
 
-def pitches(arm: Arm) -> Array:
-    """Return what kind each joint is, as its pitch, (n,): 0 revolute, inf prismatic, else helical [m/rad]."""
-    return np.where(arm.is_slide, np.inf, arm.pitch)
-
-
 def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
     """Return J by the product of exponentials of the joint screws at q = 0 [Selig92, §6.6] [Lynch17, §5.1.1].
 
@@ -56,7 +51,7 @@ def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
     Returns:
         Rows [v; ω] of the site along world axes, (6, n).
     """
-    screws = joint_screw(arm.chain.axis, _points(arm), pitches(arm))
+    screws = joint_screw(arm.chain.axis, _points(arm), arm.pitch)
     tip = product_of_exponentials(screws, q, _tip_at_zero(arm))[:3, 3]
     return geometric_from_screws(space_jacobian(screws, q), tip)
 
@@ -74,7 +69,7 @@ def link_transforms(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array,
     Returns:
         T_i-1_i, (n, 4, 4); the pitch of each joint, (n,) [m/rad]; and T_n_site, (4, 4).
     """
-    q, pitch, n = np.asarray(q, dtype=np.float64), pitches(arm), arm.n
+    q, pitch, n = np.asarray(q, dtype=np.float64), arm.pitch, arm.n
     still = np.zeros((n + 2, 4, 4))
     still[:] = np.eye(4)
     still[1:-1, :3, :3], still[1:-1, :3, 3] = _turned_to(arm.chain.axis), _points(arm)

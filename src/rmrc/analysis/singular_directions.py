@@ -83,7 +83,6 @@ def examine(
         frame: Its name.
     """
     arm = task.arm
-    units = ["m" if slides else "rad" for slides in arm.is_slide]
     u, sigma, vt = (np.asarray(part, np.float64) for part in np.linalg.svd(task.matrix(J)))
     rank = rank_of(sigma)
     of_frame = "" if frame == "world" else f" (axes of the {frame})"
@@ -104,14 +103,14 @@ def examine(
     for i in np.flatnonzero(sigma[:rank] <= SLOW * sigma[0]):
         sign = np.sign(u[np.argmax(np.abs(u[:, i])), i])
         twist, motion = embedded(sign * sigma[i] * u[:, i] / task.row_scale), sign * task.joint_scale * vt[i]
-        words = wording.nearly_lost(seen(twist), motion, arm.joints, units) + of_frame
+        words = wording.nearly_lost(seen(twist), motion, arm.joints, arm.units) + of_frame
         slow.append(Slow(float(sigma[i]), twist, motion, words))
     standing = []
     for still in _simple(vt[rank:].T):
         first = wording.main_joints(still)[0]
         motion = task.joint_scale * still * np.sign(still[first])
         twist = J @ motion
-        words = wording.standing_still(motion, seen(twist), task.axes, arm.joints, units)
+        words = wording.standing_still(motion, seen(twist), task.axes, arm.joints, arm.units)
         words += of_frame if np.linalg.norm(twist) > wording.STANDS_STILL else ""
         standing.append(Motion(motion, twist, words))
     return tuple(lost), tuple(slow), tuple(standing)

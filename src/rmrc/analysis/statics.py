@@ -142,7 +142,7 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
         springs=springs,
         frames=frames,
         reaction=reaction,
-        propagated=actuator_torques(reaction, _pitch(arm)),
+        propagated=actuator_torques(reaction, arm.pitch),
     )
 
 
@@ -159,16 +159,12 @@ def link_frames(arm: Arm, q: ArrayLike) -> tuple[Array, Array]:
     """
     chain = arm.chain
     points = np.cumsum(chain.step, axis=0)
-    motions = exp_screw(joint_screw(chain.axis, points, _pitch(arm)), q)
+    motions = exp_screw(joint_screw(chain.axis, points, arm.pitch), q)
     frames, so_far = np.empty((arm.n, 4, 4)), np.eye(4)
     for i in range(arm.n):
         so_far = so_far @ motions[i]
         frames[i] = so_far @ _pose(_turn_to(chain.axis[i]), points[i])
     return frames, so_far @ _pose(quat_to_matrix(chain.tip_quat), points[-1] + chain.tip_step)
-
-
-def _pitch(arm: Arm) -> Array:
-    return np.where(arm.is_slide, np.inf, arm.pitch)
 
 
 def _pose(R: Array, p: Array) -> Array:

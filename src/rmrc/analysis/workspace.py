@@ -86,7 +86,7 @@ def _task(arm: Arm, part: Slice, axes: Sequence[str] | None, length: float) -> T
 
 def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:
     """Return lower and upper position of each joint without and with limits, both (n, 2)."""
-    turns = ~arm.is_slide & (arm.pitch == 0.0)
+    turns = arm.comes_round
     for joint in part.joints:
         if not turns[joint] and not np.isfinite(arm.position_limit[joint]).all():
             raise QuestionError(

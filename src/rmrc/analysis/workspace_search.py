@@ -93,9 +93,9 @@ class Search:
     def nodes(self, joint: int, ranges: Array, cells: int) -> Array:
         """Return the grid's positions of a joint."""
         low, high = ranges[joint]
-        part = min(1.0, (high - low) / (2.0 * np.pi)) if self.turning[joint] else 1.0
+        part = min(1.0, (high - low) / (2.0 * np.pi)) if self.arm.comes_round[joint] else 1.0
         steps = max(2, int(np.ceil(part * steps_of_grid(cells))))
-        is_full = self.turning[joint] and part == 1.0
+        is_full = self.arm.comes_round[joint] and part == 1.0
         return np.linspace(low, high, steps + 1) - (SHIFT * (high - low) / steps if is_full else 0.0)
 
     def image(self, nodes: list[Array], with_determinant: bool = False) -> tuple[Array, Array]:
@@ -169,14 +169,8 @@ class Search:
     def ends(self, own: Array) -> Iterator[tuple[int, int, str]]:
         """Yield the limits of the joints: joint, 0 or 1, and its word."""
         for joint in self.part.joints:
-            if not self.turning[joint] or own[joint, 1] - own[joint, 0] < 2.0 * np.pi:
+            if not self.arm.comes_round[joint] or own[joint, 1] - own[joint, 0] < 2.0 * np.pi:
                 yield from ((int(joint), end, word) for end, word in enumerate(("lower", "upper")))
-
-    @property
-    def turning(self) -> NDArray[np.bool_]:
-        """Which joints are hinges that slide nothing, (n,): they come back after a turn."""
-        turns: NDArray[np.bool_] = ~self.arm.is_slide & (self.arm.pitch == 0.0)
-        return turns
 
     def random(self, rng: np.random.Generator, ranges: Array, count: int) -> Array:
         """Return random configurations within ranges, joints that do not matter at rest."""
@@ -194,8 +188,8 @@ class Search:
 
     def wrapped(self, q: Array, ranges: Array) -> Array:
         """Return configurations with each hinge in the turn that begins at its lower end, to rounding."""
-        low = np.where(self.turning, ranges[:, 0], 0.0)
-        return np.where(self.turning, low - ROUNDING + (q - low + ROUNDING) % (2.0 * np.pi), q)
+        low = np.where(self.arm.comes_round, ranges[:, 0], 0.0)
+        return np.where(self.arm.comes_round, low - ROUNDING + (q - low + ROUNDING) % (2.0 * np.pi), q)
 
     def in_slice(self, q: Array, ranges: Array, rng: np.random.Generator) -> Array:
         """Return the configurations, each with one joint moved so that the site is in the plane, if it can.
@@ -216,7 +210,7 @@ class Search:
             turned = np.arctan2(b, a) + rng.choice([-1.0, 1.0], len(q)) * np.arccos((a - f) / np.hypot(a, b))
             slid = -f / b
         change = np.where(self.arm.is_slide[which], slid, turned)
-        change[self.arm.pitch[which] != 0.0] = np.nan
+        change[(self.arm.pitch != 0.0)[which] & ~self.arm.is_slide[which]] = np.nan
         moved = q.copy()
         moved[np.arange(len(q)), which] += change
         moved = self.wrapped(moved[np.isfinite(change)], ranges)

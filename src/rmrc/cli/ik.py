@@ -2,12 +2,10 @@
 
 import json
 import math
-from dataclasses import replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.text import Text
 
 from rmrc.cli.console import EXIT_MISSED, complain, notice, output
 from rmrc.cli.questions import (
@@ -100,7 +98,7 @@ def ik(
         from rmrc.analysis.postures import find_postures
         from rmrc.analysis.task import choose
         from rmrc.output import postures as tables
-        from rmrc.output.sheets import as_table
+        from rmrc.output.sheets import render
 
     arm = load(model, site)
     task = choose(arm, rows, length)
@@ -126,12 +124,7 @@ def ik(
     if as_json:
         print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
     else:
-        console = output()
-        for sheet in sheets:
-            if sheet.title:  # printed by itself, as it may be wider than its table
-                console.print(Text(sheet.title, style="bold"))
-            console.print(as_table(replace(sheet, title="")))
-            console.print()
+        output().print(render(sheets))
     if failed is not None:
         complain(tables.failure(task, failed))
         raise typer.Exit(EXIT_MISSED)

@@ -1,17 +1,25 @@
 """The verb `inspect`: an arm at one configuration, or at several."""
 
 import json
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
 from numpy.typing import NDArray
-from rich.text import Text
 
 from rmrc.cli.console import complain, notice, output
-from rmrc.cli.questions import AsJson, Length, Model, Site, TaskAxes, configuration, numbers, task_axes
+from rmrc.cli.questions import (
+    AsJson,
+    Length,
+    Model,
+    Site,
+    TaskAxes,
+    configuration,
+    numbers,
+    task_axes,
+    wrench_of,
+)
 from rmrc.errors import QuestionError
 
 if TYPE_CHECKING:
@@ -50,7 +58,8 @@ def inspect(
         str | None,
         typer.Option(
             metavar="FX,...,NZ",
-            help="Force [N] and moment [N m] on the arm at the site, in the world: tell what holds it.",
+            help="Force in N, or force and moment in N m, on the arm at the site, in the world: tell what "
+            "holds it.",
         ),
     ] = None,
     picture: Annotated[
@@ -65,16 +74,16 @@ def inspect(
         raise QuestionError("give --q or --keyframe, not both")
     rows = task_axes(axes)
     with notice("reading the model ..."):
-        from rmrc.analysis.inspection import WRENCH, inspect_arm
+        from rmrc.analysis.inspection import inspect_arm
         from rmrc.arm import load
         from rmrc.output import inspection_json, inspection_tables
-        from rmrc.output.sheets import as_table
+        from rmrc.output.sheets import render
 
     arm = load(model, site)
     positions = [configuration(arm, text, None) for text in q or ()]
     positions += [configuration(arm, None, name) for name in keyframe or ()]
     errors = None if joint_error is None else _joint_errors(arm, joint_error)
-    load_on_site = None if wrench is None else numbers("--wrench", wrench, WRENCH)
+    load_on_site = None if wrench is None else wrench_of(wrench)
     found = [
         inspect_arm(
             arm, one, axes=rows, length=length, frame=frame, joint_error=errors, wrench=load_on_site
@@ -96,11 +105,7 @@ def inspect(
         return
     console = output()
     for one in found:
-        for sheet in inspection_tables.sheets(one):
-            # A title above the table may be wider than the table.
-            console.print(Text(sheet.title, style="bold"))
-            console.print(as_table(replace(sheet, title="")))
-            console.print()
+        console.print(render(inspection_tables.sheets(one)))
 
 
 def _joint_errors(arm: "Arm", text: str) -> NDArray[np.float64]:

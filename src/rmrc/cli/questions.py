@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -36,6 +37,8 @@ TaskAxes = Annotated[
 Length = Annotated[
     float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w, in m.", min=1e-6)
 ]
+# Squares of numbers up to this are finite.
+LARGEST = 1e100
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
 
 
@@ -58,6 +61,31 @@ def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float6
         except ValueError as error:
             raise QuestionError(f"{option}, {name}: {error}") from None
     return np.array(values)
+
+
+def wrench_of(text: str) -> NDArray[np.float64]:
+    """Return [f; n], (6,), of the option: six values, or a force alone.
+
+    Raises:
+        QuestionError: There are neither 3 nor 6, or one is no number.
+    """
+    parts = text.strip().strip("[]").split(",")
+    if len(parts) not in (3, 6):
+        raise QuestionError(
+            "--wrench must have 6 values, force fx,fy,fz [N] and moment nx,ny,nz [N·m], or 3, a force alone, "
+            f"got {len(parts)}: {text!r}"
+        )
+    wrench = np.zeros(6)
+    for i, (name, part) in enumerate(zip(("fx", "fy", "fz", "nx", "ny", "nz"), parts, strict=False)):
+        try:
+            wrench[i] = float(part)
+        except ValueError:
+            wrench[i] = math.nan
+        if not abs(wrench[i]) <= LARGEST:
+            raise QuestionError(
+                f"--wrench, {name}: must be a number within ±{LARGEST:g}, got {part.strip()!r}"
+            )
+    return wrench
 
 
 def task_axes(text: str | None) -> tuple[str, ...] | None:

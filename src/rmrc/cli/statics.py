@@ -1,13 +1,10 @@
 """The verb `statics`: what drives and links bear under a wrench, and whether the physics says the same."""
 
 import json
-import math
 from enum import StrEnum
 from typing import Annotated
 
-import numpy as np
 import typer
-from numpy.typing import NDArray
 
 from rmrc.cli.console import (
     COMPILING,
@@ -19,11 +16,7 @@ from rmrc.cli.console import (
     output,
     progress,
 )
-from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration
-from rmrc.errors import QuestionError
-
-# Squares of numbers up to this are finite.
-LARGEST = 1e100
+from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration, wrench_of
 
 
 class Frame(StrEnum):
@@ -37,7 +30,7 @@ Wrench = Annotated[
     str,
     typer.Option(
         metavar="fx,fy,fz,nx,ny,nz",
-        help="What acts on the arm at the site: force [N] and moment [N·m]; or a force alone.",
+        help="What acts on the arm at the site: force in N and moment in N·m, or a force alone.",
         show_default=False,
     ),
 ]
@@ -75,7 +68,7 @@ def statics(
     from rmrc.output import bearing
     from rmrc.spatial import rotate
 
-    acts = read_wrench(wrench)
+    acts = wrench_of(wrench)
     arm = arms.load(model, site)
     positions = configuration(arm, q, keyframe)
     if frame is Frame.SITE:
@@ -106,28 +99,3 @@ def statics(
         raise typer.Exit(EXIT_DIVERGED)
     if held is not None and not held.agrees:
         raise typer.Exit(EXIT_MISSED)
-
-
-def read_wrench(text: str) -> NDArray[np.float64]:
-    """Return [f; n], (6,), of the option: six values, or a force alone.
-
-    Raises:
-        QuestionError: There are neither 3 nor 6, or one is no number.
-    """
-    parts = text.strip().strip("[]").split(",")
-    if len(parts) not in (3, 6):
-        raise QuestionError(
-            "--wrench must have 6 values, force fx,fy,fz [N] and moment nx,ny,nz [N·m], or 3, a force alone, "
-            f"got {len(parts)}: {text!r}"
-        )
-    wrench = np.zeros(6)
-    for i, (name, part) in enumerate(zip(("fx", "fy", "fz", "nx", "ny", "nz"), parts, strict=False)):
-        try:
-            wrench[i] = float(part)
-        except ValueError:
-            wrench[i] = math.nan
-        if not abs(wrench[i]) <= LARGEST:
-            raise QuestionError(
-                f"--wrench, {name}: must be a number within ±{LARGEST:g}, got {part.strip()!r}"
-            )
-    return wrench

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Polygon
 
 from rmrc.analysis.inspection import Inspection
-from rmrc.analysis.routes import Array, link_transforms, pitches
+from rmrc.analysis.routes import Array, link_transforms
 from rmrc.arm import Arm
 from rmrc.output.figures import plain, save
 from rmrc.output.sheets import number
@@ -78,15 +78,14 @@ def figure(found: Sequence[Inspection]) -> Figure:
 
 def moving_planes(arm: Arm) -> list[list[int]]:
     """Return the planes to draw, two of the world's axes each: that of a planar arm, else x-y and x-z."""
-    pitch, axis = pitches(arm), np.abs(arm.chain.axis)
-    slides = np.isinf(pitch)
+    slides, axis = arm.is_slide, np.abs(arm.chain.axis)
     for normal in range(3):
         across = np.all(axis[slides, normal] < PARALLEL)
         if (
             not slides.all()
             and across
             and np.all(axis[~slides, normal] > 1.0 - PARALLEL)
-            and not arm.pitch.any()
+            and "screw" not in arm.kinds
         ):
             return [[i for i in range(3) if i != normal]]
     return [[0, 1], [0, 2]]
@@ -145,21 +144,17 @@ def _draw(
     axes.plot(*points.T, "-", color=gray, linewidth=3.0, solid_capstyle="round", zorder=3)
     axes.plot(*points[0], "^", color=gray, markersize=11, zorder=4)
     for kind, mark in MARKS.items():
-        at = points[1:-1][[_kind(found.arm, i) == kind for i in range(found.arm.n)]]
+        at = points[1:-1][[found.arm.kinds[i] == kind for i in range(found.arm.n)]]
         axes.plot(
             *at.T, mark, markerfacecolor="white", markeredgecolor=gray, markersize=8, zorder=5, linestyle=""
         )
     axes.plot(*tip, "x", color=gray, markersize=10, markeredgewidth=2.5, zorder=6)
 
 
-def _kind(arm: Arm, joint: int) -> str:
-    return "slide" if arm.is_slide[joint] else "screw" if arm.pitch[joint] else "hinge"
-
-
 def _legend(found: Sequence[Inspection], scales: tuple[float, float], cut: float) -> list[Line2D]:
     """Return what the marks mean, the scales of the ellipses, and which number is which configuration."""
     arm = found[0].arm
-    kinds = {_kind(arm, i) for i in range(arm.n)}
+    kinds = {arm.kinds[i] for i in range(arm.n)}
     marks = [("base", "^", "black")]
     marks += [(kind, mark, "white") for kind, mark in MARKS.items() if kind in kinds]
     marks.append(("site", "x", "black"))

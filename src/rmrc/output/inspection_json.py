@@ -41,8 +41,8 @@ def facts(found: Inspection) -> dict[str, Any]:
         "joints": [
             {
                 "name": arm.joints[i],
-                "kind": "slide" if arm.is_slide[i] else "screw" if arm.pitch[i] else "hinge",
-                "unit": "m" if arm.is_slide[i] else "rad",
+                "kind": arm.kinds[i],
+                "unit": arm.units[i],
                 "q": found.q[i],
                 "limits": arm.position_limit[i],
                 "room": found.room[i],

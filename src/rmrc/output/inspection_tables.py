@@ -25,15 +25,11 @@ def sheets(found: Inspection) -> list[Sheet]:
     return tables
 
 
-def _units(found: Inspection) -> list[str]:
-    return ["m" if slides else "rad" for slides in found.arm.is_slide]
-
-
 def _joints(found: Inspection) -> Sheet:
     arm = found.arm
     rows = []
-    for i, (joint, unit) in enumerate(zip(arm.joints, _units(found), strict=True)):
-        kind = "slide" if arm.is_slide[i] else "screw" if arm.pitch[i] else "hinge"
+    for i, (joint, unit) in enumerate(zip(arm.joints, found.arm.units, strict=True)):
+        kind = arm.kinds[i]
         lower, upper = arm.position_limit[i]
         room, note = found.room[i], ""
         if room < 0.0:
@@ -170,7 +166,7 @@ def _torques(found: Inspection) -> Sheet:
     rows = [
         (joint, number(_clean(one)), number(_clean(other)), "N" if unit == "m" else "N m")
         for joint, one, other, unit in zip(
-            found.arm.joints, balance.equilibrium, balance.equivalent, _units(found), strict=True
+            found.arm.joints, balance.equilibrium, balance.equivalent, found.arm.units, strict=True
         )
     ]
     title = f"Torques for the wrench {_listed(balance.wrench)} on the arm at the site; gravity is left out"

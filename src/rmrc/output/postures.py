@@ -70,7 +70,7 @@ def posture_sheets(task: Task, postures: Postures, limits: bool) -> list[Sheet]:
     for first in range(0, count, BESIDE):
         part = range(first, min(first + BESIDE, count))
         rows = [
-            (joint, "m" if task.arm.is_slide[j] else "rad", *_decimals(postures.q[list(part), j], 4))
+            (joint, task.arm.units[j], *_decimals(postures.q[list(part), j], 4))
             for j, joint in enumerate(task.arm.joints)
         ]
         rows.append(("starts that led there", "", *(str(postures.hits[p]) for p in part)))

@@ -6,10 +6,11 @@ Nothing depends on color alone, is cut off, or is read as markup.
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 from rich import box
+from rich.console import Group, RenderableType
 from rich.table import Table
 from rich.text import Text
 
@@ -53,6 +54,15 @@ def as_table(sheet: Sheet) -> Table:
 def _style(cell: str) -> str:
     word = cell.partition(" ")[0]
     return {"ok": "green", "met": "green", "MISSED": "bold red", "missed": "bold red"}.get(word, "")
+
+
+def render(sheets: Sequence[Sheet]) -> RenderableType:
+    """Return sheets one below another, for a terminal; a title may be wider than its table."""
+    parts: list[RenderableType] = []
+    for sheet in sheets:
+        parts += [Text(sheet.title, style="bold")] if sheet.title else []
+        parts += [as_table(replace(sheet, title="")), Text()]
+    return Group(*parts)
 
 
 def as_markdown(sheet: Sheet) -> str:

@@ -1,0 +1,13 @@
+"""An MJCF file as an arm: a chain of joints to a site, every name resolved once.
+
+Any model will do: the chain is found from the site, the limits are read from joints and actuators,
+and `Arm.adapted` gives each joint of the chain the one actuator that a plant needs. Nothing here steps
+the physics.
+"""
+
+from rmrc.arm.arm import Arm, Chain
+from rmrc.arm.loading import load
+from rmrc.arm.shapes import Shape
+from rmrc.arm.wiring import Travel, Wiring
+
+__all__ = ["Arm", "Chain", "Shape", "Travel", "Wiring", "load"]

@@ -1,0 +1,324 @@
+"""An arm: a chain of joints to a site, with every name resolved once. Nothing here steps the physics."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm.shapes import Shape, visible
+from rmrc.arm.wiring import Travel, Wiring, find_chain, joints_above, wire
+from rmrc.errors import ModelError, did_you_mean
+from rmrc.spatial import matrix_to_quat
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The arm's geometry with all its joints at 0: what forward kinematics needs, and no more.
+
+    Attributes:
+        axis: Unit vector of each joint, in the world, (n, 3).
+        step: From a point on the axis before (the first: the world's origin) to one on this axis, (n, 3) [m].
+        tip_step: From the last of these points to the site, (3,) [m].
+        tip_quat: Orientation of the site, (4,).
+    """
+
+    axis: Array
+    step: Array
+    tip_step: Array
+    tip_quat: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """A chain of hinge, slide and screw joints from the world to a site.
+
+    A screw joint is a hinge with a slide along its axis that follows it by an equality of the model; the
+    hinge's angle is its position.
+
+    Attributes:
+        path: The MJCF file.
+        site: Name of the controlled site.
+        joints: Names, from the world outward, n of them.
+        is_slide: Whether each joint slides, (n,).
+        travels: The slides of screw joints.
+        position_limit: Lower and upper, (n, 2) [rad or m]; infinite where the model has none.
+        rate_limit: (n,) [rad/s or m/s]; infinite where the model has none.
+        torque_limit: (n,) [N·m or N]; infinite where the model has none.
+        keyframes: Configurations by name, each (nq,).
+        model: The model as its author wrote it.
+    """
+
+    path: Path
+    site: str
+    joints: tuple[str, ...]
+    is_slide: NDArray[np.bool_]
+    travels: tuple[Travel, ...]
+    position_limit: Array
+    rate_limit: Array
+    torque_limit: Array
+    keyframes: Mapping[str, Array]
+    model: mujoco.MjModel
+    _spec: mujoco.MjSpec
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+    @cached_property
+    def _data(self) -> mujoco.MjData:
+        """State of the author's model, at `home` but for the arm's joints."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.configuration("home")
+        return data
+
+    @cached_property
+    def wiring(self) -> Wiring:
+        """Indices in the author's model."""
+        return self.wire(self.model)
+
+    def wire(self, model: mujoco.MjModel) -> Wiring:
+        """Resolve the names of the arm in a model that was compiled from the author's."""
+        return wire(model, self.joints, [travel.name for travel in self.travels], self.site)
+
+    @property
+    def pitch(self) -> Array:
+        """Way along its axis for each radian that a joint turns, (n,) [m/rad].
+
+        0 of a hinge, inf of a slide, else a screw's: as in `rmrc.textbook.screws`.
+        """
+        pitch = np.where(self.is_slide, np.inf, 0.0)
+        for travel in self.travels:
+            pitch[travel.hinge] = travel.pitch
+        return pitch
+
+    @property
+    def units(self) -> tuple[str, ...]:
+        """`rad` or `m`: unit of each joint's position."""
+        return tuple("m" if slides else "rad" for slides in self.is_slide)
+
+    @property
+    def comes_round(self) -> NDArray[np.bool_]:
+        """Which joints are where they were after a whole turn, (n,): hinges that are no screws."""
+        return np.asarray(self.pitch == 0.0)
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """`hinge`, `slide` or `screw` of each joint."""
+        return tuple("slide" if np.isinf(h) else "screw" if h else "hinge" for h in self.pitch)
+
+    @cached_property
+    def inertia(self) -> Array:
+        """Inertia that each joint feels alone at `home`, (n,) [kg·m² or kg]: the diagonal of M."""
+        self._kinematics(self.configuration("home")[self.wiring.qpos])
+        mujoco.mj_makeM(self.model, self._data)
+        full = np.zeros((self.model.nv, self.model.nv))
+        mujoco.mj_fullM(self.model, self._data, full)
+        return np.diag(self._followed(self._followed(full).T))
+
+    @cached_property
+    def chain(self) -> Chain:
+        """Geometry with all joints of the arm at 0, and those that are not the arm's at `home`."""
+        self._kinematics(np.zeros(self.n))
+        axis, anchor = self._data.xaxis[self.wiring.joint], self._data.xanchor[self.wiring.joint]
+        tip = self._data.site_xpos[self.wiring.site]
+        return Chain(
+            axis=np.array(axis),
+            step=np.diff(anchor, axis=0, prepend=np.zeros((1, 3))),
+            tip_step=tip - anchor[-1],
+            tip_quat=matrix_to_quat(self._data.site_xmat[self.wiring.site].reshape(3, 3)),
+        )
+
+    def configuration(self, start: str | Sequence[float] | Array) -> Array:
+        """Return all of qpos, (nq,), for a keyframe's name or for positions of the arm's joints (n,).
+
+        Args:
+            start: Where there is no keyframe `home`, that name means the model's zero position.
+
+        Raises:
+            ModelError: No such keyframe.
+        """
+        if isinstance(start, str):
+            if start not in self.keyframes and start != "home":
+                known = ", ".join(sorted(self.keyframes)) or "none"
+                hint = did_you_mean(start, self.keyframes)
+                raise ModelError(
+                    f'{self.path}: has no keyframe "{start}"{hint}; its keyframes: {known}', "start"
+                )
+            qpos = np.array(self.keyframes.get(start, self.model.qpos0))
+            self._place(qpos, qpos[self.wiring.qpos])
+            return qpos
+        qpos = np.array(self.keyframes.get("home", self.model.qpos0))
+        self._place(qpos, start)
+        return qpos
+
+    def _place(self, qpos: Array, q: Sequence[float] | Array) -> None:
+        qpos[self.wiring.qpos] = q
+        for address, travel in zip(self.wiring.travel_qpos, self.travels, strict=True):
+            qpos[address] = travel.offset + travel.ratio * qpos[self.wiring.qpos[travel.hinge]]
+
+    def _followed(self, columns: Array) -> Array:
+        """Return the columns of the arm's joints, (..., n), from those of the model, (..., nv)."""
+        own = columns[..., self.wiring.dof]
+        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
+            own[..., travel.hinge] += travel.ratio * columns[..., address]
+        return own
+
+    def sampled(self, count: int, seed: int = 0) -> Array:
+        """Return random joint positions, (count, n), the same at every call, evenly between the limits.
+
+        A joint without limits is taken half a turn, or π meters, to either side of `home`.
+        """
+        home = self.configuration("home")[self.wiring.qpos]
+        lower, upper = self.position_limit.T
+        within = np.isfinite(lower) & np.isfinite(upper)
+        lower, upper = np.where(within, lower, home - np.pi), np.where(within, upper, home + np.pi)
+        return np.random.default_rng(seed).uniform(lower, upper, (count, self.n))
+
+    @property
+    def sites(self) -> tuple[str, ...]:
+        """Names of all sites of the model that have one."""
+        return tuple(name for i in range(self.model.nsite) if (name := self.model.site(i).name))
+
+    @property
+    def idle(self) -> tuple[str, ...]:
+        """Names of the joints that move the controlled site and are not driven."""
+        known = {*self.joints, *(travel.name for travel in self.travels)}
+        return tuple(name for name in find_chain(self.path, self.model, self.site) if name not in known)
+
+    def moves(self, site: str) -> NDArray[np.bool_]:
+        """Return which joints of the arm move a site, (n,): those between the world and its body."""
+        return np.isin(self.wiring.joint, joints_above(self.model, site))
+
+    def pose(self, q: Sequence[float] | Array, site: str | None = None) -> Array:
+        """Return a site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,).
+
+        Args:
+            q: Joint positions.
+            site: Name of a site; None for the one that is controlled.
+        """
+        self._kinematics(q)
+        i = self.wiring.site if site is None else self.model.site(site).id
+        return np.concatenate(
+            [self._data.site_xpos[i], matrix_to_quat(self._data.site_xmat[i].reshape(3, 3))]
+        )
+
+    def jacobian(self, q: Sequence[float] | Array) -> Array:
+        """Return J (6, n), rows [v; ω] of the site along world axes, by `mj_jacSite`."""
+        self._kinematics(q)
+        full = np.zeros((6, self.model.nv))
+        mujoco.mj_jacSite(self.model, self._data, full[:3], full[3:], self.wiring.site)
+        return self._followed(full)
+
+    def rest_torques(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
+        """Return what the drives give at rest against gravity, and against springs, (n,) each [N·m or N].
+
+        What the model itself compensates of gravity is taken off. Joints not of the arm are at `home`.
+        """
+        self._kinematics(q)
+        mujoco.mj_fwdPosition(self.model, self._data)
+        mujoco.mj_fwdVelocity(self.model, self._data)
+        weight = self._data.qfrc_bias - self._data.qfrc_gravcomp
+        return self._followed(weight), self._followed(-self._data.qfrc_spring)
+
+    @property
+    def friction(self) -> Array:
+        """Dry friction that can bear a part of a drive's load at rest, (n,) [N·m or N]."""
+        loss = np.array(self.model.dof_frictionloss[self.wiring.dof])
+        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
+            loss[travel.hinge] += abs(travel.ratio) * self.model.dof_frictionloss[address]
+        return loss
+
+    def frames(self, q: Array) -> tuple[Array, Array]:
+        """Return what moves, for joint positions (T, n).
+
+        Returns:
+            Poses of all bodies in the world, (T, nbody, 7), and Jacobians of the site, (T, 6, n).
+        """
+        poses, jacobians = np.empty((len(q), self.model.nbody, 7)), np.empty((len(q), 6, self.n))
+        for row, jacobian, positions in zip(poses, jacobians, q, strict=True):
+            jacobian[:] = self.jacobian(positions)
+            row[:, :3], row[:, 3:] = self._data.xpos, self._data.xquat
+        return poses, jacobians
+
+    @property
+    def base(self) -> int:
+        """Id of the body that carries the first joint's: the world, or what stands on it."""
+        return int(self.model.body_parentid[self.model.jnt_bodyid[self.wiring.joint[0]]])
+
+    @property
+    def body_names(self) -> list[str]:
+        """Names of all bodies, the world first; a body without one goes by its number."""
+        return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]
+
+    @property
+    def is_fixed(self) -> NDArray[np.bool_]:
+        """Which bodies are fixed to the world, (nbody,)."""
+        fixed: NDArray[np.bool_] = self.model.body_weldid == 0
+        return fixed
+
+    def _kinematics(self, q: Sequence[float] | Array) -> None:
+        self._place(self._data.qpos, q)
+        mujoco.mj_fwdKinematics(self.model, self._data)
+
+    def adapted(self, plant: str, kv: Array, timestep: float, gravity_compensation: bool) -> mujoco.MjModel:
+        """Compile the model with one actuator of the plant's kind on each joint of the arm.
+
+        Actuators of other joints stay. The law limits the rates, so that the controls are not clamped
+        here; torque limits are kept. Sensors are off, as nothing reads them. The integrator is
+        `implicitfast`: servos of the stiffness that tracking needs blow up under Euler.
+
+        Args:
+            plant: `ideal`, `servo` or `torque`.
+            kv: Gain of each rate servo, (n,) [N·m·s/rad or N·s/m].
+            timestep: MuJoCo's step [s].
+            gravity_compensation: Whether the arm's bodies float, as with balanced or compensated arms.
+        """
+        spec = self._spec.copy()
+        for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
+            spec.delete(key)
+        self._replace_actuators(spec, plant, kv)
+        if gravity_compensation:
+            root = self.model.jnt_bodyid[self.wiring.joint[0]]
+            for body in spec.bodies:
+                if self._descends(body.id, root):
+                    body.gravcomp = 1.0
+        option = spec.option
+        option.timestep = timestep
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+        if plant == "ideal":  # only kinematics are computed
+            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        return spec.compile()
+
+    def _replace_actuators(self, spec: mujoco.MjSpec, plant: str, kv: Array) -> None:
+        for actuator in list(spec.actuators):
+            if actuator.target in self.joints:
+                spec.delete(actuator)
+        for joint, gain, limit in zip(self.joints, kv, self.torque_limit, strict=True):
+            actuator = spec.add_actuator(
+                name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+            )
+            if plant == "torque":
+                actuator.set_to_motor()
+            else:
+                actuator.set_to_velocity(kv=gain)
+            if np.isfinite(limit):
+                actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+                actuator.forcerange = [-limit, limit]
+
+    def _descends(self, body: int, root: int) -> bool:
+        while body > root:
+            body = self.model.body_parentid[body]
+        return bool(body == root)
+
+    def shapes(self) -> list[Shape]:
+        """Return the visible geometries of the model, planes left out."""
+        return visible(self.model)

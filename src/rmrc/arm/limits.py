@@ -1,0 +1,69 @@
+"""What a model says that its joints may do: position, rate and torque limits."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm.wiring import DRIVES_JOINT, Travel
+
+Array = NDArray[np.float64]
+
+# MuJoCo's arrays hold plain integers, which its enums do not equal.
+NO_BIAS, NO_DYNAMICS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtDyn.mjDYN_NONE)
+
+
+def position_limit(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[Travel]) -> Array:
+    """Return the range of each joint, (n, 2); a screw joint also ends where its slide does."""
+
+    def limit(name: str) -> Array:
+        joint = model.joint(name).id
+        return np.array(model.jnt_range[joint] if model.jnt_limited[joint] else [-np.inf, np.inf])
+
+    limits = np.array([limit(name) for name in joints])
+    for travel in travels:
+        if travel.ratio != 0.0:
+            ends = np.sort((limit(travel.name) - travel.offset) / travel.ratio)
+            limits[travel.hinge] = (
+                max(limits[travel.hinge, 0], ends[0]),
+                min(limits[travel.hinge, 1], ends[1]),
+            )
+    return limits
+
+
+def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
+    return [
+        i
+        for i in range(model.nu)
+        if model.actuator_trntype[i] == DRIVES_JOINT and model.actuator_trnid[i, 0] == joint
+    ]
+
+
+def rate_limit(model: mujoco.MjModel, joint: int) -> float:
+    """The smaller end of a rate servo's control range: only such a control is a rate."""
+    limits = [
+        np.abs(model.actuator_ctrlrange[i]).min() / abs(model.actuator_gear[i, 0])
+        for i in _actuators(model, joint)
+        if model.actuator_ctrllimited[i]
+        and model.actuator_biasprm[i, 1] == 0.0
+        and model.actuator_biasprm[i, 2] < 0.0
+        and model.actuator_dyntype[i] == NO_DYNAMICS
+    ]
+    return float(min(limits, default=np.inf))
+
+
+def torque_limit(model: mujoco.MjModel, joint: int) -> float:
+    """The tightest of the joint's and its actuators' force ranges, and of a motor's control range."""
+    limits = [np.inf]
+    if model.jnt_actfrclimited[joint]:
+        limits.append(np.abs(model.jnt_actfrcrange[joint]).min())
+    for i in _actuators(model, joint):
+        gear = abs(model.actuator_gear[i, 0])
+        if model.actuator_forcelimited[i]:
+            limits.append(np.abs(model.actuator_forcerange[i]).min() * gear)
+        is_motor = model.actuator_biastype[i] == NO_BIAS
+        if is_motor and model.actuator_ctrllimited[i]:
+            gain = abs(model.actuator_gainprm[i, 0])
+            limits.append(np.abs(model.actuator_ctrlrange[i]).min() * gain * gear)
+    return float(min(limits))
