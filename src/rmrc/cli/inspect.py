@@ -15,6 +15,7 @@ from rmrc.cli.questions import (
     Model,
     Site,
     TaskAxes,
+    check_picture,
     configuration,
     numbers,
     task_axes,
@@ -24,8 +25,6 @@ from rmrc.errors import QuestionError
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
-
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def inspect(
@@ -68,8 +67,7 @@ def inspect(
     as_json: AsJson = False,
 ) -> None:
     """Tell what an arm can and cannot do at a configuration: pose, J, singularity, ellipsoids, statics."""
-    if picture is not None and picture.suffix not in PICTURES:
-        raise QuestionError(f"--picture {picture}: must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
+    check_picture(picture)
     if q and keyframe:
         raise QuestionError("give --q or --keyframe, not both")
     rows = task_axes(axes)

@@ -39,7 +39,18 @@ Length = Annotated[
 ]
 # Squares of numbers up to this are finite.
 LARGEST = 1e100
+PICTURES = (".png", ".svg", ".pdf")
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
+
+
+def check_picture(path: Path | None) -> None:
+    """Refuse a picture of a kind that nobody can draw.
+
+    Raises:
+        QuestionError: It has another suffix.
+    """
+    if path is not None and path.suffix not in PICTURES:
+        raise QuestionError(f"--picture {path}: must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
 
 
 def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float64]:

@@ -16,6 +16,7 @@ from rmrc.cli.questions import (
     Positions,
     Site,
     TaskAxes,
+    check_picture,
     configuration,
     numbers,
     task_axes,
@@ -28,7 +29,6 @@ if TYPE_CHECKING:
     from rmrc.output.sheets import Sheet
 
 MAPS = ("sigma_min", "manipulability", "condition", "postures")
-PICTURES = (".png", ".svg", ".pdf")
 
 
 def workspace(
@@ -71,8 +71,7 @@ def workspace(
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")] = False,
 ) -> None:
     """Map where an arm reaches and where it is singular; leave NAME.workspace.png and .npz."""
-    if picture is not None and picture.suffix not in PICTURES:
-        raise QuestionError(f"--picture {picture}: must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
+    check_picture(picture)
     if map_ is not None and map_ not in MAPS:
         raise QuestionError(f"--map must be one of {', '.join(MAPS)}, got {map_!r}")
     rows = task_axes(axes)
