@@ -1,6 +1,8 @@
 """What the documents promise is so: commands, keys, links, names, numbers and examples."""
 
 import importlib
+import inspect
+import pkgutil
 import re
 import shlex
 import shutil
@@ -9,6 +11,7 @@ import tomllib
 
 import pytest
 
+import rmrc.textbook
 from project import ROOT
 from rmrc.comparison import Comparison
 from rmrc.preparation import prepare
@@ -222,6 +225,22 @@ def test_equations_are_numbered_without_a_gap_and_those_referred_to_exist():
     numbers = [int(n) for n in re.findall(r"\((\d+)\)$", THEORY, re.MULTILINE)]
     assert numbers == list(range(1, len(numbers) + 1))
     assert {int(n) for n in re.findall(r"\((\d+)\)", THEORY)} == set(numbers)
+
+
+def textbook_functions():
+    """Yield the public functions of the textbook with their full names."""
+    for module in pkgutil.iter_modules(rmrc.textbook.__path__):
+        home = importlib.import_module(f"rmrc.textbook.{module.name}")
+        for name, value in vars(home).items():
+            if inspect.isfunction(value) and value.__module__ == home.__name__ and not name.startswith("_"):
+                yield f"{home.__name__}.{name}", value
+
+
+def test_every_function_of_the_textbook_is_in_the_theory_and_has_an_example():
+    functions = dict(textbook_functions())
+    assert len(functions) > 80
+    assert [name for name in functions if f"`{name}`" not in THEORY] == []
+    assert [name for name, function in functions.items() if ">>>" not in function.__doc__] == []
 
 
 # Lists that must be complete ---------------------------------------------------------------------
