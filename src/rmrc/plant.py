@@ -77,17 +77,12 @@ def tick(
         if world.diverged_joint >= -1:
             world.diverged = t
             continue
-        if world.is_off:
-            believe_encoders(world)
-        else:
-            geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
+        geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
         if world.m_2 > 0:
             measure_second(world, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
         out.time = t * world.period
         read_reference(world, out, reference[world.reference])
         control(world, out)
-        if world.is_off:
-            return_to_truth(world, out)
         world.diverged_joint = bad_command(world, out)
         if world.diverged_joint >= 0:
             world.diverged = t
@@ -105,39 +100,21 @@ def measure(
 ) -> None:
     """Read q, qdot, pose and tau; the ideal arm's rates are those that it was last sent."""
     for j in range(world.n):
-        world.q[j] = state[world.qpos_column[j]]
+        out.q[j] = state[world.qpos_column[j]]
+        world.q[j] = out.q[j] + world.encoder_offset[j]
         if world.plant == IDEAL:
             world.qdot[j] = world.qdot_cmd_last[j]
             out.tau[j] = 0.0
         else:
             world.qdot[j] = state[world.qvel_column[j]]
             out.tau[j] = actuator_force[world.actuator[j]]
-        out.q[j], out.qdot[j] = world.q[j], world.qdot[j]
+        out.qdot[j] = world.qdot[j]
     for i in range(3):
         world.pose[i] = xpos[world.site, i]
     for i in range(4):
         world.pose[3 + i] = xquat[world.site, i]
     for i in range(7):
         out.pose[i] = world.pose[i]
-
-
-@compiled
-def believe_encoders(world: Record) -> None:
-    """Show the law an arm at q + offset: its pose and Jacobian are not MuJoCo's, which knows q."""
-    for j in range(world.n):
-        world.q[j] += world.encoder_offset[j]
-    follow_chain(world, world.q)
-    geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
-
-
-@compiled
-def return_to_truth(world: Record, out: Record) -> None:
-    """Go on with the arm where it is, and record the error that it really has."""
-    for j in range(world.n):
-        world.q[j] = out.q[j]
-    for i in range(7):
-        world.pose[i] = out.pose[i]
-    pose_error(world.pose, out.pose_ref, out.pose_error)
 
 
 @compiled
@@ -228,7 +205,7 @@ def obey(world: Record, out: Record, state: Array) -> None:
     for j in range(world.n):
         cmd = out.qdot_cmd[j]
         if world.plant == IDEAL:
-            state[world.qpos_column[j]] = world.q[j] + world.period * cmd
+            state[world.qpos_column[j]] += world.period * cmd
             if world.travel_column[j] >= 0:
                 state[world.travel_column[j]] += world.travel_ratio[j] * world.period * cmd
         elif world.plant == TORQUE:
@@ -257,6 +234,64 @@ def push(world: Record, state: Array) -> None:
     state[column + 3] += ry * f[2] - rz * f[1]
     state[column + 4] += rz * f[0] - rx * f[2]
     state[column + 5] += rx * f[1] - ry * f[0]
+
+
+@entry
+def believe_encoders(
+    worlds: Record, state: Array, site_xpos: Array, site_xquat: Array, xanchor: Array, xaxis: Array
+) -> None:
+    """Write over MuJoCo's kinematics, for worlds whose encoders are off, those at q + offset.
+
+    Args:
+        worlds: World records, (w,).
+        state: MuJoCo's state rows, (w, nstate).
+        site_xpos: Copies of the fields of MjData of the same names, (w, …): written.
+        site_xquat: Orientation of each site.
+        xanchor: Joint anchors.
+        xaxis: Joint axes.
+    """
+    for w in range(worlds.shape[0]):
+        world = worlds[w]
+        if not world.is_off:
+            continue
+        for j in range(world.n):
+            world.q[j] = state[w, world.qpos_column[j]] + world.encoder_offset[j]
+        follow_chain(world, world.q)
+        for i in range(3):
+            site_xpos[w, world.site, i] = world.pose[i]
+            for j in range(world.n):
+                xanchor[w, world.joint[j], i] = world.anchor[j, i]
+                xaxis[w, world.joint[j], i] = world.axis[j, i]
+        for i in range(4):
+            site_xquat[w, world.site, i] = world.pose[3 + i]
+
+
+@entry
+def return_to_truth(
+    worlds: Record, ticks: Record, state: Array, site_xpos: Array, site_xquat: Array, t: int
+) -> None:
+    """Record, of worlds whose encoders are off, where the site really is, and push it there.
+
+    Args:
+        worlds: World records, (w,).
+        ticks: Tick records, (ticks, w); pose and error of row t are written.
+        state: MuJoCo's state rows, (w, nstate); wrenches are written.
+        site_xpos: The fields of MjData of the same names, (w, …).
+        site_xquat: Orientation of each site.
+        t: Number of the tick.
+    """
+    for w in range(worlds.shape[0]):
+        world, out = worlds[w], ticks[t, w]
+        if world.is_off and t < world.ticks:
+            for i in range(3):
+                world.pose[i] = site_xpos[w, world.site, i]
+            for i in range(4):
+                world.pose[3 + i] = site_xquat[w, world.site, i]
+            for i in range(7):
+                out.pose[i] = world.pose[i]
+            pose_error(out.pose, out.pose_ref, out.pose_error)
+            if world.plant != IDEAL:
+                push(world, state[w])
 
 
 @entry
@@ -335,8 +370,9 @@ class PlantBatch:
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
         read = [self._batch.bind(field) for field in fields]
+        seen = self._wire_encoders(read) if worlds["is_off"].any() else read
         arrays: tuple[Any, ...] = (
-            worlds, ticks, reference, self._batch.state, self._batch.warning, *read
+            worlds, ticks, reference, self._batch.state, self._batch.warning, *seen
         )  # fmt: skip
         self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
         if self._plant == Plant.TORQUE:
@@ -350,8 +386,7 @@ class PlantBatch:
     def _wire(self, arm: Arm, model: mujoco.MjModel, wiring: Wiring) -> None:
         """Write ids and state columns into the records."""
         worlds, n = self.worlds, arm.n
-        off = worlds["is_off"][:, None] == 1
-        worlds["joint"][:, :n], worlds["dof"][:, :n] = np.where(off, np.arange(n), wiring.joint), wiring.dof
+        worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
         worlds["actuator"][:, :n] = wiring.actuator
         worlds["is_slide"][:, :n], worlds["pitch"][:, :n] = arm.is_slide, arm.pitch
         worlds["travel_column"] = -1
@@ -365,6 +400,33 @@ class PlantBatch:
         worlds["lever"] = _lever(model, wiring)
         worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
 
+    def _wire_encoders(self, read: list[Array]) -> list[Array]:
+        """Return what the law sees in place of MuJoCo's fields: copies, in part as the encoders have it."""
+        truth, seen = read[:4], [np.empty_like(field) for field in read[:4]]
+        arrays: tuple[Any, ...] = (self.worlds, self._batch.state, *seen)
+        believe: Callable[[], None] = partial(machine_code(believe_encoders, *arrays), *arrays)
+        arrays = (self.worlds, self.ticks, self._batch.state, *truth[:2])
+        self._return: Callable[[int], None] = partial(machine_code(return_to_truth, *arrays, 0), *arrays)
+
+        def see() -> None:
+            for copy, field in zip(seen, truth, strict=True):
+                copy[:] = field
+            believe()
+
+        self._see = see
+        # MuJoCo's fields may not be written: the tick compiled for them must not be compiled again for these.
+        shown = [copy.view() for copy in seen]
+        for view in shown:
+            view.flags.writeable = False
+        return [*shown, *read[4:]]
+
+    def _control(self, t: int) -> int:
+        """Control all worlds, some of whose encoders are off, for one tick; return how many still run."""
+        self._see()
+        running = self._tick(t)
+        self._return(t)
+        return running
+
     def advance(self, count: int) -> int:
         """Run the next `count` ticks at most; return how many worlds still run.
 
@@ -372,7 +434,8 @@ class PlantBatch:
         """
         if self.done >= len(self.ticks):
             return 0
-        control, proceed = self._tick, self._proceed(None)
+        control = self._control if self.worlds["is_off"].any() else self._tick
+        proceed = self._proceed(None)
         expected, t, end = len(self.worlds), self.done, min(self.done + count, len(self.ticks))
         self.ticks["time"][self.done : end] = -1.0  # not yet written
         try:

@@ -44,8 +44,8 @@ def _world_type(c: int) -> np.dtype[np.void]:
             # which it diverged or -1, and the joint
             ("reference", np.int64), ("path_ticks", np.int64), ("ticks", np.int64),
             ("diverged", np.int64), ("diverged_joint", np.int64),
-            # wiring: MuJoCo's ids, and columns of the state row; where kinematics are not MuJoCo's,
-            # `joint` is the row of `axis` and `anchor`
+            # wiring: MuJoCo's ids, and columns of the state row; of a task's record, `joint` is the row of
+            # `axis` and `anchor`
             ("joint", np.int64, (c,)), ("is_slide", np.int64, (c,)), ("pitch", np.float64, (c,)),
             ("dof", np.int64, (c,)),
             ("actuator", np.int64, (c,)), ("site", np.int64), ("body", np.int64),
