@@ -133,7 +133,7 @@ class Inspection:
 
     @property
     def manipulability(self) -> float:
-        """W = ∏ σ [Yoshikawa85]."""
+        """Manipulability w = ∏ σ [Yoshikawa85]."""
         return float(np.prod(self.sigma))
 
     @property

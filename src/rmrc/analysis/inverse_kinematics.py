@@ -59,7 +59,7 @@ class Iterates:
 
     @property
     def step(self) -> Array:
-        """H of q⁺ = q − h, (k, n) [Selig92, §6.3]."""
+        """Steps h of q⁺ = q − h, (k, n) [Selig92, §6.3]."""
         return -np.diff(self.q, axis=0)
 
 

@@ -43,7 +43,7 @@ class Survey:
 
     @property
     def manipulability(self) -> Array:
-        """W = ∏ σ, (N,) [Yoshikawa85]."""
+        """Manipulability w = ∏ σ, (N,) [Yoshikawa85]."""
         w: Array = np.prod(self.sigma, axis=1)
         return w
 

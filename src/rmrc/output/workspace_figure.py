@@ -193,7 +193,7 @@ def _clearest(points: Array, found: Workspace, taken: list[Array]) -> Array:
 
 
 def _colored(figure: Figure, axes: Axes, a: Array, b: Array, values: Array, measure: str, more: str) -> None:
-    """Draw a map with labelled contours and its colorbar."""
+    """Draw a map with labeled contours and its colorbar."""
     finite = values[np.isfinite(values)]
     if not len(finite):
         return
