@@ -10,6 +10,7 @@ from rmrc.scenario import load
 from rmrc.scorecard import check, scorecard
 from rmrc.simulation import Simulation
 from rmrc.textbook.redundancy import weighted_left_inverse
+from rmrc.textbook.stanford import stanford_determinant
 
 SCENARIOS = sorted(path.stem for path in (ROOT / "scenarios").glob("*.yaml"))
 
@@ -112,3 +113,9 @@ def test_stanford_wrist_passes_its_singularity_at_one_degree():
     w, x, y, z = run["pose_ref"][:, 3:].T
     forward = 2 * (x * z + w * y)  # x component of z₆; the boom lies along x
     assert np.degrees(np.arccos(forward.max())) == pytest.approx(1.0, abs=1e-3)
+    # The arm itself goes through theta_5 = 0, where its determinant changes its sign, and comes back.
+    determinant = stanford_determinant(run["q"])
+    assert (np.diff(np.sign(determinant)) != 0).sum() == 2
+    assert np.degrees(run["q"][:, 4]).min() < -39 and np.degrees(run["q"][-1, 4]) == pytest.approx(
+        40, abs=0.1
+    )

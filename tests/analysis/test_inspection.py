@@ -509,6 +509,9 @@ def test_outside_of_limits_is_a_warning():
     )
     assert_allclose(found.room, [2.9670597 - 3.1, 2.7925268 - 3.0], atol=ROUNDING)
     assert inspect_arm(model("planar_2link"), np.radians([170, -160])).warnings == ()
+    # A limit of eight digits is not passed by its ninth, but by a thousandth of a degree.
+    (warning,) = inspect_arm(model("planar_2link"), np.radians([170.001, -160])).warnings
+    assert warning == "shoulder = 2.967 is outside of its limits: the upper one is 2.967"
 
 
 def test_thresholds_are_those_of_the_law_and_of_the_task():

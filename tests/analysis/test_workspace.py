@@ -2,6 +2,7 @@
 
 import functools
 import json
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -343,6 +344,22 @@ def test_map_over_two_joints_is_mujocos_and_singular_where_the_determinant_is():
     assert np.abs(points).min(axis=1).max() < 1e-12
     assert (np.abs(points[:, 0]) < 1e-12).sum() > 30 and (np.abs(points[:, 1]) < 1e-12).sum() > 30
     assert joint_map(choose(arm, ["x", "y"]), ("theta_1", "theta_2"), q, 10).singular == ()
+
+
+def test_map_goes_through_the_range_of_a_joint_or_through_a_turn(tmp_path):
+    path = tmp_path / "free.xml"
+    text = (
+        (ROOT / "models/planar_2link.xml")
+        .read_text("utf-8")
+        .replace('file="common', f'file="{ROOT}/models/common')
+    )
+    path.write_text(re.sub(r'(<joint name="elbow"[^>]*?) range="[^"]*"', r"\1", text))
+    for arm, ends in ((arm_of("planar_2link"), np.radians([-160, 160])), (arms.load(path), [-np.pi, np.pi])):
+        space = joint_map(choose(arm), ("shoulder", "elbow"), np.zeros(2), 4)
+        assert_allclose(
+            space.first, np.radians(np.linspace(-170, 170, 5)), atol=1e-7
+        )  # eight digits of a file
+        assert_allclose(space.second, np.linspace(*ends, 5), atol=1e-7)
 
 
 # Files and messages ---------------------------------------------------------------------------------

@@ -54,6 +54,15 @@ def test_slides_are_told_from_hinges(stanford):
     assert torques["d_3"][0] == number(stanford.balance.equilibrium[2])
 
 
+def test_a_joint_is_near_its_limit_within_a_twentieth_of_its_range():
+    arm = arms.load(ROOT / "models/planar_2link.xml")  # the elbow has 160 deg to either side
+    notes = [
+        table(inspect_arm(arm, [0, np.radians(160 - way)]), "planar_2link.xml")["elbow"][6]
+        for way in (15, 17)
+    ]
+    assert notes == ["only 0.2618 rad to its limit", ""]
+
+
 def test_a_lost_direction_holds_any_force():
     found = inspect_arm(arms.load(ROOT / "models/planar_2link.xml"), [0, 0])
     assert table(found, "Half axes") == {

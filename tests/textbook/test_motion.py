@@ -160,6 +160,16 @@ def test_a_matrix_that_is_not_skew_holds_no_angular_velocity():
         vee(quotient)
     assert_allclose(vee(quotient, tolerance=1e-4), [0, 0, 1], atol=1e-8)
     assert_allclose(vee(np.zeros((3, 3))), 0.0, atol=0)
+    # The tolerance is what it says: half of it passes, twice of it does not.
+    S = np.array([[0, -1, 0], [1, 0, 0], [0, 0, 0.0]])
+    assert_allclose(vee(S + np.diag([0.5e-9, 0, 0])), [0, 0, 1], atol=0)
+    with pytest.raises(ValueError, match="symmetric part is 2e-09"):
+        vee(S + np.diag([2e-9, 0, 0]))
+
+
+def test_each_component_is_the_mean_of_its_two_entries():
+    lopsided = [[0, -5, 4], [1, 0, -2], [-2, 0, 0]]
+    assert_allclose(vee(lopsided, tolerance=1.0), [1, 3, 3], atol=0)
 
 
 def test_what_does_not_turn_has_no_axis():

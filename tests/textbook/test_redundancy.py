@@ -174,6 +174,17 @@ def test_weights_that_are_none_are_refused(weights, message):
     assert str(caught.value) == message
 
 
+@pytest.mark.parametrize(("angle", "is_refused"), [(1e-5, False), (2e-6, False), (5e-7, True), (1e-8, True)])
+def test_rows_count_as_dependent_within_a_millionth_of_a_radian(angle, is_refused):
+    J = np.array([[1.0, 0.0, 0.0], [np.cos(angle), np.sin(angle), 0.0]])
+    if is_refused:
+        with pytest.raises(np.linalg.LinAlgError, match="dependent rows"):
+            weighted_right_inverse(J)
+    else:
+        # The squared condition, 4/angle², times rounding, times the inverse's size of 1/angle.
+        assert_allclose(angle * (J @ weighted_right_inverse(J) - np.eye(2)), 0.0, atol=1e-15 * 4 / angle**2)
+
+
 @pytest.mark.parametrize("scale", [1e-9, 1.0, 1e9])
 def test_the_unit_of_the_jacobian_does_not_decide_its_rank(scale):
     J = scale * planar_jacobian([1, 1, 1], [0.3, 0.7, 0.2])[:2]

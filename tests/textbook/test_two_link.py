@@ -125,6 +125,9 @@ def test_out_of_reach_is_not_a_number_and_its_neighbors_are():
     postures = two_link.two_link_postures([6, 3], [[9.001, 0], [5, 0], [0, 2.999]])
     assert np.isnan(postures[[0, 2]]).all()
     assert np.isfinite(postures[1]).all()
+    # Beyond reach by more than rounding is beyond reach.
+    barely = two_link.two_link_postures([6, 3], [[9 * (1 + 1e-12), 0], [0, 3 * (1 - 1e-11)]])
+    assert np.isnan(barely).all()
 
 
 @pytest.mark.parametrize(
