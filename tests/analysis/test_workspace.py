@@ -168,6 +168,7 @@ EVERY = [
     ("planar_rp", None, None, None),
     ("anthropomorphic", None, None, None),
     ("helical", None, "xz", (0.0, 0.4, 0.0)),
+    ("helical", None, "xy", (0.0, 0.0, 1.2)),
     ("torus_3r", None, "xz", (0.0, 0.5, 0.0)),
     ("stanford", "wrist", None, None),
     ("stanford", "tool", None, None),
@@ -428,6 +429,46 @@ def test_slices_that_an_arm_does_not_have_are_refused():
     with pytest.raises(QuestionError) as caught:
         workspace(boom, "zx")
     assert str(caught.value) == "--plane must be one of xy, xz, yz, rz, got 'zx'"
+
+
+def chain_about(tmp_path, *axes):
+    """An arm of links of 1 m along x, whose joints turn about axes."""
+    bodies = "".join(
+        f'<body pos="{1 if i else 0} 0 0"><joint name="j{i}" axis="{axis}"/><geom size="0.1"/>'
+        for i, axis in enumerate(axes)
+    )
+    path = tmp_path / "chain.xml"
+    path.write_text(
+        f'<mujoco><worldbody>{bodies}<site name="tip" pos="1 0 0"/>{"</body>" * len(axes)}</worldbody></mujoco>'
+    )
+    return arms.load(path)
+
+
+@pytest.mark.parametrize("axis", ["0 0.6 0.8", "0 -0.6 -0.8", "0 -0.6 0.8", "0 0.6 -0.8"])
+def test_a_tilted_plane_is_seen_from_above_with_its_upward_side_up(tmp_path, axis):
+    part = choose_slice(chain_about(tmp_path, axis, axis), None, np.zeros(2))
+    tilt = np.sign(float(axis.split()[1]) * float(axis.split()[2]))
+    assert part.name == "uv"
+    assert_allclose(np.cross(*part.axes), [0, 0.6 * tilt, 0.8], atol=1e-12)
+    assert_allclose(np.abs(part.axes[0]), [1, 0, 0], atol=1e-12)
+    assert part.axes[1, 2] == pytest.approx(0.6)
+
+
+@pytest.mark.parametrize("axis", ["0 0 1", "0 0 -1"])
+def test_heights_about_an_axis_that_points_down_are_the_worlds(tmp_path, axis):
+    part = choose_slice(chain_about(tmp_path, axis, "0 1 0", "0 1 0"), None, np.array([0.0, 0.3, 0.4]))
+    assert part.labels == ("r", "z")
+    assert_allclose(part.coordinates(np.array([3.0, 4.0, 0.7])), [5.0, 0.7], atol=1e-12)
+
+
+def test_more_than_a_turn_reaches_what_a_turn_does(tmp_path):
+    text = (ROOT / "models/planar_2link.xml").read_text("utf-8").replace("common/", f"{ROOT}/models/common/")
+    wide = re.sub(r'(name="(?:shoulder|elbow)") range="[^"]*"', r'\1 range="-3.2 6.5"', text)
+    (tmp_path / "wide.xml").write_text(wide)
+    space = workspace(arms.load(tmp_path / "wide.xml"), cells=50)
+    assert space.limits == ()
+    np.testing.assert_array_equal(space.limited.postures, space.free.postures)
+    assert space.limited.postures.max() == 2  # a turn more is no posture more
 
 
 def test_kept_postures_are_within_limits_that_do_not_lie_around_zero(tmp_path):

@@ -134,10 +134,11 @@ def _own_plane(arm: Arm, plane: str | None, normal: Array, at: Array, joints: ND
         axes = np.delete(np.eye(3), world, axis=0)
         normal = np.eye(3)[world]
     else:
-        # As near to level as can be, and upward.
+        # As near to level as can be, and upward; seen from above, whichever normal was found.
+        normal = normal * (np.sign(normal[2]) or 1.0)
         name, level = "uv", np.cross([0.0, 0.0, 1.0], normal)
         level /= np.linalg.norm(level)
-        axes = np.stack([level, np.cross(normal, level) * np.sign(normal[2] or 1.0)])
+        axes = np.stack([level, np.cross(normal, level)])
     if plane not in (None, name):
         raise QuestionError(
             f'{arm.path}: site "{arm.site}" moves in the plane {name}; leave out --plane, got {plane}'
