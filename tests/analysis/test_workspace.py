@@ -16,7 +16,7 @@ from rmrc import arm as arms
 from rmrc.analysis import workspace_files
 from rmrc.analysis.joint_map import joint_map
 from rmrc.analysis.sheet import covering, zero_curves
-from rmrc.analysis.singular_set import nearest_singular
+from rmrc.analysis.singular_set import curvature, nearest_singular
 from rmrc.analysis.slices import choose_slice
 from rmrc.analysis.survey import jacobians
 from rmrc.analysis.task import Task, choose
@@ -285,6 +285,19 @@ def test_nearest_singular_configurations_of_any_chain_are_singular(tmp_path_fact
         assert abs(part.offset(arm.pose(one)[:3])) < 1e-8 * max(1.0, np.abs(linear).max())
     if arm.n == 3 and not arm.is_slide.any():
         assert known.any()
+
+
+@given(seeds)
+@settings(max_examples=10, deadline=None)
+def test_curvature_of_any_chain_is_the_derivative_of_its_linear_velocities(tmp_path_factory, seed):
+    path = tmp_path_factory.mktemp("chain") / "chain.xml"
+    path.write_text(random_chain(seed))
+    arm = arms.load(path)
+    (q,), u = arm.sampled(1, seed), np.random.default_rng(seed).normal(size=3)
+    J, step = arm.jacobian(q), 1e-5 * np.eye(arm.n)
+    along = np.array([u @ (arm.jacobian(q + s)[:3] - arm.jacobian(q - s)[:3]) / 2e-5 for s in step])
+    # Central differences of numbers up to ten meters: 1e-15/1e-5, and (1e-5)²/6 of them.
+    assert_allclose(curvature(u[None], J[None, :3], J[None, 3:])[0], along, atol=1e-8)
 
 
 # The sheet ------------------------------------------------------------------------------------------

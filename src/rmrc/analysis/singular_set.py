@@ -23,8 +23,8 @@ def nearest_singular(
     """Return singular configurations near to others, in the slice, and which of them were found.
 
     J_v(q)ᵀ u = 0 for a unit vector u, the direction that is lost, is a smooth system of equations for q and u
-    also where J_v is not square. Its derivative by q is u·∂²p/∂q_i∂q_j = u·(z_i × J_v,j), for i before j;
-    each step is the shortest that solves the linearized system.
+    also where J_v is not square. Its derivative by q is the `curvature`; each step is the shortest that
+    solves the linearized system.
 
     Args:
         task: The arm.
@@ -52,9 +52,7 @@ def nearest_singular(
         left, go = left[~fine], ~fine
         if not len(left):
             break
-        second = np.einsum("nci,ncj->nij", np.cross((u @ part.basis)[:, :, None], angular, axis=1), linear)
-        upper = np.triu(second)
-        second = upper + np.swapaxes(np.triu(second, 1), 1, 2)
+        second = curvature(u @ part.basis, linear, angular)
         system = np.zeros((len(u), k + 2, k + m))
         system[:, :k, :k], system[:, :k, k:] = second, np.swapaxes(own, 1, 2)
         system[:, k, k:] = u
@@ -68,3 +66,20 @@ def nearest_singular(
         size = np.linalg.norm(step, axis=1, keepdims=True)
         q[np.ix_(left, joints)] += step * np.minimum(1.0, LONGEST / np.maximum(size, 1e-300))
     return q, found
+
+
+def curvature(u: Array, linear: Array, angular: Array) -> Array:
+    """Return the second derivatives of the site's position along some directions, u · ∂²p/∂q_i∂q_j.
+
+    It is u · (z_i × J_v,j) for i before j or j itself, as a joint turns all columns behind it.
+
+    Args:
+        u: Directions, (N, 3).
+        linear: J_v, the joints in their order along the chain, (N, 3, k).
+        angular: Their axes z, 0 of slides, (N, 3, k).
+
+    Returns:
+        Symmetric, (N, k, k).
+    """
+    turned = np.einsum("nci,ncj->nij", np.cross(u[:, :, None], angular, axis=1), linear)
+    return np.asarray(np.triu(turned) + np.swapaxes(np.triu(turned, 1), 1, 2))
