@@ -3,6 +3,8 @@
 What was found is judged by MuJoCo's forward kinematics and scipy's rotations, never by the search's own error.
 """
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -189,6 +191,41 @@ def test_hinges_are_not_wound_up():
     found = solve_many(task, goals, start, limits=False)
     assert found.found.all()
     assert (np.abs(found.q - start) <= np.pi + 1.1e-5).all()
+
+
+@given(seeds)
+@settings(max_examples=50, deadline=None)
+def test_no_other_turn_within_the_limits_is_nearer(seed):
+    rng = np.random.default_rng(seed)
+    lower = rng.uniform(-8.0, -1.0, 6)
+    limit = np.transpose([lower, lower + rng.uniform(1.0, 14.0, 6)])
+    q, near = rng.uniform(*limit.T), rng.uniform(*limit.T)
+    comes_round = np.arange(6) < 5  # and a slide
+    found = inverse.unwound(SimpleNamespace(comes_round=comes_round), limit, q[None], near)[0]
+    assert found[5] == q[5]
+    turns = q + 2 * np.pi * np.arange(-4, 5)[:, None]
+    within = (turns >= limit[:, 0]) & (turns <= limit[:, 1])
+    nearest = np.where(within, np.abs(turns - near), np.inf).min(axis=0)
+    assert_allclose(np.exp(1j * found), np.exp(1j * q), atol=1e-12)
+    assert ((found >= limit[:, 0]) & (found <= limit[:, 1])).all()
+    assert (np.abs(found - near)[:5] <= nearest[:5] + 5 * inverse.HALF_TURN).all()
+
+
+def test_both_quaternions_of_a_goal_are_one_goal():
+    task = choose(load("puma560"))
+    goal = task.arm.pose(task.arm.sampled(1, 3)[0])
+    other = np.concatenate([goal[:3], -2.0 * goal[3:]])
+    assert_allclose(inverse.checked_goals(other, 1), [goal], atol=1e-15)
+    assert_allclose(solve_ik(task, other).q, solve_ik(task, goal).q, atol=1e-9)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_joints_at_their_limits_are_free_to_leave_them(end):
+    arm = load("planar_2link")
+    task, start = choose(arm), arm.position_limit[:, end]
+    found = solve_ik(task, arm.pose(0.6 * start), start, restarts=0)
+    assert found.found and found.tries == 1
+    assert_array_equal(found.at_limit, 0)
 
 
 # What cannot be reached -------------------------------------------------------------------------

@@ -69,6 +69,7 @@ def test_the_limits_in_the_way_are_named(rmrc):
     facts = json.loads(out)
     (side,) = facts["at_limit"].values()
     assert list(facts["at_limit"]) == ["elbow"]
+    assert side == ("upper" if facts["q"]["elbow"] > 0 else "lower")
     left = 2 * np.cos(np.radians(80)) - 0.2  # two links of 1 m, folded by 160°
     assert_allclose(facts["position_error"], left, atol=1e-8)
     assert err == (
