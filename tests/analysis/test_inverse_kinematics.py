@@ -231,6 +231,16 @@ def test_joints_at_their_limits_are_free_to_leave_them(end):
 # What cannot be reached -------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_the_limit_that_is_in_the_way_is_told_with_its_side(side):
+    arm = load("planar_2link")
+    goal = goal_pose(choose(arm), [0.2, 0.0])  # nearer than the elbow folds
+    found = solve_ik(choose(arm), goal, [0.5, 2.0 * side], restarts=0)
+    assert not found.found
+    assert_array_equal(found.at_limit, [0, side])
+    assert found.q[1] == arm.position_limit[1, (side + 1) // 2]
+
+
 @given(seeds)
 @settings(max_examples=10, deadline=None)
 def test_beyond_its_reach_two_links_are_stretched_towards_the_goal(seed):
