@@ -13,7 +13,7 @@ import rmrc
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.statics import Cost, balance, link_frames, wrench_costs
+from rmrc.analysis.statics import Cost, balance, elsewhere, link_frames, wrench_costs
 from rmrc.errors import QuestionError
 from rmrc.holding import FEEDBACK, Holding, hold
 from rmrc.spatial import pose_error, quat_to_matrix
@@ -392,3 +392,35 @@ def test_what_does_not_fit_is_refused():
 
 def test_a_notebook_finds_them():
     assert (rmrc.balance, rmrc.wrench_costs, rmrc.hold) == (balance, wrench_costs, hold)
+
+
+@pytest.mark.parametrize(
+    ("name", "here", "there"), [("stanford", "tool", "wrist"), ("puma560", "wrist", "tool")]
+)
+def test_a_wrench_elsewhere_on_its_body_asks_for_the_same_torques_and_does_the_same_work(name, here, there):
+    arm, other = (arms.load(ROOT / f"models/{name}.xml", site) for site in (here, there))
+    rng = np.random.default_rng(8)
+    for q in arm.sampled(5):
+        wrench = rng.normal(size=6)
+        found = elsewhere(arm, q, wrench, there)
+        R_a, R_b = (quat_to_matrix(one.pose(q)[3:]) for one in (other, arm))
+        in_world = (found.wrench.reshape(2, 3) @ R_a.T).ravel()
+        # J of each site, by MuJoCo.
+        assert_allclose(other.jacobian(q).T @ in_world, arm.jacobian(q).T @ wrench, atol=ROUNDING)
+        rates = rng.normal(size=arm.n)
+        twist_a, twist_b = (
+            (one.jacobian(q) @ rates).reshape(2, 3) @ R for one, R in ((other, R_a), (arm, R_b))
+        )
+        assert_allclose(found.velocity_transform @ twist_b.ravel(), twist_a.ravel(), atol=ROUNDING)
+        assert_allclose(found.force_transform, np.linalg.inv(found.velocity_transform).T, atol=ROUNDING)
+        # Negative control: the transpose of the same direction, as a source prints it.
+        printed = found.velocity_transform.T @ (wrench.reshape(2, 3) @ R_b).ravel()
+        assert np.abs(printed - found.wrench).max() > 1e-3
+
+
+def test_a_wrench_on_another_body_is_refused(tmp_path):
+    path = tmp_path / "chain.xml"
+    path.write_text(random_chain(1, 5, ranges=True))
+    with pytest.raises(QuestionError) as caught:
+        elsewhere(arms.load(path, "tip"), np.zeros(5), np.ones(6), "middle")
+    assert str(caught.value) == '--at: "middle" is on another body; sites that move with "tip": tip'

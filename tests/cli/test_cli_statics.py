@@ -104,6 +104,21 @@ def test_a_wrench_along_the_sites_axes_is_turned_into_the_worlds(rmrc):
     assert np.allclose(found["torque"]["equilibrium"], [-2 * np.cos(np.pi / 6), 0], rtol=0, atol=1e-12)
 
 
+def test_the_wrench_at_another_site_is_told_with_both_transforms(rmrc):
+    arguments = (STANFORD, "--site", "tool", "--at", "wrist", "--wrench", "0,0,-10", "--frame", "site")
+    code, out, _ = rmrc("statics", *arguments)
+    assert code == 0 and "The same wrench at wrist {A}, along its axes, from tool {B}" in out
+    assert max(map(len, out.splitlines())) <= 100
+    _, found = facts(rmrc, *arguments)
+    assert found["at"]["site"] == "wrist"
+    # Along the hand's own axis: no lever.
+    assert np.allclose(found["at"]["wrench"], [0, 0, -10, 0, 0, 0], rtol=0, atol=1e-12)
+    _, across = facts(rmrc, *arguments[:-3], "10,0,0", "--frame", "site")
+    assert np.allclose(across["at"]["wrench"], [10, 0, 0, 0, 2.63, 0], rtol=0, atol=1e-12)  # 0.263 m · 10 N
+    _, without = facts(rmrc, STANFORD, "--wrench", "1,2,3")
+    assert without["at"] is None
+
+
 def test_keyframe_site_and_length_are_taken(rmrc):
     three = str(ROOT / "models/planar_3link.xml")
     _, found = facts(
@@ -135,6 +150,10 @@ MISTAKES = {
     "a site": (
         [TWO, "--wrench", "1,2,3", "--site", "tap"],
         f'{TWO}: has no site "tap"; did you mean "tip"?; its sites: tip',
+    ),
+    "at a site of another body": (
+        [STANFORD, "--wrench", "1,2,3", "--at", "wirst"],
+        f'--at: "wirst" is no site of {STANFORD}; did you mean "wrist"?; sites that move with "tool": wrist, tool',
     ),
     "beyond the limits": (
         [TWO, "--wrench", "1,2,3", "--q", "0,3", "--hold", "1"],

@@ -13,8 +13,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from rmrc.analysis.task import RANK_TOLERANCE, SAMPLES, Task, structural_rank
 from rmrc.arm import Arm
-from rmrc.errors import QuestionError
-from rmrc.spatial import quat_to_matrix
+from rmrc.errors import QuestionError, did_you_mean
+from rmrc.spatial import quat_to_matrix, twist_transform, wrench_transform
 from rmrc.textbook.propagation import actuator_torques, inward_wrenches
 from rmrc.textbook.screws import exp_screw, joint_screw
 from rmrc.textbook.statics import equilibrium_torques, joint_torques
@@ -144,6 +144,52 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
         reaction=reaction,
         propagated=actuator_torques(reaction, arm.pitch),
     )
+
+
+@dataclass(frozen=True, eq=False)
+class Elsewhere:
+    """The same wrench at another site {A} of the body that carries the controlled one {B}.
+
+    Attributes:
+        site: Name of {A}.
+        velocity_transform: ᴬT_v,B: twist_a = ᴬT_v,B twist_b, (6, 6).
+        force_transform: ᴬT_f,B = (ᴮT_v,A)ᵀ: wrench_a = ᴬT_f,B wrench_b, (6, 6).
+        wrench: [f; n] at the origin and along the axes of {A}, (6,) [N, N·m].
+    """
+
+    site: str
+    velocity_transform: Array
+    force_transform: Array
+    wrench: Array
+
+
+def elsewhere(arm: Arm, q: ArrayLike, wrench: ArrayLike, site: str) -> Elsewhere:
+    """Return a wrench as another site of the same body has it: it does the same work [Craig05, §5.11].
+
+    Args:
+        arm: The arm.
+        q: Joint positions, (n,) [rad or m].
+        wrench: [f; n] at the controlled site, along world axes, (6,) [N, N·m].
+        site: Name of the other site.
+
+    Raises:
+        QuestionError: There is no such site, or another body carries it.
+    """
+    model = arm.model
+    # Bodies that are welded together move as one.
+    body = {name: int(model.body_weldid[model.site(name).bodyid[0]]) for name in arm.sites}
+    alike = [name for name in arm.sites if body[name] == body[arm.site]]
+    if site not in alike:
+        what = (
+            "is on another body" if site in body else f"is no site of {arm.path}{did_you_mean(site, alike)}"
+        )
+        raise QuestionError(f'--at: "{site}" {what}; sites that move with "{arm.site}": {", ".join(alike)}')
+    here, there = arm.pose(np.asarray(q, dtype=np.float64)), arm.pose(np.asarray(q, dtype=np.float64), site)
+    R_b, R_a = quat_to_matrix(here[3:]), quat_to_matrix(there[3:])
+    R_a_b, p_a_b = R_a.T @ R_b, R_a.T @ (here[:3] - there[:3])
+    force_transform = wrench_transform(R_a_b, p_a_b)
+    own = (np.asarray(wrench, dtype=np.float64).reshape(2, 3) @ R_b).ravel()
+    return Elsewhere(site, twist_transform(R_a_b, p_a_b), force_transform, force_transform @ own)
 
 
 def link_frames(arm: Arm, q: ArrayLike) -> tuple[Array, Array]:

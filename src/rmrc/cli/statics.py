@@ -35,6 +35,10 @@ Wrench = Annotated[
     ),
 ]
 Axes = Annotated[Frame, typer.Option("--frame", help="Along whose axes the wrench is given.")]
+At = Annotated[
+    str | None,
+    typer.Option("--at", metavar="SITE", help="Tell the wrench at this other site of the same body as well."),
+]
 Gravity = Annotated[
     bool, typer.Option("--gravity/--no-gravity", help="Whether the drives bear the arm's weight as well.")
 ]
@@ -57,6 +61,7 @@ def statics(
     keyframe: Keyframe = None,
     site: Site = None,
     frame: Axes = Frame.WORLD,
+    at: At = None,
     gravity: Gravity = False,
     hold: Hold = None,
     length: Length = 1.0,
@@ -64,7 +69,7 @@ def statics(
 ) -> None:
     """Tell what drives and links bear while a wrench acts on an arm, and which wrenches cost nothing."""
     from rmrc import arm as arms
-    from rmrc.analysis.statics import balance, wrench_costs
+    from rmrc.analysis.statics import balance, elsewhere, wrench_costs
     from rmrc.output import bearing
     from rmrc.spatial import rotate
 
@@ -75,6 +80,7 @@ def statics(
         acts = rotate(arm.pose(positions)[3:], acts.reshape(2, 3)).ravel()
     borne = balance(arm, positions, acts, gravity)
     costs = wrench_costs(arm, positions, length)
+    other = None if at is None else elsewhere(arm, positions, acts, at)
     held = None
     if hold is not None:
         from rmrc.holding import Holding
@@ -89,10 +95,10 @@ def statics(
             complain("interrupted while holding")
             raise typer.Exit(EXIT_INTERRUPTED) from None
     if as_json:
-        print(json.dumps(bearing.facts(borne, costs, length, held), indent=2, ensure_ascii=False))
+        print(json.dumps(bearing.facts(borne, costs, length, held, other), indent=2, ensure_ascii=False))
     else:
         console = output()
-        for part in bearing.render(borne, costs, gravity, held):
+        for part in bearing.render(borne, costs, gravity, held, other):
             console.print(part, highlight=False)
     if held is not None and held.run.divergence:
         complain(f"error: {held.run.divergence}")

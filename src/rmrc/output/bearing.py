@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from rich.console import RenderableType
 from rich.text import Text
 
-from rmrc.analysis.statics import ROUNDING, Balance, Costs
+from rmrc.analysis.statics import ROUNDING, Balance, Costs, Elsewhere
 from rmrc.arm import Arm
 from rmrc.holding import Held
 from rmrc.output.sheets import Sheet, as_table, number
@@ -15,11 +15,16 @@ from rmrc.output.sheets import Sheet, as_table, number
 Array = NDArray[np.float64]
 
 PLURALS = {"wrench": "wrenches", "force": "forces alone", "moment": "moments alone"}
+TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 ROWS = ("fx", "fy", "fz", "nx", "ny", "nz")
 
 
 def render(
-    borne: Balance, costs: Sequence[Costs], gravity: bool, held: Held | None = None
+    borne: Balance,
+    costs: Sequence[Costs],
+    gravity: bool,
+    held: Held | None = None,
+    other: Elsewhere | None = None,
 ) -> Iterator[RenderableType]:
     """Yield what to print, for a terminal of 100 columns or more.
 
@@ -28,6 +33,7 @@ def render(
         costs: What wrenches cost.
         gravity: Whether the drives bear the arm's weight.
         held: What it took to hold the wrench in the physics, if that was asked.
+        other: The wrench at another site, if that was asked.
     """
     arm = borne.arm
     place = ", ".join(f"{name} {number(at)}" for name, at in zip(arm.joints, borne.q, strict=True))
@@ -37,11 +43,31 @@ def render(
         f"The wrench acts on the arm: force {_vector(force)} N, moment {_vector(moment)} N·m, world axes."
     )
     yield Text("The drives bear the arm's weight as well." if gravity else "The arm's weight is compensated.")
+    if other is not None:
+        yield from _elsewhere(other, arm.site)
     yield from _drives(borne, gravity)
     yield from _links(borne)
     yield from _free(costs)
     if held is not None:
         yield from _held(held)
+
+
+def _elsewhere(other: Elsewhere, site: str) -> Iterator[RenderableType]:
+    shown = _rounded(max(1.0, np.abs(other.wrench).max()))
+    yield Text()
+    yield Text(f"The same wrench at {other.site} {{A}}, along its axes, from {site} {{B}}", "bold")
+    for name, inputs, transform in (
+        ("force transform", ROWS, other.force_transform),
+        ("velocity transform", TWIST, other.velocity_transform),
+    ):
+        result = [shown(value) for value in other.wrench] if inputs is ROWS else [""] * 6
+        rows = [
+            (row, *map(shown, values), value)
+            for row, values, value in zip(inputs, transform, result, strict=True)
+        ]
+        last = "wrench at A" if inputs is ROWS else ""
+        yield as_table(Sheet("", (name, *(f"{one} of B" for one in inputs), last), rows))
+    yield Text("The force transform is the inverse transpose of the velocity transform: power is the same.")
 
 
 def _drives(borne: Balance, gravity: bool) -> Iterator[RenderableType]:
@@ -203,7 +229,9 @@ def _word(borne: Balance, j: int) -> str:
     return "EXCEEDED" if borne.arm.joints[j] in borne.exceeded else "ok"
 
 
-def facts(borne: Balance, costs: Sequence[Costs], length: float, held: Held | None) -> dict[str, object]:
+def facts(
+    borne: Balance, costs: Sequence[Costs], length: float, held: Held | None, other: Elsewhere | None = None
+) -> dict[str, object]:
     """Return all of it for strict JSON; an infinite number is null.
 
     Args:
@@ -211,6 +239,7 @@ def facts(borne: Balance, costs: Sequence[Costs], length: float, held: Held | No
         costs: What wrenches cost.
         length: That made meters and radians comparable in `costs` [m].
         held: What it took to hold the wrench in the physics, or None.
+        other: The wrench at another site, or None.
     """
     arm = borne.arm
     return {
@@ -219,6 +248,14 @@ def facts(borne: Balance, costs: Sequence[Costs], length: float, held: Held | No
         "joints": list(arm.joints),
         "q": _list(borne.q),
         "wrench_on_arm": _list(borne.wrench),
+        "at": None
+        if other is None
+        else {
+            "site": other.site,
+            "wrench": _list(other.wrench),
+            "force_transform": other.force_transform.tolist(),
+            "velocity_transform": other.velocity_transform.tolist(),
+        },
         "torque": {
             "unit": [_unit(arm, j) for j in range(arm.n)],
             "equivalent": _list(borne.equivalent),
