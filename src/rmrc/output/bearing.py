@@ -67,6 +67,7 @@ def _elsewhere(other: Elsewhere, site: str) -> Iterator[RenderableType]:
         ]
         last = "wrench at A" if inputs is ROWS else ""
         yield as_table(Sheet("", (name, *(f"{one} of B" for one in inputs), last), rows))
+        yield Text()
     yield Text("The force transform is the inverse transpose of the velocity transform: power is the same.")
 
 
