@@ -234,3 +234,9 @@ def test_the_goal_of_the_rows_that_count_alone(rmrc):
     facts = json.loads(out)
     assert code == 0 and facts["axes"] == ["x", "y", "z"]
     assert_allclose(facts["pose"][:3], [0.3, 0.4, 0.5], atol=1e-9)
+
+
+def test_a_joint_without_limits_has_none(rmrc):
+    out = rmrc("ik", TWO, "--to", "1,1", "--no-limits")[1]
+    (shoulder,) = (line for line in out.splitlines() if line.startswith("shoulder"))
+    assert shoulder.split()[-2:] == ["none", "none"]

@@ -39,7 +39,8 @@ To = Annotated[
         "--to",
         metavar="X,Y,...",
         help="The goal: a value for each row of the task, m, rad, or angles such as "
-        '"120 deg"; rx,ry,rz are a rotation vector.',
+        '"120 deg"; rx,ry,rz are a rotation vector; if only some count, it turns the site from its '
+        "orientation with all joints at 0.",
     ),
 ]
 Quat = Annotated[
