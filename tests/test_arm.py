@@ -159,8 +159,9 @@ def test_a_joint_that_follows_in_another_way_is_refused(tmp_path, equality):
         load(tmp_path, screw_chain(equality=equality))
     names = [part.split('"')[1] for part in equality.split()[1:3] if part.startswith("joint")]
     follower, leader = names[0], names[1] if len(names) > 1 else ""
+    how = f'follows "{leader}"' if leader else "is held"
     assert str(caught.value) == (
-        f'{tmp_path / "model.xml"}: joint "{follower}" follows "{leader}" by an equality; on the chain to a '
+        f'{tmp_path / "model.xml"}: joint "{follower}" {how} by an equality; on the chain to a '
         "site that may only make a screw: a slide along the axis of the hinge beside it, polycoef a b 0 0 0"
     )
 
@@ -189,6 +190,31 @@ def test_without_a_name_the_site_is_that_of_the_most_joints(tmp_path):
     with pytest.raises(ModelError) as caught:
         load(tmp_path, CART.replace('<site name="hand" pos="0 0 1"/>', ""), None)
     assert str(caught.value) == f"{tmp_path / 'model.xml'}: has no site with a name; its sites: none"
+    nameless = CART.replace('name="hand" ', "")  # no guess at what the name of it could be
+    with pytest.raises(ModelError) as caught:
+        load(tmp_path, nameless, None)
+    assert str(caught.value) == f"{tmp_path / 'model.xml'}: has no site with a name; its sites: none"
+
+
+def test_without_a_name_the_site_is_one_that_an_arm_moves(tmp_path):
+    """More joints move a finger that follows another, and a thing on a ball joint, than the hand."""
+    follows = CART.replace('<geom size="0.02"/>', '<geom size="0.02"/><site name="pad"/>')
+    equality = '<equality><joint joint1="grip" joint2="swing"/></equality><actuator>'
+    assert load(tmp_path, follows, None).site == "pad"
+    assert load(tmp_path, follows.replace("<actuator>", equality), None).site == "hand"
+    dangles = follows.replace('axis="1 0 0"/><geom size="0.02"/>', 'type="ball"/><geom size="0.02"/>')
+    dangles = dangles.replace('<position name="grip" joint="grip" kp="1"/>', "").partition("<keyframe>")[0]
+    assert load(tmp_path, dangles + "</mujoco>", None).site == "hand"
+
+
+def test_a_keyframe_without_a_name_is_none(tmp_path):
+    text = CART.replace("<keyframe>", '<keyframe><key qpos="0.1 0.1 0.1"/>')
+    assert list(load(tmp_path, text, "hand").keyframes) == ["up"]
+
+
+def test_a_dampers_control_is_no_limit_of_torque(tmp_path):
+    damper = '<damper name="brake" joint="swing" kv="3" ctrlrange="0 1"/></actuator>'
+    assert_allclose(load(tmp_path, CART.replace("</actuator>", damper), "hand").torque_limit, [10, 3])
 
 
 def test_frames_are_mujocos_body_poses_and_jacobians(cart):
@@ -230,7 +256,7 @@ REFUSED = {
     "ball joint": (
         '<mujoco><worldbody><body><joint name="b" type="ball"/><geom size="1"/><site name="tip"/></body></worldbody></mujoco>',
         "tip", None,
-        '{path}: joint "b" on the chain to site "tip" is a ball or free joint; '
+        '{path}: the joint of body "body1" on the chain to site "tip" is a ball or free joint; '
         "only hinge and slide joints can be driven at a rate",
     ),
     "no name": (

@@ -191,6 +191,13 @@ def test_the_mode_is_what_the_umask_allows(tmp_path, umask):
     assert stat.S_IMODE(path.stat().st_mode) == 0o666 & ~umask
 
 
+def test_what_cannot_be_written_is_named_as_it_was_asked_for(tmp_path):
+    path = tmp_path / ("x" * 250 + ".png")  # the temporary name is too long
+    with pytest.raises(OSError, match="name too long") as caught, written_whole(path):
+        pass
+    assert caught.value.filename == str(path)
+
+
 def test_writing_does_not_touch_the_umask_of_other_threads(tmp_path, monkeypatch):
     def umask(_mask):
         raise AssertionError(f"umask changed in {threading.current_thread().name}")

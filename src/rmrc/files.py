@@ -16,7 +16,10 @@ def written_whole(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(8)}{path.suffix}")
     # Not mkstemp: its mode 0600 would hide results from a group, and the umask, which `touch`
     # obeys, cannot be read without changing it under the other threads.
-    temporary.touch(exist_ok=False)
+    try:
+        temporary.touch(exist_ok=False)
+    except OSError as error:  # about the file that was asked for, and not a name that nobody knows
+        raise OSError(error.errno, error.strerror, str(path)) from None
     try:
         yield temporary
         temporary.replace(path)

@@ -499,3 +499,19 @@ def test_kept_postures_are_within_limits_that_do_not_lie_around_zero(tmp_path):
     low, high = arm.position_limit.T
     assert (kept >= low - 1e-8).all() and (kept <= high + 1e-8).all()
     assert kept[:, 1].max() > np.pi + 1.0
+
+
+def test_the_area_of_a_gantry_is_known_to_its_accuracy(tmp_path):
+    """Its outermost points lie on a border of the workspace, but not of cells, which would count as well."""
+    path = tmp_path / "gantry.xml"
+    path.write_text(
+        '<mujoco><worldbody><body><joint name="X" type="slide" axis="1 0 0" range="0 2"/><geom size="0.1"/>'
+        '<body><joint name="Y" type="slide" axis="0 1 0" range="0 1"/><geom size="0.1"/><body><geom size="0.1"/>'
+        '<joint name="Z" type="slide" axis="0 0 1" range="-0.5 0"/><site name="tool"/></body></body></body>'
+        "</worldbody></mujoco>"
+    )
+    space = workspace(arms.load(path), "xz", cells=60, samples=20_000)
+    assert abs(space.limited.area - 1.0) < space.limited.accuracy < 0.2
+    # a half of a cell sticks out at both ends, where a whole one did
+    x = space.a[np.flatnonzero(space.limited.reached.any(axis=1))]
+    assert -0.6 < x[0] / space.limited.size < -0.4 and len(x) == 60

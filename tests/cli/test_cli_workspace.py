@@ -27,6 +27,7 @@ def test_it_leaves_a_picture_and_arrays_and_prints_a_table(workspace, tmp_path):
     assert (code, err) == (0, "")
     assert "planar_6_3.xml, site tip, slice xy, rows x y" in out
     assert "without limits" in out and "area of the slice [m²]" in out
+    assert "x [m], in cells of 0.3051" in out  # 18 m are 59 of them, with a half to spare at both ends
     assert out.endswith(
         "wrote recordings/planar_6_3.workspace.png\nwrote recordings/planar_6_3.workspace.npz\n"
     )
@@ -78,6 +79,13 @@ def test_a_map_over_two_joints(workspace, tmp_path):
     assert facts["over"] == ["theta_2", "theta_5"] and facts["q"][2] == 0.5 and facts["cells"] == [20, 20]
 
 
+def test_a_map_over_two_joints_has_no_determinant_where_j_is_not_square(workspace):
+    out = workspace(STANFORD, "--over", "theta_2,theta_5", "--cells", "20", "--axes", "x,y,z")[1]
+    title, *_, curves = out.partition("\n\n")[0].splitlines()
+    assert title == "stanford.xml, site tool, over theta_2 and theta_5, rows x y z"  # on one line
+    assert curves.split() == ["curves", "of", "det", "J", "=", "0", "-"]
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -112,6 +120,10 @@ def test_a_map_over_two_joints(workspace, tmp_path):
         (
             (STANFORD, "--over", "theta_2,theta_5", "--plane", "xz"),
             "--over has no slice: leave out --plane, --through, --worst and --map postures",
+        ),
+        (
+            (STANFORD, "--plane", "xy", "--through", "0,0,9"),
+            "the site does not come into the slice xy through (0, 0, 9); give another point with --through",
         ),
         ((STANFORD, "--q", "0", "--keyframe", "home"), "give --q or --keyframe, not both"),
         ((STANFORD, "--axes", "x,w"), '--axes: no row "w"; choose from x y z rx ry rz'),

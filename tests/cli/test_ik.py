@@ -195,6 +195,12 @@ def test_the_tolerance_is_the_users(rmrc):
             ("--to", "1,1e999"),
             '--to, y: must be a number or an angle such as "60 deg", got "1e999"',
         ),
+        (("--to", "1,2e6"), "--to, y: must be within ±1e+06, got '2e6'"),
+        # whose values would be taken for those of x and y
+        (
+            ("--axes", "y,x", "--to", "1,2"),
+            "--axes: rows must be listed once each, in the order x y z rx ry rz, got y,x; write x,y",
+        ),
         (("--axes", "x,u", "--to", "1,2"), '--axes: no row "u"; choose from x y z rx ry rz'),
         (("--to-q", "1"), "--to-q must have 2 values, one for each of shoulder, elbow, got 1: '1'"),
         (("--to", "1,1", "--to-q", "1,1"), "give --to-q or --to and --quat, not both"),
@@ -202,8 +208,8 @@ def test_the_tolerance_is_the_users(rmrc):
         (("--to", "1,1", "--quat", "1,0"), "--quat must have 4 values, one for each of w, x, y, z, got 2: '1,0'"),
         (("--quat", "1,0,0,0"), "--quat needs --to with a value for each of x, y"),
         (("--to", "1,1", "--q", "1,1", "--keyframe", "home"), "give --q or --keyframe, not both"),
-        (("--to", "1,1", "--tolerance", "inf"), "--tolerance must be finite, got inf"),
-        (("--to", "1,1", "--length", "inf"), "--length must be finite, got inf"),
+        (("--to", "1,1", "--tolerance", "inf"), "--tolerance must be between 1e-12 and 1, got inf"),
+        (("--to", "1,1", "--length", "inf"), "--length must be between 1e-06 and 1e+06, got inf"),
         (
             ("--to", "1,1", "--all", "--iterates"),
             "give --all or --iterates, not both: all postures are searched from many starts",
@@ -229,3 +235,9 @@ def test_the_goal_of_the_rows_that_count_alone(rmrc):
     facts = json.loads(out)
     assert code == 0 and facts["axes"] == ["x", "y", "z"]
     assert_allclose(facts["pose"][:3], [0.3, 0.4, 0.5], atol=1e-9)
+
+
+def test_a_joint_without_limits_has_none(rmrc):
+    out = rmrc("ik", TWO, "--to", "1,1", "--no-limits")[1]
+    (shoulder,) = (line for line in out.splitlines() if line.startswith("shoulder"))
+    assert shoulder.split()[-2:] == ["none", "none"]

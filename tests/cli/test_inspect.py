@@ -55,6 +55,8 @@ def test_tables_are_at_most_100_columns_for_all_models_and_options(rmrc):
         assert code == 0
         assert max(map(len, out.splitlines())) <= 100
         assert "…" not in out
+        given = ", ".join(f"0.00100 {unit}" for unit in arm.units)
+        assert f"errors of the joints of {given}, standard deviations" in " ".join(out.split())
         for joint in arm.joints:
             assert out.count(joint) >= 4  # joints, J, torques, reactions
 
@@ -128,6 +130,14 @@ def test_a_picture_is_drawn(rmrc, tmp_path):
         (["--q", "0,nan"], '--q, elbow: must be a number or an angle such as "60 deg", got "nan"'),
         (["--q", "0,0", "--keyframe", "home"], "give --q or --keyframe, not both"),
         (["--keyframe", "hom"], '{model}: has no keyframe "hom"; did you mean "home"?; its keyframes: home'),
+        (["--keyframe", ""], '{model}: has no keyframe ""; its keyframes: home'),
+        (["--q", "0,1e300"], "--q, elbow: must be within ±1e+06, got '1e300'"),
+        (["--joint-error", "1e200"], "--joint-error, joint: must be within ±1e+06, got '1e200'"),
+        (["--length", "nan"], "--length must be between 1e-06 and 1e+06, got nan"),
+        (
+            ["--axes", "x,x"],
+            "--axes: rows must be listed once each, in the order x y z rx ry rz, got x,x; write x",
+        ),
         (["--site", "tpi"], '{model}: has no site "tpi"; did you mean "tip"?; its sites: tip'),
         (["--axes", "x,q"], '--axes: no row "q"; choose from x y z rx ry rz'),
         (["--frame", "wrld"], 'frame: no frame "wrld"; did you mean "world"?; choose from world site base'),

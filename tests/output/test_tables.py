@@ -10,7 +10,7 @@ from rich.console import Console
 
 from rmrc.control.choices import Status
 from rmrc.output import tables
-from rmrc.output.sheets import number
+from rmrc.output.sheets import Sheet, as_table, number
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import Check, SchemaRow, schema_rows
 from rmrc.scorecard import Figure, Scorecard, check, scorecard
@@ -191,6 +191,8 @@ def test_names_are_not_read_as_markup():
     assert all(name in text for name in card.joints)
     text = tables.markdown(card)
     assert all(name in text for name in (r"\[red\]", r"a\|b", r"\*x\*"))
+    titled = as_table(Sheet("site [red]tool", ("",), [("1" * 20,)]))
+    assert "site [red]tool" in printed(titled)
     columns = {len(re.findall(r"(?<!\\)\|", line)) for line in text.splitlines() if r"a\|b |" in line}
     assert columns == {10}  # nine cells
 

@@ -57,10 +57,13 @@ class Reach:
 
     @property
     def accuracy(self) -> float:
-        """What the area can be wrong by [m²]: half a cell wherever two neighbors differ."""
+        """What the area can be wrong by [m²]: half a cell wherever two neighbors differ.
+
+        Of samples a whole one, as a cell counts that is reached in a corner only.
+        """
         padded = np.pad(self.reached, 1)
         borders = (padded[1:] != padded[:-1]).sum() + (padded[:, 1:] != padded[:, :-1]).sum()
-        return float(borders) * 0.5 * self.size**2
+        return float(borders) * (1.0 if (self.postures < 0).any() else 0.5) * self.size**2
 
 
 @dataclass(frozen=True)

@@ -153,7 +153,8 @@ def joint_summary(found: JointMap) -> dict[str, Any]:
         "q": found.q.tolist(), "axes": list(found.task.axes), "length": found.task.length,
         "cells": [len(found.first) - 1, len(found.second) - 1],
         "configurations": found.values["sigma_min"].size,
-        "singular_curves": len(found.singular),
+        # det J is of as many rows as joints
+        "singular_curves": len(found.singular) if len(found.task.rows) == arm.n else None,
     }  # fmt: skip
     return facts | {measure: _ends(found.values[measure]) for measure in MEASURES}
 

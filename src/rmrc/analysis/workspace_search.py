@@ -18,6 +18,7 @@ from rmrc.analysis.slices import Slice
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.task import Array, Task
 from rmrc.arm import Arm
+from rmrc.errors import QuestionError
 
 # Steps of a sheet's grid over a full turn, or over a slide, for a cell: half a degree with 200 cells, whose
 # chords leave its arcs by 1e-5 of their radius, a hundredth of a cell. And at least so many.
@@ -138,6 +139,12 @@ class Search:
         """Look at random configurations: within `free` without and within `own` with limits, (n, 2)."""
         part, rng = self.part, np.random.default_rng(0)
         starts = self.in_slice(self.random(rng, free, STARTS), free, rng)
+        if not len(starts):
+            x, y, z = part.origin
+            raise QuestionError(
+                f"the site does not come into the slice {part.name} through ({x:g}, {y:g}, {z:g}); "
+                "give another point with --through"
+            )
         q, found = nearest_singular(self.task, part, starts, part.movers)
         q = self.wrapped(q, free)
         singular = self.curve("singular", q[found & self.inside(q, free)], own)
@@ -241,17 +248,21 @@ class Search:
                 break
 
     def cells(self, points: list[Array], cells: int) -> tuple[Array, float, tuple[int, int]]:
-        """Return lower corner, side and number of cells around points, with one cell to spare."""
+        """Return lower corner, side and number of cells around points.
+
+        The outermost points are in the middle of a cell, which is then half reached: on the border of two
+        they would belong to the outer one as well, and the area be too large by both.
+        """
         every = np.concatenate(points)
         low, high = every.min(axis=0), every.max(axis=0)
         if self.part.is_round:
             far = np.abs(every[:, 0]).max()
             low[0], high[0] = 0.0, far
-        size = float((high - low).max()) / (cells - 2)
-        low = low - size
+        size = float((high - low).max()) / (cells - 1)
+        low = low - 0.5 * size
         if self.part.is_round:
             low[0] = 0.0
-        shape = np.ceil((high - low) / size).astype(int) + 1
+        shape = np.floor((high - low) / size).astype(int) + 1
         return low, size, (int(shape[0]), int(shape[1]))
 
     def curve(self, label: str, q: Array, own: Array) -> Curve:

@@ -12,6 +12,7 @@ Array = NDArray[np.float64]
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 NO_BIAS, NO_DYNAMICS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtDyn.mjDYN_NONE)
+FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
 
 
 def position_limit(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[Travel]) -> Array:
@@ -62,7 +63,8 @@ def torque_limit(model: mujoco.MjModel, joint: int) -> float:
         gear = abs(model.actuator_gear[i, 0])
         if model.actuator_forcelimited[i]:
             limits.append(np.abs(model.actuator_forcerange[i]).min() * gear)
-        is_motor = model.actuator_biastype[i] == NO_BIAS
+        # the force of a damper, whose gain is no constant, comes from its speed
+        is_motor = model.actuator_biastype[i] == NO_BIAS and model.actuator_gaintype[i] == FIXED_GAIN
         if is_motor and model.actuator_ctrllimited[i]:
             gain = abs(model.actuator_gainprm[i, 0])
             limits.append(np.abs(model.actuator_ctrlrange[i]).min() * gain * gear)

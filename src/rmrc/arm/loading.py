@@ -22,7 +22,8 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
 
     Args:
         path: The file.
-        site: Name of the site to control; None for the one that the most joints move, the last of several.
+        site: Name of the site to control; None for the one that the most joints move, the last of several, of
+            those on a chain of hinges, slides and screws.
         joints: Names of the joints to drive, all on the chain to the site; None for all of them.
 
     Raises:
@@ -78,7 +79,9 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
         position_limit=position_limit(model, names, followed),
         rate_limit=np.array([rate_limit(model, i) for i in joint]),
         torque_limit=np.array([torque_limit(model, i) for i in joint]),
-        keyframes={model.key(i).name: np.array(model.key(i).qpos) for i in range(model.nkey)},
+        keyframes={
+            name: np.array(model.key(i).qpos) for i in range(model.nkey) if (name := model.key(i).name)
+        },
         model=model,
         _spec=spec,
     )

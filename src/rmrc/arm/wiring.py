@@ -87,17 +87,28 @@ def wire(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[str], s
 
 
 def find_site(path: Path, model: mujoco.MjModel, wanted: str | None) -> str:
-    """Return the site that is wanted, or the one that the most joints move."""
-    sites = [model.site(i).name for i in range(model.nsite)]
-    if wanted is None and any(sites):
-        named: list[str] = [name for name in reversed(sites) if name]
-        return max(named, key=lambda name: len(joints_above(model, name)))
+    """Return the site that is wanted, or the one that the most joints move.
+
+    Sites that no arm moves, on a finger that follows another or on a thing that floats, are the last choice.
+    """
+    sites: list[str] = [name for i in range(model.nsite) if (name := model.site(i).name)]
+    if wanted is None and sites:
+        on_arms = [name for name in sites if _is_on_arm(path, model, name)]
+        return max(reversed(on_arms or sites), key=lambda name: len(joints_above(model, name)))
     if wanted is None or wanted not in sites:
-        known = ", ".join(filter(None, sites)) or "none"
+        known = ", ".join(sites) or "none"
         missing = "no site with a name" if wanted is None else f'no site "{wanted}"'
         hint = did_you_mean(wanted or "", sites)
         raise ModelError(f"{path}: has {missing}{hint}; its sites: {known}", "site")
     return wanted
+
+
+def _is_on_arm(path: Path, model: mujoco.MjModel, site: str) -> bool:
+    try:
+        find_travels(path, model, find_chain(path, model, site))
+    except ModelError:
+        return False
+    return True
 
 
 def joints_above(model: mujoco.MjModel, site: str) -> list[int]:
@@ -115,14 +126,15 @@ def find_chain(path: Path, model: mujoco.MjModel, site: str) -> list[str]:
     """Return the names of the joints between the world and a site, outward."""
     chain: list[str] = []
     for i in joints_above(model, site):
-        joint = model.joint(i)
+        joint, b = model.joint(i), int(model.jnt_bodyid[i])
+        body = model.body(b).name or f"body{b}"
         if joint.type[0] not in (HINGE, SLIDE):
             raise ModelError(
-                f'{path}: joint "{joint.name}" on the chain to site "{site}" is a ball or free '
-                "joint; only hinge and slide joints can be driven at a rate"
+                f'{path}: the joint of body "{body}" on the chain to site "{site}" is a ball or free '
+                "joint; only hinge and slide joints can be driven at a rate",
+                "site",
             )
         if not joint.name:
-            body = model.body(int(model.jnt_bodyid[i])).name
             raise ModelError(f'{path}: a joint of body "{body}" has no name; give it one')
         chain.append(joint.name)
     if not chain:
@@ -153,8 +165,9 @@ def find_travels(path: Path, model: mujoco.MjModel, chain: Sequence[str]) -> dic
             along = float(data.xaxis[hinge.id] @ data.xaxis[slide.id])
         is_screw = hinge is not None and (hinge.type[0], slide.type[0]) == (HINGE, SLIDE)
         if not (is_screw and abs(abs(along) - 1.0) < PARALLEL and not polynomial[2:].any()):
+            how = f'follows "{leader}"' if leader else "is held"
             raise ModelError(
-                f'{path}: joint "{follower}" follows "{leader}" by an equality; on the chain to a site that '
+                f'{path}: joint "{follower}" {how} by an equality; on the chain to a site that '
                 "may only make a screw: a slide along the axis of the hinge beside it, polycoef a b 0 0 0"
             )
         start, ratio = polynomial[0] + model.qpos0[slide.qposadr[0]], float(polynomial[1])

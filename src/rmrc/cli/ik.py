@@ -1,7 +1,6 @@
 """The verb `ik`: joint positions that bring a site to a pose, or as near as they can."""
 
 import json
-import math
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
@@ -19,6 +18,7 @@ from rmrc.cli.questions import (
     configuration,
     numbers,
     task_axes,
+    within,
 )
 from rmrc.errors import QuestionError
 
@@ -39,7 +39,8 @@ To = Annotated[
         "--to",
         metavar="X,Y,...",
         help="The goal: a value for each row of the task, m, rad, or angles such as "
-        '"120 deg"; rx,ry,rz are a rotation vector.',
+        '"120 deg"; rx,ry,rz are a rotation vector; if only some count, it turns the site from its '
+        "orientation with all joints at 0.",
     ),
 ]
 Quat = Annotated[
@@ -50,7 +51,11 @@ ToPositions = Annotated[
     str | None, typer.Option("--to-q", metavar="Q1,Q2,...", help="The goal: where these joints put the site.")
 ]
 Tolerance = Annotated[
-    float, typer.Option(help="How near is there: orientation in rad, position over --length.", min=1e-12)
+    float,
+    typer.Option(
+        help="How near is there: orientation in rad, position over --length.",
+        callback=within("--tolerance", 1e-12, 1.0),
+    ),
 ]
 WhichMethod = Annotated[
     Method, typer.Option(help="Damped steps from several starts, or Newton's from one, all printed.")
@@ -89,9 +94,6 @@ def ik(
     if every and (iterates or method is Method.NEWTON):
         option = "--iterates" if iterates else "--method newton"
         raise QuestionError(f"give --all or {option}, not both: all postures are searched from many starts")
-    for option, value in (("--length", length), ("--tolerance", tolerance)):
-        if not math.isfinite(value):
-            raise QuestionError(f"{option} must be finite, got {value}")
     rows = task_axes(axes)
     with notice("reading the model ..."):
         from rmrc.analysis.inverse_kinematics import solve_ik

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -16,6 +17,21 @@ from rmrc.spatial import AXES
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
+
+# Positions and angles up to this [m or rad] are kept to 1e-10.
+FARTHEST = 1e6
+
+
+def within(option: str, least: float, most: float) -> Callable[[float], float]:
+    """Return a check of an option's number, which nan and inf do not pass."""
+
+    def check(value: float) -> float:
+        if not least <= value <= most:
+            raise QuestionError(f"{option} must be between {least:g} and {most:g}, got {value:g}")
+        return value
+
+    return check
+
 
 Model = Annotated[Path, typer.Argument(help="The arm, an MJCF file.", show_default=False)]
 Site = Annotated[
@@ -35,7 +51,11 @@ TaskAxes = Annotated[
     ),
 ]
 Length = Annotated[
-    float, typer.Option(help="Makes meters and radians comparable in sigma, kappa and w, in m.", min=1e-6)
+    float,
+    typer.Option(
+        help="Makes meters and radians comparable in sigma, kappa and w, in m.",
+        callback=within("--length", 1e-6, FARTHEST),
+    ),
 ]
 # Squares of numbers up to this are finite.
 LARGEST = 1e100
@@ -57,7 +77,7 @@ def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float6
     """Return the numbers of an option, one for each name.
 
     Raises:
-        QuestionError: There are more or fewer, or one is no number.
+        QuestionError: There are more or fewer, or one is no number, or too large to compute with.
     """
     parts = text.strip().strip("[]").split(",")
     if len(parts) != len(names):
@@ -71,6 +91,8 @@ def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float6
             values.append(angle(part))
         except ValueError as error:
             raise QuestionError(f"{option}, {name}: {error}") from None
+        if abs(values[-1]) > FARTHEST:
+            raise QuestionError(f"{option}, {name}: must be within ±{FARTHEST:g}, got {part.strip()!r}")
     return np.array(values)
 
 
@@ -103,7 +125,7 @@ def task_axes(text: str | None) -> tuple[str, ...] | None:
     """Return the rows of --axes; None without it, to let `rmrc.analysis.task.choose` choose.
 
     Raises:
-        QuestionError: There is no such row.
+        QuestionError: There is no such row, or their order is another, in which --to would be misread.
     """
     if text is None:
         return None
@@ -111,6 +133,12 @@ def task_axes(text: str | None) -> tuple[str, ...] | None:
     for row in rows:
         if row not in AXES:
             raise QuestionError(f'--axes: no row "{row}"; choose from {" ".join(AXES)}')
+    ordered = tuple(axis for axis in AXES if axis in rows)
+    if rows != ordered:
+        raise QuestionError(
+            f"--axes: rows must be listed once each, in the order {' '.join(AXES)}, got {','.join(rows)}; "
+            f"write {','.join(ordered)}"
+        )
     return rows
 
 
@@ -125,4 +153,4 @@ def configuration(arm: Arm, q: str | None, keyframe: str | None) -> NDArray[np.f
         raise QuestionError("give --q or --keyframe, not both")
     if q is not None:
         return numbers("--q", q, arm.joints)
-    return arm.configuration(keyframe or "home")[arm.wiring.qpos]
+    return arm.configuration("home" if keyframe is None else keyframe)[arm.wiring.qpos]

@@ -78,7 +78,7 @@ def workspace(
     with notice(COMPILING):
         from rmrc.analysis.workspace import compile_for
         from rmrc.arm import load
-        from rmrc.output.sheets import as_table
+        from rmrc.output.sheets import render
 
         arm = load(model, site)
         compile_for(arm)
@@ -107,7 +107,7 @@ def workspace(
         )
         return
     console = output(quiet)
-    console.print(as_table(sheet))
+    console.print(render([sheet]))
     for path in files:
         console.print(f"wrote {path}", highlight=False, soft_wrap=True)
 

@@ -152,7 +152,9 @@ def _tip_error(found: Inspection) -> Sheet:
         size = float(np.linalg.norm(vector))
         where = f" {word} {direction(vector)}" if size > 0.0 else ""
         rows.append((f"most{where}", f"{number(size)} {unit}"))
-    given = _listed(error.joints)
+    given = ", ".join(
+        f"{number(size)} {unit}" for size, unit in zip(error.joints, found.arm.units, strict=True)
+    )
     return Sheet(
         f"Errors of the site for errors of the joints of {given}, standard deviations",
         ("", "of the site"),

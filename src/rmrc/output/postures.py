@@ -31,8 +31,7 @@ def solution_sheets(task: Task, solution: Solution, limits: bool, iterates: bool
                 joint,
                 *_decimals([position]),
                 *_unit(task, j, position),
-                number(lower),
-                number(upper),
+                *(number(end) if np.isfinite(end) else "none" for end in (lower, upper)),
                 _at(solution, j),
             )
         )

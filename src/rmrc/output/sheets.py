@@ -30,9 +30,8 @@ class Sheet:
 def as_table(sheet: Sheet) -> Table:
     """Return a sheet for a terminal."""
     table = Table(
-        title=sheet.title or None,
+        title=Text(sheet.title, style="bold") if sheet.title else None,
         title_justify="left",
-        title_style="bold",
         show_header=any(sheet.headings),
         box=box.SIMPLE_HEAD,
         # One blank between columns, or two where there are few: names of joints need the room.

@@ -101,7 +101,7 @@ def _workspace(found: Workspace, measure: str | None) -> Figure:
     where = ""
     if part.cuts:
         other = ({"x", "y", "z"} - set(part.name)).pop()
-        where = f", {other} = {part.origin @ part.normal:.3g} m"
+        where = f", {other} = {round(float(part.origin @ part.normal), 9) + 0.0:.3g} m"
     axes.set_title(f"{plain(arm.path.stem)}: workspace of {plain(arm.site)}{where}")
     figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, handlelength=3.5)
     return figure

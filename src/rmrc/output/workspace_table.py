@@ -25,7 +25,11 @@ def sheet(facts: dict[str, Any]) -> Sheet:
                 *(number(one["volume_if_first_joint_turns_fully"]) for one in both),
             )
         )
-    rows += [(f"{label} [m]", *(_range(one[label]) for one in both)) for label in facts["labels"]]
+    # Extents are those of whole cells.
+    rows += [
+        (f"{label} [m], in cells of {number(facts['cell'])}", *(_range(one[label]) for one in both))
+        for label in facts["labels"]
+    ]
     rows += [
         (f"{word}, {facts['posture']} posture", *(_range(one[key]) for one in both))
         for key, word in WORDS.items()
@@ -45,8 +49,12 @@ def joint_sheet(facts: dict[str, Any]) -> Sheet:
     title = f"{facts['model']}, site {facts['site']}, over {over}, rows {counted}"
     rows = [(word, _range(facts[key])) for key, word in WORDS.items()]
     return Sheet(
-        title, ("", "from least to most"), [*rows, ("curves of det J = 0", str(facts["singular_curves"]))]
+        title, ("", "from least to most"), [*rows, ("curves of det J = 0", _count(facts["singular_curves"]))]
     )
+
+
+def _count(count: int | None) -> str:
+    return UNDEFINED if count is None else str(count)
 
 
 def _accuracy(facts: dict[str, Any], one: dict[str, Any]) -> str:
