@@ -432,7 +432,8 @@ class PlantBatch:
     def advance(self, count: int) -> int:
         """Run the next `count` ticks at most; return how many worlds still run.
 
-        It stops at the last row of `ticks`, so that no row is used twice in one call. After an exception, an interrupt among them, `done` says how far it came.
+        It stops at the last row of `ticks`, so that no row is used twice in one call. After an exception, an
+        interrupt among them, `done` says how far it came.
         """
         if self.done >= self._longest:
             return 0

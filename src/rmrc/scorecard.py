@@ -19,10 +19,7 @@ from rmrc.errors import ScenarioError, did_you_mean
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import Check, Scenario
 from rmrc.spatial import AXES, pose_error
-from rmrc.tally import (
-    ACCELERATION, ACROSS, ALONG, COMMAND, CONDITION, DAMPING, ERRORS, JOINTS, MANIPULABILITY, ORIENTATION,
-    PACE, POSITION, RATE, SECONDARY, SECONDARY_SIGMA, SIGMA, TAU, add, begin,
-)  # fmt: skip
+from rmrc.tally import ERRORS, JOINTS, LARGEST, SMALLEST, adder, begin
 
 # How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
 # that was rounded to 0.01 deg, and far below any path.
@@ -138,14 +135,15 @@ def scorecard(run: Run) -> Scorecard:
     the same bits.
     """
     tally = tally_of(run)
-    rows = np.zeros((min(len(run), _ROWS), 1), tick_type(len(run.joints)))
+    rows = np.zeros((_ROWS, 1), tick_type(len(run.joints)))
+    add = adder(tally, rows)
     for first in range(0, len(run), _ROWS):
         last = min(first + _ROWS, len(run))
         for name in COLUMNS:
             column = run[name][first:last]
             field = rows[name][: last - first, 0]
             field[(..., slice(column.shape[1])) if column.ndim == 2 else ...] = column
-        add(tally, rows, np.array([last]))
+        add(np.array([last]))
     return figures(run, tally[0])
 
 
@@ -159,18 +157,18 @@ def figures(run: Run, tally: np.void) -> Scorecard:
 
     Args:
         run: What is known beside its columns, which are not looked at.
-        tally: As `rmrc.tally.add` left it.
+        tally: With its ticks added.
     """
     rate_units = tuple(f"{run.joint_unit(j)}/s" for j in range(len(run.joints)))
     acceleration_units = tuple(f"{unit}²" for unit in rate_units)
     tau_units = tuple("N" if slides else "N·m" for slides in run.is_slide)
     parts = (
-        _joints(run, tally, RATE, "measured rate", rate_units, is_rate=True),
-        _joints(run, tally, COMMAND, "commanded rate", rate_units, is_rate=True),
+        _joints(run, tally, "joint_rate", "measured rate", rate_units, is_rate=True),
+        _joints(run, tally, "joint_rate_cmd", "commanded rate", rate_units, is_rate=True),
         _joints(
-            run, tally, ACCELERATION, "difference quotient of the measured rate", acceleration_units
+            run, tally, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
         ),
-        _joints(run, tally, TAU, "actuator torque or force", tau_units),
+        _joints(run, tally, "tau", "actuator torque or force", tau_units),
         _errors(run, tally),
         _return(run, tally),
         _singularity(tally),
@@ -272,17 +270,17 @@ def _changes(run: Run, completed: float, q: _Array, pose_ref: _Array) -> _Array:
 
 
 def _joints(
-    run: Run, tally: np.void, row: int, what: str, units: tuple[str, ...], *, is_rate: bool = False
+    run: Run, tally: np.void, group: str, what: str, units: tuple[str, ...], *, is_rate: bool = False
 ) -> _Figures:
     """Yield the largest magnitude of all joints, when and where it was, and that of each joint.
 
     Rates also have an rms over time; that of all joints is the largest of the joints' own.
     """
-    group, n = JOINTS[row], len(run.joints)
+    row, n = JOINTS.index(group), len(run.joints)
     peaks, times = tally["peak"][row, :n].tolist(), tally["peak_time"][row, :n].tolist()
     rms = [_rms(square, tally) for square in tally["square"][row, :n]] if is_rate else []
     fastest = int(np.argmax(peaks))
-    joint = run.joints[fastest] if tally["ticks"] > (row == ACCELERATION) else ""
+    joint = "" if math.isnan(times[fastest]) else run.joints[fastest]
     unit = " or ".join(dict.fromkeys(units))  # where some slide, it is that of the joint
     yield f"{group}.peak", Figure(peaks[fastest], unit, f"largest {what}, of all joints and ticks")
     yield f"{group}.peak_time", Figure(times[fastest], "s", f"when the largest {what} was reached first")
@@ -304,17 +302,17 @@ def _errors(run: Run, tally: np.void) -> _Figures:
     With task weights, u_min is a direction of the weighted rows.
     """
     if set(run.axes) & set(AXES[:3]):
-        yield from _error(tally, POSITION, "m", "distance to the wanted position")
+        yield from _error(tally, "position_error", "m", "distance to the wanted position")
     if set(run.axes) & set(AXES[3:]):
-        yield from _error(tally, ORIENTATION, "rad", "angle to the wanted orientation")
+        yield from _error(tally, "orientation_error", "rad", "angle to the wanted orientation")
     what = "task error (angles times L)"
-    yield from _error(tally, ALONG, "m", f"{what} along u_min")
-    yield from _error(tally, ACROSS, "m", f"{what} across u_min")
-    yield from _error(tally, SECONDARY, "m, rad", "error of the second task")
+    yield from _error(tally, "error_along", "m", f"{what} along u_min")
+    yield from _error(tally, "error_across", "m", f"{what} across u_min")
+    yield from _error(tally, "secondary_error", "m, rad", "error of the second task")
 
 
-def _error(tally: np.void, row: int, unit: str, what: str) -> _Figures:
-    group = ERRORS[row]
+def _error(tally: np.void, group: str, unit: str, what: str) -> _Figures:
+    row = ERRORS.index(group)
     largest, when = float(tally["error_max"][row]), float(tally["error_max_time"][row])
     yield f"{group}.rms", Figure(_rms(tally["error_square"][row], tally), unit, f"{what}, rms over time")
     yield f"{group}.max", Figure(largest, unit, f"{what}, largest")
@@ -339,16 +337,17 @@ def _return(run: Run, tally: np.void) -> _Figures:
 
 
 def _singularity(tally: np.void) -> _Figures:
-    smallest, largest = tally["smallest"].tolist(), tally["largest"].tolist()
+    smallest = dict(zip(SMALLEST, tally["smallest"].tolist(), strict=True))
+    largest = dict(zip(LARGEST, tally["largest"].tolist(), strict=True))
     when = float(tally["sigma_time"])
-    yield "sigma.min", Figure(smallest[SIGMA], "1", "smallest singular value of the run")
+    yield "sigma.min", Figure(smallest["sigma"], "1", "smallest singular value of the run")
     yield "sigma.min_time", Figure(when, "s", "when the smallest singular value was reached first")
-    yield "condition.max", Figure(largest[CONDITION], "1", "largest κ = σ₁/σ_k")
-    yield "manipulability.min", Figure(smallest[MANIPULABILITY], "1", "smallest w = ∏σ")
-    yield "damping.max", Figure(largest[DAMPING], "1", "largest λ")
-    yield "path_rate.min", Figure(smallest[PACE], "1", "smallest pace along the path")
+    yield "condition.max", Figure(largest["condition"], "1", "largest κ = σ₁/σ_k")
+    yield "manipulability.min", Figure(smallest["manipulability"], "1", "smallest w = ∏σ")
+    yield "damping.max", Figure(largest["damping"], "1", "largest λ")
+    yield "path_rate.min", Figure(smallest["path_rate"], "1", "smallest pace along the path")
     what = "least that the first task left to the second"
-    yield "secondary_sigma.min", Figure(smallest[SECONDARY_SIGMA], "1", what)
+    yield "secondary_sigma.min", Figure(smallest["secondary_sigma"], "1", what)
 
 
 def _status_times(run: Run, tally: np.void) -> _Figures:

@@ -5,8 +5,8 @@ of time, so that a figure has the same bits whatever the pieces, the threads and
 """
 
 import math
-from collections.abc import Sequence
-from functools import cache
+from collections.abc import Callable, Sequence
+from functools import cache, partial
 
 import numpy as np
 from numpy.typing import NDArray
@@ -83,22 +83,25 @@ def begin(n: int, axes: Sequence[str], length: float, period: float) -> NDArray[
     return tally
 
 
-def add(tallies: NDArray[np.void], ticks: NDArray[np.void], ends: NDArray[np.int64]) -> None:
-    """Add to each tally the ticks of its world that it does not have yet, up to an end.
+def adder(tallies: NDArray[np.void], ticks: NDArray[np.void]) -> Callable[[NDArray[np.int64]], None]:
+    """Return what adds to each tally the ticks of its world that it does not have yet, up to an end.
+
+    It is compiled now if it is not yet, which takes SECONDS s once. It takes `ends`, (w,): one past the last
+    tick to be added of each world.
 
     Args:
         tallies: One a world, (w,); written.
         ticks: Tick records, (rows, w): tick t is in row t modulo rows.
-        ends: One past the last tick to be added, (w,).
     """
-    machine_code(_add, tallies, ticks, ends)(tallies, ticks, ends)
+    return partial(machine_code(add, tallies, ticks, np.zeros(len(tallies), np.int64)), tallies, ticks)
 
 
 # Compiled ---------------------------------------------------------------------------------------
 
 
 @entry
-def _add(tallies: Record, ticks: Record, ends: NDArray[np.int64]) -> None:
+def add(tallies: Record, ticks: Record, ends: NDArray[np.int64]) -> None:
+    """Add ticks to tallies, see `adder`."""
     for w in range(tallies.shape[0]):
         for t in range(tallies[w].ticks, ends[w]):
             _add_tick(tallies[w], ticks[t % ticks.shape[0], w])
@@ -132,7 +135,7 @@ def _add_tick(tally: Record, tick: Record) -> None:
 
 @compiled
 def _add_joints(tally: Record, tick: Record, is_first: bool) -> None:
-    """Add rates, torques and the difference quotient of the rates, which belongs to the later of its ticks."""
+    """Add rates, torques and the difference quotients of the rates, each at the later of its ticks."""
     for j in range(tally.n):
         _keep_peak(tally, RATE, j, tick.qdot[j], tick.time, is_first)
         _keep_peak(tally, COMMAND, j, tick.qdot_cmd[j], tick.time, is_first)
@@ -189,4 +192,4 @@ def _keep_smallest(tally: Record, row: int, value: float, is_first: bool) -> Non
 @compiled
 def _exceeds(value: float, extreme: float, is_first: bool) -> bool:
     """Whether a value is the new extreme: the first of equals stays, and the first NaN for good."""
-    return is_first or value > extreme or (value != value and extreme == extreme)
+    return is_first or value > extreme or (math.isnan(value) and not math.isnan(extreme))
