@@ -19,7 +19,7 @@ from rmrc.errors import ScenarioError, did_you_mean
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import Check, Scenario
 from rmrc.spatial import AXES, pose_error
-from rmrc.tally import ERRORS, JOINTS, LARGEST, SMALLEST, adder, begin
+from rmrc.tally import ERRORS, EXTREMES, JOINTS, adder, begin
 
 # How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
 # that was rounded to 0.01 deg, and far below any path.
@@ -337,17 +337,18 @@ def _return(run: Run, tally: np.void) -> _Figures:
 
 
 def _singularity(tally: np.void) -> _Figures:
-    smallest = dict(zip(SMALLEST, tally["smallest"].tolist(), strict=True))
-    largest = dict(zip(LARGEST, tally["largest"].tolist(), strict=True))
-    when = float(tally["sigma_time"])
-    yield "sigma.min", Figure(smallest["sigma"], "1", "smallest singular value of the run")
-    yield "sigma.min_time", Figure(when, "s", "when the smallest singular value was reached first")
-    yield "condition.max", Figure(largest["condition"], "1", "largest κ = σ₁/σ_k")
-    yield "manipulability.min", Figure(smallest["manipulability"], "1", "smallest w = ∏σ")
-    yield "damping.max", Figure(largest["damping"], "1", "largest λ")
-    yield "path_rate.min", Figure(smallest["path_rate"], "1", "smallest pace along the path")
+    # the smallest are kept as the largest of the negative
+    value, when = (
+        dict(zip(EXTREMES, tally[name].tolist(), strict=True)) for name in ("extreme", "extreme_time")
+    )
+    yield "sigma.min", Figure(-value["sigma"], "1", "smallest singular value of the run")
+    yield "sigma.min_time", Figure(when["sigma"], "s", "when the smallest singular value was reached first")
+    yield "condition.max", Figure(value["condition"], "1", "largest κ = σ₁/σ_k")
+    yield "manipulability.min", Figure(-value["manipulability"], "1", "smallest w = ∏σ")
+    yield "damping.max", Figure(value["damping"], "1", "largest λ")
+    yield "path_rate.min", Figure(-value["path_rate"], "1", "smallest pace along the path")
     what = "least that the first task left to the second"
-    yield "secondary_sigma.min", Figure(smallest["secondary_sigma"], "1", what)
+    yield "secondary_sigma.min", Figure(-value["secondary_sigma"], "1", what)
 
 
 def _status_times(run: Run, tally: np.void) -> _Figures:
