@@ -45,6 +45,7 @@ class _Shard:
     def __post_init__(self) -> None:
         self._tallies = np.concatenate([tally_of(self.run(w, 0, 0)) for w in range(len(self.members))])
         self._adder = adder(self._tallies, self.batch.ticks)
+        self._adding = threading.Lock()
 
     def advance(self, on_block: OnBlock | None, lock: threading.Lock) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
@@ -96,8 +97,9 @@ class _Shard:
         return [figures(self.run(w, 0, 0), tally) for w, tally in enumerate(self._tallies)]
 
     def _add(self) -> None:
-        """Add to the tallies what was stepped since; after an interrupt at whatever place, once and whole."""
-        self._adder(np.minimum(self._ends(), self.batch.done))
+        """Add to the tallies what was stepped since: each tick once, wherever an interrupt came."""
+        with self._adding:  # scorecards may be asked for from another thread
+            self._adder(np.minimum(self._ends(), self.batch.done))
 
     def _ends(self) -> NDArray[np.int64]:
         """Return the tick before which each world ends, or will at the latest, (w,)."""
@@ -118,7 +120,8 @@ class _Shard:
 class Simulation:
     """Prepared scenarios, being run; whatever was recorded so far can be had at any time.
 
-    Without columns, memory does not grow with the length of the runs: what is left of them are scorecards.
+    Without columns, what is left of the runs are their scorecards; of what is held, only the references grow
+    with the length of a run.
     """
 
     def __init__(self, prepared: Sequence[Prepared], threads: int = 1, keep_columns: bool = True) -> None:
