@@ -494,7 +494,8 @@ def step_without_columns(prepared, threads=1, on_block=None):
     return simulation
 
 
-def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_threads(scenario):
+def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_threads(scenario, monkeypatch):
+    monkeypatch.setattr(simulation_module, "HELD", 300)  # so that rows are used again and again
     # Many laws, all plants, encoders that are off, one world that diverges, and runs of different lengths.
     chosen = [(REACH,), *list(VARIANTS.values())[::2], ()]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
@@ -549,7 +550,9 @@ def skips_a_tick(advance):
     return spoiled
 
 
-def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scenario):
+def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scenario, monkeypatch):
+    held = 64
+    monkeypatch.setattr(simulation_module, "HELD", held)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
     seen, stop = [], threading.Event()
@@ -562,16 +565,17 @@ def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scen
     simulation = Simulation(prepared, keep_columns=False)
     with pytest.raises(KeyboardInterrupt):
         simulation.step(interrupt)
-    assert sum(seen) == 5 * HELD < len(full)
+    assert sum(seen) == 5 * held < len(full)
     assert_same_scorecards(simulation.scorecards(), [scorecard(cut(full, sum(seen)))])
     assert simulation.scorecards()[0]["completed"].value < 1.0
 
     stopped = Simulation(prepared, keep_columns=False)
     stopped.step(lambda *_: stop.set(), stop)
-    assert_same_scorecards(stopped.scorecards(), [scorecard(cut(full, HELD))])
+    assert_same_scorecards(stopped.scorecards(), [scorecard(cut(full, held))])
 
 
-def test_without_columns_an_interrupt_within_a_tick_keeps_the_ticks_that_were_written(scenario):
+def test_without_columns_an_interrupt_within_a_tick_keeps_the_ticks_that_were_written(scenario, monkeypatch):
+    monkeypatch.setattr(simulation_module, "HELD", 64)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
     simulation = Simulation(prepared, keep_columns=False)
@@ -599,9 +603,9 @@ def test_without_columns_what_is_held_does_not_grow_with_the_run(scenario):
         simulation = Simulation([prepare(scenario(*overrides))], 1, keep_columns)
         return sum(shard.batch.ticks.nbytes for shard in simulation._shards)
 
-    short, long = (), ("target.path=[{hold: {for: 60}}]",)
-    assert held(False, *short) == held(False, *long) <= HELD * 1000  # a kilobyte a tick at most
-    assert held(True, *long) > 10 * held(True, *short)  # kept, it does
+    short, long = (f"target.path=[{{hold: {{for: {seconds}}}}}]" for seconds in (10, 100))
+    assert held(False, short) == held(False, long) <= HELD * 1000  # a kilobyte a tick at most
+    assert held(True, long) > 9 * held(True, short)  # kept, it does
 
 
 def test_columns_that_are_not_kept_cannot_be_had(scenario):

@@ -257,8 +257,10 @@ def joint_changes(run: Run) -> _Array:
 
 def _changes(run: Run, completed: float, q: _Array, pose_ref: _Array) -> _Array:
     """Return `joint_changes` from the first and the last row of both columns, (2, …)."""
+    if completed != 1.0:
+        return np.full(len(run.joints), math.nan)
     gap = pose_error(pose_ref[1], pose_ref[0]) * [axis in run.axes for axis in AXES]
-    if completed != 1.0 or not np.abs(gap).max() <= CLOSED:
+    if not np.abs(gap).max() <= CLOSED:
         return np.full(len(run.joints), math.nan)
     change = q[1] - q[0]
     shortest = (change + math.pi) % (2.0 * math.pi) - math.pi
@@ -361,7 +363,9 @@ def _status_times(run: Run, tally: np.void) -> _Figures:
 def _effort(run: Run, tally: np.void) -> _Figures:
     ticks = int(tally["ticks"])
     duration = ticks * run.period
-    completed = run.share(float(tally["path_time"])) if ticks else 0.0 if run.planned else math.nan
+    completed = 0.0 if run.planned else math.nan
+    if ticks:
+        completed = run.share(float(tally["path_time"]))
     speed = duration / run.wall_time if run.wall_time > 0.0 else math.nan
     yield "duration", Figure(duration, "s", "simulated time, one period a tick")
     yield "ticks", Figure(ticks, "1", "control ticks recorded")
