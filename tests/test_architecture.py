@@ -22,7 +22,7 @@ LAYERS = (
     ("rmrc.simulation", "rmrc.filter_factors"),
     ("rmrc.preparation",),
     ("rmrc.plant", "rmrc.scorecard", "rmrc.analysis"),
-    ("rmrc.arm", "rmrc.target", "rmrc.run"),
+    ("rmrc.arm", "rmrc.target", "rmrc.run", "rmrc.tally"),
     ("rmrc.scenario",),
     ("rmrc.control", "rmrc.textbook"),
     ("rmrc.spatial",),

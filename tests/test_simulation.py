@@ -11,13 +11,15 @@ from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
+import rmrc.simulation as simulation_module
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
 from rmrc.arm import load
 from rmrc.control.choices import Status
 from rmrc.preparation import prepare
 from rmrc.run import COLUMNS
-from rmrc.simulation import BLOCK, Simulation
+from rmrc.scorecard import scorecard
+from rmrc.simulation import BLOCK, HELD, Simulation
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
@@ -470,3 +472,146 @@ def test_stop_ends_all_worlds_after_their_block_and_is_left_as_it_was(scenario):
     free = threading.Event()
     assert all(run.is_complete for run in Simulation(prepared, 2).run(None, free))
     assert not free.is_set()
+
+
+# Scorecards of columns that are not kept ---------------------------------------------------------
+
+
+def bits(card):
+    """Every figure but those of the wall clock, as text that tells bits apart, and NaN from nothing."""
+    return {name: repr(one) for name, one in card.items() if name not in ("wall_time", "speed")}
+
+
+def assert_same_scorecards(cards, wanted):
+    for card, want in zip(cards, wanted, strict=True):
+        assert (card.name, card.joints) == (want.name, want.joints)
+        assert bits(card) == bits(want)
+
+
+def step_without_columns(prepared, threads=1, on_block=None):
+    simulation = Simulation(prepared, threads, keep_columns=False)
+    simulation.step(on_block)
+    return simulation
+
+
+def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_threads(scenario, monkeypatch):
+    monkeypatch.setattr(simulation_module, "HELD", 300)  # so that rows are used again and again
+    # Many laws, all plants, encoders that are off, one world that diverges, and runs of different lengths.
+    chosen = [(REACH,), *list(VARIANTS.values())[::2], ()]
+    prepared = [prepare(scenario(*overrides)) for overrides in chosen]
+    prepared.append(nan_at(prepared[0], 700))
+    kept = Simulation(prepared)
+    wanted = [scorecard(run) for run in kept.run()]
+    assert_same_scorecards(kept.scorecards(), wanted)
+    for threads in (1, 3):
+        simulation = step_without_columns(prepared, threads)
+        assert_same_scorecards(simulation.scorecards(), wanted)
+        assert_same_scorecards(simulation.scorecards(), wanted)  # asking does not change them
+        assert simulation.divergences() == kept.divergences()
+        assert [one is not None for one in simulation.divergences()] == [False] * (len(prepared) - 1) + [True]
+
+
+@pytest.mark.parametrize("held", [1, 7, 100, 10_000])
+def test_scorecards_and_blocks_do_not_depend_on_how_many_ticks_are_held(scenario, monkeypatch, held):
+    encoders = VARIANTS["encoders off, drawn, slow, manipulability"]  # another way through a tick
+    good = prepare(scenario(REACH))
+    prepared = [good, nan_at(good, 700), prepare(scenario()), prepare(scenario(*encoders))]
+    runs = Simulation(prepared).run()
+    monkeypatch.setattr(simulation_module, "HELD", held)
+    pieces = [[] for _ in prepared]
+    simulation = step_without_columns(prepared, on_block=lambda world, part: pieces[world].append(part))
+    assert_same_scorecards(simulation.scorecards(), [scorecard(run) for run in runs])
+    for parts, run in zip(pieces, runs, strict=True):
+        assert max(map(len, parts)) <= held
+        for name in COLUMNS:
+            assert_array_equal(np.concatenate([part[name] for part in parts]), run[name])
+        assert [part.divergence for part in parts if part.divergence] == [run.divergence] * bool(
+            run.divergence
+        )
+
+
+def test_a_tick_that_was_lost_is_found(scenario, monkeypatch):
+    # Rows that are written over before they were added: the comparison above must not pass.
+    prepared = [prepare(scenario(REACH))]
+    (want,) = Simulation(prepared).run()
+    monkeypatch.setattr(
+        simulation_module.PlantBatch, "advance", skips_a_tick(simulation_module.PlantBatch.advance)
+    )
+    with pytest.raises(AssertionError):
+        assert_same_scorecards(step_without_columns(prepared).scorecards(), [scorecard(want)])
+
+
+def skips_a_tick(advance):
+    def spoiled(batch, count):
+        running = advance(batch, count)
+        batch.ticks[(batch.done - 1) % len(batch.ticks)]["qdot"] = 0.0
+        return running
+
+    return spoiled
+
+
+def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scenario, monkeypatch):
+    held = 64
+    monkeypatch.setattr(simulation_module, "HELD", held)
+    prepared = [prepare(scenario(REACH))]
+    (full,) = Simulation(prepared).run()
+    seen, stop = [], threading.Event()
+
+    def interrupt(_, part):
+        seen.append(len(part))
+        if len(seen) == 5:
+            raise KeyboardInterrupt
+
+    simulation = Simulation(prepared, keep_columns=False)
+    with pytest.raises(KeyboardInterrupt):
+        simulation.step(interrupt)
+    assert sum(seen) == 5 * held < len(full)
+    assert_same_scorecards(simulation.scorecards(), [scorecard(cut(full, sum(seen)))])
+    assert simulation.scorecards()[0]["completed"].value < 1.0
+
+    stopped = Simulation(prepared, keep_columns=False)
+    stopped.step(lambda *_: stop.set(), stop)
+    assert_same_scorecards(stopped.scorecards(), [scorecard(cut(full, held))])
+
+
+def test_without_columns_an_interrupt_within_a_tick_keeps_the_ticks_that_were_written(scenario, monkeypatch):
+    monkeypatch.setattr(simulation_module, "HELD", 64)
+    prepared = [prepare(scenario(REACH))]
+    (full,) = Simulation(prepared).run()
+    simulation = Simulation(prepared, keep_columns=False)
+    batch = simulation._shards[0].batch
+    tick = batch._tick
+
+    def interrupted(t):
+        running = tick(t)
+        if t == 700:  # in the middle of a block; the row is written
+            raise KeyboardInterrupt
+        return running
+
+    batch._tick = interrupted
+    with pytest.raises(KeyboardInterrupt):
+        simulation.step()
+    assert_same_scorecards(simulation.scorecards(), [scorecard(cut(full, 701))])
+
+
+def cut(run, ticks):
+    return dataclasses.replace(run, columns={name: column[:ticks] for name, column in run.columns.items()})
+
+
+def test_without_columns_what_is_held_does_not_grow_with_the_run(scenario):
+    def held(keep_columns, *overrides):
+        simulation = Simulation([prepare(scenario(*overrides))], 1, keep_columns)
+        return sum(shard.batch.ticks.nbytes for shard in simulation._shards)
+
+    short, long = (f"target.path=[{{hold: {{for: {seconds}}}}}]" for seconds in (10, 100))
+    assert held(False, short) == held(False, long) <= HELD * 1000  # a kilobyte a tick at most
+    assert held(True, long) > 9 * held(True, short)  # kept, it does
+
+
+def test_columns_that_are_not_kept_cannot_be_had(scenario):
+    simulation = Simulation([prepare(scenario())], keep_columns=False)
+    for ask in (simulation.run, simulation.runs):
+        with pytest.raises(ValueError, match="columns are not kept") as raised:
+            ask()
+        assert str(raised.value) == "columns are not kept: call step(), then scorecards() and divergences()"
+    assert simulation.scorecards()[0]["ticks"].value == 0  # refused before anything moved

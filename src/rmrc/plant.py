@@ -56,7 +56,7 @@ def tick(
 
     Args:
         worlds: World records, (w,).
-        ticks: Tick records, (ticks, w); row t is written.
+        ticks: Tick records, (rows, w): tick t is written to row t modulo rows.
         reference: Pose and twist of each reference at each tick, (r, ticks, 13).
         state: MuJoCo's state rows, (w, nstate); controls and wrenches are written.
         warning: MuJoCo's warning counters, (w, 7, 2).
@@ -67,9 +67,9 @@ def tick(
         actuator_force: Forces of the last step.
         t: Number of the tick.
     """
-    running = 0
+    running, row = 0, t % ticks.shape[0]
     for w in range(worlds.shape[0]):
-        world, out = worlds[w], ticks[t, w]
+        world, out = worlds[w], ticks[row, w]
         if world.diverged >= 0 or t >= world.ticks:
             continue
         measure(world, out, state[w], site_xpos[w], site_xquat[w], actuator_force[w])
@@ -274,14 +274,15 @@ def return_to_truth(
 
     Args:
         worlds: World records, (w,).
-        ticks: Tick records, (ticks, w); pose and error of row t are written.
+        ticks: Tick records, (rows, w): pose and error of tick t are written, in row t modulo rows.
         state: MuJoCo's state rows, (w, nstate); wrenches are written.
         site_xpos: The fields of MjData of the same names, (w, …).
         site_xquat: Orientation of each site.
         t: Number of the tick.
     """
+    row = t % ticks.shape[0]
     for w in range(worlds.shape[0]):
-        world, out = worlds[w], ticks[t, w]
+        world, out = worlds[w], ticks[row, w]
         if world.is_off and t < world.ticks:
             for i in range(3):
                 world.pose[i] = site_xpos[w, world.site, i]
@@ -332,7 +333,7 @@ class PlantBatch:
 
     Attributes:
         worlds: Their records, (w,).
-        ticks: What was recorded, (ticks, w).
+        ticks: What was recorded last, (rows, w): tick t is in row t modulo rows.
         done: Ticks finished so far.
     """
 
@@ -355,11 +356,12 @@ class PlantBatch:
             worlds: Records with all parameters set, (w,); the wiring is written.
             qpos: Start, (w, nq).
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
-            ticks: Where the tick records go, (ticks, w).
+            ticks: Where the tick records go, (rows, w); with fewer rows than ticks, they are used again.
         """
         self.worlds = worlds
         self.ticks = ticks
         self.done = 0
+        self._longest = int(worlds["ticks"].max())
         self._plant = Plant(int(worlds["plant"][0]))
         self._substeps = substeps
         self._errors: dict[int, str] = {}
@@ -430,16 +432,19 @@ class PlantBatch:
     def advance(self, count: int) -> int:
         """Run the next `count` ticks at most; return how many worlds still run.
 
-        After an exception, an interrupt among them, `done` says how far it came.
+        It stops at the last row of `ticks`, so that no row is used twice in one call. After an exception, an
+        interrupt among them, `done` says how far it came.
         """
-        if self.done >= len(self.ticks):
+        if self.done >= self._longest:
             return 0
         control = self._control if self.worlds["is_off"].any() else self._tick
         proceed = self._proceed(None)
-        expected, t, end = len(self.worlds), self.done, min(self.done + count, len(self.ticks))
-        self.ticks["time"][self.done : end] = -1.0  # not yet written
+        first = self.done % len(self.ticks)
+        count = min(count, len(self.ticks) - first, self._longest - self.done)
+        self.ticks["time"][first : first + count] = -1.0  # not yet written
+        expected, t = len(self.worlds), self.done
         try:
-            for t in range(self.done, end):  # `finally` reads t
+            for t in range(self.done, self.done + count):  # `finally` reads t
                 running = control(t)
                 if running != expected:
                     expected, proceed = running, self._proceed(self._running(t))
@@ -451,8 +456,8 @@ class PlantBatch:
                     self._stop(error, t + 1)
                     expected = -1  # so that the next tick looks again
         finally:  # an interrupt may come before the row was written
-            self.done = t + bool((self.ticks["time"][t] >= 0.0).any())
-        return len(self._running(t)) if self.done < len(self.ticks) else 0
+            self.done = t + bool((self.ticks["time"][t % len(self.ticks)] >= 0.0).any())
+        return len(self._running(t)) if self.done < self._longest else 0
 
     def _proceed(self, ids: NDArray[np.intp] | None) -> Callable[[], None]:
         """Return what brings some worlds, or all of them, to their next tick."""

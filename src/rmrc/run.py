@@ -115,9 +115,11 @@ class Run:
     @property
     def completed(self) -> float:
         """Share of the path that was recorded; 1: all of it."""
-        if not len(self):
-            return 0.0
-        return (round(float(self["path_time"][-1]) / self.period, 6) + 1.0) / self.planned
+        return self.share(float(self["path_time"][-1])) if len(self) else 0.0
+
+    def share(self, path_time: float) -> float:
+        """Return the share of the path that a tick at a time along it ends."""
+        return (round(path_time / self.period, 6) + 1.0) / self.planned
 
     @property
     def is_complete(self) -> bool:

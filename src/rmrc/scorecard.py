@@ -2,26 +2,31 @@
 
 A figure has one flat name with dots, such as `joint_rate.peak` or `joint_rate.shoulder.peak`. Which
 figures there are depends on the joints and the task axes alone, never on what happened: what a run
-is too short to tell is NaN, or "" for a name. Equal columns give equal figures; only `wall_time`
-and `speed` differ from one execution to the next.
+is too short to tell is NaN, or "" for a name. Equal ticks give equal figures, whether their columns were
+kept or not; only `wall_time` and `speed` differ from one execution to the next.
 """
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.control.choices import Status
+from rmrc.control.records import tick_type
 from rmrc.errors import ScenarioError, did_you_mean
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import Check, Scenario
 from rmrc.spatial import AXES, pose_error
+from rmrc.tally import ERRORS, EXTREMES, JOINTS, adder, begin
 
 # How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
 # that was rounded to 0.01 deg, and far below any path.
 CLOSED = 1e-3
+
+# Ticks of which records are made at a time: few enough for the processor's caches.
+_ROWS = 256
 
 _Array = NDArray[np.float64]
 _Figures = Iterator[tuple[str, "Figure"]]
@@ -124,31 +129,53 @@ class Outcome:
 
 
 def scorecard(run: Run) -> Scorecard:
-    """Return the figures of a run of any length, none included."""
-    time = run["time"]
+    """Return the figures of a run of any length, none included.
+
+    It adds up the columns as `rmrc.tally` adds up the ticks of a run whose columns are not kept: both give
+    the same bits.
+    """
+    tally = tally_of(run)
+    rows = np.zeros((_ROWS, 1), tick_type(len(run.joints)))
+    add = adder(tally, rows)
+    for first in range(0, len(run), _ROWS):
+        last = min(first + _ROWS, len(run))
+        for name in COLUMNS:
+            column = run[name][first:last]
+            field = rows[name][: last - first, 0]
+            field[(..., slice(column.shape[1])) if column.ndim == 2 else ...] = column
+        add(np.array([last]))
+    return figures(run, tally[0])
+
+
+def tally_of(run: Run) -> NDArray[np.void]:
+    """Return the tally of a run before its first tick, (1,); its columns are not looked at."""
+    return begin(len(run.joints), run.axes, run.length, run.period)
+
+
+def figures(run: Run, tally: np.void) -> Scorecard:
+    """Return the figures that a tally comes to.
+
+    Args:
+        run: What is known beside its columns, which are not looked at.
+        tally: With its ticks added.
+    """
     rate_units = tuple(f"{run.joint_unit(j)}/s" for j in range(len(run.joints)))
     acceleration_units = tuple(f"{unit}²" for unit in rate_units)
     tau_units = tuple("N" if slides else "N·m" for slides in run.is_slide)
-    # A difference belongs to the later of its two ticks: that is when it can first be seen.
-    acceleration = np.diff(run["qdot"], axis=0) / run.period
     parts = (
-        _joints(run, "joint_rate", "measured rate", run["qdot"], time, rate_units, is_rate=True),
+        _joints(run, tally, "joint_rate", "measured rate", rate_units, is_rate=True),
+        _joints(run, tally, "joint_rate_cmd", "commanded rate", rate_units, is_rate=True),
         _joints(
-            run, "joint_rate_cmd", "commanded rate", run["qdot_cmd"], time, rate_units, is_rate=True
+            run, tally, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
         ),
-        _joints(
-            run, "joint_acceleration", "difference quotient of the measured rate",
-            acceleration, time[1:], acceleration_units,
-        ),
-        _joints(run, "tau", "actuator torque or force", run["tau"], time, tau_units),
-        _errors(run),
-        _return(run),
-        _singularity(run),
-        _status_times(run),
-        _effort(run),
+        _joints(run, tally, "tau", "actuator torque or force", tau_units),
+        _errors(run, tally),
+        _return(run, tally),
+        _singularity(tally),
+        _status_times(run, tally),
+        _effort(run, tally),
     )  # fmt: skip
-    figures = {name: figure for part in parts for name, figure in part}
-    return Scorecard(run.name, run.joints, figures)
+    return Scorecard(run.name, run.joints, {name: figure for part in parts for name, figure in part})
 
 
 def figure_names(joints: Sequence[str], axes: Sequence[str]) -> list[str]:
@@ -223,13 +250,19 @@ def joint_changes(run: Run) -> _Array:
     Returns:
         Magnitudes, (n,) [rad or m]; NaN for a run that is not so.
     """
-    q, pose_ref = run["q"], run["pose_ref"]
-    if not (len(run) and run.is_complete):
+    if not len(run):
         return np.full(len(run.joints), math.nan)
-    gap = pose_error(pose_ref[-1], pose_ref[0]) * [axis in run.axes for axis in AXES]
+    return _changes(run, run.completed, run["q"][[0, -1]], run["pose_ref"][[0, -1]])
+
+
+def _changes(run: Run, completed: float, q: _Array, pose_ref: _Array) -> _Array:
+    """Return `joint_changes` from the first and the last row of both columns, (2, …)."""
+    if completed != 1.0:
+        return np.full(len(run.joints), math.nan)
+    gap = pose_error(pose_ref[1], pose_ref[0]) * [axis in run.axes for axis in AXES]
     if not np.abs(gap).max() <= CLOSED:
         return np.full(len(run.joints), math.nan)
-    change = q[-1] - q[0]
+    change = q[1] - q[0]
     shortest = (change + math.pi) % (2.0 * math.pi) - math.pi
     changes: _Array = np.abs(np.where(run.is_slide, change, shortest))
     return changes
@@ -239,74 +272,64 @@ def joint_changes(run: Run) -> _Array:
 
 
 def _joints(
-    run: Run,
-    group: str,
-    what: str,
-    values: _Array,
-    time: _Array,
-    units: tuple[str, ...],
-    *,
-    is_rate: bool = False,
+    run: Run, tally: np.void, group: str, what: str, units: tuple[str, ...], *, is_rate: bool = False
 ) -> _Figures:
     """Yield the largest magnitude of all joints, when and where it was, and that of each joint.
 
     Rates also have an rms over time; that of all joints is the largest of the joints' own.
     """
-    size = np.abs(values)
-    peaks = [_extreme(size[:, j], time) for j in range(len(run.joints))]
-    rms = [_rms(size[:, j]) for j in range(len(run.joints))]
-    fastest = int(np.argmax([peak for peak, _ in peaks]))
-    (largest, when), joint = peaks[fastest], run.joints[fastest] if len(size) else ""
+    row, n = JOINTS.index(group), len(run.joints)
+    peaks, times = tally["peak"][row, :n].tolist(), tally["peak_time"][row, :n].tolist()
+    rms = [_rms(square, tally) for square in tally["square"][row, :n]] if is_rate else []
+    fastest = int(np.argmax(peaks))
+    joint = "" if math.isnan(times[fastest]) else run.joints[fastest]
     unit = " or ".join(dict.fromkeys(units))  # where some slide, it is that of the joint
-    yield f"{group}.peak", Figure(largest, unit, f"largest {what}, of all joints and ticks")
-    yield f"{group}.peak_time", Figure(when, "s", f"when the largest {what} was reached first")
+    yield f"{group}.peak", Figure(peaks[fastest], unit, f"largest {what}, of all joints and ticks")
+    yield f"{group}.peak_time", Figure(times[fastest], "s", f"when the largest {what} was reached first")
     yield f"{group}.peak_joint", Figure(joint, "", f"which joint had the largest {what}")
     if is_rate:
         yield f"{group}.rms", Figure(max(rms), unit, f"largest of the joints' rms {what}")
     for j, (name, unit) in enumerate(zip(run.joints, units, strict=True)):
-        largest, when = peaks[j]
-        yield f"{group}.{name}.peak", Figure(largest, unit, f"largest {what} of {name}")
+        yield f"{group}.{name}.peak", Figure(peaks[j], unit, f"largest {what} of {name}")
         if is_rate:
-            yield f"{group}.{name}.peak_time", Figure(when, "s", f"when {name} was fastest first")
+            yield f"{group}.{name}.peak_time", Figure(times[j], "s", f"when {name} was fastest first")
             yield f"{group}.{name}.rms", Figure(rms[j], unit, f"{what} of {name}, rms over time")
 
 
-def _errors(run: Run) -> _Figures:
+def _errors(run: Run, tally: np.void) -> _Figures:
     """Yield the position and orientation errors, and the task error along and across u_min.
 
     The task error has the controlled rows only, angles times L. It is split at each tick by that
     tick's u_min, the direction that the arm is losing: along it |u·e|, across it ‖e − u (u·e)‖.
     With task weights, u_min is a direction of the weighted rows.
     """
-    e = run["pose_error"] * [axis in run.axes for axis in AXES]
     if set(run.axes) & set(AXES[:3]):
-        yield from _error(run, "position_error", "m", "distance to the wanted position", e[:, :3])
+        yield from _error(tally, "position_error", "m", "distance to the wanted position")
     if set(run.axes) & set(AXES[3:]):
-        what = "angle to the wanted orientation"
-        yield from _error(run, "orientation_error", "rad", what, e[:, 3:])
-    e = e * np.repeat([1.0, run.length], 3)
-    u = run["u_min"]
-    along = np.sum(u * e, axis=1, keepdims=True)
+        yield from _error(tally, "orientation_error", "rad", "angle to the wanted orientation")
     what = "task error (angles times L)"
-    yield from _error(run, "error_along", "m", f"{what} along u_min", along)
-    yield from _error(run, "error_across", "m", f"{what} across u_min", e - u * along)
-    second = run["secondary_error"][:, None]
-    yield from _error(run, "secondary_error", "m, rad", "error of the second task", second)
+    yield from _error(tally, "error_along", "m", f"{what} along u_min")
+    yield from _error(tally, "error_across", "m", f"{what} across u_min")
+    yield from _error(tally, "secondary_error", "m, rad", "error of the second task")
 
 
-def _error(run: Run, group: str, unit: str, what: str, e: _Array) -> _Figures:
-    size = np.linalg.norm(e, axis=1)
-    largest, when = _extreme(size, run["time"])
-    end = float(size[-1]) if len(size) else math.nan
-    yield f"{group}.rms", Figure(_rms(size), unit, f"{what}, rms over time")
+def _error(tally: np.void, group: str, unit: str, what: str) -> _Figures:
+    row = ERRORS.index(group)
+    largest, when = float(tally["error_max"][row]), float(tally["error_max_time"][row])
+    yield f"{group}.rms", Figure(_rms(tally["error_square"][row], tally), unit, f"{what}, rms over time")
     yield f"{group}.max", Figure(largest, unit, f"{what}, largest")
     yield f"{group}.max_time", Figure(when, "s", f"{what}, when it was largest first")
-    yield f"{group}.end", Figure(end, unit, f"{what}, at the last tick")
+    yield f"{group}.end", Figure(float(tally["error_end"][row]), unit, f"{what}, at the last tick")
 
 
-def _return(run: Run) -> _Figures:
+def _return(run: Run, tally: np.void) -> _Figures:
     """Yield how far the joints are from the start, where the path leads back to it."""
-    changes = joint_changes(run)
+    changes = np.full(len(run.joints), math.nan)
+    if tally["ticks"]:
+        n = len(run.joints)
+        q = np.array([tally["q_first"][:n], tally["q"][:n]])
+        pose_ref = np.array([tally["pose_ref_first"], tally["pose_ref"]])
+        changes = _changes(run, run.share(float(tally["path_time"])), q, pose_ref)
     largest, joint = float(changes.max()), run.joints[int(np.argmax(changes))]
     unit = " or ".join(dict.fromkeys(run.joint_unit(j) for j in range(len(run.joints))))
     what = "from the first tick to the last, of a path that ends where it began"
@@ -315,54 +338,44 @@ def _return(run: Run) -> _Figures:
     yield "return.change_joint", Figure(name, "", f"which joint changed most {what}")
 
 
-def _singularity(run: Run) -> _Figures:
-    time = run["time"]
-    sigma, when = _extreme(run["sigma"][:, -1], time, np.argmin)
-    yield "sigma.min", Figure(sigma, "1", "smallest singular value of the run")
-    yield "sigma.min_time", Figure(when, "s", "when the smallest singular value was reached first")
-    condition, _ = _extreme(run["condition"], time)
-    yield "condition.max", Figure(condition, "1", "largest κ = σ₁/σ_k")
-    manipulability, _ = _extreme(run["manipulability"], time, np.argmin)
-    yield "manipulability.min", Figure(manipulability, "1", "smallest w = ∏σ")
-    damping, _ = _extreme(run["damping"], time)
-    yield "damping.max", Figure(damping, "1", "largest λ")
-    pace, _ = _extreme(run["path_rate"], time, np.argmin)
-    yield "path_rate.min", Figure(pace, "1", "smallest pace along the path")
-    left, _ = _extreme(run["secondary_sigma"], time, np.argmin)
-    yield "secondary_sigma.min", Figure(left, "1", "least that the first task left to the second")
+def _singularity(tally: np.void) -> _Figures:
+    # the smallest are kept as the largest of the negative
+    value, when = (
+        dict(zip(EXTREMES, tally[name].tolist(), strict=True)) for name in ("extreme", "extreme_time")
+    )
+    yield "sigma.min", Figure(-value["sigma"], "1", "smallest singular value of the run")
+    yield "sigma.min_time", Figure(when["sigma"], "s", "when the smallest singular value was reached first")
+    yield "condition.max", Figure(value["condition"], "1", "largest κ = σ₁/σ_k")
+    yield "manipulability.min", Figure(-value["manipulability"], "1", "smallest w = ∏σ")
+    yield "damping.max", Figure(value["damping"], "1", "largest λ")
+    yield "path_rate.min", Figure(-value["path_rate"], "1", "smallest pace along the path")
+    what = "least that the first task left to the second"
+    yield "secondary_sigma.min", Figure(-value["secondary_sigma"], "1", what)
 
 
-def _status_times(run: Run) -> _Figures:
-    status = run["status"].astype(np.int64)
+def _status_times(run: Run, tally: np.void) -> _Figures:
     for one in (Status.OK, *Status):
-        ticks = np.count_nonzero(status & one if one else status == 0)
+        ticks = int(tally["status"][one.bit_length()])
         what = f"time with status {one.name}" if one else "time with no status at all"
-        yield f"status_time.{one.name}", Figure(float(ticks) * run.period, "s", what)
+        yield f"status_time.{one.name}", Figure(ticks * run.period, "s", what)
 
 
-def _effort(run: Run) -> _Figures:
-    duration = len(run) * run.period
-    completed = run.completed if run.planned else math.nan
+def _effort(run: Run, tally: np.void) -> _Figures:
+    ticks = int(tally["ticks"])
+    duration = ticks * run.period
+    completed = 0.0 if run.planned else math.nan
+    if ticks:
+        completed = run.share(float(tally["path_time"]))
     speed = duration / run.wall_time if run.wall_time > 0.0 else math.nan
     yield "duration", Figure(duration, "s", "simulated time, one period a tick")
-    yield "ticks", Figure(len(run), "1", "control ticks recorded")
+    yield "ticks", Figure(ticks, "1", "control ticks recorded")
     yield "completed", Figure(completed, "1", "share of the path that was run; 1: all")
     yield "wall_time", Figure(run.wall_time, "s", "time that the stepping took")
     yield "speed", Figure(speed, "1", "simulated time over wall time")
 
 
-def _extreme(
-    values: _Array, time: _Array, where: Callable[[_Array], np.intp] = np.argmax
-) -> tuple[float, float]:
-    """Return the first extreme value and its time; NaN for no ticks."""
-    if not len(values):
-        return math.nan, math.nan
-    i = where(values)
-    return float(values[i]), float(time[i])
-
-
-def _rms(values: _Array) -> float:
-    return math.sqrt(np.mean(np.square(values))) if len(values) else math.nan
+def _rms(square: float, tally: np.void) -> float:
+    return math.sqrt(square / tally["ticks"]) if tally["ticks"] else math.nan
 
 
 # Expectations -----------------------------------------------------------------------------------
@@ -370,12 +383,8 @@ def _rms(values: _Array) -> float:
 
 def _blank(joints: Sequence[str], axes: Sequence[str]) -> Scorecard:
     """Return the scorecard of a run without ticks: all its figures, none of its values."""
-    width = {"n": len(joints), "k": min(len(joints), len(axes)), "6": 6, "7": 7}
-    columns = {
-        name: np.empty((0, width[column.width]) if column.width else 0) for name, column in COLUMNS.items()
-    }
-    slides = (False,) * len(joints)
-    return scorecard(Run("", tuple(joints), slides, tuple(axes), 1.0, 1.0, columns, 0))
+    run = Run("", tuple(joints), (False,) * len(joints), tuple(axes), 1.0, 1.0, {}, 0)
+    return figures(run, tally_of(run)[0])
 
 
 # The number that belongs to a name, where it is not called alike.

@@ -9,19 +9,27 @@ import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.control.records import tick_type
 from rmrc.plant import PlantBatch
 from rmrc.preparation import Prepared, world_record
 from rmrc.run import COLUMNS, Divergence, Run
+from rmrc.scorecard import Scorecard, figures, tally_of
+from rmrc.tally import adder
 
 # Ticks between two looks at the clock, the keyboard and the recording: a second at 1 kHz. Large enough that a
 # block costs little, small enough that a killed process loses little.
 BLOCK = 1000
 
+# Tick records that a batch holds where columns are not kept: 3 MB of six joints, for the processor's caches.
+HELD = 4096
+
 OnBlock = Callable[[int, Run], None]
+_Result = TypeVar("_Result")
 
 
 @dataclass
@@ -31,10 +39,18 @@ class _Shard:
     members: list[int]
     prepared: list[Prepared]
     batch: PlantBatch
+    keeps: bool
     wall_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._tallies = np.concatenate([tally_of(self.run(w, 0, 0)) for w in range(len(self.members))])
+        self._adder = adder(self._tallies, self.batch.ticks)
+        self._adding = threading.Lock()
 
     def advance(self, on_block: OnBlock | None, lock: threading.Lock) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
+        if not self.keeps:
+            self._add()  # what the next block is written over
         first, started = self.batch.done, time.perf_counter()
         try:
             running = self.batch.advance(BLOCK)
@@ -52,8 +68,10 @@ class _Shard:
         """Return ticks [first, last) of world w, or what there is of them."""
         prepared, world = self.prepared[w], self.batch.worlds[w]
         diverged = int(world["diverged"])
-        end = diverged if diverged >= 0 else int(world["ticks"])
-        rows = self.batch.ticks[first : max(first, min(last, end)), w]
+        count = max(0, min(last, int(self._ends()[w])) - first)
+        rows = self.batch.ticks[first % len(self.batch.ticks) :, w][:count]
+        if not self.keeps:
+            rows = rows.copy()
         arm, scenario = prepared.arm, prepared.scenario
         width = {"n": int(world["n"]), "k": int(world["k"])}
         columns = {
@@ -69,33 +87,71 @@ class _Shard:
             period=scenario.control.period,
             columns=columns,
             planned=int(world["path_ticks"]),
-            divergence=self._divergence(w) if first <= diverged <= last else None,
+            divergence=self.divergence(w) if first <= diverged <= last else None,
             wall_time=self.wall_time / len(self.members),
         )
 
-    def _divergence(self, w: int) -> Divergence:
+    def scorecards(self) -> list[Scorecard]:
+        """Return the figures of each world as far as it came."""
+        self._add()
+        return [figures(self.run(w, 0, 0), tally) for w, tally in enumerate(self._tallies)]
+
+    def _add(self) -> None:
+        """Add to the tallies what was stepped since: each tick once, wherever an interrupt came."""
+        with self._adding:  # scorecards may be asked for from another thread
+            self._adder(np.minimum(self._ends(), self.batch.done))
+
+    def _ends(self) -> NDArray[np.int64]:
+        """Return the tick before which each world ends, or will at the latest, (w,)."""
+        worlds = self.batch.worlds
+        return np.where(worlds["diverged"] >= 0, worlds["diverged"], worlds["ticks"])
+
+    def divergence(self, w: int) -> Divergence | None:
+        """Return where world w diverged."""
         world = self.batch.worlds[w]
         tick, joint = int(world["diverged"]), int(world["diverged_joint"])
+        if tick < 0:
+            return None
         reason = self.batch.error(w) or "position, rate or command is not finite or beyond 1e10"
         name = self.prepared[w].arm.joints[joint] if joint >= 0 else ""
         return Divergence(tick, tick * float(world["period"]), name, reason)
 
 
 class Simulation:
-    """Prepared scenarios, being run; whatever was recorded so far can be had at any time."""
+    """Prepared scenarios, being run; whatever was recorded so far can be had at any time.
 
-    def __init__(self, prepared: Sequence[Prepared], threads: int = 1) -> None:
+    Without columns, what is left of the runs are their scorecards; of what is held, only the references grow
+    with the length of a run.
+    """
+
+    def __init__(self, prepared: Sequence[Prepared], threads: int = 1, keep_columns: bool = True) -> None:
         """Wire the worlds to MuJoCo.
 
         Args:
             prepared: At least one.
             threads: Number of threads; each steps its share of the worlds.
+            keep_columns: Whether to keep every tick, for `run` and `runs`.
         """
-        self._threads = threads
-        self._shards = [_shard(prepared, members) for members in _groups(prepared, threads)]
+        self._threads, self._keeps = threads, keep_columns
+        self._shards = [_shard(prepared, members, keep_columns) for members in _groups(prepared, threads)]
 
     def run(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> list[Run]:
         """Step every world to its end and return a run for each, in the order of `prepared`.
+
+        Args:
+            on_block: As in `step`.
+            stop: As in `step`.
+
+        Raises:
+            KeyboardInterrupt: As in `step`.
+            ValueError: Columns are not kept.
+        """
+        self._refuse_without_columns()
+        self.step(on_block, stop)
+        return self.runs()
+
+    def step(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> None:
+        """Step every world to its end.
 
         Args:
             on_block: Called after each block of ticks with the index of a world and the run of that
@@ -121,12 +177,38 @@ class Simulation:
                 except BaseException:  # an interrupt, or an error of one thread: the others must not go on
                     failed.set()
                     raise
-        return self.runs()
 
     def runs(self) -> list[Run]:
-        """Return what was recorded so far, a run for each world."""
-        runs = {i: s.run(w, 0, s.batch.done) for s in self._shards for w, i in enumerate(s.members)}
-        return [runs[i] for i in sorted(runs)]
+        """Return what was recorded so far, a run for each world.
+
+        Raises:
+            ValueError: Columns are not kept.
+        """
+        self._refuse_without_columns()
+        return self._in_order(
+            [[s.run(w, 0, s.batch.done) for w in range(len(s.members))] for s in self._shards]
+        )
+
+    def scorecards(self) -> list[Scorecard]:
+        """Return the figures of what was stepped so far, for each world: those of `scorecard(run)`."""
+        return self._in_order([shard.scorecards() for shard in self._shards])
+
+    def divergences(self) -> list[Divergence | None]:
+        """Return where each world diverged, or None."""
+        return self._in_order([[s.divergence(w) for w in range(len(s.members))] for s in self._shards])
+
+    def _refuse_without_columns(self) -> None:
+        if not self._keeps:
+            raise ValueError("columns are not kept: call step(), then scorecards() and divergences()")
+
+    def _in_order(self, of_shards: Sequence[Sequence[_Result]]) -> list[_Result]:
+        """Return what each shard has of its worlds, in the order of `prepared`."""
+        found = {
+            index: one
+            for shard, results in zip(self._shards, of_shards, strict=True)
+            for index, one in zip(shard.members, results, strict=True)
+        }
+        return [found[index] for index in sorted(found)]
 
 
 def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
@@ -139,7 +221,7 @@ def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
     ]
 
 
-def _shard(prepared: Sequence[Prepared], members: list[int]) -> _Shard:
+def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Shard:
     chosen = [prepared[i] for i in members]
     plant, arm = chosen[0].scenario.plant, chosen[0].arm
     references = {id(one.reference): one.reference for one in chosen}
@@ -150,6 +232,9 @@ def _shard(prepared: Sequence[Prepared], members: list[int]) -> _Shard:
         wanted[r, : len(reference.time), :7] = reference.pose
         wanted[r, : len(reference.time), 7:] = reference.twist
     worlds = np.array([world_record(one, order[id(one.reference)]) for one in chosen])
+    rows = int(worlds["ticks"].max())
+    if not keeps:
+        rows = min(rows, max(1, HELD // len(chosen)))
     batch = PlantBatch(
         arm,
         arm.adapted(plant.kind, chosen[0].kv, plant.timestep, plant.gravity_compensation),
@@ -157,6 +242,6 @@ def _shard(prepared: Sequence[Prepared], members: list[int]) -> _Shard:
         worlds,
         np.array([one.qpos for one in chosen]),
         wanted,
-        np.empty((int(worlds["ticks"].max()), len(chosen)), tick_type(arm.n)),
+        np.empty((rows, len(chosen)), tick_type(arm.n)),
     )
-    return _Shard(members, chosen, batch)
+    return _Shard(members, chosen, batch, keeps)

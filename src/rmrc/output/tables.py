@@ -5,6 +5,7 @@ off, or is read as markup.
 """
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 from rich.console import Group, RenderableType
 from rich.table import Table
@@ -12,13 +13,15 @@ from rich.text import Text
 
 from rmrc.output.sheets import UNDEFINED, Sheet, as_markdown, as_table, escaped, number
 from rmrc.scenario import SchemaRow
-from rmrc.scorecard import Figure, Outcome, Scorecard
+
+if TYPE_CHECKING:  # with numba, which a table of keys does without
+    from rmrc.scorecard import Figure, Outcome, Scorecard
 
 _PEAKS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
 _ERRORS = ("position_error", "orientation_error", "error_along", "error_across", "secondary_error")
 
 
-def render(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> RenderableType:
+def render(card: "Scorecard", outcomes: Sequence["Outcome"] = ()) -> RenderableType:
     """Return all figures, and what was expected of them, for a terminal of 80 columns or more.
 
     Args:
@@ -32,7 +35,7 @@ def render(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> RenderableType:
     return Group(Text(card.name, style="bold"), Text(), *parts, beside)
 
 
-def markdown(card: Scorecard, outcomes: Sequence[Outcome] = ()) -> str:
+def markdown(card: "Scorecard", outcomes: Sequence["Outcome"] = ()) -> str:
     """Return what `render` shows as a markdown document.
 
     Args:
@@ -67,7 +70,7 @@ def schema_text(rows: Sequence[SchemaRow]) -> str:
 class _Figures:
     """The figures of a card; those not yet shown are left over for the last sheet."""
 
-    def __init__(self, card: Scorecard) -> None:
+    def __init__(self, card: "Scorecard") -> None:
         self.card, self.left = card, dict(card)
 
     def text(self, name: str) -> str:
@@ -80,7 +83,7 @@ class _Figures:
         return _unit(self.card[name])
 
 
-def _sheets(card: Scorecard, outcomes: Sequence[Outcome]) -> list[Sheet]:
+def _sheets(card: "Scorecard", outcomes: Sequence["Outcome"]) -> list[Sheet]:
     figures = _Figures(card)
     sheets = [_outcomes(outcomes)] if outcomes else []
     sheets += [_peaks(figures), _joints(figures), _errors(figures)]
@@ -90,7 +93,7 @@ def _sheets(card: Scorecard, outcomes: Sequence[Outcome]) -> list[Sheet]:
     return [*sheets, rest, status]
 
 
-def _outcomes(outcomes: Sequence[Outcome]) -> Sheet:
+def _outcomes(outcomes: Sequence["Outcome"]) -> Sheet:
     rows = [("ok" if one.ok else "MISSED", str(one)) for one in outcomes]
     return Sheet("Expected", ("", ""), rows, frozenset({0, 1}))
 
@@ -170,7 +173,7 @@ def _status(figures: _Figures) -> Sheet:
 # Texts ------------------------------------------------------------------------------------------
 
 
-def _text(figure: Figure) -> str:
+def _text(figure: "Figure") -> str:
     value = figure.value
     if isinstance(value, str):
         return value or UNDEFINED
@@ -180,7 +183,7 @@ def _text(figure: Figure) -> str:
     return f"{value:.3f}" if figure.unit == "s" and 10.0 <= value < 1000.0 else number(value)
 
 
-def _unit(figure: Figure) -> str:
+def _unit(figure: "Figure") -> str:
     return "" if figure.unit == "1" else figure.unit
 
 
