@@ -3,14 +3,13 @@
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc import arm as arms
 from rmrc.analysis.task import structural_rank
-from rmrc.arm import Arm
+from rmrc.arm import Arm, Change
 from rmrc.control.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
 from rmrc.control.records import world_type
 from rmrc.errors import ModelError, ScenarioError, TargetError, did_you_mean
@@ -104,10 +103,24 @@ class Prepared:
         return other
 
     @property
+    def is_loaded(self) -> bool:
+        """Whether there is a payload, which nothing carries in an ideal plant."""
+        plant = self.scenario.plant
+        return plant.kind != "ideal" and plant.payload > 0.0
+
+    @property
+    def change(self) -> Change:
+        """What the world has different from the model that it shares with others of its batch."""
+        plant, stretch = self.scenario.plant, self.scenario.arm.stretch
+        if plant.kind == "ideal":
+            return Change(stretch=stretch)
+        return Change(self.kv if plant.kind == "servo" else None, plant.gravity, plant.payload, stretch)
+
+    @property
     def batch_key(self) -> object:
         """What worlds must have in common to be stepped together."""
         plant = self.scenario.plant
-        physics = (tuple(self.kv), plant.timestep, plant.gravity_compensation, self.substeps)
+        physics = (plant.timestep, plant.gravity_compensation, self.substeps, self.is_loaded)
         kinematics = (plant.kind, self.arm.path.resolve(), self.arm.site, self.arm.joints)
         return kinematics + (physics if plant.kind != "ideal" else ())
 
@@ -162,14 +175,18 @@ class _Problems:
 
 def _load_arm(scenario: Scenario, known: dict[object, Arm]) -> Arm:
     section = scenario.arm
-    path = Path(section.model)
-    key = (path.resolve(), section.site, section.joints)
-    if key not in known:
-        try:
-            known[key] = arms.load(path, section.site, section.joints)
-        except ModelError as error:
-            raise ScenarioError([f"{scenario.locate(f'arm.{error.about}')}: {error}"]) from None
-    return known[key]
+    key = (section.model, section.site, section.joints)
+    stretched = (*key, tuple(sorted(section.stretch.items())))
+    try:
+        if key not in known:
+            known[key] = arms.load(section.model, section.site, section.joints)
+        if not section.stretch:
+            return known[key]
+        if stretched not in known:
+            known[stretched] = known[key].stretched(section.stretch)
+    except ModelError as error:
+        raise ScenarioError([f"{scenario.locate(f'arm.{error.about}')}: {error}"]) from None
+    return known[stretched]
 
 
 def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.float64]:

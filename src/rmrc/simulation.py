@@ -152,11 +152,14 @@ def _shard(prepared: Sequence[Prepared], members: list[int]) -> _Shard:
     worlds = np.array([world_record(one, order[id(one.reference)]) for one in chosen])
     batch = PlantBatch(
         arm,
-        arm.adapted(plant.kind, chosen[0].kv, plant.timestep, plant.gravity_compensation),
+        arm.adapted(
+            plant.kind, chosen[0].kv, plant.timestep, plant.gravity_compensation, loaded=chosen[0].is_loaded
+        ),
         chosen[0].substeps,
         worlds,
         np.array([one.qpos for one in chosen]),
         wanted,
         np.empty((int(worlds["ticks"].max()), len(chosen)), tick_type(arm.n)),
+        [one.change for one in chosen],
     )
     return _Shard(members, chosen, batch)
