@@ -391,9 +391,7 @@ class PlantBatch:
         self._stage = int(mujoco.mjtStage.mjSTAGE_POS if is_ideal else mujoco.mjtStage.mjSTAGE_VEL)
         self._batch.forward(stage=self._stage)
 
-    def _wire(
-        self, arm: Arm, model: mujoco.MjModel, wiring: Wiring, changes: Sequence[Change]
-    ) -> None:
+    def _wire(self, arm: Arm, model: mujoco.MjModel, wiring: Wiring, changes: Sequence[Change]) -> None:
         """Write ids and state columns into the records."""
         worlds, n = self.worlds, arm.n
         worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof

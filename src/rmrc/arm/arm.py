@@ -271,8 +271,8 @@ class Arm:
         """Return the arm with some bodies larger.
 
         A body of factor f has all its lengths times f, about its frame's origin: where bodies, sites, joints
-        and geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times what
-        it was. Ranges of joints and limits stay.
+        and geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times
+        what it was. Ranges of joints and limits stay.
 
         Args:
             stretch: Factor of each body, by its name.
@@ -322,7 +322,7 @@ class Arm:
                     body.gravcomp = 1.0
         if loaded:
             site = spec.site(self.site)
-            site.parent.add_body(name=PAYLOAD, pos=site.pos, explicitinertial=True)
+            site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
             spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
         option = spec.option
         option.timestep = timestep

@@ -1,5 +1,6 @@
 """Numbers that one world has different from the model that it shares with others."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -66,7 +67,8 @@ def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dic
     """Return the fields of a model some of whose bodies are larger, whole, by their names in MuJoCo.
 
     A body of factor f has all its lengths times f, about its frame's origin: where bodies, sites, joints and
-    geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times what it was.
+    geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times what
+    it was.
 
     Args:
         model: A model.
@@ -104,7 +106,10 @@ def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float
     for name in stretch:
         if name not in bodies:
             hint = did_you_mean(name, bodies)
-            raise ModelError(f'{path}: has no body "{name}"{hint}; its bodies: {", ".join(bodies)}', "stretch")
+            about = (
+                f"stretch.{name}" if re.fullmatch(r"[\w-]+", name) else "stretch"
+            )  # else it is no plain key
+            raise ModelError(f'{path}: has no body "{name}"{hint}; its bodies: {", ".join(bodies)}', about)
         body = model.body(name).id
         collides = (model.geom_contype | model.geom_conaffinity) != 0
         if (collides & (model.geom_dataid >= 0) & (model.geom_bodyid == body)).any():
@@ -115,5 +120,7 @@ def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float
             )
     if stretch and np.isin(model.eq_type, _HOLDS_POINTS).any():
         raise ModelError(
-            f"{path}: cannot be stretched: an equality connects or welds points of its bodies", "stretch"
+            f"{path}: cannot be stretched: an equality connects or welds points of its bodies; take it out, "
+            "or write the lengths into the model",
+            "stretch",
         )

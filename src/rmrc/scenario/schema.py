@@ -10,7 +10,6 @@ import yaml
 from rmrc.scenario.sections import Scenario
 from rmrc.scenario.wording import show
 
-
 # Mappings whose keys are names: what they name, and what holds for one that is absent.
 _ABSENT: dict[str, tuple[str, object]] = {"expect": ("figure", None), "arm.stretch": ("body", 1)}
 
@@ -47,7 +46,11 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
             needed = name in below.get("required", ())
             yield from _rows(f"{key}.{name}".removeprefix("."), inner, kinds, required=needed)
     elif below.get("type") == "object":
-        told = {"description": schema["description"], "unit": schema.get("unit", ""), "default": _ABSENT[key][1]}
+        told = {
+            "description": schema["description"],
+            "unit": schema.get("unit", ""),
+            "default": _ABSENT[key][1],
+        }
         inner = {**told, **below["additionalProperties"]}
         yield from _rows(f"{key}.<{_ABSENT[key][0]}>", inner, kinds, required=False)
     elif "oneOf" in below.get("items", {}):
