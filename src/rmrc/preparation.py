@@ -1,8 +1,11 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
 import math
-from dataclasses import dataclass, replace
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +17,84 @@ from rmrc.control.choices import AtSingularity, Method, Objective, OnExcess, Pri
 from rmrc.control.records import world_type
 from rmrc.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.plant import Plant
-from rmrc.scenario import Scenario
+from rmrc.scenario import ArmSection, Scenario, Template, Variant
+from rmrc.scorecard import refuse_unknown
 from rmrc.spatial import AXES, exp_rotation, quat_multiply
 from rmrc.target import Reference, make_reference
+
+T = TypeVar("T")
+
+
+class _Recent(Generic[T]):
+    """What was found last, by what it was asked for."""
+
+    def __init__(self, most: int, found: Mapping[object, T] | None = None) -> None:
+        self._most, self._found = most, dict(found or {})
+
+    def get(self, key: object, find: Callable[[], T]) -> T:
+        if key not in self._found:
+            found = find()
+            if len(self._found) >= self._most:
+                del self._found[next(iter(self._found))]
+        else:
+            found = self._found.pop(key)
+        self._found[key] = found  # at the end
+        return found
+
+
+class Known:
+    """What was found out about scenarios, for others that ask the same: arms, references, ranks.
+
+    Only what was asked for last is kept. For one thread at a time.
+    """
+
+    def __init__(self, *arms: Arm) -> None:
+        """Know some arms, as they were loaded.
+
+        Args:
+            arms: They stand for their file, by the names of their site and joints.
+        """
+        # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
+        self._arms = _Recent[Arm](32, {(arm.path.resolve(), arm.site, arm.joints): arm for arm in arms})
+        self._references, self._ranks = _Recent[Reference](32), _Recent[int](256)
+
+    def arm(self, section: ArmSection) -> Arm:
+        """Return the arm of a section, loaded and stretched as it says.
+
+        Raises:
+            ModelError: See `rmrc.arm.load` and `Arm.stretched`.
+        """
+        key = (section.model, section.site, section.joints)
+        own = self._arms.get(key, lambda: arms.load(*key))
+        if not section.stretch:
+            return own
+        return self._arms.get(
+            (key, tuple(sorted(section.stretch.items()))), lambda: own.stretched(section.stretch)
+        )
+
+    def reference(self, scenario: Scenario, arm: Arm, q: NDArray[np.float64]) -> Reference:
+        """Return the target of a scenario whose arm starts at joint positions q, (n,).
+
+        Raises:
+            TargetError: See `make_reference`.
+        """
+        target, period = scenario.target, scenario.control.period
+        # as text, which tells 0.0 from -0.0
+        key = (arm, q.tobytes(), repr(target), period)
+        return self._references.get(
+            key, lambda: make_reference(target.path, target.limits, arm.pose(q), period)
+        )
+
+    def rank(
+        self,
+        arm: Arm,
+        rows: NDArray[np.intp],
+        row_scale: NDArray[np.float64],
+        joint_scale: NDArray[np.float64],
+    ) -> int:
+        """Return the rank almost everywhere: see `rmrc.analysis.task.structural_rank`."""
+        key = (arm, rows.tobytes(), row_scale.tobytes(), joint_scale.tobytes())
+        return self._ranks.get(key, lambda: structural_rank(arm, rows, row_scale, joint_scale))
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +106,14 @@ class Prepared:
         arm: The arm that it names.
         qpos: Where the model starts, (nq,).
         reference: Poses and twists at each control tick.
+        known: What it shares with others.
     """
 
     scenario: Scenario
     arm: Arm
     qpos: NDArray[np.float64]
     reference: Reference
+    known: Known = field(default_factory=Known, repr=False)
 
     @property
     def substeps(self) -> int:
@@ -78,7 +158,7 @@ class Prepared:
     @cached_property
     def rank(self) -> int:
         """Rank of the task almost everywhere."""
-        return structural_rank(self.arm, self.rows, self.row_scale, self.joint_scale)
+        return self.known.rank(self.arm, self.rows, self.row_scale, self.joint_scale)
 
     @cached_property
     def encoder_offset(self) -> NDArray[np.float64]:
@@ -98,9 +178,7 @@ class Prepared:
         """
         encoder = self.scenario.arm.encoder.model_copy(update={"seed": seed})
         arm = self.scenario.arm.model_copy(update={"encoder": encoder})
-        other = replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
-        vars(other)["rank"] = self.rank  # encoders do not change it, and it takes longest to find
-        return other
+        return replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
 
     @property
     def is_loaded(self) -> bool:
@@ -125,17 +203,85 @@ class Prepared:
         return kinematics + (physics if plant.kind != "ideal" else ())
 
 
-def prepare(scenario: Scenario, known: dict[object, Arm] | None = None) -> Prepared:
+class Preparation:
+    """A scenario's file, of which any number of variants are prepared, as fast as they come.
+
+    What is prepared is to the bit what `prepare` makes of the scenario that `rmrc.scenario.load` reads.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> None:
+        """Read the file.
+
+        Args:
+            path: Of the scenario.
+            overrides: `KEY=VALUE` texts that hold for all variants.
+
+        Raises:
+            ScenarioError: There is no such file, or its text cannot be used.
+        """
+        self._template, self._known = Template(path, overrides), Known()
+
+    def variant(self, varied: Sequence[str] = ()) -> Prepared:
+        """Return a variant, with everything checked.
+
+        Args:
+            varied: `KEY=VALUE` texts that make it.
+
+        Raises:
+            ScenarioError: All that is wrong, with file, line and key, or `--vary` and key.
+        """
+        prepared = prepare(self._template.scenario(varied), self._known)
+        refuse_unknown(prepared.scenario, prepared.arm.joints)
+        return prepared
+
+
+def prepare_many(
+    path: str | os.PathLike[str], overrides: Sequence[str], variants: Sequence[Variant]
+) -> list[Prepared]:
+    """Return variants of a scenario, checked and ready to run.
+
+    Args:
+        path: Of the scenario.
+        overrides: `KEY=VALUE` texts that hold for all.
+        variants: As `rmrc.scenario.variants` makes them.
+
+    Raises:
+        ScenarioError: All that is wrong with all variants, a line each, which names the variant; what is
+            wrong with every one of them is said once.
+    """
+    preparation = Preparation(path, overrides)
+    prepared: list[Prepared] = []
+    problems: dict[str, list[str]] = {}  # who has it, by what it is
+    for variant in variants:
+        try:
+            prepared.append(preparation.variant(variant.overrides))
+        except ScenarioError as error:
+            for problem in error.problems:
+                problems.setdefault(problem, []).append(variant.label)
+    lines: list[str] = []
+    for problem, labels in problems.items():
+        everyone = len(labels) == len(variants)
+        lines += [problem] if everyone else [f'variant "{label}": {problem}' for label in labels]
+    if lines:
+        raise ScenarioError(lines)
+    return prepared
+
+
+def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     """Load the arm, check everything that needs it, and time the target.
 
     Args:
         scenario: A scenario.
-        known: Arms that were loaded before; those loaded here are added.
+        known: What was found out before; what is found out here is added.
 
     Raises:
         ScenarioError: All that is wrong, with file, line and key.
     """
-    arm = _load_arm(scenario, {} if known is None else known)
+    known = known or Known()
+    try:
+        arm = known.arm(scenario.arm)
+    except ModelError as error:
+        raise ScenarioError([f"{scenario.locate(f'arm.{error.about}')}: {error}"]) from None
     problems = _Problems(scenario)
     qpos = _start(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
@@ -150,15 +296,12 @@ def prepare(scenario: Scenario, known: dict[object, Arm] | None = None) -> Prepa
             f'"torque" knows no screw joints, and joint "{hinge}" of {arm.path} is one; take "servo"',
         )
     problems.raise_any()
-    q = qpos[arm.wiring.qpos]
     try:
-        reference = make_reference(
-            scenario.target.path, scenario.target.limits, arm.pose(q), scenario.control.period
-        )
+        reference = known.reference(scenario, arm, qpos[arm.wiring.qpos])
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([f"{scenario.locate(key)}: {text}"]) from None
-    return Prepared(scenario, arm, qpos, reference)
+    return Prepared(scenario, arm, qpos, reference, known)
 
 
 class _Problems:
@@ -171,22 +314,6 @@ class _Problems:
     def raise_any(self) -> None:
         if self.lines:
             raise ScenarioError(self.lines)
-
-
-def _load_arm(scenario: Scenario, known: dict[object, Arm]) -> Arm:
-    section = scenario.arm
-    key = (section.model, section.site, section.joints)
-    stretched = (*key, tuple(sorted(section.stretch.items())))
-    try:
-        if key not in known:
-            known[key] = arms.load(section.model, section.site, section.joints)
-        if not section.stretch:
-            return known[key]
-        if stretched not in known:
-            known[stretched] = known[key].stretched(section.stretch)
-    except ModelError as error:
-        raise ScenarioError([f"{scenario.locate(f'arm.{error.about}')}: {error}"]) from None
-    return known[stretched]
 
 
 def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.float64]:

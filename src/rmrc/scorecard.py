@@ -9,6 +9,7 @@ and `speed` differ from one execution to the next.
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -158,7 +159,7 @@ def figure_names(joints: Sequence[str], axes: Sequence[str]) -> list[str]:
         joints: Names of the joints.
         axes: Task axes that count.
     """
-    return list(_blank(joints, axes))
+    return list(_blank(tuple(joints), tuple(axes)))
 
 
 def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) -> dict[str, str]:
@@ -172,7 +173,7 @@ def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) ->
     Returns:
         For each name that is refused, in order, the reason; it follows the key in a message.
     """
-    return _refused(names, _blank(joints, axes))
+    return _refused(names, _blank(tuple(joints), tuple(axes)))
 
 
 def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
@@ -368,14 +369,15 @@ def _rms(values: _Array) -> float:
 # Expectations -----------------------------------------------------------------------------------
 
 
-def _blank(joints: Sequence[str], axes: Sequence[str]) -> Scorecard:
+@lru_cache(maxsize=16)  # asked for each of thousands of variants
+def _blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
     """Return the scorecard of a run without ticks: all its figures, none of its values."""
     width = {"n": len(joints), "k": min(len(joints), len(axes)), "6": 6, "7": 7}
     columns = {
         name: np.empty((0, width[column.width]) if column.width else 0) for name, column in COLUMNS.items()
     }
     slides = (False,) * len(joints)
-    return scorecard(Run("", tuple(joints), slides, tuple(axes), 1.0, 1.0, columns, 0))
+    return scorecard(Run("", joints, slides, axes, 1.0, 1.0, columns, 0))
 
 
 # The number that belongs to a name, where it is not called alike.

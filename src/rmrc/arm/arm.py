@@ -267,12 +267,26 @@ class Arm:
         fixed: NDArray[np.bool_] = self.model.body_weldid == 0
         return fixed
 
+    @cached_property
+    def _bare_spec(self) -> mujoco.MjSpec:
+        """The author's model without textures, which take nearly all of its memory and time to compile."""
+        spec = self._spec.copy()
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+        for texture in list(spec.textures):
+            spec.delete(texture)
+        return spec
+
+    @cached_property
+    def _untextured(self) -> mujoco.MjModel:
+        return self._bare_spec.copy().compile()
+
     def stretched(self, stretch: Mapping[str, float]) -> "Arm":
         """Return the arm with some bodies larger.
 
         A body of factor f has all its lengths times f, about its frame's origin: where bodies, sites, joints
         and geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times
-        what it was. Ranges of joints and limits stay.
+        what it was. Ranges of joints and limits stay. Its model has no textures.
 
         Args:
             stretch: Factor of each body, by its name.
@@ -281,7 +295,7 @@ class Arm:
             ModelError: No such body, or it cannot be stretched.
         """
         check_stretch(self.path, self.model, stretch)
-        model = copy.copy(self.model)
+        model = copy.copy(self._untextured)
         for name, values in stretched_fields(model, stretch).items():
             getattr(model, name)[:] = values
         arm = replace(self, model=model, stretch={**self.stretch, **stretch})
@@ -311,7 +325,7 @@ class Arm:
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
-        spec = self._spec.copy()
+        spec = self._bare_spec.copy()
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
         self._replace_actuators(spec, plant, kv)
