@@ -208,23 +208,33 @@ class _Curve:
 
     def at(self, u: Array) -> Array:
         """Return the poses, (len(u), 7); at u = 0 the start, to the bit."""
+        poses = np.empty((len(u), 7))
+        turning = self.angle * (u if self.angle else u[:1])
+        poses[:, 3:] = quat_multiply(quat_from_axis_angle(self.axis, turning), self.start[3:])
         u = u[:, None]
-        half = 0.5 * self.sweep * u
-        # cos θ − 1 = −2 sin² θ/2 keeps its digits for small θ
-        moved = u * self.straight - 2 * np.sin(half) ** 2 * self.spoke
-        moved += np.sin(self.sweep * u) * self.tangent
-        turn = quat_from_axis_angle(self.axis, self.angle * u[:, 0])
-        return np.hstack([self.start[:3] + moved, quat_multiply(turn, self.start[3:])])
+        moved = u * self.straight
+        if self.sweep:
+            # cos θ − 1 = −2 sin² θ/2 keeps its digits for small θ
+            moved -= 2 * np.sin(0.5 * self.sweep * u) ** 2 * self.spoke
+            moved += np.sin(self.sweep * u) * self.tangent
+        poses[:, :3] = self.start[:3] + moved
+        return poses
 
     def derivatives(self, u: Array, du: Array, ddu: Array) -> tuple[Array, Array]:
         """Return twists and accelerations by the chain rule, (len(u), 6) each."""
+        twist, acceleration = np.empty((len(u), 6)), np.empty((len(u), 6))
         u, du, ddu = u[:, None], du[:, None], ddu[:, None]
-        sine, cosine = np.sin(self.sweep * u), np.cos(self.sweep * u)
-        slope = self.straight + self.sweep * (cosine * self.tangent - sine * self.spoke)
-        bend = -(self.sweep**2) * (cosine * self.spoke + sine * self.tangent)
+        slope = self.straight
+        if self.sweep:
+            sine, cosine = np.sin(self.sweep * u), np.cos(self.sweep * u)
+            slope = self.straight + self.sweep * (cosine * self.tangent - sine * self.spoke)
         turn = self.angle * self.axis
-        twist = np.hstack([slope * du, turn * du])
-        return twist, np.hstack([slope * ddu + bend * du**2, turn * ddu])
+        twist[:, :3], twist[:, 3:] = slope * du, turn * du
+        acceleration[:, :3], acceleration[:, 3:] = slope * ddu, turn * ddu
+        if self.sweep:
+            bend = -(self.sweep**2) * (cosine * self.spoke + sine * self.tangent)
+            acceleration[:, :3] += bend * du**2
+        return twist, acceleration
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is an error below
