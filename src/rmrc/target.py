@@ -395,12 +395,18 @@ def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> _Profile:
     # ruckig's first step fails now and then for jerks above 1e8.
     ratios = [min(unit / time, 200.0) for time in times]
     motion.max_velocity = [min(ratios[0], 2.0)]
-    motion.max_acceleration, motion.max_jerk = [ratios[1] ** 2], [ratios[2] ** 3]
-    try:
-        ruckig.Ruckig(1).calculate(motion, trajectory)
-    except (ruckig.RuckigError, ValueError) as error:  # ValueError: a result without a name
-        reason = str(error).replace("[ruckig]", "").strip().split(", dof")[0]
-        raise TargetError(f"{curve.place}: cannot be timed: {reason}") from None
+    motion.max_acceleration = [ratios[1] ** 2]
+    reason = ""
+    # Where two of ruckig's cases meet, such as at a length of 2 a³/j², neither may be found: not so beside it.
+    for share in (1.0, 1.0 - 1e-12):
+        motion.max_jerk = [share * ratios[2] ** 3]
+        try:
+            ruckig.Ruckig(1).calculate(motion, trajectory)
+            break
+        except (ruckig.RuckigError, ValueError) as error:  # ValueError: a result without a name
+            reason = str(error).replace("[ruckig]", "").strip().split(", dof")[0]
+    else:
+        raise TargetError(f"{curve.place}: cannot be timed: {reason}")
     ((profile,),) = trajectory.profiles
     since = unit * np.cumsum([0.0, *profile.t])
     states = np.array([profile.p[:7], profile.v[:7], profile.a[:7], profile.j])
