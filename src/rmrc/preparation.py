@@ -199,7 +199,7 @@ class Prepared:
         """What worlds must have in common to be stepped together."""
         plant = self.scenario.plant
         physics = (plant.timestep, plant.gravity_compensation, self.substeps, self.is_loaded)
-        kinematics = (plant.kind, self.arm.path.resolve(), self.arm.site, self.arm.joints)
+        kinematics = (plant.kind, self.scenario.arm.model, self.arm.site, self.arm.joints)
         return kinematics + (physics if plant.kind != "ideal" else ())
 
 

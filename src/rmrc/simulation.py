@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.control.records import tick_type
+from rmrc.control.records import tick_type, world_type
 from rmrc.plant import PlantBatch
 from rmrc.preparation import Prepared, world_record
 from rmrc.run import COLUMNS, Divergence, Run
@@ -149,7 +149,9 @@ def _shard(prepared: Sequence[Prepared], members: list[int]) -> _Shard:
     for r, reference in enumerate(references.values()):
         wanted[r, : len(reference.time), :7] = reference.pose
         wanted[r, : len(reference.time), 7:] = reference.twist
-    worlds = np.array([world_record(one, order[id(one.reference)]) for one in chosen])
+    worlds = np.empty(len(chosen), world_type(arm.n))
+    for w, one in enumerate(chosen):
+        worlds[w] = world_record(one, order[id(one.reference)])
     batch = PlantBatch(
         arm,
         arm.adapted(

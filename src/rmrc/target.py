@@ -397,7 +397,7 @@ def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> _Profile:
     motion.max_velocity = [min(ratios[0], 2.0)]
     motion.max_acceleration = [ratios[1] ** 2]
     reason = ""
-    # Where two of ruckig's cases meet, such as at a length of 2 a³/j², neither may be found: not so beside it.
+    # Where two of ruckig's cases meet, as at a length of 2 a³/j², it may find neither: not so beside it.
     for share in (1.0, 1.0 - 1e-12):
         motion.max_jerk = [share * ratios[2] ** 3]
         try:
