@@ -596,3 +596,12 @@ def test_what_ruckig_cannot_time_is_told_in_one_line(monkeypatch):
     with pytest.raises(TargetError) as caught:
         make_reference([hold(1), line((0.1, 0))], LIMITS, START, 1e-3)
     assert str(caught.value) == "target.path[1].line: cannot be timed: error in step 1"
+
+
+def test_a_length_at_which_two_cases_meet_is_timed():
+    # 2 a³/j² is the longest way whose acceleration only just reaches a, for no time: four ramps of a/j each.
+    limits = TargetLimitsSection(velocity=0.25, acceleration=1.0, jerk=10.0)
+    reference = make_reference([line((0.02, 0.0))], limits, START, 1e-3)
+    assert reference.duration == pytest.approx(0.4, abs=1e-9)
+    a, j = 1.0, 10.0
+    assert 2 * a**3 / j**2 == 0.02

@@ -6,14 +6,12 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from rmrc import facts, scenario
-from rmrc.arm import Arm
-from rmrc.errors import ScenarioError
 from rmrc.filter_factors import compile_for, filter_factor
 from rmrc.interruption import interruptible
-from rmrc.preparation import Prepared, prepare
+from rmrc.preparation import Prepared, prepare_many
 from rmrc.run import Run
 from rmrc.scenario import Variant
-from rmrc.scorecard import Outcome, Scorecard, check, refuse_unknown, scorecard
+from rmrc.scorecard import Outcome, Scorecard, check, scorecard
 from rmrc.simulation import Simulation
 
 
@@ -80,7 +78,7 @@ class Comparison:
         """
         self.folder, self._record, self._overrides = folder, record, tuple(overrides)
         self.variants = scenario.variants(varied)
-        self.prepared = _prepare(path, self._overrides, self.variants)
+        self.prepared = prepare_many(path, self._overrides, self.variants)
         self.name = self.prepared[0].scenario.name
         self._simulation: Simulation | None = None
         folder.mkdir(parents=True, exist_ok=True)
@@ -168,24 +166,3 @@ def _scored(variant: Variant, prepared: Prepared, run: Run, interrupted: bool) -
     card = scorecard(run)
     outcomes = tuple(check(card, prepared.scenario.expect))
     return Compared(variant, run, card, outcomes, facts.status_of(run, interrupted))
-
-
-def _prepare(path: Path, overrides: Sequence[str], variants: Sequence[Variant]) -> list[Prepared]:
-    arms: dict[object, Arm] = {}
-    prepared: list[Prepared] = []
-    problems: dict[str, list[str]] = {}  # who has it, by what it is
-    for variant in variants:
-        try:
-            one = prepare(scenario.load(path, overrides, variant.overrides), arms)
-            refuse_unknown(one.scenario, one.arm.joints)
-            prepared.append(one)
-        except ScenarioError as error:
-            for problem in error.problems:
-                problems.setdefault(problem, []).append(variant.label)
-    lines: list[str] = []
-    for problem, labels in problems.items():
-        everyone = len(labels) == len(variants)
-        lines += [problem] if everyone else [f'variant "{label}": {problem}' for label in labels]
-    if lines:
-        raise ScenarioError(lines)
-    return prepared

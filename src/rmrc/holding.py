@@ -17,7 +17,7 @@ from rmrc.analysis.statics import Balance, balance
 from rmrc.analysis.task import Task
 from rmrc.arm import Arm
 from rmrc.errors import QuestionError
-from rmrc.preparation import Prepared, prepare
+from rmrc.preparation import Known, Prepared, prepare
 from rmrc.run import Run
 from rmrc.scenario import (
     ArmSection,
@@ -116,9 +116,7 @@ class Holding:
                     f"{unit}, got {position:.6g}; choose other joint positions"
                 )
         self.wanted, self.gravity = wanted, gravity
-        self.prepared: Prepared = prepare(
-            _scenario(wanted, gravity, seconds), {(arm.path.resolve(), arm.site, arm.joints): arm}
-        )
+        self.prepared: Prepared = prepare(_scenario(wanted, gravity, seconds), Known(arm))
         self._simulation: Simulation | None = None
 
     @property

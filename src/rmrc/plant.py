@@ -5,7 +5,8 @@ sets the plant's input. MuJoCo then steps all worlds and leaves their kinematics
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from enum import IntEnum
 from functools import partial
 from typing import Any
@@ -15,7 +16,8 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm, Wiring
+from rmrc.arm import Arm, Change, Wiring
+from rmrc.arm.changes import NEED_CONSTANTS, changed_fields
 from rmrc.control.compiled import Array, Record, compiled, entry, machine_code
 from rmrc.control.kinematics import follow_chain, geometric_jacobian, pose_error
 from rmrc.control.law import control
@@ -346,6 +348,7 @@ class PlantBatch:
         qpos: Array,
         reference: Array,
         ticks: NDArray[np.void],
+        changes: Sequence[Change],
     ) -> None:
         """Wire the worlds to MuJoCo and set their start.
 
@@ -357,6 +360,7 @@ class PlantBatch:
             qpos: Start, (w, nq).
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
             ticks: Where the tick records go, (rows, w); with fewer rows than ticks, they are used again.
+            changes: What each world has different from the model, w of them.
         """
         self.worlds = worlds
         self.ticks = ticks
@@ -365,10 +369,10 @@ class PlantBatch:
         self._plant = Plant(int(worlds["plant"][0]))
         self._substeps = substeps
         self._errors: dict[int, str] = {}
-        self._batch = Batch(model, len(worlds), 1, persistent=True)
-        self._batch.bind("qpos")[:] = qpos
         wiring = arm.wire(model)
-        self._wire(arm, model, wiring)
+        self._batch = _batch(model, wiring, changes)
+        self._batch.bind("qpos")[:] = qpos
+        self._wire(arm, model, wiring, changes)
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
         read = [self._batch.bind(field) for field in fields]
@@ -377,15 +381,19 @@ class PlantBatch:
             worlds, ticks, reference, self._batch.state, self._batch.warning, *seen
         )  # fmt: skip
         self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
+        self._known: Batch | None = None  # the worlds as computed torque takes them to be, if it is wrong
         if self._plant == Plant.TORQUE:
-            forces = [self._batch.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
+            if any(change.payload for change in changes):
+                self._known = _batch(model, wiring, [replace(change, payload=0.0) for change in changes])
+            known = self._known or self._batch
+            forces = [known.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
             arrays = (worlds, self._batch.state, *forces, _mass_entries(model, wiring))
             self._torque: Callable[[], None] = partial(machine_code(computed_torque, *arrays), *arrays)
         is_ideal = self._plant == Plant.IDEAL
         self._stage = int(mujoco.mjtStage.mjSTAGE_POS if is_ideal else mujoco.mjtStage.mjSTAGE_VEL)
         self._batch.forward(stage=self._stage)
 
-    def _wire(self, arm: Arm, model: mujoco.MjModel, wiring: Wiring) -> None:
+    def _wire(self, arm: Arm, model: mujoco.MjModel, wiring: Wiring, changes: Sequence[Change]) -> None:
         """Write ids and state columns into the records."""
         worlds, n = self.worlds, arm.n
         worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
@@ -399,7 +407,9 @@ class PlantBatch:
         worlds["qpos_column"][:, :n] = _column(model, "QPOS") + wiring.qpos
         worlds["qvel_column"][:, :n] = _column(model, "QVEL") + wiring.dof
         worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + model.actuator_ctrladr[wiring.actuator]
-        worlds["lever"] = _lever(model, wiring)
+        carrier = model.body(wiring.body).name
+        stretch = np.array([change.stretch.get(carrier, 1.0) for change in changes])
+        worlds["lever"] = _lever(model, wiring) * stretch[:, None]
         worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
 
     def _wire_encoders(self, read: list[Array]) -> list[Array]:
@@ -468,6 +478,9 @@ class PlantBatch:
             return step
 
         def push_and_step() -> None:
+            if self._known is not None:
+                self._known.state[:] = self._batch.state
+                self._known.forward(ids, self._stage)
             self._torque()
             step()
 
@@ -485,6 +498,25 @@ class PlantBatch:
     def error(self, world: int) -> str:
         """Return what MuJoCo said when it refused to step a world, or nothing."""
         return " ".join(self._errors.get(world, "").split())
+
+
+def _batch(model: mujoco.MjModel, wiring: Wiring, changes: Sequence[Change]) -> Batch:
+    """Return a batch of worlds that share a model but for some numbers.
+
+    What MuJoCo cannot keep for each world, such as the mean inertia that its solver takes for a scale, is the
+    model's own: so it does not depend on the other worlds.
+    """
+    batch = Batch(model, len(changes), 1, persistent=True)
+    worlds = [changed_fields(model, wiring, change) for change in changes]
+    for name in sorted({name for fields in worlds for name in fields}):
+        own = model.opt.gravity if name == "opt.gravity" else getattr(model, name)
+        values = np.array([fields.get(name, own) for fields in worlds])
+        if (values != own).any():
+            batch.expand(name)[:] = values
+    behind = [w for w, fields in enumerate(worlds) if not NEED_CONSTANTS.isdisjoint(fields)]
+    if behind:
+        batch.set_const(behind)
+    return batch
 
 
 def _column(model: mujoco.MjModel, component: str) -> int:

@@ -1,23 +1,100 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
 import math
-from dataclasses import dataclass, replace
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc import arm as arms
 from rmrc.analysis.task import structural_rank
-from rmrc.arm import Arm
+from rmrc.arm import Arm, Change
 from rmrc.control.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
 from rmrc.control.records import world_type
 from rmrc.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.plant import Plant
-from rmrc.scenario import Scenario
+from rmrc.scenario import ArmSection, Scenario, Template, Variant
+from rmrc.scorecard import refuse_unknown
 from rmrc.spatial import AXES, exp_rotation, quat_multiply
 from rmrc.target import Reference, make_reference
+
+T = TypeVar("T")
+
+
+class _Recent(Generic[T]):
+    """What was found last, by what it was asked for."""
+
+    def __init__(self, most: int, found: Mapping[object, T] | None = None) -> None:
+        self._most, self._found = most, dict(found or {})
+
+    def get(self, key: object, find: Callable[[], T]) -> T:
+        if key not in self._found:
+            found = find()
+            if len(self._found) >= self._most:
+                del self._found[next(iter(self._found))]
+        else:
+            found = self._found.pop(key)
+        self._found[key] = found  # at the end
+        return found
+
+
+class Known:
+    """What was found out about scenarios, for others that ask the same: arms, references, ranks.
+
+    Only what was asked for last is kept. For one thread at a time.
+    """
+
+    def __init__(self, *arms: Arm) -> None:
+        """Know some arms, as they were loaded.
+
+        Args:
+            arms: They stand for their file, by the names of their site and joints.
+        """
+        # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
+        self._arms = _Recent[Arm](32, {(arm.path.resolve(), arm.site, arm.joints): arm for arm in arms})
+        self._references, self._ranks = _Recent[Reference](32), _Recent[int](256)
+
+    def arm(self, section: ArmSection) -> Arm:
+        """Return the arm of a section, loaded and stretched as it says.
+
+        Raises:
+            ModelError: See `rmrc.arm.load` and `Arm.stretched`.
+        """
+        key = (section.model, section.site, section.joints)
+        own = self._arms.get(key, lambda: arms.load(*key))
+        if not section.stretch:
+            return own
+        return self._arms.get(
+            (key, tuple(sorted(section.stretch.items()))), lambda: own.stretched(section.stretch)
+        )
+
+    def reference(self, scenario: Scenario, arm: Arm, q: NDArray[np.float64]) -> Reference:
+        """Return the target of a scenario whose arm starts at joint positions q, (n,).
+
+        Raises:
+            TargetError: See `make_reference`.
+        """
+        target, period = scenario.target, scenario.control.period
+        # as text, which tells 0.0 from -0.0
+        key = (arm, q.tobytes(), repr(target), period)
+        return self._references.get(
+            key, lambda: make_reference(target.path, target.limits, arm.pose(q), period)
+        )
+
+    def rank(
+        self,
+        arm: Arm,
+        rows: NDArray[np.intp],
+        row_scale: NDArray[np.float64],
+        joint_scale: NDArray[np.float64],
+    ) -> int:
+        """Return the rank almost everywhere: see `rmrc.analysis.task.structural_rank`."""
+        key = (arm, rows.tobytes(), row_scale.tobytes(), joint_scale.tobytes())
+        return self._ranks.get(key, lambda: structural_rank(arm, rows, row_scale, joint_scale))
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,12 +106,14 @@ class Prepared:
         arm: The arm that it names.
         qpos: Where the model starts, (nq,).
         reference: Poses and twists at each control tick.
+        known: What it shares with others.
     """
 
     scenario: Scenario
     arm: Arm
     qpos: NDArray[np.float64]
     reference: Reference
+    known: Known = field(default_factory=Known, repr=False)
 
     @property
     def substeps(self) -> int:
@@ -79,7 +158,7 @@ class Prepared:
     @cached_property
     def rank(self) -> int:
         """Rank of the task almost everywhere."""
-        return structural_rank(self.arm, self.rows, self.row_scale, self.joint_scale)
+        return self.known.rank(self.arm, self.rows, self.row_scale, self.joint_scale)
 
     @cached_property
     def encoder_offset(self) -> NDArray[np.float64]:
@@ -99,30 +178,110 @@ class Prepared:
         """
         encoder = self.scenario.arm.encoder.model_copy(update={"seed": seed})
         arm = self.scenario.arm.model_copy(update={"encoder": encoder})
-        other = replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
-        vars(other)["rank"] = self.rank  # encoders do not change it, and it takes longest to find
-        return other
+        return replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether there is a payload, which nothing carries in an ideal plant."""
+        plant = self.scenario.plant
+        return plant.kind != "ideal" and plant.payload > 0.0
+
+    @property
+    def change(self) -> Change:
+        """What the world has different from the model that it shares with others of its batch."""
+        plant, stretch = self.scenario.plant, self.scenario.arm.stretch
+        if plant.kind == "ideal":
+            return Change(stretch=stretch)
+        return Change(self.kv if plant.kind == "servo" else None, plant.gravity, plant.payload, stretch)
 
     @property
     def batch_key(self) -> object:
         """What worlds must have in common to be stepped together."""
         plant = self.scenario.plant
-        physics = (tuple(self.kv), plant.timestep, plant.gravity_compensation, self.substeps)
-        kinematics = (plant.kind, self.arm.path.resolve(), self.arm.site, self.arm.joints)
+        physics = (plant.timestep, plant.gravity_compensation, self.substeps, self.is_loaded)
+        kinematics = (plant.kind, self.scenario.arm.model, self.arm.site, self.arm.joints)
         return kinematics + (physics if plant.kind != "ideal" else ())
 
 
-def prepare(scenario: Scenario, known: dict[object, Arm] | None = None) -> Prepared:
+class Preparation:
+    """A scenario's file, of which any number of variants are prepared, as fast as they come.
+
+    What is prepared is to the bit what `prepare` makes of the scenario that `rmrc.scenario.load` reads.
+    """
+
+    def __init__(self, path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> None:
+        """Read the file.
+
+        Args:
+            path: Of the scenario.
+            overrides: `KEY=VALUE` texts that hold for all variants.
+
+        Raises:
+            ScenarioError: There is no such file, or its text cannot be used.
+        """
+        self._template, self._known = Template(path, overrides), Known()
+
+    def variant(self, varied: Sequence[str] = ()) -> Prepared:
+        """Return a variant, with everything checked.
+
+        Args:
+            varied: `KEY=VALUE` texts that make it.
+
+        Raises:
+            ScenarioError: All that is wrong, with file, line and key, or `--vary` and key.
+        """
+        prepared = prepare(self._template.scenario(varied), self._known)
+        refuse_unknown(prepared.scenario, prepared.arm.joints)
+        return prepared
+
+
+def prepare_many(
+    path: str | os.PathLike[str], overrides: Sequence[str], variants: Sequence[Variant]
+) -> list[Prepared]:
+    """Return variants of a scenario, checked and ready to run.
+
+    Args:
+        path: Of the scenario.
+        overrides: `KEY=VALUE` texts that hold for all.
+        variants: As `rmrc.scenario.variants` makes them.
+
+    Raises:
+        ScenarioError: All that is wrong with all variants, a line each, which names the variant; what is
+            wrong with every one of them is said once.
+    """
+    preparation = Preparation(path, overrides)
+    prepared: list[Prepared] = []
+    problems: dict[str, list[str]] = {}  # who has it, by what it is
+    for variant in variants:
+        try:
+            prepared.append(preparation.variant(variant.overrides))
+        except ScenarioError as error:
+            for problem in error.problems:
+                problems.setdefault(problem, []).append(variant.label)
+    lines: list[str] = []
+    for problem, labels in problems.items():
+        everyone = len(labels) == len(variants)
+        lines += [problem] if everyone else [f'variant "{label}": {problem}' for label in labels]
+    if lines:
+        raise ScenarioError(lines)
+    return prepared
+
+
+def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     """Load the arm, check everything that needs it, and time the target.
 
     Args:
         scenario: A scenario.
-        known: Arms that were loaded before; those loaded here are added.
+        known: What was found out before; what is found out here is added.
 
     Raises:
         ScenarioError: All that is wrong, with file, line and key.
     """
-    arm = _load_arm(scenario, {} if known is None else known)
+    known = known or Known()
+    try:
+        arm = known.arm(scenario.arm)
+    except ModelError as error:
+        raise ScenarioError([f"{scenario.locate(f'arm.{error.about}')}: {error}"]) from None
     problems = _Problems(scenario)
     qpos = _start(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
@@ -137,15 +296,12 @@ def prepare(scenario: Scenario, known: dict[object, Arm] | None = None) -> Prepa
             f'"torque" knows no screw joints, and joint "{hinge}" of {arm.path} is one; take "servo"',
         )
     problems.raise_any()
-    q = qpos[arm.wiring.qpos]
     try:
-        reference = make_reference(
-            scenario.target.path, scenario.target.limits, arm.pose(q), scenario.control.period
-        )
+        reference = known.reference(scenario, arm, qpos[arm.wiring.qpos])
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([f"{scenario.locate(key)}: {text}"]) from None
-    return Prepared(scenario, arm, qpos, reference)
+    return Prepared(scenario, arm, qpos, reference, known)
 
 
 class _Problems:
@@ -158,18 +314,6 @@ class _Problems:
     def raise_any(self) -> None:
         if self.lines:
             raise ScenarioError(self.lines)
-
-
-def _load_arm(scenario: Scenario, known: dict[object, Arm]) -> Arm:
-    section = scenario.arm
-    path = Path(section.model)
-    key = (path.resolve(), section.site, section.joints)
-    if key not in known:
-        try:
-            known[key] = arms.load(path, section.site, section.joints)
-        except ModelError as error:
-            raise ScenarioError([f"{scenario.locate(f'arm.{error.about}')}: {error}"]) from None
-    return known[key]
 
 
 def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.float64]:

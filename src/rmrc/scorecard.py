@@ -9,6 +9,7 @@ kept or not; only `wall_time` and `speed` differ from one execution to the next.
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -185,7 +186,7 @@ def figure_names(joints: Sequence[str], axes: Sequence[str]) -> list[str]:
         joints: Names of the joints.
         axes: Task axes that count.
     """
-    return list(_blank(joints, axes))
+    return list(_blank(tuple(joints), tuple(axes)))
 
 
 def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) -> dict[str, str]:
@@ -199,7 +200,7 @@ def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) ->
     Returns:
         For each name that is refused, in order, the reason; it follows the key in a message.
     """
-    return _refused(names, _blank(joints, axes))
+    return _refused(names, _blank(tuple(joints), tuple(axes)))
 
 
 def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
@@ -381,9 +382,10 @@ def _rms(square: float, tally: np.void) -> float:
 # Expectations -----------------------------------------------------------------------------------
 
 
-def _blank(joints: Sequence[str], axes: Sequence[str]) -> Scorecard:
+@lru_cache(maxsize=16)  # asked for each of thousands of variants
+def _blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
     """Return the scorecard of a run without ticks: all its figures, none of its values."""
-    run = Run("", tuple(joints), (False,) * len(joints), tuple(axes), 1.0, 1.0, {}, 0)
+    run = Run("", joints, (False,) * len(joints), axes, 1.0, 1.0, {}, 0)
     return figures(run, tally_of(run)[0])
 
 

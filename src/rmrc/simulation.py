@@ -14,7 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.control.records import tick_type
+from rmrc.control.records import tick_type, world_type
 from rmrc.plant import PlantBatch
 from rmrc.preparation import Prepared, world_record
 from rmrc.run import COLUMNS, Divergence, Run
@@ -231,17 +231,22 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Sh
     for r, reference in enumerate(references.values()):
         wanted[r, : len(reference.time), :7] = reference.pose
         wanted[r, : len(reference.time), 7:] = reference.twist
-    worlds = np.array([world_record(one, order[id(one.reference)]) for one in chosen])
+    worlds = np.empty(len(chosen), world_type(arm.n))
+    for w, one in enumerate(chosen):
+        worlds[w] = world_record(one, order[id(one.reference)])
     rows = int(worlds["ticks"].max())
     if not keeps:
         rows = min(rows, max(1, HELD // len(chosen)))
     batch = PlantBatch(
         arm,
-        arm.adapted(plant.kind, chosen[0].kv, plant.timestep, plant.gravity_compensation),
+        arm.adapted(
+            plant.kind, chosen[0].kv, plant.timestep, plant.gravity_compensation, loaded=chosen[0].is_loaded
+        ),
         chosen[0].substeps,
         worlds,
         np.array([one.qpos for one in chosen]),
         wanted,
         np.empty((rows, len(chosen)), tick_type(arm.n)),
+        [one.change for one in chosen],
     )
     return _Shard(members, chosen, batch, keeps)

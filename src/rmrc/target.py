@@ -20,6 +20,7 @@ This module alone knows ruckig.
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import ruckig
@@ -67,7 +68,6 @@ class Reference:
         pose: Of the site in the world, [p, quat w x y z], (T, 7) [m, 1]; the quaternion never
             jumps to its negative.
         twist: [v; ω] of the site's origin along world axes, (T, 6) [m/s, rad/s].
-        acceleration: Its time derivative, (T, 6) [m/s², rad/s²].
         segment: Which segment of the path, counted from 0, (T,).
         period: The control period [s].
     """
@@ -75,9 +75,14 @@ class Reference:
     time: Array
     pose: Array
     twist: Array
-    acceleration: Array
     segment: NDArray[np.int64]
     period: float
+    _pieces: tuple["_Piece", ...]
+
+    @cached_property
+    def acceleration(self) -> Array:
+        """Time derivative of the twist, (T, 6) [m/s², rad/s²]; computed when it is asked for first."""
+        return np.vstack([piece.curve.acceleration(*piece.motion) for piece in self._pieces])
 
     @property
     def duration(self) -> float:
@@ -121,21 +126,22 @@ def make_reference(
             profiles.append(_pause(segment.hold.duration))
         else:
             profiles.append(_rest_to_rest(curve, limits))
-        pose = curve.at(np.ones(1))[0]
+        pose = curve.end
     starts = np.cumsum([0.0, *(profile.duration for profile in profiles)])
     time = period * np.arange(_intervals(float(starts[-1]), period) + 1, dtype=np.float64)
     which = np.minimum(np.searchsorted(starts[1:], time, side="right"), len(curves) - 1)
     first = np.searchsorted(which, np.arange(len(curves) + 1))
-    poses, twists, accelerations = (np.empty((len(time), width)) for width in (7, 6, 6))
+    poses, twists, pieces = np.empty((len(time), 7)), np.empty((len(time), 6)), []
     for i, (curve, profile) in enumerate(zip(curves, profiles, strict=True)):
         ticks = slice(first[i], first[i + 1])
         local = time[ticks] - starts[i]
         if i == len(curves) - 1:
             local[-1] = profile.duration  # the end itself, not a rounding before it
         u, du, ddu = profile.at(local)
-        poses[ticks] = curve.at(u)
-        twists[ticks], accelerations[ticks] = curve.derivatives(u, du, ddu)
-    return Reference(time, poses, twists, accelerations, which, period)
+        curve.at(u, out=poses[ticks])
+        curve.twist(u, du, out=twists[ticks])
+        pieces.append(_Piece(curve, (u, du, ddu)))
+    return Reference(time, poses, twists, which, period, tuple(pieces))
 
 
 def _checked(
@@ -206,25 +212,53 @@ class _Curve:
     def length(self) -> float:
         return float(np.linalg.norm(self.straight + self.sweep * self.tangent))
 
-    def at(self, u: Array) -> Array:
-        """Return the poses, (len(u), 7); at u = 0 the start, to the bit."""
-        u = u[:, None]
-        half = 0.5 * self.sweep * u
-        # cos θ − 1 = −2 sin² θ/2 keeps its digits for small θ
-        moved = u * self.straight - 2 * np.sin(half) ** 2 * self.spoke
-        moved += np.sin(self.sweep * u) * self.tangent
-        turn = quat_from_axis_angle(self.axis, self.angle * u[:, 0])
-        return np.hstack([self.start[:3] + moved, quat_multiply(turn, self.start[3:])])
+    @cached_property
+    def end(self) -> Array:
+        """Pose at u = 1, (7,)."""
+        end = np.empty(7)
+        self.at(np.ones(1), out=end[None])
+        return end
 
-    def derivatives(self, u: Array, du: Array, ddu: Array) -> tuple[Array, Array]:
-        """Return twists and accelerations by the chain rule, (len(u), 6) each."""
-        u, du, ddu = u[:, None], du[:, None], ddu[:, None]
-        sine, cosine = np.sin(self.sweep * u), np.cos(self.sweep * u)
-        slope = self.straight + self.sweep * (cosine * self.tangent - sine * self.spoke)
-        bend = -(self.sweep**2) * (cosine * self.spoke + sine * self.tangent)
-        turn = self.angle * self.axis
-        twist = np.hstack([slope * du, turn * du])
-        return twist, np.hstack([slope * ddu + bend * du**2, turn * ddu])
+    def at(self, u: Array, out: Array) -> None:
+        """Write the poses, (len(u), 7); at u = 0 the start, to the bit."""
+        turning = self.angle * (u if self.angle else u[:1])
+        out[:, 3:] = quat_multiply(quat_from_axis_angle(self.axis, turning), self.start[3:])
+        u = u[:, None]
+        moved = u * self.straight
+        if self.sweep:
+            # cos θ − 1 = −2 sin² θ/2 keeps its digits for small θ
+            moved -= 2 * np.sin(0.5 * self.sweep * u) ** 2 * self.spoke
+            moved += np.sin(self.sweep * u) * self.tangent
+        np.add(self.start[:3], moved, out=out[:, :3])
+
+    def twist(self, u: Array, du: Array, out: Array) -> None:
+        """Write the twists by the chain rule, (len(u), 6)."""
+        np.multiply(self._slope(u), du[:, None], out=out[:, :3])
+        np.multiply(self.angle * self.axis, du[:, None], out=out[:, 3:])
+
+    def acceleration(self, u: Array, du: Array, ddu: Array) -> Array:
+        """Return the accelerations by the chain rule, (len(u), 6)."""
+        du, ddu = du[:, None], ddu[:, None]
+        along = self._slope(u) * ddu
+        if self.sweep:
+            sine, cosine = np.sin(self.sweep * u)[:, None], np.cos(self.sweep * u)[:, None]
+            along += -(self.sweep**2) * (cosine * self.spoke + sine * self.tangent) * du**2
+        return np.hstack([along, self.angle * self.axis * ddu])
+
+    def _slope(self, u: Array) -> Array:
+        """Return dp/du, (len(u), 3), or (3,) where it is the same for all u."""
+        if not self.sweep:
+            return self.straight
+        sine, cosine = np.sin(self.sweep * u)[:, None], np.cos(self.sweep * u)[:, None]
+        return self.straight + self.sweep * (cosine * self.tangent - sine * self.spoke)
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A curve, and u with its first two derivatives at its ticks."""
+
+    curve: _Curve
+    motion: tuple[Array, Array, Array]
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is an error below
@@ -243,7 +277,7 @@ def _curve(place: str, segment: Segment, start: Array) -> _Curve:
         turn = segment.turn
     axis, angle = _rotation(turn, start) if turn else (np.array([0.0, 0.0, 1.0]), 0.0)
     curve = _Curve(place, start, straight, spoke, np.cross(normal, spoke), sweep, axis, angle)
-    if not np.isfinite([curve.length, angle, *curve.at(np.ones(1))[0]]).all():
+    if not np.isfinite([curve.length, angle, *curve.end]).all():
         raise TargetError(f"{place}: is not finite; use smaller numbers")
     if isinstance(segment, LineSegment | ArcSegment) and curve.length < _SMALLEST:
         raise TargetError(
@@ -361,12 +395,18 @@ def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> _Profile:
     # ruckig's first step fails now and then for jerks above 1e8.
     ratios = [min(unit / time, 200.0) for time in times]
     motion.max_velocity = [min(ratios[0], 2.0)]
-    motion.max_acceleration, motion.max_jerk = [ratios[1] ** 2], [ratios[2] ** 3]
-    try:
-        ruckig.Ruckig(1).calculate(motion, trajectory)
-    except (ruckig.RuckigError, ValueError) as error:  # ValueError: a result without a name
-        reason = str(error).replace("[ruckig]", "").strip().split(", dof")[0]
-        raise TargetError(f"{curve.place}: cannot be timed: {reason}") from None
+    motion.max_acceleration = [ratios[1] ** 2]
+    reason = ""
+    # Where two of ruckig's cases meet, as at a length of 2 a³/j², it may find neither: not so beside it.
+    for share in (1.0, 1.0 - 1e-12):
+        motion.max_jerk = [share * ratios[2] ** 3]
+        try:
+            ruckig.Ruckig(1).calculate(motion, trajectory)
+            break
+        except (ruckig.RuckigError, ValueError) as error:  # ValueError: a result without a name
+            reason = str(error).replace("[ruckig]", "").strip().split(", dof")[0]
+    else:
+        raise TargetError(f"{curve.place}: cannot be timed: {reason}")
     ((profile,),) = trajectory.profiles
     since = unit * np.cumsum([0.0, *profile.t])
     states = np.array([profile.p[:7], profile.v[:7], profile.a[:7], profile.j])

@@ -41,7 +41,7 @@ expect:
 FULL = """\
 name: full
 arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b],
-      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7}}
+      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7}, stretch: {link_1: 1.1}}
 task: {axes: [x, y], length: 0.5, weights: [1.0, 2.0]}
 control:
   period: 0.002
@@ -69,7 +69,7 @@ target:
   limits: {velocity: 1.0, acceleration: 2.0, jerk: 3.0,
            angular_velocity: 4.0, angular_acceleration: 5.0, angular_jerk: 6.0}
 plant: {kind: torque, kv: 10.0, bandwidth: 20.0, timestep: 0.001, gravity_compensation: false,
-        wrench: [1, 2, 3, 4, 5, 6]}
+        payload: 1.5, gravity: [0.0, 0.5, -9.0], wrench: [1, 2, 3, 4, 5, 6]}
 expect:
   joint_rate.peak: {below: 3.0, above: 1.0}
   position_error.end: {equals: 0.0, within: 0.001}

@@ -13,6 +13,7 @@ def as_row(key):
     """Return the key under which the schema lists a key of FULL."""
     key = re.sub(r"(target\.path)\[\d+\]", r"\1[]", key)
     key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<figure>.\1", key)
+    key = re.sub(r"^arm\.stretch\..*", "arm.stretch.<body>", key)
     return re.sub(r"\[\d+\]$", "", key)
 
 
@@ -92,6 +93,9 @@ def test_rows_of_the_schema_read_as_a_table():
         "target.path[].line.to": "list of 2 or 3 numbers",
         "target.path[].line.turn.axis": "x | y | z or list of 3 numbers",
         "plant.kv": "number > 0 or list of numbers > 0",
+        "plant.payload": "number >= 0",
+        "plant.gravity": "list of 3 numbers",
+        "arm.stretch.<body>": "number > 0",
         "plant.wrench": "list of 6 numbers",
     }
     assert {key: rows[key].type for key in kinds} == kinds

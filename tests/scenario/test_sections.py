@@ -163,6 +163,7 @@ arm:
   start: home
   joints: null
   encoder: {offset: 0.0, deviation: 0.0, seed: 0}
+  stretch: {}
 task:
   axes: [x, y, z, rx, ry, rz]
   length: 1.0
@@ -208,6 +209,8 @@ plant:
   bandwidth: 500.0
   timestep: 0.001
   gravity_compensation: true
+  payload: 0.0
+  gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 expect: {}
 """

@@ -1,7 +1,8 @@
 """An arm: a chain of joints to a site, with every name resolved once. Nothing here steps the physics."""
 
+import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -9,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.arm.changes import PAYLOAD, check_stretch, stretched_fields
 from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import Travel, Wiring, find_chain, joints_above, wire
 from rmrc.errors import ModelError, did_you_mean
@@ -51,7 +53,8 @@ class Arm:
         rate_limit: (n,) [rad/s or m/s]; infinite where the model has none.
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
         keyframes: Configurations by name, each (nq,).
-        model: The model as its author wrote it.
+        model: The model as its author wrote it, but for what is stretched.
+        stretch: Factor on all lengths of a body, by its name.
     """
 
     path: Path
@@ -65,6 +68,7 @@ class Arm:
     keyframes: Mapping[str, Array]
     model: mujoco.MjModel
     _spec: mujoco.MjSpec
+    stretch: Mapping[str, float] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -263,24 +267,65 @@ class Arm:
         fixed: NDArray[np.bool_] = self.model.body_weldid == 0
         return fixed
 
+    @cached_property
+    def _bare_spec(self) -> mujoco.MjSpec:
+        """The author's model without textures, which take nearly all of its memory and time to compile."""
+        spec = self._spec.copy()
+        for material in spec.materials:
+            material.textures = [""] * len(material.textures)
+        for texture in list(spec.textures):
+            spec.delete(texture)
+        return spec
+
+    @cached_property
+    def _untextured(self) -> mujoco.MjModel:
+        return self._bare_spec.copy().compile()
+
+    def stretched(self, stretch: Mapping[str, float]) -> "Arm":
+        """Return the arm with some bodies larger.
+
+        A body of factor f has all its lengths times f, about its frame's origin: where bodies, sites, joints
+        and geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times
+        what it was. Ranges of joints and limits stay. Its model has no textures.
+
+        Args:
+            stretch: Factor of each body, by its name.
+
+        Raises:
+            ModelError: No such body, or it cannot be stretched.
+        """
+        check_stretch(self.path, self.model, stretch)
+        model = copy.copy(self._untextured)
+        for name, values in stretched_fields(model, stretch).items():
+            getattr(model, name)[:] = values
+        arm = replace(self, model=model, stretch={**self.stretch, **stretch})
+        mujoco.mj_setConst(model, arm._data)
+        arm._data.qpos[:] = arm.configuration("home")
+        return arm
+
     def _kinematics(self, q: Sequence[float] | Array) -> None:
         self._place(self._data.qpos, q)
         mujoco.mj_fwdKinematics(self.model, self._data)
 
-    def adapted(self, plant: str, kv: Array, timestep: float, gravity_compensation: bool) -> mujoco.MjModel:
+    def adapted(
+        self, plant: str, kv: Array, timestep: float, gravity_compensation: bool, *, loaded: bool = False
+    ) -> mujoco.MjModel:
         """Compile the model with one actuator of the plant's kind on each joint of the arm.
 
         Actuators of other joints stay. The law limits the rates, so that the controls are not clamped
         here; torque limits are kept. Sensors are off, as nothing reads them. The integrator is
-        `implicitfast`: servos of the stiffness that tracking needs blow up under Euler.
+        `implicitfast`: servos of the stiffness that tracking needs blow up under Euler. Lengths are the
+        author's, whatever is stretched: worlds that are stretched differently share this model.
 
         Args:
             plant: `ideal`, `servo` or `torque`.
             kv: Gain of each rate servo, (n,) [N·m·s/rad or N·s/m].
             timestep: MuJoCo's step [s].
             gravity_compensation: Whether the arm's bodies float, as with balanced or compensated arms.
+            loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
+                nothing compensates its weight.
         """
-        spec = self._spec.copy()
+        spec = self._bare_spec.copy()
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
         self._replace_actuators(spec, plant, kv)
@@ -289,6 +334,10 @@ class Arm:
             for body in spec.bodies:
                 if self._descends(body.id, root):
                     body.gravcomp = 1.0
+        if loaded:
+            site = spec.site(self.site)
+            site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
+            spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
         option = spec.option
         option.timestep = timestep
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
@@ -321,4 +370,4 @@ class Arm:
 
     def shapes(self) -> list[Shape]:
         """Return the visible geometries of the model, planes left out."""
-        return visible(self.model)
+        return visible(self.model, self.stretch)

@@ -1,5 +1,6 @@
 """What is seen of a model: its visible geometries."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import mujoco
@@ -44,8 +45,13 @@ class Shape:
     faces: NDArray[np.int32]
 
 
-def visible(model: mujoco.MjModel) -> list[Shape]:
-    """Return the visible geometries of a model, planes left out."""
+def visible(model: mujoco.MjModel, stretch: Mapping[str, float]) -> list[Shape]:
+    """Return the visible geometries of a model, planes left out.
+
+    Args:
+        model: With sizes as they are; only meshes are kept as their author made them.
+        stretch: Factor on all lengths of a body, by its name.
+    """
     shapes = []
     for i in range(model.ngeom):
         geom = model.geom(i)
@@ -55,6 +61,7 @@ def visible(model: mujoco.MjModel) -> list[Shape]:
             continue
         rgba = geom.rgba if geom.matid[0] < 0 else model.mat_rgba[geom.matid[0]]
         vertices, faces = _mesh(model, int(geom.dataid[0])) if kind == "mesh" else _NO_MESH
+        vertices = vertices * stretch.get(model.body(int(geom.bodyid[0])).name, 1.0)
         shapes.append(
             Shape(
                 geom.name or f"geom{i}", int(geom.bodyid[0]), kind, np.array(geom.size),

@@ -37,7 +37,7 @@ from rmrc.scenario.path import (
     TurnSegment,
 )
 from rmrc.scenario.places import Mistake, Origin
-from rmrc.scenario.reading import TextError, parse, read
+from rmrc.scenario.reading import Document, TextError, parse, read
 from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
 from rmrc.scenario.sections import (
     ArmSection,
@@ -65,7 +65,7 @@ __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "EncoderSection",
     "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
     "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
-    "StopSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment",
+    "StopSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Template", "Turn", "TurnSegment",
     "Variant", "json_schema", "load", "loads", "schema_rows", "variants",
 ]  # fmt: skip
 
@@ -85,8 +85,7 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = (), varied: Se
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    source = os.fspath(path)
-    return _scenario(None, source, Path(source).parent, overrides, varied)
+    return Template(path, overrides).scenario(varied)
 
 
 def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> Scenario:
@@ -103,12 +102,47 @@ def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> S
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    return _scenario(text, source, Path(), overrides)
+    return _scenario(_document(text, source, overrides), Path())
 
 
-def _scenario(
-    text: str | None, source: str, folder: Path, overrides: Sequence[str], varied: Sequence[str] = ()
-) -> Scenario:
+class Template:
+    """A scenario's file, read once, of which any number of variants are made.
+
+    >>> template = Template("scenarios/line_tracking.yaml", ["control.feedback=5"])
+    >>> [template.scenario([f"plant.payload={mass}"]).plant.payload for mass in (0.5, 2)]
+    [0.5, 2.0]
+    """
+
+    def __init__(self, path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> None:
+        """Read the file; what is wrong with its values is told by `scenario`.
+
+        Args:
+            path: The YAML file; messages show it as it is given.
+            overrides: As in `load`; they hold for all variants.
+
+        Raises:
+            ScenarioError: There is no such file, or its text cannot be used.
+        """
+        source = os.fspath(path)
+        self._folder = Path(source).parent
+        self._document = _document(None, source, overrides)
+
+    def scenario(self, varied: Sequence[str] = ()) -> Scenario:
+        """Return a variant: what `load` returns for the same texts.
+
+        Args:
+            varied: `KEY=VALUE` texts of one `Variant`.
+
+        Raises:
+            ScenarioError: With all mistakes at once.
+        """
+        document = self._document
+        for text in varied:
+            document = override(document, text, "--vary")
+        return _scenario(document, self._folder)
+
+
+def _document(text: str | None, source: str, overrides: Sequence[str]) -> Document:
     try:
         document = parse(read(source) if text is None else text, source)
     except TextError as error:
@@ -117,15 +151,18 @@ def _scenario(
         no_mapping = Mistake((), f"must be a mapping of keys, got {show(document.value)}")
         raise ScenarioError(document.origin.lines(document.mistakes or [no_mapping]))
     for override_text in overrides:
-        override(document, override_text)
-    for override_text in varied:
-        override(document, override_text, "--vary")
+        document = override(document, override_text)
+    return document
+
+
+def _scenario(document: Document, folder: Path) -> Scenario:
+    mistakes = document.mistakes
     try:
         context = {"folder": folder}
         scenario = Scenario.model_validate(document.value, context=context, by_alias=True, by_name=False)
     except ValidationError as error:
-        document.mistakes += translate(error, document)
-    if document.mistakes:
-        raise ScenarioError(document.origin.lines(document.mistakes))
+        mistakes = mistakes + translate(error, document)
+    if mistakes:
+        raise ScenarioError(document.origin.lines(mistakes))
     scenario._origin = document.origin
     return scenario

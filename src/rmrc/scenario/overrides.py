@@ -1,5 +1,6 @@
 """`--set KEY=VALUE`, or one of `--vary`: one value put into plain data before it is checked."""
 
+from dataclasses import replace
 from typing import Any
 
 from rmrc.scenario.places import Key, Mistake, join
@@ -8,40 +9,44 @@ from rmrc.scenario.sections import parse_key
 from rmrc.scenario.wording import brief, show
 
 
-def override(document: Document, text: str, option: str = "--set") -> None:
-    """Apply one `KEY=VALUE` of an option to a document; what is wrong with it joins the mistakes."""
+def override(document: Document, text: str, option: str = "--set") -> Document:
+    """Return a document with one `KEY=VALUE` of an option; what is wrong with it joins the mistakes.
+
+    It shares what is not on the way to the value with the document that is given, which stays as it is.
+    """
     name, equals, value = text.partition("=")
     try:
         key = parse_key(name.strip() if equals else "")
     except ValueError:
         wrong = "must be KEY=VALUE, for example control.feedback=10"
-        document.mistakes.append(Mistake((), wrong, f"{option} {brief(text)}"))
-        return
+        return _with(document, Mistake((), wrong, f"{option} {brief(text)}"))
     try:
         parsed = parse(value if value.strip() else "null", key=key)
-        _put(document.value, key, parsed.value)
+        values = _put(document.value, key, parsed.value)
     except TextError as error:
-        document.mistakes.append(Mistake(key, str(error), f"{option} {join(key)}", hides=True))
-        return
-    document.origin.override(key, option)
-    document.mistakes += [mistake._replace(mark=f"{option} {join(key)}") for mistake in parsed.mistakes]
+        return _with(document, Mistake(key, str(error), f"{option} {join(key)}", hides=True))
+    mistakes = [mistake._replace(mark=f"{option} {join(key)}") for mistake in parsed.mistakes]
+    return Document(values, document.origin.overridden(key, option), document.mistakes + mistakes)
 
 
-def _put(node: Any, key: Key, value: object) -> None:
-    """Set one value deep in plain data, with the mappings that lead to it."""
-    for depth, step in enumerate(key):
-        above = join(key[:depth])
-        if isinstance(step, str) and not isinstance(node, dict):
-            raise TextError(f"{above} is {show(node)}, not a mapping")
-        if isinstance(step, int) and not isinstance(node, list):
-            raise TextError(f"{above} is {show(node)}, not a list")
-        if isinstance(step, int) and step >= len(node):
-            raise TextError(f"{above} has {len(node)} item{'s' * (len(node) != 1)}, counted from 0")
-        if depth == len(key) - 1:
-            node[step] = value
-        elif isinstance(step, int):
-            node = node[step]
-        else:
-            if node.get(step) is None and isinstance(key[depth + 1], str):
-                node[step] = {}
-            node = node.get(step)
+def _with(document: Document, mistake: Mistake) -> Document:
+    return replace(document, mistakes=[*document.mistakes, mistake])
+
+
+def _put(node: Any, key: Key, value: object, depth: int = 0) -> Any:
+    """Return plain data with one value set deep in it, and the mappings that lead there."""
+    if depth == len(key):
+        return value
+    step, above = key[depth], join(key[:depth])
+    if isinstance(step, str) and not isinstance(node, dict):
+        raise TextError(f"{above} is {show(node)}, not a mapping")
+    if isinstance(step, int) and not isinstance(node, list):
+        raise TextError(f"{above} is {show(node)}, not a list")
+    if isinstance(step, int) and step >= len(node):
+        raise TextError(f"{above} has {len(node)} item{'s' * (len(node) != 1)}, counted from 0")
+    below = node.get(step) if isinstance(node, dict) else node[step]
+    if below is None and isinstance(node, dict) and isinstance((*key, 0)[depth + 1], str):
+        below = {}
+    changed = node.copy()
+    changed[step] = _put(below, key, value, depth + 1)
+    return changed

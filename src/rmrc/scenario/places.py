@@ -3,7 +3,7 @@
 import math
 import re
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
 from rmrc.scenario.wording import brief, printable
@@ -49,12 +49,19 @@ class Origin:
             place = next(iter(place.below.values()))
         return place
 
-    def override(self, key: Key, option: str) -> None:
-        """Note that a value comes from an option; mappings made for it have no place but its own."""
-        place = self.root
-        for step in key[:-1]:
-            place = place.below.setdefault(step, Place())
-        place.below[key[-1]] = Place(f"{option} {join(key)}")
+    def overridden(self, key: Key, option: str) -> "Origin":
+        """Return where all comes from if one value comes from an option.
+
+        Mappings made for it have no place but its own. What is not on the way to it is shared.
+        """
+
+        def put(place: Place, steps: Key) -> Place:
+            if not steps:
+                return Place(f"{option} {join(key)}")
+            below = put(place.below.get(steps[0], Place()), steps[1:])
+            return replace(place, below={**place.below, steps[0]: below})
+
+        return Origin(self.source, put(self.root, key))
 
     def locate(self, key: Key, mark: Mark = ()) -> str:
         """Return source, line, column and key, as messages begin."""

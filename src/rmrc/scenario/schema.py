@@ -10,6 +10,9 @@ import yaml
 from rmrc.scenario.sections import Scenario
 from rmrc.scenario.wording import show
 
+# Mappings whose keys are names: what they name, and what holds for one that is absent.
+_ABSENT: dict[str, tuple[str, object]] = {"expect": ("figure", None), "arm.stretch": ("body", 1)}
+
 
 class SchemaRow(NamedTuple):
     """One key of a scenario, as `rmrc schema` prints it."""
@@ -30,7 +33,7 @@ def json_schema() -> dict[str, Any]:
 def schema_rows() -> list[SchemaRow]:
     """Return every key of a scenario, in the order of the file.
 
-    `[]` in a key stands for an item of a list, `<figure>` for the name of a figure.
+    `[]` in a key stands for an item of a list, `<figure>` and `<body>` for the name of one.
     """
     schema = json_schema()
     return list(_rows("", schema, schema["$defs"], required=True))
@@ -43,7 +46,13 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
             needed = name in below.get("required", ())
             yield from _rows(f"{key}.{name}".removeprefix("."), inner, kinds, required=needed)
     elif below.get("type") == "object":
-        yield from _rows(f"{key}.<figure>", below["additionalProperties"], kinds, required=False)
+        told = {
+            "description": schema["description"],
+            "unit": schema.get("unit", ""),
+            "default": _ABSENT[key][1],
+        }
+        inner = {**told, **below["additionalProperties"]}
+        yield from _rows(f"{key}.<{_ABSENT[key][0]}>", inner, kinds, required=False)
     elif "oneOf" in below.get("items", {}):
         for inner in below["items"]["oneOf"]:
             yield from _rows(f"{key}[]", inner, kinds, required=False)

@@ -15,6 +15,7 @@ from rmrc.scenario.values import (
     Axis,
     Choice,
     Count,
+    Gravity,
     ModelFile,
     Name,
     NameOrPositions,
@@ -80,6 +81,12 @@ class ArmSection(Section):
     )
     joints: Names | None = key("the joints that are driven; null: those between the base and the site", None)
     encoder: EncoderSection = key("how far its encoders are off", EncoderSection())
+    stretch: dict[str, Positive] = key(
+        "factor on all lengths of a body, by its name: where bodies, sites, joints and shapes sit on it, and "
+        "their sizes; its mass stays, its inertia is the factor's square times as large",
+        {},
+        "1",
+    )
 
 
 class TaskSection(Section):
@@ -310,6 +317,14 @@ class PlantSection(Section):
     )
     gravity_compensation: Switch = key(
         "servo, torque: whether gravity is balanced by the arm itself", default=True
+    )
+    payload: NotNegative = key(
+        "servo, torque: point mass at the site, which neither the law nor the gravity compensation knows of",
+        0.0,
+        "kg",
+    )
+    gravity: Gravity | None = key(
+        "servo, torque: gravity along world axes; null: the model's own", None, "m/s²"
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
 

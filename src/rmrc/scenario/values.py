@@ -204,6 +204,7 @@ Rates = Annotated[tuple[Number, ...], Count(1)]
 Vector = Annotated[tuple[Number, ...], Count(2, 3)]
 Quaternion = Annotated[tuple[Number, ...], Count(4, 4), AfterValidator(_directed)]
 Wrench = Annotated[tuple[Number, ...], Count(6, 6)]
+Gravity = Annotated[tuple[Number, ...], Count(3, 3)]
 Direction = Annotated[
     Annotated[Literal["x", "y", "z"], Tag("<text>")]
     | Annotated[tuple[Number, ...], Count(3, 3), AfterValidator(_directed), Tag("<list>")],

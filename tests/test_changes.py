@@ -1,0 +1,293 @@
+"""Payload, gravity and stretched bodies: what they are, and that worlds which differ in them share a batch."""
+
+import math
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import rmrc
+from project import ROOT
+from rmrc.arm import load
+from rmrc.arm.changes import stretched_fields
+from rmrc.comparison import Comparison
+from rmrc.errors import ModelError, ScenarioError
+from rmrc.preparation import prepare
+from rmrc.run import COLUMNS
+from rmrc.simulation import Simulation
+from screws import screw_chain
+
+PLANAR = (ROOT / "models" / "planar_2link.xml").read_text()
+STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
+REACH = "target.path=[{line: {to: [1.5, 0.2]}}, {line: {to: [1.2, 0.2]}}]"
+HOLD = "target.path=[{hold: {for: 1}}]"
+DOWN = "plant.gravity=[0, -9.81, 0]"  # in the plane of the arm
+
+
+def run(prepared, threads=1):
+    return Simulation(prepared, threads).run()
+
+
+def assert_same(one, other, rtol=0.0):
+    for name in COLUMNS:
+        if rtol:
+            assert_allclose(one[name], other[name], rtol=rtol, atol=rtol, err_msg=name)
+        else:
+            assert_array_equal(one[name], other[name], err_msg=name)
+
+
+def write(folder, *changes):
+    """Write the planar arm, changed by hand; return the override that takes it."""
+    text = PLANAR.replace('file="common/', f'file="{ROOT}/models/common/')
+    for old, new in changes:
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "arm.xml").write_text(text)
+    return f"arm.model={folder}/arm.xml"
+
+
+# Bits ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque", "ideal"])
+def test_worlds_that_differ_in_their_numbers_share_batches_and_no_bit_depends_on_the_others(scenario, kind):
+    shared = (f"plant.kind={kind}", REACH, "control.period=0.002")
+    chosen = [
+        shared,
+        (*shared, "plant.kv=300"),
+        (*shared, "plant.payload=2"),
+        (*shared, "plant.payload=0.5", DOWN, "plant.kv=[300, 200]"),
+        (*shared, "plant.payload=0.5", "plant.gravity=[0, -2, 0]"),
+        (*shared, "arm.stretch={link_1: 1.1}"),
+        (*shared, "arm.stretch={link_2: 0.9, link_1: 1.05}", "plant.payload=1", "arm.encoder.offset=0.01"),
+        (*shared, "arm.stretch={link_2: 1.2}", DOWN, "plant.wrench=[0, 5, 0, 0, 0, 1]"),
+    ]
+    prepared = [prepare(scenario(*overrides)) for overrides in chosen]
+    batches = {one.batch_key for one in prepared}
+    assert len(batches) == (1 if kind == "ideal" else 2)  # a payload needs a body
+    alone = [run([one])[0] for one in prepared]
+    for order in (1, -1):
+        for threads in (1, 2):
+            together = run(prepared[::order], threads)[::order]
+            for one, want in zip(together, alone, strict=True):
+                assert_same(one, want)
+    # an ideal plant has neither servos nor payloads nor gravity, and computed torque no servos
+    assert len({one["q"].tobytes() for one in alone}) == {"ideal": 4, "torque": 7, "servo": 8}[kind]
+
+
+def test_nor_where_constraints_are_solved(scenario, tmp_path):
+    # The solver's scale, the mean inertia, is one that MuJoCo keeps once a batch.
+    (tmp_path / "screw.xml").write_text(
+        screw_chain().replace('pos="0.2 0 0.1"', 'pos="0.2 0 0.1" name="nut"')
+    )
+    screw = (f"arm.model={tmp_path}/screw.xml", "arm.start=home", "task.axes=[x, y, z]", "control.period=0.002",
+             "target.path=[{line: {by: [0.02, 0.02, 0.02]}}]")  # fmt: skip
+    more = [["plant.payload=3"], ["plant.gravity=[0, 5, 5]"], ["arm.stretch={nut: 1.2}"]]
+    chosen = [(*screw, "plant.payload=1", "plant.gravity_compensation=false", *own) for own in ([], *more)]
+    prepared = [prepare(scenario(*overrides)) for overrides in chosen]
+    assert len({one.batch_key for one in prepared}) == 1
+    alone = [run([one])[0] for one in prepared]
+    for one, want in zip(run(prepared), alone, strict=True):
+        assert_same(one, want)
+    assert len({one["q"].tobytes() for one in alone}) == 4
+
+
+# Payload ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("fuse", ["false", "true"])
+def test_a_payload_is_a_mass_that_is_welded_to_the_site(scenario, tmp_path, fuse):
+    mass = '<body name="mass" pos="1 0 0"><inertial pos="0 0 0" mass="2.5" diaginertia="1e-15 1e-15 1e-15"/></body>'
+    site = '<site name="tip" pos="1 0 0"/>'
+    shared = (REACH, "plant.kv=300", "plant.gravity=[1, -9.81, 2]", "plant.gravity_compensation=false",
+              "control.period=0.002")  # fmt: skip
+    welded = run([prepare(scenario(write(tmp_path, (site, site + mass)), *shared))])[0]
+    model = write(tmp_path, ('angle="radian"', f'angle="radian" fusestatic="{fuse}"'))
+    loaded, bare = (run([prepare(scenario(model, *shared, f"plant.payload={m}"))])[0] for m in (2.5, 0))
+    # rounding, and what a stiff servo makes of it
+    assert_same(loaded, welded, 1e-9)
+    assert np.abs(loaded["tau"] - bare["tau"]).max() > 10.0
+
+
+@pytest.mark.parametrize("compensates", ["true", "false"])
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_at_rest_the_drives_bear_its_weight_whatever_the_arm_compensates(scenario, kind, compensates):
+    shared = (HOLD, DOWN, f"plant.kind={kind}", f"plant.gravity_compensation={compensates}", "plant.kv=1000")
+    prepared = [prepare(scenario(*shared, f"plant.payload={m}")) for m in (0, 3)]
+    bare, loaded = run(prepared)
+    J = prepared[0].arm.jacobian(loaded["q"][-1])
+    weight = J[:3].T @ [0.0, 3 * 9.81, 0.0]
+    # at rest but for what feedback of 20/s still brings back after a second: e^-20, and the change of posture
+    sagged = loaded["q"][-1] - bare["q"][-1]
+    assert 1e-6 < np.abs(sagged).max() < 0.02
+    assert_allclose(loaded["tau"][-1] - bare["tau"][-1], weight, rtol=0.02)
+    if compensates == "true":
+        assert_allclose(loaded["tau"][-1], weight, rtol=1e-4)
+
+
+def test_computed_torque_does_not_know_it(scenario):
+    shared = ("plant.kind=torque", REACH, DOWN)
+    bare, loaded = (run([prepare(scenario(*shared, f"plant.payload={m}"))])[0] for m in (0, 5))
+    # The first torque is computed where both stand alike.
+    assert_allclose(loaded["tau"][1], bare["tau"][1], rtol=1e-12)
+    assert np.abs(loaded["tau"][2:] - bare["tau"][2:]).max() > 1.0
+    assert loaded["q"][1:].tobytes() != bare["q"][1:].tobytes()
+
+
+def test_an_ideal_plant_carries_nothing(scenario):
+    ideal = ("plant.kind=ideal", REACH)
+    bare = run([prepare(scenario(*ideal))])[0]
+    assert_same(run([prepare(scenario(*ideal, "plant.payload=5", DOWN))])[0], bare)
+
+
+# Gravity ------------------------------------------------------------------------------------------
+
+
+def test_gravity_is_that_of_a_model_which_says_so(scenario, tmp_path):
+    shared = (REACH, "plant.gravity_compensation=false")
+    path = write(tmp_path, ('timestep="0.001"', 'timestep="0.001" gravity="3 -4 1"'))
+    theirs = run([prepare(scenario(path, *shared))])[0]
+    ours, bare = run([prepare(scenario(*shared, *more)) for more in (["plant.gravity=[3, -4, 1]"], [])])
+    assert_same(ours, theirs)
+    assert np.abs(ours["tau"] - bare["tau"]).max() > 1.0
+
+
+# Lengths ------------------------------------------------------------------------------------------
+
+
+def test_a_stretched_arm_is_where_its_lengths_put_it():
+    arm = load(ROOT / "models" / "planar_2link.xml").stretched({"link_1": 1.25, "link_2": 0.8})
+    for q1, q2 in ([0.3, -0.7], [1.1, 2.0]):
+        x = 1.25 * math.cos(q1) + 0.8 * math.cos(q1 + q2)
+        y = 1.25 * math.sin(q1) + 0.8 * math.sin(q1 + q2)
+        assert_allclose(arm.pose([q1, q2])[:3], [x, y, 0.0], atol=1e-12)  # rounding
+    assert_allclose(arm.chain.step[1], [1.25, 0.0, 0.0], atol=1e-15)
+    sizes = {shape.name: (shape.size, shape.pose) for shape in arm.shapes()}
+    assert_allclose(sizes["tube_2"][0][:2], 0.8 * np.array([0.03, 0.485]))
+    assert_allclose(sizes["tube_2"][1][:3], [0.8 * 0.485, 0.0, 0.0], atol=1e-15)
+
+
+def test_bodies_keep_their_mass_and_an_arm_feels_what_a_larger_one_of_this_mass_would():
+    # All bodies by f, armature aside: M of hinges is f² times what it was.
+    plain = load(ROOT / "models" / "stanford.xml")
+    model, f = plain.model, 1.3
+    large = plain.stretched(dict.fromkeys(plain.body_names[1:], f))
+    assert_array_equal(large.model.body_mass, model.body_mass)
+    assert_array_equal(large.model.body_subtreemass, model.body_subtreemass)
+    hinges = ~plain.is_slide
+    armature = model.dof_armature[plain.wiring.dof]
+    # the slide's way is the drive's and stays, so that only joints beyond it are those of a larger arm
+    beyond = hinges & (np.arange(plain.n) > np.flatnonzero(plain.is_slide)[0])
+    assert_allclose((large.inertia - armature)[beyond], f**2 * (plain.inertia - armature)[beyond], rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, kind):
+    inertia = np.array([0.001181411, 0.121463483, 0.121463483])
+    link = '1.450473" pos="0.5 0 0" diaginertia="0.001181411 0.121463483 0.121463483"'
+    first, second = PLANAR.index(link), PLANAR.rindex(link)
+    assert first != second
+    numbers = [
+        f'1.450473" pos="{0.5 * f} 0 0" diaginertia="{" ".join(map(repr, (f**2 * inertia).tolist()))}"'
+        for f in (1.1, 0.9)
+    ]
+    text = PLANAR.replace(link, numbers[0], 1).replace(link, numbers[1], 1)
+    text = text.replace('name="link_2" pos="1 0 0"', 'name="link_2" pos="1.1 0 0"')
+    text = text.replace('name="tip" pos="1 0 0"', 'name="tip" pos="0.9 0 0"')
+    (tmp_path / "arm.xml").write_text(text.replace('file="common/', f'file="{ROOT}/models/common/'))
+    shared = (REACH, f"plant.kind={kind}", DOWN, "plant.gravity_compensation=false", "plant.wrench=[3, 2, 1, 0, 0, 1]",
+              "control.period=0.002")  # fmt: skip
+    theirs = run([prepare(scenario(f"arm.model={tmp_path}/arm.xml", *shared))])[0]
+    ours, _ = run(
+        [prepare(scenario(*shared, text)) for text in ("arm.stretch={link_1: 1.1, link_2: 0.9}", "name=own")]
+    )
+    assert_same(ours, theirs, 1e-8)  # rounding, and what a stiff servo makes of it
+
+
+@pytest.mark.parametrize("field", ["body_pos", "body_ipos", "body_inertia", "site_pos"])
+def test_the_comparison_of_lengths_finds_a_field_that_is_left_out(scenario, tmp_path, monkeypatch, field):
+    def forgetful(model, stretch):
+        return {name: values for name, values in stretched_fields(model, stretch).items() if name != field}
+
+    monkeypatch.setattr(rmrc.arm.changes, "stretched_fields", forgetful)
+    with pytest.raises(AssertionError):
+        test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, "servo")
+
+
+def test_meshes_are_drawn_larger(tmp_path):
+    path = tmp_path / "mesh.xml"
+    path.write_text("""<mujoco><asset><mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>
+      <worldbody><body name="arm"><joint name="turn"/><geom type="mesh" mesh="wedge" contype="0" conaffinity="0"/>
+      <site name="tip" pos="1 0 0"/></body></worldbody></mujoco>""")
+    arm = load(path)
+    (plain,), (large,) = arm.shapes(), arm.stretched({"arm": 2.0}).shapes()
+    assert_array_equal(large.vertices, 2.0 * plain.vertices)
+    assert_array_equal(large.pose[:3], 2.0 * plain.pose[:3])
+
+
+# Refusals -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("plant.payload=-1", "--set plant.payload: must be >= 0, got -1"),
+        ("plant.payload=.nan", "--set plant.payload: must be finite, got nan"),
+        ("plant.gravity=[0, 1]", "--set plant.gravity: must have 3 items, got 2"),
+        ("plant.gravity=down", '--set plant.gravity: must be a list, got "down"'),
+        ("arm.stretch=2", "--set arm.stretch: must be a mapping, got 2"),
+        ("arm.stretch.link_1=0", "--set arm.stretch.link_1: must be > 0, got 0"),
+    ],
+)
+def test_values_that_will_not_do_are_refused(scenario, override, message):
+    with pytest.raises(ScenarioError) as caught:
+        scenario(override)
+    assert str(caught.value) == message
+
+
+def test_a_body_that_is_not_there_is_refused(scenario):
+    with pytest.raises(ScenarioError) as caught:
+        prepare(scenario("arm.stretch.link1=2"))
+    assert str(caught.value) == (
+        f'--set arm.stretch.link1: {ROOT}/models/planar_2link.xml: has no body "link1"; did you mean "link_1"?; '
+        "its bodies: base, link_1, link_2"
+    )
+
+
+def test_what_has_sizes_of_its_own_is_refused(tmp_path):
+    path = tmp_path / "arm.xml"
+    path.write_text("""<mujoco><asset><mesh name="wedge" vertex="0 0 0  1 0 0  0 1 0  0 0 1"/></asset>
+      <worldbody><body name="arm"><joint name="turn"/><geom type="mesh" mesh="wedge"/><site name="tip" pos="1 0 0"/>
+      <body name="hand"><geom size="1"/></body></body></worldbody></mujoco>""")
+    with pytest.raises(ModelError) as caught:
+        load(path).stretched({"arm": 2.0})
+    assert str(caught.value) == (
+        f'{path}: body "arm" cannot be stretched: a mesh of it collides; let simpler geometries collide, or '
+        "stretch other bodies"
+    )
+    assert load(path).stretched({"hand": 2.0}).stretch == {"hand": 2.0}
+    path.write_text(
+        path.read_text().replace(
+            "</worldbody>",
+            """</worldbody>
+      <equality><weld body1="arm" body2="hand"/></equality>""",
+        )
+    )
+    with pytest.raises(ModelError) as caught:
+        load(path).stretched({"hand": 2.0})
+    assert str(caught.value) == (
+        f"{path}: cannot be stretched: an equality connects or welds points of its bodies; take it out, or write "
+        "the lengths into the model"
+    )
+
+
+def test_they_can_be_compared(tmp_path):
+    varied = ["plant.payload=0,2", "arm.stretch.link_2=0.9,1.1"]
+    path = ROOT / "scenarios" / "approach_singularity.yaml"
+    comparison = Comparison(path, varied, ["target.path=[{hold: {for: 0.05}}]"], tmp_path, record=False)
+    assert [one.variant.label for one in comparison.run().variants] == [
+        "0, 0.9",
+        "0, 1.1",
+        "2, 0.9",
+        "2, 1.1",
+    ]
