@@ -13,6 +13,7 @@ def as_row(key):
     """Return the key under which the schema lists a key of FULL."""
     key = re.sub(r"(target\.path)\[\d+\]", r"\1[]", key)
     key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<figure>.\1", key)
+    key = re.sub(r"^(sweep\.(?:vary|draw))\..*$", r"\1.<key>", key)
     return re.sub(r"\[\d+\]$", "", key)
 
 

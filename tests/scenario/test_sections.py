@@ -210,6 +210,13 @@ plant:
   gravity_compensation: true
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 expect: {}
+sweep:
+  vary: {}
+  draw: {}
+  sampler: random
+  samples: 64
+  repeat: 1
+  seed: null
 """
 
 

@@ -30,7 +30,7 @@ def json_schema() -> dict[str, Any]:
 def schema_rows() -> list[SchemaRow]:
     """Return every key of a scenario, in the order of the file.
 
-    `[]` in a key stands for an item of a list, `<figure>` for the name of a figure.
+    `[]` in a key stands for an item of a list, `<figure>` for the name of a figure, `<key>` for a key that is swept.
     """
     schema = json_schema()
     return list(_rows("", schema, schema["$defs"], required=True))
@@ -43,12 +43,13 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
             needed = name in below.get("required", ())
             yield from _rows(f"{key}.{name}".removeprefix("."), inner, kinds, required=needed)
     elif below.get("type") == "object":
-        yield from _rows(f"{key}.<figure>", below["additionalProperties"], kinds, required=False)
+        name = "<figure>" if key == "expect" else "<key>"
+        yield from _rows(f"{key}.{name}", below["additionalProperties"], kinds, required=False)
     elif "oneOf" in below.get("items", {}):
         for inner in below["items"]["oneOf"]:
             yield from _rows(f"{key}[]", inner, kinds, required=False)
     else:
-        default = "required" if required else _inline(schema.get("default"))
+        default = "required" if required else inline(schema.get("default"))
         yield SchemaRow(key, _type(schema), schema.get("unit", ""), default, schema["description"])
 
 
@@ -61,7 +62,8 @@ def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
     return schema
 
 
-def _inline(value: object) -> str:
+def inline(value: object) -> str:
+    """Return a value as YAML on one line, which is read back to an equal value."""
     text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
     return text.strip().removesuffix("...").strip()
 
@@ -78,6 +80,8 @@ def _type(schema: dict[str, Any]) -> str:
     if schema["type"] == "array":
         low, high = schema["minItems"], schema.get("maxItems")
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
+        if not schema["items"]:
+            return "list of values"
         item = re.sub("^(number|angle)", r"\1s", _type(schema["items"]))
         return f"list of {count}({item})" if "|" in item else f"list of {count}{item}"
     if schema["type"] in ("number", "integer"):
