@@ -373,7 +373,8 @@ class SweepSection(Section):
         "how often each of them is run, each time with other encoder offsets", 1
     )
     seed: Seed | None = key(
-        "what is drawn: samples, and the arm.encoder.seed of each run from this on; null: that of the arm", None
+        "what is drawn: samples, and the arm.encoder.seed of each run from this on; null: that of the arm",
+        None,
     )
 
     @model_validator(mode="after")

@@ -1,1 +1,5 @@
-"""Thousands of variants of a scenario: planned by index, run in batches on all cores, kept as a Parquet file."""
+"""Thousands of variants of a scenario: planned by index, run in batches on all cores, kept as a Parquet file.
+
+`plan` says which runs there are, each known by its index, with `sobol` for points that fill a cube evenly;
+`shards` makes rows of some runs, `dataset` keeps rows on disk, and `sweep` is all of it together.
+"""

@@ -33,7 +33,10 @@ _DIRECTIONS = (
 
 
 def _direction_numbers() -> NDArray[np.uint32]:
-    """Return v_j of every dimension, (20, 32): m_k = 2 a₁ m_{k-1} ⊕ … ⊕ 2ˢ m_{k-s} ⊕ m_{k-s}, v_k = m_k / 2ᵏ."""
+    """Return v_k = m_k / 2ᵏ of every dimension as binary fractions, (20, 32).
+
+    m_k = 2 a₁ m_{k-1} ⊕ … ⊕ 2ˢ m_{k-s} ⊕ m_{k-s}, with the coefficients a of the polynomial [JoeKuo08].
+    """
     table = np.empty((len(_DIRECTIONS), _BITS), np.uint32)
     for row, (polynomial, first) in zip(table, _DIRECTIONS, strict=True):
         degree, m = len(first), list(first)

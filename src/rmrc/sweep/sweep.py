@@ -1,0 +1,338 @@
+"""A sweep from file to file: checked whole, run in batches on all cores, each batch kept once it is done."""
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Callable, Iterable, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from rmrc import facts, scenario
+from rmrc.control.records import tick_type
+from rmrc.errors import ScenarioError
+from rmrc.interruption import interruptible
+from rmrc.preparation import Prepared
+from rmrc.scenario import angle, inline, schema_rows
+from rmrc.scorecard import Figure, scorecard
+from rmrc.simulation import Simulation
+from rmrc.sweep.dataset import Column, Contents, Dataset
+from rmrc.sweep.plan import Plan, Value, plan_of
+from rmrc.sweep.shards import NOT_KEPT, Shards, digest
+
+# A batch is about a second of one core (some 5 us a tick of a small arm): the most that a killed process
+# loses, and some hundred times what starting a batch and writing its part take.
+_TICKS = 200_000
+_MOST_RUNS = 1000
+# Of ticks that a batch may hold at once, on each thread.
+_MOST_BYTES = 2**27
+# However small a sweep is, so many threads have something to do until the end.
+_FEWEST_PARTS = 16
+
+# Problems that are told, of all that a sweep may have.
+_TOLD = 20
+
+OnRuns = Callable[[int], None]
+
+
+@dataclass(frozen=True)
+class Swept:
+    """What a sweep left.
+
+    Attributes:
+        contents: What the dataset holds when it is whole.
+        done: Runs that have their rows, from before as well.
+        interrupted: Whether Ctrl-C ended it.
+    """
+
+    contents: Contents
+    done: int
+    interrupted: bool
+
+
+class Sweep:
+    """Variants of a scenario, known by index, that are run in batches.
+
+    Attributes:
+        scenario: With the overrides that hold for all runs.
+        plan: Which runs there are.
+        dataset: Their rows.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        overrides: Sequence[str] = (),
+        folder: Path = Path("recordings"),
+        threads: int | None = None,
+    ) -> None:
+        """Check the scenario and its plan, and whether the folder has rows of just this sweep.
+
+        Args:
+            path: Of the scenario; its `sweep` section says what is run.
+            overrides: `KEY=VALUE` texts that hold for all runs, of the section `sweep` as well, such as
+                `sweep.vary.control.feedback=[5, 10, 20]`.
+            folder: Where the rows go; made if it is missing.
+            threads: How many batches are run at a time; None: one a core.
+
+        Raises:
+            ScenarioError: All that is wrong with the scenario itself, or the folder has another sweep's rows.
+            OSError: The folder cannot be written.
+        """
+        self.scenario = scenario.load(path, overrides)
+        self.plan = plan_of(self.scenario)
+        self.folder, self._path, self._overrides = folder, path, tuple(overrides)
+        self._threads = threads or len(os.sched_getaffinity(0))
+        self._refuse_nothing()
+        self._shards = Shards(path, overrides, self.scenario, self.plan)
+        self._identity = self._identify()
+        self.dataset = Dataset(folder, self.scenario.name)
+        self._contents = self.dataset.contents(self._identity)
+        folder.mkdir(parents=True, exist_ok=True)
+
+    def _refuse_nothing(self) -> None:
+        """Refuse a plan of one run, and repeats that all give the same."""
+        problems = []
+        if len(self.plan) < 2:
+            problems.append(
+                f"{self.scenario.locate('sweep')}: must give 2 runs or more, got {len(self.plan)}; "
+                "for example --vary control.inverse.method=damped,pseudoinverse"
+            )
+        encoder = self.scenario.arm.encoder
+        has_chance = any(key.startswith("arm.encoder") for key in self.plan.keys)
+        if self.plan.repeat > 1 and not (has_chance or any(_each(encoder.deviation))):
+            problems.append(
+                f"{self.scenario.locate('sweep.repeat')}: must be 1 where nothing is left to chance, "
+                f"got {self.plan.repeat}; give arm.encoder.deviation"
+            )
+        if problems:
+            raise ScenarioError(problems)
+
+    def _identify(self) -> dict[str, Any]:
+        """Return what decides the rows. What differs names itself in a message."""
+        arm = self._shards.prepare(0).arm
+        swept = self.scenario.sweep.model_dump(mode="json")
+        # models that are varied count with what is in their files
+        for name in self.scenario.sweep.vary.get("arm.model", ()):
+            swept[f"model {name}"] = hashlib.sha256((self._path.parent / str(name)).read_bytes()).hexdigest()
+        text = json.dumps([swept, self.plan.seed], sort_keys=True)
+        model = "" if "arm.model" in self.plan.keys else self._shards.fingerprint(arm)
+        expect = {name: one.model_dump(mode="json") for name, one in self.scenario.expect.items()}
+        return {
+            "scenario": digest(self.scenario, model),
+            "expect": expect,
+            "sweep": hashlib.sha256(text.encode()).hexdigest()[:16],
+            "versions": facts.versions(),
+        }
+
+    def __len__(self) -> int:
+        """Return the number of runs."""
+        return len(self.plan)
+
+    @property
+    def is_checked(self) -> bool:
+        """Whether all runs were checked, now or when the sweep was first started."""
+        return self._contents is not None
+
+    @property
+    def done(self) -> int:
+        """How many runs have their rows."""
+        if self._contents is None:
+            return 0
+        lost = sum(len(self._contents.indices(part)) for part in self.dataset.missing(self._contents))
+        return len(self) - lost
+
+    def check(self, on_runs: OnRuns | None = None) -> None:
+        """Check every run before the first one starts, unless that was done before.
+
+        Args:
+            on_runs: Called with the number of runs that were checked.
+
+        Raises:
+            ScenarioError: All that is wrong, a line each, with the runs that it is wrong with.
+        """
+        if self._contents is not None:
+            return
+        problems = _Problems(self.plan)
+        kinds: dict[object, Prepared] = {}  # one run of each that has figures of its own
+        ticks = longest = 0
+        for index in range(len(self)):
+            try:
+                one = self._shards.prepare(index)
+                kinds.setdefault((one.arm.joints, tuple(one.arm.is_slide), one.scenario.task.axes), one)
+                slow = one.scenario.control.at_singularity == "slow"
+                planned = len(one.reference.time)
+                most = int(planned * one.scenario.control.slow.longest) if slow else planned
+                ticks, longest = ticks + planned, max(longest, most * tick_type(one.arm.n).itemsize)
+            except ScenarioError as error:
+                problems.add(index, error)
+            if on_runs is not None:
+                on_runs(1)
+        problems.raise_any()
+        size = min(
+            max(1, _TICKS * len(self) // ticks), max(1, _MOST_BYTES // longest), _MOST_RUNS,
+            -(-len(self) // _FEWEST_PARTS),
+        )  # fmt: skip
+        columns = [*_own_columns(self.plan), *_figure_columns(kinds.values()), *_last_columns()]
+        self._contents = Contents(self._identity, len(self), size, columns)
+        self.dataset.begin(self._contents)
+
+    def run(self, on_runs: OnRuns | None = None) -> Swept:
+        """Run what is missing, and make one file when nothing is; Ctrl-C leaves what is done.
+
+        Args:
+            on_runs: Called with the number of runs of each batch that was written.
+
+        Raises:
+            ScenarioError: As in `check`.
+        """
+        self.check()
+        contents = self._contents
+        assert contents is not None
+        with interruptible() as stop, ThreadPoolExecutor(self._threads) as pool:
+            missing = iter(self.dataset.missing(contents))
+            running: dict[Future[list[dict[str, Any]] | None], int] = {}
+            try:
+                while True:
+                    # one more than there are threads, so that none waits while rows are written
+                    while len(running) <= self._threads and not stop.is_set():
+                        part = next(missing, None)
+                        if part is None:
+                            break
+                        running[pool.submit(self._shards.run, contents.indices(part), stop)] = part
+                    if not running:
+                        break
+                    self._collect(contents, running, on_runs)
+            except BaseException:  # a bug or a full disk: the other threads must not go on for nothing
+                stop.set()
+                raise
+            if not (stop.is_set() or self.dataset.is_whole):
+                self.dataset.merge(contents)
+        self.dataset.clear()
+        return Swept(contents, self.done, stop.is_set())
+
+    def _collect(
+        self,
+        contents: Contents,
+        running: dict[Future[list[dict[str, Any]] | None], int],
+        on_runs: OnRuns | None,
+    ) -> None:
+        """Write the rows of the batches that are done."""
+        done, _ = wait(running, return_when=FIRST_COMPLETED)
+        for future in done:
+            part, rows = running.pop(future), future.result()
+            if rows is None:
+                continue
+            self.dataset.write(contents, part, [_typed(row, contents.columns) for row in rows])
+            if on_runs is not None:
+                on_runs(len(rows))
+
+
+class _Problems:
+    """What is wrong with which runs; what many have in common is told once."""
+
+    def __init__(self, plan: Plan) -> None:
+        self.plan, self.found, self.untold = plan, dict[str, list[int]](), 0
+
+    def add(self, index: int, error: ScenarioError) -> None:
+        for problem in error.problems:
+            if problem in self.found:
+                self.found[problem][1] += 1
+            elif len(self.found) < _TOLD:
+                self.found[problem] = [index, 1]
+            else:
+                self.untold += 1
+
+    def raise_any(self) -> None:
+        lines = []
+        for problem, (first, count) in self.found.items():
+            who = (
+                self.plan.label(first) if count == 1 else f"{count} runs, the first {self.plan.label(first)}"
+            )
+            lines.append(problem if count == len(self.plan) else f"{who}: {problem}")
+        if self.untold:
+            lines.append(f"and {self.untold} more problems of other runs")
+        if lines:
+            raise ScenarioError(lines)
+
+
+def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:
+    return values if isinstance(values, tuple) else (values,)
+
+
+# Columns -----------------------------------------------------------------------------------------
+
+
+def _own_columns(plan: Plan) -> list[Column]:
+    known = {row.key: row for row in schema_rows()}
+    columns = [Column("index", "count", "1", "number of the run in the sweep, from 0 on")]
+    for key in plan.keys:
+        general = re.sub(r"\[\d+\]", "[]", key)
+        row = known.get(general) or known.get(general.removesuffix("[]"))
+        kind = _kind(dict(plan.vary).get(key, (0.0,)))
+        about = (row.unit, row.meaning) if row else ("", "a key of the scenario")
+        columns.append(Column(key, kind, *about))
+    return [
+        *columns,
+        Column("seed", "count", "1", "arm.encoder.seed of the run"),
+        Column("status", "text", "", "how the run ended: complete, unfinished (its time was up) or diverged"),
+        Column("divergence", "text", "", "where it diverged and why; null if it did not"),
+        Column("met", "switch", "", "whether all that is expected was met; null if nothing is expected"),
+    ]
+
+
+def _last_columns() -> list[Column]:
+    return [
+        Column("scenario", "text", "", "hash of the scenario and its model, without name and expectations"),
+        Column("versions", "text", "", "of what decides the bits, as JSON"),
+    ]
+
+
+def _figure_columns(runs: Iterable[Prepared]) -> list[Column]:
+    """Return the figures of all runs; which there are depends on joints and axes alone, so on few of them."""
+    units: dict[str, dict[str, None]] = {}
+    figures: dict[str, Figure] = {}
+    for one in runs:
+        (blank,) = Simulation([one]).runs()
+        for name, figure in scorecard(blank).items():
+            figures.setdefault(name, figure)
+            units.setdefault(name, {}).update(dict.fromkeys(figure.unit.split(" or ")))
+    return [
+        Column(name, "text" if figure.value == "" else "number", " or ".join(units[name]), figure.meaning)
+        for name, figure in figures.items()
+        if name not in NOT_KEPT
+    ]
+
+
+def _kind(values: Sequence[Value]) -> str:
+    """Return the type of a column that holds these values and perhaps nothing."""
+    given = [value for value in values if value is not None]
+    if all(isinstance(value, bool) for value in given):
+        return "switch"
+    if all(_number(value) is not None for value in given):
+        return "number"
+    return "text"
+
+
+def _number(value: Value) -> float | None:
+    """Return a number, or an angle in radians; None for what is neither."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    try:
+        return angle(value) if isinstance(value, str) else None
+    except ValueError:
+        return None
+
+
+def _typed(row: dict[str, Any], columns: Sequence[Column]) -> dict[str, Any]:
+    """Return a row with its values as the columns have them: angles as numbers, lists as YAML."""
+    typed = dict(row)
+    for name, kind, _, _ in columns:
+        value = typed.get(name)
+        if kind == "number" and name in typed and value is not None:
+            typed[name] = _number(value)
+        elif kind == "text" and value is not None and not isinstance(value, str):
+            typed[name] = inline(value)
+    return typed
