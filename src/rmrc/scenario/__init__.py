@@ -66,8 +66,8 @@ __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "EncoderSection",
     "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
     "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
-    "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment",
-    "Variant", "angle", "inline", "json_schema", "load", "loads", "schema_rows", "variants",
+    "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Turn",
+    "TurnSegment", "Variant", "angle", "inline", "json_schema", "load", "loads", "schema_rows", "variants",
 ]  # fmt: skip
 
 

@@ -30,7 +30,8 @@ def json_schema() -> dict[str, Any]:
 def schema_rows() -> list[SchemaRow]:
     """Return every key of a scenario, in the order of the file.
 
-    `[]` in a key stands for an item of a list, `<figure>` for the name of a figure, `<key>` for a key that is swept.
+    `[]` in a key stands for an item of a list, `<figure>` for the name of a figure,
+    `<key>` for a key that is swept.
     """
     schema = json_schema()
     return list(_rows("", schema, schema["$defs"], required=True))
@@ -80,9 +81,7 @@ def _type(schema: dict[str, Any]) -> str:
     if schema["type"] == "array":
         low, high = schema["minItems"], schema.get("maxItems")
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
-        if not schema["items"]:
-            return "list of values"
-        item = re.sub("^(number|angle)", r"\1s", _type(schema["items"]))
+        item = re.sub("^(number|angle)", r"\1s", _type(schema["items"])) if schema["items"] else "values"
         return f"list of {count}({item})" if "|" in item else f"list of {count}{item}"
     if schema["type"] in ("number", "integer"):
         signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}

@@ -363,7 +363,7 @@ class SweepSection(Section):
     vary: dict[str, Values] = key("values of keys; every combination of them is run", {})
     draw: dict[str, Bounds] = key("bounds of keys that are drawn between them, evenly", {})
     sampler: Literal["random", "sobol"] = key(
-        "how they are drawn: each sample on its own, or by Sobol's sequence, which fills the room more evenly",
+        "how they are drawn: each sample on its own, or by Sobol's sequence, which is more even",
         "random",
     )
     samples: Annotated[int, Field(strict=True, ge=1)] = key(
@@ -373,7 +373,7 @@ class SweepSection(Section):
         "how often each of them is run, each time with other encoder offsets", 1
     )
     seed: Seed | None = key(
-        "what is drawn: samples, and the arm.encoder.seed of each run from this on; null: that of the arm",
+        "what is drawn, and the first run's arm.encoder.seed, from which they count; null: that of the arm",
         None,
     )
 

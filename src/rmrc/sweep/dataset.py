@@ -126,11 +126,8 @@ class Dataset:
             raise ScenarioError([f"{place}: is no sweep's; move it, or take another --out"]) from None
         differs = [key for key in identity if found.identity.get(key) != identity[key]]
         if differs:
-            raise ScenarioError(
-                [
-                    f"{place}: is of another sweep, whose {' and '.join(differs)} differ; move it, or take another --out"
-                ]
-            )
+            what = f"is of another sweep ({', '.join(differs)} differ)"
+            raise ScenarioError([f"{place}: {what}; move it, or take another --out"])
         return found
 
     def begin(self, contents: Contents) -> None:

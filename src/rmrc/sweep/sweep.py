@@ -14,13 +14,16 @@ from rmrc import facts, scenario
 from rmrc.control.records import tick_type
 from rmrc.errors import ScenarioError
 from rmrc.interruption import interruptible
+from rmrc.job import Job
 from rmrc.preparation import Prepared
 from rmrc.scenario import angle, inline, schema_rows
 from rmrc.scorecard import Figure, scorecard
 from rmrc.simulation import Simulation
 from rmrc.sweep.dataset import Column, Contents, Dataset
 from rmrc.sweep.plan import Plan, Value, plan_of
+from rmrc.sweep.records import Choice, chosen
 from rmrc.sweep.shards import NOT_KEPT, Shards, digest
+from rmrc.sweep.summary import Summary, summarize
 
 # A batch is about a second of one core (some 5 us a tick of a small arm): the most that a killed process
 # loses, and some hundred times what starting a batch and writing its part take.
@@ -144,17 +147,20 @@ class Sweep:
         lost = sum(len(self._contents.indices(part)) for part in self.dataset.missing(self._contents))
         return len(self) - lost
 
-    def check(self, on_runs: OnRuns | None = None) -> None:
+    def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Check every run before the first one starts, unless that was done before.
 
         Args:
             on_runs: Called with the number of runs that were checked.
 
+        Returns:
+            What the dataset will hold.
+
         Raises:
             ScenarioError: All that is wrong, a line each, with the runs that it is wrong with.
         """
         if self._contents is not None:
-            return
+            return self._contents
         problems = _Problems(self.plan)
         kinds: dict[object, Prepared] = {}  # one run of each that has figures of its own
         ticks = longest = 0
@@ -178,6 +184,7 @@ class Sweep:
         columns = [*_own_columns(self.plan), *_figure_columns(kinds.values()), *_last_columns()]
         self._contents = Contents(self._identity, len(self), size, columns)
         self.dataset.begin(self._contents)
+        return self._contents
 
     def run(self, on_runs: OnRuns | None = None) -> Swept:
         """Run what is missing, and make one file when nothing is; Ctrl-C leaves what is done.
@@ -188,9 +195,7 @@ class Sweep:
         Raises:
             ScenarioError: As in `check`.
         """
-        self.check()
-        contents = self._contents
-        assert contents is not None
+        contents = self.check()
         with interruptible() as stop, ThreadPoolExecutor(self._threads) as pool:
             missing = iter(self.dataset.missing(contents))
             running: dict[Future[list[dict[str, Any]] | None], int] = {}
@@ -212,6 +217,28 @@ class Sweep:
                 self.dataset.merge(contents)
         self.dataset.clear()
         return Swept(contents, self.done, stop.is_set())
+
+    def summary(self) -> Summary:
+        """Return what the rows say that are there."""
+        return summarize(self.dataset, self.check().columns, tuple(self.scenario.expect))
+
+    def chosen(self, choice: Choice) -> list[int]:
+        """Return the indices of the worst or the best rows, those first; of equal ones, the first.
+
+        Raises:
+            ScenarioError: No row has such a figure.
+        """
+        settled = choice.settled(self.scenario, self.check().columns)
+        return chosen(self.dataset, settled, self.scenario.expect)
+
+    def job(self, index: int) -> Job:
+        """Return one run, ready to leave `NAME-INDEX.rrd`, `.npz` and `.json`; with the bits of its row.
+
+        Args:
+            index: Of the run.
+        """
+        varied = (*self.plan.overrides(index), f"name={self.scenario.name}-{index}")
+        return Job(scenario.load(self._path, self._overrides, varied), self.folder)
 
     def _collect(
         self,
@@ -248,9 +275,7 @@ class _Problems:
     def raise_any(self) -> None:
         lines = []
         for problem, (first, count) in self.found.items():
-            who = (
-                self.plan.label(first) if count == 1 else f"{count} runs, the first {self.plan.label(first)}"
-            )
+            who = f"{count} runs, the first " * (count > 1) + self.plan.label(first)
             lines.append(problem if count == len(self.plan) else f"{who}: {problem}")
         if self.untold:
             lines.append(f"and {self.untold} more problems of other runs")
