@@ -116,9 +116,10 @@ def _options(
 def _told(problem: str, options: Mapping[str, str]) -> str:
     """Return a problem with the options as they were given, and not as what they override."""
     for option, override in options.items():
-        place = f"--set {override.partition('=')[0]}"
+        key = override.partition("=")[0]
+        place = f"--set {key}"
         if problem.startswith((f"{place}:", f"{place}[", f"{place}.")) or f": {place}:" in problem:
-            return problem.replace(place, option, 1)
+            return problem.replace(place, option, 1).replace(f"{option}: {key}", option, 1)
     return problem
 
 

@@ -71,7 +71,12 @@ __all__ = [
 ]  # fmt: skip
 
 
-def load(path: str | os.PathLike[str], overrides: Sequence[str] = (), varied: Sequence[str] = ()) -> Scenario:
+def load(
+    path: str | os.PathLike[str],
+    overrides: Sequence[str] = (),
+    varied: Sequence[str] = (),
+    text: str | None = None,
+) -> Scenario:
     """Read a scenario from a file.
 
     Args:
@@ -79,6 +84,7 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = (), varied: Se
         overrides: `KEY=VALUE` texts that replace values of the file, such as
             `control.inverse.method=inverse` or `arm.start[1]=10 deg`; VALUE is YAML.
         varied: The same of one `Variant`, put on top.
+        text: Of the file, if it was read before.
 
     Returns:
         The checked scenario; `arm.model` is absolute.
@@ -87,7 +93,7 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = (), varied: Se
         ScenarioError: With all mistakes at once.
     """
     source = os.fspath(path)
-    return _scenario(None, source, Path(source).parent, overrides, varied)
+    return _scenario(text, source, Path(source).parent, overrides, varied)
 
 
 def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> Scenario:

@@ -381,20 +381,21 @@ class SweepSection(Section):
     def _each_key_once(self) -> Self:
         if len(self.draw) > MOST_DRAWN:
             raise rule(f"must draw at most {MOST_DRAWN} keys, got {len(self.draw)}")
-        for name in (*self.vary, *self.draw):
+        for name, where in [(name, "vary") for name in self.vary] + [(name, "draw") for name in self.draw]:
+            key = ("sweep", where, name)
             try:
                 split(name)
             except ValueError:
-                raise rule(f"{show(name)} is no key such as control.feedback or arm.start[1]") from None
+                raise rule("is no key such as control.feedback or arm.start[1]", key) from None
             for refused, why in _NOT_SWEPT.items():
                 if name == refused or name.startswith(f"{refused}."):
-                    raise rule(f"{name} cannot be varied: it {why}")
-            if name in self.vary and name in self.draw:
-                raise rule(f"{name} must be in vary or in draw, got both")
-        for name, values in self.vary.items():
-            alike = next((value for i, value in enumerate(values) if value in values[:i]), values)
-            if alike is not values:
-                raise rule(f"{name} must not repeat a value, got {show(alike)} twice")
+                    raise rule(f"cannot be varied: it {why}", key)
+            if name in self.vary and where == "draw":
+                raise rule("must be in vary or in draw, got both", key)
+            values = self.vary.get(name, ())
+            for i, value in enumerate(values):
+                if value in values[:i]:
+                    raise rule(f"must not repeat a value, got {show(value)} twice", key)
         return self
 
 

@@ -55,7 +55,7 @@ class Choice(NamedTuple):
         figure = self.figure or first
         numbers = [c.name for c in columns if c.kind == "number"]
         if figure not in numbers:
-            near = did_you_mean(figure, numbers)
+            near = did_you_mean(figure, numbers) or "; take one such as joint_rate.peak"
             raise ScenarioError([f"--record: no row has a number {scenario.inline(figure)}{near}"])
         return self._replace(figure=figure)
 

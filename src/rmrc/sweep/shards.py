@@ -29,22 +29,35 @@ class Shards:
     one thread prepares at a time.
     """
 
-    def __init__(self, path: Path, overrides: Sequence[str], base: Scenario, plan: Plan) -> None:
+    def __init__(self, path: Path, text: str, overrides: Sequence[str], base: Scenario, plan: Plan) -> None:
         """Keep what all runs share.
 
         Args:
             path: Of the scenario.
+            text: Of its file, which may change while the sweep runs.
             overrides: `KEY=VALUE` texts that hold for all runs.
             base: The scenario with these.
             plan: What the runs are.
         """
-        self._path, self._overrides, self._plan = path, tuple(overrides), plan
+        self._path, self._text, self._overrides, self._plan = path, text, tuple(overrides), plan
         self._arms: dict[object, Arm] = {}
         self._versions = json.dumps(facts.versions())
         self._prints: dict[int, str] = {}  # of arms, which `_arms` keeps alive
         self._lock = threading.Lock()
         self._places = {key: base.locate(f"sweep.vary.{key}") for key, _ in plan.vary}
         self._places |= {key: base.locate(f"sweep.draw.{key}") for key, _, _ in plan.draw}
+
+    def load(self, index: int, *more: str) -> Scenario:
+        """Return the scenario of one run.
+
+        Args:
+            index: Of the run.
+            more: `KEY=VALUE` texts on top.
+
+        Raises:
+            ScenarioError: All that is wrong with it.
+        """
+        return scenario.load(self._path, self._overrides, (*self._plan.overrides(index), *more), self._text)
 
     def prepare(self, index: int) -> Prepared:
         """Return one run, checked whole.
@@ -53,7 +66,7 @@ class Shards:
             ScenarioError: All that is wrong with it.
         """
         try:
-            loaded = scenario.load(self._path, self._overrides, self._plan.overrides(index))
+            loaded = self.load(index)
             prepared = prepare(loaded, self._arms)
             refuse_unknown(loaded, prepared.arm.joints)
         except ScenarioError as error:

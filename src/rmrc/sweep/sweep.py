@@ -86,10 +86,10 @@ class Sweep:
         """
         self.scenario = scenario.load(path, overrides)
         self.plan = plan_of(self.scenario)
-        self.folder, self._path, self._overrides = folder, path, tuple(overrides)
+        self.folder, self._path = folder, path
         self._threads = threads or len(os.sched_getaffinity(0))
         self._refuse_nothing()
-        self._shards = Shards(path, overrides, self.scenario, self.plan)
+        self._shards = Shards(path, path.read_text("utf-8-sig"), overrides, self.scenario, self.plan)
         self._identity = self._identify()
         self.dataset = Dataset(folder, self.scenario.name)
         self._contents = self.dataset.contents(self._identity)
@@ -115,7 +115,12 @@ class Sweep:
 
     def _identify(self) -> dict[str, Any]:
         """Return what decides the rows. What differs names itself in a message."""
-        arm = self._shards.prepare(0).arm
+        try:
+            arm = self._shards.prepare(0).arm
+        except ScenarioError:  # tell what is wrong with the others as well
+            self._contents = None
+            self.check()
+            raise
         swept = self.scenario.sweep.model_dump(mode="json")
         # models that are varied count with what is in their files
         for name in self.scenario.sweep.vary.get("arm.model", ()):
@@ -237,8 +242,7 @@ class Sweep:
         Args:
             index: Of the run.
         """
-        varied = (*self.plan.overrides(index), f"name={self.scenario.name}-{index}")
-        return Job(scenario.load(self._path, self._overrides, varied), self.folder)
+        return Job(self._shards.load(index, f"name={self.scenario.name}-{index}"), self.folder)
 
     def _collect(
         self,
