@@ -80,7 +80,9 @@ def sweep(
 def _check(work: "Sweep", quiet: bool) -> "Contents":
     """Check every run; Ctrl-C leaves nothing."""
     try:
-        with notice(COMPILING), progress("checking", len(work), quiet, unit="runs") as on_runs:
+        with notice(COMPILING):
+            work.compile()
+        with progress("checking", len(work), quiet, unit="runs") as on_runs:
             return work.check(on_runs)
     except KeyboardInterrupt:
         complain("interrupted before the first run")

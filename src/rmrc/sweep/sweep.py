@@ -25,12 +25,12 @@ from rmrc.sweep.records import Choice, chosen
 from rmrc.sweep.shards import NOT_KEPT, Shards, digest
 from rmrc.sweep.summary import Summary, summarize
 
-# A batch is about a second of one core (some 5 us a tick of a small arm): the most that a killed process
-# loses, and some hundred times what starting a batch and writing its part take.
-_TICKS = 200_000
-_MOST_RUNS = 1000
+# A batch is about a second of one core (some 5 us a tick of a small arm, and a run takes as long as some 500
+# ticks before its first one): the most that a killed process loses, and a hundred times what starting a batch
+# and writing its part take.
+_TICKS, _TICKS_BEFORE = 200_000, 500
 # Of ticks that a batch may hold at once, on each thread.
-_MOST_BYTES = 2**27
+_MOST_BYTES = 2**26
 # However small a sweep is, so many threads have something to do until the end.
 _FEWEST_PARTS = 16
 
@@ -152,6 +152,10 @@ class Sweep:
         lost = sum(len(self._contents.indices(part)) for part in self.dataset.missing(self._contents))
         return len(self) - lost
 
+    def compile(self) -> None:
+        """Load the compiled law, or compile it the first time, which takes seconds."""
+        Simulation([self._shards.prepare(0)])
+
     def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Check every run before the first one starts, unless that was done before.
 
@@ -176,14 +180,17 @@ class Sweep:
                 slow = one.scenario.control.at_singularity == "slow"
                 planned = len(one.reference.time)
                 most = int(planned * one.scenario.control.slow.longest) if slow else planned
-                ticks, longest = ticks + planned, max(longest, most * tick_type(one.arm.n).itemsize)
+                ticks, longest = (
+                    ticks + planned + _TICKS_BEFORE,
+                    max(longest, most * tick_type(one.arm.n).itemsize),
+                )
             except ScenarioError as error:
                 problems.add(index, error)
             if on_runs is not None:
                 on_runs(1)
         problems.raise_any()
         size = min(
-            max(1, _TICKS * len(self) // ticks), max(1, _MOST_BYTES // longest), _MOST_RUNS,
+            max(1, _TICKS * len(self) // ticks), max(1, _MOST_BYTES // longest),
             -(-len(self) // _FEWEST_PARTS),
         )  # fmt: skip
         columns = [*_own_columns(self.plan), *_figure_columns(kinds.values()), *_last_columns()]
