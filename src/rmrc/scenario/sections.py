@@ -373,7 +373,7 @@ class SweepSection(Section):
         "how often each of them is run, each time with other encoder offsets", 1
     )
     seed: Seed | None = key(
-        "what is drawn, and the first run's arm.encoder.seed, from which they count; null: that of the arm",
+        "what is drawn, and what each run's arm.encoder.seed counts from; null: that of the arm",
         None,
     )
 

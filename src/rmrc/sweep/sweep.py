@@ -172,27 +172,20 @@ class Sweep:
             return self._contents
         problems = _Problems(self.plan)
         kinds: dict[object, Prepared] = {}  # one run of each that has figures of its own
-        ticks = longest = 0
+        ticks = largest = 0
         for index in range(len(self)):
             try:
                 one = self._shards.prepare(index)
                 kinds.setdefault((one.arm.joints, tuple(one.arm.is_slide), one.scenario.task.axes), one)
-                slow = one.scenario.control.at_singularity == "slow"
-                planned = len(one.reference.time)
-                most = int(planned * one.scenario.control.slow.longest) if slow else planned
-                ticks, longest = (
-                    ticks + planned + _TICKS_BEFORE,
-                    max(longest, most * tick_type(one.arm.n).itemsize),
-                )
+                ticks += _TICKS_BEFORE + len(one.reference.time)
+                largest = max(largest, _most_bytes(one))
             except ScenarioError as error:
                 problems.add(index, error)
             if on_runs is not None:
                 on_runs(1)
         problems.raise_any()
-        size = min(
-            max(1, _TICKS * len(self) // ticks), max(1, _MOST_BYTES // longest),
-            -(-len(self) // _FEWEST_PARTS),
-        )  # fmt: skip
+        of_a_second, that_fit = _TICKS * len(self) // ticks, _MOST_BYTES // largest
+        size = max(1, min(of_a_second, that_fit, -(-len(self) // _FEWEST_PARTS)))
         columns = [*_own_columns(self.plan), *_figure_columns(kinds.values()), *_last_columns()]
         self._contents = Contents(self._identity, len(self), size, columns)
         self.dataset.begin(self._contents)
@@ -292,6 +285,12 @@ class _Problems:
             lines.append(f"and {self.untold} more problems of other runs")
         if lines:
             raise ScenarioError(lines)
+
+
+def _most_bytes(one: Prepared) -> int:
+    """Return how much a run may record."""
+    slow = one.scenario.control.slow.longest if one.scenario.control.at_singularity == "slow" else 1.0
+    return int(slow * len(one.reference.time)) * tick_type(one.arm.n).itemsize
 
 
 def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:
