@@ -7,6 +7,7 @@ import threading
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from weakref import WeakKeyDictionary
 
 from rmrc import facts, scenario
 from rmrc.arm import Arm
@@ -42,13 +43,13 @@ class Shards:
         self._path, self._text, self._overrides, self._plan = path, text, tuple(overrides), plan
         self._arms: dict[object, Arm] = {}
         self._versions = json.dumps(facts.versions())
-        self._prints: dict[int, str] = {}  # of arms, which `_arms` keeps alive
+        self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
         self._lock = threading.Lock()
         self._places = {key: base.locate(f"sweep.vary.{key}") for key, _ in plan.vary}
         self._places |= {key: base.locate(f"sweep.draw.{key}") for key, _, _ in plan.draw}
 
-    def load(self, index: int, *more: str) -> Scenario:
-        """Return the scenario of one run.
+    def prepare(self, index: int, *more: str) -> Prepared:
+        """Return one run, checked whole.
 
         Args:
             index: Of the run.
@@ -57,16 +58,9 @@ class Shards:
         Raises:
             ScenarioError: All that is wrong with it.
         """
-        return scenario.load(self._path, self._overrides, (*self._plan.overrides(index), *more), self._text)
-
-    def prepare(self, index: int) -> Prepared:
-        """Return one run, checked whole.
-
-        Raises:
-            ScenarioError: All that is wrong with it.
-        """
+        varied = (*self._plan.overrides(index), *more)
         try:
-            loaded = self.load(index)
+            loaded = scenario.load(self._path, self._overrides, varied, self._text)
             prepared = prepare(loaded, self._arms)
             refuse_unknown(loaded, prepared.arm.joints)
         except ScenarioError as error:
@@ -117,9 +111,9 @@ class Shards:
 
     def fingerprint(self, arm: Arm) -> str:
         """Return what tells one compiled model from another."""
-        if id(arm) not in self._prints:
-            self._prints[id(arm)] = hashlib.sha256(pickle.dumps(arm.model)).hexdigest()
-        return self._prints[id(arm)]
+        if arm not in self._prints:
+            self._prints[arm] = hashlib.sha256(pickle.dumps(arm.model)).hexdigest()
+        return self._prints[arm]
 
 
 def _ended(simulation: Simulation, stop: threading.Event) -> list[tuple[Scorecard, Divergence | None]]:

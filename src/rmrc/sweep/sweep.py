@@ -242,7 +242,8 @@ class Sweep:
         Args:
             index: Of the run.
         """
-        return Job(self._shards.load(index, f"name={self.scenario.name}-{index}"), self.folder)
+        prepared = self._shards.prepare(index, f"name={self.scenario.name}-{index}")
+        return Job(prepared.scenario, self.folder)
 
     def _collect(
         self,
