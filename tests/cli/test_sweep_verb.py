@@ -1,9 +1,14 @@
 """The verb `sweep`: options become the section of the file, tables say what came out, mistakes are a line each."""
 
+import re
+import time
+
 import pyarrow.parquet as pq
 import pytest
 
 from project import ROOT
+from rmrc.cli import console
+from rmrc.sweep.sweep import Sweep
 
 TEXT = f"""
 name: quick
@@ -97,3 +102,27 @@ def test_bad_input_is_a_line_each_exit_2_and_nothing_is_run(rmrc, tmp_path, opti
     code, out, err = rmrc("sweep", "quick.yaml", *options)
     assert (code, out, err.splitlines()) == (2, "", [f"rmrc: error: {line}" for line in lines])
     assert not list(tmp_path.rglob("*.parquet"))
+
+
+@pytest.mark.usefixtures("quick")
+def test_ctrl_c_before_the_first_run_leaves_nothing(rmrc, tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Sweep, "check", interrupted)
+    code, out, err = rmrc("sweep", "quick.yaml", "--vary", "control.feedback=5,6")
+    assert (code, out, err) == (130, "", "rmrc: interrupted before the first run\n")
+    assert list((tmp_path / "recordings").iterdir()) == []
+
+
+def test_the_bar_of_a_sweep_tells_the_rate_and_the_time_left(monkeypatch, capfd):
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")  # as if stderr were a terminal
+    with console.progress("quick", 100, quiet=False, done=20, unit="runs") as on_runs:
+        for _ in range(4):
+            time.sleep(0.12)
+            on_runs(10)
+        time.sleep(0.12)  # for the bar to be drawn
+    shown = capfd.readouterr().err
+    assert "60%" in shown
+    assert re.search(r"\d runs/s", shown)
+    assert re.search(r"runs/s\S* \S*0:00:0\d", shown)  # what is left, beside
