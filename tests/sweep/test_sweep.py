@@ -2,7 +2,6 @@
 
 import json
 import math
-import os
 import shutil
 
 import pyarrow.dataset as ds
@@ -273,5 +272,17 @@ def test_a_choice_that_is_none_is_refused(swept, text, line):
     assert str(caught.value) == line
 
 
-def test_the_number_of_threads_is_that_of_the_cores(path, tmp_path):
-    assert Sweep(path, folder=tmp_path)._threads == len(os.sched_getaffinity(0))
+def test_models_are_varied_too_and_a_joint_that_one_lacks_is_nan(path, tmp_path):
+    models = f"[{ROOT}/models/planar_2link.xml, {ROOT}/models/planar_3link.xml, {ROOT}/models/none.xml]"
+    sweep = f"sweep={{vary: {{arm.model: {models}}}}}"
+    more = ["arm.start=home", "target.path=[{line: {by: [-0.004, 0.004]}}]"]
+    with pytest.raises(ScenarioError, match=r'run 2 .* no such file ".*/models/none.xml"'):
+        Sweep(path, [*more, sweep], tmp_path / "out").check()
+    work = Sweep(path, [*more, sweep.replace(f", {ROOT}/models/none.xml", "")], tmp_path / "out")
+    work.run()
+    two, three = pq.read_table(work.dataset.file).to_pylist()
+    names = {name for name in two if name.startswith("joint_rate.") and name.count(".") == 2}
+    lacking = {name for name in names if math.isnan(two[name])}
+    assert lacking and lacking < names
+    assert not any(math.isnan(three[name]) for name in names & lacking)
+    assert (two["status"], three["status"]) == ("complete", "complete")

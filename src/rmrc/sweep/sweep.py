@@ -87,7 +87,7 @@ class Sweep:
         self.scenario = scenario.load(path, overrides)
         self.plan = plan_of(self.scenario)
         self.folder, self._path = folder, path
-        self._threads = threads or len(os.sched_getaffinity(0))
+        self._threads = threads or os.cpu_count() or 1
         self._refuse_nothing()
         self._shards = Shards(path, path.read_text("utf-8-sig"), overrides, self.scenario, self.plan)
         self._identity = self._identify()
@@ -124,7 +124,9 @@ class Sweep:
         swept = self.scenario.sweep.model_dump(mode="json")
         # models that are varied count with what is in their files
         for name in self.scenario.sweep.vary.get("arm.model", ()):
-            swept[f"model {name}"] = hashlib.sha256((self._path.parent / str(name)).read_bytes()).hexdigest()
+            file = self._path.parent / str(name)
+            if file.is_file():  # else the check tells
+                swept[f"model {name}"] = hashlib.sha256(file.read_bytes()).hexdigest()
         text = json.dumps([swept, self.plan.seed], sort_keys=True)
         model = "" if "arm.model" in self.plan.keys else self._shards.fingerprint(arm)
         expect = {name: one.model_dump(mode="json") for name, one in self.scenario.expect.items()}
