@@ -17,10 +17,8 @@ from rmrc.run import Divergence
 from rmrc.scenario import Scenario
 from rmrc.scorecard import Scorecard, check, refuse_unknown, scorecard
 from rmrc.simulation import Simulation
+from rmrc.sweep.columns import NOT_KEPT
 from rmrc.sweep.plan import Plan
-
-# They differ from one execution to the next, and rows do not.
-NOT_KEPT = frozenset({"wall_time", "speed"})
 
 
 class Shards:

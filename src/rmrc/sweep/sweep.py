@@ -3,8 +3,7 @@
 import hashlib
 import json
 import os
-import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,13 +15,12 @@ from rmrc.errors import ScenarioError
 from rmrc.interruption import interruptible
 from rmrc.job import Job
 from rmrc.preparation import Prepared
-from rmrc.scenario import angle, inline, schema_rows
-from rmrc.scorecard import Figure, scorecard
 from rmrc.simulation import Simulation
-from rmrc.sweep.dataset import Column, Contents, Dataset
-from rmrc.sweep.plan import Plan, Value, plan_of
+from rmrc.sweep.columns import figure_columns, last_columns, own_columns, typed
+from rmrc.sweep.dataset import Contents, Dataset
+from rmrc.sweep.plan import Plan, plan_of
 from rmrc.sweep.records import Choice, chosen
-from rmrc.sweep.shards import NOT_KEPT, Shards, digest
+from rmrc.sweep.shards import Shards, digest
 from rmrc.sweep.summary import Summary, summarize
 
 # A batch is about a second of one core (some 5 us a tick of a small arm, and a run takes as long as some 500
@@ -188,7 +186,7 @@ class Sweep:
         problems.raise_any()
         of_a_second, that_fit = _TICKS * len(self) // ticks, _MOST_BYTES // largest
         size = max(1, min(of_a_second, that_fit, -(-len(self) // _FEWEST_PARTS)))
-        columns = [*_own_columns(self.plan), *_figure_columns(kinds.values()), *_last_columns()]
+        columns = [*own_columns(self.plan), *figure_columns(kinds.values()), *last_columns()]
         self._contents = Contents(self._identity, len(self), size, columns)
         self.dataset.begin(self._contents)
         return self._contents
@@ -259,7 +257,7 @@ class Sweep:
             part, rows = running.pop(future), future.result()
             if rows is None:
                 continue
-            self.dataset.write(contents, part, [_typed(row, contents.columns) for row in rows])
+            self.dataset.write(contents, part, [typed(row, contents.columns) for row in rows])
             if on_runs is not None:
                 on_runs(len(rows))
 
@@ -298,79 +296,3 @@ def _most_bytes(one: Prepared) -> int:
 
 def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:
     return values if isinstance(values, tuple) else (values,)
-
-
-# Columns -----------------------------------------------------------------------------------------
-
-
-def _own_columns(plan: Plan) -> list[Column]:
-    known = {row.key: row for row in schema_rows()}
-    columns = [Column("index", "count", "1", "number of the run in the sweep, from 0 on")]
-    for key in plan.keys:
-        general = re.sub(r"\[\d+\]", "[]", key)
-        row = known.get(general) or known.get(general.removesuffix("[]"))
-        kind = _kind(dict(plan.vary).get(key, (0.0,)))
-        about = (row.unit, row.meaning) if row else ("", "a key of the scenario")
-        columns.append(Column(key, kind, *about))
-    return [
-        *columns,
-        Column("seed", "count", "1", "arm.encoder.seed of the run"),
-        Column("status", "text", "", "how the run ended: complete, unfinished (its time was up) or diverged"),
-        Column("divergence", "text", "", "where it diverged and why; null if it did not"),
-        Column("met", "switch", "", "whether all that is expected was met; null if nothing is expected"),
-    ]
-
-
-def _last_columns() -> list[Column]:
-    return [
-        Column("scenario", "text", "", "hash of the scenario and its model, without name and expectations"),
-        Column("versions", "text", "", "of what decides the bits, as JSON"),
-    ]
-
-
-def _figure_columns(runs: Iterable[Prepared]) -> list[Column]:
-    """Return the figures of all runs; which there are depends on joints and axes alone, so on few of them."""
-    units: dict[str, dict[str, None]] = {}
-    figures: dict[str, Figure] = {}
-    for one in runs:
-        (blank,) = Simulation([one]).runs()
-        for name, figure in scorecard(blank).items():
-            figures.setdefault(name, figure)
-            units.setdefault(name, {}).update(dict.fromkeys(figure.unit.split(" or ")))
-    return [
-        Column(name, "text" if figure.value == "" else "number", " or ".join(units[name]), figure.meaning)
-        for name, figure in figures.items()
-        if name not in NOT_KEPT
-    ]
-
-
-def _kind(values: Sequence[Value]) -> str:
-    """Return the type of a column that holds these values and perhaps nothing."""
-    given = [value for value in values if value is not None]
-    if all(isinstance(value, bool) for value in given):
-        return "switch"
-    if all(_number(value) is not None for value in given):
-        return "number"
-    return "text"
-
-
-def _number(value: Value) -> float | None:
-    """Return a number, or an angle in radians; None for what is neither."""
-    if isinstance(value, int | float) and not isinstance(value, bool):
-        return float(value)
-    try:
-        return angle(value) if isinstance(value, str) else None
-    except ValueError:
-        return None
-
-
-def _typed(row: dict[str, Any], columns: Sequence[Column]) -> dict[str, Any]:
-    """Return a row with its values as the columns have them: angles as numbers, lists as YAML."""
-    typed = dict(row)
-    for name, kind, _, _ in columns:
-        value = typed.get(name)
-        if kind == "number" and name in typed and value is not None:
-            typed[name] = _number(value)
-        elif kind == "text" and value is not None and not isinstance(value, str):
-            typed[name] = inline(value)
-    return typed
