@@ -16,6 +16,7 @@ SOURCE = ROOT / "src"
 LAYERS = (
     ("rmrc.__main__",),
     ("rmrc.cli",),
+    ("rmrc.sweep",),
     ("rmrc.job", "rmrc.comparison"),
     ("rmrc.output", "rmrc.facts", "rmrc.interruption"),
     ("rmrc.holding",),
@@ -40,7 +41,7 @@ OWNERS = {
     "pydantic": ("rmrc.scenario",),
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
     "rerun": tuple(f"rmrc.output.{name}" for name in ("recording", "overlay", "look", "track", "stream")),
-    "pyarrow": ("rmrc.output.recording", "rmrc.output.stream"),  # comes with rerun
+    "pyarrow": ("rmrc.sweep.dataset", "rmrc.output.recording", "rmrc.output.stream"),
     "matplotlib": tuple(
         f"rmrc.output.{name}" for name in ("figures", "arm_figure", "textbook_figures", "workspace_figure")
     ),

@@ -7,6 +7,7 @@ the compiled law take a third of a second.
     prepared = rmrc.prepare(scenario)                             # rmrc.preparation
     (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
     figures = rmrc.scorecard.scorecard(run)                       # a module; import it
+    swept = rmrc.Sweep(Path("scenarios/x.yaml")).run()             # rmrc.sweep.sweep
     rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
     arm = rmrc.arm.load(Path("models/stanford.xml"))              # a module; import it
     found = rmrc.inspect_arm(arm, q)                              # rmrc.analysis.inspection
@@ -28,6 +29,7 @@ _HOMES = {
     "prepare": "rmrc.preparation",
     "Simulation": "rmrc.simulation",
     "Run": "rmrc.run",
+    "Sweep": "rmrc.sweep.sweep",
     "resolve_rates": "rmrc.control.law",
     "inspect_arm": "rmrc.analysis.inspection",
     "balance": "rmrc.analysis.statics",

@@ -47,6 +47,15 @@ def run_facts(
     }
 
 
+def versions(*more: str) -> dict[str, str]:
+    """Return the versions of what decides the bits of a result.
+
+    Args:
+        more: Libraries beside those that decide every run.
+    """
+    return {"python": platform.python_version()} | {lib: version(lib) for lib in (*LIBRARIES, *more)}
+
+
 def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:
     """Write facts and the versions of the libraries that decide them, whole or not at all.
 
@@ -55,7 +64,6 @@ def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:
         facts: Strict JSON.
         more: Libraries beside those that decide every run.
     """
-    versions = {"python": platform.python_version()} | {lib: version(lib) for lib in (*LIBRARIES, *more)}
-    text = json.dumps({**facts, "versions": versions}, indent=2, ensure_ascii=False, allow_nan=False)
+    text = json.dumps({**facts, "versions": versions(*more)}, indent=2, ensure_ascii=False, allow_nan=False)
     with written_whole(path) as temporary:
         temporary.write_text(f"{text}\n", "utf-8")

@@ -73,6 +73,13 @@ plant: {kind: torque, kv: 10.0, bandwidth: 20.0, timestep: 0.001, gravity_compen
 expect:
   joint_rate.peak: {below: 3.0, above: 1.0}
   position_error.end: {equals: 0.0, within: 0.001}
+sweep:
+  vary: {control.inverse.method: [damped, pseudoinverse]}
+  draw: {control.feedback: [1.0, 20.0]}
+  sampler: sobol
+  samples: 3
+  repeat: 2
+  seed: 5
 """
 
 

@@ -94,12 +94,12 @@ def test_a_broken_or_hostile_file_gets_one_line(content, problem):
         ),
         (
             "<line>: 1",
-            "x.yaml:6:1: <line>: unknown key; the keys are name, arm, task, control, target, plant, expect",
+            "x.yaml:6:1: <line>: unknown key; the keys are name, arm, task, control, target, plant, expect, sweep",
         ),
         (
             '"a\\nb": 1',
             r"x.yaml:6:1: a\nb: unknown key;"
-            " the keys are name, arm, task, control, target, plant, expect",
+            " the keys are name, arm, task, control, target, plant, expect, sweep",
         ),
     ],
 )

@@ -14,6 +14,7 @@ def as_row(key):
     key = re.sub(r"(target\.path)\[\d+\]", r"\1[]", key)
     key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<figure>.\1", key)
     key = re.sub(r"^arm\.stretch\..*", "arm.stretch.<body>", key)
+    key = re.sub(r"^(sweep\.(?:vary|draw))\..*$", r"\1.<key>", key)
     return re.sub(r"\[\d+\]$", "", key)
 
 

@@ -213,6 +213,13 @@ plant:
   gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
 expect: {}
+sweep:
+  vary: {}
+  draw: {}
+  sampler: random
+  samples: 64
+  repeat: 1
+  seed: null
 """
 
 

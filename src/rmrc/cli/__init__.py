@@ -12,7 +12,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import ik, inspect, scenarios, statics, workspace
+from rmrc.cli import ik, inspect, scenarios, statics, sweep, workspace
 from rmrc.cli.console import EXIT_INPUT, complain
 from rmrc.errors import RmrcError
 
@@ -26,6 +26,7 @@ app = typer.Typer(
 for verb in (
     scenarios.run,
     scenarios.compare,
+    sweep.sweep,
     scenarios.replay,
     scenarios.schema,
     inspect.inspect,

@@ -38,7 +38,7 @@ from rmrc.scenario.path import (
 )
 from rmrc.scenario.places import Mistake, Origin
 from rmrc.scenario.reading import Document, TextError, parse, read
-from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
+from rmrc.scenario.schema import SchemaRow, inline, json_schema, schema_rows
 from rmrc.scenario.sections import (
     ArmSection,
     Check,
@@ -53,11 +53,12 @@ from rmrc.scenario.sections import (
     SecondarySection,
     SlowSection,
     StopSection,
+    SweepSection,
     TargetLimitsSection,
     TargetSection,
     TaskSection,
 )
-from rmrc.scenario.values import Axis, Section
+from rmrc.scenario.values import Axis, Section, angle
 from rmrc.scenario.variation import Variant, variants
 from rmrc.scenario.wording import show
 
@@ -65,12 +66,16 @@ __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "EncoderSection",
     "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
     "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
-    "StopSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Template", "Turn", "TurnSegment",
-    "Variant", "json_schema", "load", "loads", "schema_rows", "variants",
+    "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Template", "Turn",
+    "TurnSegment", "Variant", "angle", "inline", "json_schema", "load", "loads", "schema_rows", "variants",
 ]  # fmt: skip
 
 
-def load(path: str | os.PathLike[str], overrides: Sequence[str] = (), varied: Sequence[str] = ()) -> Scenario:
+def load(
+    path: str | os.PathLike[str],
+    overrides: Sequence[str] = (),
+    varied: Sequence[str] = (),
+) -> Scenario:
     """Read a scenario from a file.
 
     Args:

@@ -11,7 +11,12 @@ from rmrc.scenario.sections import Scenario
 from rmrc.scenario.wording import show
 
 # Mappings whose keys are names: what they name, and what holds for one that is absent.
-_ABSENT: dict[str, tuple[str, object]] = {"expect": ("figure", None), "arm.stretch": ("body", 1)}
+_ABSENT: dict[str, tuple[str, object]] = {
+    "expect": ("figure", None),
+    "arm.stretch": ("body", 1),
+    "sweep.vary": ("key", None),
+    "sweep.draw": ("key", None),
+}
 
 
 class SchemaRow(NamedTuple):
@@ -33,7 +38,7 @@ def json_schema() -> dict[str, Any]:
 def schema_rows() -> list[SchemaRow]:
     """Return every key of a scenario, in the order of the file.
 
-    `[]` in a key stands for an item of a list, `<figure>` and `<body>` for the name of one.
+    `[]` in a key stands for an item of a list, `<figure>`, `<body>` and `<key>` for the name of one.
     """
     schema = json_schema()
     return list(_rows("", schema, schema["$defs"], required=True))
@@ -57,7 +62,7 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
         for inner in below["items"]["oneOf"]:
             yield from _rows(f"{key}[]", inner, kinds, required=False)
     else:
-        default = "required" if required else _inline(schema.get("default"))
+        default = "required" if required else inline(schema.get("default"))
         yield SchemaRow(key, _type(schema), schema.get("unit", ""), default, schema["description"])
 
 
@@ -70,7 +75,8 @@ def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
     return schema
 
 
-def _inline(value: object) -> str:
+def inline(value: object) -> str:
+    """Return a value as YAML on one line, which is read back to an equal value."""
     text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
     return text.strip().removesuffix("...").strip()
 
@@ -87,7 +93,7 @@ def _type(schema: dict[str, Any]) -> str:
     if schema["type"] == "array":
         low, high = schema["minItems"], schema.get("maxItems")
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
-        item = re.sub("^(number|angle)", r"\1s", _type(schema["items"]))
+        item = re.sub("^(number|angle)", r"\1s", _type(schema["items"])) if schema["items"] else "values"
         return f"list of {count}({item})" if "|" in item else f"list of {count}{item}"
     if schema["type"] in ("number", "integer"):
         signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}

@@ -13,6 +13,7 @@ from rmrc.scenario.values import (
     AngleOrEach,
     Axes,
     Axis,
+    Bounds,
     Choice,
     Count,
     Gravity,
@@ -31,6 +32,7 @@ from rmrc.scenario.values import (
     Seed,
     Switch,
     Text,
+    Values,
     Weights,
     Wrench,
     key,
@@ -358,6 +360,60 @@ class Check(Choice):
         return self
 
 
+# More keys than this are no sweep of anything that a person reads, and Sobol's
+# sequence has its numbers for so many.
+MOST_DRAWN = 20
+
+# The run's own name is no part of what happens, and the only thing that is drawn has a seed for each run.
+_NOT_SWEPT = {
+    "name": "names the runs and changes none of them",
+    "sweep": "is the sweep itself",
+    "arm.encoder.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
+}
+
+
+class SweepSection(Section):
+    """Which variants of the scenario `rmrc sweep` runs: a grid, samples between bounds, repeats."""
+
+    vary: dict[str, Values] = key("values of keys; every combination of them is run", {})
+    draw: dict[str, Bounds] = key("bounds of keys that are drawn between them, evenly", {})
+    sampler: Literal["random", "sobol"] = key(
+        "how they are drawn: each sample on its own, or by Sobol's sequence, which is more even",
+        "random",
+    )
+    samples: Annotated[int, Field(strict=True, ge=1)] = key(
+        "how many samples are drawn for each combination of `vary`; Sobol's are most even for powers of 2", 64
+    )
+    repeat: Annotated[int, Field(strict=True, ge=1)] = key(
+        "how often each of them is run, each time with other encoder offsets", 1
+    )
+    seed: Seed | None = key(
+        "what is drawn, and what each run's arm.encoder.seed counts from; null: that of the arm",
+        None,
+    )
+
+    @model_validator(mode="after")
+    def _each_key_once(self) -> Self:
+        if len(self.draw) > MOST_DRAWN:
+            raise rule(f"must draw at most {MOST_DRAWN} keys, got {len(self.draw)}")
+        for name, where in [(name, "vary") for name in self.vary] + [(name, "draw") for name in self.draw]:
+            key = ("sweep", where, name)
+            try:
+                split(name)
+            except ValueError:
+                raise rule("is no key such as control.feedback or arm.start[1]", key) from None
+            for refused, why in _NOT_SWEPT.items():
+                if name == refused or name.startswith(f"{refused}."):
+                    raise rule(f"cannot be varied: it {why}", key)
+            if name in self.vary and where == "draw":
+                raise rule("must be in vary or in draw, got both", key)
+            values = self.vary.get(name, ())
+            for i, value in enumerate(values):
+                if value in values[:i]:
+                    raise rule(f"must not repeat a value, got {show(value)} twice", key)
+        return self
+
+
 class Scenario(Section):
     """Everything that one run depends on."""
 
@@ -368,6 +424,7 @@ class Scenario(Section):
     target: TargetSection = key("where the site shall go")
     plant: PlantSection = key("what obeys the commanded rates", PlantSection())
     expect: dict[str, Check] = key("what is expected, by figure of the scorecard", {})
+    sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
     _origin: Origin = PrivateAttr(default_factory=Origin)
 
     @model_validator(mode="after")
@@ -413,10 +470,16 @@ def uneven(kind: str, period: float, timestep: float) -> str | None:
 def parse_key(text: str) -> Key:
     """Return the steps of a dotted key; the name of a figure is one step, whatever it is made of.
 
+    So is a key that is swept: `sweep.vary.arm.start[0]` is the key `arm.start[0]` of `sweep.vary`.
+
     Raises:
         ValueError: If the text is no key.
     """
     section, _, rest = text.partition(".")
+    if section == "sweep":
+        name, _, swept = rest.partition(".")
+        if swept and name in SweepSection.model_fields:
+            return (section, name, swept)
     if section != "expect" or not rest:
         return split(text)
     figure, _, last = rest.rpartition(".")

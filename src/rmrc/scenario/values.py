@@ -140,6 +140,13 @@ def _directed(values: tuple[float, ...]) -> tuple[float, ...]:
     return values
 
 
+def _rising(bounds: tuple[float, ...]) -> tuple[float, ...]:
+    low, high = bounds
+    if not low < high:
+        raise rule(f"must have the lower bound first, got {show(list(bounds))}")
+    return bounds
+
+
 def _model_file(path: Path, info: ValidationInfo) -> Path:
     """Make the path absolute; where a scenario is read (context), the file must be there."""
     folder: Path = info.context["folder"] if info.context else Path()
@@ -202,6 +209,13 @@ Positions = Annotated[tuple[Angle, ...], Count(1)]
 Weights = Annotated[tuple[Positive, ...], Count(1)]
 Rates = Annotated[tuple[Number, ...], Count(1)]
 Vector = Annotated[tuple[Number, ...], Count(2, 3)]
+Bounds = Annotated[
+    tuple[Angle, ...],
+    Count(2, 2),
+    AfterValidator(_rising),
+    Field(description="the lower and the upper bound of the key", json_schema_extra={"unit": "as the key"}),
+]
+Values = Annotated[tuple[Any, ...], Count(1), Field(description="the values that the key takes")]
 Quaternion = Annotated[tuple[Number, ...], Count(4, 4), AfterValidator(_directed)]
 Wrench = Annotated[tuple[Number, ...], Count(6, 6)]
 Gravity = Annotated[tuple[Number, ...], Count(3, 3)]

@@ -1,0 +1,147 @@
+"""The verb `sweep`: thousands of variants of a scenario."""
+
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+
+from rmrc.cli.console import COMPILING, EXIT_INTERRUPTED, complain, notice, output, progress
+from rmrc.cli.scenarios import Out, Overrides, Quiet
+from rmrc.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from rmrc.sweep.dataset import Contents
+    from rmrc.sweep.records import Choice
+    from rmrc.sweep.sweep import Sweep
+
+Drawn = Annotated[list[str] | None, typer.Option(metavar="KEY=LOW..HIGH", help="Draw a key; repeatable.")]
+
+
+def sweep(
+    scenario: Annotated[
+        Path, typer.Argument(help="The scenario, a YAML file, perhaps with a sweep section.")
+    ],
+    vary: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=V1,V2,...", help="Values of a key; repeatable: a grid."),
+    ] = None,
+    random: Drawn = None,
+    sobol: Drawn = None,
+    samples: Annotated[
+        int | None, typer.Option(help="How many are drawn for each point of the grid.")
+    ] = None,
+    repeat: Annotated[
+        int | None, typer.Option(help="How often each is run, with other encoder offsets.")
+    ] = None,
+    seed: Annotated[int | None, typer.Option(help="What is drawn.")] = None,
+    set_: Overrides = None,
+    out: Out = Path("recordings"),
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")
+    ] = None,
+    record: Annotated[
+        str | None,
+        typer.Option(metavar="worst:N[:FIGURE]", help="Record the worst (or best) runs in full."),
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Run thousands of variants of a scenario; leave NAME.sweep.parquet, a row a run.
+
+    Started again, it goes on where it was ended. A run that diverges is a row like others.
+    """
+    from rmrc.sweep.records import Choice
+    from rmrc.sweep.sweep import Sweep
+
+    options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
+    overrides = [*(set_ or ()), *options.values()]
+    choice = Choice.read(record) if record else None
+    try:
+        work = Sweep(scenario, overrides, out, threads)
+        contents = _check(work, quiet)
+    except ScenarioError as error:
+        raise ScenarioError([_told(problem, options) for problem in error.problems]) from None
+    choice = choice and choice.settled(work.scenario, contents.columns)
+    name, before = work.scenario.name, work.done
+    with progress(f"{name}: {len(work)} runs", len(work), quiet, before, "runs") as on_runs:
+        swept = work.run(on_runs)
+    console = output(quiet)
+    if swept.interrupted:
+        complain(f"interrupted after {swept.done} of {len(work)} runs; the same command goes on")
+        raise typer.Exit(EXIT_INTERRUPTED)
+    _summarize(console, work)
+    console.print(f"wrote {work.dataset.file}", highlight=False, soft_wrap=True)
+    if choice:
+        _record(console, work, choice, quiet)
+
+
+def _check(work: "Sweep", quiet: bool) -> "Contents":
+    """Check every run; Ctrl-C leaves nothing."""
+    try:
+        with notice(COMPILING):
+            work.compile()
+        with progress("checking", len(work), quiet, unit="runs") as on_runs:
+            return work.check(on_runs)
+    except KeyboardInterrupt:
+        complain("interrupted before the first run")
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+
+
+def _options(
+    vary: Sequence[str], random: Sequence[str], sobol: Sequence[str], numbers: Sequence[int | None]
+) -> dict[str, str]:
+    """Return the options as overrides of the section `sweep`, by what a message calls them."""
+    problems = ["--sobol: must not be given with --random: all keys are drawn alike"] * bool(random and sobol)
+    options: dict[str, str] = {}
+    for text in vary:
+        key, values = (part.strip() for part in text.split("=", 1)) if "=" in text else ("", "")
+        if not key:
+            problems.append(f"--vary {text}: must be KEY=V1,V2,..., for example control.feedback=5,10,20")
+        options[f"--vary {key}"] = f"sweep.vary.{key}=[{values}]"
+    for option, text in (*(("--random", text) for text in random), *(("--sobol", text) for text in sobol)):
+        match = re.fullmatch(r"\s*([^=\s]+)\s*=(.+?)\.\.(.+)", text)
+        if match is None:
+            problems.append(f"{option} {text}: must be KEY=LOW..HIGH, for example control.feedback=5..20")
+            continue
+        key, low, high = match.groups()
+        options[f"{option} {key}"] = f"sweep.draw.{key}=[{low}, {high}]"
+        options[option] = f"sweep.sampler={option.removeprefix('--')}"
+    for name, number in zip(("samples", "repeat", "seed"), numbers, strict=True):
+        options |= {} if number is None else {f"--{name}": f"sweep.{name}={number}"}
+    if problems:
+        raise ScenarioError(problems)
+    return options
+
+
+def _told(problem: str, options: Mapping[str, str]) -> str:
+    """Return a problem with the options as they were given, and not as what they override."""
+    for option, override in options.items():
+        key = override.partition("=")[0]
+        place = f"--set {key}"
+        if problem.startswith((f"{place}:", f"{place}[", f"{place}.")) or f": {place}:" in problem:
+            return problem.replace(place, option, 1).replace(f"{option}: {key}", option, 1)
+    return problem
+
+
+def _summarize(console: Console, work: "Sweep") -> None:
+    from rmrc.output import sheets, sweep_table
+
+    found = work.summary()
+    named = sorted({run for one in found.extremes for _, run in (one.least, one.most) if run >= 0})
+    extremes = [(one.column.name, one.column.unit, one.least, one.most) for one in found.extremes]
+    labels = [work.plan.label(run) for run in named]
+    parts = sweep_table.sheets(work.scenario.name, found.statuses, found.met, extremes, labels)
+    console.print(sheets.render(parts))
+
+
+def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> None:
+    for index in work.chosen(choice):
+        job = work.job(index)
+        with progress(job.scenario.name, job.ticks, quiet) as on_ticks:
+            ended = job.run(on_ticks)
+        if ended.interrupted:
+            complain(f"interrupted while {job.scenario.name} was recorded; all rows are there")
+            raise typer.Exit(EXIT_INTERRUPTED)
+        console.print(f"wrote {ended.files[0]}", highlight=False, soft_wrap=True)

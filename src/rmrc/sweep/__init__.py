@@ -1,0 +1,6 @@
+"""Thousands of variants of a scenario: planned by index, run in batches on all cores, kept as a Parquet file.
+
+`plan` says which runs there are, each known by its index, with `sobol` for points that fill a cube evenly;
+`columns` says what a row has, `shards` makes rows of some runs, `dataset` keeps them on disk, `summary` and
+`records` look at them, and `sweep` is all of it together.
+"""

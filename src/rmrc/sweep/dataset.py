@@ -1,0 +1,184 @@
+"""The rows of a sweep on disk: a folder of finished batches while it runs, one Parquet file in the end.
+
+    NAME.sweep/_plan.json             what is run, and which columns a row has; written before the first run
+    NAME.sweep/part-00000017.parquet  the rows of one batch; appears whole, or not at all
+    NAME.sweep.parquet                all rows by index; then the folder goes
+
+Either has all that is needed to go on, or to say that nothing is missing. Readers of Parquet skip what begins
+with `_` or `.`.
+"""
+
+import json
+import shutil
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import pyarrow.lib as pa
+import pyarrow.parquet as pq
+
+from rmrc.errors import ScenarioError
+from rmrc.files import written_whole
+
+# Rows that are held while parts become one file: some 30 MB of figures.
+_MERGED = 50_000
+
+_TYPES = {"number": pa.float64(), "count": pa.int64(), "text": pa.string(), "switch": pa.bool_()}
+
+
+class Column(NamedTuple):
+    """What a column of the dataset holds.
+
+    Attributes:
+        name: A key of the scenario, a figure of the scorecard, or one of our own.
+        kind: `number`, `count`, `text` or `switch`.
+        unit: SI, `1` for a plain number, "" for none.
+        meaning: In a few words.
+    """
+
+    name: str
+    kind: str
+    unit: str
+    meaning: str
+
+
+class Contents(NamedTuple):
+    """What a dataset holds, ready for JSON.
+
+    Attributes:
+        identity: What decides the rows, by name: two sweeps are the same if all of it is equal.
+        runs: How many rows there are in the end.
+        batch: How many of them a part has; the last one may have fewer.
+        columns: Of a row.
+    """
+
+    identity: Mapping[str, Any]
+    runs: int
+    batch: int
+    columns: Sequence[Column]
+
+    @property
+    def parts(self) -> int:
+        """How many parts there are in the end."""
+        return -(-self.runs // self.batch)
+
+    def indices(self, part: int) -> range:
+        """Return which runs a part has."""
+        return range(part * self.batch, min((part + 1) * self.batch, self.runs))
+
+    @property
+    def schema(self) -> pa.Schema:
+        """Types of the columns, with their units and meanings, and the contents themselves as JSON."""
+        fields = [
+            pa.field(c.name, _TYPES[c.kind], metadata={"unit": c.unit, "meaning": c.meaning})
+            for c in self.columns
+        ]
+        return pa.schema(fields, metadata={"rmrc": json.dumps(self._asdict(), ensure_ascii=False)})
+
+    @classmethod
+    def read(cls, text: str | bytes) -> "Contents":
+        """Return the contents that were written as JSON."""
+        facts = json.loads(text)
+        return cls(**{**facts, "columns": [Column(*column) for column in facts["columns"]]})
+
+
+class Dataset:
+    """Rows of a sweep on disk.
+
+    Attributes:
+        folder: Of the parts.
+        file: With all rows, in the end.
+    """
+
+    def __init__(self, folder: Path, name: str) -> None:
+        """Name the files; nothing is read or written yet.
+
+        Args:
+            folder: Where they go.
+            name: Of the scenario.
+        """
+        self.folder, self.file = folder / f"{name}.sweep", folder / f"{name}.sweep.parquet"
+        self._plan = self.folder / "_plan.json"
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all rows are in one file."""
+        return self.file.exists()
+
+    def contents(self, identity: Mapping[str, Any]) -> Contents | None:
+        """Return the contents of what is there, or None.
+
+        Args:
+            identity: Of the sweep that wants to go on with it.
+
+        Raises:
+            ScenarioError: It is another sweep's, or no sweep's.
+        """
+        place = self.file if self.is_whole else self.folder
+        try:
+            if self.is_whole:
+                found = Contents.read(pq.read_schema(self.file).metadata[b"rmrc"])
+            elif self._plan.exists():
+                found = Contents.read(self._plan.read_bytes())
+            else:
+                return None
+        except (pa.ArrowInvalid, KeyError, TypeError, ValueError):
+            raise ScenarioError([f"{place}: is no sweep's; move it, or take another --out"]) from None
+        differs = [key for key in identity if found.identity.get(key) != identity[key]]
+        if differs:
+            what = f"is of another sweep ({', '.join(differs)} differ)"
+            raise ScenarioError([f"{place}: {what}; move it, or take another --out"])
+        return found
+
+    def begin(self, contents: Contents) -> None:
+        """Write what will be there."""
+        text = json.dumps(contents._asdict(), indent=1, ensure_ascii=False)
+        with written_whole(self._plan) as temporary:
+            temporary.write_text(f"{text}\n", "utf-8")
+
+    def missing(self, contents: Contents) -> list[int]:
+        """Return the parts that are not there yet."""
+        if self.is_whole:
+            return []
+        there = {path.name for path in self.folder.glob("part-*.parquet")}
+        return [part for part in range(contents.parts) if self._part(part).name not in there]
+
+    def write(self, contents: Contents, part: int, rows: Sequence[Mapping[str, Any]]) -> None:
+        """Write one part, whole or not at all."""
+        # A figure that one model has and another has not is NaN, as one that is undefined.
+        blank = {"number": float("nan")}
+        columns = {c.name: [row.get(c.name, blank.get(c.kind)) for row in rows] for c in contents.columns}
+        with written_whole(self._part(part)) as temporary:
+            pq.write_table(pa.table(columns, contents.schema), temporary)
+
+    def merge(self, contents: Contents) -> None:
+        """Make one file of all parts, in order, and remove them; they are read one after another."""
+        schema = contents.schema
+        with written_whole(self.file) as temporary, pq.ParquetWriter(temporary, schema) as writer:
+            held: list[pa.Table] = []
+            for part in range(contents.parts):
+                held.append(pq.read_table(self._part(part), partitioning=None))
+                if part == contents.parts - 1 or sum(map(len, held)) >= _MERGED:
+                    writer.write_table(pa.concat_tables(held))
+                    held = []
+        self.clear()
+
+    def clear(self) -> None:
+        """Remove the parts, where one file has them all."""
+        if self.is_whole:
+            shutil.rmtree(self.folder, ignore_errors=True)
+
+    def batches(self, columns: Sequence[str]) -> Iterator[Mapping[str, list[Any]]]:
+        """Iterate over the rows of what is there, some thousands at a time: values by column.
+
+        Args:
+            columns: That are wanted.
+        """
+        paths = [self.file] if self.is_whole else sorted(self.folder.glob("part-*.parquet"))
+        for path in paths:
+            with pq.ParquetFile(path) as file:
+                for batch in file.iter_batches(10_000, columns=list(columns)):
+                    yield batch.to_pydict()
+
+    def _part(self, part: int) -> Path:
+        return self.folder / f"part-{part:08d}.parquet"

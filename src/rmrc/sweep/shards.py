@@ -1,0 +1,133 @@
+"""Some runs of a plan -> their rows: prepared, stepped as one batch on one thread, scored."""
+
+import hashlib
+import json
+import pickle
+import threading
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+from weakref import WeakKeyDictionary
+
+from rmrc import facts
+from rmrc.arm import Arm
+from rmrc.errors import ScenarioError
+from rmrc.preparation import Preparation, Prepared
+from rmrc.run import Divergence
+from rmrc.scenario import Scenario
+from rmrc.scorecard import Scorecard, check
+from rmrc.simulation import Simulation
+from rmrc.sweep.columns import NOT_KEPT
+from rmrc.sweep.plan import Plan
+
+
+class Shards:
+    """What runs batches of a plan; threads may share it.
+
+    The law runs without the interpreter's lock. Preparation does not, and asks arms that are shared, so that
+    one thread prepares at a time.
+    """
+
+    def __init__(self, path: Path, overrides: Sequence[str], base: Scenario, plan: Plan) -> None:
+        """Keep what all runs share.
+
+        Args:
+            path: Of the scenario.
+            overrides: `KEY=VALUE` texts that hold for all runs.
+            base: The scenario with these.
+            plan: What the runs are.
+        """
+        self._preparation, self._plan = Preparation(path, overrides), plan
+        self._versions = json.dumps(facts.versions())
+        self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
+        self._lock = threading.Lock()
+        self._places = {key: base.locate(f"sweep.vary.{key}") for key, _ in plan.vary}
+        self._places |= {key: base.locate(f"sweep.draw.{key}") for key, _, _ in plan.draw}
+
+    def prepare(self, index: int, *more: str) -> Prepared:
+        """Return one run, checked whole.
+
+        Args:
+            index: Of the run.
+            more: `KEY=VALUE` texts on top.
+
+        Raises:
+            ScenarioError: All that is wrong with it.
+        """
+        varied = (*self._plan.overrides(index), *more)
+        try:
+            return self._preparation.variant(varied)
+        except ScenarioError as error:
+            raise ScenarioError([self._placed(problem) for problem in error.problems]) from None
+
+    def _placed(self, problem: str) -> str:
+        """Return a problem with the place of its key in the sweep."""
+        for key, place in self._places.items():
+            if problem.startswith((f"--vary {key}:", f"--vary {key}[", f"--vary {key}.")):
+                return place + problem.removeprefix(f"--vary {key}")
+        return problem
+
+    def run(self, indices: range, stop: threading.Event) -> list[dict[str, Any]] | None:
+        """Return the rows of some runs, or None if they were interrupted.
+
+        Args:
+            indices: Of the runs.
+            stop: Once it is set, the runs end.
+        """
+        with self._lock:
+            prepared = [self.prepare(index) for index in indices]
+            simulation = Simulation(prepared, keep_columns=False)
+        ended = _ended(simulation, stop)
+        if stop.is_set():
+            return None
+        return [self._row(*each) for each in zip(indices, prepared, ended, strict=True)]
+
+    def _row(
+        self, index: int, prepared: Prepared, ended: tuple[Scorecard, Divergence | None]
+    ) -> dict[str, Any]:
+        card, divergence = ended
+        expect = prepared.scenario.expect
+        met = all(outcome.ok for outcome in check(card, expect)) if expect else None
+        figures = {name: figure.value for name, figure in card.items() if name not in NOT_KEPT}
+        return {
+            "index": index,
+            **self._plan.values(index),
+            "seed": self._plan.run_seed(index),
+            "status": _status(card, divergence),
+            "divergence": divergence and str(divergence),
+            "met": met,
+            # an undefined name is none
+            **{name: None if value == "" else value for name, value in figures.items()},
+            "scenario": digest(prepared.scenario, self.fingerprint(prepared.arm)),
+            "versions": self._versions,
+        }
+
+    def fingerprint(self, arm: Arm) -> str:
+        """Return what tells one compiled model from another."""
+        if arm not in self._prints:
+            self._prints[arm] = hashlib.sha256(pickle.dumps(arm.model)).hexdigest()
+        return self._prints[arm]
+
+
+def _ended(simulation: Simulation, stop: threading.Event) -> list[tuple[Scorecard, Divergence | None]]:
+    """Return the figures of each world, and where it diverged."""
+    simulation.step(stop=stop)
+    return list(zip(simulation.scorecards(), simulation.divergences(), strict=True))
+
+
+def _status(card: Scorecard, divergence: Divergence | None) -> str:
+    if divergence:
+        return "diverged"
+    return "complete" if card["completed"].value == 1.0 else "unfinished"
+
+
+def digest(one: Scenario, model: str) -> str:
+    """Return a hash of what a run depends on: of its scenario but for name, expectations and sweep.
+
+    Args:
+        one: The scenario.
+        model: Stands for the model's file, which may lie anywhere.
+    """
+    data: Mapping[str, Any] = one.model_dump(mode="json", exclude={"name", "expect", "sweep"})
+    data = {**data, "arm": {**data["arm"], "model": model}}
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]

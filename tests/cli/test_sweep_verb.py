@@ -1,0 +1,128 @@
+"""The verb `sweep`: options become the section of the file, tables say what came out, mistakes are a line each."""
+
+import re
+import time
+
+import pyarrow.parquet as pq
+import pytest
+
+from project import ROOT
+from rmrc.cli import console
+from rmrc.sweep.sweep import Sweep
+
+TEXT = f"""
+name: quick
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{line: {{by: [0.01, 0.0]}}}}]}}
+expect: {{joint_rate.peak: {{below: 0.2}}}}
+"""
+
+
+@pytest.fixture
+def quick(tmp_path):
+    (tmp_path / "quick.yaml").write_text(TEXT)
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_grid_is_run_summed_up_and_its_worst_run_recorded(rmrc, tmp_path):
+    grid = ["--vary", "control.feedback=5,10", "--vary", "control.inverse.method=damped,inverse"]
+    code, out, err = rmrc("sweep", "quick.yaml", *grid, "--threads", "1", "--record", "worst:1")
+    assert (code, err) == (0, "")
+    rows = pq.read_table(tmp_path / "recordings/quick.sweep.parquet").to_pylist()
+    assert [(row["control.feedback"], row["control.inverse.method"]) for row in rows] == [
+        (5.0, "damped"), (5.0, "inverse"), (10.0, "damped"), (10.0, "inverse"),
+    ]  # fmt: skip
+    worst = max(rows, key=lambda row: (row["joint_rate.peak"], -row["index"]))["index"]
+    lines = [" ".join(line.split()) for line in out.splitlines() if line.strip()]
+    assert lines[:3] == ["quick: 4 runs", "complete 4", "all expectations met 4"]
+    assert lines[3] == "figure least run most run"
+    assert any(line.startswith("joint_rate.peak [rad/s] 0.") for line in lines)
+    assert "run 2 (control.feedback=10, control.inverse.method=damped)" in lines
+    assert lines[-2:] == [
+        "wrote recordings/quick.sweep.parquet",
+        f"wrote recordings/quick-{worst}.rrd",
+    ]
+    assert {one.name for one in (tmp_path / "recordings").iterdir()} == {
+        "quick.sweep.parquet", *(f"quick-{worst}.{kind}" for kind in ("rrd", "npz", "json")),
+    }  # fmt: skip
+
+
+@pytest.mark.usefixtures("quick")
+def test_options_override_the_section_and_quiet_says_nothing(rmrc, tmp_path):
+    section = (
+        "sweep: {draw: {control.feedback: [1, 2]}, samples: 3, vary: {control.feedforward: [true, false]}}"
+    )
+    (tmp_path / "quick.yaml").write_text(TEXT + section)
+    options = ["--sobol", "control.feedback=5..20", "--samples", "4", "--seed", "9", "--quiet"]
+    assert rmrc("sweep", "quick.yaml", *options) == (0, "", "")
+    rows = pq.read_table(tmp_path / "recordings/quick.sweep.parquet").to_pylist()
+    assert [row["seed"] for row in rows] == [9, 10, 11, 12] * 2
+    assert [row["control.feedforward"] for row in rows] == [True] * 4 + [False] * 4
+    # Sobol's points are one in each quarter
+    assert sorted(int((row["control.feedback"] - 5) / 3.75) for row in rows[:4]) == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize(
+    ("options", "lines"),
+    [
+        ([], ["quick.yaml:2:1: sweep: must give 2 runs or more, got 1; "
+              "for example --vary control.inverse.method=damped,pseudoinverse"]),
+        (["--vary", "control.feedback", "--random", "control.feedback=5", "--sobol", "x=1..2"], [
+            "--sobol: must not be given with --random: all keys are drawn alike",
+            "--vary control.feedback: must be KEY=V1,V2,..., for example control.feedback=5,10,20",
+            "--random control.feedback=5: must be KEY=LOW..HIGH, for example control.feedback=5..20",
+        ]),
+        (["--random", "control.feedback=20..5", "--samples", "0"], [
+            "--random control.feedback: must have the lower bound first, got [20, 5]",
+            "--samples: must be >= 1, got 0",
+        ]),
+        (["--random", "control.feedback=five..6"], [
+            '--random control.feedback[0]: must be a number (radians) or an angle such '
+            'as "60 deg", got the text "five"',
+        ]),
+        (["--vary", "control.feedback=5,5"], ["--vary control.feedback: must not repeat a value, got 5 twice"]),
+        (["--vary", "sweep.seed=5,6"], ["--vary sweep.seed: cannot be varied: it is the sweep itself"]),
+        (["--vary", "arm.encoder.seed=5,6"], [
+            "--vary arm.encoder.seed: cannot be varied: it is set by the sweep, run by run: take sweep.repeat and "
+            "sweep.seed"]),
+        (["--vary", "control.feedback=5,6", "--random", "control.feedback=5..6"],
+         ["--random control.feedback: must be in vary or in draw, got both"]),
+        (["--vary", "control.fedback=5,6"], ['--vary control.fedback: unknown key; did you mean "feedback"?']),
+        (["--vary", "control.feedback=5,-6"], [
+            "run 1 (control.feedback=-6): --vary control.feedback: must be >= 0, got -6"]),
+        (["--vary", "control.feedback=5,6", "--record", "worst:x"], [
+            "--record: must be worst:N or best:N, with N from 1 to 100, and perhaps :FIGURE, got worst:x"]),
+        (["--vary", "control.feedback=5,6", "--record", "worst:1:speed"], [
+            "--record: no row has a number speed; take one such as joint_rate.peak"]),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("quick")
+def test_bad_input_is_a_line_each_exit_2_and_nothing_is_run(rmrc, tmp_path, options, lines):
+    code, out, err = rmrc("sweep", "quick.yaml", *options)
+    assert (code, out, err.splitlines()) == (2, "", [f"rmrc: error: {line}" for line in lines])
+    assert not list(tmp_path.rglob("*.parquet"))
+
+
+@pytest.mark.usefixtures("quick")
+def test_ctrl_c_before_the_first_run_leaves_nothing(rmrc, tmp_path, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Sweep, "check", interrupted)
+    code, out, err = rmrc("sweep", "quick.yaml", "--vary", "control.feedback=5,6")
+    assert (code, out, err) == (130, "", "rmrc: interrupted before the first run\n")
+    assert list((tmp_path / "recordings").iterdir()) == []
+
+
+def test_the_bar_of_a_sweep_tells_the_rate_and_the_time_left(monkeypatch, capfd):
+    monkeypatch.setenv("TTY_COMPATIBLE", "1")  # as if stderr were a terminal
+    with console.progress("quick", 100, quiet=False, done=20, unit="runs") as on_runs:
+        for _ in range(4):
+            time.sleep(0.12)
+            on_runs(10)
+        time.sleep(0.12)  # for the bar to be drawn
+    shown = capfd.readouterr().err
+    assert "60%" in shown
+    assert re.search(r"\d runs/s", shown)
+    assert re.search(r"runs/s\S* \S*0:00:0\d", shown)  # what is left, beside
