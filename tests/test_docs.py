@@ -310,9 +310,9 @@ def shown(text):
 QUESTIONS = DOCUMENTS["docs/questions.md"]
 
 
-def questions():
-    """Return the commands of the page, each with the lines that it is said to print."""
-    blocks = re.findall(r"^```(\w*)\n(.*?)^```$", QUESTIONS, re.MULTILINE | re.DOTALL)
+def questions(text=QUESTIONS):
+    """Return the commands of a text, each with the lines that it is said to print."""
+    blocks = re.findall(r"^```(\w*)\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
     asked = []
     for language, block in blocks:
         if language == "sh":
@@ -332,6 +332,16 @@ def test_a_question_is_answered_as_its_page_says(rmrc, monkeypatch, tmp_path, co
     answer = {shown(line) for line in (printed + complaints).splitlines()}
     assert [line for line in lines if shown(line) not in answer] == []
     assert code == any(line.startswith("rmrc: not reached") for line in lines)
+
+
+def test_the_sweep_of_the_readme_ends_as_it_says(rmrc, monkeypatch, tmp_path):
+    ((command, lines), *_) = questions(section(README, "Sweep thousands of variants"))
+    monkeypatch.chdir(ROOT)
+    code, printed, complaints = rmrc(*shlex.split(command)[3:], "--out", str(tmp_path))
+    answer = {shown(line).replace(f"wrote {tmp_path}", "wrote recordings") for line in printed.splitlines()}
+    said = [line for line in lines if not re.match(r"pandas|polars|duckdb", line)]
+    assert [line for line in said if shown(line) not in answer] == []
+    assert (code, complaints) == (0, "") and len(said) > 8
 
 
 def test_every_question_has_an_answer_on_its_page():
