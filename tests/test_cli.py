@@ -301,6 +301,7 @@ def test_a_reader_that_has_enough_is_no_error():
     assert done.returncode in (0, 1)  # 0 where the pipe took all before head had enough
 
 
+@pytest.mark.long
 def test_the_first_run_ever_says_what_takes_so_long(tmp_path):
     (tmp_path / "quick.yaml").write_text(QUICK)
     done = subprocess.run(
