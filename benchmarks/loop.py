@@ -1,6 +1,6 @@
 """How much the closed loop costs over the physics alone, as ratios measured in one run.
 
-    python benchmarks/loop.py [--rounds 7] [--json] [--only methods]
+    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|methods]
 
 The floor is MuJoCo's own C loop: the same batch, from the same state, fed with the very controls that the
 closed loop sent, so that both step the same motion. The closed loop adds the law (decomposition, scheduled
@@ -104,6 +104,17 @@ def over_floor(prepared: list[Prepared], rounds: int) -> dict[str, float]:
     return found
 
 
+def arm_rows(rounds: int) -> dict[str, dict[str, float]]:
+    """Return the closed loop of each arm over the floor, alone and with others."""
+    return {
+        f"closed loop / C floor, {arm}, {worlds} world{'s' * (worlds > 1)}": over_floor(
+            [world(arm)] * worlds, rounds
+        )
+        for arm in ARMS
+        for worlds in (1, 64)
+    }
+
+
 def method_rows(rounds: int) -> dict[str, dict[str, float]]:
     """Closed loop over floor for each inverse and schedule, and for worlds of all of them in one batch."""
     rows, every = {}, []
@@ -200,20 +211,13 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--only", choices=["methods"], help="measure the rows of the methods alone")
+    parser.add_argument("--only", choices=["arms", "methods"], help="measure these rows alone")
     arguments = parser.parse_args()
     rounds = arguments.rounds
     if arguments.only:
-        show(method_rows(rounds), {}, arguments.json)
+        show((arm_rows if arguments.only == "arms" else method_rows)(rounds), {}, arguments.json)
         return
-    table = {
-        f"closed loop / C floor, {arm}, {worlds} world{'s' * (worlds > 1)}": over_floor(
-            [world(arm)] * worlds, rounds
-        )
-        for arm in ARMS
-        for worlds in (1, 64)
-    }
-    table |= method_rows(rounds)
+    table = arm_rows(rounds) | method_rows(rounds)
     table["1 thread / 2 threads, stanford, 128 worlds"] = two_threads(rounds)
     for worlds in (1, 64):
         name = f"plain numpy loop / closed loop, stanford, {worlds} world{'s' * (worlds > 1)}"
