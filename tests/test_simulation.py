@@ -161,10 +161,14 @@ VARIANTS = {
 }  # fmt: skip
 
 
-def assert_same_run(run, want, rtol, kv=1.0):
+# Two ways to the same rates differ by so much in the worst of 300 random chains [rad/s or m/s].
+RATE_ROUNDING = 1e-10
+
+
+def assert_same_run(run, want, rtol, kv=0.0):
     """Each column that the oracle has, within rtol of its largest value; and no bit that does not belong there.
 
-    A servo's torque is kv times what is left of a rate, and so is its rounding.
+    A servo's torque is its gain kv times what is left of a rate, and so is its rounding.
     """
     assert len(run) == len(want["q"])
     known = Status.SLOWED | Status.STOPPED | Status.SINGULAR
@@ -173,8 +177,11 @@ def assert_same_run(run, want, rtol, kv=1.0):
     assert_array_equal(run["status"] & limits & ~want["limited"], 0, err_msg="a limit that is not there")
     for name in want.keys() - {"status", "limited"}:
         column = want[name]
-        scale = np.abs(column[np.isfinite(column)]).max(initial=kv if name == "tau" else 1.0)
-        assert_allclose(run[name], column, rtol=0, atol=rtol * scale, err_msg=name)
+        scale = np.abs(column[np.isfinite(column)]).max(initial=1.0)
+        rounding = kv * RATE_ROUNDING if name == "tau" else 0.0
+        allowed = np.broadcast_to(np.maximum(rtol * scale, rounding), column.shape)
+        # As `assert_allclose` takes one tolerance for all: in shares of what is allowed to each.
+        assert_allclose(run[name] / allowed, column / allowed, rtol=0, atol=1.0, err_msg=name)
 
 
 @pytest.mark.parametrize("variant", VARIANTS)
@@ -398,7 +405,8 @@ def compare_random_chain(scenario, tmp_path_factory, seed):
     (run,) = Simulation([prepared]).run()
     assert run.divergence is None
     assume(not amplifies_rounding(control, run))
-    assert_same_run(run, NumpyLoop(prepared).run(), 1e-8, prepared.kv.max())
+    kv = prepared.kv if prepared.scenario.plant.kind == "servo" else 0.0
+    assert_same_run(run, NumpyLoop(prepared).run(), 1e-8, kv)
 
 
 @pytest.mark.parametrize(("kind", "tolerance"), [("ideal", 1e-9), ("servo", 3e-3)])
