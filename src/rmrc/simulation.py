@@ -226,11 +226,10 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Sh
     plant, arm = chosen[0].scenario.plant, chosen[0].arm
     references = {id(one.reference): one.reference for one in chosen}
     order = {key: r for r, key in enumerate(references)}
-    longest = max(len(reference.time) for reference in references.values())
+    longest = max(reference.ticks for reference in references.values())
     wanted = np.zeros((len(references), longest, 13))
     for r, reference in enumerate(references.values()):
-        wanted[r, : len(reference.time), :7] = reference.pose
-        wanted[r, : len(reference.time), 7:] = reference.twist
+        reference.write(wanted[r, : reference.ticks])
     worlds = np.empty(len(chosen), world_type(arm.n))
     for w, one in enumerate(chosen):
         worlds[w] = world_record(one, order[id(one.reference)])
