@@ -236,7 +236,7 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Sh
         worlds[w] = world_record(one, order[id(one.reference)])
     rows = int(worlds["ticks"].max())
     if not keeps:
-        rows = min(rows, max(4, HELD // len(chosen)))
+        rows = min(rows, max(1, HELD // len(chosen)))
     batch = PlantBatch(
         arm,
         arm.adapted(
