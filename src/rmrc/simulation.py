@@ -228,9 +228,10 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Sh
     references = {id(one.reference): one.reference for one in chosen}
     order = {key: r for r, key in enumerate(references)}
     longest = max(reference.ticks for reference in references.values())
-    wanted = np.zeros((len(references), longest, 13))
+    wanted = np.empty((len(references), longest, 13))
     for r, reference in enumerate(references.values()):
         reference.write(wanted[r, : reference.ticks])
+        wanted[r, reference.ticks :] = 0.0
     worlds = np.empty(len(chosen), world_type(arm.n))
     for w, one in enumerate(chosen):
         worlds[w] = world_record(one, order[id(one.reference)])
