@@ -315,7 +315,8 @@ def _curve(place: str, segment: Segment, start: Array) -> _Curve:
     elif isinstance(segment, TurnSegment):
         turn = segment.turn
     axis, angle = _rotation(turn, start) if turn else (np.array([0.0, 0.0, 1.0]), 0.0)
-    curve = _Curve(place, start, straight, spoke, np.cross(normal, spoke), sweep, axis, angle)
+    tangent = np.cross(normal, spoke) if sweep else spoke
+    curve = _Curve(place, start, straight, spoke, tangent, sweep, axis, angle)
     if not np.isfinite([curve.length, angle, *curve.end]).all():
         raise TargetError(f"{place}: is not finite; use smaller numbers")
     if isinstance(segment, LineSegment | ArcSegment) and curve.length < _SMALLEST:
