@@ -1,0 +1,343 @@
+"""The pieces of a sweep on Dask distributed: `--cluster tcp://HOST:PORT`, or `local:N` worker processes here.
+
+What travels to each worker once is the parcel, with every piece a few hundred bytes, and back come the rows
+as Parquet. Scheduling, and running again what a lost worker had, is Dask's part.
+"""
+
+import asyncio
+import hashlib
+import logging
+import platform
+import re
+import signal
+import threading
+import time
+import warnings
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import CancelledError, Future
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from importlib import metadata, util
+from multiprocessing import resource_tracker
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rmrc import facts
+from rmrc.errors import ClusterError, RmrcError, ScenarioError
+from rmrc.scenario import inline
+from rmrc.sweep.crew import Crew, Work
+from rmrc.sweep.parcel import Parcel, Unpacked
+from rmrc.sweep.shards import Checked
+
+# Seconds: to reach a scheduler; until there are workers; until all of them are given up.
+_ANSWER, _WORKERS, _GONE = 10.0, 10.0, 60.0
+# Parcels that a worker keeps, with their models: of this sweep and of the one before.
+_KEPT = 2
+_GOES_ON = "the rows so far are kept, and the same command goes on"
+# Who speaks on stderr of what we tell in a line.
+_TALKERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
+
+
+class Address(NamedTuple):
+    """Where the workers are.
+
+    Attributes:
+        text: As it was given.
+        here: How many processes are started here; 0: a scheduler is reached.
+    """
+
+    text: str
+    here: int
+
+    @classmethod
+    def read(cls, text: str) -> "Address":
+        """Return what a text says.
+
+        Raises:
+            ClusterError: It is no address, or Dask is not installed.
+        """
+        local = re.fullmatch(r"local:([1-9]\d{0,3})", text)
+        if not (local or re.fullmatch(r"(tcp|tls)://[^\s/]+:\d{1,5}", text)):
+            raise ClusterError(
+                "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N "
+                f"worker processes on this machine, got {inline(text)}"
+            )
+        if util.find_spec("distributed") is None:
+            raise ClusterError("--cluster: needs Dask, which is not installed: pip install 'rmrc[cluster]'")
+        return cls(text, int(local[1]) if local else 0)
+
+
+class _Sent(NamedTuple):
+    """What every worker has: what it works on, and what it must be like."""
+
+    parcel: Parcel
+    like: Mapping[str, str]
+
+
+@contextmanager
+def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
+    """Yield the workers of a cluster; in the end let them go, or end those that were started here.
+
+    Args:
+        address: Where they are.
+        parcel: What they work on.
+
+    Raises:
+        ClusterError: It does not answer, has no workers, or they are not as this process is.
+    """
+    from distributed import Client
+
+    with ExitStack() as stack:
+        stack.enter_context(_silence())
+        at: Any = stack.enter_context(_processes(address.here)) if address.here else address.text
+        try:
+            client = Client(at, timeout=_ANSWER, set_as_default=False)
+        except (OSError, ValueError, asyncio.CancelledError) as error:
+            raise ClusterError(
+                f"--cluster {address.text}: no Dask scheduler answers there ({_brief(error)}); start one "
+                "with `dask scheduler`, or look whether a firewall is between"
+            ) from None
+        stack.callback(_closed, client.close, _ANSWER)
+        crew = _Cluster(client, address, parcel)
+        crew.wait_for_workers()
+        crew.refuse_unlike()
+        yield crew
+
+
+class _Cluster:
+    """The workers of a cluster."""
+
+    def __init__(self, client: Any, address: Address, parcel: Parcel) -> None:
+        self._client, self._place = client, f"--cluster {address.text}"
+        self._executor = client.get_executor(pure=False)
+        self._like = _likeness()
+        self._sent = self._given(_Sent(parcel, self._like))
+        self._room, self._looked, self._there = 2, 0.0, time.monotonic()
+
+    def _given(self, value: object) -> Any:
+        # A task, and not scattered data, which is lost with the only worker that has it.
+        return self._client.submit(_same, value, pure=False)
+
+    def wait_for_workers(self) -> None:
+        try:
+            self._client.wait_for_workers(1, timeout=_WORKERS)
+        except TimeoutError:
+            raise ClusterError(
+                f"{self._place}: has no workers after {_WORKERS:.0f} s; start some with `dask worker ADDRESS`"
+            ) from None
+        except (OSError, RuntimeError) as error:
+            raise self._lost(error) from None
+
+    def refuse_unlike(self) -> None:
+        """Refuse workers that lack something, or have it in another version."""
+        try:
+            # known everywhere, as it comes with Python
+            lack = self._client.run(metadata.version, "rmrc", on_error="return")
+            for name, version in lack.items():
+                if isinstance(version, Exception):
+                    raise ClusterError(f"{self._place}: {_nothing(name)}")
+            theirs = self._client.run(_likeness, on_error="return")
+        except (OSError, RuntimeError) as error:
+            if isinstance(error, ClusterError):
+                raise
+            raise self._lost(error) from None
+        for name, found in theirs.items():
+            problem = _nothing(name) if isinstance(found, Exception) else _unlike(name, found, self._like)
+            if problem:
+                raise ClusterError(f"{self._place}: {problem}")
+
+    @property
+    def room(self) -> int:
+        """How many pieces may be under way: two for each thread, one to do and one to begin with at once."""
+        now = time.monotonic()
+        if now - self._looked > 1.0:
+            self._looked = now
+            try:
+                threads = sum(self._client.nthreads(callback_timeout=_ANSWER).values())
+            except (OSError, RuntimeError) as error:
+                raise self._lost(error) from None
+            self._there = now if threads else self._there
+            if now - self._there > _GONE:
+                raise ClusterError(
+                    f"{self._place}: has had no workers for {_GONE:.0f} s; start some; {_GOES_ON}"
+                )
+            self._room = max(2, 2 * threads)
+        return self._room
+
+    def shared(self, value: object) -> object:
+        return self._given(value)
+
+    def submit(self, work: Work, indices: range, shared: object, _: threading.Event) -> "Future[Any]":
+        try:
+            future: Future[Any] = self._executor.submit(
+                _work, self._sent, work, indices.start, indices.stop, shared
+            )
+        except (OSError, RuntimeError) as error:
+            raise self._lost(error) from None
+        return future
+
+    def result(self, future: "Future[Any]", indices: range) -> Any:
+        from distributed import KilledWorker
+
+        try:
+            return future.result()
+        except ClusterError as error:
+            raise ClusterError(f"{self._place}: {error}; {_GOES_ON}") from None
+        except RmrcError:
+            raise
+        except KilledWorker:
+            raise ClusterError(
+                f"{self._place}: runs {indices.start} to {indices.stop - 1} ended each worker that began "
+                f"with them; look whether its memory is enough; {_GOES_ON}"
+            ) from None
+        except (ImportError, AttributeError) as error:  # on a worker that came later
+            self.refuse_unlike()
+            raise ClusterError(
+                f"{self._place}: a worker cannot load rmrc ({_brief(error)}); {_GOES_ON}"
+            ) from None
+        except (OSError, CancelledError, asyncio.CancelledError) as error:
+            raise self._lost(error) from None
+
+    def _lost(self, error: BaseException) -> ClusterError:
+        return ClusterError(f"{self._place}: the scheduler is lost ({_brief(error)}); {_GOES_ON}")
+
+
+def _brief(error: BaseException) -> str:
+    """Return another's error on one short line."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 100 else f"{text[:100]} ..."
+
+
+def _nothing(name: str) -> str:
+    package = f"rmrc[cluster]=={metadata.version('rmrc')}"
+    return f"worker {name} has no rmrc; install there what is here: pip install '{package}'"
+
+
+def _unlike(name: str, theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
+    """Return in what a worker is not as the client is, or nothing."""
+    differ = [
+        f"{what} {theirs.get(what, 'none')}, here {own}"
+        for what, own in ours.items()
+        if theirs.get(what) != own
+    ]
+    if not differ:
+        return ""
+    return (
+        f"worker {name} has {' and '.join(differ)}: its rows would not have the same bits; install the same"
+    )
+
+
+@cache
+def _likeness() -> dict[str, str]:
+    """Return what must be the same for rows to have the same bits, of this process."""
+    folder = Path(__file__).parents[1]
+    sources = hashlib.sha256()
+    for file in sorted(folder.rglob("*.py")):
+        sources.update(file.relative_to(folder).as_posix().encode() + b"\0" + file.read_bytes())
+    return {
+        **facts.versions("distributed"),
+        "processor": platform.machine(),
+        "sources of rmrc": sources.hexdigest()[:8],
+    }
+
+
+# On the workers ----------------------------------------------------------------------------------
+
+_unpacking = threading.Lock()
+_unpacked: OrderedDict[str, Unpacked] = OrderedDict()
+
+
+def _same(value: object) -> object:
+    return value
+
+
+def _work(sent: _Sent, work: Work, start: int, stop: int, shared: object) -> Any:
+    """Do a piece, with the models that this process has compiled before."""
+    from distributed import get_worker
+
+    with _unpacking:
+        if sent.parcel.digest not in _unpacked:
+            problem = _unlike(get_worker().address, _likeness(), sent.like)
+            if problem:
+                raise ClusterError(problem)
+            # removed by Dask as well, even if this process has no time for it
+            _unpacked[sent.parcel.digest] = Unpacked(sent.parcel, get_worker().local_directory)
+            while len(_unpacked) > _KEPT:
+                _unpacked.popitem(last=False)
+        _unpacked.move_to_end(sent.parcel.digest)
+        mine = _unpacked[sent.parcel.digest]
+    try:
+        found = getattr(mine.shards, work)(range(start, stop), shared, threading.Event())
+    except ScenarioError as error:
+        raise ScenarioError([mine.told(problem) for problem in error.problems]) from None
+    if isinstance(found, Checked):
+        return found._replace(problems={mine.told(text): many for text, many in found.problems.items()})
+    return found
+
+
+# Processes here ----------------------------------------------------------------------------------
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Any]:
+    """Yield a cluster of processes of one thread each on this machine, which end with this one."""
+    from distributed import LocalCluster
+    from distributed.utils import LoopRunner
+
+    # Ctrl-C goes to all processes of a terminal. The workers are started by the loop's thread, and have it
+    # blocked from their first moment on, as that thread has; we end them.
+    resource_tracker.ensure_running()
+    runner = LoopRunner()
+    with _deaf():
+        runner.start()
+    with ExitStack() as stack:
+        stack.callback(_closed, runner.stop)
+        cluster = LocalCluster(
+            n_workers=0,
+            threads_per_worker=1,
+            host="127.0.0.1",
+            dashboard_address=None,
+            silence_logs=logging.CRITICAL,
+            memory_limit=None,
+            loop=runner.loop,
+        )
+        stack.callback(_closed, cluster.close, _ANSWER)
+        cluster.scale(count)
+        yield cluster
+
+
+@contextmanager
+def _deaf() -> Iterator[None]:
+    """Block Ctrl-C in this thread, and so in those that it starts."""
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep Dask from writing about what we tell in a line, or what does not matter."""
+    loggers = [logging.getLogger(name) for name in _TALKERS]
+    before = [logger.level for logger in loggers]
+    with warnings.catch_warnings():
+        # We compare versions ourselves, and a parcel with large meshes is sent once.
+        warnings.filterwarnings("ignore", module="distributed")
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, before, strict=True):
+                logger.setLevel(level)
+
+
+def _closed(close: Callable[..., object], *arguments: object) -> None:
+    """Close what may be lost already."""
+    with suppress(OSError, RuntimeError, asyncio.CancelledError):
+        close(*arguments)
