@@ -15,7 +15,7 @@ import time
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
-from concurrent.futures import CancelledError, Future
+from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib import metadata, util
@@ -26,7 +26,7 @@ from typing import Any, NamedTuple
 from rmrc import facts
 from rmrc.errors import ClusterError, RmrcError, ScenarioError
 from rmrc.scenario import inline
-from rmrc.sweep.crew import Crew, Work
+from rmrc.sweep.crew import Crew, Piece, Work
 from rmrc.sweep.parcel import Parcel, Unpacked
 from rmrc.sweep.shards import Checked
 
@@ -87,12 +87,16 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
         ClusterError: It does not answer, has no workers, or they are not as this process is.
     """
     from distributed import Client
+    from distributed.utils import sync
 
     with ExitStack() as stack:
         stack.enter_context(_silence())
-        at: Any = stack.enter_context(_processes(address.here)) if address.here else address.text
+        loop = stack.enter_context(_loop())
+        at: Any = stack.enter_context(_processes(address.here, loop)) if address.here else address.text
         try:
-            client = Client(at, timeout=_ANSWER, set_as_default=False)
+            if not address.here:
+                sync(loop, _greet, address.text, callback_timeout=_ANSWER)
+            client = Client(at, timeout=_ANSWER, set_as_default=False, loop=loop)
         except (OSError, ValueError, asyncio.CancelledError) as error:
             raise ClusterError(
                 f"--cluster {address.text}: no Dask scheduler answers there ({_brief(error)}); start one "
@@ -105,12 +109,20 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
         yield crew
 
 
+async def _greet(address: str) -> None:
+    """Say hello to a scheduler: the client itself would wait forever for one that is silent."""
+    from distributed import Security
+    from distributed.comm import connect
+
+    comm = await connect(address, timeout=_ANSWER, **Security().get_connection_args("client"))
+    await comm.close()
+
+
 class _Cluster:
     """The workers of a cluster."""
 
     def __init__(self, client: Any, address: Address, parcel: Parcel) -> None:
-        self._client, self._place = client, f"--cluster {address.text}"
-        self._executor = client.get_executor(pure=False)
+        self._client, self._address, self._place = client, address, f"--cluster {address.text}"
         self._like = _likeness()
         self._sent = self._given(_Sent(parcel, self._like))
         self._room, self._looked, self._there = 2, 0.0, time.monotonic()
@@ -120,14 +132,14 @@ class _Cluster:
         return self._client.submit(_same, value, pure=False)
 
     def wait_for_workers(self) -> None:
+        patience = _GONE if self._address.here else _WORKERS
         try:
-            self._client.wait_for_workers(1, timeout=_WORKERS)
+            self._client.wait_for_workers(1, timeout=patience)
         except TimeoutError:
-            raise ClusterError(
-                f"{self._place}: has no workers after {_WORKERS:.0f} s; start some with `dask worker ADDRESS`"
-            ) from None
-        except (OSError, RuntimeError) as error:
-            raise self._lost(error) from None
+            way_out = "" if self._address.here else f"; start some with `dask worker {self._address.text}`"
+            raise ClusterError(f"{self._place}: has no workers after {patience:.0f} s{way_out}") from None
+        except (OSError, RuntimeError):
+            raise self._lost() from None
 
     def refuse_unlike(self) -> None:
         """Refuse workers that lack something, or have it in another version."""
@@ -141,7 +153,7 @@ class _Cluster:
         except (OSError, RuntimeError) as error:
             if isinstance(error, ClusterError):
                 raise
-            raise self._lost(error) from None
+            raise self._lost() from None
         for name, found in theirs.items():
             problem = _nothing(name) if isinstance(found, Exception) else _unlike(name, found, self._like)
             if problem:
@@ -155,8 +167,8 @@ class _Cluster:
             self._looked = now
             try:
                 threads = sum(self._client.nthreads(callback_timeout=_ANSWER).values())
-            except (OSError, RuntimeError) as error:
-                raise self._lost(error) from None
+            except (OSError, RuntimeError):
+                raise self._lost() from None
             self._there = now if threads else self._there
             if now - self._there > _GONE:
                 raise ClusterError(
@@ -168,16 +180,16 @@ class _Cluster:
     def shared(self, value: object) -> object:
         return self._given(value)
 
-    def submit(self, work: Work, indices: range, shared: object, _: threading.Event) -> "Future[Any]":
+    def submit(self, work: Work, indices: range, shared: object, _: threading.Event) -> Piece:
         try:
-            future: Future[Any] = self._executor.submit(
-                _work, self._sent, work, indices.start, indices.stop, shared
+            piece: Piece = self._client.submit(
+                _work, self._sent, work, indices.start, indices.stop, shared, pure=False
             )
-        except (OSError, RuntimeError) as error:
-            raise self._lost(error) from None
-        return future
+        except (OSError, RuntimeError):
+            raise self._lost() from None
+        return piece
 
-    def result(self, future: "Future[Any]", indices: range) -> Any:
+    def result(self, future: Piece, indices: range) -> Any:
         from distributed import KilledWorker
 
         try:
@@ -196,16 +208,16 @@ class _Cluster:
             raise ClusterError(
                 f"{self._place}: a worker cannot load rmrc ({_brief(error)}); {_GOES_ON}"
             ) from None
-        except (OSError, CancelledError, asyncio.CancelledError) as error:
-            raise self._lost(error) from None
+        except (OSError, CancelledError, asyncio.CancelledError):
+            raise self._lost() from None
 
-    def _lost(self, error: BaseException) -> ClusterError:
-        return ClusterError(f"{self._place}: the scheduler is lost ({_brief(error)}); {_GOES_ON}")
+    def _lost(self) -> ClusterError:
+        return ClusterError(f"{self._place}: the scheduler is lost; {_GOES_ON}")
 
 
 def _brief(error: BaseException) -> str:
     """Return another's error on one short line."""
-    text = " ".join(str(error).split()) or type(error).__name__
+    text = re.sub(r"^in <.*?>: ", "", " ".join(str(error).split())) or type(error).__name__
     return text if len(text) <= 100 else f"{text[:100]} ..."
 
 
@@ -280,31 +292,43 @@ def _work(sent: _Sent, work: Work, start: int, stop: int, shared: object) -> Any
 
 
 @contextmanager
-def _processes(count: int) -> Iterator[Any]:
-    """Yield a cluster of processes of one thread each on this machine, which end with this one."""
-    from distributed import LocalCluster
+def _loop() -> Iterator[Any]:
+    """Yield the loop of a thread that has Ctrl-C blocked.
+
+    Ctrl-C goes to all processes of a terminal. The workers are started by this thread, and so have it blocked
+    from their first moment on; it is this process that ends them.
+    """
     from distributed.utils import LoopRunner
 
-    # Ctrl-C goes to all processes of a terminal. The workers are started by the loop's thread, and have it
-    # blocked from their first moment on, as that thread has; we end them.
-    resource_tracker.ensure_running()
+    resource_tracker.ensure_running()  # which would unblock it
     runner = LoopRunner()
     with _deaf():
         runner.start()
-    with ExitStack() as stack:
-        stack.callback(_closed, runner.stop)
-        cluster = LocalCluster(
-            n_workers=0,
-            threads_per_worker=1,
-            host="127.0.0.1",
-            dashboard_address=None,
-            silence_logs=logging.CRITICAL,
-            memory_limit=None,
-            loop=runner.loop,
-        )
-        stack.callback(_closed, cluster.close, _ANSWER)
+    try:
+        yield runner.loop
+    finally:
+        _closed(runner.stop)
+
+
+@contextmanager
+def _processes(count: int, loop: Any) -> Iterator[Any]:
+    """Yield a cluster of processes of one thread each on this machine, which end with this one."""
+    from distributed import LocalCluster
+
+    cluster = LocalCluster(
+        n_workers=0,
+        threads_per_worker=1,
+        host="127.0.0.1",
+        dashboard_address=None,
+        silence_logs=logging.CRITICAL,
+        memory_limit=None,
+        loop=loop,
+    )
+    try:
         cluster.scale(count)
         yield cluster
+    finally:
+        _closed(cluster.close, _ANSWER)
 
 
 @contextmanager

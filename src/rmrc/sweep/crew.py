@@ -1,8 +1,8 @@
 """Who works on the pieces of a sweep: threads of this process here, or a cluster in `rmrc.sweep.cluster`."""
 
 import threading
-from collections.abc import Generator, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Generator, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from queue import Empty, SimpleQueue
 from typing import Any, Literal, Protocol
@@ -16,6 +16,16 @@ Work = Literal["check", "run"]
 _LOOK = 0.2
 
 
+class Piece(Protocol):
+    """A piece that is under way: a future of threads, or of Dask."""
+
+    def add_done_callback(self, told: Callable[[Any], object], /) -> object:
+        """Have it told when it ends."""
+
+    def result(self) -> Any:
+        """Return what came out of it."""
+
+
 class Crew(Protocol):
     """Who works on pieces."""
 
@@ -26,7 +36,7 @@ class Crew(Protocol):
     def shared(self, value: object) -> object:
         """Return what to give to `submit` for a value that many pieces share."""
 
-    def submit(self, work: Work, indices: range, shared: object, stop: threading.Event) -> "Future[Any]":
+    def submit(self, work: Work, indices: range, shared: object, stop: threading.Event) -> Piece:
         """Have a piece done.
 
         Args:
@@ -36,7 +46,7 @@ class Crew(Protocol):
             stop: Once it is set, nobody waits for the result.
         """
 
-    def result(self, future: "Future[Any]", indices: range) -> Any:
+    def result(self, future: Piece, indices: range) -> Any:
         """Return what came out of a piece that ended, or raise why nothing did."""
 
 
@@ -58,11 +68,11 @@ class Threads:
         """Return the value."""
         return value
 
-    def submit(self, work: Work, indices: range, shared: object, stop: threading.Event) -> "Future[Any]":
+    def submit(self, work: Work, indices: range, shared: object, stop: threading.Event) -> Piece:
         """Have a piece done by the next thread that is free."""
         return self._pool.submit(getattr(self._shards, work), indices, shared, stop)
 
-    def result(self, future: "Future[Any]", indices: range) -> Any:  # noqa: ARG002
+    def result(self, future: Piece, indices: range) -> Any:  # noqa: ARG002
         """Return what came out of a piece that ended."""
         return future.result()
 
@@ -94,8 +104,8 @@ def done(
         shared: What the pieces share.
         stop: Once it is set, what has ended is all; set here when whoever iterates does not go on.
     """
-    ended: SimpleQueue[Future[Any]] = SimpleQueue()
-    running: dict[Future[Any], range] = {}
+    ended: SimpleQueue[Piece] = SimpleQueue()
+    running: dict[Piece, range] = {}
     shared = crew.shared(shared)
     try:
         while True:
@@ -121,5 +131,3 @@ def done(
     finally:
         if running:
             stop.set()
-        for future in running:
-            future.cancel()

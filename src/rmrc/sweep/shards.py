@@ -2,12 +2,13 @@
 
 import hashlib
 import json
-import pickle
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
+
+import numpy as np
 
 from rmrc import facts
 from rmrc.arm import Arm
@@ -170,10 +171,25 @@ class Shards:
         }
 
     def fingerprint(self, arm: Arm) -> str:
-        """Return what tells one compiled model from another."""
+        """Return what tells one compiled model from another, wherever its files lie."""
         if arm not in self._prints:
-            self._prints[arm] = hashlib.sha256(pickle.dumps(arm.model)).hexdigest()
+            found = hashlib.sha256()
+            for name, data in _numbers(arm.model):
+                found.update(f"{name} {len(data)} ".encode() + data)
+            self._prints[arm] = found.hexdigest()
         return self._prints[arm]
+
+
+def _numbers(model: Any) -> Iterator[tuple[str, bytes]]:
+    """Iterate over all that a compiled model holds, but for the paths of the files it was made of."""
+    for name in dir(model):
+        value = None if name.startswith("_") or "path" in name else getattr(model, name)
+        if isinstance(value, np.ndarray):
+            yield name, value.tobytes()
+        elif isinstance(value, int | float | bytes):
+            yield name, repr(value).encode()
+        elif type(value).__module__.startswith("mujoco."):  # options, statistics, looks
+            yield from ((f"{name}.{inner}", data) for inner, data in _numbers(value))
 
 
 def _ended(simulation: Simulation, stop: threading.Event) -> list[tuple[Scorecard, Divergence | None]]:

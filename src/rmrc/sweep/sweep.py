@@ -4,7 +4,7 @@ import hashlib
 import json
 import os
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, closing
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -170,8 +170,8 @@ class Sweep:
         """Return who works, who is asked for when there is work for the first time."""
         if self._opened is None:
             if self._cluster:
-                # what workers on this machine load, they need not compile
-                self.compile()
+                with suppress(ScenarioError):  # which the check tells
+                    self.compile()  # what workers on this machine load, they need not compile
                 who = clusters.opened(self._cluster, self._parcel)
             else:
                 who = in_threads(self._threads, self._shards)
