@@ -112,7 +112,7 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
 async def _greet(address: str) -> None:
     """Say hello to a scheduler: the client itself would wait forever for one that is silent."""
     from distributed import Security
-    from distributed.comm import connect
+    from distributed.comm.core import connect
 
     comm = await connect(address, timeout=_ANSWER, **Security().get_connection_args("client"))
     await comm.close()
