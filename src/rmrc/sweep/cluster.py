@@ -103,9 +103,10 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
                 "with `dask scheduler`, or look whether a firewall is between"
             ) from None
         stack.callback(_closed, client.close, _ANSWER)
-        crew = _Cluster(client, address, parcel)
+        crew = _Cluster(client, address)
         crew.wait_for_workers()
         crew.refuse_unlike()
+        crew.send(parcel)
         yield crew
 
 
@@ -121,15 +122,10 @@ async def _greet(address: str) -> None:
 class _Cluster:
     """The workers of a cluster."""
 
-    def __init__(self, client: Any, address: Address, parcel: Parcel) -> None:
+    def __init__(self, client: Any, address: Address) -> None:
         self._client, self._address, self._place = client, address, f"--cluster {address.text}"
         self._like = _likeness()
-        self._sent = self._given(_Sent(parcel, self._like))
         self._room, self._looked, self._there = 2, 0.0, time.monotonic()
-
-    def _given(self, value: object) -> Any:
-        # A task, and not scattered data, which is lost with the only worker that has it.
-        return self._client.submit(_same, value, pure=False)
 
     def wait_for_workers(self) -> None:
         patience = _GONE if self._address.here else _WORKERS
@@ -142,20 +138,30 @@ class _Cluster:
             raise self._lost() from None
 
     def refuse_unlike(self) -> None:
-        """Refuse workers that lack something, or have it in another version."""
+        """Refuse workers that lack something, or have it in another version, and a scheduler without rmrc."""
+        try:
+            self._client.run_on_scheduler(metadata.version, "rmrc")
+        except metadata.PackageNotFoundError:
+            raise ClusterError(f"{self._place}: {_nothing('the scheduler')}") from None
+        except (OSError, RuntimeError):
+            raise self._lost() from None
         try:
             # known everywhere, as it comes with Python
             lack = self._client.run(metadata.version, "rmrc", on_error="return")
             for name, version in lack.items():
                 if isinstance(version, Exception):
-                    raise ClusterError(f"{self._place}: {_nothing(name)}")
+                    raise ClusterError(f"{self._place}: {_nothing(f'worker {name}')}")
             theirs = self._client.run(_likeness, on_error="return")
         except (OSError, RuntimeError) as error:
             if isinstance(error, ClusterError):
                 raise
             raise self._lost() from None
         for name, found in theirs.items():
-            problem = _nothing(name) if isinstance(found, Exception) else _unlike(name, found, self._like)
+            problem = (
+                _nothing(f"worker {name}")
+                if isinstance(found, Exception)
+                else _unlike(name, found, self._like)
+            )
             if problem:
                 raise ClusterError(f"{self._place}: {problem}")
 
@@ -177,8 +183,12 @@ class _Cluster:
             self._room = max(2, 2 * threads)
         return self._room
 
+    def send(self, parcel: Parcel) -> None:
+        self._sent = self.shared(_Sent(parcel, self._like))
+
     def shared(self, value: object) -> object:
-        return self._given(value)
+        # A task, and not scattered data, which is lost with the only worker that has it.
+        return self._client.submit(_same, value, pure=False)
 
     def submit(self, work: Work, indices: range, shared: object, _: threading.Event) -> Piece:
         try:
@@ -221,9 +231,9 @@ def _brief(error: BaseException) -> str:
     return text if len(text) <= 100 else f"{text[:100]} ..."
 
 
-def _nothing(name: str) -> str:
+def _nothing(who: str) -> str:
     package = f"rmrc[cluster]=={metadata.version('rmrc')}"
-    return f"worker {name} has no rmrc; install there what is here: pip install '{package}'"
+    return f"{who} has no rmrc; install there what is here: pip install '{package}'"
 
 
 def _unlike(name: str, theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
