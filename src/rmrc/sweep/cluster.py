@@ -96,13 +96,14 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
         try:
             if not address.here:
                 sync(loop, _greet, address.text, callback_timeout=_ANSWER)
-            client = Client(at, timeout=_ANSWER, set_as_default=False, loop=loop)
+            with _deaf():  # it answers, so this is short, and half a client could not be closed
+                client = Client(at, timeout=_ANSWER, set_as_default=False, loop=loop)
+                stack.callback(_closed, client.close, _ANSWER)
         except (OSError, ValueError, asyncio.CancelledError) as error:
             raise ClusterError(
                 f"--cluster {address.text}: no Dask scheduler answers there ({_brief(error)}); start one "
                 "with `dask scheduler`, or look whether a firewall is between"
             ) from None
-        stack.callback(_closed, client.close, _ANSWER)
         crew = _Cluster(client, address)
         crew.wait_for_workers()
         crew.refuse_unlike()
@@ -325,25 +326,25 @@ def _processes(count: int, loop: Any) -> Iterator[Any]:
     """Yield a cluster of processes of one thread each on this machine, which end with this one."""
     from distributed import LocalCluster
 
-    cluster = LocalCluster(
-        n_workers=0,
-        threads_per_worker=1,
-        host="127.0.0.1",
-        dashboard_address=None,
-        silence_logs=logging.CRITICAL,
-        memory_limit=None,
-        loop=loop,
-    )
-    try:
+    with ExitStack() as stack:
+        with _deaf():  # half a cluster could not be closed
+            cluster = LocalCluster(
+                n_workers=0,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+                memory_limit=None,
+                loop=loop,
+            )
+            stack.callback(_closed, cluster.close, _ANSWER)
         cluster.scale(count)
         yield cluster
-    finally:
-        _closed(cluster.close, _ANSWER)
 
 
 @contextmanager
 def _deaf() -> Iterator[None]:
-    """Block Ctrl-C in this thread, and so in those that it starts."""
+    """Block Ctrl-C in this thread until the end, and for good in those that it starts."""
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
