@@ -1,4 +1,4 @@
-"""A sweep from file to file: checked whole, run in batches on all cores, each batch kept once it is done."""
+"""A sweep from file to file: checked whole, run in batches here or on a cluster, each kept once done."""
 
 import hashlib
 import json
