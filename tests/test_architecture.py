@@ -50,6 +50,7 @@ OWNERS = {
         *(f"rmrc.output.{name}" for name in ("tables", "comparison_table", "sheets", "bearing")),
     ),
     "typer": ("rmrc.cli",),
+    "distributed": ("rmrc.sweep.cluster",),
 }
 
 # Names that say nothing about what a module does.

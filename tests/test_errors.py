@@ -11,6 +11,7 @@ from rmrc import errors
         (errors.ScenarioError, ValueError),
         (errors.ModelError, ValueError),
         (errors.TargetError, ValueError),
+        (errors.ClusterError, ConnectionError),
         (errors.DivergenceError, ArithmeticError),
     ],
 )
@@ -24,7 +25,7 @@ def test_the_tree_in_the_docstring_is_the_whole_tree():
     classes = [v for v in vars(errors).values() if isinstance(v, type) and v is not type]
     ours = {c.__name__ for c in classes if issubclass(c, Exception)}
     assert ours == {word for word in errors.__doc__.split() if word in ours | {"RmrcError"}}
-    assert len(ours) == 6
+    assert len(ours) == 7
 
 
 def test_a_scenario_error_is_its_problems_one_a_line():

@@ -5,6 +5,7 @@
     ├── ModelError       (ValueError)       a model cannot be loaded, or lacks what was named
     ├── TargetError      (ValueError)       a target path cannot be timed
     ├── QuestionError    (ValueError)       what is asked about a model does not fit it
+    ├── ClusterError     (ConnectionError)  machines that should run a sweep cannot, or are lost
     └── DivergenceError  (ArithmeticError)  the simulated state stopped being finite
 
 A singularity is not an error: it is a status, recorded at every control tick.
@@ -57,6 +58,10 @@ class TargetError(RmrcError, ValueError):
 
 class QuestionError(RmrcError, ValueError):
     """What is asked about a model does not fit it: a number too many, a name that it has not."""
+
+
+class ClusterError(RmrcError, ConnectionError):
+    """The machines that should run a sweep cannot, or are lost; rows that are there are kept."""
 
 
 class DivergenceError(RmrcError, ArithmeticError):

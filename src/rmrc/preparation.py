@@ -17,7 +17,7 @@ from rmrc.control.choices import AtSingularity, Method, Objective, OnExcess, Pri
 from rmrc.control.records import world_type
 from rmrc.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.plant import Plant
-from rmrc.scenario import ArmSection, Scenario, Template, Variant
+from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant
 from rmrc.scorecard import refuse_unknown
 from rmrc.spatial import AXES, exp_rotation, quat_multiply
 from rmrc.target import Reference, make_reference
@@ -211,17 +211,23 @@ class Preparation:
     What is prepared is to the bit what `prepare` makes of the scenario that `rmrc.scenario.load` reads.
     """
 
-    def __init__(self, path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        overrides: Sequence[str] = (),
+        carried: Carried | None = None,
+    ) -> None:
         """Read the file.
 
         Args:
             path: Of the scenario.
             overrides: `KEY=VALUE` texts that hold for all variants.
+            carried: What is read instead of the file.
 
         Raises:
             ScenarioError: There is no such file, or its text cannot be used.
         """
-        self._template, self._known = Template(path, overrides), Known()
+        self._template, self._known = Template(path, overrides, carried), Known()
 
     def variant(self, varied: Sequence[str] = ()) -> Prepared:
         """Return a variant, with everything checked.

@@ -93,6 +93,11 @@ def test_options_override_the_section_and_quiet_says_nothing(rmrc, tmp_path):
             "run 1 (control.feedback=-6): --vary control.feedback: must be >= 0, got -6"]),
         (["--vary", "control.feedback=5,6", "--record", "worst:x"], [
             "--record: must be worst:N or best:N, with N from 1 to 100, and perhaps :FIGURE, got worst:x"]),
+        (["--vary", "control.feedback=5,6", "--cluster", "nobody"], [
+            "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N worker "
+            "processes on this machine, got nobody"]),
+        (["--vary", "control.feedback=5,6", "--cluster", "local:2", "--threads", "2"], [
+            "--threads: must not be given with --cluster, whose workers have their own threads"]),
         (["--vary", "control.feedback=5,6", "--record", "worst:1:speed"], [
             "--record: no row has a number speed; take one such as joint_rate.peak"]),
     ],

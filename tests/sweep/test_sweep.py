@@ -15,6 +15,7 @@ from rmrc.run import Run
 from rmrc.scenario import load
 from rmrc.scorecard import check, scorecard
 from rmrc.simulation import Simulation
+from rmrc.sweep.dataset import as_parquet
 from rmrc.sweep.records import Choice
 from rmrc.sweep.sweep import Sweep
 
@@ -128,7 +129,7 @@ def test_only_what_is_missing_is_run_and_the_file_is_the_same(swept, path, tmp_p
     contents = sweep.check()
     for part in (1, 4):
         rows = table.slice(contents.indices(part).start, contents.batch).to_pylist()
-        sweep.dataset.write(contents, part, rows)
+        sweep.dataset.keep(part, as_parquet(contents.columns, rows))
     stamps = {one: one.stat().st_mtime_ns for one in sweep.dataset.folder.glob("part-*")}
     # valid while it is not finished
     assert ds.dataset(sweep.dataset.folder).count_rows() == 2 * contents.batch

@@ -7,8 +7,8 @@ the physics.
 
 from rmrc.arm.arm import Arm, Chain
 from rmrc.arm.changes import Change
-from rmrc.arm.loading import load
+from rmrc.arm.loading import files, load
 from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Travel, Wiring
 
-__all__ = ["Arm", "Chain", "Change", "Shape", "Travel", "Wiring", "load"]
+__all__ = ["Arm", "Chain", "Change", "Shape", "Travel", "Wiring", "files", "load"]

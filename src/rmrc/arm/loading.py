@@ -1,5 +1,6 @@
 """An MJCF file becomes an arm."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -85,6 +86,26 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
         model=model,
         _spec=spec,
     )
+
+
+def files(path: Path) -> list[Path]:
+    """Return an MJCF file and every file that it depends on: what it includes, meshes, textures.
+
+    Args:
+        path: The file, absolute.
+
+    Returns:
+        Those that are there; the file alone if it cannot be read as MJCF, which `load` then tells.
+    """
+    quiet_log()
+    try:
+        found = set(mujoco.mju_getXMLDependencies(str(path)))
+        # which looks for height fields beside the model, where the compiler does not
+        spec = mujoco.MjSpec.from_file(str(path))
+        found |= {os.path.normpath(path.parent / spec.meshdir / field.file) for field in spec.hfields}
+    except (ValueError, mujoco.FatalError):
+        found = set()
+    return sorted(file for file in {path, *map(Path, found)} if file.is_file())
 
 
 def quiet_log() -> None:

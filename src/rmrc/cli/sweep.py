@@ -10,7 +10,7 @@ from rich.console import Console
 
 from rmrc.cli.console import COMPILING, EXIT_INTERRUPTED, complain, notice, output, progress
 from rmrc.cli.scenarios import Out, Overrides, Quiet
-from rmrc.errors import ScenarioError
+from rmrc.errors import ClusterError, ScenarioError
 
 if TYPE_CHECKING:
     from rmrc.sweep.dataset import Contents
@@ -42,6 +42,13 @@ def sweep(
     threads: Annotated[
         int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")
     ] = None,
+    cluster: Annotated[
+        str | None,
+        typer.Option(
+            metavar="ADDRESS",
+            help="Run on Dask: local:N worker processes, or the tcp://HOST:PORT of a scheduler.",
+        ),
+    ] = None,
     record: Annotated[
         str | None,
         typer.Option(metavar="worst:N[:FIGURE]", help="Record the worst (or best) runs in full."),
@@ -58,15 +65,23 @@ def sweep(
     options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
     overrides = [*(set_ or ()), *options.values()]
     choice = Choice.read(record) if record else None
+    if cluster and threads:
+        raise ClusterError(
+            "--threads: must not be given with --cluster, whose workers have their own threads"
+        )
     try:
-        work = Sweep(scenario, overrides, out, threads)
-        contents = _check(work, quiet)
+        work = Sweep(scenario, overrides, out, threads, cluster)
     except ScenarioError as error:
-        raise ScenarioError([_told(problem, options) for problem in error.problems]) from None
-    choice = choice and choice.settled(work.scenario, contents.columns)
-    name, before = work.scenario.name, work.done
-    with progress(f"{name}: {len(work)} runs", len(work), quiet, before, "runs") as on_runs:
-        swept = work.run(on_runs)
+        raise _in_options(error, options) from None
+    with work:
+        try:
+            contents = _check(work, quiet)
+        except ScenarioError as error:
+            raise _in_options(error, options) from None
+        choice = choice and choice.settled(work.scenario, contents.columns)
+        name, before = work.scenario.name, work.done
+        with progress(f"{name}: {len(work)} runs", len(work), quiet, before, "runs") as on_runs:
+            swept = work.run(on_runs)
     console = output(quiet)
     if swept.interrupted:
         complain(f"interrupted after {swept.done} of {len(work)} runs; the same command goes on")
@@ -113,6 +128,10 @@ def _options(
     if problems:
         raise ScenarioError(problems)
     return options
+
+
+def _in_options(error: ScenarioError, options: Mapping[str, str]) -> ScenarioError:
+    return ScenarioError([_told(problem, options) for problem in error.problems])
 
 
 def _told(problem: str, options: Mapping[str, str]) -> str:

@@ -17,8 +17,9 @@ a file or a text never does.
 """
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from pydantic import ValidationError
 
@@ -63,11 +64,12 @@ from rmrc.scenario.variation import Variant, variants
 from rmrc.scenario.wording import show
 
 __all__ = [
-    "Arc", "ArcSegment", "ArmSection", "Axis", "Check", "ControlSection", "DampingSection", "EncoderSection",
-    "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
-    "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
-    "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Template", "Turn",
-    "TurnSegment", "Variant", "angle", "inline", "json_schema", "load", "loads", "schema_rows", "variants",
+    "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Check", "ControlSection", "DampingSection",
+    "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment",
+    "NullspaceSection", "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment",
+    "SlowSection", "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection",
+    "Template", "Turn", "TurnSegment", "Variant", "angle", "inline", "json_schema", "load", "loads",
+    "schema_rows", "variants",
 ]  # fmt: skip
 
 
@@ -107,30 +109,64 @@ def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> S
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    return _scenario(_document(text, source, overrides), Path())
+    return _scenario(_document(text, source, overrides), Path(), {})
+
+
+class Carried(NamedTuple):
+    """What stands for the files of a scenario where these are not.
+
+    Attributes:
+        text: Of the scenario.
+        folder: Where its file was.
+        models: Files that stand for the models, by the names that the scenario has for them.
+    """
+
+    text: str
+    folder: Path
+    models: Mapping[str, Path]
 
 
 class Template:
     """A scenario's file, read once, of which any number of variants are made.
+
+    Attributes:
+        text: Of the file.
 
     >>> template = Template("scenarios/line_tracking.yaml", ["control.feedback=5"])
     >>> [template.scenario([f"plant.payload={mass}"]).plant.payload for mass in (0.5, 2)]
     [0.5, 2.0]
     """
 
-    def __init__(self, path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> None:
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        overrides: Sequence[str] = (),
+        carried: Carried | None = None,
+    ) -> None:
         """Read the file; what is wrong with its values is told by `scenario`.
 
         Args:
             path: The YAML file; messages show it as it is given.
             overrides: As in `load`; they hold for all variants.
+            carried: What is read instead of the file.
 
         Raises:
             ScenarioError: There is no such file, or its text cannot be used.
         """
         source = os.fspath(path)
-        self._folder = Path(source).parent
-        self._document = _document(None, source, overrides)
+        self._folder = carried.folder if carried else Path(source).parent
+        self._models = carried.models if carried else {}
+        self.text = carried.text if carried else _text(source)
+        self._document = _document(self.text, source, overrides)
+
+    @property
+    def models(self) -> list[str]:
+        """The names of all models that the file and its sweep have; the file is one without mistakes."""
+        data = self._document.value
+        vary = (data.get("sweep") or {}).get("vary") or {}
+        arms = [data["arm"], *vary.get("arm", ())]
+        names = [*(arm["model"] for arm in arms if "model" in arm), *vary.get("arm.model", ())]
+        return list(dict.fromkeys(map(str, names)))
 
     def scenario(self, varied: Sequence[str] = ()) -> Scenario:
         """Return a variant: what `load` returns for the same texts.
@@ -144,12 +180,19 @@ class Template:
         document = self._document
         for text in varied:
             document = override(document, text, "--vary")
-        return _scenario(document, self._folder)
+        return _scenario(document, self._folder, self._models)
 
 
-def _document(text: str | None, source: str, overrides: Sequence[str]) -> Document:
+def _text(source: str) -> str:
     try:
-        document = parse(read(source) if text is None else text, source)
+        return read(source)
+    except TextError as error:
+        raise ScenarioError(Origin(source).lines([Mistake((), str(error), error.mark)])) from None
+
+
+def _document(text: str, source: str, overrides: Sequence[str]) -> Document:
+    try:
+        document = parse(text, source)
     except TextError as error:
         raise ScenarioError(Origin(source).lines([Mistake((), str(error), error.mark)])) from None
     if not isinstance(document.value, dict):
@@ -160,10 +203,10 @@ def _document(text: str | None, source: str, overrides: Sequence[str]) -> Docume
     return document
 
 
-def _scenario(document: Document, folder: Path) -> Scenario:
+def _scenario(document: Document, folder: Path, models: Mapping[str, Path]) -> Scenario:
     mistakes = document.mistakes
     try:
-        context = {"folder": folder}
+        context = {"folder": folder, "models": models}
         scenario = Scenario.model_validate(document.value, context=context, by_alias=True, by_name=False)
     except ValidationError as error:
         mistakes = mistakes + translate(error, document)

@@ -149,9 +149,10 @@ def _rising(bounds: tuple[float, ...]) -> tuple[float, ...]:
 
 def _model_file(path: Path, info: ValidationInfo) -> Path:
     """Make the path absolute; where a scenario is read (context), the file must be there."""
-    folder: Path = info.context["folder"] if info.context else Path()
+    context = info.context or {"folder": Path(), "models": {}}
+    folder: Path = context["folder"]
     try:
-        full = (folder / path).resolve()
+        full: Path = (folder / context["models"].get(str(path), path)).resolve()
         is_file = not info.context or stat.S_ISREG(full.stat().st_mode)
     except FileNotFoundError:
         raise rule(f'no such file "{printable(str(full))}"{nearby(full, ".xml")}') from None

@@ -82,6 +82,23 @@ class Contents(NamedTuple):
         return cls(**{**facts, "columns": [Column(*column) for column in facts["columns"]]})
 
 
+def as_parquet(columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> bytes:
+    """Return rows as the bytes of a Parquet file: of a part, which is small and travels.
+
+    So it has no units and meanings, which `_plan.json` and the one file have, and values without dictionaries
+    or statistics, which would be larger than so few of them.
+    """
+    # A figure that one model has and another has not is NaN, as one that is undefined.
+    blank = {"number": float("nan")}
+    values = {c.name: [row.get(c.name, blank.get(c.kind)) for row in rows] for c in columns}
+    schema = pa.schema([pa.field(c.name, _TYPES[c.kind]) for c in columns])
+    stream = pa.BufferOutputStream()
+    pq.write_table(
+        pa.table(values, schema), stream, compression="zstd", use_dictionary=False, write_statistics=False
+    )
+    return bytes(stream.getvalue())
+
+
 class Dataset:
     """Rows of a sweep on disk.
 
@@ -143,13 +160,15 @@ class Dataset:
         there = {path.name for path in self.folder.glob("part-*.parquet")}
         return [part for part in range(contents.parts) if self._part(part).name not in there]
 
-    def write(self, contents: Contents, part: int, rows: Sequence[Mapping[str, Any]]) -> None:
-        """Write one part, whole or not at all."""
-        # A figure that one model has and another has not is NaN, as one that is undefined.
-        blank = {"number": float("nan")}
-        columns = {c.name: [row.get(c.name, blank.get(c.kind)) for row in rows] for c in contents.columns}
+    def keep(self, part: int, data: bytes) -> None:
+        """Write one part, whole or not at all.
+
+        Args:
+            part: Which.
+            data: Its rows, by `as_parquet`.
+        """
         with written_whole(self._part(part)) as temporary:
-            pq.write_table(pa.table(columns, contents.schema), temporary)
+            temporary.write_bytes(data)
 
     def merge(self, contents: Contents) -> None:
         """Make one file of all parts, in order, and remove them; they are read one after another."""

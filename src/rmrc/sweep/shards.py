@@ -2,23 +2,44 @@
 
 import hashlib
 import json
-import pickle
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
+
+import numpy as np
 
 from rmrc import facts
 from rmrc.arm import Arm
+from rmrc.control.records import tick_type
 from rmrc.errors import ScenarioError
 from rmrc.preparation import Preparation, Prepared
 from rmrc.run import Divergence
-from rmrc.scenario import Scenario
+from rmrc.scenario import Carried, Scenario
 from rmrc.scorecard import Scorecard, check
 from rmrc.simulation import Simulation
-from rmrc.sweep.columns import NOT_KEPT
+from rmrc.sweep.columns import NOT_KEPT, typed
+from rmrc.sweep.dataset import Column, as_parquet
 from rmrc.sweep.plan import Plan
+
+
+class Checked(NamedTuple):
+    """What is known of some runs before they start.
+
+    Attributes:
+        runs: How many they are.
+        problems: The first run that has it and how many have it, by what is wrong.
+        kinds: The first run of those that have the same figures, by what decides these.
+        ticks: Of the references of all.
+        largest: How many bytes one of them may record at most.
+    """
+
+    runs: int
+    problems: dict[str, tuple[int, int]]
+    kinds: dict[object, int]
+    ticks: int
+    largest: int
 
 
 class Shards:
@@ -28,7 +49,14 @@ class Shards:
     one thread prepares at a time.
     """
 
-    def __init__(self, path: Path, overrides: Sequence[str], base: Scenario, plan: Plan) -> None:
+    def __init__(
+        self,
+        path: Path,
+        overrides: Sequence[str],
+        base: Scenario,
+        plan: Plan,
+        carried: Carried | None = None,
+    ) -> None:
         """Keep what all runs share.
 
         Args:
@@ -36,8 +64,9 @@ class Shards:
             overrides: `KEY=VALUE` texts that hold for all runs.
             base: The scenario with these.
             plan: What the runs are.
+            carried: What is read instead of the file.
         """
-        self._preparation, self._plan = Preparation(path, overrides), plan
+        self._preparation, self._plan = Preparation(path, overrides, carried), plan
         self._versions = json.dumps(facts.versions())
         self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
         self._lock = threading.Lock()
@@ -67,8 +96,47 @@ class Shards:
                 return place + problem.removeprefix(f"--vary {key}")
         return problem
 
-    def run(self, indices: range, stop: threading.Event) -> list[dict[str, Any]] | None:
-        """Return the rows of some runs, or None if they were interrupted.
+    def check(self, indices: range, _: object, stop: threading.Event) -> Checked | None:
+        """Return what is known of some runs before they start, or None if that was interrupted.
+
+        Args:
+            indices: Of the runs.
+            stop: Once it is set, this ends.
+        """
+        problems: dict[str, tuple[int, int]] = {}
+        kinds: dict[object, int] = {}
+        ticks = largest = 0
+        with self._lock:
+            for index in indices:
+                if stop.is_set():
+                    return None
+                try:
+                    one = self.prepare(index)
+                except ScenarioError as error:
+                    for problem in error.problems:
+                        first, count = problems.get(problem, (index, 0))
+                        problems[problem] = first, count + 1
+                    continue
+                kinds.setdefault(
+                    (one.arm.joints, tuple(one.arm.is_slide.tolist()), one.scenario.task.axes), index
+                )
+                ticks += len(one.reference.time)
+                largest = max(largest, _most_bytes(one))
+        return Checked(len(indices), problems, kinds, ticks, largest)
+
+    def run(self, indices: range, columns: Sequence[Column], stop: threading.Event) -> bytes | None:
+        """Return the rows of some runs as Parquet, or None if they were interrupted.
+
+        Args:
+            indices: Of the runs.
+            columns: Of a row.
+            stop: Once it is set, the runs end.
+        """
+        rows = self.rows(indices, stop)
+        return as_parquet(columns, [typed(row, columns) for row in rows]) if rows else None
+
+    def rows(self, indices: range, stop: threading.Event) -> list[dict[str, Any]]:
+        """Return the rows of some runs, none if they were interrupted.
 
         Args:
             indices: Of the runs.
@@ -79,7 +147,7 @@ class Shards:
             simulation = Simulation(prepared, keep_columns=False)
         ended = _ended(simulation, stop)
         if stop.is_set():
-            return None
+            return []
         return [self._row(*each) for each in zip(indices, prepared, ended, strict=True)]
 
     def _row(
@@ -103,10 +171,25 @@ class Shards:
         }
 
     def fingerprint(self, arm: Arm) -> str:
-        """Return what tells one compiled model from another."""
+        """Return what tells one compiled model from another, wherever its files lie."""
         if arm not in self._prints:
-            self._prints[arm] = hashlib.sha256(pickle.dumps(arm.model)).hexdigest()
+            found = hashlib.sha256()
+            for name, data in _numbers(arm.model):
+                found.update(f"{name} {len(data)} ".encode() + data)
+            self._prints[arm] = found.hexdigest()
         return self._prints[arm]
+
+
+def _numbers(model: Any) -> Iterator[tuple[str, bytes]]:
+    """Iterate over all that a compiled model holds, but for the paths of the files it was made of."""
+    for name in dir(model):
+        value = None if name.startswith("_") or "path" in name else getattr(model, name)
+        if isinstance(value, np.ndarray):
+            yield name, value.tobytes()
+        elif isinstance(value, int | float | bytes):
+            yield name, repr(value).encode()
+        elif type(value).__module__.startswith("mujoco."):  # options, statistics, looks
+            yield from ((f"{name}.{inner}", data) for inner, data in _numbers(value))
 
 
 def _ended(simulation: Simulation, stop: threading.Event) -> list[tuple[Scorecard, Divergence | None]]:
@@ -131,3 +214,9 @@ def digest(one: Scenario, model: str) -> str:
     data: Mapping[str, Any] = one.model_dump(mode="json", exclude={"name", "expect", "sweep"})
     data = {**data, "arm": {**data["arm"], "model": model}}
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def _most_bytes(one: Prepared) -> int:
+    """Return how much a run may record."""
+    slow = one.scenario.control.slow.longest if one.scenario.control.at_singularity == "slow" else 1.0
+    return int(slow * len(one.reference.time)) * tick_type(one.arm.n).itemsize

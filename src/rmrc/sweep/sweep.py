@@ -1,26 +1,30 @@
-"""A sweep from file to file: checked whole, run in batches on all cores, each batch kept once it is done."""
+"""A sweep from file to file: checked whole, run in batches here or on a cluster, each kept once done."""
 
 import hashlib
 import json
 import os
-from collections.abc import Callable, Sequence
-from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
+from collections.abc import Callable, Mapping, Sequence
+from contextlib import ExitStack, closing, suppress
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from threading import Event
+from typing import Any, Self, cast
 
 from rmrc import facts, scenario
-from rmrc.control.records import tick_type
 from rmrc.errors import ScenarioError
 from rmrc.interruption import interruptible
 from rmrc.job import Job
-from rmrc.preparation import Prepared
 from rmrc.simulation import Simulation
-from rmrc.sweep.columns import figure_columns, last_columns, own_columns, typed
+from rmrc.sweep import cluster as clusters
+from rmrc.sweep.columns import figure_columns, last_columns, own_columns
+from rmrc.sweep.crew import Crew, done
+from rmrc.sweep.crew import threads as in_threads
 from rmrc.sweep.dataset import Contents, Dataset
+from rmrc.sweep.parcel import Parcel, pack
 from rmrc.sweep.plan import Plan, plan_of
 from rmrc.sweep.records import Choice, chosen
-from rmrc.sweep.shards import Shards, digest
+from rmrc.sweep.shards import Checked, Shards, digest
 from rmrc.sweep.summary import Summary, summarize
 
 # A batch is about a second of one core (some 5 us a tick of a small arm, and a run takes as long as some 500
@@ -34,6 +38,9 @@ _FEWEST_PARTS = 16
 
 # Problems that are told, of all that a sweep may have.
 _TOLD = 20
+
+# Runs that are checked as one piece: some tenths of a second.
+_CHECKED = 100
 
 OnRuns = Callable[[int], None]
 
@@ -68,6 +75,7 @@ class Sweep:
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),
         threads: int | None = None,
+        cluster: str | None = None,
     ) -> None:
         """Check the scenario and its plan, and whether the folder has rows of just this sweep.
 
@@ -76,16 +84,24 @@ class Sweep:
             overrides: `KEY=VALUE` texts that hold for all runs, of the section `sweep` as well, such as
                 `sweep.vary.control.feedback=[5, 10, 20]`.
             folder: Where the rows go; made if it is missing.
-            threads: How many batches are run at a time; None: one a core.
+            threads: How many batches are run at a time in this process; None: one a core.
+            cluster: Who runs the batches instead: `tcp://HOST:PORT` or `tls://HOST:PORT` of a Dask scheduler,
+                or `local:N` for N worker processes here.
 
         Raises:
             ScenarioError: All that is wrong with the scenario itself, or the folder has another sweep's rows.
+            ClusterError: The text of the cluster is none, or Dask is not installed.
             OSError: The folder cannot be written.
         """
         self.scenario = scenario.load(path, overrides)
         self.plan = plan_of(self.scenario)
         self.folder, self._path = folder, path
-        self._threads = threads or os.cpu_count() or 1
+        self._threads, self._cluster = (
+            threads or os.cpu_count() or 1,
+            cluster and clusters.Address.read(cluster),
+        )
+        self._overrides, self._users = tuple(overrides), 0
+        self._working, self._opened = ExitStack(), cast(Crew | None, None)
         self._refuse_nothing()
         self._shards = Shards(path, overrides, self.scenario, self.plan)
         self._identity = self._identify()
@@ -120,13 +136,12 @@ class Sweep:
             self.check()
             raise
         swept = self.scenario.sweep.model_dump(mode="json")
-        # models that are varied count with what is in their files
-        for name in self.scenario.sweep.vary.get("arm.model", ()):
-            file = self._path.parent / str(name)
-            if file.is_file():  # else the check tells
-                swept[f"model {name}"] = hashlib.sha256(file.read_bytes()).hexdigest()
+        # models that are varied count with what is in their files, and in those that these depend on
+        models_vary = not {"arm", "arm.model"}.isdisjoint(self.plan.keys)
+        if models_vary:
+            swept |= {f"model {name}": model.digest for name, model in self._parcel.models.items()}
         text = json.dumps([swept, self.plan.seed], sort_keys=True)
-        model = "" if "arm.model" in self.plan.keys else self._shards.fingerprint(arm)
+        model = "" if models_vary else self._shards.fingerprint(arm)
         expect = {name: one.model_dump(mode="json") for name, one in self.scenario.expect.items()}
         return {
             "scenario": digest(self.scenario, model),
@@ -134,6 +149,34 @@ class Sweep:
             "sweep": hashlib.sha256(text.encode()).hexdigest()[:16],
             "versions": facts.versions(),
         }
+
+    @cached_property
+    def _parcel(self) -> Parcel:
+        return pack(self._path, self._overrides)
+
+    def __enter__(self) -> Self:
+        """Keep the threads or the cluster from one call of `check` or `run` to the next."""
+        self._users += 1
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Let them go."""
+        self._users -= 1
+        if not self._users:
+            self._opened = None
+            self._working.close()
+
+    def _crew(self) -> Crew:
+        """Return who works, who is asked for when there is work for the first time."""
+        if self._opened is None:
+            if self._cluster:
+                with suppress(ScenarioError):  # which the check tells
+                    self.compile()  # what workers on this machine load, they need not compile
+                who = clusters.opened(self._cluster, self._parcel)
+            else:
+                who = in_threads(self._threads, self._shards)
+            self._opened = self._working.enter_context(who)
+        return self._opened
 
     def __len__(self) -> int:
         """Return the number of runs."""
@@ -167,27 +210,31 @@ class Sweep:
 
         Raises:
             ScenarioError: All that is wrong, a line each, with the runs that it is wrong with.
+            ClusterError: The cluster does not answer, has no workers, or they are not as this machine is.
         """
         if self._contents is not None:
             return self._contents
-        problems = _Problems(self.plan)
-        kinds: dict[object, Prepared] = {}  # one run of each that has figures of its own
-        ticks = largest = 0
-        for index in range(len(self)):
-            try:
-                one = self._shards.prepare(index)
-                kinds.setdefault((one.arm.joints, tuple(one.arm.is_slide), one.scenario.task.axes), one)
-                ticks += _TICKS_BEFORE + one.reference.ticks
-                largest = max(largest, _most_bytes(one))
-            except ScenarioError as error:
-                problems.add(index, error)
-            if on_runs is not None:
-                on_runs(1)
+        size = max(1, min(_CHECKED, -(-len(self) // _FEWEST_PARTS)))
+        pieces = (range(first, min(first + size, len(self))) for first in range(0, len(self), size))
+        early: dict[int, Checked] = {}
+        problems, kinds = _Problems(self.plan), dict[object, int]()
+        runs = ticks = largest = 0
+        with self, closing(done(self._crew(), "check", pieces, None, Event())) as found:
+            for piece, some in found:
+                early[piece.start] = some
+                while runs in early:  # in order, so that the first to have a problem is named
+                    one = early.pop(runs)
+                    problems.add(one.problems)
+                    kinds = one.kinds | kinds
+                    runs, ticks, largest = runs + one.runs, ticks + one.ticks, max(largest, one.largest)
+                if on_runs is not None:
+                    on_runs(len(piece))
         problems.raise_any()
-        of_a_second, that_fit = _TICKS * len(self) // ticks, _MOST_BYTES // largest
-        size = max(1, min(of_a_second, that_fit, -(-len(self) // _FEWEST_PARTS)))
-        columns = [*own_columns(self.plan), *figure_columns(kinds.values()), *last_columns()]
-        self._contents = Contents(self._identity, len(self), size, columns)
+        of_a_second = _TICKS * runs // (ticks + _TICKS_BEFORE * runs)
+        size = max(1, min(of_a_second, _MOST_BYTES // largest, -(-runs // _FEWEST_PARTS)))
+        figures = figure_columns(self._shards.prepare(index) for index in sorted(kinds.values()))
+        columns = [*own_columns(self.plan), *figures, *last_columns()]
+        self._contents = Contents(self._identity, runs, size, columns)
         self.dataset.begin(self._contents)
         return self._contents
 
@@ -199,25 +246,18 @@ class Sweep:
 
         Raises:
             ScenarioError: As in `check`.
+            ClusterError: As in `check`, or the cluster is lost; rows that are there are kept.
         """
         contents = self.check()
-        with interruptible() as stop, ThreadPoolExecutor(self._threads) as pool:
-            missing = iter(self.dataset.missing(contents))
-            running: dict[Future[list[dict[str, Any]] | None], int] = {}
-            try:
-                while True:
-                    # one more than there are threads, so that none waits while rows are written
-                    while len(running) <= self._threads and not stop.is_set():
-                        part = next(missing, None)
-                        if part is None:
-                            break
-                        running[pool.submit(self._shards.run, contents.indices(part), stop)] = part
-                    if not running:
-                        break
-                    self._collect(contents, running, on_runs)
-            except BaseException:  # a bug or a full disk: the other threads must not go on for nothing
-                stop.set()
-                raise
+        missing = self.dataset.missing(contents)
+        with self, interruptible() as stop:
+            if missing:
+                pieces = map(contents.indices, missing)
+                with closing(done(self._crew(), "run", pieces, contents.columns, stop)) as found:
+                    for piece, data in found:
+                        self.dataset.keep(piece.start // contents.batch, data)
+                        if on_runs is not None:
+                            on_runs(len(piece))
             if not (stop.is_set() or self.dataset.is_whole):
                 self.dataset.merge(contents)
         self.dataset.clear()
@@ -245,22 +285,6 @@ class Sweep:
         prepared = self._shards.prepare(index, f"name={self.scenario.name}-{index}")
         return Job(prepared.scenario, self.folder)
 
-    def _collect(
-        self,
-        contents: Contents,
-        running: dict[Future[list[dict[str, Any]] | None], int],
-        on_runs: OnRuns | None,
-    ) -> None:
-        """Write the rows of the batches that are done."""
-        done, _ = wait(running, return_when=FIRST_COMPLETED)
-        for future in done:
-            part, rows = running.pop(future), future.result()
-            if rows is None:
-                continue
-            self.dataset.write(contents, part, [typed(row, contents.columns) for row in rows])
-            if on_runs is not None:
-                on_runs(len(rows))
-
 
 class _Problems:
     """What is wrong with which runs; what many have in common is told once."""
@@ -268,14 +292,14 @@ class _Problems:
     def __init__(self, plan: Plan) -> None:
         self.plan, self.found, self.untold = plan, dict[str, list[int]](), 0
 
-    def add(self, index: int, error: ScenarioError) -> None:
-        for problem in error.problems:
+    def add(self, problems: Mapping[str, tuple[int, int]]) -> None:
+        for problem, (first, count) in problems.items():
             if problem in self.found:
-                self.found[problem][1] += 1
+                self.found[problem][1] += count
             elif len(self.found) < _TOLD:
-                self.found[problem] = [index, 1]
+                self.found[problem] = [first, count]
             else:
-                self.untold += 1
+                self.untold += count
 
     def raise_any(self) -> None:
         lines = []
@@ -286,12 +310,6 @@ class _Problems:
             lines.append(f"and {self.untold} more problems of other runs")
         if lines:
             raise ScenarioError(lines)
-
-
-def _most_bytes(one: Prepared) -> int:
-    """Return how much a run may record."""
-    slow = one.scenario.control.slow.longest if one.scenario.control.at_singularity == "slow" else 1.0
-    return int(slow * one.reference.ticks) * tick_type(one.arm.n).itemsize
 
 
 def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:
