@@ -1,7 +1,9 @@
 """Some runs of a plan -> their rows: prepared, stepped as one batch on one thread, scored."""
 
+import ctypes
 import hashlib
 import json
+import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -12,7 +14,6 @@ import numpy as np
 
 from rmrc import facts
 from rmrc.arm import Arm
-from rmrc.control.records import tick_type
 from rmrc.errors import ScenarioError
 from rmrc.preparation import Preparation, Prepared
 from rmrc.run import Divergence
@@ -24,6 +25,10 @@ from rmrc.sweep.dataset import Column, as_parquet
 from rmrc.sweep.plan import Plan
 
 
+# Of malloc.h.
+_MMAP_THRESHOLD = -3
+
+
 class Checked(NamedTuple):
     """What is known of some runs before they start.
 
@@ -32,14 +37,14 @@ class Checked(NamedTuple):
         problems: The first run that has it and how many have it, by what is wrong.
         kinds: The first run of those that have the same figures, by what decides these.
         ticks: Of the references of all.
-        largest: How many bytes one of them may record at most.
+        longest: Of the longest of them.
     """
 
     runs: int
     problems: dict[str, tuple[int, int]]
     kinds: dict[object, int]
     ticks: int
-    largest: int
+    longest: int
 
 
 class Shards:
@@ -66,6 +71,7 @@ class Shards:
             plan: What the runs are.
             carried: What is read instead of the file.
         """
+        give_back_memory()
         self._preparation, self._plan = Preparation(path, overrides, carried), plan
         self._versions = json.dumps(facts.versions())
         self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
@@ -105,7 +111,7 @@ class Shards:
         """
         problems: dict[str, tuple[int, int]] = {}
         kinds: dict[object, int] = {}
-        ticks = largest = 0
+        ticks = longest = 0
         with self._lock:
             for index in indices:
                 if stop.is_set():
@@ -120,9 +126,9 @@ class Shards:
                 kinds.setdefault(
                     (one.arm.joints, tuple(one.arm.is_slide.tolist()), one.scenario.task.axes), index
                 )
-                ticks += len(one.reference.time)
-                largest = max(largest, _most_bytes(one))
-        return Checked(len(indices), problems, kinds, ticks, largest)
+                ticks += one.reference.ticks
+                longest = max(longest, one.reference.ticks)
+        return Checked(len(indices), problems, kinds, ticks, longest)
 
     def run(self, indices: range, columns: Sequence[Column], stop: threading.Event) -> bytes | None:
         """Return the rows of some runs as Parquet, or None if they were interrupted.
@@ -216,7 +222,13 @@ def digest(one: Scenario, model: str) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _most_bytes(one: Prepared) -> int:
-    """Return how much a run may record."""
-    slow = one.scenario.control.slow.longest if one.scenario.control.at_singularity == "slow" else 1.0
-    return int(slow * len(one.reference.time)) * tick_type(one.arm.n).itemsize
+def give_back_memory() -> None:
+    """Have glibc map blocks of 64 KiB and more on their own, which go back to the system once they are free.
+
+    By itself it stops doing so for blocks as large as those that were freed before. Then batches, whose blocks
+    have all sizes, leave holes in the heap of each thread, and more of them with each batch.
+    """
+    if sys.platform == "linux":
+        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other libraries of C have none, and no need
+        if mallopt is not None:
+            mallopt(_MMAP_THRESHOLD, 2**16)

@@ -31,8 +31,8 @@ from rmrc.sweep.summary import Summary, summarize
 # ticks before its first one): the most that a killed process loses, and a hundred times what starting a batch
 # and writing its part take.
 _TICKS, _TICKS_BEFORE = 200_000, 500
-# Of ticks that a batch may hold at once, on each thread.
-_MOST_BYTES = 2**26
+# Samples of targets that a batch may hold at once, on each thread: 64 MB.
+_MOST_SAMPLES = 2**26 // 104
 # However small a sweep is, so many threads have something to do until the end.
 _FEWEST_PARTS = 16
 
@@ -218,7 +218,7 @@ class Sweep:
         pieces = (range(first, min(first + size, len(self))) for first in range(0, len(self), size))
         early: dict[int, Checked] = {}
         problems, kinds = _Problems(self.plan), dict[object, int]()
-        runs = ticks = largest = 0
+        runs = ticks = longest = 0
         with self, closing(done(self._crew(), "check", pieces, None, Event())) as found:
             for piece, some in found:
                 early[piece.start] = some
@@ -226,12 +226,12 @@ class Sweep:
                     one = early.pop(runs)
                     problems.add(one.problems)
                     kinds = one.kinds | kinds
-                    runs, ticks, largest = runs + one.runs, ticks + one.ticks, max(largest, one.largest)
+                    runs, ticks, longest = runs + one.runs, ticks + one.ticks, max(longest, one.longest)
                 if on_runs is not None:
                     on_runs(len(piece))
         problems.raise_any()
         of_a_second = _TICKS * runs // (ticks + _TICKS_BEFORE * runs)
-        size = max(1, min(of_a_second, _MOST_BYTES // largest, -(-runs // _FEWEST_PARTS)))
+        size = max(1, min(of_a_second, _MOST_SAMPLES // longest, -(-runs // _FEWEST_PARTS)))
         figures = figure_columns(self._shards.prepare(index) for index in sorted(kinds.values()))
         columns = [*own_columns(self.plan), *figures, *last_columns()]
         self._contents = Contents(self._identity, runs, size, columns)
