@@ -162,6 +162,14 @@ def test_nobody_who_answers_is_a_line(path, tmp_path, monkeypatch):
         Sweep(path, folder=tmp_path, cluster="tcp://127.0.0.1:9").check()
 
 
+def test_tls_without_certificates_is_a_line(path, tmp_path):
+    with pytest.raises(ClusterError) as caught:
+        Sweep(path, folder=tmp_path, cluster="tls://127.0.0.1:9").check()
+    assert str(caught.value) == (
+        "--cluster tls://127.0.0.1:9: needs certificates; set distributed.comm.tls in Dask's configuration"
+    )
+
+
 @pytest.mark.parametrize("late", [False, True], ids=["at the start", "one that comes later"])
 def test_a_worker_with_another_version_is_refused_by_name(path, workers, tmp_path, monkeypatch, late):
     real = facts.versions("distributed")

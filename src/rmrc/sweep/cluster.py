@@ -99,6 +99,11 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
             with _deaf():  # it answers, so this is short, and half a client could not be closed
                 client = Client(at, timeout=_ANSWER, set_as_default=False, loop=loop)
                 stack.callback(_closed, client.close, _ANSWER)
+        except TypeError:  # of tls:// without the files that it needs
+            raise ClusterError(
+                f"--cluster {address.text}: needs certificates; "
+                "set distributed.comm.tls in Dask's configuration"
+            ) from None
         except (OSError, ValueError, asyncio.CancelledError) as error:
             raise ClusterError(
                 f"--cluster {address.text}: no Dask scheduler answers there ({_brief(error)}); start one "
