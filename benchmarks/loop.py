@@ -82,15 +82,15 @@ def floor(prepared: Prepared, controls: np.ndarray) -> float:
     return time.perf_counter() - started
 
 
-def ratios(rounds: int, numerator, denominator) -> dict[str, float]:
+def ratios(rounds: int, numerator, denominator, least: int = 3) -> dict[str, float]:
     """Return min, median and max of numerator() / denominator() over the rounds.
 
-    In a round both take turns until TIMING has gone by, at least thrice, and the least of each counts.
+    In a round both take turns until TIMING has gone by, at least `least` times, and the least of each counts.
     """
     found = []
     for _ in range(rounds):
         pairs: list[tuple[float, float]] = []
-        while len(pairs) < 3 or sum(map(sum, pairs)) < TIMING:
+        while len(pairs) < least or sum(map(sum, pairs)) < TIMING:
             pairs.append((numerator(), denominator()))
         found.append(min(a for a, _ in pairs) / min(b for _, b in pairs))
     return {"min": min(found), "median": statistics.median(found), "max": max(found)}

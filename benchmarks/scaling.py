@@ -1,10 +1,10 @@
-"""What sweeps of a million runs and more would cost on many machines, by a model fed with what is measured here.
+"""What sweeps of a million runs and more would cost on many machines, by a model of what is measured here.
 
     python benchmarks/scaling.py [--machines 100] [--cores 32] [--tasks 20000] [--json]
 
-Measured on this machine: a run of 4 s of the six-joint arm from scenario to row on one core, its check, its row
-in bytes, making one file of the rows, and a piece of a sweep that has nothing to do, through a local cluster of
-two workers. `--tasks 1000000` takes the scheduler through a million of these.
+Measured on this machine: a run of 4 s of the six-joint arm from scenario to row on one core, its check, the
+bytes of its row, making one file of the rows, and a piece of a sweep that has nothing to do, on a local
+cluster of two workers. `--tasks 1000000` takes the scheduler through a million of these.
 """
 
 import argparse
@@ -16,12 +16,11 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
-from sweep import DAMPING, scenario_of
-
 from rmrc.sweep import cluster
 from rmrc.sweep.crew import done
 from rmrc.sweep.parcel import pack
 from rmrc.sweep.sweep import Sweep
+from sweep import DAMPING, scenario_of
 
 RUNS = (1e4, 1e6, 1e9)
 # Of the client's network [byte/s], 1 Gbit/s.

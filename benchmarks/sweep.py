@@ -64,12 +64,13 @@ def scenario_of(arm: str) -> Iterator[Path]:
 def swept(path: Path, runs: int, *overrides: str, threads: int = 1, cluster: str | None = None) -> float:
     """Return seconds of a sweep, from its scenario to its file; the law is there, and the workers."""
     with tempfile.TemporaryDirectory() as folder:
-        sweep = Sweep(path, [*overrides, f"sweep.samples={runs}"], Path(folder), threads)
+        sweep = Sweep(path, [*overrides, f"sweep.samples={runs}"], Path(folder), threads, cluster)
         sweep.compile()
-        started = time.perf_counter()
-        sweep.check()
-        sweep.run()
-        return time.perf_counter() - started
+        with sweep:
+            started = time.perf_counter()
+            sweep.check()
+            sweep.run()
+            return time.perf_counter() - started
 
 
 def looped(path: Path, runs: int, *overrides: str) -> float:
@@ -140,6 +141,13 @@ def thread_rows(rounds: int, runs: int = 200) -> Rows:
         return {f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two)}
 
 
+def cluster_rows(rounds: int, runs: int = 1000) -> Rows:
+    """One worker over two; each is warmed up by as many runs as it has threads and more."""
+    with scenario_of("stanford") as path:
+        one, two = (lambda n=n: swept(path, runs, DAMPING, cluster=f"local:{n}") for n in (1, 2))
+        return {f"Dask: 1 worker / 2 workers, stanford, {runs} runs": ratios(rounds, one, two, least=1)}
+
+
 def user_loop(path: Path, damping: float) -> list[float]:
     """Return largest rate and position error and smallest σ of one run, by a loop as one writes it."""
     prepared = prepare(load(path))
@@ -198,6 +206,7 @@ ROWS = {
     "scorecards": scorecard_rows,
     "overhead": overhead_rows,
     "threads": thread_rows,
+    "cluster": cluster_rows,
     "plain": plain_rows,
 }
 

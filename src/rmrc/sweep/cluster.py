@@ -101,7 +101,8 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
                 stack.callback(_closed, client.close, _ANSWER)
         except TypeError:  # of tls:// without the files that it needs
             raise ClusterError(
-                f"--cluster {address.text}: needs certificates; set distributed.comm.tls in Dask's configuration"
+                f"--cluster {address.text}: needs certificates; "
+                "set distributed.comm.tls in Dask's configuration"
             ) from None
         except (OSError, ValueError, asyncio.CancelledError) as error:
             raise ClusterError(

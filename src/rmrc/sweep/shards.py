@@ -24,7 +24,6 @@ from rmrc.sweep.columns import NOT_KEPT, typed
 from rmrc.sweep.dataset import Column, as_parquet
 from rmrc.sweep.plan import Plan
 
-
 # Of malloc.h.
 _MMAP_THRESHOLD = -3
 
@@ -225,8 +224,8 @@ def digest(one: Scenario, model: str) -> str:
 def give_back_memory() -> None:
     """Have glibc map blocks of 64 KiB and more on their own, which go back to the system once they are free.
 
-    By itself it stops doing so for blocks as large as those that were freed before. Then batches, whose blocks
-    have all sizes, leave holes in the heap of each thread, and more of them with each batch.
+    By itself it stops doing so for blocks of sizes that were freed before. Batches, whose blocks have all
+    sizes, then leave holes in the heap of each thread, and more of them with each batch.
     """
     if sys.platform == "linux":
         mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other libraries of C have none, and no need
