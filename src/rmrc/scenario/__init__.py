@@ -16,9 +16,11 @@ This package alone knows YAML and pydantic. A section made directly in Python re
 a file or a text never does.
 """
 
+import copy
 import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import Any
 
 from pydantic import ValidationError
 
@@ -38,7 +40,7 @@ from rmrc.scenario.path import (
 )
 from rmrc.scenario.places import Mistake, Origin
 from rmrc.scenario.reading import Document, TextError, parse, read
-from rmrc.scenario.schema import SchemaRow, inline, json_schema, schema_rows
+from rmrc.scenario.schema import SchemaRow, block, inline, json_schema, schema_rows
 from rmrc.scenario.sections import (
     ArmSection,
     Check,
@@ -67,7 +69,8 @@ __all__ = [
     "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "NullspaceSection",
     "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "SlowSection",
     "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Template", "Turn",
-    "TurnSegment", "Variant", "angle", "inline", "json_schema", "load", "loads", "schema_rows", "variants",
+    "TurnSegment", "Variant", "angle", "block", "inline", "json_schema", "load", "loads", "schema_rows",
+    "variants",
 ]  # fmt: skip
 
 
@@ -145,6 +148,17 @@ class Template:
         for text in varied:
             document = override(document, text, "--vary")
         return _scenario(document, self._folder)
+
+    def written(self, varied: Sequence[str] = ()) -> dict[str, Any]:
+        """Return what is written, with the overrides and those of a variant: plain data, unchecked.
+
+        Args:
+            varied: As in `scenario`.
+        """
+        document = self._document
+        for text in varied:
+            document = override(document, text, "--vary")
+        return dict(copy.deepcopy(document.value))
 
 
 def _document(text: str | None, source: str, overrides: Sequence[str]) -> Document:
