@@ -11,7 +11,7 @@ from rmrc.output.figures import MARKERS, plain, save
 from rmrc.output.palette import BLACK, distinct, mix
 
 # What has a name: drawn large, and told apart without colors.
-_NAMED = {"recommended": ("*", 17.0), "second best": ("D", 9.0), "as written": ("X", 10.0)}
+_NAMED = {"recommended": ("*", 15.0), "second best": ("D", 13.0), "as written": ("X", 13.0)}
 # The picture shows errors down from so many times the largest that has a name.
 _ROOM = 4.0
 
@@ -46,7 +46,7 @@ def draw_front(
         name: Of the scenario.
         points: Method, peak rate [rad/s] and error [m] of each feasible setting.
         front: Peak rate and error of those that none dominates, by rising peak rate.
-        marks: What has a name.
+        marks: What has a name, the most important first.
         limits: Rate limits of the joints [rad/s].
         path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
     """
@@ -71,11 +71,11 @@ def _drawn(
             color=f"#{mix(color, BLACK, 0.15) >> 8:06x}", markeredgewidth=0.0, label=plain(method),
         )  # fmt: skip
     axes.step(*zip(*front, strict=True), where="post", color="black", linewidth=1.3, label="front", zorder=3)
-    for mark in marks:
+    for i, mark in enumerate(marks):  # the first on top
         shape, size = _NAMED[mark.name]
         axes.plot(
             mark.peak_rate, mark.error, linestyle="", marker=shape, markersize=size, color="white",
-            markeredgecolor="black", markeredgewidth=1.4, zorder=5, label=f"{mark.name}: {plain(mark.words)}",
+            markeredgecolor="black", markeredgewidth=1.4, zorder=9 - i, label=f"{mark.name}: {plain(mark.words)}",
         )  # fmt: skip
     _frame(axes, points, marks, limits)
     axes.set_title(f"{plain(name)}: settings that keep the limits on every copy")

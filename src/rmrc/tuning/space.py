@@ -160,8 +160,8 @@ def bounds(nominal: Prepared, scales: Seen) -> dict[str, tuple[float, float]]:
     # λ = σ₁/2 takes a fifth of even the best direction's gain, as 1/(1 + λ²/σ²) says; σ₁/1000 lets rates grow
     # 500-fold.
     spectrum = (1e-3 * sigma, 0.5 * sigma)
-    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no drive's rates, and what the limits allow
-    # is enough.
+    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no drive's rates, and what the limits
+    # allow is enough.
     slowest = scales.speed / sigma or 0.01
     record, n = world_record(nominal, 0), nominal.arm.n
     allowed = float(
@@ -180,8 +180,8 @@ def bounds(nominal: Prepared, scales: Seen) -> dict[str, tuple[float, float]]:
         _RATE_BOUND: (slowest, fastest),
         _CUTOFF: spectrum,
         _GAMMA: (1e-3, 0.5),
-        # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two; one that takes
-        # more than 1 s is hardly fed back.
+        # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two; one that
+        # takes more than 1 s is hardly fed back.
         FEEDBACK: (min(1.0, 0.02 / period), 0.2 / period),
         _STOP: spectrum,
     }  # fmt: skip
