@@ -75,7 +75,8 @@ def _drawn(
         shape, size = _NAMED[mark.name]
         axes.plot(
             mark.peak_rate, mark.error, linestyle="", marker=shape, markersize=size, color="white",
-            markeredgecolor="black", markeredgewidth=1.4, zorder=9 - i, label=f"{mark.name}: {plain(mark.words)}",
+            markeredgecolor="black", markeredgewidth=1.4, zorder=9 - i,
+            label=f"{mark.name}: {plain(mark.words)}",
         )  # fmt: skip
     _frame(axes, points, marks, limits)
     axes.set_title(f"{plain(name)}: settings that keep the limits on every copy")
@@ -100,3 +101,4 @@ def _frame(
     axes.set_xlabel("largest rate of a joint [rad/s]")
     axes.set_ylabel("largest tracking error [m]")
     axes.grid(which="major", color="0.88", linewidth=0.8)
+    axes.grid(which="minor", axis="y", color="0.93", linewidth=0.5)

@@ -20,7 +20,7 @@ _EXPLORE, _CONFIRM = 0.4, 0.6
 # Neighbors that are tried at a time.
 _ROUND = 32
 # Steps in the unit cube, whose sides are two or three decades, from the first round to the last.
-_FIRST_STEP, _LAST_STEP = 0.25, 0.01
+_FIRST_STEP, _LAST_STEP = 0.25, 0.003
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where errors are so many times the smallest one, a front leads nowhere that anybody wants to go.

@@ -9,8 +9,9 @@ from rmrc.tuning.front import dominates, front
 from rmrc.tuning.search import Tried
 from rmrc.tuning.space import all_structures
 
-# Errors within this share of the smallest one are as good; then the lower peak rate decides.
-ALIKE = 0.01
+# Errors within this share of the smallest one are as good, because other copies make more of a difference:
+# the lower peak rate decides.
+ALIKE = 0.02
 # Figures that differ by less than three digits show are those of one behavior.
 _SAME = 1e-3
 
