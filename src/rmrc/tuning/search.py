@@ -17,6 +17,8 @@ from rmrc.tuning.trials import Outcome, Trials, worst
 
 # Shares of the runs for the first look at all structures, and until the best are known on the copies.
 _EXPLORE, _CONFIRM = 0.4, 0.6
+# Settings that are tried at a time at first: enough for any number of cores, and few enough for Ctrl-C.
+_TOGETHER = 1000
 # Neighbors that are tried at a time.
 _ROUND = 32
 # Steps in the unit cube, whose sides are two or three decades, from the first round to the last.
@@ -37,12 +39,16 @@ class Tried:
     """
 
     setting: Setting
-    outcomes: list[Outcome] = field(default_factory=list)
+    outcomes: list[Outcome]
+    _worst: Outcome = field(init=False, repr=False, compare=False)  # asked for again and again
+    _of: int = field(default=0, init=False, repr=False, compare=False)
 
     @property
     def worst(self) -> Outcome:
         """The worst of its runs."""
-        return worst(self.outcomes)
+        if self._of != len(self.outcomes):
+            self._worst, self._of = worst(self.outcomes), len(self.outcomes)
+        return self._worst
 
     @property
     def keeps_limits(self) -> bool:
@@ -133,11 +139,16 @@ class Search:
         """Try each structure with the scenario's numbers, and at points that fill its cube."""
         structures, share = self._space.structures, int(_EXPLORE * self._budget)
         settings = [self._space.usual(one) for one in structures]
-        for index in range(share // max(1, len(structures))):
+        for index in range(share // len(structures)):
             settings += [
                 self._space.at(one, sobol_point(index, len(one.keys), self._seed)) for one in structures
             ]
-        self._first(dict.fromkeys(settings))
+            if len(settings) >= _TOGETHER:
+                self._first(settings)
+                settings = []
+            if self._trials.is_stopped:
+                return
+        self._first(settings)
 
     def _confirm(self) -> None:
         """Run the first of the fronts on the copies, and before them the best of each inverse."""
@@ -161,7 +172,8 @@ class Search:
                 parent = parents[child % len(parents)]
                 point = self._space.point(parent) + step * random.standard_normal(len(parent.numbers))
                 children.append(self._space.at(parent.structure, np.clip(point, 0.0, 1.0)))
-            self._others([one for one in self._first(children) if self._is_promising(one)])
+            found, feasible = self._first(children), self.feasible
+            self._others([one for one in found if self._is_promising(one, feasible)])
             rounds = rounds + 1
             if self._left == before:  # nothing is new: the space is finite
                 break
@@ -187,20 +199,16 @@ class Search:
         allowed = [one for one in found if one.structure in self._space.structures]
         return allowed or [self._space.usual(self._space.structures[0])]
 
-    def _is_promising(self, one: Tried) -> bool:
-        """Say whether a setting may still be on the front, or the best of an inverse that is refined."""
+    def _is_promising(self, one: Tried, feasible: Sequence[Tried]) -> bool:
+        """Say whether a setting may still be on the front, or the best of its inverse."""
         if not one.keeps_limits:
             # where nothing is feasible, what is nearer than before is worth its copies
-            return not self.feasible and one.worst.excess < min(o.worst.excess for o in self._whole())
-        point = one.worst.point
-        rivals = [
-            other
-            for other in self.feasible
-            if other.setting.structure.inverse == one.setting.structure.inverse
-        ]
-        if not any(other.worst.error <= point.error for other in rivals):
+            return not feasible and one.worst.excess < min(other.worst.excess for other in self._whole())
+        inverse, point = one.setting.structure.inverse, one.worst.point
+        rivals = [other.worst for other in feasible if other.setting.structure.inverse == inverse]
+        if all(other.error > point.error for other in rivals):
             return True
-        return not any(dominates(other.worst.point, point) for other in self.feasible)
+        return not any(dominates(other.worst.point, point) for other in feasible)
 
 
 def _best_of_each(by_error: Iterable[Tried]) -> list[Tried]:

@@ -130,11 +130,13 @@ class Seen:
         sigma: Largest singular value.
         manipulability: Largest w.
         speed: Largest norm of the scaled task velocity that is wanted.
+        start: Smallest singular value at the start.
     """
 
     sigma: float
     manipulability: float
     speed: float
+    start: float
 
 
 def seen(nominal: Prepared, run: Run) -> Seen:
@@ -142,11 +144,18 @@ def seen(nominal: Prepared, run: Run) -> Seen:
 
     Args:
         nominal: What was run.
-        run: With one tick at least.
+        run: As far as it came.
     """
     wanted: NDArray[np.float64] = nominal.reference.twist[:, nominal.rows] * nominal.row_scale
     speed = float(np.linalg.norm(wanted, axis=1).max())
-    return Seen(float(run["sigma"].max()), float(run["manipulability"].max()), speed)
+    sigma = _largest(run["sigma"])
+    start = _largest(run["sigma"][:1, nominal.rank - 1])
+    return Seen(sigma or 1.0, _largest(run["manipulability"]) or 1.0, speed, start or sigma or 1.0)
+
+
+def _largest(values: NDArray[np.float64]) -> float:
+    """Return the largest finite value, 0 where there is none."""
+    return float(values[np.isfinite(values)].max(initial=0.0))
 
 
 def bounds(nominal: Prepared, scales: Seen) -> dict[str, tuple[float, float]]:
@@ -156,7 +165,7 @@ def bounds(nominal: Prepared, scales: Seen) -> dict[str, tuple[float, float]]:
         nominal: The scenario.
         scales: Of its own run.
     """
-    sigma, period = scales.sigma or 1.0, nominal.scenario.control.period
+    sigma, period = scales.sigma, nominal.scenario.control.period
     # λ = σ₁/2 takes a fifth of even the best direction's gain, as 1/(1 + λ²/σ²) says; σ₁/1000 lets rates grow
     # 500-fold.
     spectrum = (1e-3 * sigma, 0.5 * sigma)
@@ -174,7 +183,7 @@ def bounds(nominal: Prepared, scales: Seen) -> dict[str, tuple[float, float]]:
         _MAXIMUM: spectrum,
         # Damping that begins at σ₁ never ends.
         _BELOW: (5e-3 * sigma, sigma),
-        _W_BELOW: (1e-3 * (scales.manipulability or 1.0), scales.manipulability or 1.0),
+        _W_BELOW: (1e-3 * scales.manipulability, scales.manipulability),
         # λ = σ₁/10 at a task error from 1 mm to 1 (m over the length, or rad).
         _ERROR_GAIN: (0.1 * sigma, 100.0 * sigma),
         _RATE_BOUND: (slowest, fastest),
@@ -183,7 +192,8 @@ def bounds(nominal: Prepared, scales: Seen) -> dict[str, tuple[float, float]]:
         # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two; one that
         # takes more than 1 s is hardly fed back.
         FEEDBACK: (min(1.0, 0.02 / period), 0.2 / period),
-        _STOP: spectrum,
+        # An arm that is held where it starts, or soon after, does nothing wrong and nothing right.
+        _STOP: (min(1e-3 * sigma, 0.1 * scales.start), 0.5 * scales.start),
     }  # fmt: skip
 
 
