@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.output.tuning_table import Row
-from rmrc.tuning.search import Tried
+from rmrc.tuning.search import ALIKE, Tried
 from rmrc.tuning.space import Setting
 from rmrc.tuning.trials import TOLERANCE, Limits
 from rmrc.tuning.tuning import Tuned, Tuning
@@ -94,9 +94,9 @@ def as_written(found: Tuned) -> str:
 
 
 def alike(found: Tuned) -> list[str]:
-    """Return what else comes to the figures of the recommended setting."""
+    """Return which other inverses are as good as the one recommended."""
     names = dict.fromkeys(words(one.setting) for one in found.verdict.alike)
-    return [f"The same figures have: {'; '.join(names)}."] if names else []
+    return [f"As good, within {ALIKE:.0%} of error: {'; '.join(names)}."] if names else []
 
 
 def nothing(found: Tuned) -> str:

@@ -25,6 +25,10 @@ _ROUND = 32
 _FIRST_STEP, _LAST_STEP = 0.25, 0.003
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
+# Errors within this share of the smallest one are as good, because other copies make more of a difference.
+ALIKE = 0.02
+# Peak rates and times within this share are the same to the digits that are shown.
+SAME = 1e-3
 # Where errors are so many times the smallest one, a front leads nowhere that anybody wants to go.
 _FAR = 10.0
 
@@ -54,6 +58,13 @@ class Tried:
     def keeps_limits(self) -> bool:
         """Whether all its runs kept what is allowed."""
         return self.worst.excess <= 0.0
+
+
+def is_same(one: Tried, other: Tried) -> bool:
+    """Say whether two settings come to the same, as inverses do that differ only where the arm never is."""
+    share = np.array([ALIKE, SAME, SAME])
+    a, b = np.array(one.worst[:3]), np.array(other.worst[:3])
+    return bool((np.abs(a - b) <= share * np.minimum(a, b)).all())
 
 
 class Search:
@@ -153,9 +164,12 @@ class Search:
     def _confirm(self) -> None:
         """Run the first of the fronts on the copies, and before them the best of each inverse."""
         able = [one for one in self._tried.values() if one.keeps_limits and len(one.outcomes) < self._copies]
-        order = dict(zip(map(id, able), ranks([one.worst.point for one in able]), strict=True))
-        able.sort(key=lambda one: (order[id(one)], one.worst.error))
+        able.sort(key=lambda one: one.worst.error)
         first = _best_of_each(able)
+        first += _best_of_each(one for one in able if one not in first)
+        far = _FAR * min((one.worst.error for one in self._tried.values() if one.keeps_limits), default=0.0)
+        order = dict(zip(map(id, able), ranks([one.worst.point for one in able]), strict=True))
+        able.sort(key=lambda one: (one.worst.error > far, order[id(one)], one.worst.error))
         until = self._left - int((1.0 - _CONFIRM) * self._budget)
         most = max(len(first), until // max(1, self._copies - 1))
         self._others([*first, *(one for one in able if one not in first)][:most])
@@ -189,7 +203,8 @@ class Search:
             least = min(one.worst.error for one in feasible)
             on_front = [feasible[i] for i in front([one.worst.point for one in feasible])]
             near = [one for one in on_front if one.worst.error <= _FAR * least]
-            best = _best_of_each(sorted(feasible, key=lambda one: one.worst.error))[: _RIVALS + 1]
+            first, *others = _best_of_each(sorted(feasible, key=lambda one: one.worst.error))
+            best = [first, *(one for one in others if not is_same(one, first))][: _RIVALS + 1]
             # each second child is of the front, the others of the best few
             found = [
                 one.setting

@@ -1,21 +1,18 @@
 """What is best of all that was tried, and what it is held against."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from rmrc.tuning.front import dominates, front
-from rmrc.tuning.search import Tried
-from rmrc.tuning.space import all_structures
+from rmrc.tuning.search import ALIKE, SAME, Tried, is_same
+from rmrc.tuning.space import AT_SINGULARITY, WORDS
+from rmrc.tuning.trials import Outcome
 
-# Errors within this share of the smallest one are as good, because other copies make more of a difference:
-# the lower peak rate decides.
-ALIKE = 0.02
-# Figures that differ by less than three digits show are those of one behavior.
-_SAME = 1e-3
-
-_ORDER = {structure: i for i, structure in enumerate(all_structures())}
+# Of settings that come to the same, the first is taken: one whose gain stays bounded at a singularity, should
+# the arm come nearer to one than it did here.
+_METHODS = (
+    "damped", "filtered", "selectively_damped", "jparse", "truncated", "transpose", "pseudoinverse", "inverse",
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -24,7 +21,7 @@ class Verdict:
 
     Attributes:
         front: Feasible settings that no other dominates, by rising peak rate; of those that come to the same
-            figures, the simplest.
+            figures, the one that is preferred.
         recommended: The best setting; None where nothing is feasible.
         alike: The best of each other inverse that comes to the figures of the recommended one.
         second: The best with an inverse or schedule that comes to other figures; None where there is none.
@@ -48,43 +45,58 @@ def judge(feasible: Sequence[Tried], tried: Sequence[Tried], own: Tried) -> Verd
         tried: All that were tried, one at least.
         own: The setting as written.
     """
-    simplest = sorted(feasible, key=_simplicity)
-    points = {one.worst.point: one for one in reversed(simplest)}
+    preferred = sorted(feasible, key=_preference)
+    points = {one.worst.point: one for one in reversed(preferred)}
     on_front = [points[point] for point in (list(points)[i] for i in front(list(points)))]
-    recommended = _best(simplest)
+    recommended = _best(preferred)
     if recommended is None:
         nearest = min(tried, key=lambda one: (-len(one.outcomes), one.worst.excess, one.worst.error))
         return Verdict((), None, (), None, None, nearest)
     inverse = recommended.setting.structure.inverse
-    rivals = [one for one in simplest if one.setting.structure.inverse != inverse]
-    equal = [one for one in rivals if _is_same(one, recommended)]
+    rivals = [one for one in preferred if one.setting.structure.inverse != inverse]
+    equal = [one for one in rivals if is_same(one, recommended)]
     same = {one.setting.structure.inverse: one for one in reversed(equal)}
     others = [one for one in rivals if one.setting.structure.inverse not in same]
-    better = [one for one in simplest if dominates(one.worst.point, own.worst.point)]
+    better = [one for one in preferred if dominates(one.worst.point, own.worst.point)]
     return Verdict(
         tuple(on_front),
         recommended,
-        tuple(sorted(same.values(), key=_simplicity)),
+        tuple(sorted(same.values(), key=_preference)),
         _best(others),
         recommended if recommended in better else _best(better),
         None,
     )
 
 
-def _is_same(one: Tried, other: Tried) -> bool:
-    """Say whether two settings come to the same, as inverses do that differ only where the arm never is."""
-    return np.allclose(one.worst[:3], other.worst[:3], rtol=_SAME, atol=0.0)
+def _best(preferred: Sequence[Tried]) -> Tried | None:
+    """Return the setting with the smallest error; of errors that are alike, with the lowest peak rate.
+
+    Of rates that no digit shown tells apart, the structure that is preferred, and its smallest error.
+    """
+    alike = _least(preferred, lambda out: out.error, ALIKE)
+    alike = _least(alike, lambda out: out.peak_rate, SAME)
+    alike = [one for one in alike if _structure(one) == _structure(alike[0])]
+    return min(alike, key=lambda one: (one.worst.error, one.worst.time), default=None)
 
 
-def _best(simplest: Sequence[Tried]) -> Tried | None:
-    """Return the setting with the smallest error; of errors that are alike, with the lowest peak rate."""
-    if not simplest:
-        return None
-    least = min(one.worst.error for one in simplest)
-    alike = [one for one in simplest if one.worst.error <= least * (1.0 + ALIKE)]
-    return min(alike, key=lambda one: (one.worst.peak_rate, one.worst.time))
+def _least(some: Sequence[Tried], figure: Callable[[Outcome], float], share: float) -> list[Tried]:
+    """Return those whose figure is the least one, or more by a share at most."""
+    most = min((figure(one.worst) for one in some), default=0.0) * (1.0 + share)
+    return [one for one in some if figure(one.worst) <= most]
 
 
-def _simplicity(one: Tried) -> tuple[bool, int, tuple[float, ...]]:
+def _structure(one: Tried) -> tuple[object, bool]:
+    return one.setting.structure, one.setting.is_written
+
+
+def _preference(one: Tried) -> tuple[bool, int, int, float, tuple[float, ...]]:
     """Return what comes first of equals: as written, then what does the least beside inverting."""
-    return not one.setting.is_written, _ORDER[one.setting.structure], one.setting.numbers
+    structure, out = one.setting.structure, one.worst
+    policy = WORDS[AT_SINGULARITY].index(structure.at_singularity)
+    return (
+        not one.setting.is_written,
+        policy,
+        _METHODS.index(structure.method),
+        out.error,
+        one.setting.numbers,
+    )
