@@ -1,5 +1,6 @@
 """A search: what it promises is what a run gives, the optimum is found, and mistakes are a line each."""
 
+import dataclasses
 import math
 import re
 
@@ -14,6 +15,7 @@ from rmrc.preparation import Preparation, prepare
 from rmrc.scenario import load
 from rmrc.scorecard import scorecard
 from rmrc.simulation import Simulation
+from rmrc.tuning import report
 from rmrc.tuning.copies import Spread
 from rmrc.tuning.search import Tried
 from rmrc.tuning.space import NUMBERS, WORDS, Setting, Structure, all_structures
@@ -322,6 +324,30 @@ def test_the_verdict_is_the_least_error_then_the_lowest_rate_then_the_simplest()
     near, far = tried(first, 1.0, 1.0, excess=0.2), tried(other, 1.0, 1.0, excess=0.3)
     assert judge([], [far, near], far).nearest is near
     assert len(set(all_structures())) == 3 * (7 + 5)
+
+
+def test_the_setting_as_written_is_told_to_be_what_it_is(path):
+    found = Tuning(path, copies=0, runs=40).run()
+    own = tried(Structure("jparse", "", "damp"), 4.0, 2.0)
+    half = tried(Structure("filtered", "", "damp"), 2.0, 1.0)
+
+    def said(own, *others):
+        some = [own, *others]
+        verdict = judge([one for one in some if one.keeps_limits], some, own)
+        return report.as_written(dataclasses.replace(found, own=own, verdict=verdict))
+
+    assert said(own) == "As written it is on the front: nothing that was tried dominates it."
+    recommended = "As written it is dominated: the recommended setting has 0.5 times its error at 0.5 times its peak rate."
+    assert said(own, half) == recommended
+    costly = tried(Structure("inverse", "", "damp"), 1.0, 9.0)
+    assert said(own, half, costly) == recommended.replace("the recommended setting", "filtered")
+    limited = tried(own.setting.structure, 1.0, 1.0, excess=0.1)
+    limited.outcomes[0] = limited.outcomes[0]._replace(
+        missed="the rate of elbow is 2 rad/s, and 1 is allowed"
+    )
+    assert said(limited, half) == (
+        "As written it does not keep what is allowed: the rate of elbow is 2 rad/s, and 1 is allowed."
+    )
 
 
 def test_the_search_is_a_name_of_the_package(path):

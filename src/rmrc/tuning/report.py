@@ -31,8 +31,8 @@ def _short(key: str) -> str:
 
 def title(work: Tuning, found: Tuned) -> str:
     """Return what was done."""
-    many = f"{len(found.tried)} settings in {found.runs} runs"
-    return f"{work.scenario.name}: {len(found.feasible)} of {many} keep what is allowed on every copy tried"
+    kept = f"{len(found.feasible)} were tried on every copy and keep what is allowed"
+    return f"{work.scenario.name}: {len(found.tried)} settings in {found.runs} runs; {kept}"
 
 
 def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:

@@ -11,7 +11,8 @@ from rmrc.tuning.trials import Outcome
 # Of settings that come to the same, the first is taken: one whose gain stays bounded at a singularity, should
 # the arm come nearer to one than it did here.
 _METHODS = (
-    "damped", "filtered", "selectively_damped", "jparse", "truncated", "transpose", "pseudoinverse", "inverse",
+    "damped", "filtered", "selectively_damped", "jparse", "truncated", "transpose", "pseudoinverse",
+    "inverse",
 )  # fmt: skip
 
 
