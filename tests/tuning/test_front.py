@@ -27,7 +27,7 @@ def peeled(given_points):
     return [result[i] for i in range(len(given_points))]
 
 
-@settings(max_examples=300)
+@settings(max_examples=150)
 @given(points)
 def test_ranks_are_the_fronts_that_are_peeled_off_one_by_one(some):
     assert ranks(some) == peeled(some)
