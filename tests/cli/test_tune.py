@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from project import ROOT
+from rmrc.tuning.tuning import Tuning
 
 TEXT = f"""
 name: quick
@@ -63,9 +64,7 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
     (tmp_path / "pasted.yaml").write_text(pasted)
     assert rmrc("run", "pasted.yaml", "--no-record", "--quiet")[0] == 0
     assert rmrc("run", "recordings/quick.tune.yaml", "--no-record", "--quiet")[0] == 0
-    again = rmrc(
-        "tune", "quick.yaml", "--runs", "90", "--copies", "1", "--offset", "0.001", "--threads", "2"
-    )
+    again = rmrc("tune", "quick.yaml", "--runs", "90", "--copies", "1", "--offset", "0.001", "--threads", "2")
     assert again == (0, out, "")
 
 
@@ -110,6 +109,16 @@ def test_quiet_says_nothing_and_help_tells_every_option(rmrc):
                "--out", "--threads", "--quiet")  # fmt: skip
     assert code == 0
     assert [option for option in options if option not in out] == []
+
+
+@pytest.mark.usefixtures("quick")
+def test_ctrl_c_before_the_first_run_leaves_nothing(rmrc, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Tuning, "compile", interrupted)
+    assert rmrc("tune", "quick.yaml") == (130, "", "rmrc: interrupted before anything was found\n")
+    assert [one.name for one in tmp_path.iterdir()] == ["quick.yaml"]
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")

@@ -58,11 +58,16 @@ def tune(
         off = angle(start)
     except ValueError as error:
         raise ScenarioError([f"--start: {error}"]) from None
-    work = Tuning(
-        scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=Spread(off, offset, payload),
-        slower=slower, runs=runs, threads=threads,
-    )  # fmt: skip
-    found = _run(work, runs, quiet)
+    spread = Spread(off, offset, payload)
+    found = None
+    try:
+        work = Tuning(
+            scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread, slower=slower,
+            runs=runs, threads=threads,
+        )  # fmt: skip
+        found = _run(work, runs, quiet)
+    except KeyboardInterrupt:  # while it was checked or compiled
+        pass
     if found is None:
         complain("interrupted before anything was found")
         raise typer.Exit(EXIT_INTERRUPTED)
@@ -74,11 +79,8 @@ def tune(
 
 
 def _run(work: "Tuning", runs: int, quiet: bool) -> "Tuned | None":
-    try:
-        with notice(COMPILING):
-            work.compile()
-    except KeyboardInterrupt:
-        return None
+    with notice(COMPILING):
+        work.compile()
     with progress(f"{work.scenario.name}: {runs} runs", runs, quiet, unit="runs") as on_runs:
         return work.run(on_runs)
 

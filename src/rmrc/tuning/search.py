@@ -1,8 +1,10 @@
 """What is tried next: points of every structure, then the best of them on the copies, then their neighbors.
 
-The scenario itself comes first, and the copies only for what is not beaten already: the worst of more runs
-is never better, so that no setting of the front is lost by that. Nondominated sorting is that of NSGA-II
-[Deb02]; that what does badly at first gets no more runs is the idea of successive halving [Jamieson16].
+The scenario itself comes first. Of the first look, the best of each inverse and the first fronts are run on
+the copies, as far as the runs go. Of the neighbors, all that are not beaten already are: the worst of more
+runs is never better, so that no neighbor that belongs on the front is lost. Nondominated sorting is that of
+NSGA-II [Deb02]; that what does badly at first gets no more runs is the idea of successive halving
+[Jamieson16].
 """
 
 from collections.abc import Iterable, Sequence
