@@ -23,6 +23,10 @@ def test_a_front_is_shown_evenly_up_to_the_largest_error_that_has_a_name():
     steps = {b.peak_rate - a.peak_rate for a, b in pairwise(rows)}
     assert max(steps) - min(steps) <= 1
     assert shown(front[:3], [BEST]) == front[:3]  # nothing is near: all of it
+    # rows that look alike are shown once
+    a, b = front[1], front[1]._replace(name="as written", error=front[1].error + 1e-6)
+    assert shown([b, a, front[2]], [OWN._replace(error=9.0)]) == [b, front[2]]
+    assert shown([a, b, front[2]], [OWN._replace(error=9.0)]) == [b, front[2]]
 
 
 def test_costs_are_ratios_and_differences_to_each_other_setting():

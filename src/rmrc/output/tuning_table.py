@@ -61,6 +61,12 @@ def shown(front: Sequence[Row], named: Sequence[Row]) -> list[Row]:
     """Return the rows of a front that are shown: evenly, up to the largest error of what has a name."""
     largest = max(one.error for one in named)
     near = [one for one in front if one.error <= largest] or list(front)
+    # of rows that differ in no digit that is shown, the one with a name, or the last, with the smallest error
+    alike: dict[tuple[str, str], Row] = {}
+    for one in near:
+        key = number(one.error), number(one.peak_rate)
+        alike[key] = alike[key] if key in alike and alike[key].name and not one.name else one
+    near = list(alike.values())
     if len(near) <= MOST_ROWS:
         return near
     return [near[round(i * (len(near) - 1) / (MOST_ROWS - 1))] for i in range(MOST_ROWS)]
