@@ -1,19 +1,90 @@
-"""What a sweep costs: worlds whose columns are not kept, over those whose are, and over the physics alone.
+"""What a sweep costs, as ratios measured in one run.
 
-    python benchmarks/sweep.py [--rounds 7] [--json]
+    python benchmarks/sweep.py [--rounds 5] [--json] [--only scorecards|overhead|threads|cluster|plain]
 
-The floor is that of `loop.py`. Compiling and wiring are left out of all.
+- scorecards: worlds whose columns are not kept, over those whose are, and over the physics alone, in C.
+- overhead: a whole sweep on one thread over its loop alone: what is not the loop is reading and checking each
+  run, its target, its scorecard, its row, and the files.
+- threads: a whole sweep on one thread over the same one on two.
+- cluster: a whole sweep on a local cluster of one worker over the same one on two; starting it is left out.
+- plain: what a user would write instead, a Python loop of MuJoCo and numpy on two processes, over a sweep.
+
+A run lasts 4 s, 4,001 control ticks. The floor is that of `loop.py`. Compiling is left out of all.
 """
 
 import argparse
+import multiprocessing
+import tempfile
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
 
+import mujoco
 import numpy as np
-from loop import closed_loop, floor, ratios, show, world
+from loop import ARMS, ROOT, closed_loop, floor, ratios, show, world
 
-from rmrc.preparation import Prepared
+from rmrc.preparation import Prepared, prepare
+from rmrc.scenario import load
 from rmrc.scorecard import scorecard
 from rmrc.simulation import Simulation
+from rmrc.sweep.sweep import Sweep
+
+SCENARIO = """
+name: benchmark
+arm: {{model: {root}/models/{model}.xml, site: {site}}}
+task: {{axes: [{axes}]}}
+control: {{inverse: {{method: damped, damping: {{schedule: constant, maximum: 0.1}}}}}}
+target:
+  path: [{{line: {{by: [{by}]}}}}, {{line: {{by: [{back}]}}}}, {{hold: {{for: {hold}}}}}]
+  limits: {{velocity: 0.4, acceleration: 2, jerk: 20}}
+"""
+SECONDS = 4.0
+# What is drawn, for each arm: of the first kind runs share their target, of the second each has its own.
+DAMPING = "sweep.draw={control.inverse.damping.maximum: [0.05, 0.2]}"
+STARTS = {
+    "planar_2link": ("arm.start=[0.4, 1.0]", "sweep.draw={'arm.start[0]': [0.3, 0.5]}"),
+    "stanford": ("arm.start=[0.1, 1.2, 0.6, 0.1, 0.8, 0.1]", "sweep.draw={'arm.start[0]': [0.0, 0.2]}"),
+}
+
+
+@contextmanager
+def scenario_of(arm: str) -> Iterator[Path]:
+    """Yield the file of a scenario that lasts SECONDS, in a folder of its own."""
+    site, axes, by, back = ARMS[arm]
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "benchmark.yaml"
+        values = {"root": ROOT, "model": arm, "site": site, "axes": axes, "by": by, "back": back}
+        path.write_text(SCENARIO.format(**values, hold=1.0))
+        moving = prepare(load(path)).reference.duration - 1.0
+        path.write_text(SCENARIO.format(**values, hold=SECONDS - moving))
+        yield path
+
+
+def swept(path: Path, runs: int, *overrides: str, threads: int = 1, cluster: str | None = None) -> float:
+    """Return seconds of a sweep, from its scenario to its file; the law is there, and the workers."""
+    with tempfile.TemporaryDirectory() as folder:
+        sweep = Sweep(path, [*overrides, f"sweep.samples={runs}"], Path(folder), threads)
+        sweep.compile()
+        started = time.perf_counter()
+        sweep.check()
+        sweep.run()
+        return time.perf_counter() - started
+
+
+def looped(path: Path, runs: int, *overrides: str) -> float:
+    """Return seconds of the loop alone, of the same runs in the same batches."""
+    with tempfile.TemporaryDirectory() as folder:
+        sweep = Sweep(path, [*overrides, f"sweep.samples={runs}"], Path(folder), 1)
+        contents, seconds = sweep.check(), 0.0
+        for part in range(contents.parts):
+            simulation = Simulation(
+                [sweep._shards.prepare(i) for i in contents.indices(part)], keep_columns=False
+            )
+            started = time.perf_counter()
+            simulation.step()
+            seconds += time.perf_counter() - started
+        return seconds
 
 
 def kept(prepared: list[Prepared]) -> float:
@@ -34,7 +105,10 @@ def streamed(prepared: list[Prepared]) -> float:
     return time.perf_counter() - started
 
 
-def scorecard_rows(rounds: int, worlds: int = 64) -> dict[str, dict[str, float]]:
+Rows = dict[str, dict[str, float]]
+
+
+def scorecard_rows(rounds: int, worlds: int = 64) -> Rows:
     """Streamed scorecards over those of kept columns, over no scorecards at all, and over the floor."""
     prepared = [world("stanford")] * worlds
     controls = np.array([run["qdot_cmd"] for run in closed_loop(prepared)[1].runs()])
@@ -48,13 +122,98 @@ def scorecard_rows(rounds: int, worlds: int = 64) -> dict[str, dict[str, float]]
     }
 
 
+def overhead_rows(rounds: int, runs: int = 200) -> Rows:
+    """Whole sweeps over their loops, where runs share a target and where each has its own."""
+    rows = {}
+    for arm, start in STARTS.items():
+        with scenario_of(arm) as path:
+            for what, overrides in (("damping drawn", [DAMPING]), ("start drawn", start)):
+                whole, loop = (lambda f=f: f(path, runs, *overrides) for f in (swept, looped))  # noqa: B023
+                rows[f"whole sweep / its loop, {arm}, {what}, {runs} runs"] = ratios(rounds, whole, loop)
+    return rows
+
+
+def thread_rows(rounds: int, runs: int = 200) -> Rows:
+    """One thread over two."""
+    with scenario_of("stanford") as path:
+        one, two = (lambda n=n: swept(path, runs, DAMPING, threads=n) for n in (1, 2))
+        return {f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two)}
+
+
+def user_loop(path: Path, damping: float) -> list[float]:
+    """Return largest rate and position error and smallest σ of one run, by a loop as one writes it."""
+    prepared = prepare(load(path))
+    plant, control, arm = prepared.scenario.plant, prepared.scenario.control, prepared.arm
+    model = arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
+    data, site = mujoco.MjData(model), model.site(arm.site).id
+    data.qpos[:] = prepared.qpos
+    pose, twist = prepared.reference.pose, prepared.reference.twist
+    J, quat, turn = np.zeros((6, model.nv)), np.zeros(4), np.zeros(3)
+    gain, limit = control.feedback, arm.rate_limit
+    rates, errors, sigmas = (
+        np.zeros((len(pose), model.nv)),
+        np.zeros((len(pose), 6)),
+        np.zeros((len(pose), 6)),
+    )
+    for k in range(len(pose)):
+        mujoco.mj_fwdPosition(model, data)
+        mujoco.mj_jacSite(model, data, J[:3], J[3:], site)
+        mujoco.mju_mat2Quat(quat, data.site_xmat[site])
+        mujoco.mju_subQuat(turn, pose[k, 3:], quat)
+        errors[k, :3] = pose[k, :3] - data.site_xpos[site]
+        errors[k, 3:] = data.site_xmat[site].reshape(3, 3) @ turn
+        wanted = twist[k] + gain * errors[k]
+        U, sigmas[k], Vt = np.linalg.svd(J)
+        qdot = Vt.T @ (sigmas[k] / (sigmas[k] ** 2 + damping**2) * (U.T @ wanted))
+        data.ctrl[:] = qdot / max(1.0, np.abs(qdot / limit).max())
+        rates[k] = data.qvel
+        mujoco.mj_step(model, data)
+    return [np.abs(rates).max(), np.linalg.norm(errors[:, :3], axis=1).max(), sigmas.min()]
+
+
+def plain_rows(rounds: int, runs: int = 16) -> Rows:
+    """The user's loop over a sweep, both on two cores, a run each; first a look that both do the same."""
+    with scenario_of("stanford") as path, multiprocessing.get_context("spawn").Pool(2) as pool:
+        task = [(path, damping) for damping in np.linspace(0.05, 0.2, runs)]
+        scenario = load(path, [f"control.inverse.damping.maximum={task[0][1]}"])
+        (run,) = Simulation([prepare(scenario)]).run()
+        card = scorecard(run)
+        ours = [card[name].value for name in ("joint_rate.peak", "position_error.max", "sigma.min")]
+        np.testing.assert_allclose(pool.starmap(user_loop, task)[0], ours, rtol=1e-6)
+
+        def plain() -> float:
+            started = time.perf_counter()
+            pool.starmap(user_loop, task, chunksize=1)
+            return (time.perf_counter() - started) / runs
+
+        whole = 200
+        return {
+            "plain Python loop on 2 processes / sweep on 2 threads, stanford": ratios(
+                rounds, plain, lambda: swept(path, whole, DAMPING, threads=2) / whole
+            )
+        }
+
+
+ROWS = {
+    "scorecards": scorecard_rows,
+    "overhead": overhead_rows,
+    "threads": thread_rows,
+    "plain": plain_rows,
+}
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=7)
+    parser.add_argument("--rounds", type=int, default=5)
     parser.add_argument("--json", action="store_true")
+    parser.add_argument("--only", choices=[*ROWS], help="measure these rows alone")
     arguments = parser.parse_args()
-    show(scorecard_rows(arguments.rounds), {}, arguments.json)
+    rows: Rows = {}
+    for name, measure in ROWS.items():
+        if arguments.only in (None, name):
+            rows |= measure(arguments.rounds)
+    show(rows, {}, arguments.json)
 
 
 if __name__ == "__main__":

@@ -270,9 +270,8 @@ def test_an_interrupt_keeps_what_was_recorded(scenario):
 
 def nan_at(prepared, tick):
     """The same world with a reference that is not a number from a tick on."""
-    pose = prepared.reference.pose.copy()
-    pose[tick:, 0] = np.nan
-    reference = dataclasses.replace(prepared.reference, pose=pose)
+    reference = dataclasses.replace(prepared.reference)
+    reference.pose[tick:, 0] = np.nan
     return dataclasses.replace(prepared, reference=reference)
 
 

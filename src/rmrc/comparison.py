@@ -86,7 +86,7 @@ class Comparison:
     @property
     def ticks(self) -> int:
         """How many control ticks all variants take together."""
-        return sum(len(one.reference.time) for one in self.prepared)
+        return sum(one.reference.ticks for one in self.prepared)
 
     def compile(self) -> Simulation:
         """Load the compiled law, or compile it the first time, which takes seconds."""

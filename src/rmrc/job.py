@@ -62,7 +62,7 @@ class Job:
     @property
     def ticks(self) -> int:
         """How many control ticks it will take."""
-        return len(self.prepared.reference.time)
+        return self.prepared.reference.ticks
 
     def compile(self) -> Simulation:
         """Load the compiled law, or compile it the first time, which takes seconds."""

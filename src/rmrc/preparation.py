@@ -168,6 +168,8 @@ class Prepared:
         """
         encoder, n = self.scenario.arm.encoder, self.arm.n
         offset = np.broadcast_to(encoder.offset, n)
+        if not np.any(encoder.deviation):
+            return offset
         return offset + encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
@@ -438,7 +440,7 @@ def world_record(prepared: Prepared, reference: int) -> np.void:
     control = scenario.control
     world = np.zeros(1, world_type(n))
     world["n"], world["m"], world["k"] = n, m, min(m, n)
-    ticks = len(prepared.reference.time)
+    ticks = prepared.reference.ticks
     world["reference"], world["path_ticks"], world["ticks"] = reference, ticks, ticks
     world["diverged"] = -1
     world["pace"] = world["share"] = 1.0

@@ -18,9 +18,10 @@ This module alone knows ruckig.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 import ruckig
@@ -63,31 +64,76 @@ _TICK_ROUNDING = 1e-6
 class Reference:
     """A target at each control tick, at rest at the first and at the last.
 
+    It is timed; its samples are made when they are first asked for.
+
     Attributes:
-        time: k · period, (T,) [s].
-        pose: Of the site in the world, [p, quat w x y z], (T, 7) [m, 1]; the quaternion never
-            jumps to its negative.
-        twist: [v; ω] of the site's origin along world axes, (T, 6) [m/s, rad/s].
-        segment: Which segment of the path, counted from 0, (T,).
+        ticks: Number of control ticks, T.
         period: The control period [s].
     """
 
-    time: Array
-    pose: Array
-    twist: Array
-    segment: NDArray[np.int64]
+    ticks: int
     period: float
     _pieces: tuple["_Piece", ...]
 
     @cached_property
+    def time(self) -> Array:
+        """Of each tick, k · period, (T,) [s]."""
+        return self.period * np.arange(self.ticks, dtype=np.float64)
+
+    @cached_property
+    def samples(self) -> Array:
+        """Pose and twist at each tick, (T, 13)."""
+        samples = np.empty((self.ticks, 13))
+        self._sample(samples)
+        return samples
+
+    @property
+    def pose(self) -> Array:
+        """Of the site in the world, [p, quat w x y z], (T, 7) [m, 1]; the quaternion never jumps."""
+        return self.samples[:, :7]
+
+    @property
+    def twist(self) -> Array:
+        """[v; ω] of the site's origin along world axes, (T, 6) [m/s, rad/s]."""
+        return self.samples[:, 7:]
+
+    @cached_property
     def acceleration(self) -> Array:
-        """Time derivative of the twist, (T, 6) [m/s², rad/s²]; computed when it is asked for first."""
-        return np.vstack([piece.curve.acceleration(*piece.motion) for piece in self._pieces])
+        """Time derivative of the twist, (T, 6) [m/s², rad/s²]."""
+        return np.vstack([curve.acceleration(*motion) for curve, _, motion in self._motions()])
+
+    @cached_property
+    def segment(self) -> NDArray[np.int64]:
+        """Which segment of the path, counted from 0, (T,)."""
+        counts = [piece.last - piece.first for piece in self._pieces]
+        return np.repeat(np.arange(len(counts)), counts)
 
     @property
     def duration(self) -> float:
         """The time of the last tick, the first at which the path is done [s]."""
-        return float(self.time[-1])
+        return self.period * (self.ticks - 1)
+
+    def write(self, out: Array) -> None:
+        """Write `samples`, (T, 13); they are kept only if they were asked for before."""
+        if "samples" in self.__dict__:
+            out[:] = self.samples
+        else:
+            self._sample(out)
+
+    def _sample(self, out: Array) -> None:
+        for curve, ticks, (u, du, _) in self._motions():
+            columns = np.empty((13, len(u)))  # numpy's inner loops are then long, and it is twice as fast
+            curve.at(u, out=columns[:7])
+            curve.twist(u, du, out=columns[7:])
+            out[ticks] = columns.T
+
+    def _motions(self) -> Iterator[tuple["_Curve", slice, tuple[Array, Array, Array]]]:
+        """Iterate over the segments: the curve, its ticks, and u with two derivatives at each of these."""
+        for piece in self._pieces:
+            local = self.period * np.arange(piece.first, piece.last, dtype=np.float64) - piece.start
+            if piece.last == self.ticks:
+                local[-1] = piece.profile.duration  # the end itself, not a rounding before it
+            yield piece.curve, slice(piece.first, piece.last), piece.profile.at(local)
 
 
 def make_reference(
@@ -130,20 +176,17 @@ def make_reference(
             profiles.append(_rest_to_rest(curve, limits))
         pose = curve.end
     starts = np.cumsum([0.0, *(profile.duration for profile in profiles)])
-    time = period * np.arange(_intervals(float(starts[-1]), period) + 1, dtype=np.float64)
-    which = np.minimum(np.searchsorted(starts[1:], time, side="right"), len(curves) - 1)
-    first = np.searchsorted(which, np.arange(len(curves) + 1))
-    poses, twists, pieces = np.empty((len(time), 7)), np.empty((len(time), 6)), []
-    for i, (curve, profile) in enumerate(zip(curves, profiles, strict=True)):
-        ticks = slice(first[i], first[i + 1])
-        local = time[ticks] - starts[i]
-        if i == len(curves) - 1:
-            local[-1] = profile.duration  # the end itself, not a rounding before it
-        u, du, ddu = profile.at(local)
-        curve.at(u, out=poses[ticks])
-        curve.twist(u, du, out=twists[ticks])
-        pieces.append(_Piece(curve, (u, du, ddu)))
-    return Reference(time, poses, twists, which, period, tuple(pieces))
+    ticks = _intervals(float(starts[-1]), period) + 1
+    # a tick on the border of two segments belongs to the later one
+    borders = [0, *(min(_first_tick(start, period), ticks - 1) for start in starts[1:-1]), ticks]
+    pieces = map(_Piece, curves, profiles, starts, borders[:-1], borders[1:])
+    return Reference(ticks, period, tuple(pieces))
+
+
+def _first_tick(start: float, period: float) -> int:
+    """Return the first tick that is not before a time: the quotient may be rounded to a tick beside it."""
+    nearest = round(start / period)
+    return next(tick for tick in range(nearest - 1, nearest + 3) if period * tick >= start)
 
 
 def _checked(
@@ -238,50 +281,46 @@ class _Curve:
     @cached_property
     def end(self) -> Array:
         """Pose at u = 1, (7,)."""
-        end = np.empty(7)
-        self.at(np.ones(1), out=end[None])
-        return end
+        end = np.empty((7, 1))
+        self.at(np.ones(1), out=end)
+        return end[:, 0]
 
     def at(self, u: Array, out: Array) -> None:
-        """Write the poses, (len(u), 7); at u = 0 the start, to the bit."""
-        turning = self.angle * (u if self.angle else u[:1])
-        out[:, 3:] = quat_multiply(quat_from_axis_angle(self.axis, turning), self.start[3:])
-        u = u[:, None]
-        moved = u * self.straight
+        """Write the poses, (7, len(u)); at u = 0 the start, to the bit."""
+        if self.angle:
+            turned = quat_from_axis_angle(self.axis, self.angle * u)
+            out[3:] = quat_multiply(turned, self.start[3:]).T
+        else:
+            out[3:] = self.start[3:, None]
+        np.multiply(self.straight[:, None], u, out=out[:3])
         if self.sweep:
             # cos θ − 1 = −2 sin² θ/2 keeps its digits for small θ
-            moved -= 2 * np.sin(0.5 * self.sweep * u) ** 2 * self.spoke
-            moved += np.sin(self.sweep * u) * self.tangent
-        np.add(self.start[:3], moved, out=out[:, :3])
+            out[:3] -= 2 * np.sin(0.5 * self.sweep * u) ** 2 * self.spoke[:, None]
+            out[:3] += np.sin(self.sweep * u) * self.tangent[:, None]
+        out[:3] += self.start[:3, None]
 
     def twist(self, u: Array, du: Array, out: Array) -> None:
-        """Write the twists by the chain rule, (len(u), 6)."""
-        np.multiply(self._slope(u), du[:, None], out=out[:, :3])
-        np.multiply(self.angle * self.axis, du[:, None], out=out[:, 3:])
+        """Write the twists by the chain rule, (6, len(u))."""
+        np.multiply(self._slope(u), du, out=out[:3])
+        np.multiply((self.angle * self.axis)[:, None], du, out=out[3:])
 
     def acceleration(self, u: Array, du: Array, ddu: Array) -> Array:
         """Return the accelerations by the chain rule, (len(u), 6)."""
-        du, ddu = du[:, None], ddu[:, None]
         along = self._slope(u) * ddu
         if self.sweep:
-            sine, cosine = np.sin(self.sweep * u)[:, None], np.cos(self.sweep * u)[:, None]
-            along += -(self.sweep**2) * (cosine * self.spoke + sine * self.tangent) * du**2
-        return np.hstack([along, self.angle * self.axis * ddu])
+            sine, cosine = np.sin(self.sweep * u), np.cos(self.sweep * u)
+            centripetal = cosine * self.spoke[:, None] + sine * self.tangent[:, None]
+            along -= self.sweep**2 * centripetal * du**2
+        return np.vstack([along, (self.angle * self.axis)[:, None] * ddu]).T
 
     def _slope(self, u: Array) -> Array:
-        """Return dp/du, (len(u), 3), or (3,) where it is the same for all u."""
+        """Return dp/du, (3, len(u)), or (3, 1) where it is the same for all u."""
         if not self.sweep:
-            return self.straight
-        sine, cosine = np.sin(self.sweep * u)[:, None], np.cos(self.sweep * u)[:, None]
-        return self.straight + self.sweep * (cosine * self.tangent - sine * self.spoke)
-
-
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """A curve, and u with its first two derivatives at its ticks."""
-
-    curve: _Curve
-    motion: tuple[Array, Array, Array]
+            return self.straight[:, None]
+        sine, cosine = np.sin(self.sweep * u), np.cos(self.sweep * u)
+        return self.straight[:, None] + self.sweep * (
+            cosine * self.tangent[:, None] - sine * self.spoke[:, None]
+        )
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is an error below
@@ -299,7 +338,8 @@ def _curve(place: str, segment: Segment, start: Array) -> _Curve:
     elif isinstance(segment, TurnSegment):
         turn = segment.turn
     axis, angle = _rotation(turn, start) if turn else (np.array([0.0, 0.0, 1.0]), 0.0)
-    curve = _Curve(place, start, straight, spoke, np.cross(normal, spoke), sweep, axis, angle)
+    tangent = np.cross(normal, spoke) if sweep else spoke
+    curve = _Curve(place, start, straight, spoke, tangent, sweep, axis, angle)
     if not np.isfinite([curve.length, angle, *curve.end]).all():
         raise TargetError(f"{place}: is not finite; use smaller numbers")
     if isinstance(segment, LineSegment | ArcSegment) and curve.length < _SMALLEST:
@@ -381,15 +421,26 @@ class _Profile:
 
     def at(self, time: Array) -> tuple[Array, Array, Array]:
         """Return u and its first two derivatives; 1, 0, 0 from the end on."""
-        phase = np.searchsorted(self.since[1:], time, side="right")
-        t = time - self.since[phase]
-        u, du, ddu, jerk = self.state[:, phase]
-        ended = time >= self.duration
-        return (
-            np.where(ended, 1.0, u + t * (du + t * (ddu / 2 + t * jerk / 6))),
-            np.where(ended, 0.0, du + t * (ddu + t * jerk / 2)),
-            np.where(ended, 0.0, ddu + t * jerk),
-        )
+        u, du, ddu = np.ones(len(time)), np.zeros(len(time)), np.zeros(len(time))
+        borders = np.searchsorted(time, [*self.since, self.duration])
+        for since, state, ticks in zip(self.since, self.state.T, pairwise(borders), strict=True):
+            now, (start, rate, acceleration, jerk) = slice(*ticks), state
+            t = time[now] - since
+            u[now] = start + t * (rate + t * (acceleration / 2 + t * jerk / 6))
+            du[now] = rate + t * (acceleration + t * jerk / 2)
+            ddu[now] = acceleration + t * jerk
+        return u, du, ddu
+
+
+@dataclass(frozen=True, eq=False)
+class _Piece:
+    """A segment in time: when it starts [s], and which ticks are its own."""
+
+    curve: _Curve
+    profile: _Profile
+    start: float
+    first: int
+    last: int
 
 
 def _pause(duration: float) -> _Profile:

@@ -3,12 +3,14 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+import yaml
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scenario_texts import MINIMAL, problems
 
 from rmrc.errors import ScenarioError
-from rmrc.scenario import load, loads, reading
+from rmrc.scenario import inline, load, loads, reading
+from rmrc.scenario.reading import parse, plain_number
 
 
 def test_a_merge_key_takes_what_is_not_said():
@@ -151,3 +153,27 @@ def test_any_text_gives_a_scenario_error_of_whole_lines(text):
     for line in caught.value.problems:
         assert line.startswith("x.yaml:")
         assert line.isprintable()
+
+
+@given(
+    st.from_regex(r"-?[0-9._]{1,8}(e[-+]?[0-9]{1,3})?", fullmatch=True)
+    | st.floats().map(repr)
+    | st.text(max_size=8)
+)
+@example("010")  # octal
+@example("1e5")  # text
+@example("1_0")
+@example("-0.0")
+def test_a_plain_number_is_what_the_parser_reads_and_what_it_writes(text):
+    number = plain_number(text)
+    if number is None:
+        return
+    for parser in (parse(text).value, yaml.safe_load(text)):
+        assert (type(number), repr(number)) == (type(parser), repr(parser))
+    assert yaml.safe_load(inline(number)) == number
+    assert inline(number) == yaml.safe_dump(number).removesuffix("\n...\n")
+
+
+def test_common_numbers_take_no_parser():
+    assert [plain_number(text) for text in ("7", "-0.25", "1.0e-05")] == [7, -0.25, 1e-5]
+    assert [plain_number(text) for text in ("", "1e5", "60 deg", ".inf", "010", "[1]")] == [None] * 6

@@ -158,7 +158,7 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
         line_grid=grid(scene.points),
     )
     is_slowed = prepared.scenario.control.at_singularity == "slow"
-    axis = time_axis(float(prepared.reference.time[-1]), is_open=is_slowed)
+    axis = time_axis(prepared.reference.duration, is_open=is_slowed)
     extra = [f"/columns/{name}" for name in extra_curves(prepared)]
     plots = rrb.Vertical(
         *(

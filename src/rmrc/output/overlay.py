@@ -246,7 +246,7 @@ def _layout(name: str, labels: list[str], prepared: list[Prepared], scenes: list
         line_grid=grid(points),
     )
     is_slowed = any(one.scenario.control.at_singularity == "slow" for one in prepared)
-    axis = time_axis(max(float(one.reference.time[-1]) for one in prepared), is_open=is_slowed)
+    axis = time_axis(max(one.reference.duration for one in prepared), is_open=is_slowed)
     axes = {axis for one in prepared for axis in one.scenario.task.axes}
     slides = {bool(slide) for one in prepared for slide in one.arm.is_slide}
     unit = " or ".join(unit for unit, is_slide in (("rad/s", False), ("m/s", True)) if is_slide in slides)

@@ -56,7 +56,7 @@ class Track:
         self.out, self.scene, self.prefix, self._prepared = out, Scene(prepared), prefix, prepared
         self._stride = max(1, round(FRAME_PERIOD / prepared.scenario.control.period))
         self._ticks = self._framed = 0
-        self._planned = len(prepared.reference.time)
+        self._planned = prepared.reference.ticks
         rows = [AXES.index(axis) for axis in prepared.scenario.task.axes]
         self.translations = [row for row in rows if row < 3]
         self.rotations = [row for row in rows if row > 2]

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import Any
 
 from rmrc.scenario.places import Key, Mistake, join
-from rmrc.scenario.reading import Document, TextError, parse
+from rmrc.scenario.reading import Document, TextError, parse, plain_number
 from rmrc.scenario.sections import listed_default, parse_key
 from rmrc.scenario.wording import brief, show
 
@@ -21,11 +21,14 @@ def override(document: Document, text: str, option: str = "--set") -> Document:
         wrong = "must be KEY=VALUE, for example control.feedback=10"
         return _with(document, Mistake((), wrong, f"{option} {brief(text)}"))
     try:
-        parsed = parse(value if value.strip() else "null", key=key)
-        values = _put(document.value, key, parsed.value)
+        parsed, found = plain_number(value), list[Mistake]()
+        if parsed is None:
+            inner = parse(value if value.strip() else "null", key=key)
+            parsed, found = inner.value, inner.mistakes
+        values = _put(document.value, key, parsed)
     except TextError as error:
         return _with(document, Mistake(key, str(error), f"{option} {join(key)}", hides=True))
-    mistakes = [mistake._replace(mark=f"{option} {join(key)}") for mistake in parsed.mistakes]
+    mistakes = [mistake._replace(mark=f"{option} {join(key)}") for mistake in found]
     return Document(values, document.origin.overridden(key, option), document.mistakes + mistakes)
 
 

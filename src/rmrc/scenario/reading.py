@@ -21,6 +21,10 @@ _MAX_BYTES = 2**20
 _MAX_VALUES = 10_000
 _MAX_DEPTH = 50
 
+# of few digits, so that an integer is not refused for its length
+_INTEGER = re.compile(r"-?(?:0|[1-9][0-9]{,17})")
+_DECIMAL = re.compile(r"-?[0-9]{1,17}\.[0-9]+(?:e[-+][0-9]{1,3})?")
+
 _MERGE = "tag:yaml.org,2002:merge"
 _Mapping = tuple[dict[str, Any], dict[str | int, Place]]  # the values and their places
 
@@ -94,6 +98,16 @@ def parse(text: str, source: str = "", key: Key = ()) -> Document:
     except yaml.MarkedYAMLError as error:
         raise TextError(_problem(error), _at(error.problem_mark or error.context_mark)) from None
     return Document(value, Origin(source, place), builder.mistakes)
+
+
+def plain_number(text: str) -> int | float | None:
+    """Return the number that a text is, as YAML reads it; None for all that takes a parser to tell.
+
+    Sweeps give numbers by the million, and the parser takes twenty times as long.
+    """
+    if _INTEGER.fullmatch(text):
+        return int(text)
+    return float(text) if _DECIMAL.fullmatch(text) else None
 
 
 def items(text: str) -> list[tuple[str, str]]:

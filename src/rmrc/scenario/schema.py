@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
+from rmrc.scenario.reading import plain_number
 from rmrc.scenario.sections import Scenario
 from rmrc.scenario.wording import show
 
@@ -77,6 +78,8 @@ def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
 
 def inline(value: object) -> str:
     """Return a value as YAML on one line, which is read back to an equal value."""
+    if type(value) in (int, float) and plain_number(repr(value)) is not None:  # what YAML writes as well
+        return repr(value)
     text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
     return text.strip().removesuffix("...").strip()
 

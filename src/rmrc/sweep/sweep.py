@@ -177,7 +177,7 @@ class Sweep:
             try:
                 one = self._shards.prepare(index)
                 kinds.setdefault((one.arm.joints, tuple(one.arm.is_slide), one.scenario.task.axes), one)
-                ticks += _TICKS_BEFORE + len(one.reference.time)
+                ticks += _TICKS_BEFORE + one.reference.ticks
                 largest = max(largest, _most_bytes(one))
             except ScenarioError as error:
                 problems.add(index, error)
@@ -291,7 +291,7 @@ class _Problems:
 def _most_bytes(one: Prepared) -> int:
     """Return how much a run may record."""
     slow = one.scenario.control.slow.longest if one.scenario.control.at_singularity == "slow" else 1.0
-    return int(slow * len(one.reference.time)) * tick_type(one.arm.n).itemsize
+    return int(slow * one.reference.ticks) * tick_type(one.arm.n).itemsize
 
 
 def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:

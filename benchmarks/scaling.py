@@ -1,0 +1,124 @@
+"""What sweeps of a million runs and more would cost on many machines, by a model fed with what is measured here.
+
+    python benchmarks/scaling.py [--machines 100] [--cores 32] [--tasks 20000] [--json]
+
+Measured on this machine: a run of 4 s of the six-joint arm from scenario to row on one core, its check, its row
+in bytes, making one file of the rows, and a piece of a sweep that has nothing to do, through a local cluster of
+two workers. `--tasks 1000000` takes the scheduler through a million of these.
+"""
+
+import argparse
+import json
+import os
+import tempfile
+import threading
+import time
+from collections.abc import Mapping
+from pathlib import Path
+
+from sweep import DAMPING, scenario_of
+
+from rmrc.sweep import cluster
+from rmrc.sweep.crew import done
+from rmrc.sweep.parcel import pack
+from rmrc.sweep.sweep import Sweep
+
+RUNS = (1e4, 1e6, 1e9)
+# Of the client's network [byte/s], 1 Gbit/s.
+NETWORK = 1.25e8
+
+
+def of_a_sweep(runs: int = 400) -> dict[str, float]:
+    """Return what a run costs, from a sweep on one thread."""
+    with scenario_of("stanford") as path, tempfile.TemporaryDirectory() as folder:
+        sweep = Sweep(path, [DAMPING, f"sweep.samples={runs}"], Path(folder), 1)
+        sweep.compile()
+        started = time.perf_counter()
+        contents = sweep.check()
+        checked = time.perf_counter()
+        sweep.run()
+        ran = time.perf_counter()
+        return {
+            "check [s a run]": (checked - started) / runs,
+            "run [s a run]": (ran - checked) / runs,
+            "runs in a piece": contents.batch,
+            "row [byte a run]": os.path.getsize(sweep.dataset.file) / runs,
+        }
+
+
+def of_files(rows: int = 100_000) -> dict[str, float]:
+    """Return what one file of many parts costs, made of one part of a real sweep again and again."""
+    with scenario_of("stanford") as path, tempfile.TemporaryDirectory() as folder:
+        sweep = Sweep(path, [DAMPING, "sweep.samples=44"], Path(folder), 1)
+        contents = sweep.check()._replace(batch=44)
+        data = sweep._shards.run(range(44), contents.columns, threading.Event())
+        many = contents._replace(runs=44 * (rows // 44))
+        for part in range(many.parts):
+            sweep.dataset.keep(part, data)
+        started = time.perf_counter()
+        sweep.dataset.merge(many)
+        return {
+            "one file of parts [s a run]": (time.perf_counter() - started) / many.runs,
+            "part [byte a run]": len(data) / 44,
+        }
+
+
+def of_the_scheduler(tasks: int) -> dict[str, float]:
+    """Return what a piece costs that has nothing to do."""
+    with scenario_of("stanford") as path:
+        parcel = pack(path, [DAMPING])
+        with cluster.opened(cluster.Address.read("local:2"), parcel) as crew:
+            nothing = (range(i, i) for i in range(tasks))
+            stop = threading.Event()
+            next(done(crew, "check", iter([range(0)]), None, stop))  # unpacks the parcel
+            started = time.perf_counter()
+            count = sum(1 for _ in done(crew, "check", nothing, None, threading.Event()))
+            seconds = time.perf_counter() - started
+            assert count == tasks
+    return {"tasks": tasks, "empty piece [s]": seconds / tasks, "parcel [byte]": parcel.size}
+
+
+def model(measured: Mapping[str, float], runs: float, workers: int) -> dict[str, float]:
+    """Return hours of each part of a sweep; parts of different machines go on at the same time.
+
+    Args:
+        measured: What one of everything costs.
+        runs: How many.
+        workers: Cores of all machines.
+    """
+    pieces = runs / measured["runs in a piece"]
+    hours = {
+        "checks, on the workers": runs * measured["check [s a run]"] / workers,
+        "runs, on the workers": runs * measured["run [s a run]"] / workers,
+        "pieces, in scheduler and client": pieces * measured["empty piece [s]"],
+        "rows, to the client's network": runs * measured["part [byte a run]"] / NETWORK,
+        "one file, in the client": runs * measured["one file of parts [s a run]"],
+    }
+    return {name: seconds / 3600 for name, seconds in hours.items()} | {
+        "pieces": pieces,
+        "file [GB]": runs * measured["row [byte a run]"] / 1e9,
+    }
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--machines", type=int, default=100)
+    parser.add_argument("--cores", type=int, default=32, help="of each machine")
+    parser.add_argument("--tasks", type=int, default=20_000, help="empty pieces that are scheduled")
+    parser.add_argument("--json", action="store_true")
+    arguments = parser.parse_args()
+    measured = of_a_sweep() | of_files() | of_the_scheduler(arguments.tasks)
+    found = {f"{runs:g}": model(measured, runs, arguments.machines * arguments.cores) for runs in RUNS}
+    if arguments.json:
+        print(json.dumps({"measured": measured, "model": found}, indent=2))
+        return
+    for name, value in measured.items():
+        print(f"{name:<40}{value:>14.4g}")
+    print(f"\n{'hours, runs:':<40}" + "".join(f"{runs:>14}" for runs in found))
+    for name in next(iter(found.values())):
+        print(f"{name:<40}" + "".join(f"{one[name]:>14.3g}" for one in found.values()))
+
+
+if __name__ == "__main__":
+    main()
