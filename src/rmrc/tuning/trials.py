@@ -152,9 +152,9 @@ class Trials:
         nominal = preparation.variant()
         self.limits, self._control = Limits.of(nominal), nominal.scenario.control
         references = [preparation.variant(copy.overrides).reference for copy in copies]
-        self.planned = [one.period * len(one.time) for one in references]
+        self.planned = [one.period * one.ticks for one in references]
         self._longest = [math.inf] * len(copies)
-        self._ticks = len(nominal.reference.time)
+        self._ticks = nominal.reference.ticks
         self.done = 0
 
     @property
