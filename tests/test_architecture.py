@@ -16,6 +16,7 @@ SOURCE = ROOT / "src"
 LAYERS = (
     ("rmrc.__main__",),
     ("rmrc.cli",),
+    ("rmrc.tuning",),
     ("rmrc.sweep",),
     ("rmrc.job", "rmrc.comparison"),
     ("rmrc.output", "rmrc.facts", "rmrc.interruption"),
@@ -43,7 +44,8 @@ OWNERS = {
     "rerun": tuple(f"rmrc.output.{name}" for name in ("recording", "overlay", "look", "track", "stream")),
     "pyarrow": ("rmrc.sweep.dataset", "rmrc.output.recording", "rmrc.output.stream"),
     "matplotlib": tuple(
-        f"rmrc.output.{name}" for name in ("figures", "arm_figure", "textbook_figures", "workspace_figure")
+        f"rmrc.output.{name}"
+        for name in ("figures", "arm_figure", "textbook_figures", "tuning_figure", "workspace_figure")
     ),
     "rich": (
         "rmrc.cli",

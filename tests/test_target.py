@@ -605,3 +605,48 @@ def test_a_length_at_which_two_cases_meet_is_timed():
     assert reference.duration == pytest.approx(0.4, abs=1e-9)
     a, j = 1.0, 10.0
     assert 2 * a**3 / j**2 == 0.02
+
+
+# An offset of the absolute points ----------------------------------------------------------------
+
+
+def written_further(segments, offset):
+    """Return a path whose absolute points are written further by an offset."""
+    texts = [segment.model_dump(by_alias=True) for segment in segments]
+    for text in texts:
+        for kind, point in (("line", "to"), ("arc", "center")):
+            if text.get(kind, {}).get(point):
+                text[kind][point] = [x + d for x, d in zip(text[kind][point], [*offset, 0.0], strict=False)]
+    kinds = {"line": LineSegment, "arc": ArcSegment, "turn": TurnSegment, "hold": HoldSegment}
+    return [kinds[next(iter(text))].model_validate(text) for text in texts]
+
+
+@st.composite
+def paths_to_points(draw):
+    """Draw a path of lines to absolute points, among relative pieces."""
+    pose, segments, _ = draw(paths())
+    point = draw(st.sampled_from([(3.0, 2.0), (3.0, 2.0, 1.0), (-4.0, 5.0, 6.0)]))
+    return pose, [*segments, line(to=point), line((0.3, 0.1)), arc((9.0, -7.0), 0.5)]
+
+
+@many
+@given(paths_to_points(), st.lists(st.floats(-0.5, 0.5), min_size=2, max_size=3))
+def test_an_offset_is_the_path_with_each_absolute_point_written_further(path, offset):
+    pose, segments = path
+    moved = make_reference(segments, LIMITS, pose, 0.01, offset)
+    rewritten = make_reference(written_further(segments, offset), LIMITS, pose, 0.01)
+    np.testing.assert_array_equal(moved.pose, rewritten.pose)
+    np.testing.assert_array_equal(moved.twist, rewritten.twist)
+
+
+def test_what_is_relative_follows_an_offset_and_a_point_of_two_values_keeps_its_height():
+    segments = [line(to=(0.7, 0.2)), line((0.1, 0.0))]
+    plain, moved = (make_reference(segments, LIMITS, START, 0.01, d).pose[-1] for d in ((), (0.1, 0.2, 0.3)))
+    np.testing.assert_allclose(moved[:3] - plain[:3], [0.1, 0.2, 0.0], rtol=0, atol=ROUNDING)
+    np.testing.assert_array_equal(moved[3:], plain[3:])
+    # nothing absolute, nothing moved
+    relative = [line((0.1, 0.0)), turn(axis="z", angle=1.0), hold(0.1)]
+    np.testing.assert_array_equal(
+        make_reference(relative, LIMITS, START, 0.01, (1.0, 1.0)).pose,
+        make_reference(relative, LIMITS, START, 0.01).pose,
+    )

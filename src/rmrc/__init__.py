@@ -8,6 +8,7 @@ the compiled law take a third of a second.
     (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
     figures = rmrc.scorecard.scorecard(run)                       # a module; import it
     swept = rmrc.Sweep(Path("scenarios/x.yaml")).run()             # rmrc.sweep.sweep
+    tuned = rmrc.tune("scenarios/approach_singularity.yaml")      # rmrc.tuning.tuning
     rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
     arm = rmrc.arm.load(Path("models/stanford.xml"))              # a module; import it
     found = rmrc.inspect_arm(arm, q)                              # rmrc.analysis.inspection
@@ -30,6 +31,7 @@ _HOMES = {
     "Simulation": "rmrc.simulation",
     "Run": "rmrc.run",
     "Sweep": "rmrc.sweep.sweep",
+    "tune": "rmrc.tuning.tuning",
     "resolve_rates": "rmrc.control.law",
     "inspect_arm": "rmrc.analysis.inspection",
     "balance": "rmrc.analysis.statics",

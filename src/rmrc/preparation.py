@@ -82,7 +82,7 @@ class Known:
         # as text, which tells 0.0 from -0.0
         key = (arm, q.tobytes(), repr(target), period)
         return self._references.get(
-            key, lambda: make_reference(target.path, target.limits, arm.pose(q), period)
+            key, lambda: make_reference(target.path, target.limits, arm.pose(q), period, target.offset)
         )
 
     def rank(

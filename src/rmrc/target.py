@@ -141,6 +141,7 @@ def make_reference(
     limits: TargetLimitsSection,
     start_pose: ArrayLike,
     period: float,
+    offset: Sequence[float] = (),
 ) -> Reference:
     """Time a path and sample it at every control tick.
 
@@ -149,6 +150,7 @@ def make_reference(
         limits: Of the norms of velocity, acceleration and jerk, linear and angular.
         start_pose: Of the site, [p, quat w x y z], (7,) [m, 1]; the first sample, to the bit.
         period: The control period [s].
+        offset: Of the absolute points of the path, `scenario.target.offset`, (2,) or (3,) [m].
 
     Returns:
         The reference; the last sample is the end of the path, at rest.
@@ -165,7 +167,7 @@ def make_reference(
     """
     pose = _checked(segments, limits, start_pose, period)
     curves, profiles = [], []
-    for i, segment in enumerate(segments):
+    for i, segment in enumerate(_moved(segments, offset)):
         curve = _curve(f"target.path[{i}]", segment, pose)
         curves.append(curve)
         if isinstance(segment, HoldSegment):
@@ -215,6 +217,27 @@ def _intervals(duration: float, period: float) -> int:
             "or shorten the path"
         )
     return max(1, math.ceil(count - _TICK_ROUNDING))
+
+
+def _moved(segments: Sequence[Segment], offset: Sequence[float]) -> Sequence[Segment]:
+    """Return the path with its absolute points written further by an offset; a point of 2 values keeps z."""
+    if not any(offset):
+        return segments
+
+    def further(point: tuple[float, ...]) -> tuple[float, ...]:
+        return tuple(x + d for x, d in zip(point, (*offset, 0.0), strict=False))
+
+    moved: list[Segment] = []
+    for segment in segments:
+        if isinstance(segment, LineSegment) and segment.line.to is not None:
+            line = segment.line.model_copy(update={"to": further(segment.line.to)})
+            moved.append(LineSegment(line=line))
+        elif isinstance(segment, ArcSegment):
+            arc = segment.arc.model_copy(update={"center": further(segment.arc.center)})
+            moved.append(ArcSegment(arc=arc))
+        else:
+            moved.append(segment)
+    return moved
 
 
 # Geometry ----------------------------------------------------------------------------------------

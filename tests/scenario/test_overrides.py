@@ -40,6 +40,16 @@ def test_an_override_is_the_same_as_the_edited_file():
     assert loads(EXAMPLE, overrides=["control.feedback=7", "plant.kv=5"]) == loads(edited)
 
 
+def test_an_item_of_a_list_that_is_not_written_is_set_in_its_default():
+    plain = loads(MINIMAL)
+    moved = loads(MINIMAL, overrides=["target.offset[1]=0.02", "plant.wrench[5]=3"])
+    assert (plain.target.offset, plain.plant.wrench) == ((0.0,) * 3, (0.0,) * 6)
+    assert (moved.target.offset, moved.plant.wrench) == ((0.0, 0.02, 0.0), (0.0,) * 5 + (3.0,))
+    assert problems(MINIMAL, "target.offset[3]=1") == [
+        "--set target.offset[3]: target.offset has 3 items, counted from 0"
+    ]
+
+
 @pytest.mark.parametrize(
     ("override", "line"),
     [

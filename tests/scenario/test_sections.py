@@ -201,6 +201,7 @@ target:
   path:
   - line:
       by: [0.1, 0.0]
+  offset: [0.0, 0.0, 0.0]
   limits: {velocity: 0.25, acceleration: 1.0, jerk: 10.0, angular_velocity: 1.0, angular_acceleration: 4.0,
     angular_jerk: 40.0}
 plant:

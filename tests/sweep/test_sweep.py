@@ -287,3 +287,20 @@ def test_models_are_varied_too_and_a_joint_that_one_lacks_is_nan(path, tmp_path)
     assert lacking and lacking < names
     assert not any(math.isnan(three[name]) for name in names & lacking)
     assert (two["status"], three["status"]) == ("complete", "complete")
+
+
+def test_the_offset_of_a_target_can_be_drawn_though_it_is_not_written(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text(TEXT.partition("sweep:")[0].replace("by: [0.004, 0.0]", "to: [1.004, 0.0]"))
+    draw = ["sweep.draw.target.offset[0]=[-0.002, 0.002]", "sweep.samples=3"]
+    sweep = Sweep(path, draw, tmp_path / "out", threads=1)
+    sweep.run()
+    rows = pq.read_table(sweep.dataset.file).to_pylist()
+    offsets = [row["target.offset[0]"] for row in rows]
+    assert len(set(offsets)) == 3
+    # at 0.25 m/s and less, a longer line takes longer
+    assert [row["duration"] for row in sorted(rows, key=lambda row: row["target.offset[0]"])] == sorted(
+        row["duration"] for row in rows
+    )
+    field = pq.read_schema(sweep.dataset.file).field("target.offset[0]")
+    assert (str(field.type), field.metadata[b"unit"]) == ("double", b"m")

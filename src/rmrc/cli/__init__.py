@@ -2,7 +2,8 @@
 
 0  all went well                        3  a world diverged; what it recorded is kept
 1  an expectation was not met, a      130  Ctrl-C; what was recorded is kept
-   goal not reached, a wrench not held
+   goal not reached, a wrench not held,
+   nothing keeps the limits
 2  bad input, one line says what
 """
 
@@ -12,7 +13,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import ik, inspect, scenarios, statics, sweep, workspace
+from rmrc.cli import ik, inspect, scenarios, statics, sweep, tune, workspace
 from rmrc.cli.console import EXIT_INPUT, complain
 from rmrc.errors import RmrcError
 
@@ -27,6 +28,7 @@ for verb in (
     scenarios.run,
     scenarios.compare,
     sweep.sweep,
+    tune.tune,
     scenarios.replay,
     scenarios.schema,
     inspect.inspect,

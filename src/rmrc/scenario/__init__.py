@@ -16,10 +16,11 @@ This package alone knows YAML and pydantic. A section made directly in Python re
 a file or a text never does.
 """
 
+import copy
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
@@ -39,7 +40,7 @@ from rmrc.scenario.path import (
 )
 from rmrc.scenario.places import Mistake, Origin
 from rmrc.scenario.reading import Document, TextError, parse, read
-from rmrc.scenario.schema import SchemaRow, inline, json_schema, schema_rows
+from rmrc.scenario.schema import SchemaRow, block, inline, json_schema, schema_rows
 from rmrc.scenario.sections import (
     ArmSection,
     Check,
@@ -68,7 +69,7 @@ __all__ = [
     "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment",
     "NullspaceSection", "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment",
     "SlowSection", "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection",
-    "Template", "Turn", "TurnSegment", "Variant", "angle", "inline", "json_schema", "load", "loads",
+    "Template", "Turn", "TurnSegment", "Variant", "angle", "block", "inline", "json_schema", "load", "loads",
     "schema_rows", "variants",
 ]  # fmt: skip
 
@@ -177,10 +178,21 @@ class Template:
         Raises:
             ScenarioError: With all mistakes at once.
         """
+        return _scenario(self._varied(varied), self._folder, self._models)
+
+    def written(self, varied: Sequence[str] = ()) -> dict[str, Any]:
+        """Return what is written, with the overrides and those of a variant: plain data, unchecked.
+
+        Args:
+            varied: As in `scenario`.
+        """
+        return dict(copy.deepcopy(self._varied(varied).value))
+
+    def _varied(self, varied: Sequence[str]) -> Document:
         document = self._document
         for text in varied:
             document = override(document, text, "--vary")
-        return _scenario(document, self._folder, self._models)
+        return document
 
 
 def _text(source: str) -> str:

@@ -5,7 +5,7 @@ from typing import Any
 
 from rmrc.scenario.places import Key, Mistake, join
 from rmrc.scenario.reading import Document, TextError, parse, plain_number
-from rmrc.scenario.sections import parse_key
+from rmrc.scenario.sections import listed_default, parse_key
 from rmrc.scenario.wording import brief, show
 
 
@@ -50,6 +50,8 @@ def _put(node: Any, key: Key, value: object, depth: int = 0) -> Any:
     below = node.get(step) if isinstance(node, dict) else node[step]
     if below is None and isinstance(node, dict) and isinstance((*key, 0)[depth + 1], str):
         below = {}
+    if below is None and isinstance(node, dict) and step not in node:  # an item of what was not written
+        below = listed_default(key[: depth + 1])
     changed = node.copy()
     changed[step] = _put(below, key, value, depth + 1)
     return changed

@@ -84,6 +84,11 @@ def inline(value: object) -> str:
     return text.strip().removesuffix("...").strip()
 
 
+def block(value: object) -> str:
+    """Return a value as YAML to be read: a line a key, with what is innermost on one line."""
+    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, default_flow_style=None, width=100)
+
+
 def _type(schema: dict[str, Any]) -> str:
     """Return the type of a value in words."""
     options = schema.get("anyOf", schema.get("oneOf"))

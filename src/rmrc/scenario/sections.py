@@ -33,6 +33,7 @@ from rmrc.scenario.values import (
     Switch,
     Text,
     Values,
+    Vector,
     Weights,
     Wrench,
     key,
@@ -298,6 +299,11 @@ class TargetSection(Section):
     """Where the site shall go."""
 
     path: Annotated[tuple[Segment, ...], Count(1)] = key("the pieces of the path, in order")
+    offset: Vector = key(
+        "how far every absolute point of the path lies from where it is written: line.to, arc.center",
+        (0.0, 0.0, 0.0),
+        "m",
+    )
     limits: TargetLimitsSection = key("how fast", TargetLimitsSection())
 
 
@@ -465,6 +471,18 @@ def uneven(kind: str, period: float, timestep: float) -> str | None:
     if kind == "ideal" or whole:
         return None
     return f"must be an integer multiple of plant.timestep, got {show(period)} and {show(timestep)}"
+
+
+def listed_default(key: Key) -> list[object] | None:
+    """Return the default of a key that has a list for one, else None."""
+    fields = Scenario.model_fields
+    for step in key[:-1]:
+        section = fields[step].annotation if step in fields else None
+        if not (isinstance(section, type) and issubclass(section, Section)):
+            return None
+        fields = section.model_fields
+    default = fields[key[-1]].default if key[-1] in fields else None
+    return list(default) if isinstance(default, tuple) else None
 
 
 def parse_key(text: str) -> Key:

@@ -201,3 +201,20 @@ class Dataset:
 
     def _part(self, part: int) -> Path:
         return self.folder / f"part-{part:08d}.parquet"
+
+
+def write_table(path: Path, columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> None:
+    """Write a file of its own, whole or not at all; a number that a row lacks is NaN, anything else null.
+
+    Args:
+        path: Of the file.
+        columns: Of a row.
+        rows: All of them.
+    """
+    fields = [
+        pa.field(c.name, _TYPES[c.kind], metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns
+    ]
+    blank = {"number": float("nan")}
+    values = {c.name: [row.get(c.name, blank.get(c.kind)) for row in rows] for c in columns}
+    with written_whole(path) as temporary:
+        pq.write_table(pa.table(values, pa.schema(fields)), temporary)

@@ -1,0 +1,105 @@
+"""The verb `tune`: which inverse and which damping to use."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from rmrc.cli.console import (
+    COMPILING,
+    EXIT_INTERRUPTED,
+    EXIT_MISSED,
+    complain,
+    notice,
+    output,
+    progress,
+)
+from rmrc.cli.scenarios import Out, Overrides, Quiet
+from rmrc.errors import ScenarioError
+
+if TYPE_CHECKING:
+    from rmrc.tuning.tuning import Tuned, Tuning
+
+
+def tune(
+    scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.")],
+    only: Annotated[
+        list[str] | None,
+        typer.Option(metavar="KEY=V1,V2,...", help="Restrict a key that is chosen; repeatable."),
+    ] = None,
+    copies: Annotated[int, typer.Option(help="Perturbed copies of the scenario; 0: none.")] = 4,
+    start: Annotated[
+        str, typer.Option(help="How far the joints of a copy start off; slides: times task.length.")
+    ] = "1 deg",
+    offset: Annotated[
+        float, typer.Option(help="How far the target of a copy is off along each axis [m].")
+    ] = 0.002,
+    payload: Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")] = 0.0,
+    slower: Annotated[float, typer.Option(help="Times the duration as written that another may take.")] = 1.1,
+    runs: Annotated[int, typer.Option(help="Runs in all.")] = 2000,
+    seed: Annotated[int, typer.Option(help="Of the copies and of the search.")] = 0,
+    set_: Overrides = None,
+    out: Out = Path("recordings"),
+    threads: Annotated[
+        int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")
+    ] = None,
+    quiet: Quiet = False,
+) -> None:
+    """Search inverse, damping, feedback and at_singularity for the smallest tracking error within the limits.
+
+    The worst of the scenario and its copies counts. Prints the front of peak rate against error and a control
+    section to paste; leaves NAME.tune.yaml, .png and .parquet. Exit code 1: nothing keeps the limits.
+    """
+    from rmrc.scenario import angle
+    from rmrc.tuning.copies import Spread
+    from rmrc.tuning.tuning import Tuning
+
+    try:
+        off = angle(start)
+    except ValueError as error:
+        raise ScenarioError([f"--start: {error}"]) from None
+    spread = Spread(off, offset, payload)
+    found = None
+    try:
+        work = Tuning(
+            scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread, slower=slower,
+            runs=runs, threads=threads,
+        )  # fmt: skip
+        found = _run(work, runs, quiet)
+    except KeyboardInterrupt:  # while it was checked or compiled
+        pass
+    if found is None:
+        complain("interrupted before anything was found")
+        raise typer.Exit(EXIT_INTERRUPTED)
+    _show(work, found, out, quiet)
+    if found.interrupted:
+        complain(f"interrupted after {found.runs} of {runs} runs")
+        raise typer.Exit(EXIT_INTERRUPTED)
+    raise typer.Exit(0 if found.feasible else EXIT_MISSED)
+
+
+def _run(work: "Tuning", runs: int, quiet: bool) -> "Tuned | None":
+    with notice(COMPILING):
+        work.compile()
+    with progress(f"{work.scenario.name}: {runs} runs", runs, quiet, unit="runs") as on_runs:
+        return work.run(on_runs)
+
+
+def _show(work: "Tuning", found: "Tuned", out: Path, quiet: bool) -> None:
+    from rmrc.output import sheets, tuning_table
+    from rmrc.tuning import report
+
+    console, nearest = output(quiet), found.verdict.nearest
+    title, facts = report.title(work, found), report.facts(work, found)
+    if nearest:
+        console.print(sheets.render([sheets.Sheet(title, ("", ""), facts, frozenset({0, 1}))]))
+    else:
+        named = report.named(found)
+        console.print(sheets.render(tuning_table.sheets(title, facts, report.front(found), named)))
+        for line in (report.as_written(found), *report.alike(found)):
+            console.print(line, highlight=False, markup=False)
+        console.print(f"\n{found.block}", highlight=False, markup=False, soft_wrap=True)
+    for path in work.write(found, out):
+        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+    if nearest:
+        complain(report.nothing(found))

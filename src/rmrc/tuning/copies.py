@@ -1,0 +1,95 @@
+"""Copies of a scenario that are a little off: where the arm starts, what lies where, what is carried."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from rmrc.errors import ScenarioError
+from rmrc.preparation import Prepared
+from rmrc.scenario import ArcSegment, LineSegment, Scenario, inline
+from rmrc.sweep.sobol import sobol_point
+
+# Sobol's sequence has its numbers for so many.
+_MOST_DRAWN = 20
+
+
+@dataclass(frozen=True)
+class Spread:
+    """How far copies are off.
+
+    Attributes:
+        start: Of each joint, to either side [rad]; of one that slides, times the task's length [m].
+        offset: Of the target along each translational task axis, to either side [m].
+        payload: From nothing to so much more at the site [kg].
+    """
+
+    start: float = np.radians(1.0)
+    offset: float = 0.002
+    payload: float = 0.0
+
+
+@dataclass(frozen=True)
+class Copy:
+    """One copy: how messages call it, and the `KEY=VALUE` texts that make it."""
+
+    label: str
+    overrides: tuple[str, ...] = ()
+
+
+def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tuple[Copy, ...]:
+    """Return the scenario itself and copies of it, drawn evenly by Sobol's sequence.
+
+    Args:
+        nominal: The scenario.
+        count: Of copies.
+        seed: What is drawn.
+        spread: How far they are off; a start stays within the joints' position limits, and an offset is drawn
+            only where the path has an absolute point for it to move.
+
+    Raises:
+        ScenarioError: A payload in an ideal plant, or too many numbers to draw.
+    """
+    scenario, arm = nominal.scenario, nominal.arm
+    if spread.payload and scenario.plant.kind == "ideal":
+        raise ScenarioError(
+            ["--payload: must be 0 in an ideal plant, which carries nothing; take another plant.kind"]
+        )
+    axes = [i for i, axis in enumerate("xyz") if axis in scenario.task.axes] if has_points(scenario) else []
+    joints = arm.n if spread.start else 0
+    axes = axes if spread.offset else []
+    drawn = joints + len(axes) + bool(spread.payload)
+    if drawn > _MOST_DRAWN:
+        raise ScenarioError(
+            [f"--copies: at most {_MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"]
+        )
+    copies = [Copy("the scenario itself")]
+    for index in range(count if drawn else 0):
+        point = sobol_point(index, drawn, seed)
+        texts = []
+        if joints:
+            off = (
+                spread.start
+                * np.where(arm.is_slide, scenario.task.length, 1.0)
+                * (2.0 * point[:joints] - 1.0)
+            )
+            start = np.clip(nominal.qpos[arm.wiring.qpos] + off, *arm.position_limit.T)
+            texts.append(f"arm.start={inline(start.tolist())}")
+        if axes:
+            moved = np.zeros(3)
+            moved[: len(scenario.target.offset)] = scenario.target.offset
+            moved[axes] += spread.offset * (2.0 * point[joints : joints + len(axes)] - 1.0)
+            texts.append(f"target.offset={inline(moved.tolist())}")
+        if spread.payload:
+            texts.append(
+                f"plant.payload={inline(scenario.plant.payload + spread.payload * float(point[-1]))}"
+            )
+        copies.append(Copy(f"copy {index + 1} ({', '.join(texts)})", tuple(texts)))
+    return tuple(copies)
+
+
+def has_points(scenario: Scenario) -> bool:
+    """Say whether a path has an absolute point, which `target.offset` moves."""
+    return any(
+        isinstance(one, ArcSegment) or (isinstance(one, LineSegment) and one.line.to is not None)
+        for one in scenario.target.path
+    )

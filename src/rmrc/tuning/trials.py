@@ -1,0 +1,205 @@
+"""Settings on copies -> what they come to: prepared, stepped in batches on all cores, measured."""
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.preparation import Preparation, Prepared, world_record
+from rmrc.run import Divergence
+from rmrc.scenario import inline
+from rmrc.scorecard import Scorecard
+from rmrc.simulation import Simulation
+from rmrc.tuning.copies import Copy
+from rmrc.tuning.front import Point
+from rmrc.tuning.space import Setting
+
+# How far above a limit a measured peak may be: the law keeps commands within it, and servos overshoot.
+TOLERANCE = 0.01
+
+# A batch is about a second of one core, as in a sweep.
+_TICKS = 200_000
+# Of the jobs that are run together, each thread has so many batches, so that none waits long for another.
+_PARTS = 4
+
+OnRuns = Callable[[int], None]
+
+
+class Outcome(NamedTuple):
+    """What a run came to.
+
+    Attributes:
+        error: The larger of position_error.max and task.length · orientation_error.max [m].
+        peak_rate: The largest of the joints' peak rates, of those that slide over task.length [rad/s].
+        time: duration [s].
+        completed: Share of the path.
+        excess: Share by which what is allowed is exceeded most; not positive: it is kept.
+        missed: What that is, in words.
+    """
+
+    error: float
+    peak_rate: float
+    time: float
+    completed: float
+    excess: float
+    missed: str
+
+    @property
+    def point(self) -> Point:
+        """What counts on a front."""
+        return Point(self.peak_rate, self.error, self.time)
+
+
+def worst(outcomes: Sequence[Outcome]) -> Outcome:
+    """Return the worst of each of several runs."""
+    error, peak_rate, time = (max(values) for values in zip(*(one[:3] for one in outcomes), strict=True))
+    tightest = max(outcomes, key=lambda one: one.excess)
+    completed = min(one.completed for one in outcomes)
+    return Outcome(error, peak_rate, time, completed, tightest.excess, tightest.missed)
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What is allowed.
+
+    Attributes:
+        joints: Names.
+        units: `rad` or `m`.
+        scale: 1, or task.length of a joint that slides.
+        length: task.length [m].
+        rate: Largest rate of each joint; infinite for none.
+        acceleration: Largest acceleration of each.
+    """
+
+    joints: tuple[str, ...]
+    units: tuple[str, ...]
+    scale: NDArray[np.float64]
+    length: float
+    rate: NDArray[np.float64]
+    acceleration: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, prepared: Prepared) -> "Limits":
+        """Return the limits of a scenario, the model's own where it has none."""
+        arm, length, record = prepared.arm, prepared.scenario.task.length, world_record(prepared, 0)
+        scale = np.where(arm.is_slide, length, 1.0)
+        rate, acceleration = (
+            record["rate_limit"][: arm.n].copy(),
+            record["acceleration_limit"][: arm.n].copy(),
+        )
+        return cls(arm.joints, tuple(arm.units), scale, length, rate, acceleration)
+
+    def measure(self, card: Scorecard, divergence: Divergence | None, longest: float) -> Outcome:
+        """Return what a run came to.
+
+        Args:
+            card: Its figures.
+            divergence: Where it diverged.
+            longest: Time that it may take [s].
+        """
+
+        def figure(name: str) -> float:
+            return float(card[name].value) if name in card else 0.0
+
+        error = max(figure("position_error.max"), self.length * figure("orientation_error.max"))
+        rates = np.array([figure(f"joint_rate.{joint}.peak") for joint in self.joints])
+        found = [(-1.0, "")]
+        for what, limits, unit in (("rate", self.rate, "/s"), ("acceleration", self.acceleration, "/s²")):
+            for joint, limit, own in zip(self.joints, limits, self.units, strict=True):
+                peak = figure(f"joint_{what}.{joint}.peak")
+                over = peak / float(limit * (1.0 + TOLERANCE)) - 1.0
+                found.append(
+                    (over, f"the {what} of {joint} is {peak:.4g} {own}{unit}, and {limit:.4g} is allowed")
+                )
+        time, completed = figure("duration"), figure("completed")
+        found.append((time / longest - 1.0 - 1e-9, f"it takes {time:.4g} s, and {longest:.4g} is allowed"))
+        if completed != 1.0:
+            over = 1.0 / completed - 1.0 if completed > 0.0 else math.inf
+            found.append((over, f"{completed:.0%} of the path is done in {time:.4g} s"))
+        if divergence is not None:
+            found.append((math.inf, f"it {divergence}"))
+        excess, missed = max(found, key=lambda pair: pair[0])
+        return Outcome(error, float((rates / self.scale).max()), time, completed, excess, missed)
+
+
+class Trials:
+    """What runs settings on copies; what comes out depends on neither the threads nor the batches."""
+
+    def __init__(
+        self,
+        preparation: Preparation,
+        copies: Sequence[Copy],
+        threads: int,
+        stop: threading.Event,
+        on_runs: OnRuns | None,
+    ) -> None:
+        """Keep what all trials share; `planned` has the times of the copies' paths [s].
+
+        Args:
+            preparation: Of the scenario.
+            copies: The scenario itself first; all can be prepared.
+            threads: How many batches are run at a time.
+            stop: Once it is set, the runs end.
+            on_runs: Called with the number of runs of each batch that was done.
+        """
+        self._preparation, self._copies, self._threads, self._stop = preparation, copies, threads, stop
+        self._on_runs, self._lock = on_runs, threading.Lock()
+        nominal = preparation.variant()
+        self.limits, self._control = Limits.of(nominal), nominal.scenario.control
+        references = [preparation.variant(copy.overrides).reference for copy in copies]
+        self.planned = [one.period * one.ticks for one in references]
+        self._longest = [math.inf] * len(copies)
+        self._ticks = nominal.reference.ticks
+        self.done = 0
+
+    @property
+    def is_stopped(self) -> bool:
+        """Whether the runs were ended from outside."""
+        return self._stop.is_set()
+
+    def allow(self, times: Sequence[float]) -> None:
+        """Say how long a run of each copy may take from now on [s]."""
+        self._longest = list(times)
+
+    def run(self, jobs: Sequence[tuple[Setting, int]]) -> list[Outcome | None]:
+        """Return what settings come to on copies, None for those that were interrupted.
+
+        Args:
+            jobs: Setting, and index of the copy.
+        """
+        most = max(1, _TICKS // self._ticks)
+        size = max(1, min(most, -(-len(jobs) // (_PARTS * self._threads))))
+        batches = [jobs[first : first + size] for first in range(0, len(jobs), size)]
+        with ThreadPoolExecutor(self._threads) as pool:
+            return [one for batch in pool.map(self._batch, batches) for one in batch]
+
+    def _batch(self, jobs: Sequence[tuple[Setting, int]]) -> Sequence[Outcome | None]:
+        if self._stop.is_set():
+            return [None] * len(jobs)
+        # the arms are shared, and asked by one thread at a time
+        with self._lock:
+            prepared = [self._preparation.variant(self._texts(*job)) for job in jobs]
+            simulation = Simulation(prepared, keep_columns=False)
+        simulation.step(stop=self._stop)
+        if self._stop.is_set():
+            return [None] * len(jobs)
+        ended = zip(jobs, simulation.scorecards(), simulation.divergences(), strict=True)
+        outcomes = [self.limits.measure(card, where, self._longest[copy]) for (_, copy), card, where in ended]
+        with self._lock:
+            self.done += len(jobs)
+            if self._on_runs is not None:
+                self._on_runs(len(jobs))
+        return outcomes
+
+    def _texts(self, setting: Setting, copy: int) -> tuple[str, ...]:
+        """Return what makes a run; a slow one ends when it has taken longer than allowed."""
+        texts = (*setting.overrides, *self._copies[copy].overrides)
+        if setting.structure.at_singularity != "slow" or self._longest[copy] == math.inf:
+            return texts
+        share = self._longest[copy] / self.planned[copy]
+        return (*texts, f"control.slow.longest={inline(min(max(share, 1.0), self._control.slow.longest))}")

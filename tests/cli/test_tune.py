@@ -1,0 +1,143 @@
+"""The verb `tune`: tables, a block to paste, files; mistakes are a line each, and Ctrl-C shows what there is."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from project import ROOT
+from rmrc.tuning.tuning import Tuning
+
+TEXT = f"""
+name: quick
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [30 deg, -60 deg]}}
+task: {{axes: [x, y]}}
+control:
+  period: 0.02
+  feedback: 2
+target: {{path: [{{line: {{to: [1.93, 0.0]}}}}], limits: {{velocity: 0.5}}}}
+plant: {{kind: ideal}}
+"""
+
+
+@pytest.fixture
+def quick(tmp_path):
+    (tmp_path / "quick.yaml").write_text(TEXT)
+
+
+def lines_of(text):
+    return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
+
+
+@pytest.mark.usefixtures("quick")
+def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path):
+    code, out, err = rmrc(
+        "tune", "quick.yaml", "--runs", "90", "--copies", "1", "--offset", "0.001", "--threads", "1"
+    )
+    assert (code, err) == (0, "")
+    lines = lines_of(out)
+    assert re.fullmatch(
+        r"quick: \d+ settings in [89]\d runs; \d+ were tried on every copy and keep what is allowed",
+        lines[0],
+    )
+    text = " ".join(lines)
+    assert (
+        "the scenario and 1 copy of it: joints start within 1 deg; target within 0.001 m along each axis"
+        in text
+    )
+    assert "rates at most 5 rad/s, measured, and 1% for overshoot" in lines
+    assert "accelerations no limit; control.limits.acceleration sets one" in lines
+    assert any(line.startswith("Pareto front, ") for line in lines)
+    assert any(line.endswith("recommended") for line in lines)
+    assert any(line.startswith("second best x ") for line in lines)
+    assert any(line.startswith("as written x ") for line in lines)
+    assert re.search(r"As written it is (on the front: nothing that was tried dominates it|dominated: .+ has "
+                     r"\S+ times its error at \S+ times its peak rate)\. ", text)  # fmt: skip
+    assert lines[-3:] == [f"wrote recordings/quick.tune.{kind}" for kind in ("yaml", "png", "parquet")]
+    # what is printed is the scenario's section, and is in the file as well
+    block = re.search(r"^control:\n(?:  .*\n)+", out, re.MULTILINE)[0]
+    assert block in (tmp_path / "recordings/quick.tune.yaml").read_text()
+    pasted = TEXT.replace("control:\n  period: 0.02\n  feedback: 2\n", block)
+    (tmp_path / "pasted.yaml").write_text(pasted)
+    assert rmrc("run", "pasted.yaml", "--no-record", "--quiet")[0] == 0
+    assert rmrc("run", "recordings/quick.tune.yaml", "--no-record", "--quiet")[0] == 0
+    again = rmrc("tune", "quick.yaml", "--runs", "90", "--copies", "1", "--offset", "0.001", "--threads", "2")
+    assert again == (0, out, "")
+
+
+@pytest.mark.usefixtures("quick")
+def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
+    limits = ["--set", "control.limits.rate=0.01", "--set", "control.limits.on_excess=none"]
+    limits += ["--only", "control.at_singularity=damp"]
+    code, out, err = rmrc("tune", "quick.yaml", "--runs", "60", "--copies", "0", *limits)
+    assert code == 1
+    assert re.fullmatch(
+        r"rmrc: nothing that was tried keeps what is allowed; nearest is [\w, ]+ \([\w. ,]+\): "
+        r"the rate of (shoulder|elbow) is [\d.]+ rad/s, and 0.01 is allowed\n", err,
+    )  # fmt: skip
+    assert lines_of(out)[-1] == "wrote recordings/quick.tune.parquet"
+    assert [one.name for one in (tmp_path / "recordings").iterdir()] == ["quick.tune.parquet"]
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (["--start", "1 degree"], '--start: must be a number or an angle such as "60 deg", got "1 degree"'),
+        (["--payload", "1"],
+         "--payload: must be 0 in an ideal plant, which carries nothing; take another plant.kind"),
+        (["--copies", "-1"], "--copies: must be finite and >= 0, got -1"),
+        (["--only", "control.inverse.method=dampd"],
+         "--only control.inverse.method: must be of inverse, pseudoinverse, truncated, transpose, damped, filtered, "
+         'selectively_damped, jparse, got dampd; did you mean "damped"?'),
+        (["--set", "control.feedback=-1"], "--set control.feedback: must be >= 0, got -1"),
+    ],
+)  # fmt: skip
+@pytest.mark.usefixtures("quick")
+def test_bad_input_is_one_line_exit_2_and_nothing_is_run(rmrc, tmp_path, options, line):
+    assert rmrc("tune", "quick.yaml", *options) == (2, "", f"rmrc: error: {line}\n")
+    assert [one.name for one in tmp_path.iterdir()] == ["quick.yaml"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_quiet_says_nothing_and_help_tells_every_option(rmrc):
+    assert rmrc("tune", "quick.yaml", "--runs", "20", "--copies", "0", "--quiet") == (0, "", "")
+    code, out, _ = rmrc("tune", "--help")
+    options = ("--only", "--copies", "--start", "--offset", "--payload", "--slower", "--runs", "--seed", "--set",
+               "--out", "--threads", "--quiet")  # fmt: skip
+    assert code == 0
+    assert [option for option in options if option not in out] == []
+
+
+@pytest.mark.usefixtures("quick")
+def test_ctrl_c_before_the_first_run_leaves_nothing(rmrc, tmp_path, monkeypatch):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Tuning, "compile", interrupted)
+    assert rmrc("tune", "quick.yaml") == (130, "", "rmrc: interrupted before anything was found\n")
+    assert [one.name for one in tmp_path.iterdir()] == ["quick.yaml"]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="signals")
+@pytest.mark.usefixtures("quick")
+def test_ctrl_c_shows_what_was_found_so_far(tmp_path):
+    words = ["-m", "rmrc", "tune", "quick.yaml", "--runs", "30000", "--threads", "1"]
+    process = subprocess.Popen(
+        [sys.executable, *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, cwd=tmp_path,
+        env={**os.environ, "TTY_COMPATIBLE": "1"},  # so that the bar tells when there is something
+    )  # fmt: skip
+    seen = b""
+    while b"runs/s" not in seen:
+        piece = os.read(process.stderr.fileno(), 4096)
+        assert piece, seen
+        seen += piece
+    process.send_signal(signal.SIGINT)
+    out, err = process.communicate(timeout=60)
+    assert process.returncode == 130
+    done = int(re.search(rb"rmrc: interrupted after (\d+) of 30000 runs\n", err)[1])
+    assert 5 <= done < 30000
+    assert f"settings in {done} runs; " in " ".join(lines_of(out.decode()))
+    assert (tmp_path / "recordings/quick.tune.parquet").is_file()
