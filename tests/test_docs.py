@@ -328,7 +328,7 @@ def test_a_question_is_answered_as_its_page_says(rmrc, monkeypatch, tmp_path, co
     words = shlex.split(command)
     assert words[:3] == [".venv/bin/python", "-m", "rmrc"]
     monkeypatch.chdir(ROOT)
-    out = ["--out", str(tmp_path)] if words[3] == "workspace" else []
+    out = ["--out", str(tmp_path)] if words[3] in ("workspace", "tune") else []
     code, printed, complaints = rmrc(*words[3:], *out)
     answer = {shown(line) for line in (printed + complaints).splitlines()}
     assert [line for line in lines if shown(line) not in answer] == []
@@ -429,3 +429,13 @@ def test_numbers_of_the_comparison_in_the_readme_are_those_that_its_command_give
         card = scorecard(run)
         for name, number in zip(names, printed, strict=True):
             assert agrees(card[name].value, number), f"{label}: {name} is {card[name].value:.4g}"
+
+
+@pytest.mark.long  # 2000 runs: what README says that they give, and no fewer runs would
+def test_the_search_of_the_readme_ends_as_it_says(rmrc, monkeypatch, tmp_path):
+    ((command, lines),) = questions(section(README, "Choose an inverse and its damping"))
+    monkeypatch.chdir(ROOT)
+    code, printed, complaints = rmrc(*shlex.split(command)[3:], "--out", str(tmp_path))
+    answer = {shown(line) for line in printed.splitlines()}
+    assert [line for line in lines if shown(line) not in answer] == []
+    assert (code, complaints) == (0, "") and len(lines) > 20

@@ -30,14 +30,16 @@ def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
     """Coarser than for the page, and into another folder."""
     arguments = [
         str(ROOT / part)
-        if part.startswith("models/")
-        else part.replace("docs/figures", str(tmp_path / "out"))
+        if part.startswith(("models/", "scenarios/"))
+        else part.replace("docs/figures", str(tmp_path / "out")).replace("build/", f"{tmp_path}/")
         for part in shlex.split(command)
     ]
     if arguments[0] == "-c":
         exec(compile(arguments[1], "Makefile", "exec"), {})
     else:
-        coarse = ["--cells", "20"] if arguments[2] == "workspace" else []
+        coarse = {"workspace": ["--cells", "20"], "tune": ["--runs", "60", "--copies", "0"]}.get(
+            arguments[2], []
+        )
         code, _, err = rmrc(*arguments[2:], *coarse)
         assert (arguments[:2], code, err) == (["-m", "rmrc"], 0, "")
     assert [path.name for path in (tmp_path / "out").iterdir()] == [PICTURE.search(command)[1]]

@@ -14,6 +14,7 @@ from rmrc.cli.console import (
     output,
     progress,
 )
+from rmrc.cli.questions import check_picture
 from rmrc.cli.scenarios import Out, Overrides, Quiet
 from rmrc.errors import ScenarioError
 
@@ -40,6 +41,12 @@ def tune(
     seed: Annotated[int, typer.Option(help="Of the copies and of the search.")] = 0,
     set_: Overrides = None,
     out: Out = Path("recordings"),
+    picture: Annotated[
+        Path | None,
+        typer.Option(
+            help="Where the picture goes: .png, .svg or .pdf.", show_default="NAME.tune.png in --out"
+        ),
+    ] = None,
     threads: Annotated[
         int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")
     ] = None,
@@ -54,6 +61,7 @@ def tune(
     from rmrc.tuning.copies import Spread
     from rmrc.tuning.tuning import Tuning
 
+    check_picture(picture)
     try:
         off = angle(start)
     except ValueError as error:
@@ -71,7 +79,7 @@ def tune(
     if found is None:
         complain("interrupted before anything was found")
         raise typer.Exit(EXIT_INTERRUPTED)
-    _show(work, found, out, quiet)
+    _show(work, found, (out, picture), quiet)
     if found.interrupted:
         complain(f"interrupted after {found.runs} of {runs} runs")
         raise typer.Exit(EXIT_INTERRUPTED)
@@ -85,7 +93,7 @@ def _run(work: "Tuning", runs: int, quiet: bool) -> "Tuned | None":
         return work.run(on_runs)
 
 
-def _show(work: "Tuning", found: "Tuned", out: Path, quiet: bool) -> None:
+def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
     from rmrc.output import sheets, tuning_table
     from rmrc.tuning import report
 
@@ -99,7 +107,7 @@ def _show(work: "Tuning", found: "Tuned", out: Path, quiet: bool) -> None:
         for line in (report.as_written(found), *report.alike(found)):
             console.print(line, highlight=False, markup=False)
         console.print(f"\n{found.block}", highlight=False, markup=False, soft_wrap=True)
-    for path in work.write(found, out):
+    for path in work.write(found, *places):
         console.print(f"wrote {path}", highlight=False, soft_wrap=True)
     if nearest:
         complain(report.nothing(found))

@@ -169,17 +169,19 @@ class Tuning:
                 stop.is_set(),
             )
 
-    def write(self, tuned: Tuned, folder: Path) -> list[Path]:
+    def write(self, tuned: Tuned, folder: Path, picture: Path | None = None) -> list[Path]:
         """Write NAME.tune.parquet with all settings, NAME.tune.yaml with the best one, and a picture.
 
         Args:
             tuned: What was found; the last two are of what is feasible.
             folder: Made if it is missing.
+            picture: Where the picture goes; None: NAME.tune.png.
 
         Returns:
             The files.
         """
         files = [folder / f"{self.scenario.name}.tune.{kind}" for kind in ("yaml", "png", "parquet")]
+        files[1] = picture or files[1]
         write_table(files[2], _columns(), [_row(one, tuned) for one in tuned.tried])
         best = tuned.verdict.recommended
         if best is None:
