@@ -9,6 +9,7 @@ with `_` or `.`.
 """
 
 import json
+import math
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -69,11 +70,8 @@ class Contents(NamedTuple):
     @property
     def schema(self) -> pa.Schema:
         """Types of the columns, with their units and meanings, and the contents themselves as JSON."""
-        fields = [
-            pa.field(c.name, _TYPES[c.kind], metadata={"unit": c.unit, "meaning": c.meaning})
-            for c in self.columns
-        ]
-        return pa.schema(fields, metadata={"rmrc": json.dumps(self._asdict(), ensure_ascii=False)})
+        contents = json.dumps(self._asdict(), ensure_ascii=False)
+        return _described(self.columns).with_metadata({"rmrc": contents})
 
     @classmethod
     def read(cls, text: str | bytes) -> "Contents":
@@ -88,13 +86,10 @@ def as_parquet(columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> 
     So it has no units and meanings, which `_plan.json` and the one file have, and values without dictionaries
     or statistics, which would be larger than so few of them.
     """
-    # A figure that one model has and another has not is NaN, as one that is undefined.
-    blank = {"number": float("nan")}
-    values = {c.name: [row.get(c.name, blank.get(c.kind)) for row in rows] for c in columns}
-    schema = pa.schema([pa.field(c.name, _TYPES[c.kind]) for c in columns])
+    bare = pa.schema([field.remove_metadata() for field in _described(columns)])
     stream = pa.BufferOutputStream()
     pq.write_table(
-        pa.table(values, schema), stream, compression="zstd", use_dictionary=False, write_statistics=False
+        _table(bare, rows), stream, compression="zstd", use_dictionary=False, write_statistics=False
     )
     return bytes(stream.getvalue())
 
@@ -211,10 +206,18 @@ def write_table(path: Path, columns: Sequence[Column], rows: Sequence[Mapping[st
         columns: Of a row.
         rows: All of them.
     """
-    fields = [
-        pa.field(c.name, _TYPES[c.kind], metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns
-    ]
-    blank = {"number": float("nan")}
-    values = {c.name: [row.get(c.name, blank.get(c.kind)) for row in rows] for c in columns}
     with written_whole(path) as temporary:
-        pq.write_table(pa.table(values, pa.schema(fields)), temporary)
+        pq.write_table(_table(_described(columns), rows), temporary)
+
+
+def _described(columns: Sequence[Column]) -> pa.Schema:
+    """Return the types of columns, with units and meanings."""
+    return pa.schema(
+        [pa.field(c.name, _TYPES[c.kind], metadata={"unit": c.unit, "meaning": c.meaning}) for c in columns]
+    )
+
+
+def _table(schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+    """Return rows as a table; a number that a row lacks is NaN, like an undefined one, and else null."""
+    blank = {pa.float64(): math.nan}
+    return pa.table({f.name: [row.get(f.name, blank.get(f.type)) for row in rows] for f in schema}, schema)
