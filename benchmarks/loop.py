@@ -93,6 +93,11 @@ def ratios(rounds: int, numerator, denominator, least: int = 3) -> dict[str, flo
         while len(pairs) < least or sum(map(sum, pairs)) < TIMING:
             pairs.append((numerator(), denominator()))
         found.append(min(a for a, _ in pairs) / min(b for _, b in pairs))
+    return spread(found)
+
+
+def spread(found: list[float]) -> dict[str, float]:
+    """Return min, median and max."""
     return {"min": min(found), "median": statistics.median(found), "max": max(found)}
 
 

@@ -22,7 +22,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from loop import ARMS, ROOT, closed_loop, floor, ratios, show, world
+from loop import ARMS, ROOT, closed_loop, floor, ratios, show, spread, world
 
 from rmrc.preparation import Prepared, prepare
 from rmrc.scenario import load
@@ -73,19 +73,21 @@ def swept(path: Path, runs: int, *overrides: str, threads: int = 1, cluster: str
             return time.perf_counter() - started
 
 
-def looped(path: Path, runs: int, *overrides: str) -> float:
-    """Return seconds of the loop alone, of the same runs in the same batches."""
-    with tempfile.TemporaryDirectory() as folder:
-        sweep = Sweep(path, [*overrides, f"sweep.samples={runs}"], Path(folder), 1)
-        contents, seconds = sweep.check(), 0.0
-        for part in range(contents.parts):
-            simulation = Simulation(
-                [sweep._shards.prepare(i) for i in contents.indices(part)], keep_columns=False
-            )
-            started = time.perf_counter()
-            simulation.step()
-            seconds += time.perf_counter() - started
-        return seconds
+def over_its_loop(path: Path, runs: int, *overrides: str) -> float:
+    """Return seconds of a sweep on one thread over the seconds that it stepped."""
+    step, seconds = Simulation.step, 0.0
+
+    def timed(simulation: Simulation, *arguments, **options) -> None:
+        nonlocal seconds
+        started = time.perf_counter()
+        step(simulation, *arguments, **options)
+        seconds += time.perf_counter() - started
+
+    Simulation.step = timed
+    try:
+        return swept(path, runs, *overrides) / seconds
+    finally:
+        Simulation.step = step
 
 
 def kept(prepared: list[Prepared]) -> float:
@@ -123,26 +125,26 @@ def scorecard_rows(rounds: int, worlds: int = 64) -> Rows:
     }
 
 
-def overhead_rows(rounds: int, runs: int = 200) -> Rows:
+def overhead_rows(rounds: int, runs: int = 1000) -> Rows:
     """Whole sweeps over their loops, where runs share a target and where each has its own."""
     rows = {}
     for arm, start in STARTS.items():
         with scenario_of(arm) as path:
             for what, overrides in (("damping drawn", [DAMPING]), ("start drawn", start)):
-                whole, loop = (lambda f=f: f(path, runs, *overrides) for f in (swept, looped))  # noqa: B023
-                rows[f"whole sweep / its loop, {arm}, {what}, {runs} runs"] = ratios(rounds, whole, loop)
+                found = [over_its_loop(path, runs, *overrides) for _ in range(rounds)]
+                rows[f"whole sweep / its loop, {arm}, {what}, {runs} runs"] = spread(found)
     return rows
 
 
-def thread_rows(rounds: int, runs: int = 200) -> Rows:
+def thread_rows(rounds: int, runs: int = 1000) -> Rows:
     """One thread over two."""
     with scenario_of("stanford") as path:
         one, two = (lambda n=n: swept(path, runs, DAMPING, threads=n) for n in (1, 2))
-        return {f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two)}
+        return {f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two, least=1)}
 
 
 def cluster_rows(rounds: int, runs: int = 1000) -> Rows:
-    """One worker over two; each is warmed up by as many runs as it has threads and more."""
+    """One worker over two."""
     with scenario_of("stanford") as path:
         one, two = (lambda n=n: swept(path, runs, DAMPING, cluster=f"local:{n}") for n in (1, 2))
         return {f"Dask: 1 worker / 2 workers, stanford, {runs} runs": ratios(rounds, one, two, least=1)}
@@ -197,7 +199,7 @@ def plain_rows(rounds: int, runs: int = 16) -> Rows:
         whole = 200
         return {
             "plain Python loop on 2 processes / sweep on 2 threads, stanford": ratios(
-                rounds, plain, lambda: swept(path, whole, DAMPING, threads=2) / whole
+                rounds, plain, lambda: swept(path, whole, DAMPING, threads=2) / whole, least=1
             )
         }
 

@@ -15,16 +15,12 @@ from rmrc.analysis.task import Array, Task
 from rmrc.control.compiled import Record, entry, machine_code
 from rmrc.control.kinematics import follow_chain, geometric_jacobian
 from rmrc.control.law import scale_task
-from rmrc.control.records import capacity
 from rmrc.control.smallmat import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
 
 # Configurations that a thread takes at a time: some milliseconds of work.
 SHARE = 4096
 # Configurations that a caller with many more had better ask for at a time: some tens of megabytes.
 BLOCK = 1 << 16
-
-# Machine code by kernel and capacity of the record, on which alone the types depend.
-_CODE: dict[tuple[str, int], Callable[..., None]] = {}
 
 
 @dataclass(frozen=True)
@@ -84,11 +80,7 @@ def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, 
 
 def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *arrays: Array) -> None:
     """Let threads work on the rows of arrays, SHARE at a time."""
-    # Finding the types of a record takes as long as a thousand configurations.
-    known = kernel.__name__, capacity(task.arm.n)
-    if known not in _CODE:
-        _CODE[known] = machine_code(kernel, task.record(), *arrays)
-    compiled = _CODE[known]
+    compiled = machine_code(kernel, task.record(), *arrays)
 
     def share(first: int) -> None:
         compiled(task.record(), *(array[first : first + SHARE] for array in arrays))

@@ -55,10 +55,32 @@ def machine_code(function: Function, *arguments: object) -> Function:
     Calling it spares the look at the type of each argument, which takes as long as the law. It must only
     be called with arguments of the very same types.
     """
-    dispatcher: Any = function
-    typeof: Any = numba.typeof
-    with _briskly():
-        return cast(Function, dispatcher.compile(tuple(typeof(argument) for argument in arguments)))
+    key = (function, *map(_kind, arguments))
+    if key not in _codes:
+        dispatcher: Any = function
+        typeof: Any = numba.typeof
+        with _briskly():
+            _codes[key] = dispatcher.compile(tuple(typeof(argument) for argument in arguments))
+    return cast(Function, _codes[key])
+
+
+# Asked for with each batch of a sweep, and numba takes milliseconds to tell the type of a record.
+_codes: dict[tuple[object, ...], object] = {}
+
+
+def _kind(argument: object) -> object:
+    """Return what numba's type of an argument depends on."""
+    if not isinstance(argument, np.ndarray):
+        return argument.dtype if isinstance(argument, np.void) else type(argument)
+    flags = argument.flags
+    return (
+        argument.dtype,
+        argument.ndim,
+        flags.c_contiguous,
+        flags.f_contiguous,
+        flags.aligned,
+        flags.writeable,
+    )
 
 
 @contextmanager

@@ -88,9 +88,7 @@ def as_parquet(columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> 
     """
     bare = pa.schema([field.remove_metadata() for field in _described(columns)])
     stream = pa.BufferOutputStream()
-    pq.write_table(
-        _table(bare, rows), stream, compression="zstd", use_dictionary=False, write_statistics=False
-    )
+    pq.write_table(_table(bare, rows), stream, use_dictionary=False, write_statistics=False)
     return bytes(stream.getvalue())
 
 
@@ -171,7 +169,8 @@ class Dataset:
         with written_whole(self.file) as temporary, pq.ParquetWriter(temporary, schema) as writer:
             held: list[pa.Table] = []
             for part in range(contents.parts):
-                held.append(pq.read_table(self._part(part), partitioning=None))
+                with pq.ParquetFile(self._part(part)) as file:
+                    held.append(file.read())
                 if part == contents.parts - 1 or sum(map(len, held)) >= _MERGED:
                     writer.write_table(pa.concat_tables(held))
                     held = []

@@ -24,6 +24,9 @@ from rmrc.sweep.columns import NOT_KEPT, typed
 from rmrc.sweep.dataset import Column, as_parquet
 from rmrc.sweep.plan import Plan
 
+# Runs that are kept from their check until they are run: 30 MB. Small sweeps are then prepared once.
+_KEPT = 1000
+
 # Of malloc.h.
 _MMAP_THRESHOLD = -3
 
@@ -75,6 +78,7 @@ class Shards:
         self._versions = json.dumps(facts.versions())
         self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
         self._lock = threading.Lock()
+        self._checked: dict[int, Prepared] = {}
         self._places = {key: base.locate(f"sweep.vary.{key}") for key, _ in plan.vary}
         self._places |= {key: base.locate(f"sweep.draw.{key}") for key, _, _ in plan.draw}
 
@@ -125,6 +129,8 @@ class Shards:
                 kinds.setdefault(
                     (one.arm.joints, tuple(one.arm.is_slide.tolist()), one.scenario.task.axes), index
                 )
+                if len(self._checked) < _KEPT and not one.scenario.arm.stretch:  # stretched arms are large
+                    self._checked[index] = one
                 ticks += one.reference.ticks
                 longest = max(longest, one.reference.ticks)
         return Checked(len(indices), problems, kinds, ticks, longest)
@@ -148,7 +154,10 @@ class Shards:
             stop: Once it is set, the runs end.
         """
         with self._lock:
-            prepared = [self.prepare(index) for index in indices]
+            prepared = [
+                self._checked.pop(index) if index in self._checked else self.prepare(index)
+                for index in indices
+            ]
             simulation = Simulation(prepared, keep_columns=False)
         ended = _ended(simulation, stop)
         if stop.is_set():
