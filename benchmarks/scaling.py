@@ -19,10 +19,14 @@ from pathlib import Path
 from rmrc.sweep import cluster
 from rmrc.sweep.crew import done
 from rmrc.sweep.parcel import pack
-from rmrc.sweep.sweep import Sweep
-from sweep import DAMPING, scenario_of
+from rmrc.sweep.sweep import Sweep, batch_size, check_size
+from sweep import DAMPING, SECONDS, scenario_of
 
 RUNS = (1e4, 1e6, 1e9)
+# Of a run.
+TICKS = round(1000 * SECONDS) + 1
+# Pieces under way: two for each core of many machines.
+ROOM = 400
 # Of the client's network [byte/s], 1 Gbit/s.
 NETWORK = 1.25e8
 
@@ -33,14 +37,13 @@ def of_a_sweep(runs: int = 400) -> dict[str, float]:
         sweep = Sweep(path, [DAMPING, f"sweep.samples={runs}"], Path(folder), 1)
         sweep.compile()
         started = time.perf_counter()
-        contents = sweep.check()
+        sweep.check()
         checked = time.perf_counter()
         sweep.run()
         ran = time.perf_counter()
         return {
             "check [s a run]": (checked - started) / runs,
             "run [s a run]": (ran - checked) / runs,
-            "runs in a piece": contents.batch,
             "row [byte a run]": os.path.getsize(sweep.dataset.file) / runs,
         }
 
@@ -63,13 +66,14 @@ def of_files(rows: int = 100_000) -> dict[str, float]:
 
 
 def of_the_scheduler(tasks: int) -> dict[str, float]:
-    """Return what a piece costs that has nothing to do."""
+    """Return what a piece costs that has nothing to do, with as many under way as for 200 workers."""
     with scenario_of("stanford") as path:
         parcel = pack(path, [DAMPING])
         with cluster.opened(cluster.Address.read("local:2"), parcel) as crew:
             nothing = (range(i, i) for i in range(tasks))
-            stop = threading.Event()
-            next(done(crew, "check", iter([range(0)]), None, stop))  # unpacks the parcel
+            for _ in done(crew, "check", iter([range(0)] * 4), None, threading.Event()):
+                pass  # unpacks the parcel
+            type(crew).room = ROOM
             started = time.perf_counter()
             count = sum(1 for _ in done(crew, "check", nothing, None, threading.Event()))
             seconds = time.perf_counter() - started
@@ -85,7 +89,8 @@ def model(measured: Mapping[str, float], runs: float, workers: int) -> dict[str,
         runs: How many.
         workers: Cores of all machines.
     """
-    pieces = runs / measured["runs in a piece"]
+    batch = batch_size(int(runs), int(runs) * TICKS, TICKS)
+    pieces = runs / batch + runs / check_size(int(runs))
     hours = {
         "checks, on the workers": runs * measured["check [s a run]"] / workers,
         "runs, on the workers": runs * measured["run [s a run]"] / workers,
@@ -94,7 +99,8 @@ def model(measured: Mapping[str, float], runs: float, workers: int) -> dict[str,
         "one file, in the client": runs * measured["one file of parts [s a run]"],
     }
     return {name: seconds / 3600 for name, seconds in hours.items()} | {
-        "pieces": pieces,
+        "runs in a batch": batch,
+        "pieces, checks and batches": pieces,
         "file [GB]": runs * measured["row [byte a run]"] / 1e9,
     }
 

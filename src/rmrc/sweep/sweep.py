@@ -29,8 +29,10 @@ from rmrc.sweep.summary import Summary, summarize
 
 # A batch is about a second of one core (some 5 us a tick of a small arm, and a run takes as long as some 500
 # ticks before its first one): the most that a killed process loses, and a hundred times what starting a batch
-# and writing its part take.
+# and writing its part take. Of many seconds it is longer, so that a cluster has not more than so many batches
+# to schedule, but ten seconds at most.
 _TICKS, _TICKS_BEFORE = 200_000, 500
+_MANY, _LONGEST = 10_000, 10
 # Samples of targets that a batch may hold at once, on each thread: 64 MB.
 _MOST_SAMPLES = 2**26 // 104
 # However small a sweep is, so many threads have something to do until the end.
@@ -39,8 +41,8 @@ _FEWEST_PARTS = 16
 # Problems that are told, of all that a sweep may have.
 _TOLD = 20
 
-# Runs that are checked as one piece: some tenths of a second.
-_CHECKED = 100
+# Runs that are checked as one piece, at first and at most: a tenth of a second, or some.
+_CHECKED, _MOST_CHECKED = 100, 5000
 
 OnRuns = Callable[[int], None]
 
@@ -214,7 +216,7 @@ class Sweep:
         """
         if self._contents is not None:
             return self._contents
-        size = max(1, min(_CHECKED, -(-len(self) // _FEWEST_PARTS)))
+        size = check_size(len(self))
         pieces = (range(first, min(first + size, len(self))) for first in range(0, len(self), size))
         early: dict[int, Checked] = {}
         problems, kinds = _Problems(self.plan), dict[object, int]()
@@ -230,8 +232,7 @@ class Sweep:
                 if on_runs is not None:
                     on_runs(len(piece))
         problems.raise_any()
-        of_a_second = _TICKS * runs // (ticks + _TICKS_BEFORE * runs)
-        size = max(1, min(of_a_second, _MOST_SAMPLES // longest, -(-runs // _FEWEST_PARTS)))
+        size = batch_size(runs, ticks, longest)
         figures = figure_columns(self._shards.prepare(index) for index in sorted(kinds.values()))
         columns = [*own_columns(self.plan), *figures, *last_columns()]
         self._contents = Contents(self._identity, runs, size, columns)
@@ -284,6 +285,28 @@ class Sweep:
         """
         prepared = self._shards.prepare(index, f"name={self.scenario.name}-{index}")
         return Job(prepared.scenario, self.folder)
+
+
+def batch_size(runs: int, ticks: int, longest: int) -> int:
+    """Return how many runs a batch has.
+
+    Args:
+        runs: Of the sweep.
+        ticks: Of all targets.
+        longest: Of the longest target.
+
+    Example: 4 s at 1 kHz, few, a thousand and a billion times.
+        >>> [batch_size(runs, 4001 * runs, 4001) for runs in (32, 10**3, 10**9)]
+        [2, 44, 161]
+    """
+    seconds = (ticks + _TICKS_BEFORE * runs) / _TICKS
+    in_time = int(runs / seconds * min(max(1.0, seconds / _MANY), _LONGEST))
+    return max(1, min(in_time, _MOST_SAMPLES // longest, -(-runs // _FEWEST_PARTS)))
+
+
+def check_size(runs: int) -> int:
+    """Return how many runs of a sweep are checked as one piece."""
+    return max(1, min(max(_CHECKED, runs // _MANY), _MOST_CHECKED, -(-runs // _FEWEST_PARTS)))
 
 
 class _Problems:
