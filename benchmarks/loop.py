@@ -235,10 +235,10 @@ def show(table: dict[str, dict[str, float]], parts: dict[str, dict[str, float]],
     if as_json:
         print(json.dumps(table | {"pieces, us a tick": parts}, indent=2))
         return
-    print(f"{'ratio':<62}{'min':>8}{'median':>8}{'max':>8}   floor, us a step")
+    print(f"{'ratio':<66}{'min':>8}{'median':>8}{'max':>8}   floor, us a step")
     for name, row in table.items():
         floor_us = f"{row['floor_us']:>16.2f}" if "floor_us" in row else ""
-        print(f"{name:<62}{row['min']:>8.2f}{row['median']:>8.2f}{row['max']:>8.2f}{floor_us}")
+        print(f"{name:<66}{row['min']:>8.2f}{row['median']:>8.2f}{row['max']:>8.2f}{floor_us}")
     if not parts:
         return
     print(f"\n{'us a tick of one world':<50}" + "".join(f"{arm:>14}" for arm in parts))

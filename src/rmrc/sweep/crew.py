@@ -1,5 +1,6 @@
 """Who works on the pieces of a sweep: threads of this process here, or a cluster in `rmrc.sweep.cluster`."""
 
+import sys
 import threading
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import ThreadPoolExecutor
@@ -11,6 +12,10 @@ from rmrc.sweep.shards import Shards
 
 # A method of `Shards`: indices, what it shares with other pieces, an event that ends it -> what came out.
 Work = Literal["check", "run"]
+
+# A thread that steps comes back to the interpreter thousands of times a second, for microseconds each: by
+# itself it would wait for 5 ms for one that prepares runs.
+_SWITCH = 5e-5
 
 # How often one looks up from waiting, in seconds.
 _LOOK = 0.2
@@ -85,11 +90,13 @@ def threads(count: int, shards: Shards) -> Iterator[Crew]:
         count: How many.
         shards: What does the work.
     """
-    pool = ThreadPoolExecutor(count)
+    pool, before = ThreadPoolExecutor(count), sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH)
     try:
         yield Threads(pool, count, shards)
     finally:
         pool.shutdown(cancel_futures=True)
+        sys.setswitchinterval(before)
 
 
 def done(

@@ -2,6 +2,7 @@
 
 import hashlib
 import json
+import math
 import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack, closing, suppress
@@ -35,8 +36,8 @@ _TICKS, _TICKS_BEFORE = 200_000, 500
 _MANY, _LONGEST = 10_000, 10
 # Samples of targets that a batch may hold at once, on each thread: 64 MB.
 _MOST_SAMPLES = 2**26 // 104
-# However small a sweep is, so many threads have something to do until the end.
-_FEWEST_PARTS = 16
+# Parts come in multiples of it, so that 2, 4, 8 or 16 threads have something to do until the end.
+_PARTS = 16
 
 # Problems that are told, of all that a sweep may have.
 _TOLD = 20
@@ -297,16 +298,17 @@ def batch_size(runs: int, ticks: int, longest: int) -> int:
 
     Example: 4 s at 1 kHz, few, a thousand and a billion times.
         >>> [batch_size(runs, 4001 * runs, 4001) for runs in (32, 10**3, 10**9)]
-        [2, 44, 161]
+        [2, 32, 161]
     """
     seconds = (ticks + _TICKS_BEFORE * runs) / _TICKS
     in_time = int(runs / seconds * min(max(1.0, seconds / _MANY), _LONGEST))
-    return max(1, min(in_time, _MOST_SAMPLES // longest, -(-runs // _FEWEST_PARTS)))
+    parts = math.ceil(runs / max(1, min(in_time, _MOST_SAMPLES // longest)))
+    return math.ceil(runs / (math.ceil(parts / _PARTS) * _PARTS))
 
 
 def check_size(runs: int) -> int:
     """Return how many runs of a sweep are checked as one piece."""
-    return max(1, min(max(_CHECKED, runs // _MANY), _MOST_CHECKED, -(-runs // _FEWEST_PARTS)))
+    return min(max(_CHECKED, runs // _MANY), _MOST_CHECKED, math.ceil(runs / _PARTS))
 
 
 class _Problems:
