@@ -28,12 +28,12 @@ from rmrc.sweep.records import Choice, chosen
 from rmrc.sweep.shards import Checked, Shards, digest
 from rmrc.sweep.summary import Summary, summarize
 
-# A batch is about a second of one core (some 5 us a tick of a small arm, and a run takes as long as some 500
-# ticks before its first one): the most that a killed process loses, and a hundred times what starting a batch
-# and writing its part take. Of many seconds it is longer, so that a cluster has not more than so many batches
-# to schedule, but ten seconds at most.
-_TICKS, _TICKS_BEFORE = 200_000, 500
-_MANY, _LONGEST = 10_000, 10
+# A batch is about two seconds of one core (some 5 us a tick of a small arm, and a run takes as long as some
+# 500 ticks before its first one): the most that a killed process loses, and a hundred times what starting a
+# batch and writing its part take. Of large sweeps it is up to five times longer, so that a cluster has not
+# many more than so many batches to schedule.
+_TICKS, _TICKS_BEFORE = 400_000, 500
+_MANY, _LONGER = 10_000, 5.0
 # Samples of targets that a batch may hold at once, on each thread: 64 MB.
 _MOST_SAMPLES = 2**26 // 104
 # Parts come in multiples of it, so that 2, 4, 8 or 16 threads have something to do until the end.
@@ -298,10 +298,10 @@ def batch_size(runs: int, ticks: int, longest: int) -> int:
 
     Example: 4 s at 1 kHz, few, a thousand and a billion times.
         >>> [batch_size(runs, 4001 * runs, 4001) for runs in (32, 10**3, 10**9)]
-        [2, 32, 161]
+        [2, 63, 161]
     """
-    seconds = (ticks + _TICKS_BEFORE * runs) / _TICKS
-    in_time = int(runs / seconds * min(max(1.0, seconds / _MANY), _LONGEST))
+    batches = (ticks + _TICKS_BEFORE * runs) / _TICKS
+    in_time = int(runs / batches * min(max(1.0, batches / _MANY), _LONGER))
     parts = math.ceil(runs / max(1, min(in_time, _MOST_SAMPLES // longest)))
     return math.ceil(runs / (math.ceil(parts / _PARTS) * _PARTS))
 
