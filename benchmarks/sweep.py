@@ -1,6 +1,6 @@
 """What a sweep costs, as ratios measured in one run.
 
-    python benchmarks/sweep.py [--rounds 5] [--json] [--only scorecards|overhead|threads|cluster|plain]
+    python benchmarks/sweep.py [--rounds 5] [--json] [--only scorecards|overhead|threads|cluster|plain|memory]
 
 - scorecards: worlds whose columns are not kept, over those whose are, and over the physics alone, in C.
 - overhead: a whole sweep on one thread over its loop alone: what is not the loop is reading and checking each
@@ -8,12 +8,14 @@
 - threads: a whole sweep on one thread over the same one on two.
 - cluster: a whole sweep on a local cluster of one worker over the same one on two; starting it is left out.
 - plain: what a user would write instead, a Python loop of MuJoCo and numpy on two processes, over a sweep.
+- memory: of a process that makes 100,000 short runs; no ratio.
 
 A run lasts 4 s, 4,001 control ticks. The floor is that of `loop.py`. Compiling is left out of all.
 """
 
 import argparse
 import multiprocessing
+import os
 import tempfile
 import time
 from collections.abc import Iterator
@@ -205,12 +207,36 @@ def of_users(pool, task: list[tuple[Path, float]]) -> float:
     return (time.perf_counter() - started) / len(task)
 
 
+def memory_rows(rounds: int, runs: int = 100_000) -> Rows:  # noqa: ARG001
+    """Megabytes of this process at each tenth of a sweep of many short runs, on two threads (Linux)."""
+    found: list[float] = []
+    with scenario_of("planar_2link") as path, tempfile.TemporaryDirectory() as folder:
+        short = "target.path=[{hold: {for: 0.05}}]"
+        sweep = Sweep(path, [short, DAMPING, f"sweep.samples={runs}"], Path(folder), 2)
+        sweep.check()
+        done = 0
+
+        def count(more: int) -> None:
+            nonlocal done
+            done += more
+            if done * 10 // runs > len(found):
+                pages = int(Path("/proc/self/statm").read_text().split()[1])
+                found.append(pages * os.sysconf("SC_PAGE_SIZE") / 1e6)
+
+        sweep.run(count)
+    return {
+        f"MB at each tenth of a sweep, planar_2link, {runs} runs of 51 ticks": spread(found),
+        "the same, last tenth / first": spread([found[-1] / found[0]]),
+    }
+
+
 ROWS = {
     "scorecards": scorecard_rows,
     "overhead": overhead_rows,
     "threads": thread_rows,
     "cluster": cluster_rows,
     "plain": plain_rows,
+    "memory": memory_rows,
 }
 
 
