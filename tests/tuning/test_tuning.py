@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import os
 import re
 
 import numpy as np
@@ -11,8 +12,9 @@ import pytest
 import rmrc as package
 from project import ROOT
 from rmrc.errors import ScenarioError
+from rmrc.output import tuning_table
 from rmrc.preparation import Preparation, prepare
-from rmrc.scenario import load
+from rmrc.scenario import Template, load
 from rmrc.scorecard import scorecard
 from rmrc.simulation import Simulation
 from rmrc.tuning import report
@@ -225,6 +227,50 @@ def test_copies_start_within_the_limits_of_the_joints(tmp_path):
     assert len(set(elbows)) > 4
 
 
+def test_joints_that_are_not_driven_stay_where_the_scenario_has_them(tmp_path):
+    links = "".join(
+        f'<body pos="1 0 0"><joint name="{name}" axis="0 0 1"/><geom size="0.1"/>' for name in "abc"
+    )
+    keys = '<key name="home" qpos="0 0.5 -1"/><key name="away" qpos="0.7 0.5 -1"/>'
+    (tmp_path / "arm.xml").write_text(
+        f'<mujoco><worldbody>{links}<site name="tip" pos="1 0 0"/></body></body></body></worldbody>'
+        f"<keyframe>{keys}</keyframe></mujoco>"
+    )
+    path = tmp_path / "quick.yaml"
+    arm = "arm: {model: arm.xml, site: tip, joints: [b, c], start: START}"
+    path.write_text(TEXT.replace(TEXT.split("\n")[2], arm).replace("to: [1.93, 0.0]", "by: [0.1, 0.0]"))
+    with pytest.raises(ScenarioError) as caught:
+        Tuning(path, ["arm.start=away"])
+    assert list(caught.value.problems) == [
+        '--start: must be 0 with arm.start "away", which has joints that are not driven elsewhere than home'
+    ]
+    assert Tuning(path, ["arm.start=away"], spread=Spread(0.0)).spread_in_words
+    for copy in Tuning(path, ["arm.start=home"]).copies:
+        assert prepare(load(path, ["arm.start=home", *copy.overrides])).qpos[0] == 0.0
+
+
+def test_an_arm_that_holds_still_has_a_picture_without_warnings(path, tmp_path):
+    work = Tuning(path, ["target.path=[{hold: {for: 0.1}}]"], copies=0, runs=12)
+    found = work.run()
+    assert found.own.worst.point[:2] == (0.0, 0.0)
+    assert len(work.write(found, tmp_path)) == 3  # warnings are errors here
+    assert ("tried on", "the scenario alone") in report.facts(work, found)
+    titles = [sheet.title for sheet in tuning_table.sheets("", [], report.front(found), report.named(found))]
+    assert titles[-1] == "What is recommended, and others"  # a table of no costs is none
+
+
+@pytest.mark.parametrize("vary", ["arm.model: [MODEL]", "arm: [{model: MODEL, site: tip, start: home}]"])
+def test_the_models_of_a_sweep_are_found_from_elsewhere(tmp_path, vary):
+    model = ROOT / "models/planar_2link.xml"
+    path = tmp_path / "arms.yaml"
+    text = f"{TEXT}sweep: {{vary: {{{vary}}}}}\n".replace(str(model), "MODEL")
+    path.write_text(text.replace("MODEL", os.path.relpath(model, tmp_path)))
+    work = Tuning(path, copies=0, runs=12)
+    file, *_ = work.write(work.run(), tmp_path / "else/where")
+    assert load(file).arm.model == model
+    assert Template(file).models == [os.path.relpath(model, tmp_path / "else/where")]
+
+
 def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     spread = Spread(0.0, 0.01, 0.0)
     copies = Tuning(path, copies=4, spread=spread).copies
@@ -334,13 +380,31 @@ def test_the_setting_as_written_is_told_to_be_what_it_is(path):
     def said(own, *others):
         some = [own, *others]
         verdict = judge([one for one in some if one.keeps_limits], some, own)
-        return report.as_written(dataclasses.replace(found, own=own, verdict=verdict))
+        return report.as_written(dataclasses.replace(found, own=own, feasible=tuple(some), verdict=verdict))
 
     assert said(own) == "As written it is on the front: nothing that was tried dominates it."
     recommended = "As written it is dominated: the recommended setting has 0.5 times its error at 0.5 times its peak rate."
     assert said(own, half) == recommended
     costly = tried(Structure("inverse", "", "damp"), 1.0, 9.0)
     assert said(own, half, costly) == recommended.replace("the recommended setting", "filtered")
+    hair = tried(Structure("filtered", "", "damp"), 4.0, 1.9999)
+    assert said(own, hair) == (
+        "As written it is dominated, but in no digit that counts: the recommended setting is better by less than 0.1%."
+    )
+    shorter = tried(Structure("filtered", "", "damp"), 4.0, 2.0, time=0.5)
+    assert said(own, shorter) == (
+        "As written it is dominated: the recommended setting has its error and its peak rate in 0.5 s and not in 1 s."
+    )
+    still, moving = (
+        tried(Structure(name, "", "damp"), 0.0, rate) for name, rate in (("jparse", 1.0), ("inverse", 2.0))
+    )
+    assert said(moving, still).endswith(
+        "the recommended setting has 1 times its error at 0.5 times its peak rate."
+    )
+    verdict = judge([half], [costly, half], costly)
+    assert report.as_written(dataclasses.replace(found, own=costly, feasible=(half,), verdict=verdict)) == (
+        "As written it is not what --only allows; nothing that it allows dominates it."
+    )
     limited = tried(own.setting.structure, 1.0, 1.0, excess=0.1)
     limited.outcomes[0] = limited.outcomes[0]._replace(
         missed="the rate of elbow is 2 rad/s, and 1 is allowed"
