@@ -259,6 +259,20 @@ def test_an_arm_that_holds_still_has_a_picture_without_warnings(path, tmp_path):
     assert titles[-1] == "What is recommended, and others"  # a table of no costs is none
 
 
+def test_times_are_those_of_the_path_where_the_setting_as_written_does_not_complete_it(path):
+    work = Tuning(path, copies=0, runs=12)
+    found = work.run()
+    assert (
+        dict(report.facts(work, found))["time"]
+        == "at most 1.1 times that of the setting as written, copy by copy"
+    )
+    found.own.outcomes[0] = found.own.outcomes[0]._replace(completed=0.5)
+    own = Tried(found.own.setting, found.own.outcomes)
+    assert dict(report.facts(work, dataclasses.replace(found, own=own)))["time"] == (
+        "at most 1.1 times that of the setting as written, or of the path where that does not complete it, copy by copy"
+    )
+
+
 @pytest.mark.parametrize("vary", ["arm.model: [MODEL]", "arm: [{model: MODEL, site: tip, start: home}]"])
 def test_the_models_of_a_sweep_are_found_from_elsewhere(tmp_path, vary):
     model = ROOT / "models/planar_2link.xml"

@@ -38,12 +38,15 @@ def title(work: Tuning, found: Tuned) -> str:
 def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:
     """Return what was allowed and what was tried."""
     limits, copies = found.limits, len(found.copies) - 1
+    whose = "the setting as written"
+    if found.own.worst.completed < 1.0:
+        whose += ", or of the path where that does not complete it"
     off = f"and {copies} cop{'y' if copies == 1 else 'ies'} of it: {work.spread_in_words}"
     lines = [
         ("tried on", f"the scenario {off if copies else 'alone'}"),
         ("rates", _allowed(limits.rate, "rate", limits, "/s")),
         ("accelerations", _allowed(limits.acceleration, "acceleration", limits, "/s²")),
-        ("time", f"at most {work.slower:g} times that of the setting as written, copy by copy"),
+        ("time", f"at most {work.slower:g} times that of {whose}, copy by copy"),
     ]
     return lines + [("not possible", reason) for reason in work.left_out]
 
