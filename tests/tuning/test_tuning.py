@@ -4,6 +4,7 @@ import dataclasses
 import math
 import os
 import re
+import threading
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -14,14 +15,15 @@ from project import ROOT
 from rmrc.errors import ScenarioError
 from rmrc.output import tuning_table
 from rmrc.preparation import Preparation, prepare
+from rmrc.run import Divergence
 from rmrc.scenario import Template, load
-from rmrc.scorecard import scorecard
+from rmrc.scorecard import Figure, scorecard
 from rmrc.simulation import Simulation
 from rmrc.tuning import report
-from rmrc.tuning.copies import Spread
+from rmrc.tuning.copies import Copy, Spread
 from rmrc.tuning.search import Tried
 from rmrc.tuning.space import NUMBERS, WORDS, Setting, Structure, all_structures
-from rmrc.tuning.trials import Outcome
+from rmrc.tuning.trials import Limits, Outcome, Trials, worst
 from rmrc.tuning.tuning import Tuning
 from rmrc.tuning.verdict import judge
 
@@ -273,6 +275,25 @@ def test_times_are_those_of_the_path_where_the_setting_as_written_does_not_compl
     )
 
 
+def test_a_slow_run_ends_when_the_scenario_says_so_or_when_it_takes_longer_than_allowed(path):
+    # beyond reach, where "slow" stands still
+    overrides = [
+        "target.path=[{line: {to: [2.2, 0.0]}}]",
+        "control.at_singularity=slow",
+        "control.slow.longest=1.5",
+    ]
+    preparation = Preparation(path, overrides)
+    trials = Trials(preparation, [Copy("")], 1, threading.Event(), None)
+    setting = Setting(Structure("pseudoinverse", "", "slow"), (2.0,))
+    run = runs_of(path, [*overrides, *setting.overrides])
+    assert run.completed < 1.0
+    for share, same in ((1.2, False), (9.0, True)):
+        trials.allow([share * trials.planned[0]])
+        (outcome,) = trials.run([(setting, 0)])
+        assert outcome.excess > 0
+        assert (outcome.time == len(run) * run.period) == same
+
+
 @pytest.mark.parametrize("vary", ["arm.model: [MODEL]", "arm: [{model: MODEL, site: tip, start: home}]"])
 def test_the_models_of_a_sweep_are_found_from_elsewhere(tmp_path, vary):
     model = ROOT / "models/planar_2link.xml"
@@ -357,6 +378,41 @@ def test_a_copy_that_cannot_be_is_told_by_its_name(path):
             r"of 0.02 s and more than 10000000; raise target.limits or control.period, or shorten the path",
             problem,
         )
+
+
+# A hinge and a slide on a task of 0.5 m.
+LIMITS = Limits(
+    ("arm", "rail"), ("rad", "m"), np.array([1.0, 0.5]), 0.5, np.array([2.0, 1.0]), np.array([math.inf, 4.0])
+)
+GOOD = {"position_error.max": 0.1, "orientation_error.max": 0.3, "joint_rate.arm.peak": 1.5, "joint_rate.rail.peak": 0.9,
+        "joint_acceleration.rail.peak": 2.0, "duration": 3.0, "completed": 1.0}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changed", "divergence", "excess", "missed"),
+    [
+        ({}, None, 3.0 / 3.3 - 1, "it takes 3 s, and 3.3 is allowed"),
+        ({"joint_rate.arm.peak": 2.019}, None, 2.019 / 2.02 - 1, "the rate of arm is 2.019 rad/s, and 2 is allowed"),
+        ({"joint_rate.rail.peak": 1.011}, None, 1.011 / 1.01 - 1, "the rate of rail is 1.011 m/s, and 1 is allowed"),
+        ({"joint_acceleration.rail.peak": 8.08}, None, 1.0,
+         "the acceleration of rail is 8.08 m/s², and 4 is allowed"),
+        ({"duration": 6.6}, None, 1.0, "it takes 6.6 s, and 3.3 is allowed"),
+        ({"completed": 0.8}, None, 0.25, "80% of the path is done in 3 s"),
+        ({}, Divergence(1, 0.1, "rail", "not finite"), math.inf, "it diverged"),
+    ],
+)  # fmt: skip
+def test_what_is_measured_is_held_against_each_limit(changed, divergence, excess, missed):
+    card = {name: Figure(value, "", "") for name, value in (GOOD | changed).items()}
+    out = LIMITS.measure(card, divergence, 3.3)
+    rates = changed.get("joint_rate.arm.peak", 1.5), changed.get("joint_rate.rail.peak", 0.9) / 0.5
+    assert (out.error, out.peak_rate) == (0.15, max(rates))  # 0.3 rad on 0.5 m; the slide over 0.5 m
+    assert out.excess == pytest.approx(excess, abs=1e-8)
+    assert out.missed.startswith(missed)
+    # of several runs, the worst of each figure counts, and what is exceeded most
+    least = LIMITS.measure(
+        {name: Figure(value, "", "") for name, value in (GOOD | {"duration": 1.0}).items()}, None, 9.0
+    )
+    assert worst([least, out])[2:] == worst([out, least])[2:] == out[2:]
 
 
 def tried(structure, error, rate, time=1.0, number=1.0, excess=-1.0):

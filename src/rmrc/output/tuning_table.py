@@ -59,7 +59,7 @@ def sheets(
 
 
 def shown(front: Sequence[Row], named: Sequence[Row]) -> list[Row]:
-    """Return the rows of a front that are shown: evenly, up to the largest error of what has a name."""
+    """Return the rows of a front that are shown: evenly, up to the largest error that has a name, and all names."""
     largest = max(one.error for one in named)
     near = [one for one in front if one.error <= largest] or list(front)
     # of rows that differ in no digit that is shown, the one with a name, or the last, with the smallest error
@@ -70,7 +70,8 @@ def shown(front: Sequence[Row], named: Sequence[Row]) -> list[Row]:
     near = list(alike.values())
     if len(near) <= MOST_ROWS:
         return near
-    return [near[round(i * (len(near) - 1) / (MOST_ROWS - 1))] for i in range(MOST_ROWS)]
+    chosen = {round(i * (len(near) - 1) / (MOST_ROWS - 1)) for i in range(MOST_ROWS)}
+    return [one for i, one in enumerate(near) if i in chosen or one.name]
 
 
 def _cells(row: Row) -> tuple[str, ...]:
