@@ -294,6 +294,14 @@ def test_a_slow_run_ends_when_the_scenario_says_so_or_when_it_takes_longer_than_
         assert (outcome.time == len(run) * run.period) == same
 
 
+def test_each_copy_has_its_own_time(path):
+    trials = Trials(Preparation(path), [Copy("")] * 2, 1, threading.Event(), None)
+    trials.allow([0.001, 100.0])
+    setting = Setting(Structure("damped", "constant", "damp"), (0.1, 2.0))
+    short, long = trials.run([(setting, 0), (setting, 1)])
+    assert long.excess <= 0 < short.excess
+
+
 @pytest.mark.parametrize("vary", ["arm.model: [MODEL]", "arm: [{model: MODEL, site: tip, start: home}]"])
 def test_the_models_of_a_sweep_are_found_from_elsewhere(tmp_path, vary):
     model = ROOT / "models/planar_2link.xml"

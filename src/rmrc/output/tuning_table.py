@@ -59,7 +59,7 @@ def sheets(
 
 
 def shown(front: Sequence[Row], named: Sequence[Row]) -> list[Row]:
-    """Return the rows of a front that are shown: evenly, up to the largest error that has a name, and all names."""
+    """Return the rows of a front that are shown: evenly, up to the largest error of what has a name."""
     largest = max(one.error for one in named)
     near = [one for one in front if one.error <= largest] or list(front)
     # of rows that differ in no digit that is shown, the one with a name, or the last, with the smallest error
