@@ -13,7 +13,7 @@ import pytest
 import rmrc as package
 from project import ROOT
 from rmrc.errors import ScenarioError
-from rmrc.output import tuning_table
+from rmrc.output import tuning_figure, tuning_table
 from rmrc.preparation import Preparation, prepare
 from rmrc.run import Divergence
 from rmrc.scenario import Template, load
@@ -21,8 +21,8 @@ from rmrc.scorecard import Figure, scorecard
 from rmrc.simulation import Simulation
 from rmrc.tuning import report
 from rmrc.tuning.copies import Copy, Spread
-from rmrc.tuning.search import Tried
-from rmrc.tuning.space import NUMBERS, WORDS, Setting, Structure, all_structures
+from rmrc.tuning.search import Search, Tried
+from rmrc.tuning.space import NUMBERS, WORDS, Setting, Structure, all_structures, own_setting
 from rmrc.tuning.trials import Limits, Outcome, Trials, worst
 from rmrc.tuning.tuning import Tuning
 from rmrc.tuning.verdict import judge
@@ -215,7 +215,7 @@ plant: {{kind: ideal}}
     nominal = np.radians([0, 90, np.degrees(0.7), -80, 40, 0])
     off = np.abs(starts - nominal) / [1, 1, 0.5, 1, 1, 1]
     assert 0 < off.max() <= np.radians(1.0)
-    # the path has no absolute point
+    # no axis of the task has an absolute point
     assert all(not any("target.offset" in text for text in copy.overrides) for copy in found.copies)
 
 
@@ -249,6 +249,23 @@ def test_joints_that_are_not_driven_stay_where_the_scenario_has_them(tmp_path):
     assert Tuning(path, ["arm.start=away"], spread=Spread(0.0)).spread_in_words
     for copy in Tuning(path, ["arm.start=home"]).copies:
         assert prepare(load(path, ["arm.start=home", *copy.overrides])).qpos[0] == 0.0
+
+
+def test_a_name_keeps_its_length_and_limits_of_slides_are_drawn_over_the_length(path, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(tuning_figure, "draw_front", lambda *arguments: drawn.append(arguments))
+    arm = {"model": f"{ROOT}/models/planar_rp.xml", "site": "tip", "start": "home"}
+    rail = [f"arm.{key}={value}" for key, value in arm.items()] + [
+        "task.length=0.5",
+        "control.limits.rate=[2, 3]",
+    ]
+    work = Tuning(
+        path, [f"name={'x' * 100}", "target.path=[{line: {by: [0.1, 0.0]}}]", *rail], copies=0, runs=12
+    )
+    file, *_ = work.write(work.run(), tmp_path)
+    assert load(file).name == "x" * 94 + "-tuned"
+    ((name, *_, limits, _),) = drawn
+    assert (name, limits) == ("x" * 100, [2.0, 6.0])
 
 
 def test_an_arm_that_holds_still_has_a_picture_without_warnings(path, tmp_path):
@@ -294,6 +311,24 @@ def test_a_slow_run_ends_when_the_scenario_says_so_or_when_it_takes_longer_than_
         assert (outcome.time == len(run) * run.period) == same
 
 
+def test_times_are_measured_by_the_setting_as_written_or_by_the_path_where_it_does_not_complete_it(path):
+    slow = [
+        "target.path=[{line: {to: [2.2, 0.0]}}]",
+        "control.at_singularity=slow",
+        "control.inverse.method=pseudoinverse",
+        "control.slow.longest=1.5",
+    ]
+    late = ["control.at_singularity=stop", "control.stop.sigma=50"]
+    for overrides in (slow, late, []):
+        run = runs_of(path, overrides)
+        trials, allowed = Trials(Preparation(path, overrides), [Copy("")], 1, threading.Event(), None), []
+        trials.allow = allowed.extend
+        own = own_setting(load(path, overrides))
+        assert Search(None, trials, 1, 9, 0).begin(own, 1.1)
+        assert (run.completed < 1.0) == (overrides is slow)
+        assert allowed == [1.1 * (trials.planned[0] if overrides is slow else len(run) * run.period)]
+
+
 def test_each_copy_has_its_own_time(path):
     trials = Trials(Preparation(path), [Copy("")] * 2, 1, threading.Event(), None)
     trials.allow([0.001, 100.0])
@@ -321,10 +356,21 @@ def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     assert np.abs(offsets).max() <= 0.01
     assert (offsets[1:, :2] != 0).all()
     assert (offsets[:, 2] == 0).all()  # z is no axis of the task
-    loaded = Tuning(path, ["plant.kind=servo", "control.period=0.002", "plant.timestep=0.002"],
+    loaded = Tuning(path, ["plant.kind=servo", "control.period=0.002", "plant.timestep=0.002", "plant.payload=3"],
                     spread=Spread(0.0, 0.0, 2.0), copies=4).copies  # fmt: skip
+    assert "payload up to 2 kg more" in Tuning(path, ["plant.kind=servo", "control.period=0.002", "plant.timestep=0.002"],
+                                               spread=Spread(payload=2.0)).spread_in_words  # fmt: skip
+    # a line to a point does not count where only the hand's angle does
+    turning = Tuning(path, ["task.axes=[rz]"])
+    assert all("target.offset" not in text for copy in turning.copies for text in copy.overrides)
+    assert turning.spread_in_words == (
+        "joints start within 1 deg; no target is off, as no axis of the task has an absolute point"
+    )
+    further = Tuning(path, ["target.offset=[0.5, 0.25]"], copies=2, spread=spread).copies[1:]
+    offsets = [load(path, copy.overrides).target.offset for copy in further]
+    assert (np.abs(np.array(offsets) - [0.5, 0.25, 0.0]).max(axis=0) <= [0.01, 0.01, 0.0]).all()
     masses = [float(copy.overrides[0].removeprefix("plant.payload=")) for copy in loaded[1:]]
-    assert all(0 <= mass <= 2 for mass in masses)
+    assert all(3 <= mass <= 5 for mass in masses)
     assert len(set(masses)) == 4
 
 
@@ -442,6 +488,9 @@ def test_the_verdict_is_the_least_error_then_the_lowest_rate_then_the_simplest()
     fast = tried(other, 4.0, 0.1)
     assert judge([fast, a], [fast, a, own], own).better is a
     assert judge([own, a], [own, a], tried(other, 0.5, 0.5)).better is None
+    # what is recommended is what dominates, if it does; without a, one with a lower rate would be as good as b
+    lower = tried(other, 1.025, 1.0)
+    assert judge([a, b, lower], [a, b, lower, own], tried(other, 9.0, 2.5)).better is b
     same = tried(other, 1.009, 2.0)
     equal = judge([b, same], [b, same], own)
     assert (equal.recommended, equal.alike, equal.second) == (same, (b,), None)

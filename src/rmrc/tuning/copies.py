@@ -97,8 +97,8 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
 
 
 def has_points(scenario: Scenario) -> bool:
-    """Say whether a path has an absolute point, which `target.offset` moves."""
-    return any(
+    """Say whether a path has an absolute point, which `target.offset` moves, and the task an axis for it."""
+    return not set("xyz").isdisjoint(scenario.task.axes) and any(
         isinstance(one, ArcSegment) or (isinstance(one, LineSegment) and one.line.to is not None)
         for one in scenario.target.path
     )

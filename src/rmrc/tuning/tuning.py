@@ -128,7 +128,7 @@ class Tuning:
         slides = f" (slides: {spread.start:.3g} task.length)" if self._nominal.arm.is_slide.any() else ""
         target = f"target within {spread.offset:g} m along each axis"
         if not has_points(self.scenario):
-            target = "no target is off, as the path has no absolute point"
+            target = "no target is off, as no axis of the task has an absolute point"
         parts = (degrees + slides, target, f"payload up to {spread.payload:g} kg more")
         used = (spread.start, spread.offset, spread.payload)
         return "; ".join(part for part, size in zip(parts, used, strict=True) if size) or "nothing is off"
