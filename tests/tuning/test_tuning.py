@@ -83,6 +83,8 @@ def test_what_is_pasted_is_what_was_run_and_the_worst_copy_counts(path, tmp_path
     assert len({error for error, _, _ in each}) == 4  # negative control: copies differ
     cards = [scorecard(runs_of(pasted, copy.overrides)) for copy in found.copies]
     assert best.worst.error == max(card["position_error.max"].value for card in cards)
+    # the numbers have the digits that are printed
+    assert all(number == float(f"{number:.3g}") for one in found.tried for number in one.setting.numbers)
     # and so for every setting that was tried on all copies
     for one in found.feasible[::7]:
         cards = [scorecard(runs_of(path, (*one.setting.overrides, *copy.overrides))) for copy in found.copies]
