@@ -69,6 +69,21 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
 
 
 @pytest.mark.usefixtures("quick")
+@pytest.mark.parametrize(
+    "words",
+    [("tune", "quick.yaml", "--runs", "4", "--copies", "0"), ("run", "quick.yaml"),
+     ("sweep", "quick.yaml", "--vary", "control.feedback=1,2")],
+)  # fmt: skip
+def test_a_folder_in_brackets_is_no_markup(rmrc, tmp_path, words):
+    code, out, _ = rmrc(*words, "--out", "a[red]b")
+    named = re.findall(r"^wrote (.*)$", out, re.MULTILINE)
+    assert code == 0
+    assert sorted(named) == sorted(
+        str(one.relative_to(tmp_path)) for one in (tmp_path / "a[red]b").glob("*.*")
+    )
+
+
+@pytest.mark.usefixtures("quick")
 def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
     limits = ["--set", "control.limits.rate=0.01", "--set", "control.limits.on_excess=none"]
     limits += ["--only", "control.at_singularity=damp"]

@@ -22,6 +22,10 @@ def test_a_front_is_shown_evenly_up_to_the_largest_error_that_has_a_name():
     assert (rows[0].peak_rate, rows[-1].peak_rate) == (250, 1000)  # 1/250 is 0.004
     steps = {b.peak_rate - a.peak_rate for a, b in pairwise(rows)}
     assert max(steps) - min(steps) <= 1
+    # what has a name is always among them
+    named = [one._replace(name="recommended") if one.peak_rate == 990 else one for one in front]
+    assert [one for one in shown(named, [BEST, SECOND, OWN]) if one.name == ""] == rows
+    assert BEST.name in {one.name for one in shown(named, [BEST, SECOND, OWN])}
     assert shown(front[:3], [BEST]) == front[:3]  # nothing is near: all of it
     # rows that look alike are shown once
     a, b = front[1], front[1]._replace(name="as written", error=front[1].error + 1e-6)

@@ -2,7 +2,9 @@
 
 import dataclasses
 import math
+import os
 import re
+import threading
 
 import numpy as np
 import pyarrow.parquet as pq
@@ -11,15 +13,17 @@ import pytest
 import rmrc as package
 from project import ROOT
 from rmrc.errors import ScenarioError
+from rmrc.output import tuning_figure, tuning_table
 from rmrc.preparation import Preparation, prepare
-from rmrc.scenario import load
-from rmrc.scorecard import scorecard
+from rmrc.run import Divergence
+from rmrc.scenario import Template, load
+from rmrc.scorecard import Figure, scorecard
 from rmrc.simulation import Simulation
 from rmrc.tuning import report
-from rmrc.tuning.copies import Spread
-from rmrc.tuning.search import Tried
-from rmrc.tuning.space import NUMBERS, WORDS, Setting, Structure, all_structures
-from rmrc.tuning.trials import Outcome
+from rmrc.tuning.copies import Copy, Spread
+from rmrc.tuning.search import Search, Tried
+from rmrc.tuning.space import NUMBERS, WORDS, Setting, Structure, all_structures, own_setting
+from rmrc.tuning.trials import Limits, Outcome, Trials, worst
 from rmrc.tuning.tuning import Tuning
 from rmrc.tuning.verdict import judge
 
@@ -79,6 +83,8 @@ def test_what_is_pasted_is_what_was_run_and_the_worst_copy_counts(path, tmp_path
     assert len({error for error, _, _ in each}) == 4  # negative control: copies differ
     cards = [scorecard(runs_of(pasted, copy.overrides)) for copy in found.copies]
     assert best.worst.error == max(card["position_error.max"].value for card in cards)
+    # the numbers have the digits that are printed
+    assert all(number == float(f"{number:.3g}") for one in found.tried for number in one.setting.numbers)
     # and so for every setting that was tried on all copies
     for one in found.feasible[::7]:
         cards = [scorecard(runs_of(path, (*one.setting.overrides, *copy.overrides))) for copy in found.copies]
@@ -211,7 +217,7 @@ plant: {{kind: ideal}}
     nominal = np.radians([0, 90, np.degrees(0.7), -80, 40, 0])
     off = np.abs(starts - nominal) / [1, 1, 0.5, 1, 1, 1]
     assert 0 < off.max() <= np.radians(1.0)
-    # the path has no absolute point
+    # no axis of the task has an absolute point
     assert all(not any("target.offset" in text for text in copy.overrides) for copy in found.copies)
 
 
@@ -225,6 +231,126 @@ def test_copies_start_within_the_limits_of_the_joints(tmp_path):
     assert len(set(elbows)) > 4
 
 
+def test_joints_that_are_not_driven_stay_where_the_scenario_has_them(tmp_path):
+    links = "".join(
+        f'<body pos="1 0 0"><joint name="{name}" axis="0 0 1"/><geom size="0.1"/>' for name in "abc"
+    )
+    keys = '<key name="home" qpos="0 0.5 -1"/><key name="away" qpos="0.7 0.5 -1"/>'
+    (tmp_path / "arm.xml").write_text(
+        f'<mujoco><worldbody>{links}<site name="tip" pos="1 0 0"/></body></body></body></worldbody>'
+        f"<keyframe>{keys}</keyframe></mujoco>"
+    )
+    path = tmp_path / "quick.yaml"
+    arm = "arm: {model: arm.xml, site: tip, joints: [b, c], start: START}"
+    path.write_text(TEXT.replace(TEXT.split("\n")[2], arm).replace("to: [1.93, 0.0]", "by: [0.1, 0.0]"))
+    with pytest.raises(ScenarioError) as caught:
+        Tuning(path, ["arm.start=away"])
+    assert list(caught.value.problems) == [
+        '--start: must be 0 with arm.start "away", which has joints that are not driven elsewhere than home'
+    ]
+    assert Tuning(path, ["arm.start=away"], spread=Spread(0.0)).spread_in_words
+    for copy in Tuning(path, ["arm.start=home"]).copies:
+        assert prepare(load(path, ["arm.start=home", *copy.overrides])).qpos[0] == 0.0
+
+
+def test_a_name_keeps_its_length_and_limits_of_slides_are_drawn_over_the_length(path, tmp_path, monkeypatch):
+    drawn = []
+    monkeypatch.setattr(tuning_figure, "draw_front", lambda *arguments: drawn.append(arguments))
+    arm = {"model": f"{ROOT}/models/planar_rp.xml", "site": "tip", "start": "home"}
+    rail = [f"arm.{key}={value}" for key, value in arm.items()] + [
+        "task.length=0.5",
+        "control.limits.rate=[2, 3]",
+    ]
+    work = Tuning(
+        path, [f"name={'x' * 100}", "target.path=[{line: {by: [0.1, 0.0]}}]", *rail], copies=0, runs=12
+    )
+    file, *_ = work.write(work.run(), tmp_path)
+    assert load(file).name == "x" * 94 + "-tuned"
+    ((name, *_, limits, _),) = drawn
+    assert (name, limits) == ("x" * 100, [2.0, 6.0])
+
+
+def test_an_arm_that_holds_still_has_a_picture_without_warnings(path, tmp_path):
+    work = Tuning(path, ["target.path=[{hold: {for: 0.1}}]"], copies=0, runs=12)
+    found = work.run()
+    assert found.own.worst.point[:2] == (0.0, 0.0)
+    assert len(work.write(found, tmp_path)) == 3  # warnings are errors here
+    assert ("tried on", "the scenario alone") in report.facts(work, found)
+    titles = [sheet.title for sheet in tuning_table.sheets("", [], report.front(found), report.named(found))]
+    assert titles[-1] == "What is recommended, and others"  # a table of no costs is none
+
+
+def test_times_are_those_of_the_path_where_the_setting_as_written_does_not_complete_it(path):
+    work = Tuning(path, copies=0, runs=12)
+    found = work.run()
+    assert (
+        dict(report.facts(work, found))["time"]
+        == "at most 1.1 times that of the setting as written, copy by copy"
+    )
+    found.own.outcomes[0] = found.own.outcomes[0]._replace(completed=0.5)
+    own = Tried(found.own.setting, found.own.outcomes)
+    assert dict(report.facts(work, dataclasses.replace(found, own=own)))["time"] == (
+        "at most 1.1 times that of the setting as written, or of the path where that does not complete it, copy by copy"
+    )
+
+
+def test_a_slow_run_ends_when_the_scenario_says_so_or_when_it_takes_longer_than_allowed(path):
+    # beyond reach, where "slow" stands still
+    overrides = [
+        "target.path=[{line: {to: [2.2, 0.0]}}]",
+        "control.at_singularity=slow",
+        "control.slow.longest=1.5",
+    ]
+    preparation = Preparation(path, overrides)
+    trials = Trials(preparation, [Copy("")], 1, threading.Event(), None)
+    setting = Setting(Structure("pseudoinverse", "", "slow"), (2.0,))
+    run = runs_of(path, [*overrides, *setting.overrides])
+    assert run.completed < 1.0
+    for share, same in ((1.2, False), (9.0, True)):
+        trials.allow([share * trials.planned[0]])
+        (outcome,) = trials.run([(setting, 0)])
+        assert outcome.excess > 0
+        assert (outcome.time == len(run) * run.period) == same
+
+
+def test_times_are_measured_by_the_setting_as_written_or_by_the_path_where_it_does_not_complete_it(path):
+    slow = [
+        "target.path=[{line: {to: [2.2, 0.0]}}]",
+        "control.at_singularity=slow",
+        "control.inverse.method=pseudoinverse",
+        "control.slow.longest=1.5",
+    ]
+    late = ["control.at_singularity=stop", "control.stop.sigma=50"]
+    for overrides in (slow, late, []):
+        run = runs_of(path, overrides)
+        trials, allowed = Trials(Preparation(path, overrides), [Copy("")], 1, threading.Event(), None), []
+        trials.allow = allowed.extend
+        own = own_setting(load(path, overrides))
+        assert Search(None, trials, 1, 9, 0).begin(own, 1.1)
+        assert (run.completed < 1.0) == (overrides is slow)
+        assert allowed == [1.1 * (trials.planned[0] if overrides is slow else len(run) * run.period)]
+
+
+def test_each_copy_has_its_own_time(path):
+    trials = Trials(Preparation(path), [Copy("")] * 2, 1, threading.Event(), None)
+    trials.allow([0.001, 100.0])
+    setting = Setting(Structure("damped", "constant", "damp"), (0.1, 2.0))
+    short, long = trials.run([(setting, 0), (setting, 1)])
+    assert long.excess <= 0 < short.excess
+
+
+@pytest.mark.parametrize("vary", ["arm.model: [MODEL]", "arm: [{model: MODEL, site: tip, start: home}]"])
+def test_the_models_of_a_sweep_are_found_from_elsewhere(tmp_path, vary):
+    model = ROOT / "models/planar_2link.xml"
+    path = tmp_path / "arms.yaml"
+    text = f"{TEXT}sweep: {{vary: {{{vary}}}}}\n".replace(str(model), "MODEL")
+    path.write_text(text.replace("MODEL", os.path.relpath(model, tmp_path)))
+    work = Tuning(path, copies=0, runs=12)
+    file, *_ = work.write(work.run(), tmp_path / "else/where")
+    assert load(file).arm.model == model
+    assert Template(file).models == [os.path.relpath(model, tmp_path / "else/where")]
+
+
 def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     spread = Spread(0.0, 0.01, 0.0)
     copies = Tuning(path, copies=4, spread=spread).copies
@@ -232,10 +358,21 @@ def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     assert np.abs(offsets).max() <= 0.01
     assert (offsets[1:, :2] != 0).all()
     assert (offsets[:, 2] == 0).all()  # z is no axis of the task
-    loaded = Tuning(path, ["plant.kind=servo", "control.period=0.002", "plant.timestep=0.002"],
+    loaded = Tuning(path, ["plant.kind=servo", "control.period=0.002", "plant.timestep=0.002", "plant.payload=3"],
                     spread=Spread(0.0, 0.0, 2.0), copies=4).copies  # fmt: skip
+    assert "payload up to 2 kg more" in Tuning(path, ["plant.kind=servo", "control.period=0.002", "plant.timestep=0.002"],
+                                               spread=Spread(payload=2.0)).spread_in_words  # fmt: skip
+    # a line to a point does not count where only the hand's angle does
+    turning = Tuning(path, ["task.axes=[rz]"])
+    assert all("target.offset" not in text for copy in turning.copies for text in copy.overrides)
+    assert turning.spread_in_words == (
+        "joints start within 1 deg; no target is off, as no axis of the task has an absolute point"
+    )
+    further = Tuning(path, ["target.offset=[0.5, 0.25]"], copies=2, spread=spread).copies[1:]
+    offsets = [load(path, copy.overrides).target.offset for copy in further]
+    assert (np.abs(np.array(offsets) - [0.5, 0.25, 0.0]).max(axis=0) <= [0.01, 0.01, 0.0]).all()
     masses = [float(copy.overrides[0].removeprefix("plant.payload=")) for copy in loaded[1:]]
-    assert all(0 <= mass <= 2 for mass in masses)
+    assert all(3 <= mass <= 5 for mass in masses)
     assert len(set(masses)) == 4
 
 
@@ -299,6 +436,41 @@ def test_a_copy_that_cannot_be_is_told_by_its_name(path):
         )
 
 
+# A hinge and a slide on a task of 0.5 m.
+LIMITS = Limits(
+    ("arm", "rail"), ("rad", "m"), np.array([1.0, 0.5]), 0.5, np.array([2.0, 1.0]), np.array([math.inf, 4.0])
+)
+GOOD = {"position_error.max": 0.1, "orientation_error.max": 0.3, "joint_rate.arm.peak": 1.5, "joint_rate.rail.peak": 0.9,
+        "joint_acceleration.rail.peak": 2.0, "duration": 3.0, "completed": 1.0}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("changed", "divergence", "excess", "missed"),
+    [
+        ({}, None, 3.0 / 3.3 - 1, "it takes 3 s, and 3.3 is allowed"),
+        ({"joint_rate.arm.peak": 2.019}, None, 2.019 / 2.02 - 1, "the rate of arm is 2.019 rad/s, and 2 is allowed"),
+        ({"joint_rate.rail.peak": 1.011}, None, 1.011 / 1.01 - 1, "the rate of rail is 1.011 m/s, and 1 is allowed"),
+        ({"joint_acceleration.rail.peak": 8.08}, None, 1.0,
+         "the acceleration of rail is 8.08 m/s², and 4 is allowed"),
+        ({"duration": 6.6}, None, 1.0, "it takes 6.6 s, and 3.3 is allowed"),
+        ({"completed": 0.8}, None, 0.25, "80% of the path is done in 3 s"),
+        ({}, Divergence(1, 0.1, "rail", "not finite"), math.inf, "it diverged"),
+    ],
+)  # fmt: skip
+def test_what_is_measured_is_held_against_each_limit(changed, divergence, excess, missed):
+    card = {name: Figure(value, "", "") for name, value in (GOOD | changed).items()}
+    out = LIMITS.measure(card, divergence, 3.3)
+    rates = changed.get("joint_rate.arm.peak", 1.5), changed.get("joint_rate.rail.peak", 0.9) / 0.5
+    assert (out.error, out.peak_rate) == (0.15, max(rates))  # 0.3 rad on 0.5 m; the slide over 0.5 m
+    assert out.excess == pytest.approx(excess, abs=1e-8)
+    assert out.missed.startswith(missed)
+    # of several runs, the worst of each figure counts, and what is exceeded most
+    least = LIMITS.measure(
+        {name: Figure(value, "", "") for name, value in (GOOD | {"duration": 1.0}).items()}, None, 9.0
+    )
+    assert worst([least, out])[2:] == worst([out, least])[2:] == out[2:]
+
+
 def tried(structure, error, rate, time=1.0, number=1.0, excess=-1.0):
     setting = Setting(structure, (number,) * len(structure.keys))
     return Tried(setting, [Outcome(error, rate, time, 1.0, excess, "")])
@@ -318,6 +490,9 @@ def test_the_verdict_is_the_least_error_then_the_lowest_rate_then_the_simplest()
     fast = tried(other, 4.0, 0.1)
     assert judge([fast, a], [fast, a, own], own).better is a
     assert judge([own, a], [own, a], tried(other, 0.5, 0.5)).better is None
+    # what is recommended is what dominates, if it does; without a, one with a lower rate would be as good as b
+    lower = tried(other, 1.025, 1.0)
+    assert judge([a, b, lower], [a, b, lower, own], tried(other, 9.0, 2.5)).better is b
     same = tried(other, 1.009, 2.0)
     equal = judge([b, same], [b, same], own)
     assert (equal.recommended, equal.alike, equal.second) == (same, (b,), None)
@@ -334,13 +509,31 @@ def test_the_setting_as_written_is_told_to_be_what_it_is(path):
     def said(own, *others):
         some = [own, *others]
         verdict = judge([one for one in some if one.keeps_limits], some, own)
-        return report.as_written(dataclasses.replace(found, own=own, verdict=verdict))
+        return report.as_written(dataclasses.replace(found, own=own, feasible=tuple(some), verdict=verdict))
 
     assert said(own) == "As written it is on the front: nothing that was tried dominates it."
     recommended = "As written it is dominated: the recommended setting has 0.5 times its error at 0.5 times its peak rate."
     assert said(own, half) == recommended
     costly = tried(Structure("inverse", "", "damp"), 1.0, 9.0)
     assert said(own, half, costly) == recommended.replace("the recommended setting", "filtered")
+    hair = tried(Structure("filtered", "", "damp"), 4.0, 1.9999)
+    assert said(own, hair) == (
+        "As written it is dominated, but in no digit that counts: the recommended setting is better by less than 0.1%."
+    )
+    shorter = tried(Structure("filtered", "", "damp"), 4.0, 2.0, time=0.5)
+    assert said(own, shorter) == (
+        "As written it is dominated: the recommended setting has its error and its peak rate in 0.5 s and not in 1 s."
+    )
+    still, moving = (
+        tried(Structure(name, "", "damp"), 0.0, rate) for name, rate in (("jparse", 1.0), ("inverse", 2.0))
+    )
+    assert said(moving, still).endswith(
+        "the recommended setting has 1 times its error at 0.5 times its peak rate."
+    )
+    verdict = judge([half], [costly, half], costly)
+    assert report.as_written(dataclasses.replace(found, own=costly, feasible=(half,), verdict=verdict)) == (
+        "As written it is not what --only allows; nothing that it allows dominates it."
+    )
     limited = tried(own.setting.structure, 1.0, 1.0, excess=0.1)
     limited.outcomes[0] = limited.outcomes[0]._replace(
         missed="the rate of elbow is 2 rad/s, and 1 is allowed"

@@ -156,6 +156,6 @@ def _compile(work: "Job | Comparison") -> None:
 
 def _list(console: Console, files: Sequence[Path], record: bool) -> None:
     for path in files:
-        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
     if record:
-        console.print(f"look at it: python -m rmrc replay {files[0]}", soft_wrap=True)
+        console.print(f"look at it: python -m rmrc replay {files[0]}", markup=False, soft_wrap=True)

@@ -87,7 +87,7 @@ def sweep(
         complain(f"interrupted after {swept.done} of {len(work)} runs; the same command goes on")
         raise typer.Exit(EXIT_INTERRUPTED)
     _summarize(console, work)
-    console.print(f"wrote {work.dataset.file}", highlight=False, soft_wrap=True)
+    console.print(f"wrote {work.dataset.file}", highlight=False, markup=False, soft_wrap=True)
     if choice:
         _record(console, work, choice, quiet)
 
@@ -163,4 +163,4 @@ def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> N
         if ended.interrupted:
             complain(f"interrupted while {job.scenario.name} was recorded; all rows are there")
             raise typer.Exit(EXIT_INTERRUPTED)
-        console.print(f"wrote {ended.files[0]}", highlight=False, soft_wrap=True)
+        console.print(f"wrote {ended.files[0]}", highlight=False, markup=False, soft_wrap=True)

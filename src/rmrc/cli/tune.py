@@ -108,6 +108,6 @@ def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quie
             console.print(line, highlight=False, markup=False)
         console.print(f"\n{found.block}", highlight=False, markup=False, soft_wrap=True)
     for path in work.write(found, *places):
-        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
     if nearest:
         complain(report.nothing(found))

@@ -109,7 +109,7 @@ def workspace(
     console = output(quiet)
     console.print(render([sheet]))
     for path in files:
-        console.print(f"wrote {path}", highlight=False, soft_wrap=True)
+        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
 
 
 @dataclass(frozen=True)

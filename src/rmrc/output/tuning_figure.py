@@ -88,13 +88,17 @@ def _frame(
     axes: Axes, points: Sequence[tuple[str, float, float]], marks: Sequence[Mark], limits: Sequence[float]
 ) -> None:
     """Set ranges around what matters, draw limits that are within them, and name the axes."""
-    errors = [error for _, _, error in points if error > 0.0] + [mark.error for mark in marks]
+    # a log scale has no 0: an arm that holds still in an ideal plant has no error
+    errors = [error for error in (*(e for _, _, e in points), *(m.error for m in marks)) if error > 0.0]
     top = _ROOM * max(mark.error for mark in marks)
+    if top > 0.0:
+        axes.set_ylim(0.7 * min(errors), top)
+    else:
+        axes.set_yscale("linear")
     within = [rate for _, rate, error in points if error <= top] + [mark.peak_rate for mark in marks]
-    margin = 0.06 * (max(within) - min(within)) or 0.1 * max(within)
+    margin = 0.06 * (max(within) - min(within)) or 0.1 * max(within) or 1.0
     drawn = [limit for limit in limits if limit <= 1.5 * max(within)]
     axes.set_xlim(min(within) - margin, max(*within, *drawn) + margin)
-    axes.set_ylim(0.7 * min(errors), top)
     for i, limit in enumerate(drawn):
         label = None if i else "rate limit of a joint"
         axes.axvline(limit, color="0.35", linestyle=(0, (6, 3)), linewidth=1.2, label=label)

@@ -45,15 +45,16 @@ def sheets(
     units = ("", "", "m", "rad/s", "s", "")
     title_of_front = f"Pareto front, {len(rows)} of its {len(front)} settings"
     left = frozenset({0, 1, 5})
+    costs = Sheet(
+        "The recommended setting costs (+) or saves (-)",
+        ("against", "error", "", "peak rate", "", "time", ""),
+        [(one.name, *_against(best, one)) for one in others],
+    )
     return [
         Sheet(title, ("", ""), facts, frozenset({0, 1})),
         Sheet(title_of_front, headings, [units, *map(_cells, rows)], left),
         Sheet("What is recommended, and others", headings, [units, *map(_cells, named)], left),
-        Sheet(
-            "The recommended setting costs (+) or saves (-)",
-            ("against", "error", "", "peak rate", "", "time", ""),
-            [(one.name, *_against(best, one)) for one in others],
-        ),
+        *([costs] if others else []),
     ]
 
 
@@ -69,7 +70,8 @@ def shown(front: Sequence[Row], named: Sequence[Row]) -> list[Row]:
     near = list(alike.values())
     if len(near) <= MOST_ROWS:
         return near
-    return [near[round(i * (len(near) - 1) / (MOST_ROWS - 1))] for i in range(MOST_ROWS)]
+    chosen = {round(i * (len(near) - 1) / (MOST_ROWS - 1)) for i in range(MOST_ROWS)}
+    return [one for i, one in enumerate(near) if i in chosen or one.name]
 
 
 def _cells(row: Row) -> tuple[str, ...]:

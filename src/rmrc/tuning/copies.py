@@ -62,6 +62,15 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
         raise ScenarioError(
             [f"--copies: at most {_MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"]
         )
+    # positions place the joints that are not driven as in `home`, which must be where the keyframe has them
+    placed = arm.configuration(nominal.qpos[arm.wiring.qpos])
+    if joints and count and not np.array_equal(placed, nominal.qpos):
+        raise ScenarioError(
+            [
+                f'--start: must be 0 with arm.start "{scenario.arm.start}", which has joints that are not '
+                "driven elsewhere than home"
+            ]
+        )
     copies = [Copy("the scenario itself")]
     for index in range(count if drawn else 0):
         point = sobol_point(index, drawn, seed)
@@ -88,8 +97,8 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
 
 
 def has_points(scenario: Scenario) -> bool:
-    """Say whether a path has an absolute point, which `target.offset` moves."""
-    return any(
+    """Say whether a path has an absolute point, which `target.offset` moves, and the task an axis for it."""
+    return not set("xyz").isdisjoint(scenario.task.axes) and any(
         isinstance(one, ArcSegment) or (isinstance(one, LineSegment) and one.line.to is not None)
         for one in scenario.target.path
     )

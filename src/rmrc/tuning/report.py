@@ -38,14 +38,15 @@ def title(work: Tuning, found: Tuned) -> str:
 def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:
     """Return what was allowed and what was tried."""
     limits, copies = found.limits, len(found.copies) - 1
+    whose = "the setting as written"
+    if found.own.worst.completed < 1.0:
+        whose += ", or of the path where that does not complete it"
+    off = f"and {copies} cop{'y' if copies == 1 else 'ies'} of it: {work.spread_in_words}"
     lines = [
-        (
-            "tried on",
-            f"the scenario and {copies} cop{'y' if copies == 1 else 'ies'} of it: {work.spread_in_words}",
-        ),
+        ("tried on", f"the scenario {off if copies else 'alone'}"),
         ("rates", _allowed(limits.rate, "rate", limits, "/s")),
         ("accelerations", _allowed(limits.acceleration, "acceleration", limits, "/s²")),
-        ("time", f"at most {work.slower:g} times that of the setting as written, copy by copy"),
+        ("time", f"at most {work.slower:g} times that of {whose}, copy by copy"),
     ]
     return lines + [("not possible", reason) for reason in work.left_out]
 
@@ -85,12 +86,25 @@ def as_written(found: Tuned) -> str:
     own, better = found.own, found.verdict.better
     if not own.keeps_limits:
         return f"As written it does not keep what is allowed: {own.worst.missed}."
+    if better is None and not any(one is own for one in found.feasible):
+        return "As written it is not what --only allows; nothing that it allows dominates it."
     if better is None:
         return "As written it is on the front: nothing that was tried dominates it."
-    error, rate = better.worst.error / own.worst.error, better.worst.peak_rate / own.worst.peak_rate
     which = "the recommended setting" if better is found.verdict.recommended else words(better.setting)
-    cost = f"{error:.3g} times its error at {rate:.3g} times its peak rate"
-    return f"As written it is dominated: {which} has {cost}."
+    if better.worst.point[:2] == own.worst.point[:2]:
+        took = f"in {better.worst.time:.6g} s and not in {own.worst.time:.6g} s"
+        return f"As written it is dominated: {which} has its error and its peak rate {took}."
+    # what is dominated has the larger error or peak rate; the one that is 0 is 0 in both
+    error, rate = (_share(*pair) for pair in zip(better.worst[:2], own.worst[:2], strict=True))
+    if error == rate == "1":
+        return (
+            f"As written it is dominated, but in no digit that counts: {which} is better by less than 0.1%."
+        )
+    return f"As written it is dominated: {which} has {error} times its error at {rate} times its peak rate."
+
+
+def _share(its: float, own: float) -> str:
+    return f"{its / own if own else 1.0:.3g}"
 
 
 def alike(found: Tuned) -> list[str]:

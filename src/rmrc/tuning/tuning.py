@@ -128,7 +128,7 @@ class Tuning:
         slides = f" (slides: {spread.start:.3g} task.length)" if self._nominal.arm.is_slide.any() else ""
         target = f"target within {spread.offset:g} m along each axis"
         if not has_points(self.scenario):
-            target = "no target is off, as the path has no absolute point"
+            target = "no target is off, as no axis of the task has an absolute point"
         parts = (degrees + slides, target, f"payload up to {spread.payload:g} kg more")
         used = (spread.start, spread.offset, spread.payload)
         return "; ".join(part for part, size in zip(parts, used, strict=True) if size) or "nothing is off"
@@ -189,12 +189,21 @@ class Tuning:
         data = self._written(best.setting)
         # beside the scenario's own files; the model is where it was
         data["name"] = f"{self.scenario.name[:94]}-tuned"
-        data["arm"]["model"] = os.path.relpath(self.scenario.arm.model, folder.resolve())
+        vary = (data.get("sweep") or {}).get("vary") or {}
+        for arm in (data["arm"], *vary.get("arm", ())):
+            if "model" in arm:
+                arm["model"] = self._seen_from(folder, arm["model"])
+        if "arm.model" in vary:
+            vary["arm.model"] = [self._seen_from(folder, name) for name in vary["arm.model"]]
         head = f"# {self._path.name} with the control section that `rmrc tune` recommends."
         with written_whole(files[0]) as temporary:
             temporary.write_text(f"{head}\n{block(data)}", "utf-8")
         self._draw(tuned, files[1])
         return files
+
+    def _seen_from(self, folder: Path, model: str) -> str:
+        """Return a model's file, which is relative to the scenario's folder, relative to another."""
+        return os.path.relpath((self._path.parent / model).resolve(), folder.resolve())
 
     def _draw(self, tuned: Tuned, path: Path) -> None:
         from rmrc.output.tuning_figure import Mark, draw_front
@@ -321,7 +330,12 @@ def _columns() -> list[Column]:
         Column("excess", "number", "1", "share by which what is allowed is exceeded most; kept where <= 0"),
         Column("tightest", "text", "", "what that is"),
         Column("feasible", "switch", "", "whether all is kept on all copies; null if it was not run on all"),
-        Column("on_front", "switch", "", "whether no feasible setting dominates it"),
+        Column(
+            "on_front",
+            "switch",
+            "",
+            "whether it is feasible, --only allows it, and no such setting dominates it",
+        ),
     ]
 
 
