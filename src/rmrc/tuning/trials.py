@@ -22,7 +22,7 @@ from rmrc.tuning.space import Setting
 # How far above a limit a measured peak may be: the law keeps commands within it, and servos overshoot.
 TOLERANCE = 0.01
 
-# A batch is about a second of one core, as in a sweep.
+# A batch is a second of one core at most, so that Ctrl-C and the progress bar need not wait.
 _TICKS = 200_000
 # Of the jobs that are run together, each thread has so many batches, so that none waits long for another.
 _PARTS = 4
