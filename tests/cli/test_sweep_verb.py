@@ -96,6 +96,9 @@ def test_options_override_the_section_and_quiet_says_nothing(rmrc, tmp_path):
         (["--vary", "control.feedback=5,6", "--cluster", "nobody"], [
             "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N worker "
             "processes on this machine, got nobody"]),
+        (["--vary", "control.feedback=5,6", "--cluster", ""], [  # of a variable of the shell that is not set
+            "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N worker "
+            "processes on this machine, got ''"]),
         (["--vary", "control.feedback=5,6", "--cluster", "local:2", "--threads", "2"], [
             "--threads: must not be given with --cluster, whose workers have their own threads"]),
         (["--vary", "control.feedback=5,6", "--record", "worst:1:speed"], [

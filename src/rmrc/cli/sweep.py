@@ -65,7 +65,7 @@ def sweep(
     options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
     overrides = [*(set_ or ()), *options.values()]
     choice = Choice.read(record) if record else None
-    if cluster and threads:
+    if cluster is not None and threads:
         raise ClusterError(
             "--threads: must not be given with --cluster, whose workers have their own threads"
         )

@@ -101,7 +101,7 @@ class Sweep:
         self.folder, self._path = folder, path
         self._threads, self._cluster = (
             threads or os.cpu_count() or 1,
-            cluster and clusters.Address.read(cluster),
+            None if cluster is None else clusters.Address.read(cluster),
         )
         self._overrides, self._users = tuple(overrides), 0
         self._working, self._opened = ExitStack(), cast(Crew | None, None)
@@ -143,7 +143,8 @@ class Sweep:
         models_vary = not {"arm", "arm.model"}.isdisjoint(self.plan.keys)
         if models_vary:
             swept |= {f"model {name}": model.digest for name, model in self._parcel.models.items()}
-        text = json.dumps([swept, self.plan.seed], sort_keys=True)
+        # the order of the keys, which sorting hides, decides which run an index is
+        text = json.dumps([swept, self.plan.keys, self.plan.seed], sort_keys=True)
         model = "" if models_vary else self._shards.fingerprint(arm)
         expect = {name: one.model_dump(mode="json") for name, one in self.scenario.expect.items()}
         return {
