@@ -294,6 +294,11 @@ def test_a_problem_of_the_file_has_its_place_and_many_are_not_all_told(path, tmp
             "{path}:14:11: sweep.repeat: must be 1 where nothing is left to chance, got 2; "
             "give arm.encoder.deviation",
         ),
+        # runs have this seed and the three behind it
+        (["sweep.seed=9223372036854775805"],
+         "--set sweep.seed: must be <= 9223372036854775804, got 9223372036854775805"),
+        (["arm.encoder.seed=9223372036854775807"],
+         "--set arm.encoder.seed: must be <= 9223372036854775804, got 9223372036854775807"),
         (["sweep.vary.name=[a, b]"], "--set sweep.vary.name: cannot be varied: it names the runs and changes none of them"),
     ],
 )  # fmt: skip
@@ -301,6 +306,17 @@ def test_a_plan_that_makes_no_sense_is_refused(path, tmp_path, overrides, line):
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, overrides, tmp_path / "out")
     assert str(caught.value) == line.format(path=path)
+
+
+def test_seeds_may_reach_the_last_and_whole_arms_that_vary_may_have_chance(path, tmp_path):
+    seeds = [9223372036854775804 + i for i in range(4)]
+    arm = f"{{model: {ROOT}/models/planar_2link.xml, site: tip, encoder: {{deviation: 0.1}}, start: [1, START]}}"
+    arms = ", ".join(arm.replace("START", start) for start in ("-2", "-1"))
+    path.write_text(TEXT[: TEXT.index("sweep:")].replace(", encoder: {deviation: 0.1 deg}", ""))
+    overrides = [f"sweep.vary.arm=[{arms}]", "sweep.repeat=4", f"sweep.seed={seeds[0]}"]
+    sweep = Sweep(path, overrides, tmp_path)
+    sweep.run()
+    assert pq.read_table(sweep.dataset.file)["seed"].to_pylist() == seeds * 2
 
 
 def test_the_worst_rows_are_chosen_by_what_is_expected_and_recorded_with_their_bits(swept, tmp_path, path):

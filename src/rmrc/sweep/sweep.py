@@ -39,6 +39,9 @@ _MOST_SAMPLES = 2**26 // 104
 # Parts come in multiples of it, so that 2, 4, 8 or 16 threads have something to do until the end.
 _PARTS = 16
 
+# Of a column of 64 bits.
+_MOST_SEED = 2**63 - 1
+
 # Problems that are told, of all that a sweep may have.
 _TOLD = 20
 
@@ -113,7 +116,7 @@ class Sweep:
         folder.mkdir(parents=True, exist_ok=True)
 
     def _refuse_nothing(self) -> None:
-        """Refuse a plan of one run, and repeats that all give the same."""
+        """Refuse a plan of one run, repeats that all give the same, and seeds that no column holds."""
         problems = []
         if len(self.plan) < 2:
             problems.append(
@@ -121,7 +124,11 @@ class Sweep:
                 "for example --vary control.inverse.method=damped,pseudoinverse"
             )
         encoder = self.scenario.arm.encoder
-        has_chance = any(key.startswith("arm.encoder") for key in self.plan.keys)
+        has_chance = any(key == "arm" or key.startswith("arm.encoder") for key in self.plan.keys)
+        most = _MOST_SEED - self.plan.samples * self.plan.repeat + 1
+        if self.plan.seed > most:
+            key = "arm.encoder.seed" if self.scenario.sweep.seed is None else "sweep.seed"
+            problems.append(f"{self.scenario.locate(key)}: must be <= {most}, got {self.plan.seed}")
         if self.plan.repeat > 1 and not (has_chance or any(_each(encoder.deviation))):
             problems.append(
                 f"{self.scenario.locate('sweep.repeat')}: must be 1 where nothing is left to chance, "
