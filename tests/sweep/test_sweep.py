@@ -226,7 +226,7 @@ def test_a_part_that_a_power_failure_emptied_is_run_again_and_one_that_is_damage
 
 
 def test_a_second_ctrl_c_while_threads_end_leaves_the_interpreter_as_it_was(monkeypatch, swept):
-    def interrupted(self, **_):
+    def interrupted(*_, **__):
         raise KeyboardInterrupt
 
     monkeypatch.setattr(ThreadPoolExecutor, "shutdown", interrupted)

@@ -257,13 +257,16 @@ class Sweep:
         Raises:
             ScenarioError: As in `check`.
             ClusterError: As in `check`, or the cluster is lost; rows that are there are kept.
+            KeyboardInterrupt: Ctrl-C came before there was anyone who works.
         """
         contents = self.check()
         missing = self.dataset.missing(contents)
-        with self, interruptible() as stop:
-            if missing:
+        with self, ExitStack() as stack:
+            crew = self._crew() if missing else None  # Ctrl-C ends the wait for workers by itself
+            stop = stack.enter_context(interruptible())
+            if crew is not None:
                 pieces = map(contents.indices, missing)
-                with closing(done(self._crew(), "run", pieces, contents.columns, stop)) as found:
+                with closing(done(crew, "run", pieces, contents.columns, stop)) as found:
                     for piece, data in found:
                         self.dataset.keep(piece.start // contents.batch, data)
                         if on_runs is not None:
