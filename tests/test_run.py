@@ -143,8 +143,9 @@ def test_a_run_that_cannot_be_written_leaves_the_old_one(tmp_path, monkeypatch):
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(np, "savez", full)
-    with pytest.raises(OSError, match=r"^\[Errno 28\] No space left on device$"):
+    with pytest.raises(OSError, match=r"^\[Errno 28\] No space left on device: ") as caught:
         make_run(name="second").save(path)
+    assert caught.value.filename == str(path)  # which the command line tells, where it has a trace for bugs
     monkeypatch.undo()
     assert Run.read(path).name == "first"
     assert [file.name for file in tmp_path.iterdir()] == ["run.npz"]

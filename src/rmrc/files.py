@@ -16,12 +16,22 @@ def written_whole(path: Path) -> Iterator[Path]:
     temporary = path.with_name(f".{path.stem}-{secrets.token_hex(8)}{path.suffix}")
     # Not mkstemp: its mode 0600 would hide results from a group, and the umask, which `touch`
     # obeys, cannot be read without changing it under the other threads.
-    try:
+    with _about(path, temporary):
         temporary.touch(exist_ok=False)
-    except OSError as error:  # about the file that was asked for, and not a name that nobody knows
-        raise OSError(error.errno, error.strerror, str(path)) from None
     try:
-        yield temporary
-        temporary.replace(path)
+        with _about(path, temporary):
+            yield temporary
+            temporary.replace(path)
     finally:
         temporary.unlink(missing_ok=True)
+
+
+@contextmanager
+def _about(path: Path, temporary: Path) -> Iterator[None]:
+    """Have errors name the file that was asked for: not one that nobody knows, or none, as a full disk."""
+    try:
+        yield
+    except OSError as error:
+        if error.filename not in (None, str(temporary), temporary):
+            raise
+        raise OSError(error.errno, error.strerror or str(error), str(path)) from None

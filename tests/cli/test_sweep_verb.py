@@ -1,6 +1,7 @@
 """The verb `sweep`: options become the section of the file, tables say what came out, mistakes are a line each."""
 
 import re
+import signal
 import time
 
 import pyarrow.parquet as pq
@@ -8,6 +9,8 @@ import pytest
 
 from project import ROOT
 from rmrc.cli import console
+from rmrc.errors import ClusterError
+from rmrc.sweep import cluster
 from rmrc.sweep.sweep import Sweep
 
 TEXT = f"""
@@ -96,6 +99,9 @@ def test_options_override_the_section_and_quiet_says_nothing(rmrc, tmp_path):
         (["--vary", "control.feedback=5,6", "--cluster", "nobody"], [
             "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N worker "
             "processes on this machine, got nobody"]),
+        (["--vary", "control.feedback=5,6", "--cluster", ""], [  # of a variable of the shell that is not set
+            "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N worker "
+            "processes on this machine, got ''"]),
         (["--vary", "control.feedback=5,6", "--cluster", "local:2", "--threads", "2"], [
             "--threads: must not be given with --cluster, whose workers have their own threads"]),
         (["--vary", "control.feedback=5,6", "--record", "worst:1:speed"], [
@@ -118,6 +124,24 @@ def test_ctrl_c_before_the_first_run_leaves_nothing(rmrc, tmp_path, monkeypatch)
     code, out, err = rmrc("sweep", "quick.yaml", "--vary", "control.feedback=5,6")
     assert (code, out, err) == (130, "", "rmrc: interrupted before the first run\n")
     assert list((tmp_path / "recordings").iterdir()) == []
+
+
+@pytest.mark.usefixtures("quick")
+def test_ctrl_c_ends_the_wait_for_the_workers_of_a_sweep_that_goes_on(rmrc, monkeypatch):
+    options = ("sweep", "quick.yaml", "--vary", "control.feedback=5,6")
+    run = Sweep.run
+    monkeypatch.setattr(Sweep, "run", lambda *_: signal.raise_signal(signal.SIGINT))  # checked, and no more
+    stopped = (130, "", "rmrc: interrupted after 0 of 2 runs; the same command goes on\n")
+    assert rmrc(*options) == stopped
+    monkeypatch.setattr(Sweep, "run", run)
+
+    def waits(*_):
+        signal.raise_signal(signal.SIGINT)
+        raise ClusterError("has no workers")
+
+    monkeypatch.setattr(cluster, "opened", waits)
+    assert rmrc(*options, "--cluster", "local:1") == stopped
+    assert rmrc(*options)[0] == 0
 
 
 def test_the_bar_of_a_sweep_tells_the_rate_and_the_time_left(monkeypatch, capfd):

@@ -211,3 +211,19 @@ def test_runs_that_end_every_worker_end_the_sweep_with_a_line(path, tmp_path, mo
         "look whether its memory is enough; the rows so far are kept, and the same command goes on",
         str(caught.value),
     )
+
+
+def _full(*_):
+    raise OSError(28, "No space left on device")
+
+
+def test_a_worker_whose_disk_is_full_is_not_called_a_lost_scheduler(path, workers, tmp_path, monkeypatch):
+    sweep = Sweep(path, folder=tmp_path, cluster=workers.scheduler_address)
+    monkeypatch.setattr(cluster, "_work", _full)
+    with pytest.raises(ClusterError) as caught:
+        sweep.check()
+    assert re.fullmatch(
+        rf"--cluster {workers.scheduler_address}: a worker could not do runs \d+ to \d+ "
+        r"\(\[Errno 28\] No space left on device\); the rows so far are kept, and the same command goes on",
+        str(caught.value),
+    )

@@ -3,6 +3,8 @@
 import json
 import math
 import shutil
+import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
@@ -15,6 +17,7 @@ from rmrc.run import Run
 from rmrc.scenario import load
 from rmrc.scorecard import check, scorecard
 from rmrc.simulation import Simulation
+from rmrc.sweep.crew import threads
 from rmrc.sweep.dataset import as_parquet
 from rmrc.sweep.records import Choice
 from rmrc.sweep.sweep import Sweep
@@ -163,15 +166,74 @@ def test_another_sweep_in_the_same_place_is_refused_in_one_line(path, tmp_path):
         assert str(caught.value) == (
             f"{out}/quick.sweep: is of another sweep ({what} differ); move it, or take another --out"
         )
-    (out / "quick.sweep/_plan.json").write_text("{}")
-    with pytest.raises(ScenarioError) as caught:
-        Sweep(path, folder=out)
-    assert str(caught.value) == f"{out}/quick.sweep: is no sweep's; move it, or take another --out"
+    for text in ("{}", '{"identity": [], "runs": 2, "batch": 1, "columns": []}'):
+        (out / "quick.sweep/_plan.json").write_text(text)
+        with pytest.raises(ScenarioError) as caught:
+            Sweep(path, folder=out)
+        assert str(caught.value) == f"{out}/quick.sweep: is no sweep's; move it, or take another --out"
     shutil.rmtree(out / "quick.sweep")
-    (out / "quick.sweep.parquet").write_text("no Parquet")
+    for make in (lambda file: file.mkdir(), lambda file: file.rmdir() or file.write_text("no Parquet")):
+        make(out / "quick.sweep.parquet")
+        with pytest.raises(ScenarioError) as caught:
+            Sweep(path, folder=out)
+        assert (
+            str(caught.value) == f"{out}/quick.sweep.parquet: is no sweep's; move it, or take another --out"
+        )
+
+
+@pytest.mark.parametrize("section", ["vary", "draw"])
+def test_the_same_keys_in_another_order_are_another_sweep(path, tmp_path, section):
+    """Which run an index is depends on it: rows of both in one dataset would be doubled, and others lost."""
+    texts = {
+        "vary": ["sweep.vary.task.axes=[[x, y], [x]]", "sweep.vary.control.feedback=[5, 6]"],
+        "draw": [
+            "sweep.draw.control.limits.rate=[2, 3]",
+            "sweep.draw.control.feedback=[5, 6]",
+            "sweep.samples=4",
+        ],
+    }[section]
+    path.write_text(TEXT[: TEXT.index("sweep:")])
+    first = Sweep(path, texts, tmp_path)
+    first.check()
+    assert Sweep(path, texts, tmp_path).is_checked
+    texts[:2] = texts[1::-1]
     with pytest.raises(ScenarioError) as caught:
-        Sweep(path, folder=out)
-    assert str(caught.value) == f"{out}/quick.sweep.parquet: is no sweep's; move it, or take another --out"
+        Sweep(path, texts, tmp_path)
+    assert str(caught.value) == (
+        f"{tmp_path}/quick.sweep: is of another sweep (sweep differ); move it, or take another --out"
+    )
+
+
+def test_a_part_that_a_power_failure_emptied_is_run_again_and_one_that_is_damaged_is_named(
+    swept, path, tmp_path
+):
+    whole, table = swept
+    sweep = Sweep(path, folder=tmp_path, threads=1)
+    contents = sweep.check()
+    for part in range(contents.parts):
+        rows = table.slice(contents.indices(part).start, contents.batch).to_pylist()
+        sweep.dataset.keep(part, as_parquet(contents.columns, rows))
+    empty, damaged = (sweep.dataset.folder / f"part-0000000{part}.parquet" for part in (1, 3))
+    empty.write_bytes(b"")
+    data = damaged.read_bytes()
+    damaged.write_bytes(data[:-20])
+    with pytest.raises(ScenarioError) as caught:
+        sweep.run()
+    assert str(caught.value) == f"{damaged}: is damaged; remove it, and the same command makes it again"
+    damaged.unlink()
+    assert Sweep(path, folder=tmp_path, threads=1).run().done == RUNS
+    assert sweep.dataset.file.read_bytes() == whole.dataset.file.read_bytes()
+
+
+def test_a_second_ctrl_c_while_threads_end_leaves_the_interpreter_as_it_was(monkeypatch, swept):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ThreadPoolExecutor, "shutdown", interrupted)
+    before = sys.getswitchinterval()
+    with pytest.raises(KeyboardInterrupt), threads(1, swept[0]._shards):
+        assert sys.getswitchinterval() != before
+    assert sys.getswitchinterval() == before
 
 
 def test_a_scenario_that_is_edited_meanwhile_changes_no_row(swept, path, tmp_path):
@@ -232,6 +294,11 @@ def test_a_problem_of_the_file_has_its_place_and_many_are_not_all_told(path, tmp
             "{path}:14:11: sweep.repeat: must be 1 where nothing is left to chance, got 2; "
             "give arm.encoder.deviation",
         ),
+        # runs have this seed and the three behind it
+        (["sweep.seed=9223372036854775805"],
+         "--set sweep.seed: must be <= 9223372036854775804, got 9223372036854775805"),
+        (["arm.encoder.seed=9223372036854775807"],
+         "--set arm.encoder.seed: must be <= 9223372036854775804, got 9223372036854775807"),
         (["sweep.vary.name=[a, b]"], "--set sweep.vary.name: cannot be varied: it names the runs and changes none of them"),
     ],
 )  # fmt: skip
@@ -239,6 +306,17 @@ def test_a_plan_that_makes_no_sense_is_refused(path, tmp_path, overrides, line):
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, overrides, tmp_path / "out")
     assert str(caught.value) == line.format(path=path)
+
+
+def test_seeds_may_reach_the_last_and_whole_arms_that_vary_may_have_chance(path, tmp_path):
+    seeds = [9223372036854775804 + i for i in range(4)]
+    arm = f"{{model: {ROOT}/models/planar_2link.xml, site: tip, encoder: {{deviation: 0.1}}, start: [1, START]}}"
+    arms = ", ".join(arm.replace("START", start) for start in ("-2", "-1"))
+    path.write_text(TEXT[: TEXT.index("sweep:")].replace(", encoder: {deviation: 0.1 deg}", ""))
+    overrides = [f"sweep.vary.arm=[{arms}]", "sweep.repeat=4", f"sweep.seed={seeds[0]}"]
+    sweep = Sweep(path, overrides, tmp_path)
+    sweep.run()
+    assert pq.read_table(sweep.dataset.file)["seed"].to_pylist() == seeds * 2
 
 
 def test_the_worst_rows_are_chosen_by_what_is_expected_and_recorded_with_their_bits(swept, tmp_path, path):

@@ -65,7 +65,7 @@ def sweep(
     options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
     overrides = [*(set_ or ()), *options.values()]
     choice = Choice.read(record) if record else None
-    if cluster and threads:
+    if cluster is not None and threads:
         raise ClusterError(
             "--threads: must not be given with --cluster, whose workers have their own threads"
         )
@@ -81,10 +81,13 @@ def sweep(
         choice = choice and choice.settled(work.scenario, contents.columns)
         name, before = work.scenario.name, work.done
         with progress(f"{name}: {len(work)} runs", len(work), quiet, before, "runs") as on_runs:
-            swept = work.run(on_runs)
+            try:
+                interrupted = work.run(on_runs).interrupted
+            except KeyboardInterrupt:
+                interrupted = True
     console = output(quiet)
-    if swept.interrupted:
-        complain(f"interrupted after {swept.done} of {len(work)} runs; the same command goes on")
+    if interrupted:
+        complain(f"interrupted after {work.done} of {len(work)} runs; the same command goes on")
         raise typer.Exit(EXIT_INTERRUPTED)
     _summarize(console, work)
     console.print(f"wrote {work.dataset.file}", highlight=False, markup=False, soft_wrap=True)

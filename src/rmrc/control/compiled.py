@@ -71,7 +71,8 @@ _codes: dict[tuple[object, ...], object] = {}
 def _kind(argument: object) -> object:
     """Return what numba's type of an argument depends on."""
     if not isinstance(argument, np.ndarray):
-        return argument.dtype if isinstance(argument, np.void) else type(argument)
+        typeof: Any = numba.typeof  # a tuple's class says nothing of what it holds
+        return argument.dtype if isinstance(argument, np.void) else typeof(argument)
     flags = argument.flags
     return (
         argument.dtype,

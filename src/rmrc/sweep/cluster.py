@@ -224,8 +224,13 @@ class _Cluster:
             raise ClusterError(
                 f"{self._place}: a worker cannot load rmrc ({_brief(error)}); {_GOES_ON}"
             ) from None
-        except (OSError, CancelledError, asyncio.CancelledError):
-            raise self._lost() from None
+        except (OSError, MemoryError, CancelledError, asyncio.CancelledError) as error:
+            if getattr(future, "status", "") != "error":
+                raise self._lost() from None
+            raise ClusterError(  # such as a disk that is full there
+                f"{self._place}: a worker could not do runs {indices.start} to {indices.stop - 1} "
+                f"({_brief(error)}); {_GOES_ON}"
+            ) from None
 
     def _lost(self) -> ClusterError:
         return ClusterError(f"{self._place}: the scheduler is lost; {_GOES_ON}")

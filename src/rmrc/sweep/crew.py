@@ -95,8 +95,10 @@ def threads(count: int, shards: Shards) -> Iterator[Crew]:
     try:
         yield Threads(pool, count, shards)
     finally:
-        pool.shutdown(cancel_futures=True)
-        sys.setswitchinterval(before)
+        try:
+            pool.shutdown(cancel_futures=True)
+        finally:  # a second Ctrl-C comes while we wait
+            sys.setswitchinterval(before)
 
 
 def done(

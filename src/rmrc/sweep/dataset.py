@@ -12,6 +12,7 @@ import json
 import math
 import shutil
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -127,14 +128,15 @@ class Dataset:
         place = self.file if self.is_whole else self.folder
         try:
             if self.is_whole:
-                found = Contents.read(pq.read_schema(self.file).metadata[b"rmrc"])
+                with self.file.open("rb") as file:  # its errors name the file, and those of pyarrow do not
+                    found = Contents.read(pq.read_schema(file).metadata[b"rmrc"])
             elif self._plan.exists():
                 found = Contents.read(self._plan.read_bytes())
             else:
                 return None
-        except (pa.ArrowInvalid, KeyError, TypeError, ValueError):
+            differs = [key for key in identity if found.identity.get(key) != identity[key]]
+        except (pa.ArrowInvalid, AttributeError, IsADirectoryError, KeyError, TypeError, ValueError):
             raise ScenarioError([f"{place}: is no sweep's; move it, or take another --out"]) from None
-        differs = [key for key in identity if found.identity.get(key) != identity[key]]
         if differs:
             what = f"is of another sweep ({', '.join(differs)} differ)"
             raise ScenarioError([f"{place}: {what}; move it, or take another --out"])
@@ -150,7 +152,8 @@ class Dataset:
         """Return the parts that are not there yet."""
         if self.is_whole:
             return []
-        there = {path.name for path in self.folder.glob("part-*.parquet")}
+        # one without a byte is what a power failure may leave
+        there = {path.name for path in self.folder.glob("part-*.parquet") if path.stat().st_size}
         return [part for part in range(contents.parts) if self._part(part).name not in there]
 
     def keep(self, part: int, data: bytes) -> None:
@@ -169,7 +172,7 @@ class Dataset:
         with written_whole(self.file) as temporary, pq.ParquetWriter(temporary, schema) as writer:
             held: list[pa.Table] = []
             for part in range(contents.parts):
-                with pq.ParquetFile(self._part(part)) as file:
+                with _opened(self._part(part)) as file:
                     held.append(file.read())
                 if part == contents.parts - 1 or sum(map(len, held)) >= _MERGED:
                     writer.write_table(pa.concat_tables(held))
@@ -189,12 +192,28 @@ class Dataset:
         """
         paths = [self.file] if self.is_whole else sorted(self.folder.glob("part-*.parquet"))
         for path in paths:
-            with pq.ParquetFile(path) as file:
+            with _opened(path) as file:
                 for batch in file.iter_batches(10_000, columns=list(columns)):
                     yield batch.to_pydict()
 
     def _part(self, part: int) -> Path:
         return self.folder / f"part-{part:08d}.parquet"
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[pq.ParquetFile]:
+    """Yield a file of rows to be read.
+
+    Raises:
+        ScenarioError: It is not what was written.
+    """
+    with path.open("rb") as data:
+        try:
+            with pq.ParquetFile(data) as file:
+                yield file
+        except (pa.ArrowInvalid, OSError):
+            problem = f"{path}: is damaged; remove it, and the same command makes it again"
+            raise ScenarioError([problem]) from None
 
 
 def write_table(path: Path, columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> None:

@@ -195,9 +195,10 @@ class Shards:
 
 
 def _numbers(model: Any) -> Iterator[tuple[str, bytes]]:
-    """Iterate over all that a compiled model holds, but for the paths of the files it was made of."""
+    """Iterate over all that a compiled model holds, but for the paths of its files and how long these are."""
     for name in dir(model):
-        value = None if name.startswith("_") or "path" in name else getattr(model, name)
+        hidden = name.startswith("_") or "path" in name or name == "nbuffer"
+        value = None if hidden else getattr(model, name)
         if isinstance(value, np.ndarray):
             yield name, value.tobytes()
         elif isinstance(value, int | float | bytes):

@@ -39,6 +39,9 @@ _MOST_SAMPLES = 2**26 // 104
 # Parts come in multiples of it, so that 2, 4, 8 or 16 threads have something to do until the end.
 _PARTS = 16
 
+# Of a column of 64 bits.
+_MOST_SEED = 2**63 - 1
+
 # Problems that are told, of all that a sweep may have.
 _TOLD = 20
 
@@ -101,7 +104,7 @@ class Sweep:
         self.folder, self._path = folder, path
         self._threads, self._cluster = (
             threads or os.cpu_count() or 1,
-            cluster and clusters.Address.read(cluster),
+            None if cluster is None else clusters.Address.read(cluster),
         )
         self._overrides, self._users = tuple(overrides), 0
         self._working, self._opened = ExitStack(), cast(Crew | None, None)
@@ -113,7 +116,7 @@ class Sweep:
         folder.mkdir(parents=True, exist_ok=True)
 
     def _refuse_nothing(self) -> None:
-        """Refuse a plan of one run, and repeats that all give the same."""
+        """Refuse a plan of one run, repeats that all give the same, and seeds that no column holds."""
         problems = []
         if len(self.plan) < 2:
             problems.append(
@@ -121,7 +124,11 @@ class Sweep:
                 "for example --vary control.inverse.method=damped,pseudoinverse"
             )
         encoder = self.scenario.arm.encoder
-        has_chance = any(key.startswith("arm.encoder") for key in self.plan.keys)
+        has_chance = any(key == "arm" or key.startswith("arm.encoder") for key in self.plan.keys)
+        most = _MOST_SEED - self.plan.samples * self.plan.repeat + 1
+        if self.plan.seed > most:
+            key = "arm.encoder.seed" if self.scenario.sweep.seed is None else "sweep.seed"
+            problems.append(f"{self.scenario.locate(key)}: must be <= {most}, got {self.plan.seed}")
         if self.plan.repeat > 1 and not (has_chance or any(_each(encoder.deviation))):
             problems.append(
                 f"{self.scenario.locate('sweep.repeat')}: must be 1 where nothing is left to chance, "
@@ -143,7 +150,8 @@ class Sweep:
         models_vary = not {"arm", "arm.model"}.isdisjoint(self.plan.keys)
         if models_vary:
             swept |= {f"model {name}": model.digest for name, model in self._parcel.models.items()}
-        text = json.dumps([swept, self.plan.seed], sort_keys=True)
+        # the order of the keys, which sorting hides, decides which run an index is
+        text = json.dumps([swept, self.plan.keys, self.plan.seed], sort_keys=True)
         model = "" if models_vary else self._shards.fingerprint(arm)
         expect = {name: one.model_dump(mode="json") for name, one in self.scenario.expect.items()}
         return {
@@ -249,13 +257,16 @@ class Sweep:
         Raises:
             ScenarioError: As in `check`.
             ClusterError: As in `check`, or the cluster is lost; rows that are there are kept.
+            KeyboardInterrupt: Ctrl-C came before there was anyone who works.
         """
         contents = self.check()
         missing = self.dataset.missing(contents)
-        with self, interruptible() as stop:
-            if missing:
+        with self, ExitStack() as stack:
+            crew = self._crew() if missing else None  # Ctrl-C ends the wait for workers by itself
+            stop = stack.enter_context(interruptible())
+            if crew is not None:
                 pieces = map(contents.indices, missing)
-                with closing(done(self._crew(), "run", pieces, contents.columns, stop)) as found:
+                with closing(done(crew, "run", pieces, contents.columns, stop)) as found:
                     for piece, data in found:
                         self.dataset.keep(piece.start // contents.batch, data)
                         if on_runs is not None:
