@@ -312,7 +312,7 @@ def test_worlds_of_different_length_end_on_their_own(scenario):
 
 
 @given(seeds)
-@settings(max_examples=25, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_chain_under_any_law_equals_the_numpy_loop(scenario, tmp_path_factory, seed):
     compare_random_chain(scenario, tmp_path_factory, seed)
 
