@@ -102,9 +102,9 @@ def kept(prepared: list[Prepared]) -> float:
     return time.perf_counter() - started
 
 
-def streamed(prepared: list[Prepared]) -> float:
+def streamed(prepared: list[Prepared], threads: int = 1) -> float:
     """Return seconds of stepping without columns, scorecards included."""
-    simulation = Simulation(prepared, keep_columns=False)
+    simulation = Simulation(prepared, threads, keep_columns=False)
     started = time.perf_counter()
     simulation.step()
     simulation.scorecards()
@@ -140,10 +140,15 @@ def overhead_rows(rounds: int, runs: int = 1000) -> Rows:
 
 
 def thread_rows(rounds: int, runs: int = 1000) -> Rows:
-    """One thread over two."""
+    """One thread over two, of stepping with scorecards and of whole sweeps."""
+    prepared = [world("stanford")] * 128
+    stepping = ratios(rounds, lambda: streamed(prepared, 1), lambda: streamed(prepared, 2), least=2)
     with scenario_of("stanford") as path:
         one, two = (lambda n=n: swept(path, runs, DAMPING, threads=n) for n in (1, 2))
-        return {f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two, least=1)}
+        return {
+            "1 thread / 2 threads, stanford, 128 worlds, streamed": stepping,
+            f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two, least=1),
+        }
 
 
 def cluster_rows(rounds: int, runs: int = 1000) -> Rows:
