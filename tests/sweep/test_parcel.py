@@ -26,10 +26,10 @@ TETRAHEDRON = "v 0 0 0\nv .1 0 0\nv 0 .1 0\nv 0 0 .1\nf 1 3 2\nf 1 2 4\nf 1 4 3\
 def path(tmp_path):
     """Return a scenario beside its model, which includes a file of a third folder."""
     text = (ROOT / "models/planar_2link.xml").read_text()
-    for name in ("models", "scenarios", "shared"):
+    for name in ("models", "scenarios", "parts"):
         (tmp_path / name).mkdir()
-    (tmp_path / "shared/world.xml").write_text((ROOT / "models/common/world.xml").read_text())
-    (tmp_path / "models/arm.xml").write_text(text.replace("common/world.xml", "../shared/world.xml"))
+    (tmp_path / "parts/world.xml").write_text((ROOT / "models/common/world.xml").read_text())
+    (tmp_path / "models/arm.xml").write_text(text.replace("common/world.xml", "../parts/world.xml"))
     path = tmp_path / "scenarios/quick.yaml"
     path.write_text(TEXT)
     return path
@@ -37,7 +37,7 @@ def path(tmp_path):
 
 def test_a_model_is_packed_with_all_that_it_includes_and_unpacked_where_it_finds_it(path, tmp_path):
     parcel = pack(path, ["sweep.vary.control.feedback=[5, 6]"])
-    assert set(parcel.files) == {"models/arm.xml", "shared/world.xml"}
+    assert set(parcel.files) == {"models/arm.xml", "parts/world.xml"}
     assert parcel.size == len(TEXT) + sum(map(len, parcel.files.values()))
     for one in (path, *tmp_path.glob("*/*.xml")):
         one.unlink()
@@ -92,7 +92,7 @@ def test_a_file_that_a_varied_model_includes_is_part_of_the_sweep(path, tmp_path
     overrides = [f"sweep.vary.{key}=[{', '.join(values)}]"]
     Sweep(path, overrides, tmp_path / "out").check()
     assert Sweep(path, overrides, tmp_path / "out").is_checked
-    world = tmp_path / "shared/world.xml"
+    world = tmp_path / "parts/world.xml"
     text = world.read_text()
     world.write_text(text.replace("<mujoco", "<!-- another light --><mujoco", 1))
     with pytest.raises(ScenarioError) as caught:
