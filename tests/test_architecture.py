@@ -25,7 +25,7 @@ LAYERS = (
     ("rmrc.preparation",),
     ("rmrc.plant", "rmrc.scorecard", "rmrc.analysis"),
     ("rmrc.arm", "rmrc.target", "rmrc.run", "rmrc.tally"),
-    ("rmrc.scenario",),
+    ("rmrc.scenario", "rmrc.reference"),
     ("rmrc.control", "rmrc.textbook"),
     ("rmrc.spatial",),
     ("rmrc.errors", "rmrc.files"),

@@ -17,10 +17,11 @@ from rmrc.control.choices import AtSingularity, Method, Objective, OnExcess, Pri
 from rmrc.control.records import world_type
 from rmrc.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.plant import Plant
+from rmrc.reference import Reference
 from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant
 from rmrc.scorecard import refuse_unknown
 from rmrc.spatial import AXES, exp_rotation, quat_multiply
-from rmrc.target import Reference, make_reference
+from rmrc.target import make_reference
 
 T = TypeVar("T")
 
@@ -80,7 +81,7 @@ class Known:
         """
         target, period = scenario.target, scenario.control.period
         # as text, which tells 0.0 from -0.0
-        key = (arm, q.tobytes(), repr(target), period)
+        key = (arm, q.tobytes(), target.model_dump_json(), period)
         return self._references.get(
             key, lambda: make_reference(target.path, target.limits, arm.pose(q), period, target.offset)
         )

@@ -18,16 +18,15 @@ This module alone knows ruckig.
 """
 
 import math
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
-from functools import cached_property
-from itertools import pairwise
+from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import ruckig
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.errors import TargetError
+from rmrc.reference import PHASES, PIECE, Reference, end
 from rmrc.scenario import (
     Arc,
     ArcSegment,
@@ -38,13 +37,7 @@ from rmrc.scenario import (
     Turn,
     TurnSegment,
 )
-from rmrc.spatial import (
-    log_rotation,
-    normalize,
-    quat_conjugate,
-    quat_from_axis_angle,
-    quat_multiply,
-)
+from rmrc.spatial import log_rotation, normalize, quat_conjugate, quat_multiply
 
 Array = NDArray[np.float64]
 Segment = LineSegment | ArcSegment | TurnSegment | HoldSegment
@@ -58,82 +51,6 @@ _MOST_TICKS = 10_000_000
 # A duration that is a whole number of periods, but for rounding, gets no tick more. The sums of
 # durations of `_MOST_TICKS` periods are rounded to 1e-9 of a period.
 _TICK_ROUNDING = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Reference:
-    """A target at each control tick, at rest at the first and at the last.
-
-    It is timed; its samples are made when they are first asked for.
-
-    Attributes:
-        ticks: Number of control ticks, T.
-        period: The control period [s].
-    """
-
-    ticks: int
-    period: float
-    _pieces: tuple["_Piece", ...]
-
-    @cached_property
-    def time(self) -> Array:
-        """Of each tick, k · period, (T,) [s]."""
-        return self.period * np.arange(self.ticks, dtype=np.float64)
-
-    @cached_property
-    def samples(self) -> Array:
-        """Pose and twist at each tick, (T, 13)."""
-        samples = np.empty((self.ticks, 13))
-        self._sample(samples)
-        return samples
-
-    @property
-    def pose(self) -> Array:
-        """Of the site in the world, [p, quat w x y z], (T, 7) [m, 1]; the quaternion never jumps."""
-        return self.samples[:, :7]
-
-    @property
-    def twist(self) -> Array:
-        """[v; ω] of the site's origin along world axes, (T, 6) [m/s, rad/s]."""
-        return self.samples[:, 7:]
-
-    @cached_property
-    def acceleration(self) -> Array:
-        """Time derivative of the twist, (T, 6) [m/s², rad/s²]."""
-        return np.vstack([curve.acceleration(*motion) for curve, _, motion in self._motions()])
-
-    @cached_property
-    def segment(self) -> NDArray[np.int64]:
-        """Which segment of the path, counted from 0, (T,)."""
-        counts = [piece.last - piece.first for piece in self._pieces]
-        return np.repeat(np.arange(len(counts)), counts)
-
-    @property
-    def duration(self) -> float:
-        """The time of the last tick, the first at which the path is done [s]."""
-        return self.period * (self.ticks - 1)
-
-    def write(self, out: Array) -> None:
-        """Write `samples`, (T, 13); they are kept only if they were asked for before."""
-        if "samples" in self.__dict__:
-            out[:] = self.samples
-        else:
-            self._sample(out)
-
-    def _sample(self, out: Array) -> None:
-        for curve, ticks, (u, du, _) in self._motions():
-            columns = np.empty((13, len(u)))  # numpy's inner loops are then long, and it is twice as fast
-            curve.at(u, out=columns[:7])
-            curve.twist(u, du, out=columns[7:])
-            out[ticks] = columns.T
-
-    def _motions(self) -> Iterator[tuple["_Curve", slice, tuple[Array, Array, Array]]]:
-        """Iterate over the segments: the curve, its ticks, and u with two derivatives at each of these."""
-        for piece in self._pieces:
-            local = self.period * np.arange(piece.first, piece.last, dtype=np.float64) - piece.start
-            if piece.last == self.ticks:
-                local[-1] = piece.profile.duration  # the end itself, not a rounding before it
-            yield piece.curve, slice(piece.first, piece.last), piece.profile.at(local)
 
 
 def make_reference(
@@ -166,21 +83,21 @@ def make_reference(
     (1.25, array([0.6, 0. , 0.3]))
     """
     pose = _checked(segments, limits, start_pose, period)
-    curves, profiles = [], []
-    for i, segment in enumerate(_moved(segments, offset)):
-        curve = _curve(f"target.path[{i}]", segment, pose)
-        curves.append(curve)
+    moved = _moved(segments, offset)
+    pieces = np.zeros(len(moved), PIECE)
+    for i, segment in enumerate(moved):
+        curve = _curve(f"target.path[{i}]", segment, pose, pieces[i : i + 1])
         if isinstance(segment, HoldSegment):
-            profiles.append(_pause(segment.hold.duration))
+            pieces[i]["phases"] = _pause(segment.hold.duration)
         else:
-            profiles.append(_rest_to_rest(curve, limits))
+            pieces[i]["phases"] = _rest_to_rest(curve, limits)
         pose = curve.end
-    starts = np.cumsum([0.0, *(profile.duration for profile in profiles)])
+    starts = np.cumsum([0.0, *pieces["phases"][:, -1, 0]])
     ticks = _intervals(float(starts[-1]), period) + 1
     # a tick on the border of two segments belongs to the later one
     borders = [0, *(min(_first_tick(start, period), ticks - 1) for start in starts[1:-1]), ticks]
-    pieces = map(_Piece, curves, profiles, starts, borders[:-1], borders[1:])
-    return Reference(ticks, period, tuple(pieces))
+    pieces["start"], pieces["first"], pieces["last"] = starts[:-1], borders[:-1], borders[1:]
+    return Reference(ticks, period, pieces)
 
 
 def _first_tick(start: float, period: float) -> int:
@@ -243,89 +160,27 @@ def _moved(segments: Sequence[Segment], offset: Sequence[float]) -> Sequence[Seg
 # Geometry ----------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Curve:
-    """A segment without its timing, over u from 0 to 1, along world axes.
-
-    p(u) = start + straight·u + (cos θu − 1)·spoke + sin θu·(n × spoke), turned by angle·u.
+class _Curve(NamedTuple):
+    """A segment without its timing.
 
     Attributes:
         place: The segment's key.
-        start: Pose at u = 0, (7,).
-        straight: From start to end of a line, (3,) [m].
-        spoke: From the center of an arc to its start, (3,) [m].
-        tangent: n × spoke, n the arc's unit axis, (3,) [m].
-        sweep: The arc's angle θ [rad].
-        axis: Unit axis of the rotation, (3,).
-        angle: Of the rotation, signed [rad].
+        length: Of the curve [m].
+        radius: Infinite unless it is an arc [m].
+        angle: Of the turn [rad].
+        end: Pose at u = 1, (7,).
     """
 
     place: str
-    start: Array
-    straight: Array
-    spoke: Array
-    tangent: Array
-    sweep: float
-    axis: Array
+    length: float
+    radius: float
     angle: float
-
-    @property
-    def radius(self) -> float:
-        """Infinite unless it is an arc."""
-        return float(np.linalg.norm(self.spoke)) if self.sweep else math.inf
-
-    @property
-    def length(self) -> float:
-        return float(np.linalg.norm(self.straight + self.sweep * self.tangent))
-
-    @cached_property
-    def end(self) -> Array:
-        """Pose at u = 1, (7,)."""
-        end = np.empty((7, 1))
-        self.at(np.ones(1), out=end)
-        return end[:, 0]
-
-    def at(self, u: Array, out: Array) -> None:
-        """Write the poses, (7, len(u)); at u = 0 the start, to the bit."""
-        if self.angle:
-            turned = quat_from_axis_angle(self.axis, self.angle * u)
-            out[3:] = quat_multiply(turned, self.start[3:]).T
-        else:
-            out[3:] = self.start[3:, None]
-        np.multiply(self.straight[:, None], u, out=out[:3])
-        if self.sweep:
-            # cos θ − 1 = −2 sin² θ/2 keeps its digits for small θ
-            out[:3] -= 2 * np.sin(0.5 * self.sweep * u) ** 2 * self.spoke[:, None]
-            out[:3] += np.sin(self.sweep * u) * self.tangent[:, None]
-        out[:3] += self.start[:3, None]
-
-    def twist(self, u: Array, du: Array, out: Array) -> None:
-        """Write the twists by the chain rule, (6, len(u))."""
-        np.multiply(self._slope(u), du, out=out[:3])
-        np.multiply((self.angle * self.axis)[:, None], du, out=out[3:])
-
-    def acceleration(self, u: Array, du: Array, ddu: Array) -> Array:
-        """Return the accelerations by the chain rule, (len(u), 6)."""
-        along = self._slope(u) * ddu
-        if self.sweep:
-            sine, cosine = np.sin(self.sweep * u), np.cos(self.sweep * u)
-            centripetal = cosine * self.spoke[:, None] + sine * self.tangent[:, None]
-            along -= self.sweep**2 * centripetal * du**2
-        return np.vstack([along, (self.angle * self.axis)[:, None] * ddu]).T
-
-    def _slope(self, u: Array) -> Array:
-        """Return dp/du, (3, len(u)), or (3, 1) where it is the same for all u."""
-        if not self.sweep:
-            return self.straight[:, None]
-        sine, cosine = np.sin(self.sweep * u), np.cos(self.sweep * u)
-        return self.straight[:, None] + self.sweep * (
-            cosine * self.tangent[:, None] - sine * self.spoke[:, None]
-        )
+    end: Array
 
 
 @np.errstate(over="ignore", invalid="ignore")  # what is not finite is an error below
-def _curve(place: str, segment: Segment, start: Array) -> _Curve:
-    """Return the geometry of a segment that starts at a pose."""
+def _curve(place: str, segment: Segment, start: Array, piece: NDArray[np.void]) -> _Curve:
+    """Return the geometry of a segment that starts at a pose, and write it into a piece, (1,)."""
     straight, spoke, normal, sweep = np.zeros(3), np.zeros(3), np.zeros(3), 0.0
     turn: Turn | None = None
     (kind,) = type(segment).model_fields
@@ -339,8 +194,12 @@ def _curve(place: str, segment: Segment, start: Array) -> _Curve:
         turn = segment.turn
     axis, angle = _rotation(turn, start) if turn else (np.array([0.0, 0.0, 1.0]), 0.0)
     tangent = np.cross(normal, spoke) if sweep else spoke
-    curve = _Curve(place, start, straight, spoke, tangent, sweep, axis, angle)
-    if not np.isfinite([curve.length, angle, *curve.end]).all():
+    (one,) = piece
+    one["pose"], one["straight"], one["sweep"], one["angle"] = start, straight, sweep, angle
+    one["spoke"], one["tangent"], one["axis"] = spoke, tangent, axis
+    length, radius = np.linalg.norm(straight + sweep * tangent), np.linalg.norm(spoke) if sweep else math.inf
+    curve = _Curve(place, float(length), float(radius), angle, end(piece))
+    if not np.isfinite([length, angle, *curve.end]).all():
         raise TargetError(f"{place}: is not finite; use smaller numbers")
     if isinstance(segment, LineSegment | ArcSegment) and curve.length < _SMALLEST:
         raise TargetError(
@@ -405,50 +264,15 @@ def _show(point: Array) -> str:
 # Timing ------------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, eq=False)
-class _Profile:
-    """u over time, in phases of constant jerk.
-
-    Attributes:
-        since: Start of each phase, (P,) [s].
-        state: u, its rate, its acceleration and jerk at the start of each phase, (4, P).
-        duration: Of all [s].
-    """
-
-    since: Array
-    state: Array
-    duration: float
-
-    def at(self, time: Array) -> tuple[Array, Array, Array]:
-        """Return u and its first two derivatives; 1, 0, 0 from the end on."""
-        u, du, ddu = np.ones(len(time)), np.zeros(len(time)), np.zeros(len(time))
-        borders = np.searchsorted(time, [*self.since, self.duration])
-        for since, state, ticks in zip(self.since, self.state.T, pairwise(borders), strict=True):
-            now, (start, rate, acceleration, jerk) = slice(*ticks), state
-            t = time[now] - since
-            u[now] = start + t * (rate + t * (acceleration / 2 + t * jerk / 6))
-            du[now] = rate + t * (acceleration + t * jerk / 2)
-            ddu[now] = acceleration + t * jerk
-        return u, du, ddu
+def _pause(duration: float) -> Array:
+    """Return the phases of `PIECE` of a time at u = 0."""
+    phases = np.zeros((PHASES, 5))
+    phases[-1, :2] = duration, 1.0
+    return phases
 
 
-@dataclass(frozen=True, eq=False)
-class _Piece:
-    """A segment in time: when it starts [s], and which ticks are its own."""
-
-    curve: _Curve
-    profile: _Profile
-    start: float
-    first: int
-    last: int
-
-
-def _pause(duration: float) -> _Profile:
-    return _Profile(np.zeros(1), np.zeros((4, 1)), duration)
-
-
-def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> _Profile:
-    """Return the fastest u, from rest at 0 to rest at 1, within the limits.
+def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> Array:
+    """Return the phases of `PIECE` of the fastest u, from rest at 0 to rest at 1, within the limits.
 
     Ruckig is asked in a unit of time in which all limits on u are at least 1: it has absolute
     tolerances, and fails for lengths or times far from 1.
@@ -482,10 +306,11 @@ def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> _Profile:
     else:
         raise TargetError(f"{curve.place}: cannot be timed: {reason}")
     ((profile,),) = trajectory.profiles
-    since = unit * np.cumsum([0.0, *profile.t])
-    states = np.array([profile.p[:7], profile.v[:7], profile.a[:7], profile.j])
-    scale = unit ** -np.arange(4.0)
-    return _Profile(since[:-1], scale[:, None] * states, float(since[-1]))
+    phases = _pause(0.0)
+    phases[:, 0] = unit * np.cumsum([0.0, *profile.t])
+    phases[:-1, 1:] = np.transpose([profile.p[:7], profile.v[:7], profile.a[:7], profile.j])
+    phases[:-1, 1:] *= unit ** -np.arange(4.0)
+    return phases
 
 
 def _along(limits: TargetLimitsSection, radius: float) -> tuple[float, float, float]:

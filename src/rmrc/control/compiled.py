@@ -70,6 +70,8 @@ _codes: dict[tuple[object, ...], object] = {}
 
 def _kind(argument: object) -> object:
     """Return what numba's type of an argument depends on."""
+    if isinstance(argument, float):
+        return float
     if not isinstance(argument, np.ndarray):
         typeof: Any = numba.typeof  # a tuple's class says nothing of what it holds
         return argument.dtype if isinstance(argument, np.void) else typeof(argument)

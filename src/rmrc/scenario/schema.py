@@ -3,6 +3,7 @@
 import math
 import re
 from collections.abc import Iterator
+from functools import cache
 from typing import Any, NamedTuple
 
 import yaml
@@ -36,13 +37,14 @@ def json_schema() -> dict[str, Any]:
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
-def schema_rows() -> list[SchemaRow]:
+@cache  # it takes a twentieth of a second
+def schema_rows() -> tuple[SchemaRow, ...]:
     """Return every key of a scenario, in the order of the file.
 
     `[]` in a key stands for an item of a list, `<figure>`, `<body>` and `<key>` for the name of one.
     """
     schema = json_schema()
-    return list(_rows("", schema, schema["$defs"], required=True))
+    return tuple(_rows("", schema, schema["$defs"], required=True))
 
 
 def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: bool) -> Iterator[SchemaRow]:
