@@ -376,7 +376,8 @@ class PlantBatch:
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
         read = [self._batch.bind(field) for field in fields]
-        seen = self._wire_encoders(read) if worlds["is_off"].any() else read
+        self._is_off = bool(worlds["is_off"].any())
+        seen = self._wire_encoders(read) if self._is_off else read
         arrays: tuple[Any, ...] = (
             worlds, ticks, reference, self._batch.state, self._batch.warning, *seen
         )  # fmt: skip
@@ -447,12 +448,12 @@ class PlantBatch:
         """
         if self.done >= self._longest:
             return 0
-        control = self._control if self.worlds["is_off"].any() else self._tick
         proceed = self._proceed(None)
         first = self.done % len(self.ticks)
         count = min(count, len(self.ticks) - first, self._longest - self.done)
         self.ticks["time"][first : first + count] = -1.0  # not yet written
-        expected, t = len(self.worlds), self.done
+        control = self._control if self._is_off else self._tick
+        running, expected, t = 0, len(self.worlds), self.done
         try:
             for t in range(self.done, self.done + count):  # `finally` reads t
                 running = control(t)
@@ -467,7 +468,9 @@ class PlantBatch:
                     expected = -1  # so that the next tick looks again
         finally:  # an interrupt may come before the row was written
             self.done = t + bool((self.ticks["time"][t % len(self.ticks)] >= 0.0).any())
-        return len(self._running(t)) if self.done < self._longest else 0
+        if expected < 0:
+            running = len(self._running(t))
+        return running if self.done < self._longest else 0
 
     def _proceed(self, ids: NDArray[np.intp] | None) -> Callable[[], None]:
         """Return what brings some worlds, or all of them, to their next tick."""
