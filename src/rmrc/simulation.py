@@ -14,9 +14,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.control.records import tick_type, world_type
+from rmrc.control.records import tick_type
 from rmrc.plant import PlantBatch
-from rmrc.preparation import Prepared, world_record
+from rmrc.preparation import Prepared, world_records
 from rmrc.run import COLUMNS, Divergence, Run
 from rmrc.scorecard import Scorecard, figures, tallies_of
 from rmrc.tally import adder
@@ -242,9 +242,7 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Sh
     for r, reference in enumerate(references.values()):
         reference.write(wanted[r, : reference.ticks])
         wanted[r, reference.ticks :] = 0.0
-    worlds = np.empty(len(chosen), world_type(arm.n))
-    for w, one in enumerate(chosen):
-        worlds[w] = world_record(one, order[id(one.reference)])
+    worlds = world_records(chosen, [order[id(one.reference)] for one in chosen])
     rows = int(worlds["ticks"].max())
     if not keeps:
         rows = min(rows, max(1, HELD // len(chosen)))
