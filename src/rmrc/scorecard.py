@@ -387,8 +387,8 @@ def _return(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
 
 def _singularity(tallies: NDArray[np.void]) -> _Figures:
     # the smallest are kept as the largest of the negative
-    value, lowest = (dict(zip(EXTREMES, rows.T.tolist(), strict=True))
-                     for rows in (tallies["extreme"], -tallies["extreme"]))  # fmt: skip
+    extreme = tallies["extreme"].T
+    value, lowest = (dict(zip(EXTREMES, rows.tolist(), strict=True)) for rows in (extreme, -extreme))
     when = tallies["extreme_time"][:, EXTREMES.index("sigma")].tolist()
     yield "sigma.min", lowest["sigma"], "1", "smallest singular value of the run"
     yield "sigma.min_time", when, "s", "when the smallest singular value was reached first"

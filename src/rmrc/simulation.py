@@ -87,7 +87,7 @@ class _Shard:
         columns: Mapping[str, NDArray[np.generic]],
         divergence: Divergence | None = None,
     ) -> Run:
-        """Return a run of a world, of which more is known than its columns."""
+        """Return a run of a world with what is known beside its columns."""
         arm, scenario = prepared.arm, prepared.scenario
         return Run(
             name=scenario.name,
