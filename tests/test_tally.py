@@ -34,7 +34,7 @@ def random_ticks(rng, ticks, special=0.0):
 
 def tally_of(records, rows=None, pieces=()):
     """Return the tally of records that are handed over in pieces, through a ring of some rows."""
-    tally = begin(N, AXES, LENGTH, PERIOD)
+    tally = begin(N, [AXES], [LENGTH], [PERIOD])
     ring = np.zeros((rows or len(records), 1), records.dtype)
     add, done = adder(tally, ring), 0
     for piece in [*pieces, *[len(ring)] * len(records)]:
@@ -54,7 +54,7 @@ def test_pieces_of_any_size_through_rings_of_any_size_give_the_same_bits(seed, t
 
 def test_worlds_beside_it_do_not_matter():
     records = [random_ticks(np.random.default_rng(seed), 50, 0.05) for seed in range(5)]
-    tallies = np.concatenate([begin(N, AXES, LENGTH, PERIOD) for _ in records])
+    tallies = begin(N, [AXES] * 5, [LENGTH] * 5, [PERIOD] * 5)
     adder(tallies, np.concatenate(records, axis=1))(np.array([50, 0, 13, 50, 1]))
     for tally, own, end in zip(tallies, records, [50, 0, 13, 50, 1], strict=True):
         if end:

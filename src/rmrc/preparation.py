@@ -129,9 +129,7 @@ class Prepared:
         step. Less tracks worse, and much more makes servos chatter when they reach their torque limits.
         """
         kv = self.scenario.plant.kv
-        return np.broadcast_to(
-            self.arm.inertia / self.scenario.plant.timestep if kv is None else kv, self.arm.n
-        )
+        return self.arm.inertia / self.scenario.plant.timestep if kv is None else np.full(self.arm.n, kv)
 
     @cached_property
     def rows(self) -> NDArray[np.intp]:
@@ -142,18 +140,16 @@ class Prepared:
     def row_scale(self) -> NDArray[np.float64]:
         """Diagonal of S_x = W_x^½, linear rows over the characteristic length, (m,)."""
         task = self.scenario.task
-        weights = np.ones(len(self.rows)) if task.weights is None else np.array(task.weights)
-        scale: NDArray[np.float64] = np.sqrt(weights) / np.where(self.rows < 3, task.length, 1.0)
+        weight = np.sqrt(1.0 if task.weights is None else task.weights)
+        scale: NDArray[np.float64] = weight / np.where(self.rows < 3, task.length, 1.0)
         return scale
 
     @cached_property
     def joint_scale(self) -> NDArray[np.float64]:
         """Diagonal of S_q = W_q^-½, sliding joints times the characteristic length, (n,)."""
         weights = self.scenario.control.joint_weights
-        heavy = np.ones(self.arm.n) if weights is None else np.array(weights)
-        scale: NDArray[np.float64] = np.where(self.arm.is_slide, self.scenario.task.length, 1.0) / np.sqrt(
-            heavy
-        )
+        weight = np.sqrt(1.0 if weights is None else weights)
+        scale: NDArray[np.float64] = np.where(self.arm.is_slide, self.scenario.task.length, 1.0) / weight
         return scale
 
     @cached_property
@@ -168,7 +164,7 @@ class Prepared:
         z is `numpy.random.default_rng(seed).standard_normal(n)`, one number a joint.
         """
         encoder, n = self.scenario.arm.encoder, self.arm.n
-        offset = np.broadcast_to(encoder.offset, n)
+        offset = np.full(n, encoder.offset)
         if not np.any(encoder.deviation):
             return offset
         return offset + encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
@@ -433,7 +429,7 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
 
 def _rate_limit(scenario: Scenario, arm: Arm) -> NDArray[np.float64]:
     rate = scenario.control.limits.rate
-    return arm.rate_limit if rate is None else np.broadcast_to(rate, arm.n)
+    return arm.rate_limit if rate is None else np.full(arm.n, rate)
 
 
 def world_record(prepared: Prepared, reference: int) -> np.void:
@@ -443,9 +439,20 @@ def world_record(prepared: Prepared, reference: int) -> np.void:
         prepared: The world.
         reference: Index of its reference in the batch.
     """
+    return world_records([prepared], [reference])[0]  # type: ignore[no-any-return]
+
+
+def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> NDArray[np.void]:
+    """Return the records of worlds whose arms have the same joints, (w,): see `world_record`."""
+    worlds = np.zeros(len(prepared), world_type(prepared[0].arm.n))
+    for w, (one, reference) in enumerate(zip(prepared, references, strict=True)):
+        _set_world(worlds[w : w + 1], one, reference)
+    return worlds
+
+
+def _set_world(world: NDArray[np.void], prepared: Prepared, reference: int) -> None:
     scenario, n, m = prepared.scenario, prepared.arm.n, len(prepared.rows)
     control = scenario.control
-    world = np.zeros(1, world_type(n))
     world["n"], world["m"], world["k"] = n, m, min(m, n)
     ticks = prepared.reference.ticks
     world["reference"], world["path_ticks"], world["ticks"] = reference, ticks, ticks
@@ -465,7 +472,6 @@ def world_record(prepared: Prepared, reference: int) -> np.void:
     plant = scenario.plant
     world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
     world["wrench"] = plant.wrench
-    return world[0]  # type: ignore[no-any-return]
 
 
 def _set_encoder(world: NDArray[np.void], prepared: Prepared) -> None:

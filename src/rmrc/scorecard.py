@@ -31,7 +31,8 @@ CLOSED = 1e-3
 _ROWS = 256
 
 _Array = NDArray[np.float64]
-_Figures = Iterator[tuple[str, "Figure"]]
+# Name, value in each world, unit and meaning of each figure.
+_Figures = Iterator[tuple[str, Sequence[float | str], str, str]]
 
 
 class Figure(NamedTuple):
@@ -135,7 +136,7 @@ def scorecard(run: Run) -> Scorecard:
     It adds up the columns as `rmrc.tally` adds up the ticks of a run whose columns are not kept: both give
     the same bits.
     """
-    tally = tally_of(run)
+    tally = tallies_of([run])
     rows = np.zeros((_ROWS, 1), tick_type(len(run.joints)))
     add = adder(tally, rows)
     for first in range(0, len(run), _ROWS):
@@ -145,38 +146,68 @@ def scorecard(run: Run) -> Scorecard:
             field = rows[name][: last - first, 0]
             field[(..., slice(column.shape[1])) if column.ndim == 2 else ...] = column
         add(np.array([last]))
-    return figures(run, tally[0])
+    return figures([run], tally)[0]
 
 
-def tally_of(run: Run) -> NDArray[np.void]:
-    """Return the tally of a run before its first tick, (1,); its columns are not looked at."""
-    return begin(len(run.joints), run.axes, run.length, run.period)
-
-
-def figures(run: Run, tally: np.void) -> Scorecard:
-    """Return the figures that a tally comes to.
+def tallies_of(runs: Sequence[Run]) -> NDArray[np.void]:
+    """Return the tallies of runs of one arm before their first ticks, (w,).
 
     Args:
-        run: What is known beside its columns, which are not looked at.
-        tally: With its ticks added.
+        runs: Their columns are not looked at.
     """
-    rate_units = tuple(f"{run.joint_unit(j)}/s" for j in range(len(run.joints)))
+    return begin(
+        len(runs[0].joints),
+        [run.axes for run in runs],
+        [run.length for run in runs],
+        [run.period for run in runs],
+    )
+
+
+def figures(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[Scorecard]:
+    """Return the figures that tallies come to.
+
+    Args:
+        runs: What is known beside their columns, which are not looked at; all of one arm.
+        tallies: With their ticks added, (w,).
+    """
+    alike: dict[tuple[str, ...], list[int]] = {}
+    for w, run in enumerate(runs):
+        alike.setdefault(run.axes, []).append(w)
+    cards: dict[int, Scorecard] = {}
+    for members in alike.values():
+        cards |= zip(members, _figures([runs[w] for w in members], tallies[members]), strict=True)
+    return [cards[w] for w in range(len(runs))]
+
+
+def _figures(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[Scorecard]:
+    """Return the figures of runs that have the same ones."""
+    arm = runs[0]
+    rate_units = tuple(f"{arm.joint_unit(j)}/s" for j in range(len(arm.joints)))
     acceleration_units = tuple(f"{unit}²" for unit in rate_units)
-    tau_units = tuple("N" if slides else "N·m" for slides in run.is_slide)
+    tau_units = tuple("N" if slides else "N·m" for slides in arm.is_slide)
     parts = (
-        _joints(run, tally, "joint_rate", "measured rate", rate_units, is_rate=True),
-        _joints(run, tally, "joint_rate_cmd", "commanded rate", rate_units, is_rate=True),
+        _joints(arm, tallies, "joint_rate", "measured rate", rate_units, is_rate=True),
+        _joints(arm, tallies, "joint_rate_cmd", "commanded rate", rate_units, is_rate=True),
         _joints(
-            run, tally, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
+            arm, tallies, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
         ),
-        _joints(run, tally, "tau", "actuator torque or force", tau_units),
-        _errors(run, tally),
-        _return(run, tally),
-        _singularity(tally),
-        _status_times(run, tally),
-        _effort(run, tally),
+        _joints(arm, tallies, "tau", "actuator torque or force", tau_units),
+        _errors(arm, tallies),
+        _return(runs, tallies),
+        _singularity(tallies),
+        _status_times(tallies),
+        _effort(runs, tallies),
     )  # fmt: skip
-    return Scorecard(run.name, run.joints, {name: figure for part in parts for name, figure in part})
+    columns = (column for part in parts for column in part)
+    names, values, units, meanings = zip(*columns, strict=True)
+    return [
+        Scorecard(
+            run.name,
+            run.joints,
+            dict(zip(names, map(Figure._make, zip(row, units, meanings, strict=True)), strict=True)),
+        )
+        for run, *row in zip(runs, *values, strict=True)
+    ]
 
 
 def figure_names(joints: Sequence[str], axes: Sequence[str]) -> list[str]:
@@ -253,19 +284,20 @@ def joint_changes(run: Run) -> _Array:
     """
     if not len(run):
         return np.full(len(run.joints), math.nan)
-    return _changes(run, run.completed, run["q"][[0, -1]], run["pose_ref"][[0, -1]])
+    q, pose_ref = (run[name][[0, -1], None] for name in ("q", "pose_ref"))
+    changes: _Array = _changes(run, np.array([run.is_complete]), q, pose_ref)[0]
+    return changes
 
 
-def _changes(run: Run, completed: float, q: _Array, pose_ref: _Array) -> _Array:
-    """Return `joint_changes` from the first and the last row of both columns, (2, …)."""
-    if completed != 1.0:
-        return np.full(len(run.joints), math.nan)
-    gap = pose_error(pose_ref[1], pose_ref[0]) * [axis in run.axes for axis in AXES]
-    if not np.abs(gap).max() <= CLOSED:
-        return np.full(len(run.joints), math.nan)
+def _changes(run: Run, complete: NDArray[np.bool_], q: _Array, pose_ref: _Array) -> _Array:
+    """Return `joint_changes` of runs, (w, n), from the first and the last row of both columns, (2, w, …)."""
+    gap = pose_error(pose_ref[1, complete], pose_ref[0, complete]) * [axis in run.axes for axis in AXES]
+    closed = complete.copy()
+    closed[complete] = np.abs(gap).max(axis=-1) <= CLOSED
     change = q[1] - q[0]
     shortest = (change + math.pi) % (2.0 * math.pi) - math.pi
     changes: _Array = np.abs(np.where(run.is_slide, change, shortest))
+    changes[~closed] = math.nan
     return changes
 
 
@@ -273,110 +305,129 @@ def _changes(run: Run, completed: float, q: _Array, pose_ref: _Array) -> _Array:
 
 
 def _joints(
-    run: Run, tally: np.void, group: str, what: str, units: tuple[str, ...], *, is_rate: bool = False
+    arm: Run,
+    tallies: NDArray[np.void],
+    group: str,
+    what: str,
+    units: tuple[str, ...],
+    *,
+    is_rate: bool = False,
 ) -> _Figures:
     """Yield the largest magnitude of all joints, when and where it was, and that of each joint.
 
     Rates also have an rms over time; that of all joints is the largest of the joints' own.
     """
-    row, n = JOINTS.index(group), len(run.joints)
-    peaks, times = tally["peak"][row, :n].tolist(), tally["peak_time"][row, :n].tolist()
-    rms = [_rms(square, tally) for square in tally["square"][row, :n]] if is_rate else []
-    fastest = int(np.argmax(peaks))
-    joint = "" if math.isnan(times[fastest]) else run.joints[fastest]
+    row, n = JOINTS.index(group), len(arm.joints)
+    peaks, times = tallies["peak"][:, row, :n], tallies["peak_time"][:, row, :n]
+    rms = _rms(tallies["square"][:, row, :n], tallies)
+    where = [*range(len(tallies))], peaks.argmax(axis=1)
+    when = times[where].tolist()
+    joints = _named(arm, where[1], when)
     unit = " or ".join(dict.fromkeys(units))  # where some slide, it is that of the joint
-    yield f"{group}.peak", Figure(peaks[fastest], unit, f"largest {what}, of all joints and ticks")
-    yield f"{group}.peak_time", Figure(times[fastest], "s", f"when the largest {what} was reached first")
-    yield f"{group}.peak_joint", Figure(joint, "", f"which joint had the largest {what}")
+    yield f"{group}.peak", peaks[where].tolist(), unit, f"largest {what}, of all joints and ticks"
+    yield f"{group}.peak_time", when, "s", f"when the largest {what} was reached first"
+    yield f"{group}.peak_joint", joints, "", f"which joint had the largest {what}"
     if is_rate:
-        yield f"{group}.rms", Figure(max(rms), unit, f"largest of the joints' rms {what}")
-    for j, (name, unit) in enumerate(zip(run.joints, units, strict=True)):
-        yield f"{group}.{name}.peak", Figure(peaks[j], unit, f"largest {what} of {name}")
+        yield f"{group}.rms", rms.max(axis=1).tolist(), unit, f"largest of the joints' rms {what}"
+    for j, (name, unit) in enumerate(zip(arm.joints, units, strict=True)):
+        yield f"{group}.{name}.peak", peaks[:, j].tolist(), unit, f"largest {what} of {name}"
         if is_rate:
-            yield f"{group}.{name}.peak_time", Figure(times[j], "s", f"when {name} was fastest first")
-            yield f"{group}.{name}.rms", Figure(rms[j], unit, f"{what} of {name}, rms over time")
+            yield f"{group}.{name}.peak_time", times[:, j].tolist(), "s", f"when {name} was fastest first"
+            yield f"{group}.{name}.rms", rms[:, j].tolist(), unit, f"{what} of {name}, rms over time"
 
 
-def _errors(run: Run, tally: np.void) -> _Figures:
+def _named(arm: Run, joints: NDArray[np.intp], values: Sequence[float]) -> list[str]:
+    """Return the names of joints, and none where the value is undefined."""
+    return ["" if math.isnan(value) else arm.joints[j] for j, value in zip(joints, values, strict=True)]
+
+
+def _errors(arm: Run, tallies: NDArray[np.void]) -> _Figures:
     """Yield the position and orientation errors, and the task error along and across u_min.
 
     The task error has the controlled rows only, angles times L. It is split at each tick by that
     tick's u_min, the direction that the arm is losing: along it |u·e|, across it ‖e − u (u·e)‖.
     With task weights, u_min is a direction of the weighted rows.
     """
-    if set(run.axes) & set(AXES[:3]):
-        yield from _error(tally, "position_error", "m", "distance to the wanted position")
-    if set(run.axes) & set(AXES[3:]):
-        yield from _error(tally, "orientation_error", "rad", "angle to the wanted orientation")
+    if set(arm.axes) & set(AXES[:3]):
+        yield from _error(tallies, "position_error", "m", "distance to the wanted position")
+    if set(arm.axes) & set(AXES[3:]):
+        yield from _error(tallies, "orientation_error", "rad", "angle to the wanted orientation")
     what = "task error (angles times L)"
-    yield from _error(tally, "error_along", "m", f"{what} along u_min")
-    yield from _error(tally, "error_across", "m", f"{what} across u_min")
-    yield from _error(tally, "secondary_error", "m, rad", "error of the second task")
+    yield from _error(tallies, "error_along", "m", f"{what} along u_min")
+    yield from _error(tallies, "error_across", "m", f"{what} across u_min")
+    yield from _error(tallies, "secondary_error", "m, rad", "error of the second task")
 
 
-def _error(tally: np.void, group: str, unit: str, what: str) -> _Figures:
+def _error(tallies: NDArray[np.void], group: str, unit: str, what: str) -> _Figures:
     row = ERRORS.index(group)
-    largest, when = float(tally["error_max"][row]), float(tally["error_max_time"][row])
-    yield f"{group}.rms", Figure(_rms(tally["error_square"][row], tally), unit, f"{what}, rms over time")
-    yield f"{group}.max", Figure(largest, unit, f"{what}, largest")
-    yield f"{group}.max_time", Figure(when, "s", f"{what}, when it was largest first")
-    yield f"{group}.end", Figure(float(tally["error_end"][row]), unit, f"{what}, at the last tick")
-
-
-def _return(run: Run, tally: np.void) -> _Figures:
-    """Yield how far the joints are from the start, where the path leads back to it."""
-    changes = np.full(len(run.joints), math.nan)
-    if tally["ticks"]:
-        n = len(run.joints)
-        q = np.array([tally["q_first"][:n], tally["q"][:n]])
-        pose_ref = np.array([tally["pose_ref_first"], tally["pose_ref"]])
-        changes = _changes(run, run.share(float(tally["path_time"])), q, pose_ref)
-    largest, joint = float(changes.max()), run.joints[int(np.argmax(changes))]
-    unit = " or ".join(dict.fromkeys(run.joint_unit(j) for j in range(len(run.joints))))
-    what = "from the first tick to the last, of a path that ends where it began"
-    yield "return.joint_change", Figure(largest, unit, f"largest change of a joint {what}")
-    name = "" if math.isnan(largest) else joint
-    yield "return.change_joint", Figure(name, "", f"which joint changed most {what}")
-
-
-def _singularity(tally: np.void) -> _Figures:
-    # the smallest are kept as the largest of the negative
-    value, when = (
-        dict(zip(EXTREMES, tally[name].tolist(), strict=True)) for name in ("extreme", "extreme_time")
+    largest, when, end = (
+        tallies[name][:, row].tolist() for name in ("error_max", "error_max_time", "error_end")
     )
-    yield "sigma.min", Figure(-value["sigma"], "1", "smallest singular value of the run")
-    yield "sigma.min_time", Figure(when["sigma"], "s", "when the smallest singular value was reached first")
-    yield "condition.max", Figure(value["condition"], "1", "largest κ = σ₁/σ_k")
-    yield "manipulability.min", Figure(-value["manipulability"], "1", "smallest w = ∏σ")
-    yield "damping.max", Figure(value["damping"], "1", "largest λ")
-    yield "path_rate.min", Figure(-value["path_rate"], "1", "smallest pace along the path")
+    rms = _rms(tallies["error_square"][:, [row]], tallies)[:, 0].tolist()
+    yield f"{group}.rms", rms, unit, f"{what}, rms over time"
+    yield f"{group}.max", largest, unit, f"{what}, largest"
+    yield f"{group}.max_time", when, "s", f"{what}, when it was largest first"
+    yield f"{group}.end", end, unit, f"{what}, at the last tick"
+
+
+def _return(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+    """Yield how far the joints are from the start, where the path leads back to it."""
+    arm, n = runs[0], len(runs[0].joints)
+    complete = np.array(_completed(runs, tallies)) == 1.0
+    q = np.array([tallies["q_first"][:, :n], tallies["q"][:, :n]])
+    pose_ref = np.array([tallies["pose_ref_first"], tallies["pose_ref"]])
+    changes = _changes(arm, complete, q, pose_ref)
+    largest = changes.max(axis=1).tolist()
+    unit = " or ".join(dict.fromkeys(arm.joint_unit(j) for j in range(n)))
+    what = "from the first tick to the last, of a path that ends where it began"
+    yield "return.joint_change", largest, unit, f"largest change of a joint {what}"
+    joints = _named(arm, changes.argmax(axis=1), largest)
+    yield "return.change_joint", joints, "", f"which joint changed most {what}"
+
+
+def _singularity(tallies: NDArray[np.void]) -> _Figures:
+    # the smallest are kept as the largest of the negative
+    extreme = tallies["extreme"].T
+    value, lowest = (dict(zip(EXTREMES, rows.tolist(), strict=True)) for rows in (extreme, -extreme))
+    when = tallies["extreme_time"][:, EXTREMES.index("sigma")].tolist()
+    yield "sigma.min", lowest["sigma"], "1", "smallest singular value of the run"
+    yield "sigma.min_time", when, "s", "when the smallest singular value was reached first"
+    yield "condition.max", value["condition"], "1", "largest κ = σ₁/σ_k"
+    yield "manipulability.min", lowest["manipulability"], "1", "smallest w = ∏σ"
+    yield "damping.max", value["damping"], "1", "largest λ"
+    yield "path_rate.min", lowest["path_rate"], "1", "smallest pace along the path"
     what = "least that the first task left to the second"
-    yield "secondary_sigma.min", Figure(-value["secondary_sigma"], "1", what)
+    yield "secondary_sigma.min", lowest["secondary_sigma"], "1", what
 
 
-def _status_times(run: Run, tally: np.void) -> _Figures:
+def _status_times(tallies: NDArray[np.void]) -> _Figures:
     for one in (Status.OK, *Status):
-        ticks = int(tally["status"][one.bit_length()])
+        times = tallies["status"][:, one.bit_length()] * tallies["period"]
         what = f"time with status {one.name}" if one else "time with no status at all"
-        yield f"status_time.{one.name}", Figure(ticks * run.period, "s", what)
+        yield f"status_time.{one.name}", times.tolist(), "s", what
 
 
-def _effort(run: Run, tally: np.void) -> _Figures:
-    ticks = int(tally["ticks"])
-    duration = ticks * run.period
-    completed = 0.0 if run.planned else math.nan
-    if ticks:
-        completed = run.share(float(tally["path_time"]))
-    speed = duration / run.wall_time if run.wall_time > 0.0 else math.nan
-    yield "duration", Figure(duration, "s", "simulated time, one period a tick")
-    yield "ticks", Figure(ticks, "1", "control ticks recorded")
-    yield "completed", Figure(completed, "1", "share of the path that was run; 1: all")
-    yield "wall_time", Figure(run.wall_time, "s", "time that the stepping took")
-    yield "speed", Figure(speed, "1", "simulated time over wall time")
+def _effort(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+    durations = (tallies["ticks"] * tallies["period"]).tolist()
+    walls = [run.wall_time for run in runs]
+    speeds = [time / wall if wall > 0.0 else math.nan for time, wall in zip(durations, walls, strict=True)]
+    yield "duration", durations, "s", "simulated time, one period a tick"
+    yield "ticks", tallies["ticks"].tolist(), "1", "control ticks recorded"
+    yield "completed", _completed(runs, tallies), "1", "share of the path that was run; 1: all"
+    yield "wall_time", walls, "s", "time that the stepping took"
+    yield "speed", speeds, "1", "simulated time over wall time"
 
 
-def _rms(square: float, tally: np.void) -> float:
-    return math.sqrt(square / tally["ticks"]) if tally["ticks"] else math.nan
+def _completed(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[float]:
+    """Return the share of each path that was run; NaN for no path."""
+    ended = zip(runs, tallies["ticks"].tolist(), tallies["path_time"].tolist(), strict=True)
+    return [run.share(time) if ticks else 0.0 if run.planned else math.nan for run, ticks, time in ended]
+
+
+def _rms(squares: _Array, tallies: NDArray[np.void]) -> _Array:
+    """Return the root of the mean over ticks of sums of squares, (w, …); NaN without ticks."""
+    ticks = tallies["ticks"][:, None]
+    return np.sqrt(squares / np.where(ticks, ticks, math.nan))
 
 
 # Expectations -----------------------------------------------------------------------------------
@@ -386,7 +437,7 @@ def _rms(square: float, tally: np.void) -> float:
 def _blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
     """Return the scorecard of a run without ticks: all its figures, none of its values."""
     run = Run("", joints, (False,) * len(joints), axes, 1.0, 1.0, {}, 0)
-    return figures(run, tally_of(run)[0])
+    return figures([run], tallies_of([run]))[0]
 
 
 # The number that belongs to a name, where it is not called alike.

@@ -6,7 +6,7 @@ a run do not depend on the worlds and threads beside it.
 
 import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
@@ -14,11 +14,11 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.control.records import tick_type, world_type
+from rmrc.control.records import tick_type
 from rmrc.plant import PlantBatch
-from rmrc.preparation import Prepared, world_record
+from rmrc.preparation import Prepared, world_records
 from rmrc.run import COLUMNS, Divergence, Run
-from rmrc.scorecard import Scorecard, figures, tally_of
+from rmrc.scorecard import Scorecard, figures, tallies_of
 from rmrc.tally import adder
 
 # Ticks between two looks at the clock, the keyboard and the recording: a second at 1 kHz. Large enough that a
@@ -44,7 +44,7 @@ class _Shard:
     wall_time: float = 0.0
 
     def __post_init__(self) -> None:
-        self._tallies = np.concatenate([tally_of(self.run(w, 0, 0)) for w in range(len(self.members))])
+        self._tallies = tallies_of([self._about(one, {}) for one in self.prepared])
         self._adder = adder(self._tallies, self.batch.ticks)
         self._adding = threading.Lock()
 
@@ -73,29 +73,39 @@ class _Shard:
         rows = self.batch.ticks[first % len(self.batch.ticks) :, w][:count]
         if not self.keeps:
             rows = rows.copy()
-        arm, scenario = prepared.arm, prepared.scenario
         width = {"n": int(world["n"]), "k": int(world["k"])}
         columns = {
             name: rows[name][:, : width[column.width]] if column.width in width else rows[name]
             for name, column in COLUMNS.items()
         }
+        divergence = self.divergence(w) if first <= diverged <= last else None
+        return self._about(prepared, columns, divergence)
+
+    def _about(
+        self,
+        prepared: Prepared,
+        columns: Mapping[str, NDArray[np.generic]],
+        divergence: Divergence | None = None,
+    ) -> Run:
+        """Return a run of a world with what is known beside its columns."""
+        arm, scenario = prepared.arm, prepared.scenario
         return Run(
             name=scenario.name,
             joints=arm.joints,
-            is_slide=tuple(bool(s) for s in arm.is_slide),
+            is_slide=tuple(arm.is_slide.tolist()),
             axes=scenario.task.axes,
             length=scenario.task.length,
             period=scenario.control.period,
             columns=columns,
-            planned=int(world["path_ticks"]),
-            divergence=self.divergence(w) if first <= diverged <= last else None,
+            planned=prepared.reference.ticks,
+            divergence=divergence,
             wall_time=self.wall_time / len(self.members),
         )
 
     def scorecards(self) -> list[Scorecard]:
         """Return the figures of each world as far as it came."""
         self._add()
-        return [figures(self.run(w, 0, 0), tally) for w, tally in enumerate(self._tallies)]
+        return figures([self._about(one, {}) for one in self.prepared], self._tallies)
 
     def _add(self) -> None:
         """Add to the tallies what was stepped since: each tick once, wherever an interrupt came."""
@@ -232,9 +242,7 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Sh
     for r, reference in enumerate(references.values()):
         reference.write(wanted[r, : reference.ticks])
         wanted[r, reference.ticks :] = 0.0
-    worlds = np.empty(len(chosen), world_type(arm.n))
-    for w, one in enumerate(chosen):
-        worlds[w] = world_record(one, order[id(one.reference)])
+    worlds = world_records(chosen, [order[id(one.reference)] for one in chosen])
     rows = int(worlds["ticks"].max())
     if not keeps:
         rows = min(rows, max(1, HELD // len(chosen)))

@@ -57,28 +57,27 @@ def _tally_type(c: int) -> np.dtype[np.void]:
     )  # fmt: skip
 
 
-def begin(n: int, axes: Sequence[str], length: float, period: float) -> NDArray[np.void]:
-    """Return the tally of a world before its first tick.
+def begin(
+    n: int, axes: Sequence[Sequence[str]], length: Sequence[float], period: Sequence[float]
+) -> NDArray[np.void]:
+    """Return the tallies of worlds before their first ticks, (w,).
 
     Args:
         n: Number of joints.
-        axes: Task axes that count.
-        length: Characteristic length of the task [m].
-        period: Control period [s].
+        axes: Task axes that count in each world.
+        length: Characteristic length of each task [m].
+        period: Control periods [s].
 
-    Returns:
-        One record, (1,).
-
-    >>> begin(2, ["x", "y"], 1.0, 0.001)["counts"]
+    >>> begin(2, [["x", "y"]], [1.0], [0.001])["counts"]
     array([[1., 1., 0., 0., 0., 0.]])
     """
-    tally = np.zeros(1, tally_type(n))
+    tallies = np.zeros(len(axes), tally_type(n))
     for name in ("peak", "peak_time", "error_max", "error_max_time", "error_end", "extreme", "extreme_time"):
-        tally[name] = math.nan
-    tally["n"], tally["k"] = n, min(n, len(axes))
-    tally["counts"] = [axis in axes for axis in AXES]
-    tally["length"], tally["period"] = length, period
-    return tally
+        tallies[name] = math.nan
+    tallies["n"], tallies["k"] = n, [min(n, len(one)) for one in axes]
+    tallies["counts"] = [[axis in one for axis in AXES] for one in axes]
+    tallies["length"], tallies["period"] = length, period
+    return tallies
 
 
 def adder(tallies: NDArray[np.void], ticks: NDArray[np.void]) -> Callable[[NDArray[np.int64]], None]:

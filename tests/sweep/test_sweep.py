@@ -5,6 +5,7 @@ import math
 import shutil
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from hashlib import sha256
 
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
@@ -70,7 +71,8 @@ def test_each_row_has_the_bits_of_its_run_alone(swept):
     assert [row["index"] for row in rows] == list(range(RUNS))
     path = sweep.dataset.file.parent.parent / "quick.yaml"
     for row in rows:
-        (run,) = Simulation([prepare(load(path, sweep.plan.overrides(row["index"])))]).run()
+        prepared = prepare(load(path, sweep.plan.overrides(row["index"])))
+        (run,) = Simulation([prepared]).run()
         card = scorecard(run)
         figures = {name: figure.value for name, figure in card.items() if name not in ("wall_time", "speed")}
         assert set(figures) <= set(row)
@@ -80,6 +82,9 @@ def test_each_row_has_the_bits_of_its_run_alone(swept):
             if not (row[name] is None if value == "" else same(row[name], value))
         ] == []
         assert row["met"] == all(one.ok for one in check(card, sweep.scenario.expect))
+        whole = prepared.scenario.model_dump(mode="json", exclude={"name", "expect", "sweep"})
+        whole["arm"]["model"] = sweep._shards.fingerprint(prepared.arm)
+        assert sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest().startswith(row["scenario"])
     assert {row["met"] for row in rows} == {True, False}
     assert len({row["position_error.max"] for row in rows}) > 4  # negative control: the rows do differ
 

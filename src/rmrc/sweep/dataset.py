@@ -87,9 +87,9 @@ def as_parquet(columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> 
     So it has no units and meanings, which `_plan.json` and the one file have, and values without dictionaries
     or statistics, which would be larger than so few of them.
     """
-    bare = pa.schema([field.remove_metadata() for field in _described(columns)])
+    bare = pa.schema([(column.name, _TYPES[column.kind]) for column in columns])
     stream = pa.BufferOutputStream()
-    pq.write_table(_table(bare, rows), stream, use_dictionary=False, write_statistics=False)
+    pq.write_table(_table(bare, columns, rows), stream, use_dictionary=False, write_statistics=False)
     return bytes(stream.getvalue())
 
 
@@ -225,7 +225,7 @@ def write_table(path: Path, columns: Sequence[Column], rows: Sequence[Mapping[st
         rows: All of them.
     """
     with written_whole(path) as temporary:
-        pq.write_table(_table(_described(columns), rows), temporary)
+        pq.write_table(_table(_described(columns), columns, rows), temporary)
 
 
 def _described(columns: Sequence[Column]) -> pa.Schema:
@@ -235,7 +235,7 @@ def _described(columns: Sequence[Column]) -> pa.Schema:
     )
 
 
-def _table(schema: pa.Schema, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
+def _table(schema: pa.Schema, columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> pa.Table:
     """Return rows as a table; a number that a row lacks is NaN, like an undefined one, and else null."""
-    blank = {pa.float64(): math.nan}
-    return pa.table({f.name: [row.get(f.name, blank.get(f.type)) for row in rows] for f in schema}, schema)
+    blanks = [(column.name, math.nan if column.kind == "number" else None) for column in columns]
+    return pa.table({name: [row.get(name, blank) for row in rows] for name, blank in blanks}, schema)

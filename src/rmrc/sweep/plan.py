@@ -8,6 +8,7 @@ samples and the same seeds: what differs between cells is what varies, and not c
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -71,13 +72,10 @@ class Plan:
     def _drawn(self, sample: int) -> dict[str, Value]:
         if not self.draw:
             return {}
-        if self.sampler == "sobol":
-            point = sobol_point(sample, len(self.draw), self.seed)
-        else:
-            point = np.random.default_rng((self.seed, sample)).random(len(self.draw))
+        point = _point(self.sampler, sample, len(self.draw), self.seed)
         # the rounding of a sum may reach the upper bound, and never pass it
         return {
-            key: min(low + float(u) * (high - low), high)
+            key: min(low + u * (high - low), high)
             for u, (key, low, high) in zip(point, self.draw, strict=True)
         }
 
@@ -95,6 +93,13 @@ class Plan:
         """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""
         varied = ", ".join(f"{key}={_short(value)}" for key, value in self.values(index).items())
         return f"run {index} ({varied})" if varied else f"run {index}"
+
+
+@lru_cache(2000)  # asked for before a run and after it, and by each cell
+def _point(sampler: str, sample: int, count: int, seed: int) -> tuple[float, ...]:
+    if sampler == "sobol":
+        return tuple(sobol_point(sample, count, seed).tolist())
+    return tuple(np.random.default_rng((seed, sample)).random(count).tolist())
 
 
 def _short(value: Value) -> str:

@@ -7,6 +7,7 @@ import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
@@ -18,14 +19,19 @@ from rmrc.errors import ScenarioError
 from rmrc.preparation import Preparation, Prepared
 from rmrc.run import Divergence
 from rmrc.scenario import Carried, Scenario
+from rmrc.scenario.places import split
 from rmrc.scorecard import Scorecard, check
 from rmrc.simulation import Simulation
-from rmrc.sweep.columns import NOT_KEPT, typed
+from rmrc.sweep.columns import typed
 from rmrc.sweep.dataset import Column, as_parquet
-from rmrc.sweep.plan import Plan
+from rmrc.sweep.plan import SEED, Plan
 
 # Runs that are kept from their check until they are run: 30 MB. Small sweeps are then prepared once.
 _KEPT = 1000
+
+# What a run depends on, of its scenario.
+_SECTIONS = sorted(Scenario.model_fields.keys() - {"name", "expect", "sweep"})
+_SORTED = json.JSONEncoder(sort_keys=True)
 
 # Of malloc.h.
 _MMAP_THRESHOLD = -3
@@ -79,6 +85,8 @@ class Shards:
         self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
         self._lock = threading.Lock()
         self._checked: dict[int, Prepared] = {}
+        vary = {split(key)[0] for key in (*plan.keys, SEED)}
+        self._same = {name: _as_json(base, name) for name in _SECTIONS if name not in vary}
         self._places = {key: base.locate(f"sweep.vary.{key}") for key, _ in plan.vary}
         self._places |= {key: base.locate(f"sweep.draw.{key}") for key, _, _ in plan.draw}
 
@@ -144,7 +152,8 @@ class Shards:
             stop: Once it is set, the runs end.
         """
         rows = self.rows(indices, stop)
-        return as_parquet(columns, [typed(row, columns) for row in rows]) if rows else None
+        own = [column for column in columns if column.name in self._plan.keys]  # others have their type
+        return as_parquet(columns, [typed(row, own) for row in rows]) if rows else None
 
     def rows(self, indices: range, stop: threading.Event) -> list[dict[str, Any]]:
         """Return the rows of some runs, none if they were interrupted.
@@ -169,8 +178,8 @@ class Shards:
     ) -> dict[str, Any]:
         card, divergence = ended
         expect = prepared.scenario.expect
+        values = {name: figure.value for name, figure in card.figures.items()}
         met = all(outcome.ok for outcome in check(card, expect)) if expect else None
-        figures = {name: figure.value for name, figure in card.items() if name not in NOT_KEPT}
         return {
             "index": index,
             **self._plan.values(index),
@@ -179,8 +188,8 @@ class Shards:
             "divergence": divergence and str(divergence),
             "met": met,
             # an undefined name is none
-            **{name: None if value == "" else value for name, value in figures.items()},
-            "scenario": digest(prepared.scenario, self.fingerprint(prepared.arm)),
+            **{name: None if value == "" else value for name, value in values.items()},
+            "scenario": digest(prepared.scenario, self.fingerprint(prepared.arm), self._same),
             "versions": self._versions,
         }
 
@@ -219,16 +228,23 @@ def _status(card: Scorecard, divergence: Divergence | None) -> str:
     return "complete" if card["completed"].value == 1.0 else "unfinished"
 
 
-def digest(one: Scenario, model: str) -> str:
+def digest(one: Scenario, model: str, same: Mapping[str, str] = MappingProxyType({})) -> str:
     """Return a hash of what a run depends on: of its scenario but for name, expectations and sweep.
 
     Args:
         one: The scenario.
         model: Stands for the model's file, which may lie anywhere.
+        same: Sections as JSON that are known to be these.
     """
-    data: Mapping[str, Any] = one.model_dump(mode="json", exclude={"name", "expect", "sweep"})
-    data = {**data, "arm": {**data["arm"], "model": model}}
-    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+    texts = {name: same[name] if name in same else _as_json(one, name, model) for name in _SECTIONS}
+    text = ", ".join(f'"{name}": {section}' for name, section in texts.items())
+    return hashlib.sha256(f"{{{text}}}".encode()).hexdigest()[:16]
+
+
+def _as_json(one: Scenario, name: str, model: str = "") -> str:
+    """Return a section of a scenario as JSON, with something for the model's file."""
+    data: dict[str, Any] = getattr(one, name).model_dump(mode="json")
+    return _SORTED.encode(data | {"model": model} if name == "arm" else data)
 
 
 def give_back_memory() -> None:
