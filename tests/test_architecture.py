@@ -24,6 +24,7 @@ LAYERS = (
     ("rmrc.simulation", "rmrc.filter_factors"),
     ("rmrc.preparation",),
     ("rmrc.plant", "rmrc.scorecard", "rmrc.analysis"),
+    ("rmrc.batches",),
     ("rmrc.arm", "rmrc.target", "rmrc.run", "rmrc.tally"),
     ("rmrc.scenario", "rmrc.reference"),
     ("rmrc.control", "rmrc.textbook"),
@@ -35,7 +36,7 @@ LAYERS = (
 # Who may import an outside library. A library that is missing here has no owner, and is refused.
 OWNERS = {
     "numpy": ("rmrc",),
-    "mujoco": ("rmrc.arm", "rmrc.plant"),
+    "mujoco": ("rmrc.arm", "rmrc.batches", "rmrc.plant"),
     "numba": ("rmrc.control.compiled",),
     "ruckig": ("rmrc.target",),
     "yaml": ("rmrc.scenario",),

@@ -17,7 +17,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Change, Wiring
-from rmrc.arm.changes import NEED_CONSTANTS, changed_fields
+from rmrc.batches import Batches
 from rmrc.control.compiled import Array, Record, compiled, entry, machine_code
 from rmrc.control.kinematics import follow_chain, geometric_jacobian, pose_error
 from rmrc.control.law import control
@@ -349,6 +349,7 @@ class PlantBatch:
         reference: Array,
         ticks: NDArray[np.void],
         changes: Sequence[Change],
+        batches: Batches,
     ) -> None:
         """Wire the worlds to MuJoCo and set their start.
 
@@ -361,6 +362,7 @@ class PlantBatch:
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
             ticks: Where the tick records go, (rows, w); with fewer rows than ticks, they are used again.
             changes: What each world has different from the model, w of them.
+            batches: Where MuJoCo's part comes from.
         """
         self.worlds = worlds
         self.ticks = ticks
@@ -370,7 +372,7 @@ class PlantBatch:
         self._substeps = substeps
         self._errors: dict[int, str] = {}
         wiring = arm.wire(model)
-        self._batch = _batch(model, wiring, changes)
+        self._batches, self._batch = batches, batches.take(model, wiring, changes)
         self._batch.bind("qpos")[:] = qpos
         self._wire(arm, model, wiring, changes)
         # bound before the first forward, so that it fills them
@@ -385,7 +387,9 @@ class PlantBatch:
         self._known: Batch | None = None  # the worlds as computed torque takes them to be, if it is wrong
         if self._plant == Plant.TORQUE:
             if any(change.payload for change in changes):
-                self._known = _batch(model, wiring, [replace(change, payload=0.0) for change in changes])
+                self._known = batches.take(
+                    model, wiring, [replace(change, payload=0.0) for change in changes]
+                )
             known = self._known or self._batch
             forces = [known.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
             arrays = (worlds, self._batch.state, *forces, _mass_entries(model, wiring))
@@ -498,28 +502,16 @@ class PlantBatch:
             self.worlds["diverged"][i], self.worlds["diverged_joint"][i] = t, -1
             self._errors[int(i)] = self._batch.error(int(i)) or str(error)
 
+    def release(self) -> None:
+        """Let others have MuJoCo's part; there is no next tick."""
+        self._longest = self.done
+        for batch in (self._batch, self._known):
+            if batch is not None:
+                self._batches.give_back(batch)
+
     def error(self, world: int) -> str:
         """Return what MuJoCo said when it refused to step a world, or nothing."""
         return " ".join(self._errors.get(world, "").split())
-
-
-def _batch(model: mujoco.MjModel, wiring: Wiring, changes: Sequence[Change]) -> Batch:
-    """Return a batch of worlds that share a model but for some numbers.
-
-    What MuJoCo cannot keep for each world, such as the mean inertia that its solver takes for a scale, is the
-    model's own: so it does not depend on the other worlds.
-    """
-    batch = Batch(model, len(changes), 1, persistent=True)
-    worlds = [changed_fields(model, wiring, change) for change in changes]
-    for name in sorted({name for fields in worlds for name in fields}):
-        own = model.opt.gravity if name == "opt.gravity" else getattr(model, name)
-        values = np.array([fields.get(name, own) for fields in worlds])
-        if (values != own).any():
-            batch.expand(name)[:] = values
-    behind = [w for w, fields in enumerate(worlds) if not NEED_CONSTANTS.isdisjoint(fields)]
-    if behind:
-        batch.set_const(behind)
-    return batch
 
 
 def _column(model: mujoco.MjModel, component: str) -> int:

@@ -14,6 +14,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.batches import Batches
 from rmrc.control.records import tick_type
 from rmrc.plant import PlantBatch
 from rmrc.preparation import Prepared, world_records
@@ -135,16 +136,26 @@ class Simulation:
     with the length of a run.
     """
 
-    def __init__(self, prepared: Sequence[Prepared], threads: int = 1, keep_columns: bool = True) -> None:
+    def __init__(
+        self,
+        prepared: Sequence[Prepared],
+        threads: int = 1,
+        keep_columns: bool = True,
+        batches: Batches | None = None,
+    ) -> None:
         """Wire the worlds to MuJoCo.
 
         Args:
             prepared: At least one.
             threads: Number of threads; each steps its share of the worlds.
             keep_columns: Whether to keep every tick, for `run` and `runs`.
+            batches: Of simulations before this one, to be used again; see `release`.
         """
+        batches = batches or Batches()
         self._threads, self._keeps = threads, keep_columns
-        self._shards = [_shard(prepared, members, keep_columns) for members in _groups(prepared, threads)]
+        self._shards = [
+            _shard(prepared, members, keep_columns, batches) for members in _groups(prepared, threads)
+        ]
 
     def run(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> list[Run]:
         """Step every world to its end and return a run for each, in the order of `prepared`.
@@ -208,6 +219,11 @@ class Simulation:
         """Return where each world diverged, or None."""
         return self._in_order([[s.divergence(w) for w in range(len(s.members))] for s in self._shards])
 
+    def release(self) -> None:
+        """Let other simulations have what `batches` lent to this one, which goes no further."""
+        for shard in self._shards:
+            shard.batch.release()
+
     def _refuse_without_columns(self) -> None:
         if not self._keeps:
             raise ValueError("columns are not kept: call step(), then scorecards() and divergences()")
@@ -232,7 +248,7 @@ def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
     ]
 
 
-def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Shard:
+def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batches: Batches) -> _Shard:
     chosen = [prepared[i] for i in members]
     plant, arm = chosen[0].scenario.plant, chosen[0].arm
     references = {id(one.reference): one.reference for one in chosen}
@@ -249,7 +265,7 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Sh
     batch = PlantBatch(
         arm,
         arm.adapted(
-            plant.kind, chosen[0].kv, plant.timestep, plant.gravity_compensation, loaded=chosen[0].is_loaded
+            plant.kind, _gains(chosen), plant.timestep, plant.gravity_compensation, loaded=chosen[0].is_loaded
         ),
         chosen[0].substeps,
         worlds,
@@ -257,5 +273,15 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool) -> _Sh
         wanted,
         np.empty((rows, len(chosen)), tick_type(arm.n)),
         [one.change for one in chosen],
+        batches,
     )
     return _Shard(members, chosen, batch, keeps)
+
+
+def _gains(prepared: Sequence[Prepared]) -> NDArray[np.float64]:
+    """Return the gains of the model that worlds share: their own if all have the same, and else ones.
+
+    So that it need not be compiled anew for other worlds whose gains differ.
+    """
+    gains = np.array([one.kv for one in prepared])
+    return gains[0] if (gains == gains[0]).all() else np.ones_like(gains[0])

@@ -18,6 +18,9 @@ from rmrc.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
 
+# Models for plants that an arm keeps: as many as scenarios of a sweep ask for at the same time.
+_ADAPTED = 8
+
 
 @dataclass(frozen=True)
 class Chain:
@@ -69,6 +72,7 @@ class Arm:
     model: mujoco.MjModel
     _spec: mujoco.MjSpec
     stretch: Mapping[str, float] = field(default_factory=dict)
+    _adapted: dict[object, mujoco.MjModel] = field(default_factory=dict, repr=False)
 
     @property
     def n(self) -> int:
@@ -310,7 +314,9 @@ class Arm:
     def adapted(
         self, plant: str, kv: Array, timestep: float, gravity_compensation: bool, *, loaded: bool = False
     ) -> mujoco.MjModel:
-        """Compile the model with one actuator of the plant's kind on each joint of the arm.
+        """Return the model with one actuator of the plant's kind on each joint of the arm.
+
+        It is compiled once for all who ask for the same, and none of them may write to it.
 
         Actuators of other joints stay. The law limits the rates, so that the controls are not clamped
         here; torque limits are kept. Sensors are off, as nothing reads them. The integrator is
@@ -325,6 +331,18 @@ class Arm:
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
+        key = plant, kv.tobytes(), timestep, gravity_compensation, loaded
+        model = self._adapted.get(key)
+        if model is None:
+            model = self._compiled(plant, kv, timestep, gravity_compensation, loaded)
+            while len(self._adapted) >= _ADAPTED:
+                self._adapted.pop(next(iter(self._adapted)), None)
+            self._adapted[key] = model
+        return model
+
+    def _compiled(
+        self, plant: str, kv: Array, timestep: float, gravity_compensation: bool, loaded: bool
+    ) -> mujoco.MjModel:
         spec = self._bare_spec.copy()
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)

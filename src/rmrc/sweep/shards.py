@@ -15,6 +15,7 @@ import numpy as np
 
 from rmrc import facts
 from rmrc.arm import Arm
+from rmrc.batches import Batches
 from rmrc.errors import ScenarioError
 from rmrc.preparation import Preparation, Prepared
 from rmrc.run import Divergence
@@ -85,6 +86,7 @@ class Shards:
         self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
         self._lock = threading.Lock()
         self._checked: dict[int, Prepared] = {}
+        self._batches = Batches()
         vary = {split(key)[0] for key in (*plan.keys, SEED)}
         self._same = {name: _as_json(base, name) for name in _SECTIONS if name not in vary}
         self._places = {key: base.locate(f"sweep.vary.{key}") for key, _ in plan.vary}
@@ -167,7 +169,7 @@ class Shards:
                 self._checked.pop(index) if index in self._checked else self.prepare(index)
                 for index in indices
             ]
-            simulation = Simulation(prepared, keep_columns=False)
+            simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
         ended = _ended(simulation, stop)
         if stop.is_set():
             return []
@@ -219,6 +221,7 @@ def _numbers(model: Any) -> Iterator[tuple[str, bytes]]:
 def _ended(simulation: Simulation, stop: threading.Event) -> list[tuple[Scorecard, Divergence | None]]:
     """Return the figures of each world, and where it diverged."""
     simulation.step(stop=stop)
+    simulation.release()
     return list(zip(simulation.scorecards(), simulation.divergences(), strict=True))
 
 
