@@ -66,9 +66,14 @@ def ended(process, timeout=60):
 
 
 def left_behind(path):
-    """Return what Dask and parcels left among temporary files."""
+    """Return what Dask and parcels left among temporary files.
+
+    Of a worker that a busy machine gives no time to close, Dask leaves an empty lock until it starts again.
+    """
     return [
-        one for one in (path.parent / "temporary").rglob("*") if "worker-" in one.name or one.suffix == ".xml"
+        one
+        for one in (path.parent / "temporary").rglob("*")
+        if ("worker-" in one.name and one.suffix != ".dirlock") or one.suffix == ".xml"
     ]
 
 
