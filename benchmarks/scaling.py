@@ -27,6 +27,8 @@ RUNS = (1e4, 1e6, 1e9)
 TICKS = round(1000 * SECONDS) + 1
 # Pieces under way: two for each core of many machines.
 ROOM = 400
+# Tasks of Dask alone, all of which it has at once.
+MOST_ALONE = 10_000
 # Of the client's network [byte/s], 1 Gbit/s.
 NETWORK = 1.25e8
 
@@ -66,7 +68,10 @@ def of_files(rows: int = 100_000) -> dict[str, float]:
 
 
 def of_the_scheduler(tasks: int) -> dict[str, float]:
-    """Return what a piece costs that has nothing to do, with as many under way as for 200 workers."""
+    """Return what a piece costs that has nothing to do, with as many under way as for 200 workers.
+
+    Beside it stands what Dask's own `map` and `gather` take for some tasks of nothing, all under way at once.
+    """
     with scenario_of("stanford") as path:
         parcel = pack(path, [DAMPING])
         with cluster.opened(cluster.Address.read("local:2"), parcel) as crew:
@@ -78,7 +83,15 @@ def of_the_scheduler(tasks: int) -> dict[str, float]:
             count = sum(1 for _ in done(crew, "check", nothing, None, threading.Event()))
             seconds = time.perf_counter() - started
             assert count == tasks
-    return {"tasks": tasks, "empty piece [s]": seconds / tasks, "parcel [byte]": parcel.size}
+            some, started = range(min(tasks, MOST_ALONE)), time.perf_counter()
+            crew._client.gather(crew._client.map(abs, some, pure=False, batch_size=ROOM))
+            alone = (time.perf_counter() - started) / len(some)
+    return {
+        "tasks": tasks,
+        "empty piece [s]": seconds / tasks,
+        "empty task, Dask alone [s]": alone,
+        "parcel [byte]": parcel.size,
+    }
 
 
 def model(measured: Mapping[str, float], runs: float, workers: int) -> dict[str, float]:

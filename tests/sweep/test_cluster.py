@@ -4,6 +4,8 @@ import os
 import re
 import shutil
 import signal
+import threading
+import time
 
 import dask
 import pytest
@@ -12,6 +14,7 @@ from project import ROOT
 from rmrc import facts
 from rmrc.errors import ClusterError, ScenarioError
 from rmrc.sweep import cluster
+from rmrc.sweep.parcel import pack
 from rmrc.sweep.sweep import Sweep
 
 pytestmark = pytest.mark.xdist_group("cluster")
@@ -194,7 +197,7 @@ def test_a_worker_with_another_version_is_refused_by_name(path, workers, tmp_pat
     assert re.sub(r"^\d+", "", line.removeprefix(refused)) == what
 
 
-def _end(*_):
+def _end(*_, **__):
     os._exit(1)
 
 
@@ -213,7 +216,7 @@ def test_runs_that_end_every_worker_end_the_sweep_with_a_line(path, tmp_path, mo
     )
 
 
-def _full(*_):
+def _full(*_, **__):
     raise OSError(28, "No space left on device")
 
 
@@ -227,3 +230,21 @@ def test_a_worker_whose_disk_is_full_is_not_called_a_lost_scheduler(path, worker
         r"\(\[Errno 28\] No space left on device\); the rows so far are kept, and the same command goes on",
         str(caught.value),
     )
+
+
+def _first_fails(indices, **_):
+    return indices.start or _full()
+
+
+def test_what_ended_beside_a_piece_that_failed_comes_before_the_failure(path, workers, monkeypatch):
+    monkeypatch.setattr(cluster, "_work", _first_fails)
+    address = cluster.Address.read(workers.scheduler_address)
+    pieces = [range(i, i + 1) for i in range(4)]
+    with cluster.opened(address, pack(path, ())) as crew:
+        running = dict(zip(crew.submit("check", pieces, None, threading.Event()), pieces, strict=True))
+        while not all(one.done() for one in running):
+            time.sleep(0.01)
+        ended = crew.ended(running)
+        assert [next(ended)[1] for _ in range(3)] == [1, 2, 3]
+        with pytest.raises(ClusterError, match="could not do runs 0 to 0 "):
+            next(ended)

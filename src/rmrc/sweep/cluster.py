@@ -14,7 +14,7 @@ import threading
 import time
 import warnings
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import CancelledError
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
@@ -26,12 +26,16 @@ from typing import Any, NamedTuple
 from rmrc import facts
 from rmrc.errors import ClusterError, RmrcError, ScenarioError
 from rmrc.scenario import inline
-from rmrc.sweep.crew import Crew, Piece, Work
+from rmrc.sweep.crew import Crew, Work
 from rmrc.sweep.parcel import Parcel, Unpacked
 from rmrc.sweep.shards import Checked
 
 # Seconds: to reach a scheduler; until there are workers; until all of them are given up.
 _ANSWER, _WORKERS, _GONE = 10.0, 10.0, 60.0
+# Seconds between two looks at what has ended; a worker has a piece to go on with.
+_MOMENT = 0.02
+# Pieces whose results are fetched at once: tens of megabytes of rows.
+_AT_ONCE = 100
 # Parcels that a worker keeps, with their models: of this sweep and of the one before.
 _KEPT = 2
 _GOES_ON = "the rows so far are kept, and the same command goes on"
@@ -196,16 +200,29 @@ class _Cluster:
         # A task, and not scattered data, which is lost with the only worker that has it.
         return self._client.submit(_same, value, pure=False)
 
-    def submit(self, work: Work, indices: range, shared: object, _: threading.Event) -> Piece:
+    def submit(
+        self, work: Work, pieces: Sequence[range], shared: object, _: threading.Event
+    ) -> Iterable[Any]:
         try:
-            piece: Piece = self._client.submit(
-                _work, self._sent, work, indices.start, indices.stop, shared, pure=False
+            futures: list[Any] = self._client.map(
+                _work, pieces, sent=self._sent, work=work, shared=shared, pure=False
             )
         except (OSError, RuntimeError):
             raise self._lost() from None
-        return piece
+        return futures
 
-    def result(self, future: Piece, indices: range) -> Any:
+    def ended(self, running: Mapping[Any, range]) -> Iterator[tuple[Any, Any]]:
+        time.sleep(_MOMENT)
+        ended = sorted((one for one in running if one.done()), key=lambda one: one.status != "finished")
+        for first in range(0, len(ended), _AT_ONCE):
+            some = ended[first : first + _AT_ONCE]
+            try:
+                found = self._client.gather(some)
+            except (Exception, asyncio.CancelledError):  # each by itself knows what it was about
+                found = (self._result(one, running[one]) for one in some)
+            yield from zip(some, found, strict=True)
+
+    def _result(self, future: Any, indices: range) -> Any:
         from distributed import KilledWorker
 
         try:
@@ -285,7 +302,7 @@ def _same(value: object) -> object:
     return value
 
 
-def _work(sent: _Sent, work: Work, start: int, stop: int, shared: object) -> Any:
+def _work(indices: range, sent: _Sent, work: Work, shared: object) -> Any:
     """Do a piece, with the models that this process has compiled before."""
     from distributed import get_worker
 
@@ -301,7 +318,7 @@ def _work(sent: _Sent, work: Work, start: int, stop: int, shared: object) -> Any
         _unpacked.move_to_end(sent.parcel.digest)
         mine = _unpacked[sent.parcel.digest]
     try:
-        found = getattr(mine.shards, work)(range(start, stop), shared, threading.Event())
+        found = getattr(mine.shards, work)(indices, shared, threading.Event())
     except ScenarioError as error:
         raise ScenarioError([mine.told(problem) for problem in error.problems]) from None
     if isinstance(found, Checked):

@@ -2,10 +2,10 @@
 
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import contextmanager
-from queue import Empty, SimpleQueue
+from itertools import islice
 from typing import Any, Literal, Protocol
 
 from rmrc.sweep.shards import Shards
@@ -21,18 +21,8 @@ _SWITCH = 5e-5
 _LOOK = 0.2
 
 
-class Piece(Protocol):
-    """A piece that is under way: a future of threads, or of Dask."""
-
-    def add_done_callback(self, told: Callable[[Any], object], /) -> object:
-        """Have it told when it ends."""
-
-    def result(self) -> Any:
-        """Return what came out of it."""
-
-
 class Crew(Protocol):
-    """Who works on pieces."""
+    """Who works on pieces; each that is under way has a future, of threads or of Dask."""
 
     @property
     def room(self) -> int:
@@ -41,18 +31,26 @@ class Crew(Protocol):
     def shared(self, value: object) -> object:
         """Return what to give to `submit` for a value that many pieces share."""
 
-    def submit(self, work: Work, indices: range, shared: object, stop: threading.Event) -> Piece:
-        """Have a piece done.
+    def submit(
+        self, work: Work, pieces: Sequence[range], shared: object, stop: threading.Event
+    ) -> Iterable[Any]:
+        """Have pieces done, and return the future of each.
 
         Args:
             work: What.
-            indices: Of the runs.
+            pieces: Indices of the runs of each.
             shared: As `shared` returned it.
-            stop: Once it is set, nobody waits for the result.
+            stop: Once it is set, nobody waits for the results.
         """
 
-    def result(self, future: Piece, indices: range) -> Any:
-        """Return what came out of a piece that ended, or raise why nothing did."""
+    def ended(self, running: Mapping[Any, range]) -> Iterator[tuple[Any, Any]]:
+        """Wait a moment; iterate over the futures of some that ended by then, and what came out of each.
+
+        Where nothing came out of one, raise why, after those of which something did.
+
+        Args:
+            running: The pieces that are under way, by their futures.
+        """
 
 
 class Threads:
@@ -73,13 +71,17 @@ class Threads:
         """Return the value."""
         return value
 
-    def submit(self, work: Work, indices: range, shared: object, stop: threading.Event) -> Piece:
-        """Have a piece done by the next thread that is free."""
-        return self._pool.submit(getattr(self._shards, work), indices, shared, stop)
+    def submit(
+        self, work: Work, pieces: Sequence[range], shared: object, stop: threading.Event
+    ) -> list[Future[Any]]:
+        """Have pieces done by the next threads that are free."""
+        return [self._pool.submit(getattr(self._shards, work), piece, shared, stop) for piece in pieces]
 
-    def result(self, future: Piece, indices: range) -> Any:  # noqa: ARG002
-        """Return what came out of a piece that ended."""
-        return future.result()
+    def ended(self, running: Mapping[Future[Any], range]) -> Iterator[tuple[Future[Any], Any]]:
+        """Wait until a piece has ended, but not for long."""
+        ended = wait(running, _LOOK, FIRST_COMPLETED).done
+        for future in sorted(ended, key=lambda one: one.exception() is not None):
+            yield future, future.result()
 
 
 @contextmanager
@@ -113,30 +115,22 @@ def done(
         shared: What the pieces share.
         stop: Once it is set, what has ended is all; set here when whoever iterates does not go on.
     """
-    ended: SimpleQueue[Piece] = SimpleQueue()
-    running: dict[Piece, range] = {}
+    running: dict[Any, range] = {}
     shared = crew.shared(shared)
     try:
         while True:
-            while not stop.is_set() and len(running) < crew.room:
-                piece = next(pieces, None)
-                if piece is None:
-                    break
-                future = crew.submit(work, piece, shared, stop)
-                running[future] = piece
-                future.add_done_callback(ended.put)
+            stopped = stop.is_set()
+            new = [] if stopped else list(islice(pieces, max(0, crew.room - len(running))))
+            if new:
+                running.update(zip(crew.submit(work, new, shared, stop), new, strict=True))
             if not running:
                 return
-            try:
-                future = ended.get(timeout=0.0 if stop.is_set() else _LOOK)
-            except Empty:
-                if stop.is_set():
-                    return
-                continue
-            piece = running.pop(future)
-            found = crew.result(future, piece)
-            if found is not None:
-                yield piece, found
+            for future, found in crew.ended(running):
+                piece = running.pop(future)
+                if found is not None:
+                    yield piece, found
+            if stopped:
+                return
     finally:
         if running:
             stop.set()
