@@ -10,6 +10,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.batches import Batches
 from rmrc.preparation import Preparation, Prepared, world_record
 from rmrc.run import Divergence
 from rmrc.scenario import inline
@@ -149,6 +150,7 @@ class Trials:
         """
         self._preparation, self._copies, self._threads, self._stop = preparation, copies, threads, stop
         self._on_runs, self._lock = on_runs, threading.Lock()
+        self._batches = Batches()
         nominal = preparation.variant()
         self.limits, self._control = Limits.of(nominal), nominal.scenario.control
         references = [preparation.variant(copy.overrides).reference for copy in copies]
@@ -184,8 +186,9 @@ class Trials:
         # the arms are shared, and asked by one thread at a time
         with self._lock:
             prepared = [self._preparation.variant(self._texts(*job)) for job in jobs]
-            simulation = Simulation(prepared, keep_columns=False)
+            simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
         simulation.step(stop=self._stop)
+        simulation.release()
         if self._stop.is_set():
             return [None] * len(jobs)
         ended = zip(jobs, simulation.scorecards(), simulation.divergences(), strict=True)
