@@ -55,7 +55,11 @@ class Kinematics:
         mujoco.mj_comPos(self.model, self.data)
         full = np.zeros((6, self.model.nv))
         mujoco.mj_jacSite(self.model, self.data, full[:3], full[3:], site)
-        return self.data.site_xpos[site].copy(), self.data.site_xmat[site].reshape(3, 3).copy(), full[:, self.dof]
+        return (
+            self.data.site_xpos[site].copy(),
+            self.data.site_xmat[site].reshape(3, 3).copy(),
+            full[:, self.dof],
+        )
 
     def structural_rank(self, site, rows, samples=20):
         """Return the rank of a task almost everywhere: the largest that is found at random."""
