@@ -14,7 +14,7 @@ import pytest
 import rmrc.textbook
 from project import ROOT
 from rmrc.comparison import Comparison
-from rmrc.output.sheets import number
+from rmrc.output import sheets
 from rmrc.preparation import prepare
 from rmrc.run import COLUMNS
 from rmrc.scenario import load, loads
@@ -351,7 +351,7 @@ def test_the_runs_of_the_sweep_that_the_readme_names_are_as_it_says(tmp_path):
     for figure, _, *ends in extremes:
         for printed, index in zip(ends[::2], ends[1::2], strict=True):
             (run,) = Simulation([prepare(load(path, sweep.plan.overrides(int(index))))]).run()
-            assert shown(number(scorecard(run)[figure].value)) == shown(printed)
+            assert shown(sheets.number(scorecard(run)[figure].value)) == shown(printed)
     assert len(extremes) == len(named) == 2
     assert f"wrote recordings/{sweep.scenario.name}-{extremes[0][-1]}.rrd" in lines
 
