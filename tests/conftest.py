@@ -1,5 +1,6 @@
 """What the tests share: scenarios in a line, the runs that they give, and the command line."""
 
+import signal
 import sys
 
 import pytest
@@ -12,9 +13,26 @@ from rmrc.preparation import prepare
 from rmrc.scenario import loads
 from rmrc.simulation import Simulation
 
+# A shell starts what runs in the background deaf to Ctrl-C, and the processes that tests start would be so too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 # Compiling on the first example, and two busy cores, must not count as a slow test.
 settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("rmrc")
+
+
+def pytest_collection_modifyitems(items):
+    """Let two processes compile the two halves of the law, before all other tests, which both would compile else.
+
+    Behind them comes what needs no law, for the process that is done first.
+    """
+    lawless = ("textbook", "scenario")
+    items.sort(
+        key=lambda item: (
+            0 if item.get_closest_marker("compiles") else 1 + (item.path.parent.name not in lawless)
+        )
+    )
+
 
 BASE = """
 name: test
