@@ -1,5 +1,6 @@
 """Machine code is kept on disk, and found again by types: what numba tells apart is never the same kind."""
 
+import re
 from itertools import combinations
 from pathlib import Path
 
@@ -18,6 +19,9 @@ from rmrc.control.compiled import _kind
 from rmrc.control.records import tick_type, world_type
 from rmrc.scorecard import scorecard
 
+MOVES = (plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add)
+EXAMINES = (law.resolve, survey.examine, survey.locate, sheet.scan, descent.reach, smallmat.svd)
+
 
 def kept(function):
     """Return the files of an entry's machine code."""
@@ -29,8 +33,7 @@ def kept(function):
 def test_what_moves_a_world_is_kept_on_disk(simulate):
     _, run = simulate("arm.encoder.offset=0.01", "plant.kind=torque", "target.path=[{line: {by: [0.01, 0]}}]")
     assert scorecard(run)["position_error.end"].value > 0
-    entries = (plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add)
-    assert [entry for entry in entries if not kept(entry)] == []
+    assert [entry for entry in MOVES if not kept(entry)] == []
 
 
 @pytest.mark.compiles
@@ -41,8 +44,13 @@ def test_what_examines_an_arm_is_kept_on_disk():
     assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
     assert rmrc.solve_ik(task, rmrc.goal_pose(task, [1.0, 1.0])).found
     assert smallmat.cold_svd(np.diag([2.0, 1.0]))[1].tolist() == [2.0, 1.0]
-    entries = (law.resolve, survey.examine, survey.locate, sheet.scan, descent.reach, smallmat.svd)
-    assert [entry for entry in entries if not kept(entry)] == []
+    assert [entry for entry in EXAMINES if not kept(entry)] == []
+
+
+def test_every_entry_is_one_of_these():
+    sources = [path.read_text("utf-8") for path in (ROOT / "src/rmrc").rglob("*.py")]
+    entries = [name for text in sources for name in re.findall(r"^@entry\ndef (\w+)", text, re.MULTILINE)]
+    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES))
 
 
 def test_arguments_that_are_of_one_kind_are_of_one_type():
