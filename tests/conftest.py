@@ -1,9 +1,11 @@
 """What the tests share: scenarios in a line, the runs that they give, and the command line."""
 
+import signal
 import sys
 
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadGroupScheduling
 
 from project import ROOT
 from rmrc import cli
@@ -12,9 +14,40 @@ from rmrc.preparation import prepare
 from rmrc.scenario import loads
 from rmrc.simulation import Simulation
 
+# A shell starts what runs in the background deaf to Ctrl-C, and the processes that tests start would be so too.
+signal.signal(signal.SIGINT, signal.default_int_handler)
+
 # Compiling on the first example, and two busy cores, must not count as a slow test.
 settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("rmrc")
+
+
+def pytest_collection_modifyitems(items):
+    """Let two processes compile the two halves of the law, before all other tests, which both would compile else.
+
+    Behind them comes what needs no law, for the process that is done first.
+    """
+    lawless = ("textbook", "scenario")
+    items.sort(
+        key=lambda item: (
+            0 if item.get_closest_marker("compiles") else 1 + (item.path.parent.name not in lawless)
+        )
+    )
+
+
+class OneCluster(LoadGroupScheduling):
+    """Gives all tests of clusters to one process, which starts one for them.
+
+    As their mark `xdist_group` asks for; but xdist 3.8 writes it where pytest 9.2 does not look.
+    """
+
+    def _split_scope(self, nodeid):
+        return "cluster" if "/test_cluster" in nodeid else super()._split_scope(nodeid)
+
+
+def pytest_xdist_make_scheduler(config, log):
+    return OneCluster(config, log) if config.getvalue("dist") == "loadgroup" else None
+
 
 BASE = """
 name: test

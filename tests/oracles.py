@@ -49,16 +49,17 @@ class Kinematics:
         )
 
     def at(self, q, site):
-        """Return position, Rotation and Jacobian (6, n) of a site."""
+        """Return position, rotation matrix and Jacobian (6, n) of a site."""
         self.data.qpos[self.qpos] = q
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         full = np.zeros((6, self.model.nv))
         mujoco.mj_jacSite(self.model, self.data, full[:3], full[3:], site)
-        quat = np.zeros(4)
-        mujoco.mju_mat2Quat(quat, self.data.site_xmat[site])
-        turn = Rotation.from_quat(quat, scalar_first=True)
-        return self.data.site_xpos[site].copy(), turn, full[:, self.dof]
+        return (
+            self.data.site_xpos[site].copy(),
+            self.data.site_xmat[site].reshape(3, 3).copy(),
+            full[:, self.dof],
+        )
 
     def structural_rank(self, site, rows, samples=20):
         """Return the rank of a task almost everywhere: the largest that is found at random."""
@@ -73,16 +74,14 @@ class Kinematics:
         return max(ranks)
 
     def gradient(self, f, q, site):
-        """Return the derivatives of f(Jacobian of a site) with respect to q, by differences of sixth order.
+        """Return the derivatives of f(Jacobians of a site) with respect to q, by differences of sixth order.
 
         With this step rounding gives 1e-13, and what is left out less.
         """
-        change, step = np.zeros(len(q)), 2e-3
-        for j in range(len(q)):
-            for i, factor in ((-3, -1), (-2, 9), (-1, -45), (1, 45), (2, -9), (3, 1)):
-                moved = q + i * step * (np.arange(len(q)) == j)
-                change[j] += factor / (60 * step) * f(self.at(moved, site)[2])
-        return change
+        step, factors = 2e-3, {-3: -1, -2: 9, -1: -45, 1: 45, 2: -9, 3: 1}
+        moved = [q + i * step * joint for joint in np.eye(len(q)) for i in factors]
+        values = f(np.array([self.at(one, site)[2] for one in moved])).reshape(len(q), -1)
+        return values @ list(factors.values()) / (60 * step)
 
 
 class NumpyLoop:
@@ -117,6 +116,7 @@ class NumpyLoop:
             control.joint_weights or np.ones(n), self.arm.is_slide,
         )  # fmt: skip
         self.rows = [AXES.index(axis) for axis in task.axes]
+        self.turns = Rotation.from_quat(self.reference.pose[:, 3:], scalar_first=True).as_matrix()
         self.site = self.model.site(self.arm.site).id
         self.rank = self.kinematics.structural_rank(self.site, self.rows)
         limits = control.limits
@@ -141,7 +141,7 @@ class NumpyLoop:
         wanted = np.concatenate([point, np.zeros(3)])
         if second.to is not None:
             wanted[self.rows_2] = second.to
-        self.wanted_2 = wanted[:3], Rotation.from_rotvec(wanted[3:]) * turn
+        self.wanted_2 = wanted[:3], Rotation.from_rotvec(wanted[3:]).as_matrix() @ turn
 
     def run(self):
         """Return the columns of the whole run as a dict of arrays."""
@@ -168,7 +168,9 @@ class NumpyLoop:
             qdot = data.qvel[self.dof].copy()
         q = data.qpos[self.qpos].copy()
         row = self.law(q + self.offset)
-        row |= {"q": q, "qdot": qdot, "tau": tau, "pose_error": self.error(q)}
+        row |= {"q": q, "qdot": qdot, "tau": tau}
+        if self.offset.any():
+            row["pose_error"] = self.error(*self.kinematics.at(q, self.site)[:2])
         cmd = row["qdot_cmd"]
         if plant.kind == "ideal":
             data.qpos[self.qpos] += self.scenario.control.period * cmd
@@ -200,19 +202,19 @@ class NumpyLoop:
     def law(self, q):
         """Return the row of a tick: (3), inverse, null space, pace, stop, limits."""
         control = self.scenario.control
-        J = self.kinematics.at(q, self.site)[2][self.rows]
-        pose_ref, twist_ref = self.wanted()
-        error = self.error(q)
+        point, turn, full = self.kinematics.at(q, self.site)
+        J, error = full[self.rows], self.error(point, turn)
+        pose_ref, twist_ref, _ = self.wanted()
+        u, sigma, vt = np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), full_matrices=False)
         forward = control.feedforward * twist_ref[self.rows]
         v = self.pace * forward + control.feedback * error[self.rows]
-        lam = self.damping(J, v, error)
+        lam = self.damping(J, v, error, sigma)
         G = self.inverse(J, v, lam)
         drift, row = self.drift(q, J, G @ v)
         rates = G @ v + drift
         if control.at_singularity == "slow":
             change = self.choose_pace(rates, G @ forward)
             rates, v = rates + change * (G @ forward), v + change * forward
-        sigma = self.sigma(J)
         if control.at_singularity == "stop":
             self.hold(q, sigma, rates)
             rates, v, drift = self.share * rates, self.share * v, self.share * drift
@@ -220,10 +222,11 @@ class NumpyLoop:
         status |= Status.SINGULAR * bool(sigma[-1] <= sigma[0] / 100)
         cmd, limited = self.limit(q, J, v, lam, drift, rates)
         if control.inverse.method != "transpose":  # at rest its α is rounding over rounding
-            row["gain"] = self.gains(J, G)
+            row["gain"] = self.gains(u, vt, G)
         return row | {
             "qdot_cmd": cmd,
             "pose_ref": pose_ref,
+            "pose_error": error,
             "twist_ref": self.pace * twist_ref,
             "sigma": sigma,
             "damping": lam,
@@ -233,38 +236,38 @@ class NumpyLoop:
             "limited": limited,
         }
 
-    def error(self, q):
-        """Return the error (2) of an arm at q."""
-        wanted, _ = self.wanted()
-        turn = Rotation.from_quat(wanted[3:], scalar_first=True)
-        return pose_error(wanted[:3], turn, *self.kinematics.at(q, self.site)[:2])
+    def error(self, point, turn):
+        """Return the error (2) of an arm whose site is there."""
+        wanted, _, turn_ref = self.wanted()
+        return pose_error(wanted[:3], turn_ref, point, turn)
 
     def wanted(self):
-        """Return pose and twist of the reference at the path time, between its ticks if need be."""
+        """Return pose, twist and rotation matrix of the reference at the path time, between its ticks if need be."""
         i = int(self.path_tick)
         pose, twist, f = self.reference.pose[i], self.reference.twist[i], self.path_tick - i
         if f == 0:
-            return pose, twist
+            return pose, twist, self.turns[i]
         other, quat = self.reference.pose[i + 1], self.reference.pose[i + 1, 3:]
         quat = (1 - f) * pose[3:] + f * (quat if quat @ pose[3:] >= 0 else -quat)
         point = (1 - f) * pose[:3] + f * other[:3]
         twist = (1 - f) * twist + f * self.reference.twist[i + 1]
-        return np.concatenate([point, quat / np.linalg.norm(quat)]), twist
+        turn = Rotation.from_quat(quat, scalar_first=True).as_matrix()
+        return np.concatenate([point, quat / np.linalg.norm(quat)]), twist, turn
 
     def sigma(self, J):
+        """Return the singular values of A, of one Jacobian or of each of several."""
         return np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), compute_uv=False)
 
-    def gains(self, J, G):
+    def gains(self, u, vt, G):
         """Return how much a generalized inverse gives of each direction of A."""
-        u, _, vt = np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), full_matrices=False)
         return np.sum(vt.T * (np.sqrt(self.wq)[:, None] * G / np.sqrt(self.wx) @ u), axis=0)
 
-    def damping(self, J, v, error):
+    def damping(self, J, v, error, sigma):
         """Return λ of the tick (12)."""
         inverse, d = self.scenario.control.inverse, self.scenario.control.inverse.damping
         if inverse.method not in ("damped", "filtered"):
             return 0.0
-        sigma, is_filter = self.sigma(J), inverse.method == "filtered"
+        is_filter = inverse.method == "filtered"
         return damping(
             "smallest_singular_value" if is_filter else d.schedule, d.maximum, d.below, sigma[-1],
             w=np.prod(sigma), w_below=d.manipulability_below,
@@ -298,7 +301,7 @@ class NumpyLoop:
             slope[limited] = (q[limited] - (low + high) / 2) / (high - low) ** 2 / len(q)
             wished = -nullspace.gain * slope / self.wq
         elif nullspace.objective == "manipulability":
-            w = lambda full: np.prod(self.sigma(full[self.rows]))  # noqa: E731
+            w = lambda full: np.prod(self.sigma(full[:, self.rows]), axis=-1)  # noqa: E731
             wished = nullspace.gain * self.kinematics.gradient(w, q, self.site) / self.wq
         elif nullspace.objective == "rates":
             wished = np.array(nullspace.rates)
@@ -380,4 +383,12 @@ class NumpyLoop:
 
 def pose_error(point_ref, turn_ref, point, turn):
     """Return [p_ref − p; log(R_ref Rᵀ)] (2)."""
-    return np.concatenate([point_ref - point, (turn_ref * turn.inv()).as_rotvec()])
+    w, *xyz = quat_of(turn_ref @ turn.T)
+    return np.concatenate([point_ref - point, Rotation.from_quat([*xyz, w]).as_rotvec()])
+
+
+def quat_of(matrix):
+    """Return MuJoCo's quaternion of a rotation matrix; scipy's looks first whether it is one, which takes longer."""
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, matrix.ravel())
+    return quat

@@ -316,7 +316,7 @@ def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
 
     (tmp_path / "long.yaml").write_text(QUICK.replace("name: quick", "name: long"))
     process = subprocess.Popen(
-        [sys.executable, "-m", "rmrc", "run", "long.yaml", "--set", "target.path=[{hold: {for: 3600}}]"],
+        [sys.executable, "-m", "rmrc", "run", "long.yaml", "--set", "target.path=[{hold: {for: 600}}]"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "COLUMNS": "200"},
     )  # fmt: skip
     part = tmp_path / "recordings/long.rrd.part"
@@ -344,7 +344,7 @@ def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
 
     (tmp_path / "long.yaml").write_text(QUICK.replace("name: quick", "name: long"))
     process = subprocess.Popen(
-        [sys.executable, "-m", "rmrc", "compare", "long.yaml", *VARY, "--set", "target.path=[{hold: {for: 900}}]"],
+        [sys.executable, "-m", "rmrc", "compare", "long.yaml", *VARY, "--set", "target.path=[{hold: {for: 300}}]"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     part = tmp_path / "recordings/long.compare.rrd.part"

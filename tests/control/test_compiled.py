@@ -1,12 +1,56 @@
-"""Machine code is found again by types: what numba tells apart is never the same kind."""
+"""Machine code is kept on disk, and found again by types: what numba tells apart is never the same kind."""
 
+import re
 from itertools import combinations
+from pathlib import Path
 
 import numba
 import numpy as np
+import pytest
 
+import rmrc
+from project import ROOT
+from rmrc import plant, tally
+from rmrc.analysis import descent, sheet, survey
+from rmrc.analysis.task import choose
+from rmrc.arm import load
+from rmrc.control import law, smallmat
 from rmrc.control.compiled import _kind
 from rmrc.control.records import tick_type, world_type
+from rmrc.scorecard import scorecard
+
+MOVES = (plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add)
+EXAMINES = (law.resolve, survey.examine, survey.locate, sheet.scan, descent.reach, smallmat.svd)
+
+
+def kept(function):
+    """Return the files of an entry's machine code."""
+    module = function.__module__.rpartition(".")[2]
+    return list(Path(function.stats.cache_path).glob(f"{module}.{function.__name__}-*.nbc"))
+
+
+@pytest.mark.compiles
+def test_what_moves_a_world_is_kept_on_disk(simulate):
+    _, run = simulate("arm.encoder.offset=0.01", "plant.kind=torque", "target.path=[{line: {by: [0.01, 0]}}]")
+    assert scorecard(run)["position_error.end"].value > 0
+    assert [entry for entry in MOVES if not kept(entry)] == []
+
+
+@pytest.mark.compiles
+def test_what_examines_an_arm_is_kept_on_disk():
+    arm = load(ROOT / "models/planar_2link.xml")
+    task = choose(arm)
+    assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
+    assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
+    assert rmrc.solve_ik(task, rmrc.goal_pose(task, [1.0, 1.0])).found
+    assert smallmat.cold_svd(np.diag([2.0, 1.0]))[1].tolist() == [2.0, 1.0]
+    assert [entry for entry in EXAMINES if not kept(entry)] == []
+
+
+def test_every_entry_is_one_of_these():
+    sources = [path.read_text("utf-8") for path in (ROOT / "src/rmrc").rglob("*.py")]
+    entries = [name for text in sources for name in re.findall(r"^@entry\ndef (\w+)", text, re.MULTILINE)]
+    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES))
 
 
 def test_arguments_that_are_of_one_kind_are_of_one_type():
