@@ -89,9 +89,9 @@ def test_a_batch_whose_worlds_have_a_payload_is_not_used_again(scenario, made):
     assert len(made) == 2
 
 
-def test_few_batches_wait(scenario, made):
+def test_batches_of_a_kind_that_is_no_longer_asked_for_make_room(scenario, made):
     batches, known = Batches(), Known()
-    simulations = [Simulation([prepare(scenario(SHORT), known)], batches=batches) for _ in range(20)]
-    for simulation in simulations:
-        simulation.release()
-    assert len(made) == 20 and len(batches._idle) < 20
+    one = prepare(scenario(SHORT), known)
+    for count in range(1, 20):  # worlds
+        Simulation([one] * count, batches=batches).release()
+    assert len(made) == 19 and len(batches._idle) == 1

@@ -14,9 +14,6 @@ from mujoco.batch import Batch
 from rmrc.arm import Change, Wiring
 from rmrc.arm.changes import NEED_CONSTANTS, changed_fields
 
-# Batches without work that are kept, of 10 MB each.
-_IDLE = 8
-
 _Kind = tuple[mujoco.MjModel, int, frozenset[str]]
 
 
@@ -49,7 +46,7 @@ class Batches:
                 different[name] = values
         kind = model, len(changes), frozenset(different)
         behind = [w for w, fields in enumerate(worlds) if not NEED_CONSTANTS.isdisjoint(fields)]
-        batch = None if behind else self._waiting(kind)
+        batch = self._waiting(kind) if not behind else None
         if batch is None:
             batch = Batch(model, len(changes), 1, persistent=True)
         else:
@@ -63,14 +60,16 @@ class Batches:
         return batch
 
     def _waiting(self, kind: _Kind) -> Batch | None:
+        """Return a batch of a kind; where none waits, the one that waits longest makes room for another."""
         with self._lock:
             for i, batch in enumerate(self._idle):
                 if self._kinds[batch] == kind:
                     return self._idle.pop(i)
+            del self._idle[:1]
         return None
 
     def give_back(self, batch: Batch) -> None:
         """Keep a batch for other worlds; its own have ended, and nothing of it is read any more."""
         if batch in self._kinds:
             with self._lock:
-                self._idle = [*self._idle, batch][-_IDLE:]
+                self._idle.append(batch)

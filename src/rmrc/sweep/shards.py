@@ -1,9 +1,7 @@
 """Some runs of a plan -> their rows: prepared, stepped as one batch on one thread, scored."""
 
-import ctypes
 import hashlib
 import json
-import sys
 import threading
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
@@ -33,9 +31,6 @@ _KEPT = 1000
 # What a run depends on, of its scenario.
 _SECTIONS = sorted(Scenario.model_fields.keys() - {"name", "expect", "sweep"})
 _SORTED = json.JSONEncoder(sort_keys=True)
-
-# Of malloc.h.
-_MMAP_THRESHOLD = -3
 
 
 class Checked(NamedTuple):
@@ -80,7 +75,6 @@ class Shards:
             plan: What the runs are.
             carried: What is read instead of the file.
         """
-        give_back_memory()
         self._preparation, self._plan = Preparation(path, overrides, carried), plan
         self._versions = json.dumps(facts.versions())
         self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
@@ -248,15 +242,3 @@ def _as_json(one: Scenario, name: str, model: str = "") -> str:
     """Return a section of a scenario as JSON, with something for the model's file."""
     data: dict[str, Any] = getattr(one, name).model_dump(mode="json")
     return _SORTED.encode(data | {"model": model} if name == "arm" else data)
-
-
-def give_back_memory() -> None:
-    """Have glibc map blocks of 64 KiB and more on their own, which go back to the system once they are free.
-
-    By itself it stops doing so for blocks of sizes that were freed before. Batches, whose blocks have all
-    sizes, then leave holes in the heap of each thread, and more of them with each batch.
-    """
-    if sys.platform == "linux":
-        mallopt = getattr(ctypes.CDLL(None), "mallopt", None)  # other libraries of C have none, and no need
-        if mallopt is not None:
-            mallopt(_MMAP_THRESHOLD, 2**16)
