@@ -10,7 +10,7 @@ import pytest
 
 import rmrc
 from project import ROOT
-from rmrc import plant, tally
+from rmrc import plant, reference, tally
 from rmrc.analysis import descent, sheet, survey
 from rmrc.analysis.task import choose
 from rmrc.arm import load
@@ -19,7 +19,9 @@ from rmrc.control.compiled import _kind
 from rmrc.control.records import tick_type, world_type
 from rmrc.scorecard import scorecard
 
-MOVES = (plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add)
+MOVES = (
+    reference.sample, plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add,
+)  # fmt: skip
 EXAMINES = (law.resolve, survey.examine, survey.locate, sheet.scan, descent.reach, smallmat.svd)
 
 
