@@ -5,7 +5,8 @@
 - scorecards: worlds whose columns are not kept, over those whose are, and over the physics alone, in C.
 - overhead: a whole sweep on one thread over its loop alone: what is not the loop is reading and checking each
   run, its target, its scorecard, its row, and the files.
-- threads: a whole sweep on one thread over the same one on two.
+- threads: a whole sweep on one thread over the same one on two, and over its halves in two processes that share
+  nothing, which is what the machine's cores give.
 - cluster: a whole sweep on a local cluster of one worker over the same one on two; starting it is left out.
 - plain: what a user would write instead, a Python loop of MuJoCo and numpy on two processes, over a sweep.
 - memory: of a process that makes 100,000 short runs; no ratio.
@@ -140,14 +141,18 @@ def overhead_rows(rounds: int, runs: int = 1000) -> Rows:
 
 
 def thread_rows(rounds: int, runs: int = 1000) -> Rows:
-    """One thread over two, of stepping with scorecards and of whole sweeps."""
+    """One thread over two, of stepping with scorecards and of whole sweeps; and over two processes."""
     prepared = [world("stanford")] * 128
     stepping = ratios(rounds, lambda: streamed(prepared, 1), lambda: streamed(prepared, 2), least=2)
-    with scenario_of("stanford") as path:
+    with scenario_of("stanford") as path, multiprocessing.get_context("spawn").Pool(2) as pool:
+        halves = [(path, runs // 2, DAMPING)] * 2
+        pool.starmap(swept, [(path, 2, DAMPING)] * 2, chunksize=1)  # loads all that is imported
         one, two = (lambda n=n: swept(path, runs, DAMPING, threads=n) for n in (1, 2))
+        apart = lambda: max(pool.starmap(swept, halves, chunksize=1))  # noqa: E731
         return {
             "1 thread / 2 threads, stanford, 128 worlds, streamed": stepping,
-            f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two, least=1),
+            f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two, least=2),
+            f"1 thread / 2 processes, stanford, {runs} runs": ratios(rounds, one, apart, least=2),
         }
 
 

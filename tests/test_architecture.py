@@ -29,7 +29,7 @@ LAYERS = (
     ("rmrc.scenario", "rmrc.reference"),
     ("rmrc.control", "rmrc.textbook"),
     ("rmrc.spatial",),
-    ("rmrc.errors", "rmrc.files"),
+    ("rmrc.errors", "rmrc.files", "rmrc.threads"),
     ("rmrc",),
 )
 

@@ -7,7 +7,6 @@ a run do not depend on the worlds and threads beside it.
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -21,6 +20,7 @@ from rmrc.preparation import Prepared, world_records
 from rmrc.run import COLUMNS, Divergence, Run
 from rmrc.scorecard import Scorecard, figures, tallies_of
 from rmrc.tally import adder
+from rmrc.threads import side_by_side
 
 # Ticks between two looks at the clock, the keyboard and the recording: a second at 1 kHz. Large enough that a
 # block costs little, small enough that a killed process loses little.
@@ -192,7 +192,7 @@ class Simulation:
         if len(self._shards) == 1:  # in the caller's thread, where Ctrl-C arrives
             work(self._shards[0])
         else:
-            with ThreadPoolExecutor(self._threads) as pool:
+            with side_by_side(self._threads) as pool:
                 try:
                     for result in [pool.submit(work, shard) for shard in self._shards]:
                         result.result()

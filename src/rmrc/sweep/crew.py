@@ -1,6 +1,5 @@
 """Who works on the pieces of a sweep: threads of this process here, or a cluster in `rmrc.sweep.cluster`."""
 
-import sys
 import threading
 from collections.abc import Generator, Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
@@ -9,13 +8,10 @@ from itertools import islice
 from typing import Any, Literal, Protocol
 
 from rmrc.sweep.shards import Shards
+from rmrc.threads import side_by_side
 
 # A method of `Shards`: indices, what it shares with other pieces, an event that ends it -> what came out.
 Work = Literal["check", "run"]
-
-# A thread that steps comes back to the interpreter thousands of times a second, for microseconds each: by
-# itself it would wait for 5 ms for one that prepares runs.
-_SWITCH = 5e-5
 
 # How often one looks up from waiting, in seconds.
 _LOOK = 0.2
@@ -92,15 +88,8 @@ def threads(count: int, shards: Shards) -> Iterator[Crew]:
         count: How many.
         shards: What does the work.
     """
-    pool, before = ThreadPoolExecutor(count), sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCH)
-    try:
+    with side_by_side(count) as pool:
         yield Threads(pool, count, shards)
-    finally:
-        try:
-            pool.shutdown(cancel_futures=True)
-        finally:  # a second Ctrl-C comes while we wait
-            sys.setswitchinterval(before)
 
 
 def done(

@@ -3,7 +3,6 @@
 import math
 import threading
 from collections.abc import Callable, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -16,6 +15,7 @@ from rmrc.run import Divergence
 from rmrc.scenario import inline
 from rmrc.scorecard import Scorecard
 from rmrc.simulation import Simulation
+from rmrc.threads import side_by_side
 from rmrc.tuning.copies import Copy
 from rmrc.tuning.front import Point
 from rmrc.tuning.space import Setting
@@ -177,7 +177,7 @@ class Trials:
         most = max(1, _TICKS // self._ticks)
         size = max(1, min(most, -(-len(jobs) // (_PARTS * self._threads))))
         batches = [jobs[first : first + size] for first in range(0, len(jobs), size)]
-        with ThreadPoolExecutor(self._threads) as pool:
+        with side_by_side(self._threads) as pool:
             return [one for batch in pool.map(self._batch, batches) for one in batch]
 
     def _batch(self, jobs: Sequence[tuple[Setting, int]]) -> Sequence[Outcome | None]:
