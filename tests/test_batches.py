@@ -1,9 +1,13 @@
 """MuJoCo's batches that are used again: worlds have the bits of a fresh batch, whatever was in it before."""
 
+import numpy as np
 import pytest
+from mujoco.batch import MODEL_FIELDS
 from numpy.testing import assert_array_equal
 
+from project import ROOT
 from rmrc import batches as module
+from rmrc.arm import Change, load
 from rmrc.batches import Batches
 from rmrc.preparation import Known, prepare
 from rmrc.run import COLUMNS
@@ -78,15 +82,58 @@ def test_a_batch_that_is_not_reset_is_caught(worlds, monkeypatch):
         assert_same_bits(run_after(before, after), fresh)
 
 
-def test_a_batch_whose_worlds_have_a_payload_is_not_used_again(scenario, made):
-    known = Known()
-    loaded, light = (
-        [prepare(scenario(SHORT, f"plant.payload={mass}"), known)] for mass in (2.0, 1.0)
-    )  # what follows from a mass stays in the batch
-    fresh = Simulation(light).run()
-    made.clear()
-    assert_same_bits(run_after(loaded, light), fresh)
-    assert len(made) == 2
+CHANGES = {
+    "payload": ([Change(payload=2.0), Change(payload=1.0)], [Change(payload=0.5), Change(payload=3.0)]),
+    "stretch": (
+        [Change(stretch={"link_1": f}) for f in (2.0, 3.0)],
+        [Change(stretch={"link_1": 0.5}), Change()],
+    ),
+}
+
+
+@pytest.fixture
+def models():
+    """Return a function: changes before and after -> models of worlds used again, and of fresh ones."""
+    arm = load(ROOT / "models/planar_2link.xml")
+    model = arm.adapted("servo", np.ones(2), 0.001, gravity_compensation=False, loaded=True)
+    wiring = arm.wire(model)
+
+    def both(before, after):
+        batches = Batches()
+        batches.give_back(batches.take(model, wiring, before))
+        worlds = [each.take(model, wiring, after) for each in (batches, Batches())]
+        return [[batch.get_model(w) for w in range(len(after))] for batch in worlds]
+
+    return both
+
+
+def assert_same_models(found, wanted):
+    for one, want in zip(found, wanted, strict=True):
+        for name in MODEL_FIELDS:
+            group, _, field = name.rpartition(".")
+            assert_array_equal(*(getattr(x.opt if group else x, field) for x in (one, want)))
+
+
+@pytest.mark.parametrize("kind", CHANGES)
+def test_what_follows_from_masses_and_lengths_is_that_of_the_new_worlds(models, made, kind):
+    used, fresh = models(*CHANGES[kind])
+    assert_same_models(used, fresh)
+    assert len(made) == 2  # one for each `Batches`
+
+
+@pytest.mark.parametrize("kind", CHANGES)
+def test_constants_that_are_not_computed_anew_are_caught(models, monkeypatch, kind):
+    _, fresh = models(*CHANGES[kind])
+    monkeypatch.setattr(module.Batch, "set_const", lambda *_: None)
+    used, _ = models(*CHANGES[kind])
+    with pytest.raises(AssertionError):
+        assert_same_models(used, fresh)
+
+
+def test_a_world_that_is_like_its_model_keeps_the_constants_of_its_model(models):
+    # it stands beside one that is stretched, for which all are computed anew
+    (_, plain), _ = models(*CHANGES["stretch"])
+    assert_same_models([plain], models([Change()] * 2, [Change()] * 2)[1][1:])
 
 
 def test_batches_of_a_kind_that_is_no_longer_asked_for_make_room(scenario, made):

@@ -45,18 +45,16 @@ class Batches:
             if (values != own).any():
                 different[name] = values
         kind = model, len(changes), frozenset(different)
-        behind = [w for w, fields in enumerate(worlds) if not NEED_CONSTANTS.isdisjoint(fields)]
-        batch = self._waiting(kind) if not behind else None
+        batch = self._waiting(kind)
         if batch is None:
             batch = Batch(model, len(changes), 1, persistent=True)
+            self._kinds[batch] = kind
         else:
             batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
         for name, values in different.items():
             batch.expand(name)[:] = values
-        if behind:  # what follows from their numbers stays with the batch, so that no other worlds can use it
-            batch.set_const(behind)
-        else:
-            self._kinds[batch] = kind
+        if not NEED_CONSTANTS.isdisjoint(different):
+            batch.set_const()
         return batch
 
     def _waiting(self, kind: _Kind) -> Batch | None:
@@ -70,6 +68,5 @@ class Batches:
 
     def give_back(self, batch: Batch) -> None:
         """Keep a batch for other worlds; its own have ended, and nothing of it is read any more."""
-        if batch in self._kinds:
-            with self._lock:
-                self._idle.append(batch)
+        with self._lock:
+            self._idle.append(batch)
