@@ -7,9 +7,8 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadGroupScheduling
 
-from project import ROOT
+from project import ROOT, told
 from rmrc import cli
-from rmrc.cli.console import COMPILING
 from rmrc.preparation import prepare
 from rmrc.scenario import loads
 from rmrc.simulation import Simulation
@@ -85,7 +84,6 @@ def rmrc(tmp_path, monkeypatch, capfd):
         with pytest.raises(SystemExit) as caught:
             cli.main()
         out, err = capfd.readouterr()
-        # said by the first run ever only, which may be any of these
-        return caught.value.code, out, err.replace(f"rmrc: {COMPILING}\n", "")
+        return caught.value.code, out, told(err)
 
     return call

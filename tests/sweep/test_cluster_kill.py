@@ -12,8 +12,7 @@ import psutil
 import pyarrow.dataset as ds
 import pytest
 
-from project import ROOT
-from rmrc.cli.console import COMPILING
+from project import ROOT, told
 from rmrc.sweep.sweep import Sweep
 
 pytestmark = [
@@ -61,8 +60,7 @@ def wait_for(process, folder, parts):
 def ended(process, timeout=60):
     """Return (exit code, stdout, stderr) once a verb has ended."""
     out, err = process.communicate(timeout=timeout)
-    # said by the first run ever, and where the machine is so busy that loading takes as long
-    return process.returncode, out, err.replace(f"rmrc: {COMPILING}\n", "")
+    return process.returncode, out, told(err)
 
 
 def left_behind(path):
