@@ -1,5 +1,6 @@
 """MuJoCo's batches that are used again: worlds have the bits of a fresh batch, whatever was in it before."""
 
+import mujoco
 import numpy as np
 import pytest
 from mujoco.batch import MODEL_FIELDS
@@ -8,6 +9,7 @@ from numpy.testing import assert_array_equal
 from project import ROOT
 from rmrc import batches as module
 from rmrc.arm import Change, load
+from rmrc.arm.changes import NEED_CONSTANTS, changed_fields
 from rmrc.batches import Batches
 from rmrc.preparation import Known, prepare
 from rmrc.run import COLUMNS
@@ -92,11 +94,21 @@ CHANGES = {
 
 
 @pytest.fixture
-def models():
-    """Return a function: changes before and after -> models of worlds used again, and of fresh ones."""
+def two_links():
+    """Return a function: whether a payload has a body -> a model of two links, and the arm's wiring in it."""
     arm = load(ROOT / "models/planar_2link.xml")
-    model = arm.adapted("servo", np.ones(2), 0.001, gravity_compensation=False, loaded=True)
-    wiring = arm.wire(model)
+
+    def adapted(*, loaded):
+        model = arm.adapted("servo", np.ones(2), 0.001, gravity_compensation=False, loaded=loaded)
+        return model, arm.wire(model)
+
+    return adapted
+
+
+@pytest.fixture
+def models(two_links):
+    """Return a function: changes before and after -> models of worlds used again, and of fresh ones."""
+    model, wiring = two_links(loaded=True)
 
     def both(before, after):
         batches = Batches()
@@ -134,6 +146,31 @@ def test_a_world_that_is_like_its_model_keeps_the_constants_of_its_model(models)
     # it stands beside one that is stretched, for which all are computed anew
     (_, plain), _ = models(*CHANGES["stretch"])
     assert_same_models([plain], models([Change()] * 2, [Change()] * 2)[1][1:])
+
+
+def test_a_last_link_that_is_stretched_has_constants_of_its_own_whoever_stands_beside_it(two_links):
+    # without a payload's body there is none whose place is on it, so that no `body_pos` changes
+    model, wiring = two_links(loaded=False)
+    large, beside = Change(stretch={"link_2": 2.0}), Change(stretch={"link_1": 2.0})
+    alone, together = (Batches().take(model, wiring, some) for some in ([large], [large, beside]))
+    assert_same_models([alone.get_model(0)], [together.get_model(0)])
+    assert not np.allclose(alone.get_model(0).dof_invweight0, model.dof_invweight0)
+
+
+def test_constants_are_computed_anew_after_every_change_that_mujoco_reads_them_from(two_links):
+    model, wiring = two_links(loaded=True)
+    some = Change(np.ones(2), (0.0, 0.0, 1.0), payload=1.0, stretch={"link_1": 2.0})
+    read = set(mujoco.MjModel._setconst_inputs)
+    assert changed_fields(model, wiring, some).keys() & read == NEED_CONSTANTS
+
+
+def test_a_simulation_that_is_released_twice_lends_its_batch_to_one_other_alone(scenario, made):
+    batches, one = Batches(), prepare(scenario(SHORT))
+    simulation = Simulation([one], batches=batches)
+    simulation.release()
+    simulation.release()
+    others = [Simulation([one], batches=batches) for _ in range(2)]  # kept, both at work
+    assert len(made) == len(others)
 
 
 def test_batches_of_a_kind_that_is_no_longer_asked_for_make_room(scenario, made):

@@ -373,6 +373,7 @@ class PlantBatch:
         self._errors: dict[int, str] = {}
         wiring = arm.wire(model)
         self._batches, self._batch = batches, batches.take(model, wiring, changes)
+        self._lent = [self._batch]
         self._batch.bind("qpos")[:] = qpos
         self._wire(arm, model, wiring, changes)
         # bound before the first forward, so that it fills them
@@ -390,6 +391,7 @@ class PlantBatch:
                 self._known = batches.take(
                     model, wiring, [replace(change, payload=0.0) for change in changes]
                 )
+                self._lent.append(self._known)
             known = self._known or self._batch
             forces = [known.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
             arrays = (worlds, self._batch.state, *forces, _mass_entries(model, wiring))
@@ -503,11 +505,10 @@ class PlantBatch:
             self._errors[int(i)] = self._batch.error(int(i)) or str(error)
 
     def release(self) -> None:
-        """Let others have MuJoCo's part; there is no next tick."""
+        """Let others have MuJoCo's part; there is no next tick. Once is enough."""
         self._longest = self.done
-        for batch in (self._batch, self._known):
-            if batch is not None:
-                self._batches.give_back(batch)
+        while self._lent:
+            self._batches.give_back(self._lent.pop())
 
     def error(self, world: int) -> str:
         """Return what MuJoCo said when it refused to step a world, or nothing."""

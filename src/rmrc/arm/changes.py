@@ -17,8 +17,12 @@ Array = NDArray[np.float64]
 # The body that carries the payload; only a model that was adapted to have one has it.
 PAYLOAD = "rmrc:payload"
 
-# MuJoCo computes what follows from these, such as the mass of a subtree, only when told to.
-NEED_CONSTANTS = frozenset({"body_mass", "body_pos"})
+# MuJoCo computes what follows from these, such as the mass of a subtree, only when told to. Where a
+# body that carries no other is stretched, no `body_pos` changes, but its inertia does.
+NEED_CONSTANTS = frozenset(
+    {"body_mass", "body_pos", "body_ipos", "body_inertia", "jnt_pos", "site_pos", "cam_pos", "light_pos"}
+    | {"geom_pos", "geom_size", "geom_aabb"}
+)
 
 # Equalities that hold points or frames of bodies, which the model keeps as numbers of its own.
 _HOLDS_POINTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
