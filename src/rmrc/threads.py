@@ -2,6 +2,7 @@
 
 import gc
 import sys
+import threading
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
@@ -18,14 +19,37 @@ def side_by_side(count: int) -> Iterator[ThreadPoolExecutor]:
     Args:
         count: How many.
     """
-    pool, before = ThreadPoolExecutor(count), sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCH)
-    gc.freeze()  # what is loaded stays, and to look through it for garbage would stop all threads
+    pool = ThreadPoolExecutor(count)
+    _interpreter.enter()
     try:
         yield pool
     finally:
         try:
             pool.shutdown(cancel_futures=True)
         finally:  # a second Ctrl-C comes while we wait
-            gc.unfreeze()
-            sys.setswitchinterval(before)
+            _interpreter.leave()
+
+
+class _Interpreter:
+    """Its settings, which all pools of a process share: the first changes them, the last puts them back."""
+
+    def __init__(self) -> None:
+        self._pools, self._before, self._lock = 0, 0.0, threading.Lock()
+
+    def enter(self) -> None:
+        with self._lock:
+            self._pools += 1
+            if self._pools == 1:
+                self._before = sys.getswitchinterval()
+                sys.setswitchinterval(_SWITCH)
+                gc.freeze()  # what is loaded stays, and to look through it for garbage would stop all threads
+
+    def leave(self) -> None:
+        with self._lock:
+            self._pools -= 1
+            if self._pools == 0:
+                gc.unfreeze()
+                sys.setswitchinterval(self._before)
+
+
+_interpreter = _Interpreter()
