@@ -21,12 +21,13 @@ POSE, TWIST, ACCELERATION = 7, 13, 19
 
 PIECE = np.dtype(
     [
-        # its ticks, and when it starts
+        # its ticks, [first, last), and when it starts [s]
         ("first", np.int64), ("last", np.int64), ("start", np.float64),
-        # each phase: when it begins, from the start on, and there u, its rate, acceleration and jerk
+        # each phase: when it begins, from the start on [s], and there u and its derivatives [1, ..., 1/s³]
         ("phases", np.float64, (PHASES, 5)),
         # its curve: p(u) = pose + straight·u + (cos θu − 1)·spoke + sin θu·tangent, turned by angle·u about
-        # axis; spoke is from an arc's center to its start, tangent square to it and to the axis of the arc
+        # axis; spoke is from an arc's center to its start, tangent square to it and to the axis of the arc;
+        # in the world [m, rad], θ is the sweep
         ("pose", np.float64, (7,)), ("straight", np.float64, (3,)),
         ("spoke", np.float64, (3,)), ("tangent", np.float64, (3,)), ("sweep", np.float64),
         ("axis", np.float64, (3,)), ("angle", np.float64),

@@ -18,7 +18,7 @@ from rmrc.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
 
-# Models for plants that an arm keeps: as many as scenarios of a sweep ask for at the same time.
+# Models for plants that an arm keeps, those compiled last: few sweeps ask for more by turns.
 _ADAPTED = 8
 
 
