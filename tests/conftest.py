@@ -20,16 +20,20 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("rmrc")
 
+# In the name of each test of clusters.
+CLUSTER = "/test_cluster"
+
 
 def pytest_collection_modifyitems(items):
     """Let two processes compile the two halves of the law, before all other tests, which both would compile else.
 
-    Behind them comes what needs no law, for the process that is done first.
+    Behind them come the tests of clusters, which one process has all of, then what needs no law, for the other.
     """
-    lawless = ("textbook", "scenario")
     items.sort(
         key=lambda item: (
-            0 if item.get_closest_marker("compiles") else 1 + (item.path.parent.name not in lawless)
+            not item.get_closest_marker("compiles"),
+            CLUSTER not in item.nodeid,
+            item.path.parent.name not in ("textbook", "scenario"),
         )
     )
 
@@ -41,7 +45,7 @@ class OneCluster(LoadGroupScheduling):
     """
 
     def _split_scope(self, nodeid):
-        return "cluster" if "/test_cluster" in nodeid else super()._split_scope(nodeid)
+        return "cluster" if CLUSTER in nodeid else super()._split_scope(nodeid)
 
 
 def pytest_xdist_make_scheduler(config, log):

@@ -49,6 +49,12 @@ def test_what_examines_an_arm_is_kept_on_disk():
     assert [entry for entry in EXAMINES if not kept(entry)] == []
 
 
+def test_what_compiles_comes_first(request):
+    compiles = [item.get_closest_marker("compiles") is not None for item in request.session.items]
+    assert compiles == sorted(compiles, reverse=True)
+    assert not request.config.option.loadscopereorder  # which puts the group of the tests of clusters first
+
+
 def test_every_entry_is_one_of_these():
     sources = [path.read_text("utf-8") for path in (ROOT / "src/rmrc").rglob("*.py")]
     entries = [name for text in sources for name in re.findall(r"^@entry\ndef (\w+)", text, re.MULTILINE)]

@@ -9,6 +9,7 @@ import time
 
 import dask
 import pytest
+from distributed import Client, LocalCluster
 
 from project import ROOT
 from rmrc import facts
@@ -248,3 +249,38 @@ def test_what_ended_beside_a_piece_that_failed_comes_before_the_failure(path, wo
         assert [next(ended)[1] for _ in range(3)] == [1, 2, 3]
         with pytest.raises(ClusterError, match="could not do runs 0 to 0 "):
             next(ended)
+
+
+def _start_of(indices, **_):
+    return indices.start
+
+
+def test_what_a_worker_took_with_it_is_not_waited_for_and_comes_once(monkeypatch):
+    monkeypatch.setattr(cluster, "_work", _start_of)
+    pieces = [range(i, i + 1) for i in range(3)]
+    with (
+        cluster._silence(),
+        LocalCluster(n_workers=1, processes=False, dashboard_address=":0", silence_logs=50) as here,
+        Client(here, set_as_default=False) as client,
+    ):
+        crew = cluster._Cluster(client, cluster.Address(here.scheduler_address, 0))
+        crew._sent = crew.shared(None)
+        running = dict(zip(crew.submit("check", pieces, None, threading.Event()), pieces, strict=True))
+        while not all(one.done() for one in running):
+            time.sleep(0.01)
+        gather, (worker,) = client.gather, here.workers.values()
+
+        async def after_its_end(some, **options):
+            await worker.close()
+            return await gather(some, **options)
+
+        monkeypatch.setattr(client, "gather", after_its_end)
+        assert list(crew.ended(running)) == []
+        monkeypatch.undo()
+        here.scale(2)  # another beside the one that is gone
+        found = {}
+        while len(found) < len(running):
+            some = dict(crew.ended({one: indices for one, indices in running.items() if one not in found}))
+            assert found.keys().isdisjoint(some)
+            found |= some
+        assert sorted(found.values()) == [0, 1, 2]

@@ -15,13 +15,13 @@ import time
 import warnings
 from collections import OrderedDict
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from concurrent.futures import CancelledError
+from concurrent.futures import CancelledError, wait
 from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
 from importlib import metadata, util
 from multiprocessing import resource_tracker
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 from rmrc import facts
 from rmrc.errors import ClusterError, RmrcError, ScenarioError
@@ -34,6 +34,8 @@ from rmrc.sweep.shards import Checked
 _ANSWER, _WORKERS, _GONE = 10.0, 10.0, 60.0
 # Seconds between two looks at what has ended; a worker has a piece to go on with.
 _MOMENT = 0.02
+# Seconds between two looks at whether results that are fetched are still there.
+_LOOK = 0.2
 # Pieces whose results are fetched at once: tens of megabytes of rows.
 _AT_ONCE = 100
 # Parcels that a worker keeps, with their models: of this sweep and of the one before.
@@ -217,10 +219,28 @@ class _Cluster:
         for first in range(0, len(ended), _AT_ONCE):
             some = ended[first : first + _AT_ONCE]
             try:
-                found = self._client.gather(some)
+                found = self._gathered(some)
             except (Exception, asyncio.CancelledError):  # each by itself knows what it was about
                 found = (self._result(one, running[one]) for one in some)
+            if found is None:
+                return
             yield from zip(some, found, strict=True)
+
+    def _gathered(self, some: Sequence[Any]) -> Iterable[Any] | None:
+        """Return what came out of pieces that ended, or None if a worker went and took some of it with it.
+
+        Dask itself would wait here until others have done that again, and there may be none.
+        """
+
+        async def gather() -> Any:
+            return await self._client.gather(some, asynchronous=True)
+
+        fetched = asyncio.run_coroutine_threadsafe(gather(), self._client.loop.asyncio_loop)
+        while not wait([fetched], _LOOK).done:
+            if not all(one.done() for one in some):
+                fetched.cancel()
+                return None
+        return cast(Iterable[Any], fetched.result())
 
     def _result(self, future: Any, indices: range) -> Any:
         from distributed import KilledWorker
