@@ -5,8 +5,8 @@
 - scorecards: worlds whose columns are not kept, over those whose are, and over the physics alone, in C.
 - overhead: a whole sweep on one thread over its loop alone: what is not the loop is reading and checking each
   run, its target, its scorecard, its row, and the files.
-- threads: a whole sweep on one thread over the same one on two, and over its halves in two processes, which
-  tells what the cores of the machine give.
+- threads: a whole sweep on one thread over the same one on two, and over half as many runs in each of two
+  processes, which tells what the cores of the machine give.
 - cluster: a whole sweep on a local cluster of one worker over the same one on two; starting it is left out.
 - plain: what a user would write instead, a Python loop of MuJoCo and numpy on two processes, over a sweep.
 - memory: of a process that makes 100,000 short runs; no ratio.
@@ -152,7 +152,7 @@ def thread_rows(rounds: int, runs: int = 1000) -> Rows:
         return {
             "1 thread / 2 threads, stanford, 128 worlds, streamed": stepping,
             f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two, least=1),
-            f"1 thread / 2 processes, stanford, {runs} runs": ratios(rounds, one, apart, least=1),
+            f"1 thread / 2 processes of half the runs, stanford": ratios(rounds, one, apart, least=1),
         }
 
 
