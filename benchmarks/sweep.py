@@ -152,7 +152,7 @@ def thread_rows(rounds: int, runs: int = 1000) -> Rows:
         return {
             "1 thread / 2 threads, stanford, 128 worlds, streamed": stepping,
             f"1 thread / 2 threads, stanford, {runs} runs": ratios(rounds, one, two, least=1),
-            f"1 thread / 2 processes of half the runs, stanford": ratios(rounds, one, apart, least=1),
+            "1 thread / 2 processes of half the runs, stanford": ratios(rounds, one, apart, least=1),
         }
 
 
