@@ -1,6 +1,6 @@
 """MuJoCo's batches: worlds that share a model but for some numbers, and that are used again.
 
-To make and to free a batch takes as long as some hundred of its ticks.
+To make one takes memory for each of its worlds, which every batch of a sweep would ask for and give back.
 """
 
 import threading

@@ -16,7 +16,7 @@ from rmrc.control.compiled import Array, Record, compiled, entry, machine_code
 # Ruckig's seven phases, and rest behind them.
 PHASES = 8
 
-# Columns of a sample: pose, twist, and acceleration where it is asked for.
+# Where the columns of a sample end: of the pose, the twist, and the acceleration where that is asked for.
 POSE, TWIST, ACCELERATION = 7, 13, 19
 
 PIECE = np.dtype(

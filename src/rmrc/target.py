@@ -60,7 +60,7 @@ def make_reference(
     period: float,
     offset: Sequence[float] = (),
 ) -> Reference:
-    """Time a path and sample it at every control tick.
+    """Time a path, to be sampled at every control tick.
 
     Args:
         segments: The path, `scenario.target.path`; each piece starts where the one before ends.
