@@ -16,6 +16,9 @@ import time
 from collections.abc import Mapping
 from pathlib import Path
 
+import pyarrow as pa
+import pyarrow.parquet as pq
+
 from rmrc.sweep import cluster
 from rmrc.sweep.crew import done
 from rmrc.sweep.parcel import pack
@@ -57,8 +60,14 @@ def of_files(rows: int = 100_000) -> dict[str, float]:
         contents = sweep.check()._replace(batch=44)
         data = sweep._shards.run(range(44), contents.columns, threading.Event())
         many = contents._replace(runs=44 * (rows // 44))
+        rows = pq.read_table(pa.BufferReader(data))
         for part in range(many.parts):
-            sweep.dataset.keep(part, data)
+            index = pa.array(many.indices(part), pa.int64())
+            stream = pa.BufferOutputStream()
+            pq.write_table(
+                rows.set_column(0, "index", index), stream, use_dictionary=False, write_statistics=False
+            )
+            sweep.dataset.keep(part, bytes(stream.getvalue()), many)
         started = time.perf_counter()
         sweep.dataset.merge(many)
         return {

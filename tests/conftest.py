@@ -1,5 +1,6 @@
 """What the tests share: scenarios in a line, the runs that they give, and the command line."""
 
+import os
 import signal
 import sys
 
@@ -7,7 +8,8 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadGroupScheduling
 
-from project import ROOT, told
+import project
+from project import ROOT
 from rmrc import cli
 from rmrc.preparation import prepare
 from rmrc.scenario import loads
@@ -16,12 +18,15 @@ from rmrc.simulation import Simulation
 # A shell starts what runs in the background deaf to Ctrl-C, and the processes that tests start would be so too.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 
+# How wide the terminal of the tests is must not decide what they see; xdist tells it to its processes.
+os.environ.pop("COLUMNS", None)
+
 # Compiling on the first example, and two busy cores, must not count as a slow test.
 settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
 settings.load_profile("rmrc")
 
-# In the name of each test of clusters.
-CLUSTER = "/test_cluster"
+# In the name of each test of clusters, and of each with a browser.
+CLUSTER, BROWSER = "/test_cluster", "/test_browser"
 
 
 def pytest_collection_modifyitems(items):
@@ -39,13 +44,14 @@ def pytest_collection_modifyitems(items):
 
 
 class OneCluster(LoadGroupScheduling):
-    """Gives all tests of clusters to one process, which starts one for them.
+    """Gives all tests of clusters to one process, which starts one for them, and so those with a browser.
 
     As their mark `xdist_group` asks for; but xdist 3.8 writes it where pytest 9.2 does not look.
     """
 
     def _split_scope(self, nodeid):
-        return "cluster" if CLUSTER in nodeid else super()._split_scope(nodeid)
+        groups = [group for group in (CLUSTER, BROWSER) if group in nodeid]
+        return groups[0] if groups else super()._split_scope(nodeid)
 
 
 def pytest_xdist_make_scheduler(config, log):
@@ -88,6 +94,6 @@ def rmrc(tmp_path, monkeypatch, capfd):
         with pytest.raises(SystemExit) as caught:
             cli.main()
         out, err = capfd.readouterr()
-        return caught.value.code, out, told(err)
+        return caught.value.code, out, project.told(err)
 
     return call

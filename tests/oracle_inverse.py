@@ -66,7 +66,7 @@ def generalized_inverse(
 ):  # fmt: skip
     """Return the matrix that makes weighted rates of one task's twist v (some depend on v), without an SVD if possible."""
     m, n = J.shape
-    if method == "inverse":
+    if method == "inverse" and J.any(axis=0).all():  # no joint is held
         return np.linalg.inv(J)
     A, t = scaled_jacobian(J, wx, wq), np.sqrt(wx) * v
     if method == "damped" and lam > 1e-3 * np.linalg.norm(A, 2):

@@ -44,14 +44,47 @@ def bounds(q, last, rate, acceleration, deceleration, position, period):
     return rest_lo, rest_up, np.clip(rest_lo, *reach), np.clip(rest_up, *reach)
 
 
-def scaled(rates, last, change, rest_lo, rest_up, lower, upper):
-    """Return rates that keep their direction, as do their changes, as far as the bounds let them (23)."""
-    moving = rates != 0
-    room = np.where(rates > 0, rest_up, rest_lo)
-    rates = rates * np.min(room[moving] / rates[moving], initial=1.0)
+def slowed_change(rates, last, change, lower, upper):
+    """Return rates whose change is scaled until no joint exceeds its acceleration, then each within its bounds."""
     step = rates - last
     rates = last + step * np.min(change[step != 0] / np.abs(step[step != 0]), initial=1.0)
     return np.clip(rates, lower, upper)
+
+
+def held_at_stops(start, drift, lower, upper, resolve, pull):
+    """Return rates within bounds, where joints at their bounds hold and the others do what they can: (23), at stops.
+
+    Args:
+        start: Rates, some of which may be out of bounds.
+        drift: Rates that the task does not feel, and that are wished for.
+        lower: Bounds of the rates.
+        upper: The same.
+        resolve: Function: held or not, rates of the held, share of its wish that is left to each -> rates, λ.
+        pull: Function: rates, λ -> how the residual draws each joint.
+    """
+    n = len(start)
+    x, side, fade, freed = np.clip(start, lower, upper), np.zeros(n), np.ones(n), np.zeros(n, bool)
+    out = np.abs(start - x) > 1e-12 * np.abs(start)
+    side[out], fade[out] = np.sign(start[out]), np.abs(x[out] / start[out])
+    for _ in range(3 * n + 1):
+        goal, lam = resolve(side != 0, np.where(side != 0, x, drift), fade)
+        goal = np.where(side != 0, x, goal)
+        bound = np.clip(goal, lower, upper)
+        out = np.abs(goal - bound) > 1e-12 * np.abs(goal)
+        if out.any():
+            part = np.full(n, np.inf)
+            part[out] = np.clip((bound - x)[out] / (goal - x)[out], 0.0, 1.0)
+            j = np.lexsort((-np.abs(goal - bound), part))[0]
+            x = x + part[j] * (goal - x)
+            x[j], side[j], fade[j] = bound[j], np.sign(goal[j] - bound[j]), min(1.0, abs(bound[j] / goal[j]))
+            continue
+        x = goal
+        inwards = np.where((side != 0) & ~freed, -side * pull(x, lam), 0.0)
+        j = np.argmax(inwards)
+        if inwards[j] <= 1e-12 * np.abs(pull(0.0 * x, lam)).max():
+            break
+        side[j], fade[j], freed[j] = 0.0, 1.0, True
+    return x
 
 
 def bounding(a, b, lower, upper, free):
@@ -69,7 +102,9 @@ def bounding(a, b, lower, upper, free):
 
 
 def redistributed(J, v, drift, lower, upper, scaled_jacobian, invert):
-    """Return rates where the free joints take over what the saturated ones cannot do (24), or None.
+    """Return rates where the free joints take over what the saturated ones cannot do (24), and their share of the task.
+
+    Without a share that fits: None and -1.
 
     Args:
         J: Jacobian of the task.
@@ -87,15 +122,15 @@ def redistributed(J, v, drift, lower, upper, scaled_jacobian, invert):
     while True:
         J_free = np.where(free, J, 0.0)
         if np.linalg.svd(scaled_jacobian(J_free), compute_uv=False)[-1] <= lost:
-            return rates
+            return rates, best
         G = invert(J_free)
         a, b = np.where(free, G @ v, 0.0), np.where(free, drift - G @ (J @ drift), drift)
         if np.all((lower <= a + b) & (a + b <= upper)):
-            return a + b
+            return a + b, 1.0
         first, last, j, bound = bounding(a, b, lower, upper, free)
         s = min(1.0, last)
         if s >= max(0.0, first) and s > best:
             best, rates = s, s * a + b
         drift[j], free[j] = bound, False
         if free.sum() < m:
-            return rates
+            return rates, best

@@ -21,7 +21,7 @@ from oracle_inverse import (
     scaling,
     second_inverse,
 )
-from oracle_limits import bounds, fastest_pace, next_pace, redistributed, scaled
+from oracle_limits import bounds, fastest_pace, held_at_stops, next_pace, redistributed, slowed_change
 from rmrc.control.choices import Status
 
 __all__ = [
@@ -129,7 +129,7 @@ class NumpyLoop:
             self.start_second(control.nullspace.secondary)
         self.last = np.zeros(n)
         self.path_tick, self.pace, self.share = 0.0, 1.0, 1.0
-        self.fastest, self.falling, self.advance, self.waited = None, 0.0, 0.0, 0.0
+        self.fastest, self.falling, self.advance, self.waited, self.still = None, 0.0, 0.0, 0.0, 0.0
 
     def start_second(self, second):
         """Find the second task's site and the pose that it shall have."""
@@ -221,6 +221,7 @@ class NumpyLoop:
         status = Status.SLOWED * (self.pace < 1) | Status.STOPPED * (self.share < 1)
         status |= Status.SINGULAR * bool(sigma[-1] <= sigma[0] / 100)
         cmd, limited = self.limit(q, J, v, lam, drift, rates)
+        status |= Status.STUCK * self.stands(self.pace * twist_ref[self.rows], v, J @ cmd)
         if control.inverse.method != "transpose":  # at rest its α is rounding over rounding
             row["gain"] = self.gains(u, vt, G)
         return row | {
@@ -353,6 +354,16 @@ class NumpyLoop:
         step = stop.change * self.scenario.control.period
         self.share = max(0.0, self.share - step) if near else min(1.0, self.share + step)
 
+    def stands(self, wanted, asked, done):
+        """Return whether the site has stood still for more than 0.2 s while its reference moved."""
+        wanted, asked, done = (np.linalg.norm(np.sqrt(self.wx) * x) for x in (wanted, asked, done))
+        wished = wanted if wanted > 1e-3 else asked
+        if self.share < 1 or wished <= 1e-3 or done > max(0.02 * wished, 1e-4):
+            self.still = 0.0
+        elif wanted > 1e-3:
+            self.still += self.scenario.control.period
+        return self.still > 0.2
+
     def limit(self, q, J, v, lam, drift, rates):
         """Return rates within the limits (21) to (24), and which of the limits can have changed them."""
         limits, period = self.scenario.control.limits, self.scenario.control.period
@@ -364,21 +375,61 @@ class NumpyLoop:
             q, self.last, self.rate, self.acceleration, deceleration, position, period
         )
         redistributes = limits.on_excess == "redistribute"
-        excess = redistributes or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
+        near_stop = bool(np.any(np.minimum(rest_up, -rest_lo) < self.rate))
+        # what a joint at its stop leaves to the others may be too fast for them
+        excess = redistributes or near_stop or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
         limited = Status.RATE_LIMITED * bool(excess and np.isfinite(self.rate).any())
         limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(self.acceleration).any())
-        limited |= Status.POSITION_LIMITED * bool(np.any(np.minimum(rest_up, -rest_lo) < self.rate))
+        limited |= Status.POSITION_LIMITED * near_stop
         if limits.on_excess == "clamp":
             return np.clip(rates, lower, upper), limited
+        share = min(1.0, np.min(self.rate[rates != 0] / np.abs(rates[rates != 0]), initial=1.0))
+        cmd, wish, low, up = share * rates, share * drift, rest_lo, rest_up
         if redistributes:
-            if np.all((lower <= rates) & (rates <= upper)):
-                return rates, limited  # qdot(1), with the gains from before pace and stop changed the command
+            low, up = lower, upper
+            anywhere = np.tile([-np.inf, np.inf], (len(q), 1))
+            wide = bounds(q, self.last, self.rate, self.acceleration, deceleration, anywhere, period)[2:]
             A = lambda J: scaled_jacobian(J, self.wx, self.wq)  # noqa: E731
-            found = redistributed(J, v, drift, lower, upper, A, lambda J: self.inverse(J, v, lam))
-            if found is not None:
-                return found, limited
-        change = self.acceleration * period
-        return scaled(rates, self.last, change, rest_lo, rest_up, lower, upper), limited
+            if np.all((wide[0] <= rates) & (rates <= wide[1])):
+                # qdot(1), with the gains from before pace and stop changed the command
+                cmd, given = rates, 1.0
+            else:
+                cmd, given = redistributed(J, v, drift, *wide, A, lambda J: self.inverse(J, v, lam))
+            if cmd is not None:
+                share, wish = given, drift
+            else:
+                redistributes, cmd, low, up = False, share * rates, rest_lo, rest_up
+        beyond = np.abs(cmd - np.clip(cmd, low, up))
+        if np.any(beyond > 1e-12 * np.abs(cmd)):
+            fast = np.minimum(self.rate, np.max(np.abs(cmd) * np.sqrt(self.wq)) / np.sqrt(self.wq))
+            back = share + (1 - share) * min(1.0, np.max(beyond / fast))
+            if not redistributes:
+                wish = back * drift
+            share = back
+            cmd = self.give_way(J, share * v, lam, wish, cmd, low, up)
+        if redistributes:
+            return np.clip(cmd, lower, upper), limited
+        return slowed_change(cmd, self.last, self.acceleration * period, lower, upper), limited
+
+    def give_way(self, J, v, lam, drift, start, lower, upper):
+        """Return rates within bounds that do what they can of a task."""
+        inverse, (m, n), error = self.scenario.control.inverse, J.shape, np.zeros(6)
+        schedule = inverse.damping.schedule if inverse.method == "damped" else ""
+        known = [lam if inverse.method == "damped" else 0.0]
+
+        def resolve(held, given, fade):
+            if schedule in ("smallest_singular_value", "manipulability") and m <= n - held.sum() < n:
+                known.append(self.damping(J * fade, v, error, self.sigma(J * fade)))
+            J_free, left = np.where(held, 0.0, J), v - J @ given
+            if schedule == "rate_bound":
+                known.append(self.damping(J_free, left, error, self.sigma(J_free)))
+            return given + self.inverse(J_free, left, max(known)) @ left, max(known)
+
+        def pull(rates, lam):
+            S_q = 1 / np.sqrt(self.wq)
+            return S_q * (J.T @ (self.wx * (v - J @ rates))) - lam**2 * (rates - drift) / S_q
+
+        return held_at_stops(start, drift, lower, upper, resolve, pull)
 
 
 def pose_error(point_ref, turn_ref, point, turn):
@@ -392,3 +443,25 @@ def quat_of(matrix):
     quat = np.zeros(4)
     mujoco.mju_mat2Quat(quat, matrix.ravel())
     return quat
+
+
+def error_parts(error, jacobian, rows, weights, length, joint_scale):
+    """Return the parts of an error along the direction that an arm is losing, and across it, six rows each.
+
+    By numpy's decomposition and a least-squares fit, and nothing of the law's records.
+
+    Args:
+        error: Six rows [m, rad].
+        jacobian: (6, n).
+        rows: That count.
+        weights: One a row.
+        length: Characteristic length [m].
+        joint_scale: (n,).
+    """
+    scale = np.diag(np.sqrt(weights) / np.where(np.array(rows) < 3, length, 1.0))
+    u = np.linalg.svd(scale @ jacobian[rows] * joint_scale, full_matrices=False)[0][:, -1:]
+    share = np.linalg.lstsq(u, scale @ error[rows], rcond=None)[0]
+    along, across = np.zeros(6), np.zeros(6)
+    along[rows] = np.linalg.solve(scale, u @ share)
+    across[rows] = error[rows] - along[rows]
+    return along, across

@@ -1,12 +1,14 @@
 """Where the project lies, and what its verbs tell."""
 
+import re
 from pathlib import Path
 
-from rmrc.cli.console import COMPILING
+from rmrc.notices import COMPILING
 
 ROOT = Path(__file__).parent.parent
 
 
 def told(err):
     """Return what a verb said but for what it says while the law is compiled, or loaded by a busy machine."""
-    return err.replace(f"rmrc: {COMPILING}\n", "")
+    start, _, end = COMPILING.partition("{}")
+    return re.sub(rf"^rmrc: {re.escape(start)}.*{re.escape(end)}\n", "", err, flags=re.MULTILINE)

@@ -269,7 +269,7 @@ REFUSED = {
     ),
     "nan": (
         CART.replace('pos="0 0 0.1"', 'pos="0 nan 0.1"'), "hand", None,
-        "{path}: body_pos is not finite everywhere; look for nan or inf in the file",
+        '{path}:2: body "arm": pos must be finite, got "0 nan 0.1"; leave out what has no limit',
     ),
 }  # fmt: skip
 

@@ -234,8 +234,8 @@ def test_meshes_are_drawn_larger(tmp_path):
         ("plant.payload=-1", "--set plant.payload: must be >= 0, got -1"),
         ("plant.payload=.nan", "--set plant.payload: must be finite, got nan"),
         ("plant.gravity=[0, 1]", "--set plant.gravity: must have 3 items, got 2"),
-        ("plant.gravity=down", '--set plant.gravity: must be a list, got "down"'),
-        ("arm.stretch=2", "--set arm.stretch: must be a mapping, got 2"),
+        ("plant.gravity=down", '--set plant.gravity: must be a list, got "down"; write [0, 0, -9.81]'),
+        ("arm.stretch=2", "--set arm.stretch: must be a mapping, got 2; write {BODY: 2}"),
         ("arm.stretch.link_1=0", "--set arm.stretch.link_1: must be > 0, got 0"),
     ],
 )
@@ -251,6 +251,19 @@ def test_a_body_that_is_not_there_is_refused(scenario):
     assert str(caught.value) == (
         f'--set arm.stretch.link1: {ROOT}/models/planar_2link.xml: has no body "link1"; did you mean "link_1"?; '
         "its bodies: base, link_1, link_2"
+    )
+
+
+@pytest.mark.parametrize(
+    ("factor", "shown"), [("1.0e-7", "1e-07"), ("1.0e+7", "1e+07"), ("1.0e+200", "1e+200")]
+)
+def test_a_body_that_is_stretched_beyond_reason_is_refused(scenario, factor, shown):
+    prepare(scenario("arm.stretch.link_1=1.0e+6"))
+    with pytest.raises(ScenarioError) as caught:
+        prepare(scenario(f"arm.stretch.link_1={factor}"))
+    assert str(caught.value) == (
+        f'--set arm.stretch.link_1: {ROOT}/models/planar_2link.xml: the factor of body "link_1" must be '
+        f"between 1e-06 and 1e+06, got {shown}"
     )
 
 

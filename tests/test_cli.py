@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 
 from project import ROOT
+from rmrc.job import Job
 from rmrc.run import COLUMNS, Run
 from rmrc.scenario import InverseSection
 
@@ -193,19 +194,20 @@ def test_a_file_that_will_not_do_is_one_line(rmrc, arguments, message):
 VARY = ("--vary", "control.inverse.method=inverse,damped")
 
 
-def test_compare_leaves_recording_facts_and_pictures_and_prints_a_row_a_variant(rmrc, tmp_path):
+def test_compare_leaves_recording_facts_and_pictures_and_prints_a_row_for_each_variant(rmrc, tmp_path):
     code, out, err = rmrc(
         "compare", "quick.yaml", *VARY, "--set", "control.inverse.damping={maximum: 0.5, below: 2}"
     )
     assert (code, err) == (0, "")
     rows = [line.split() for line in out.splitlines()]
-    names = [cells[0] for cells in rows if cells and cells[-1] in ("met", "1")]
-    assert names == ["inverse", "damped"]
-    assert next(cells for cells in rows if cells[:1] == ["damped"])[-2:] == ["missed", "1"]
+    assert [cells[0] for cells in rows if cells[:1] in (["inverse"], ["damped"])] == ["inverse", "damped"]
+    # What the file expects is for its own method, the default: damped, which the command damps too much.
+    ends = {cells[0]: cells[-2:] for cells in rows if cells}
+    assert (ends["inverse"][-1], ends["damped"]) == ("-", ["missed", "1"])
     files = [f"quick.compare.{kind}" for kind in ("rrd", "json", "png", "svg")]
     assert [cells[1] for cells in rows if cells[:1] == ["wrote"]] == [f"recordings/{name}" for name in files]
     assert sorted(p.name for p in (tmp_path / "recordings").iterdir()) == sorted(files)
-    assert out.splitlines()[-1] == "look at it: python -m rmrc replay recordings/quick.compare.rrd"
+    assert out.splitlines()[-1] == "look at it: rmrc replay recordings/quick.compare.rrd"
 
 
 def test_compare_takes_no_record_and_out_and_quiet(rmrc, tmp_path):
@@ -298,17 +300,31 @@ def test_a_reader_that_has_enough_is_no_error():
     piped = f"{sys.executable} -m rmrc schema --json | head -1; exit ${{PIPESTATUS[0]}}"
     done = subprocess.run(["bash", "-c", piped], capture_output=True, text=True, check=False)
     assert (done.stdout, done.stderr) == ("{\n", "")
-    assert done.returncode in (0, 1)  # 0 where the pipe took all before head had enough
+    assert done.returncode in (0, 141)  # 0 where the pipe took all before head had enough
 
 
 @pytest.mark.long
 def test_the_first_run_ever_says_what_takes_so_long(tmp_path):
     (tmp_path / "quick.yaml").write_text(QUICK)
-    done = subprocess.run(
-        [sys.executable, "-m", "rmrc", "run", "quick.yaml", "-q", "--no-record"],
-        cwd=tmp_path, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, check=True,
-    )  # fmt: skip
-    assert (done.stdout, done.stderr) == ("", COMPILING)
+    for said in (COMPILING, ""):  # the second finds the machine code
+        done = subprocess.run(
+            [sys.executable, "-m", "rmrc", "run", "quick.yaml", "-q", "--no-record"],
+            cwd=tmp_path, env={**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}, capture_output=True, text=True, check=True,
+        )  # fmt: skip
+        assert (done.stdout, done.stderr) == ("", said)
+
+
+def test_what_takes_long_for_another_reason_is_not_called_compiling(rmrc, monkeypatch):
+    rmrc("run", "quick.yaml", "-q", "--no-record")  # compiles, if nobody did
+    simulation = Job.compile
+
+    def slow(job):
+        time.sleep(1.2)  # a notice of old came after one second
+        return simulation(job)
+
+    monkeypatch.setattr(Job, "compile", slow)
+    monkeypatch.setattr("project.told", lambda err: err)
+    assert rmrc("run", "quick.yaml", "-q", "--no-record") == (0, "", "")
 
 
 def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
@@ -320,12 +336,12 @@ def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "COLUMNS": "200"},
     )  # fmt: skip
     part = tmp_path / "recordings/long.rrd.part"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 240
     while not (part.exists() and part.stat().st_size > 200_000):
         assert process.poll() is None and time.monotonic() < deadline, process.communicate()
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=240)
     assert process.returncode == 130, err
     assert "rmrc: interrupted at tick " in err and "Traceback" not in err
     run = Run.read(tmp_path / "recordings/long.npz")
@@ -348,12 +364,12 @@ def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
     part = tmp_path / "recordings/long.compare.rrd.part"
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 240
     while not (part.exists() and part.stat().st_size > 400_000):
         assert process.poll() is None and time.monotonic() < deadline, process.communicate()
         time.sleep(0.05)
     process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=60)
+    _, err = process.communicate(timeout=240)
     assert process.returncode == 130, err
     facts = json.loads((tmp_path / "recordings/long.compare.json").read_text())
     ticks = [one["scorecard"]["ticks"] for one in facts["variants"]]

@@ -57,7 +57,7 @@ def test_results_are_complete_and_in_the_order_of_the_grid(compared):
         f"{method}, {damping}" for method in ("damped", "inverse") for damping in (much, little)
     ]
     assert {one.status for one in results.variants} == {"complete"}
-    assert [one.outcomes[0].ok for one in results.variants] == [False, True, True, True]
+    assert [[outcome.ok for outcome in one.outcomes] for one in results.variants] == [[False], [True], [], []]
     assert (results.name, results.interrupted) == ("other", False)
 
 
@@ -89,7 +89,7 @@ def test_the_facts_are_those_of_each_variant(compared):
         figures = scorecard(one.run)
         assert known["scorecard"]["joint_rate"]["peak"] == np.abs(one.run["qdot"]).max()
         assert known["scorecard"]["return"]["joint_change"] == figures["return.joint_change"].value
-        assert known["expect"][0]["ok"] == one.outcomes[0].ok
+        assert [outcome["ok"] for outcome in known["expect"]] == [outcome.ok for outcome in one.outcomes]
         expected = load(path, [*SET, *one.variant.overrides])
         assert known["scenario"] == expected.model_dump(mode="json")
 
@@ -102,3 +102,66 @@ def test_variants_may_have_different_arms_and_be_of_different_length(tmp_path):
     assert [one.run["q"].shape[1] for one in results.variants] == [2, 2, 3, 3]
     assert len({len(one.run) for one in results.variants}) > 1
     assert [path.suffix for path in results.files] == [".json", ".png", ".svg"]
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """They take longer than the runs."""
+    monkeypatch.setattr(Comparison, "_draw", lambda *_: [])
+
+
+def counted(path, varied, overrides=()):
+    """Return of each variant the names of the expectations that count, and what the others were stated for."""
+    results = Comparison(path, varied, overrides, path.parent, record=False).run()
+    return {
+        one.variant.label: ([outcome.name for outcome in one.outcomes], dict(one.stated_for))
+        for one in results.variants
+    }
+
+
+SHORT = TEXT.replace("{by: [0.05, 0.0]}}, {line: {by: [-0.05, 0.0]}", "{by: [0.01, 0.0]}")
+EXPECTED = ["position_error.max"]
+
+
+@pytest.mark.usefixtures("without_pictures")
+@pytest.mark.parametrize(
+    ("key", "as_written", "others"),
+    [
+        ("control.inverse.method", "damped", "inverse,jparse"),
+        ("control.inverse.damping.schedule", "smallest_singular_value", "constant"),
+        ("control.nullspace.objective", "none", "joint_limits"),
+        ("control.limits.on_excess", "scale", "clamp"),
+        ("control.at_singularity", "damp", "slow"),
+    ],
+)
+def test_what_is_expected_of_one_law_is_not_counted_for_others(tmp_path, key, as_written, others):
+    (tmp_path / "quick.yaml").write_text(SHORT)
+    wanted = {as_written: (EXPECTED, {})} | {one: ([], {key: as_written}) for one in others.split(",")}
+    assert counted(tmp_path / "quick.yaml", [f"{key}={as_written},{others}"]) == wanted
+    facts = json.loads((tmp_path / "quick.compare.json").read_text())["variants"]
+    assert [one["expected_of_others"] for one in facts] == [stated for _, stated in wanted.values()]
+    assert [len(one["expect"]) for one in facts] == [len(names) for names, _ in wanted.values()]
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_numbers_of_the_same_law_are_held_against_what_is_expected_of_it(tmp_path):
+    (tmp_path / "quick.yaml").write_text(SHORT)
+    found = counted(tmp_path / "quick.yaml", ["control.feedback=1,40"])
+    assert found == {"feedback=1": (EXPECTED, {}), "feedback=40": (EXPECTED, {})}
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_expectations_of_a_file_are_for_its_own_law_and_those_of_the_command_for_all(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text(SHORT)
+    other = {"control.inverse.method": "damped"}
+    found = counted(path, ["control.feedback=5,6"], ["control.inverse.method=inverse"])
+    assert list(found.values()) == [([], other)] * 2
+    asked = ["control.inverse.method=inverse", "expect.joint_rate.peak={below: 9}"]
+    found = counted(path, ["control.feedback=5,6"], asked)
+    assert list(found.values()) == [(["joint_rate.peak"], other)] * 2
+    # what a file lacks is given by the command: nothing is left that the file could mean
+    path.write_text(SHORT.replace(f"model: {ROOT}/models/planar_2link.xml, ", ""))
+    model = f"arm.model={ROOT}/models/planar_2link.xml"
+    found = counted(path, ["control.feedback=5,6"], [model, "control.inverse.method=inverse"])
+    assert list(found.values()) == [(EXPECTED, {})] * 2

@@ -119,7 +119,57 @@ def test_ci_fails_if_any_of_its_steps_does(fails, tmp_path):
         assert called[-1] == fails.partition(" ")[0]  # nothing runs after what failed
     else:
         assert ended.returncode == 0, ended.stderr
-        assert called == ["python3", "pip", "python", "ruff", "ruff", "mypy"]
+        browsers = ["chromium", "chromium-browser", "google-chrome"]
+        has_one = any(shutil.which(name, path="/usr/bin:/bin") for name in browsers)
+        assert called == ["python3", "pip", "python", "ruff", "ruff", "mypy", *["python"] * has_one]
+
+
+LONG_STUB = """#!/usr/bin/env bash
+case "$(basename "$0") $*" in
+"python -") printf 'Nehalem X86_V3 X86_V4\\nHaswell X86_V4\\nSkylakeX\\n'; exit ;;
+"python -m pytest -q") echo "${OPENBLAS_CORETYPE-} ${NPY_DISABLE_CPU_FEATURES-} ${NUMBA_CPU_NAME-}" >> log ;;
+esac
+[ "${OPENBLAS_CORETYPE-}${NUMBA_CPU_NAME-}" = "FAILS" ] && exit 1
+[ -d .venv ] && exit
+mkdir -p .venv/bin
+for name in pip python; do cp "$0" .venv/bin/$name; done
+"""
+
+
+@pytest.mark.parametrize("fails", ["Haswell", "generic", None])
+def test_the_long_ci_tests_as_on_each_processor_and_tells_all_that_fail(fails, tmp_path):
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(ROOT / ".ci/run", tmp_path / ".ci/run")
+    stub = tmp_path / "bin/python3"
+    stub.parent.mkdir()
+    stub.write_text(LONG_STUB.replace("FAILS", fails or "never"))
+    stub.chmod(0o755)
+    path = {"PATH": f"{stub.parent}:/usr/bin:/bin"}
+    ended = subprocess.run(
+        [tmp_path / ".ci/run", "long"], env=path, capture_output=True, text=True, check=False
+    )
+    ran = (tmp_path / "log").read_text().splitlines()
+    assert ran == ["Nehalem X86_V3 X86_V4 ", "Haswell X86_V4 ", "SkylakeX  ", "  generic"]
+    assert ended.returncode == (1 if fails else 0)
+    assert ("failed with " in ended.stderr and fails in ended.stderr) if fails else not ended.stderr
+
+
+@pytest.mark.parametrize("has_one", [True, False])
+def test_ci_says_whether_there_is_a_browser(has_one, tmp_path):
+    (tmp_path / ".ci").mkdir()
+    shutil.copy(ROOT / ".ci/run", tmp_path / ".ci/run")
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    for name in ("bash", "env", "dirname", "rm"):
+        (folder / name).symlink_to(shutil.which(name))
+    for name, code in {"python3": 7, **({"chromium": 0} if has_one else {})}.items():
+        (folder / name).write_text(f"#!/usr/bin/env bash\nexit {code}\n")
+        (folder / name).chmod(0o755)
+    command = [tmp_path / ".ci/run"]
+    ended = subprocess.run(command, env={"PATH": str(folder)}, capture_output=True, text=True, check=False)
+    assert ended.returncode == 7  # that of the first thing that it does
+    first = ended.stdout.splitlines()[0]
+    assert f"{folder}/chromium" in first if has_one else "skipped" in first
 
 
 # Keys, links and names ---------------------------------------------------------------------------
@@ -461,3 +511,20 @@ def test_the_search_of_the_readme_ends_as_it_says(rmrc, monkeypatch, tmp_path):
     answer = {shown(line) for line in printed.splitlines()}
     assert [line for line in lines if shown(line) not in answer] == []
     assert (code, complaints) == (0, "") and len(lines) > 20
+
+
+@pytest.mark.long  # 2000 runs, some of which aim beyond reach
+def test_a_search_with_a_larger_offset_ends_as_its_page_says(rmrc, monkeypatch, tmp_path):
+    said = re.search(
+        r"With `--offset ([\d.]+)`, where some copies aim beyond full reach, (\d+) runs recommend constant damping of "
+        r"([\d.]+) and `stop`",
+        QUESTIONS,
+    )
+    assert said
+    offset, runs, damping = said.groups()
+    monkeypatch.chdir(ROOT)
+    asked = ("tune", "scenarios/approach_singularity.yaml", "--offset", offset, "--runs", runs)
+    code, printed, _ = rmrc(*asked, "--out", str(tmp_path))
+    (found,) = re.findall(r"damping: \{schedule: constant, maximum: ([\d.]+)\}", printed)
+    assert code == 0 and agrees(float(found), damping)
+    assert "at_singularity: stop" in printed

@@ -155,10 +155,13 @@ def test_no_position_limit_is_crossed(simulate, arm, on_excess, limits):
     assert np.any(run["status"] & Status.POSITION_LIMITED)
     # Servos follow (26) with a lag of about a timestep, 1 ms. What a joint goes too far is seen, and braked harder, as
     # far as the acceleration limit lets it: some b · 1 ms² remain, and what other joints push. Where the braking is
-    # the acceleration limit there is no harder, and the joint comes a timestep's way too far.
+    # the acceleration limit there is no harder, and the joint comes a timestep's way too far. The others go on while it
+    # stands. Where nothing limits their acceleration, Stanford's shoulder starts with all of its torque and pushes the
+    # boom, whose command stays 0, by 0.14 mm.
     prepared, run = simulate(*chosen, "plant.kind=servo")
     reserve = limits != "{acceleration: 4}"
-    assert outside(prepared, run) <= (1e-4 if reserve else 2e-3 * np.abs(run["qdot"]).max())
+    pushed = 2e-4 if limits == "{}" and arm == "Stanford" and on_excess != "clamp" else 1e-4
+    assert outside(prepared, run) <= (pushed if reserve else 2e-3 * np.abs(run["qdot"]).max())
 
 
 @pytest.mark.parametrize("arm", ARMS)

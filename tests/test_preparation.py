@@ -98,3 +98,95 @@ def test_lists_of_the_new_keys_must_have_a_value_a_joint(scenario):
     assert [line.split(": must have 2 values")[0].removeprefix("--set ") for line in lines] == [
         "control.nullspace: control.nullspace.rates", *keys[1:],
     ]  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("overrides", "refused"),
+    [
+        (("control.period=1.0e+9", "target.path=[{hold: {for: 6.0e+9}}]"), ""),
+        (("control.period=1.0e+9", "target.path=[{hold: {for: 8.0e+9}}]"), "9 control periods of 1e+09 s"),
+        (("control.period=1.0e+300", "target.path=[{hold: {for: 1}}]"), "2 control periods of 1e+300 s"),
+        (
+            ("control.period=1.0e+8", "target.path=[{hold: {for: 6.0e+9}}]", "control.at_singularity=slow", "control.limits.rate=1"),
+            "610 control periods of 1e+08 s",
+        ),
+    ],
+)  # fmt: skip
+def test_a_run_that_recordings_cannot_count_is_refused(scenario, overrides, refused):
+    if not refused:
+        prepared = prepare(scenario("plant.kind=ideal", *overrides))
+        last = np.timedelta64(round(prepared.reference.ticks * prepared.reference.period * 1e9), "ns")
+        assert last / np.timedelta64(1, "s") == 7e9  # seven ticks, and no wrap around
+        return
+    assert refusal(scenario, "plant.kind=ideal", *overrides) == (
+        f"--set target.path: takes up to {refused}, which is more than 9e+09 s; raise target.limits, lower "
+        "control.period or control.slow.longest, or shorten the path"
+    )
+
+
+@pytest.mark.parametrize("key", ["task.length", "task.weights[1]", "control.joint_weights[0]"])
+@pytest.mark.parametrize(
+    ("value", "shown"), [("5.0e-324", "4.94066e-324"), ("1.0e-31", "1e-31"), ("1.0e+300", "1e+300")]
+)
+def test_scales_whose_squares_are_not_finite_are_refused(scenario, key, value, shown):
+    given = {"task.length": "{}", "task.weights[1]": "[1, {}]", "control.joint_weights[0]": "[{}, 1]"}[key]
+    place = key.partition("[")[0]
+    where = f"--set {place}" if key == place else f"--set {place}: {key}"
+    override = f"{place}={given}"
+    assert (
+        refusal(scenario, override.format(value)) == f"{where}: must be between 1e-30 and 1e+30, got {shown}"
+    )
+    for bound in ("1.0e-30", "1.0e+30"):
+        prepared = prepare(scenario(override.format(bound)))
+        scaled = (
+            prepared.row_scale[:, None]
+            * prepared.arm.jacobian([0.3, 0.4])[prepared.rows]
+            * prepared.joint_scale
+        )
+        assert np.isfinite(scaled**2).all()
+        assert prepared.rank in (1, 2)
+
+
+def test_an_ideal_plant_has_any_period(scenario):
+    still = ("plant.kind=ideal", "target.path=[{hold: {for: 1}}]")
+    prepared = prepare(scenario(*still, "control.period=1.0e+8", "plant.timestep=5.0e-324"))
+    assert prepared.substeps == 1
+    assert np.isfinite(prepared.kv).all()
+    assert refusal(scenario, *still, "control.period=1.7976931348623157e+308").endswith(
+        "which is more than 9e+09 s; raise target.limits, lower control.period or control.slow.longest, or shorten the path"
+    )
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_a_step_in_which_nothing_moves_is_refused(scenario, kind):
+    short = (
+        f"plant.kind={kind}",
+        "target.path=[{hold: {for: TIME}}]",
+        "control.period=TIME",
+        "plant.timestep=TIME",
+    )
+    assert prepare(scenario(*(one.replace("TIME", "1.0e-12") for one in short))).substeps == 1
+    assert refusal(scenario, *(one.replace("TIME", "1.0e-310") for one in short)) == (
+        "--set plant.timestep: must be >= 1e-12 s, got 1e-310 s"
+    )
+
+
+def test_more_steps_than_a_number_holds_are_refused(scenario):
+    # The quotient is a whole number below 1.8e308, but not its product with the ticks.
+    steps = ("control.period=1.0e-16", "plant.timestep=1.0e-320", "target.path=[{hold: {for: 1.0e-10}}]")
+    assert refusal(scenario, *steps).startswith(
+        "--set plant.timestep: makes up to inf steps of 9.99989e-321 s"
+    )
+
+
+@pytest.mark.parametrize("name", ["offset", "deviation"])
+@pytest.mark.parametrize(
+    ("value", "is_refused"), [("1.0e+6", False), ("1.7e+308", True), ("[0, 1.1e+6]", True)]
+)
+def test_an_encoder_that_is_off_beyond_sense_is_refused(scenario, name, value, is_refused):
+    # drawn offsets would be infinite
+    override = f"arm.encoder.{name}={value}"
+    if is_refused:
+        assert f"arm.encoder.{name}: must be within ±1e+06 rad or m, got 1." in refusal(scenario, override)
+    else:
+        assert np.isfinite(prepare(scenario(override)).encoder_offset).all()

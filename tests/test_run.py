@@ -26,6 +26,8 @@ def make_run(ticks=4, **given):
         "is_slide": (False, False, True),
         "axes": ("x", "rz"),
         "length": 0.1,
+        "weights": (0.1 + 0.2, 7.0),
+        "torque_limit": (100.0, np.inf, 1e-3 / 3.0),
         "period": 1e-3 / 3.0,  # not a short decimal: every bit must come back
         "columns": columns,
         "planned": ticks,
@@ -33,7 +35,18 @@ def make_run(ticks=4, **given):
     return Run(**(fields | given))
 
 
-FIELDS = ("name", "joints", "is_slide", "axes", "length", "period", "planned", "wall_time")
+FIELDS = (
+    "name",
+    "joints",
+    "is_slide",
+    "axes",
+    "length",
+    "period",
+    "planned",
+    "wall_time",
+    "weights",
+    "torque_limit",
+)
 
 
 @pytest.mark.parametrize("ticks", [0, 1, 50])

@@ -8,11 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
+from oracles import error_parts
+from project import ROOT
 from rmrc.control.choices import Status
 from rmrc.errors import ScenarioError
+from rmrc.preparation import prepare
 from rmrc.run import COLUMNS, Run
-from rmrc.scenario import Check
+from rmrc.scenario import Check, load
 from rmrc.scorecard import Figure, Scorecard, check, figure_names, refused, scorecard
+from rmrc.simulation import Simulation
 
 PLANE = ("x", "y")
 SPACE = ("x", "y", "z", "rx", "ry", "rz")
@@ -104,8 +108,16 @@ def test_an_error_is_absent_when_no_such_axis_is_controlled(axes, absent):
     assert {"position_error", "orientation_error"} - groups == ({absent} if absent else set())
 
 
+SPLIT = (
+    "position_error_along",
+    "position_error_across",
+    "orientation_error_along",
+    "orientation_error_across",
+)
+
+
 def test_error_along_and_across_split_by_the_direction_of_each_tick():
-    # L = 2 m turns 1.5 rad into 3 m. Tick 0 loses rz, tick 1 loses x.
+    # Tick 0 loses rz, tick 1 loses x: each direction is a row, and no length mixes them.
     got = values(
         make_run(
             2,
@@ -115,11 +127,27 @@ def test_error_along_and_across_split_by_the_direction_of_each_tick():
             u_min=[[0, 0, 0, 0, 0, 1], [1, 0, 0, 0, 0, 0]],
         )
     )
-    assert (got["error_along.max"], got["error_along.max_time"]) == (4.0, 0.001)
-    assert got["error_along.end"] == 4.0
-    assert got["error_along.rms"] == math.sqrt((3.0**2 + 4.0**2) / 2.0)
-    assert (got["error_across.max"], got["error_across.max_time"]) == (4.0, 0.0)
-    assert got["error_across.end"] == 3.0
+    assert [got[f"{name}.end"] for name in SPLIT] == [4.0, 0.0, 0.0, 1.5]
+    assert [got[f"{name}.max"] for name in SPLIT] == [4.0, 4.0, 1.5, 1.5]
+    assert [got[f"{name}.max_time"] for name in SPLIT] == [0.001, 0.0, 0.0, 0.001]
+    assert got["position_error_along.rms"] == math.sqrt(4.0**2 / 2.0)
+    assert got["orientation_error_along.rms"] == math.sqrt(1.5**2 / 2.0)
+
+
+def test_error_along_a_slanted_direction_is_that_of_the_scaled_rows_in_meters_and_radians():
+    slanted = {
+        "axes": ("x", "rz"),
+        "length": 2.0,
+        "pose_error": [[4, 0, 0, 0, 0, 1.5]],
+        "u_min": [[0.6, 0, 0, 0, 0, 0.8]],
+    }
+    # Scaled: (4/2, 1.5); along u 0.6 * 2 + 0.8 * 1.5 = 2.4, which is (1.44, 1.92): 2 * 1.44 m and 1.92 rad.
+    got = values(make_run(1, **slanted))
+    # A few roundings of numbers below 10.
+    assert [got[f"{name}.end"] for name in SPLIT] == pytest.approx([2.88, 1.12, 1.92, 0.42], rel=1e-14)
+    # A weight of 4 on x: (2 * 4/2, 1.5); 0.6 * 4 + 0.8 * 1.5 = 3.6, which is (2.16, 2.88), where x is as it was.
+    got = values(make_run(1, **slanted, weights=(4.0, 1.0)))
+    assert [got[f"{name}.end"] for name in SPLIT] == pytest.approx([2.16, 1.84, 2.88, 1.38], rel=1e-14)
 
 
 def unit_vectors(size):
@@ -134,16 +162,78 @@ def unit_vectors(size):
     st.sets(st.sampled_from(range(6)), min_size=1),
     st.floats(0.01, 10.0),
 )
-def test_along_and_across_are_the_sides_of_a_right_triangle_over_the_task_error(error, data, rows, length):
-    rows = sorted(rows)
+def test_parts_are_the_sides_of_a_right_triangle_over_an_error_of_one_kind(error, data, rows, length):
+    # Of rows of one kind the scale is one number: along and across are at right angles unscaled as well.
+    rows = sorted(row for row in rows if (row < 3) == (min(rows) < 3))
+    kind = "position" if rows[0] < 3 else "orientation"
     u = np.zeros(6)
     u[rows] = data.draw(unit_vectors(len(rows)))
     axes = tuple(SPACE[row] for row in rows)
     got = values(make_run(1, axes=axes, length=length, pose_error=[error], u_min=[u]))
-    total = sum((error[row] * (length if row >= 3 else 1.0)) ** 2 for row in rows)
-    # Squares of up to 6 products, each rounded once or twice: some 20 roundings of 1e-16.
-    sides = got["error_along.end"] ** 2 + got["error_across.end"] ** 2
+    total = sum(error[row] ** 2 for row in rows)
+    # Squares of up to 3 products, each rounded a few times: some 20 roundings of 1e-16.
+    sides = got[f"{kind}_error_along.end"] ** 2 + got[f"{kind}_error_across.end"] ** 2
     assert sides == pytest.approx(total, rel=1e-14, abs=1e-26)
+    assert [name in got for name in (f"{one}.end" for one in SPLIT)].count(True) == 2
+
+
+@pytest.mark.parametrize(
+    "task",
+    [
+        "task.length=0.3",
+        "task={axes: [x, y, z, rx, ry, rz], length: 0.25, weights: [1, 2, 0.5, 0.1, 3, 0.7]}",
+        "task={axes: [x, y, z, rx, rz], length: 4.0, weights: [0.2, 1, 5, 2, 0.1]}",  # more joints than rows
+    ],
+)
+def test_error_parts_of_a_run_past_a_wrist_singularity_are_those_that_numpy_finds(task):
+    scenario = load(
+        ROOT / "scenarios/stanford_wrist.yaml",
+        [task, "target.path=[{turn: {axis: z, angle: 45 deg}}]", "control.period=0.004"],
+    )
+    prepared = prepare(scenario)
+    (run,) = Simulation([prepared]).run()
+    arm, rows = prepared.arm, [SPACE.index(axis) for axis in scenario.task.axes]
+    weights = scenario.task.weights or (1.0,) * len(rows)
+    parts = [
+        error_parts(
+            e,
+            arm.jacobian(q),
+            rows,
+            weights,
+            scenario.task.length,
+            np.where(arm.is_slide, scenario.task.length, 1.0),
+        )
+        for e, q in zip(run["pose_error"], run["q"], strict=True)
+    ]
+    along, across = np.array(parts).transpose(1, 0, 2)
+    got = scorecard(run)
+    for name, part in zip(SPLIT, (along[:, :3], across[:, :3], along[:, 3:], across[:, 3:]), strict=True):
+        size = np.linalg.norm(part, axis=1)
+        # u_min is known to rounding over the gap of sigma, 1e-16 / 0.01, of errors up to 0.1.
+        assert got[f"{name}.max"].value == pytest.approx(size.max(), rel=1e-9), name
+        assert got[f"{name}.rms"].value == pytest.approx(math.sqrt(np.mean(size**2)), rel=1e-9), name
+        assert got[f"{name}.end"].value == pytest.approx(size[-1], rel=1e-9, abs=1e-13), name
+        assert got[f"{name}.max"].unit == ("m" if name.startswith("position") else "rad")
+        assert size.max() > 1e-6, "a part of nothing but rounding would show no slip"
+
+
+def test_the_share_of_a_torque_is_the_largest_of_the_joints_that_have_a_limit():
+    tau = [[1, -9, 3], [-2, 3, -40]]
+    joints = ("a", "b", "c")
+    got = values(make_run(2, joints, tau=tau, torque_limit=(4.0, 10.0, math.inf)))
+    assert got["tau.share"] == 0.9
+    got = values(make_run(2, joints, tau=tau, torque_limit=(2.0, 10.0, 100.0)))
+    assert got["tau.share"] == 1.0
+    for none in ((), (math.inf,) * 3):
+        assert math.isnan(values(make_run(2, joints, tau=tau, torque_limit=none))["tau.share"])
+
+
+@pytest.mark.parametrize(("plant", "share"), [("servo", 1.0), ("ideal", math.nan)])
+def test_the_share_of_a_run_that_asks_for_too_much_is_all_and_an_ideal_arm_has_no_torque(plant, share):
+    # blow_up drives the servos against their limits; MuJoCo clamps the force at the limit itself.
+    scenario = load(ROOT / "scenarios/blow_up.yaml", [f"plant.kind={plant}"])
+    (run,) = Simulation([prepare(scenario)]).run()
+    assert scorecard(run)["tau.share"].value == pytest.approx(share, abs=0.0, nan_ok=True)
 
 
 def test_singularity_figures_are_the_extremes_of_their_columns():
@@ -176,6 +266,16 @@ def test_each_status_counts_for_itself_when_several_hold_at_once():
     times = {name: time for name, time in got.items() if name.startswith("status_time.")}
     nonzero = {"OK": 0.25, "DAMPED": 0.5, "STOPPED": 0.25, "SINGULAR": 0.25}
     assert times == {f"status_time.{name}": nonzero.get(name, 0.0) for name in Status.__members__}
+
+
+def test_the_longest_time_stuck_is_one_stretch_and_the_first_of_equals():
+    there = Status.STUCK | Status.DAMPED
+    got = values(make_run(10, period=0.5, status=[there, 0, there, there, 1, there, there, 0, 0, there]))
+    assert (got["stuck.longest"], got["stuck.longest_time"]) == (1.0, 1.0)
+    assert (got["stuck.share"], got["status_time.STUCK"]) == (0.6, 3.0)
+    never = values(make_run(2))
+    assert (never["stuck.longest"], never["stuck.share"]) == (0.0, 0.0)
+    assert math.isnan(never["stuck.longest_time"])
 
 
 def test_effort_of_a_run_that_was_cut_short():
@@ -272,7 +372,8 @@ def test_figures_of_a_planar_arm_are_these():
     expected = {name.format(j) for name in joint for j in ("shoulder", "elbow")}
     expected |= {f"{g}.{s}" for g in groups for s in ("peak", "peak_time", "peak_joint")}
     expected |= {"joint_rate.rms", "joint_rate_cmd.rms"}
-    errors = ("position_error", "error_along", "error_across", "secondary_error")
+    expected |= {"tau.share"}
+    errors = ("position_error", "position_error_along", "position_error_across", "secondary_error")
     expected |= {f"{g}.{s}" for g in errors for s in ("rms", "max", "max_time", "end")}
     expected |= {"return.joint_change", "return.change_joint"}
     expected |= {"sigma.min", "sigma.min_time", "condition.max", "manipulability.min"}
@@ -287,6 +388,7 @@ def test_figures_of_a_planar_arm_are_these():
         "speed",
     }
     expected |= {f"status_time.{name}" for name in Status.__members__}
+    expected |= {"stuck.longest", "stuck.longest_time", "stuck.share"}
     names = figure_names(("shoulder", "elbow"), PLANE)
     assert set(names) == expected
     assert len(names) == len(expected)
@@ -316,7 +418,7 @@ def test_units_follow_the_kind_of_the_joint():
 def test_a_run_without_ticks_has_undefined_figures_and_zero_durations():
     got = values(make_run(0, axes=SPACE, planned=100))
     zero = {name for name in got if name.startswith("status_time.")}
-    zero |= {"duration", "ticks", "completed", "speed"}
+    zero |= {"stuck.longest", "duration", "ticks", "completed", "speed"}
     for name, value in got.items():
         if name in zero:
             assert value == 0.0, name
@@ -326,10 +428,12 @@ def test_a_run_without_ticks_has_undefined_figures_and_zero_durations():
             assert name == "wall_time" or math.isnan(value), name
 
 
-def test_a_run_of_one_tick_lacks_only_its_acceleration():
+def test_a_run_of_one_tick_lacks_only_its_acceleration_and_what_did_not_happen():
     got = values(make_run(1, axes=SPACE, qdot=[[1.0, -2.0]]))
     undefined = {name for name, value in got.items() if value == "" or value != value}
-    assert undefined == {name for name in got if name.startswith("joint_acceleration.")}
+    # a run that knows no torque limits has no share of them, and one that was never stuck no time when that began
+    never = {"tau.share", "stuck.longest_time"}
+    assert undefined == never | {name for name in got if name.startswith("joint_acceleration.")}
     assert (got["joint_rate.peak"], got["joint_rate.peak_joint"]) == (2.0, "elbow")
 
 
@@ -363,7 +467,9 @@ def test_nested_is_strict_json_and_follows_the_dots():
     )
 )
 def test_nested_keeps_every_figure_whatever_the_joints_are_called(joints):
-    card = scorecard(make_run(2, joints))
+    # all its figures are defined
+    run = make_run(2, joints, status=[Status.STUCK] * 2, torque_limit=(1.0,) * len(joints))
+    card = scorecard(run)
 
     def flat(tree, prefix=""):
         for key, value in tree.items():
@@ -505,13 +611,16 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "tau.peak_joint",
         "return.change_joint",
         "orientation_error.max",
+        "orientation_error_across.end",
+        "error_along.max",
+        "error_across.maxx",
         "nonsense",
         "",
     ]
     groups = (
-        "joint_rate, joint_rate_cmd, joint_acceleration, tau, position_error, error_along, "
-        "error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
-        "secondary_sigma, status_time, duration, ticks, completed, wall_time, speed"
+        "joint_rate, joint_rate_cmd, joint_acceleration, tau, position_error, position_error_along, "
+        "position_error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
+        "secondary_sigma, status_time, stuck, duration, ticks, completed, wall_time, speed"
     )
     reasons = {
         "joint_rate.peek": 'no such figure; did you mean "joint_rate.peak"?',
@@ -519,6 +628,9 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "tau.peak_joint": "names a joint, and only numbers can be expected, such as tau.peak",
         "return.change_joint": "names a joint, and only numbers can be expected, such as return.joint_change",
         "orientation_error.max": "needs one of rx, ry, rz in task.axes",
+        "orientation_error_across.end": "needs one of rx, ry, rz in task.axes",
+        "error_along.max": 'no such figure; did you mean "position_error_along.max"?',
+        "error_across.maxx": 'no such figure; did you mean "position_error_across.max"?',
         "nonsense": f"no such figure; figures begin with {groups}",
         "": f"no such figure; figures begin with {groups}",
     }
@@ -530,8 +642,16 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
 
 
 def test_a_task_without_positions_refuses_position_errors():
-    reasons = refused(["position_error.end", "orientation_error.end"], ["a"], ("rz",))
-    assert reasons == {"position_error.end": "needs one of x, y, z in task.axes"}
+    names = ["position_error.end", "position_error_along.end", "orientation_error.end"]
+    reasons = refused(names, ["a"], ("rz",))
+    assert reasons == dict.fromkeys(names[:2], "needs one of x, y, z in task.axes")
+
+
+def test_the_names_that_mixed_meters_and_radians_lead_to_those_that_do_not():
+    wanted = 'no such figure; did you mean "position_error_along.max" or "orientation_error_along.max"?'
+    assert refused(["error_along.max"], ["a"], SPACE) == {"error_along.max": wanted}
+    wanted = 'no such figure; did you mean "orientation_error_across.end"?'
+    assert refused(["error_across.end"], ["a"], ("rx",)) == {"error_across.end": wanted}
 
 
 def test_every_number_of_a_scorecard_can_be_expected():

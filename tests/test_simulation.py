@@ -38,6 +38,10 @@ POSITION = (*STANFORD, COARSE, "task.axes=[x, y, z]", "target.path=[{line: {by: 
 WEIGHTED = ("task.length=0.5", "control.joint_weights=[1, 2, 3, 1, 1, 1]")
 PLANAR = (*THREE, COARSE, "target.path=[{line: {by: [0.05, 0.05]}}]")
 FOLDED = (*PLANAR, "arm.start=[0, 90 deg, 155 deg]")  # the last joint 5 deg from its limit
+TORUS = ("arm.model=models/torus_3r.xml", "task.axes=[x, y, z]", COARSE)
+# soon at the limit of joint 2, 170 deg; and with joint 3 in that of its own, 160 deg, besides
+AT_STOP = (*TORUS, "arm.start=[30 deg, 165 deg, -145 deg]", "target.path=[{line: {by: [-0.2, -0.11, 0.06]}}]")
+FOLDED_UP = (*TORUS, "arm.start=[0, 169 deg, -159 deg]", "target.path=[{line: {by: [-0.15, 0, -0.06]}}]")
 DRIFT = "control.nullspace={objective: rates, rates: [1, -1, 1]}"
 METHOD, SCHEDULE = "control.inverse.method=", "control.inverse.damping.schedule="
 OBJECTIVE, ON_EXCESS = "control.nullspace.objective=", "control.limits.on_excess="
@@ -57,6 +61,10 @@ VARIANTS = {
     "pseudoinverse, tall": (SHORT, "task.axes=[x, y, rz]", METHOD + "pseudoinverse"),
     "truncated": (*NEAR, METHOD + "truncated", "control.inverse.cutoff=0.1"),
     "truncated, 6 joints": (*STANFORD, *SIX, METHOD + "truncated", "control.inverse.cutoff=0.5", "plant.kind=torque"),
+    "truncated, stuck": (
+        COARSE, "arm.start=[4 deg, -8 deg]", "target.path=[{line: {to: [2, 0]}}, {line: {to: [1.9, 0]}}]",
+        METHOD + "truncated", "control.inverse.cutoff=0.1",
+    ),
     "transpose": (SHORT, METHOD + "transpose",),
     "transpose, wide and weighted": (
         *PLANAR, METHOD + "transpose", "control.joint_weights=[3, 1, 0.5]", "task.weights=[1, 4]",
@@ -122,6 +130,17 @@ VARIANTS = {
         *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: 2, braking: 1, on_excess: redistribute}",
         "control.joint_weights=[3, 1, 0.5]",
     ),
+    "at a stop": (*AT_STOP, "control.limits={acceleration: 30, braking: 10}"),
+    "at two stops, constant damping, stuck": (*FOLDED_UP, SCHEDULE + "constant", "plant.kind=ideal"),
+    "at a stop, jparse": (*AT_STOP, METHOD + "jparse", "control.limits.rate=0.6"),
+    "at a stop, redistributed": (*AT_STOP, ON_EXCESS + "redistribute", "control.limits.rate=[0.2, 3, 3]"),
+    "at a stop, redundant": (
+        *FOLDED, "arm.start=[0, -20 deg, 159 deg]", METHOD + "damped", "control.limits={rate: 2, braking: 3}",
+        "control.inverse.damping={maximum: 0.2, below: 1.2}", DRIFT, "plant.kind=ideal",
+    ),
+    "at a stop, redundant, to a rate bound": (
+        *FOLDED, "arm.start=[0, -20 deg, 159 deg]", SCHEDULE + "rate_bound", "control.inverse.rate_bound=0.2", DRIFT,
+    ),
     "no position limits": (*FOLDED, DRIFT, "control.limits.position=false", "plant.kind=ideal"),
     "slow": (*NEAR, "control.at_singularity=slow", "control.limits={rate: 0.5, acceleration: 5}"),
     "slow, but not long, redistributed": (
@@ -171,7 +190,7 @@ def assert_same_run(run, want, rtol, kv=0.0):
     A servo's torque is its gain kv times what is left of a rate, and so is its rounding.
     """
     assert len(run) == len(want["q"])
-    known = Status.SLOWED | Status.STOPPED | Status.SINGULAR
+    known = Status.SLOWED | Status.STOPPED | Status.SINGULAR | Status.STUCK
     limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
     assert_array_equal(run["status"] & known, want["status"])
     assert_array_equal(run["status"] & limits & ~want["limited"], 0, err_msg="a limit that is not there")
@@ -199,6 +218,8 @@ OFF = {
     "slope of w": ("manipulability", "control.nullspace.gain=1.000001"),
     "secondary.damping": ("second task, classical", "control.nullspace.secondary.damping=0.05000005"),
     "braking": ("scaled, all limits", "control.limits.braking=1.000001"),
+    "a stop": ("at a stop", "control.limits.braking=10.00001"),
+    "damping at a stop": ("at a stop, redundant", "control.inverse.damping.maximum=0.2000002"),
     "acceleration": ("clamped, all limits", "control.limits.acceleration=[2, 1.000001, 2]"),
     "saturation": ("redistributed rates", "control.limits.rate=[0.4, 0.3, 0.2000002]"),
     "slow.change": ("slow", "control.slow.change=10.00001"),
@@ -556,8 +577,8 @@ def test_a_tick_that_was_lost_is_found(scenario, monkeypatch):
 
 
 def skips_a_tick(advance):
-    def spoiled(batch, count):
-        running = advance(batch, count)
+    def spoiled(batch, *arguments):
+        running = advance(batch, *arguments)
         batch.ticks[(batch.done - 1) % len(batch.ticks)]["qdot"] = 0.0
         return running
 

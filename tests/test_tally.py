@@ -13,8 +13,8 @@ from rmrc.control.records import tick_type
 from rmrc.tally import ERRORS, EXTREMES, JOINTS, adder, begin
 
 N, K, LENGTH, PERIOD = 4, 3, 0.7, 0.002
-AXES = ("x", "z", "ry")
-COUNTS = np.array([1.0, 0.0, 1.0, 0.0, 1.0, 0.0])
+AXES, ROWS, WEIGHTS = ("x", "z", "ry"), [0, 2, 4], (0.3, 2.0, 5.0)
+SCALE = np.sqrt(WEIGHTS) / [LENGTH, LENGTH, 1.0]
 
 
 def random_ticks(rng, ticks, special=0.0):
@@ -34,7 +34,7 @@ def random_ticks(rng, ticks, special=0.0):
 
 def tally_of(records, rows=None, pieces=()):
     """Return the tally of records that are handed over in pieces, through a ring of some rows."""
-    tally = begin(N, [AXES], [LENGTH], [PERIOD])
+    tally = begin(N, [AXES], [LENGTH], [WEIGHTS], [PERIOD])
     ring = np.zeros((rows or len(records), 1), records.dtype)
     add, done = adder(tally, ring), 0
     for piece in [*pieces, *[len(ring)] * len(records)]:
@@ -54,7 +54,7 @@ def test_pieces_of_any_size_through_rings_of_any_size_give_the_same_bits(seed, t
 
 def test_worlds_beside_it_do_not_matter():
     records = [random_ticks(np.random.default_rng(seed), 50, 0.05) for seed in range(5)]
-    tallies = begin(N, [AXES] * 5, [LENGTH] * 5, [PERIOD] * 5)
+    tallies = begin(N, [AXES] * 5, [LENGTH] * 5, [WEIGHTS] * 5, [PERIOD] * 5)
     adder(tallies, np.concatenate(records, axis=1))(np.array([50, 0, 13, 50, 1]))
     for tally, own, end in zip(tallies, records, [50, 0, 13, 50, 1], strict=True):
         if end:
@@ -65,16 +65,18 @@ def test_worlds_beside_it_do_not_matter():
 def columns_by_numpy(records):
     """Return magnitudes and values by name, computed from whole columns."""
     one = records[:, 0]
-    e = one["pose_error"] * COUNTS
-    scaled, u = e * np.repeat([1.0, LENGTH], 3), one["u_min"]
-    along = np.sum(u * scaled, axis=1, keepdims=True)
+    e, u = one["pose_error"][:, ROWS], one["u_min"][:, ROWS]
+    along = u * np.sum(u * SCALE * e, axis=1, keepdims=True) / SCALE
+    across = e - along
     joints = {
         "joint_rate": one["qdot"], "joint_rate_cmd": one["qdot_cmd"],
         "joint_acceleration": np.diff(one["qdot"], axis=0) / PERIOD, "tau": one["tau"],
     }  # fmt: skip
+    # two rows are translations and one is a rotation
     errors = {
-        "position_error": np.linalg.norm(e[:, :3], axis=1), "orientation_error": np.linalg.norm(e[:, 3:], axis=1),
-        "error_along": np.abs(along[:, 0]), "error_across": np.linalg.norm(scaled - u * along, axis=1),
+        "position_error": np.linalg.norm(e[:, :2], axis=1), "orientation_error": np.abs(e[:, 2]),
+        "position_error_along": np.linalg.norm(along[:, :2], axis=1), "orientation_error_along": np.abs(along[:, 2]),
+        "position_error_across": np.linalg.norm(across[:, :2], axis=1), "orientation_error_across": np.abs(across[:, 2]),
         "secondary_error": np.abs(one["secondary_error"]),
     }  # fmt: skip
     extremes = {
@@ -110,3 +112,6 @@ def test_sums_and_extremes_are_those_that_numpy_finds_in_whole_columns(seed, spe
     status = records["status"][:, 0]
     wanted = [np.count_nonzero(status & one if one else status == 0) for one in (Status.OK, *Status)]
     assert tally["status"].tolist() == wanted
+    stretches = [len(one) for one in "".join(".#"[bool(s & Status.STUCK)] for s in status).split(".")]
+    first = "".join(".#"[bool(s & Status.STUCK)] for s in status).index("#" * max(stretches))
+    assert (tally["stuck_longest"], tally["stuck_time"]) == (max(stretches), time[first])

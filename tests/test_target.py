@@ -531,6 +531,11 @@ UNCHECKED = Line.model_construct(by=(NAN, 0.0, 0.0))  # what the schema would re
             "10000000; raise target.limits or control.period, or shorten the path",
         ),
         (
+            [hold(1e308), hold(1e308)],
+            "target.path: takes inf s, which is inf control periods of 0.001 s and more than 10000000; "
+            "raise target.limits or control.period, or shorten the path",
+        ),
+        (
             [hold(1e4), hold(0.01)],
             "target.path: takes 10000 s, which is 10000010 control periods of 0.001 s and more than "
             "10000000; raise target.limits or control.period, or shorten the path",

@@ -47,7 +47,7 @@ class Batches:
         kind = model, len(changes), frozenset(different)
         batch = self._waiting(kind)
         if batch is None:
-            batch = Batch(model, len(changes), 1, persistent=True)
+            batch = _allocated(model, len(changes))
             self._kinds[batch] = kind
         else:
             batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
@@ -70,3 +70,12 @@ class Batches:
         """Keep a batch for other worlds; its own have ended, and nothing of it is read any more."""
         with self._lock:
             self._idle.append(batch)
+
+
+def _allocated(model: mujoco.MjModel, count: int) -> Batch:
+    try:
+        return Batch(model, count, 1, persistent=True)
+    except ValueError as error:
+        if "allocate" in str(error):
+            raise MemoryError(f"MuJoCo cannot allocate {count} worlds") from None
+        raise

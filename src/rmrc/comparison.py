@@ -1,18 +1,35 @@
 """Variants of a scenario from file to files: run as one batch, scored, and shown in one picture each way."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial, reduce
 from pathlib import Path
 
 from rmrc import facts, scenario
+from rmrc.errors import ScenarioError
 from rmrc.filter_factors import compile_for, filter_factor
+from rmrc.footprint import refuse_excess
 from rmrc.interruption import interruptible
+from rmrc.leaving import Leaving, refuse_unwritable
+from rmrc.output import unlogged
 from rmrc.preparation import Prepared, prepare_many
 from rmrc.run import Run
-from rmrc.scenario import Variant
+from rmrc.scenario import Scenario, Variant
 from rmrc.scorecard import Outcome, Scorecard, check, scorecard
 from rmrc.simulation import Simulation
+
+# What a scenario chooses by name for its law. It states its expectations for these choices: another inverse
+# is not bound to what the one as written shall do, as where the plain inverse is expected to blow up.
+# Numbers, such as a damping or a limit, are settings of the same law.
+CHOICES = (
+    "control.inverse.method",
+    "control.inverse.damping.schedule",
+    "control.nullspace.objective",
+    "control.nullspace.secondary.priority",
+    "control.limits.on_excess",
+    "control.at_singularity",
+)
 
 
 @dataclass(frozen=True)
@@ -23,7 +40,9 @@ class Compared:
         variant: Its label and overrides.
         run: As far as it came.
         scorecard: Its figures.
-        outcomes: Of the scenario's expectations.
+        outcomes: Of the expectations that count.
+        stated_for: If expectations of the scenario do not count: the choices in which the variant differs,
+            and what the scenario has there.
         status: How it ended.
     """
 
@@ -31,6 +50,7 @@ class Compared:
     run: Run
     scorecard: Scorecard
     outcomes: tuple[Outcome, ...]
+    stated_for: Mapping[str, str]
     status: str
 
 
@@ -42,13 +62,15 @@ class Results:
         name: Of the scenario.
         variants: In order.
         files: Written, the recording first.
-        interrupted: Whether Ctrl-C ended it.
+        interrupted: Whether Ctrl-C ended it; there is no picture then.
+        failures: Why other files could not be written, a line each.
     """
 
     name: str
     variants: tuple[Compared, ...]
     files: tuple[Path, ...]
     interrupted: bool
+    failures: tuple[str, ...] = ()
 
 
 class Comparison:
@@ -74,14 +96,16 @@ class Comparison:
         Raises:
             ScenarioError: All that is wrong with all variants, a line each, which names the variant; what is
                 wrong with every one of them is said once.
-            OSError: The folder cannot be written.
+            OSError: The files cannot be written.
         """
         self.folder, self._record, self._overrides = folder, record, tuple(overrides)
         self.variants = scenario.variants(varied)
         self.prepared = prepare_many(path, self._overrides, self.variants)
+        refuse_excess(self.prepared, recorded=record)
         self.name = self.prepared[0].scenario.name
+        self._written = _written(path, self._overrides)
         self._simulation: Simulation | None = None
-        folder.mkdir(parents=True, exist_ok=True)
+        refuse_unwritable(self._files())
 
     @property
     def ticks(self) -> int:
@@ -104,38 +128,47 @@ class Comparison:
         """
         from rmrc.output.comparison_table import Row, markdown
 
-        simulation = self.compile()
-        with ExitStack() as stack:
-            recorder = None
+        simulation, leaving = self.compile(), Leaving()
+        recorder, failed = None, False
+        with interruptible() as stop, ExitStack() as stack:
             if self._record:
-                from rmrc.output.overlay import Overlay  # with rerun, a third of a second
+                with unlogged():
+                    from rmrc.output.overlay import Overlay  # with rerun, a third of a second
 
                 worlds = [(v.label, one) for v, one in zip(self.variants, self.prepared, strict=True)]
                 recorder = stack.enter_context(Overlay(self._file(".rrd"), self.name, worlds))
 
             def on_block(variant: int, part: Run) -> None:
-                if recorder is not None:
-                    recorder.write(variant, part)
+                nonlocal failed
+                if recorder is not None and not failed:
+                    failed = not leaving.attempt(partial(recorder.write, variant, part))
                 if on_ticks is not None:
                     on_ticks(len(part))
 
-            stop = stack.enter_context(interruptible())
             runs = simulation.run(on_block, stop)
             compared = tuple(
-                _scored(*one, stop.is_set()) for one in zip(self.variants, self.prepared, runs, strict=True)
+                self._scored(*one, stop.is_set())
+                for one in zip(self.variants, self.prepared, runs, strict=True)
             )
-            self._save_facts(compared)
-            pictures = self._draw(runs)
-            if recorder is not None:
-                rows = [Row(c.variant.label, c.run, c.scorecard, c.outcomes) for c in compared]
-                recorder.finish(markdown(rows))
-        files = [self._file(".rrd")] * self._record + [self._file(".json"), *pictures]
-        return Results(self.name, compared, tuple(files), stop.is_set())
+            part_path = recorder.part_path if recorder is not None and failed else None
+            leaving.write(self._file(".json"), partial(self._save_facts, compared), part_path)
+            # which takes longer than one waits after Ctrl-C
+            if not stop.is_set() and leaving.attempt(partial(self._draw, runs)) and any(map(len, runs)):
+                leaving.files += [self._file(".png"), self._file(".svg")]
+            if recorder is not None and not failed:
+                rows = [Row(c.variant.label, c.run, c.scorecard, c.outcomes, c.stated_for) for c in compared]
+                leaving.write(self._file(".rrd"), partial(recorder.finish, markdown(rows)))
+        files = tuple(path for path in self._files() if path in leaving.files)
+        return Results(self.name, compared, files, stop.is_set(), tuple(leaving.failures))
+
+    def _files(self) -> list[Path]:
+        kinds = [".rrd"] * self._record + [".json", ".png", ".svg"]
+        return [self._file(kind) for kind in kinds]
 
     def _file(self, suffix: str) -> Path:
         return self.folder / f"{self.name}.compare{suffix}"
 
-    def _draw(self, runs: Sequence[Run]) -> list[Path]:
+    def _draw(self, runs: Sequence[Run]) -> None:
         """Draw the filters; without a tick of any run there is nothing to draw."""
         from rmrc.output.figures import filter_factors  # with matplotlib, half a second
 
@@ -144,16 +177,15 @@ class Comparison:
             for variant, prepared, run in zip(self.variants, self.prepared, runs, strict=True)
             if len(run)
         ]
-        paths = [self._file(".png"), self._file(".svg")] if curves else []
         if curves:
-            filter_factors(self.name, curves, paths)
-        return paths
+            filter_factors(self.name, curves, [self._file(".png"), self._file(".svg")])
 
     def _save_facts(self, compared: Sequence[Compared]) -> None:
         known = [
             {
                 "label": one.variant.label,
                 "overrides": one.variant.overrides,
+                "expected_of_others": one.stated_for,
                 **facts.run_facts(one.status, one.run, one.scorecard, one.outcomes, prepared.scenario),
             }
             for one, prepared in zip(compared, self.prepared, strict=True)
@@ -161,8 +193,32 @@ class Comparison:
         about = {"name": self.name, "overrides": self._overrides, "variants": known}
         facts.save(self._file(".json"), about, "matplotlib")
 
+    def _scored(self, variant: Variant, prepared: Prepared, run: Run, interrupted: bool) -> Compared:
+        card, one = scorecard(run), prepared.scenario
+        differs = {
+            key: as_written
+            for key, as_written in _choices(self._written).items()
+            if _choices(one)[key] != as_written
+        }
+        # what `--set` or `--vary` expects is asked of the variants as they are
+        expect = {
+            name: wanted
+            for name, wanted in one.expect.items()
+            if not differs or self._written.expect.get(name) != wanted
+        }
+        stated_for = differs if len(expect) < len(one.expect) else {}
+        outcomes = tuple(check(card, expect))
+        return Compared(variant, run, card, outcomes, stated_for, facts.status_of(run, interrupted))
 
-def _scored(variant: Variant, prepared: Prepared, run: Run, interrupted: bool) -> Compared:
-    card = scorecard(run)
-    outcomes = tuple(check(card, prepared.scenario.expect))
-    return Compared(variant, run, card, outcomes, facts.status_of(run, interrupted))
+
+def _written(path: Path, overrides: Sequence[str]) -> Scenario:
+    """Return the scenario as its file has it; of a file that is not whole, what `--set` makes of it."""
+    try:
+        return scenario.load(path)
+    except ScenarioError:
+        return scenario.load(path, overrides)
+
+
+def _choices(one: Scenario) -> dict[str, str]:
+    """Return what a scenario chooses by name for its law."""
+    return {key: str(reduce(getattr, key.split("."), one)) for key in CHOICES}

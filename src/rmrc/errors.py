@@ -8,6 +8,7 @@
     ├── ClusterError     (ConnectionError)  machines that should run a sweep cannot, or are lost
     └── DivergenceError  (ArithmeticError)  the simulated state stopped being finite
 
+ModelWarning (UserWarning) is what MuJoCo says about a model that it takes.
 A singularity is not an error: it is a status, recorded at every control tick.
 Messages are one line: the thing, the value, the bound and the way out.
 """
@@ -50,6 +51,10 @@ class ModelError(RmrcError, ValueError):
         """Keep the message and what it is about."""
         self.about = about
         super().__init__(message)
+
+
+class ModelWarning(UserWarning):
+    """MuJoCo takes a model and says something about it."""
 
 
 class TargetError(RmrcError, ValueError):

@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.analysis.statics import Balance, balance
 from rmrc.analysis.task import Task
 from rmrc.arm import Arm
-from rmrc.errors import QuestionError
+from rmrc.errors import DivergenceError, QuestionError
+from rmrc.footprint import footprint
 from rmrc.preparation import Known, Prepared, prepare
 from rmrc.run import Run
 from rmrc.scenario import (
@@ -104,7 +105,8 @@ class Holding:
             seconds: For how long at most; it ends as soon as the arm is still.
 
         Raises:
-            QuestionError: A joint is beyond its limits.
+            QuestionError: A joint is beyond its limits or feels no inertia, or so long a run does not fit
+                into memory.
         """
         arm = wanted.arm
         for name, position, (lower, upper), unit in zip(
@@ -115,9 +117,18 @@ class Holding:
                     f'cannot hold: joint "{name}" must be within its limits [{lower:.6g}, {upper:.6g}] '
                     f"{unit}, got {position:.6g}; choose other joint positions"
                 )
+        for name, inertia in zip(arm.joints, arm.inertia, strict=True):
+            if not inertia > 0.0:  # of which the servos' gains are made
+                raise QuestionError(
+                    f'cannot hold: joint "{name}" must feel an inertia > 0 at home, got {inertia:.6g}; '
+                    "mend masses, inertias and armature of the model"
+                )
         self.wanted, self.gravity = wanted, gravity
         self.prepared: Prepared = prepare(_scenario(wanted, gravity, seconds), Known(arm))
         self._simulation: Simulation | None = None
+        excess = footprint([self.prepared]).excess
+        if excess:
+            raise QuestionError(f"--hold: {self.ticks} ticks need {excess}; hold for a shorter time")
 
     @property
     def ticks(self) -> int:
@@ -135,6 +146,9 @@ class Holding:
 
         Args:
             on_ticks: Called with the number of ticks of each block that was finished.
+
+        Raises:
+            DivergenceError: The state was not finite after the first step.
         """
         stop = threading.Event()
 
@@ -146,6 +160,8 @@ class Holding:
 
         (run,) = self.compile().run(on_block, stop)
         arm, wanted = self.wanted.arm, self.wanted
+        if not len(run):
+            raise DivergenceError(f"cannot hold: {run.divergence}")
         ended = balance(arm, run["q"][-1], wanted.wrench, self.gravity)
         rate = _rate(run)
         # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.

@@ -1,20 +1,112 @@
-"""Ctrl-C as an event, so that nothing is torn out of a block or of a file that is being written."""
+"""Ctrl-C, SIGTERM and SIGHUP as an event, so that nothing is torn out of a block or of a file being written.
 
+The first of them stops what goes on, and what is there is kept; the second one ends the process at once. A
+signal that the process was started deaf to, as by `nohup`, stays without effect.
+"""
+
+import os
 import signal
+import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from types import FrameType
+from typing import NoReturn
+
+# Those that there are: Windows has no SIGHUP.
+_SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
+_SHOW_CURSOR = b"\x1b[?25h"
+
+_Handler = Callable[[int, FrameType | None], None]
+_came: list[int] = []  # the signals that came since `stops_like_ctrl_c` began
+
+
+def signal_that_came() -> int | None:
+    """Return the number of the first signal that stopped this process's work, None without one."""
+    return _came[0] if _came else None
+
+
+@contextmanager
+def stops_like_ctrl_c() -> Iterator[None]:
+    """Have SIGTERM and SIGHUP do as Ctrl-C does: raise KeyboardInterrupt, or set an `interruptible` event.
+
+    For a process that ends when it is stopped. It has no effect outside of the main thread.
+    """
+    _came.clear()
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        if _is_importing(frame):  # libraries make other errors of it, and there is nothing to keep
+            _end(number)
+        _next_one_ends(number)
+        raise KeyboardInterrupt
+
+    def unraisable(lost: "sys.UnraisableHookArgs") -> None:
+        if _came and isinstance(lost.exc_value, KeyboardInterrupt):
+            _end(_came[0])  # a callback took it, and nobody else would hear of it
+        before(lost)
+
+    before = sys.unraisablehook
+    sys.unraisablehook = unraisable
+    try:
+        with _handled(interrupt, lambda _: True):
+            yield
+    finally:
+        sys.unraisablehook = before
 
 
 @contextmanager
 def interruptible() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C sets."""
+    """Yield an event that Ctrl-C sets, and so do the signals that `stops_like_ctrl_c` made like it."""
     stop = threading.Event()
-    if threading.current_thread() is not threading.main_thread():  # Ctrl-C is not ours to handle
+
+    def end(number: int, _: FrameType | None) -> None:
+        _next_one_ends(number)
+        stop.set()
+
+    def is_like_ctrl_c(number: int) -> bool:
+        return number == signal.SIGINT or getattr(signal.getsignal(number), "is_ours", False)
+
+    with _handled(end, is_like_ctrl_c):
         yield stop
+
+
+@contextmanager
+def _handled(handler: _Handler, is_chosen: Callable[[int], bool]) -> Iterator[None]:
+    """Handle the signals that are chosen, but for those that are ignored."""
+    if threading.current_thread() is not threading.main_thread():  # signals are not ours to handle
+        yield
         return
-    previous = signal.signal(signal.SIGINT, lambda *_: stop.set())
+    handler.is_ours = True  # type: ignore[attr-defined]
+    chosen = [n for n in _SIGNALS if signal.getsignal(n) != signal.SIG_IGN and is_chosen(n)]
+    before = {number: signal.signal(number, handler) for number in chosen}
     try:
-        yield stop
+        yield
     finally:
-        signal.signal(signal.SIGINT, previous)
+        for number, previous in before.items():
+            # what `_next_one_ends` left to the system stays so for as long as the outer one holds
+            is_left = signal.getsignal(number) == signal.SIG_DFL and getattr(previous, "is_ours", False)
+            signal.signal(number, signal.SIG_DFL if is_left else previous)
+
+
+def _next_one_ends(number: int) -> None:
+    """Leave the next signal to the system, which ends the process even where Python does not listen."""
+    _came.append(number)
+    for one in _SIGNALS:
+        if getattr(signal.getsignal(one), "is_ours", False):
+            signal.signal(one, signal.SIG_DFL)
+    if sys.stderr is not None and sys.stderr.isatty():  # where a progress bar may have hidden it
+        os.write(sys.stderr.fileno(), _SHOW_CURSOR)
+
+
+def _is_importing(frame: FrameType | None) -> bool:
+    while frame is not None:
+        if frame.f_code.co_filename.startswith("<frozen importlib"):
+            return True
+        frame = frame.f_back
+    return False
+
+
+def _end(number: int) -> NoReturn:
+    """End the process at once, with the exit code of a signal."""
+    os.write(2, b"rmrc: interrupted\n")
+    os._exit(128 + number)

@@ -3,10 +3,14 @@
 from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 from rmrc import facts
+from rmrc.footprint import refuse_excess
 from rmrc.interruption import interruptible
+from rmrc.leaving import Leaving, array_size, refuse_unwritable
+from rmrc.output import unlogged
 from rmrc.preparation import prepare
 from rmrc.run import Run
 from rmrc.scenario import Scenario
@@ -24,6 +28,7 @@ class Ended:
         outcomes: Of the expectations.
         files: Written, the recording first.
         interrupted: Whether Ctrl-C ended it.
+        failures: Why other files could not be written, a line each.
     """
 
     run: Run
@@ -31,6 +36,7 @@ class Ended:
     outcomes: tuple[Outcome, ...]
     files: tuple[Path, ...]
     interrupted: bool
+    failures: tuple[str, ...] = ()
 
     @property
     def status(self) -> str:
@@ -51,13 +57,16 @@ class Job:
 
         Raises:
             ScenarioError: All that is wrong, a line each.
-            OSError: The folder cannot be written.
+            OSError: The files cannot be written.
         """
         self.scenario, self.folder, self._record = scenario, folder, record
         self._simulation: Simulation | None = None
         self.prepared = prepare(scenario)
         refuse_unknown(scenario, self.prepared.arm.joints)
-        folder.mkdir(parents=True, exist_ok=True)
+        refuse_excess([self.prepared], recorded=record)
+        arm, reference = self.prepared.arm, self.prepared.reference
+        size = array_size(reference.ticks, arm.n, min(arm.n, len(scenario.task.axes)))
+        refuse_unwritable(self._files(), size, ", or shorten target.path")
 
     @property
     def ticks(self) -> int:
@@ -73,35 +82,42 @@ class Job:
     def run(self, on_ticks: Callable[[int], None] | None = None) -> Ended:
         """Run to the end, to divergence or to Ctrl-C, and write the files whichever it was.
 
+        A recording that can no longer be written, as on a full disk, does not end the run.
+
         Args:
             on_ticks: Called with the number of ticks of each block that was finished.
         """
-        simulation = self.compile()
-        with ExitStack() as stack:
-            recorder = None
+        simulation, leaving = self.compile(), Leaving()
+        recorder, failed = None, False
+        with interruptible() as stop, ExitStack() as stack:
             if self._record:
-                from rmrc.output.recording import Recorder  # with rerun, a third of a second
+                with unlogged():
+                    from rmrc.output.recording import Recorder  # with rerun, a third of a second
 
                 recorder = stack.enter_context(Recorder(self._file(".rrd"), self.prepared))
 
             def on_block(_: int, part: Run) -> None:
-                if recorder is not None:
-                    recorder.write(part)
+                nonlocal failed
+                if recorder is not None and not failed:
+                    failed = not leaving.attempt(partial(recorder.write, part))
                 if on_ticks is not None:
                     on_ticks(len(part))
 
-            stop = stack.enter_context(interruptible())
             (run,) = simulation.run(on_block, stop)
             card = scorecard(run)
             outcomes = tuple(check(card, self.scenario.expect))
-            ended = Ended(run, card, outcomes, tuple(self._files()), stop.is_set())
-            run.save(self._file(".npz"))
-            self._save_facts(ended)
-            if recorder is not None:
+            part_path = recorder.part_path if recorder is not None and failed else None
+            leaving.write(self._file(".npz"), partial(run.save, self._file(".npz")), part_path)
+            status = facts.status_of(run, stop.is_set())
+            leaving.write(
+                self._file(".json"), partial(self._save_facts, status, run, card, outcomes), part_path
+            )
+            if recorder is not None and not failed:
                 from rmrc.output.tables import markdown
 
-                recorder.finish(markdown(card, outcomes))
-        return ended
+                leaving.write(self._file(".rrd"), partial(recorder.finish, markdown(card, outcomes)))
+        files = tuple(path for path in self._files() if path in leaving.files)
+        return Ended(run, card, outcomes, files, stop.is_set(), tuple(leaving.failures))
 
     def _file(self, suffix: str) -> Path:
         return self.folder / (self.scenario.name + suffix)
@@ -111,6 +127,6 @@ class Job:
             self._file(suffix) for suffix in (".rrd", ".npz", ".json") if suffix != ".rrd" or self._record
         ]
 
-    def _save_facts(self, ended: Ended) -> None:
-        known = facts.run_facts(ended.status, ended.run, ended.scorecard, ended.outcomes, self.scenario)
+    def _save_facts(self, status: str, run: Run, card: Scorecard, outcomes: tuple[Outcome, ...]) -> None:
+        known = facts.run_facts(status, run, card, outcomes, self.scenario)
         facts.save(self._file(".json"), {"name": self.scenario.name, **known})

@@ -5,11 +5,12 @@ sets the plant's input. MuJoCo then steps all worlds and leaves their kinematics
 """
 
 import math
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from enum import IntEnum
 from functools import partial
-from typing import Any
+from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -21,6 +22,7 @@ from rmrc.batches import Batches
 from rmrc.control.compiled import Array, Record, compiled, entry, machine_code
 from rmrc.control.kinematics import follow_chain, geometric_jacobian, pose_error
 from rmrc.control.law import control
+from rmrc.pace import Pace
 
 # MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
 LARGEST = 1e10
@@ -330,6 +332,14 @@ def computed_torque(
                 state[w, world.ctrl_column[j]] += inertia * world.qddot[i]
 
 
+class _Left(NamedTuple):
+    """What is left of a tick: steps of some worlds, by their numbers, before a tick."""
+
+    ids: NDArray[np.intp]
+    steps: int
+    tick: int
+
+
 class PlantBatch:
     """Worlds of one arm under one plant, stepped together on one thread.
 
@@ -369,7 +379,8 @@ class PlantBatch:
         self.done = 0
         self._longest = int(worlds["ticks"].max())
         self._plant = Plant(int(worlds["plant"][0]))
-        self._substeps = substeps
+        self._substeps = 1 if self._plant == Plant.IDEAL else substeps
+        self._pace, self._left = Pace(len(worlds)), cast(_Left | None, None)
         self._errors: dict[int, str] = {}
         wiring = arm.wire(model)
         self._batches, self._batch = batches, batches.take(model, wiring, changes)
@@ -446,25 +457,36 @@ class PlantBatch:
         self._return(t)
         return running
 
-    def advance(self, count: int) -> int:
+    def advance(self, count: int, is_stopped: Callable[[], bool] = lambda: False) -> int:
         """Run the next `count` ticks at most; return how many worlds still run.
 
-        It stops at the last row of `ticks`, so that no row is used twice in one call. After an exception, an
-        interrupt among them, `done` says how far it came.
+        It returns after a moment, so that one can look whether to stop, and at the last row of `ticks`, so
+        that no row is used twice in one call. After an exception, an interrupt among them, `done` says how
+        far it came.
+
+        Args:
+            count: Number of ticks.
+            is_stopped: Asked between two parts of a tick whose steps take longer than a moment; the next call
+                does what is left of them.
         """
         if self.done >= self._longest:
             return 0
-        proceed = self._proceed(None)
-        first = self.done % len(self.ticks)
-        count = min(count, len(self.ticks) - first, self._longest - self.done)
+        if self._left is not None:
+            self._step_on(self._left, is_stopped)
+            return len(self._running(self.done - 1))
+        in_parts = self._substeps > self._pace.steps
+        proceed = self._proceed(None, in_parts, is_stopped)
+        first, before = self.done % len(self.ticks), self.done
+        count = min(count, len(self.ticks) - first, self._longest - before)
+        count = min(count, max(1, self._pace.steps // self._substeps))
         self.ticks["time"][first : first + count] = -1.0  # not yet written
         control = self._control if self._is_off else self._tick
-        running, expected, t = 0, len(self.worlds), self.done
+        running, expected, t, started = 0, len(self.worlds), before, time.perf_counter()
         try:
-            for t in range(self.done, self.done + count):  # `finally` reads t
+            for t in range(before, before + count):  # `finally` reads t
                 running = control(t)
                 if running != expected:
-                    expected, proceed = running, self._proceed(self._running(t))
+                    expected, proceed = running, self._proceed(self._running(t), in_parts, is_stopped)
                     if running == 0:
                         break
                 try:
@@ -474,15 +496,22 @@ class PlantBatch:
                     expected = -1  # so that the next tick looks again
         finally:  # an interrupt may come before the row was written
             self.done = t + bool((self.ticks["time"][t % len(self.ticks)] >= 0.0).any())
-        if expected < 0:
+        if not in_parts:
+            self._pace.took(time.perf_counter() - started, (self.done - before) * self._substeps)
+        if expected < 0 or in_parts:
             running = len(self._running(t))
         return running if self.done < self._longest else 0
 
-    def _proceed(self, ids: NDArray[np.intp] | None) -> Callable[[], None]:
+    def _proceed(
+        self, ids: NDArray[np.intp] | None, in_parts: bool, is_stopped: Callable[[], bool]
+    ) -> Callable[[], None]:
         """Return what brings some worlds, or all of them, to their next tick."""
         if self._plant == Plant.IDEAL:
             return partial(self._batch.forward, ids, self._stage)
         step = partial(self._batch.step, ids, self._substeps, self._stage)
+        if in_parts:
+            chosen = np.arange(len(self.worlds)) if ids is None else ids
+            step = partial(self._step_on, _Left(chosen, self._substeps, self.done + 1), is_stopped)
         if self._plant == Plant.SERVO:
             return step
 
@@ -494,6 +523,24 @@ class PlantBatch:
             step()
 
         return push_and_step
+
+    def _step_on(self, left: "_Left", is_stopped: Callable[[], bool]) -> None:
+        """Do what is left of the steps of a tick, in parts, or as much of it until there is a stop.
+
+        The bits are those of all steps at once.
+        """
+        self._left = left
+        while self._left is not None and not is_stopped():
+            ids, steps, tick = self._left
+            part, started = min(steps, self._pace.steps), time.perf_counter()
+            stage = self._stage if part == steps else int(mujoco.mjtStage.mjSTAGE_NONE)
+            try:
+                self._batch.step(ids, part, stage)
+            except SimulationError as error:
+                self._stop(error, tick)
+                ids = np.setdiff1d(ids, error.ids)
+            self._pace.took(time.perf_counter() - started, part)
+            self._left = _Left(ids, steps - part, tick) if part < steps and len(ids) else None
 
     def _running(self, t: int) -> NDArray[np.intp]:
         worlds = self.worlds

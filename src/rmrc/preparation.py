@@ -16,14 +16,19 @@ from rmrc.arm import Arm, Change
 from rmrc.control.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
 from rmrc.control.records import world_type
 from rmrc.errors import ModelError, ScenarioError, TargetError, did_you_mean
+from rmrc.legible import listed
+from rmrc.notices import tell
 from rmrc.plant import Plant
 from rmrc.reference import Reference
-from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant
+from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant, angle
 from rmrc.scorecard import refuse_unknown
 from rmrc.spatial import AXES, exp_rotation, quat_multiply
 from rmrc.target import make_reference
 
 T = TypeVar("T")
+
+# Ten billion steps of MuJoCo are a day of a small arm on one core: more is a slip of a unit.
+MOST_STEPS = 10_000_000_000
 
 
 class _Recent(Generic[T]):
@@ -118,18 +123,28 @@ class Prepared:
 
     @property
     def substeps(self) -> int:
-        """MuJoCo's steps in a control period."""
-        return round(self.scenario.control.period / self.scenario.plant.timestep)
+        """MuJoCo's steps in a control period; an ideal plant has no timestep, and 1."""
+        plant = self.scenario.plant
+        return 1 if plant.kind == "ideal" else round(self.scenario.control.period / plant.timestep)
+
+    @property
+    def most_ticks(self) -> int:
+        """Control ticks of the run, at most: where the path is slowed, more than it has."""
+        control, ticks = self.scenario.control, self.reference.ticks
+        return math.ceil(control.slow.longest * ticks) if control.at_singularity == "slow" else ticks
 
     @property
     def kv(self) -> NDArray[np.float64]:
         """Gains of the rate servos, (n,).
 
         Without a number of the scenario's it is inertia over timestep: a rate error is then gone after one
-        step. Less tracks worse, and much more makes servos chatter when they reach their torque limits.
+        step. Less tracks worse, and much more makes servos chatter when they reach their torque limits. An
+        ideal plant has no servos, and ones.
         """
-        kv = self.scenario.plant.kv
-        return self.arm.inertia / self.scenario.plant.timestep if kv is None else np.full(self.arm.n, kv)
+        plant, n = self.scenario.plant, self.arm.n
+        if plant.kind == "ideal":
+            return np.ones(n)
+        return self.arm.inertia / plant.timestep if plant.kv is None else np.full(n, plant.kv)
 
     @cached_property
     def rows(self) -> NDArray[np.intp]:
@@ -290,6 +305,7 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     problems = _Problems(scenario)
     qpos = _start(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
+    _check_scales(scenario, problems)
     _check_encoder(scenario, arm, problems)
     _check_method(scenario, arm, problems)
     _check_second_task(scenario, arm, problems)
@@ -301,12 +317,17 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
             f'"torque" knows no screw joints, and joint "{hinge}" of {arm.path} is one; take "servo"',
         )
     problems.raise_any()
+    _doubt_start(scenario, arm)
     try:
         reference = known.reference(scenario, arm, qpos[arm.wiring.qpos])
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([f"{scenario.locate(key)}: {text}"]) from None
-    return Prepared(scenario, arm, qpos, reference, known)
+    prepared = Prepared(scenario, arm, qpos, reference, known)
+    _check_duration(prepared, problems)
+    _check_steps(prepared, problems)
+    problems.raise_any()
+    return prepared
 
 
 class _Problems:
@@ -329,7 +350,7 @@ def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.floa
     try:
         qpos = arm.configuration(start)
     except ModelError as error:
-        problems.add("arm.start", str(error))
+        problems.add("arm.start", f"{error}{_positions_instead(start, arm)}")
         return np.array(arm.model.qpos0)
     for j, position in enumerate(qpos[arm.wiring.qpos]):
         lower, upper = arm.position_limit[j]
@@ -337,10 +358,41 @@ def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.floa
             key = "arm.start" if isinstance(start, str) else f"arm.start[{j}]"
             problems.add(
                 key,
-                f'joint "{arm.joints[j]}" must start within its limits '
-                f"[{lower:.6g}, {upper:.6g}] {arm.units[j]}, got {position:.6g}",
+                f'joint "{arm.joints[j]}" must start within its limits [{lower:.6g}, {upper:.6g}] '
+                f"{arm.units[j]}, got {position:.6g}{_in_degrees(arm, j, position)}",
             )
     return qpos
+
+
+def _in_degrees(arm: Arm, j: int, position: float) -> str:
+    """Return the way out for a position beyond a turn that would be within the limits in degrees."""
+    lower, upper = arm.position_limit[j]
+    if arm.is_slide[j] or abs(position) <= math.tau or not lower <= math.radians(position) <= upper:
+        return ""
+    return f"; for degrees write {position:.6g} deg"
+
+
+def _doubt_start(scenario: Scenario, arm: Arm) -> None:
+    """Say that a joint without limits starts beyond a turn, as one that was meant in degrees would."""
+    start = scenario.arm.start
+    for j, position in enumerate(() if isinstance(start, str) else start):
+        if way := _in_degrees(arm, j, position):
+            key = f"arm.start[{j}]"
+            turns = f"{position:.6g} rad are {abs(position) / math.tau:.3g} turns"
+            tell(f"warning: {scenario.locate(key)}: {turns}{way}", once=key)
+
+
+def _positions_instead(start: object, arm: Arm) -> str:
+    """Return the way out for positions that stand where the name of a keyframe should."""
+    if not isinstance(start, str):
+        return ""
+    if start.strip().lower() in ("zero", "zeros", "null"):
+        return f"; write [{', '.join('0' for _ in arm.joints)}] for all joints at zero"
+    try:
+        angle(start)
+    except ValueError:
+        return ""
+    return f"; write [{', '.join([start.strip()] * arm.n)}], a position for each joint"
 
 
 def _check_lengths(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
@@ -364,8 +416,50 @@ def _wrong_length(got: int, arm: Arm) -> str:
     return f"must have {arm.n} values, one for each joint ({', '.join(arm.joints)}), got {got}"
 
 
+# Scales between these and their inverses leave the squares of S_x J S_q finite.
+_LARGEST_SCALE = 1e30
+
+
+def _check_scales(scenario: Scenario, problems: _Problems) -> None:
+    for key, values in (
+        ("task.length", (scenario.task.length,)),
+        ("task.weights", scenario.task.weights or ()),
+        ("control.joint_weights", scenario.control.joint_weights or ()),
+    ):
+        for i, value in enumerate(values):
+            if not 1.0 / _LARGEST_SCALE <= value <= _LARGEST_SCALE:
+                problems.add(
+                    key if key == "task.length" else f"{key}[{i}]",
+                    f"must be between {1.0 / _LARGEST_SCALE:g} and {_LARGEST_SCALE:g}, got {value:g}",
+                )
+
+
+# 285 years [s]; beyond them, nanoseconds do not fit into 64 bits.
+_LONGEST = 9e9
+
+
+def _check_duration(prepared: Prepared, problems: _Problems) -> None:
+    """Refuse a run that is longer than recordings count time, which they do in 64 bits of nanoseconds."""
+    period = prepared.scenario.control.period
+    if not prepared.most_ticks * period < _LONGEST:
+        problems.add(
+            "target.path",
+            f"takes up to {prepared.most_ticks} control periods of {period:g} s, which is more than "
+            f"{_LONGEST:g} s; raise target.limits, lower control.period or control.slow.longest, or shorten "
+            "the path",
+        )
+
+
+# No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
+_MOST_OFF = 1e6
+
+
 def _check_encoder(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
     encoder = scenario.arm.encoder
+    for name, values in (("offset", encoder.offset), ("deviation", encoder.deviation)):
+        most = float(np.max(np.abs(values)))
+        if most > _MOST_OFF:
+            problems.add(f"arm.encoder.{name}", f"must be within ±{_MOST_OFF:g} rad or m, got {most:g}")
     if not (np.any(encoder.offset) or np.any(encoder.deviation)):
         return
     if scenario.control.nullspace.objective == "secondary":
@@ -398,7 +492,7 @@ def _check_second_task(scenario: Scenario, arm: Arm, problems: _Problems) -> Non
     if nullspace.objective != "secondary" or site is None:
         return
     if site not in arm.sites:
-        known, hint = ", ".join(arm.sites), did_you_mean(site, arm.sites)
+        known, hint = listed(arm.sites), did_you_mean(site, arm.sites)
         problems.add(
             "control.nullspace.secondary.site", f'{arm.path}: has no site "{site}"{hint}; its sites: {known}'
         )
@@ -406,7 +500,7 @@ def _check_second_task(scenario: Scenario, arm: Arm, problems: _Problems) -> Non
         problems.add(
             "control.nullspace.secondary.site",
             f'must be a site that the arm moves, but none of its joints moves "{site}"; '
-            f"its sites: {', '.join(name for name in arm.sites if arm.moves(name).any())}",
+            f"its sites: {listed(name for name in arm.sites if arm.moves(name).any())}",
         )
 
 
@@ -425,6 +519,22 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
             f'"slow" keeps rates within their limits, and {arm.path} has none for every joint; '
             "give control.limits.rate",
         )
+
+
+# So short a step [s] changes no position of an arm by a bit; gains of inertia over timestep are finite.
+_SHORTEST_STEP = 1e-12
+
+
+def _check_steps(prepared: Prepared, problems: _Problems) -> None:
+    plant, steps = prepared.scenario.plant, prepared.most_ticks * float(prepared.substeps)
+    if plant.kind != "ideal" and steps > MOST_STEPS:
+        problems.add(
+            "plant.timestep",
+            f"makes up to {steps:.6g} steps of {plant.timestep:g} s, more than {MOST_STEPS:g}; raise it, "
+            "shorten target.path or lower control.slow.longest",
+        )
+    elif plant.kind != "ideal" and plant.timestep < _SHORTEST_STEP:
+        problems.add("plant.timestep", f"must be >= {_SHORTEST_STEP:g} s, got {plant.timestep:g} s")
 
 
 def _rate_limit(scenario: Scenario, arm: Arm) -> NDArray[np.float64]:
@@ -454,8 +564,8 @@ def _set_world(world: NDArray[np.void], prepared: Prepared, reference: int) -> N
     scenario, n, m = prepared.scenario, prepared.arm.n, len(prepared.rows)
     control = scenario.control
     world["n"], world["m"], world["k"] = n, m, min(m, n)
-    ticks = prepared.reference.ticks
-    world["reference"], world["path_ticks"], world["ticks"] = reference, ticks, ticks
+    world["reference"], world["path_ticks"] = reference, prepared.reference.ticks
+    world["ticks"] = prepared.most_ticks
     world["diverged"] = -1
     world["pace"] = world["share"] = 1.0
     world["row"][0, :m], world["row_scale"][0, :m] = prepared.rows, prepared.row_scale
@@ -536,5 +646,3 @@ def _set_policy(world: NDArray[np.void], scenario: Scenario) -> None:
     world["stop_change"] = control.stop.change
     world["stop_sigma"] = control.stop.sigma
     world["stop_condition"] = math.inf if control.stop.condition is None else control.stop.condition
-    if control.at_singularity == "slow":
-        world["ticks"] = math.ceil(control.slow.longest * int(world["path_ticks"][0]))

@@ -1,6 +1,7 @@
 """A run: named columns over time, with unit and meaning, and how it ended."""
 
 import json
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -91,6 +92,8 @@ class Run:
         planned: Ticks of the path; T is smaller if the run was cut short, and larger if it was slowed.
         divergence: Where it diverged, or None.
         wall_time: Seconds that the stepping took; worlds stepped together share it equally.
+        weights: Task weights, one an axis; none: all 1.
+        torque_limit: Of each joint [N·m or N], infinite where it has none; none: no joint has one.
     """
 
     name: str
@@ -103,6 +106,8 @@ class Run:
     planned: int
     divergence: Divergence | None = None
     wall_time: float = 0.0
+    weights: tuple[float, ...] = ()
+    torque_limit: tuple[float, ...] = ()
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""
@@ -142,6 +147,8 @@ class Run:
             "planned": self.planned,
             "divergence": self.divergence and vars(self.divergence),
             "wall_time": self.wall_time,
+            "weights": self.weights,
+            "torque_limit": [limit if math.isfinite(limit) else None for limit in self.torque_limit],
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
         with written_whole(path) as temporary, temporary.open("wb") as file:
@@ -154,8 +161,10 @@ class Run:
             facts = json.loads(str(file["facts"]))
             columns = {name: file[name] for name in COLUMNS}
         divergence = facts["divergence"] and Divergence(**facts["divergence"])
+        # files from before these were kept have neither
+        limits = (math.inf if limit is None else limit for limit in facts.get("torque_limit", ()))
         return cls(
             facts["name"], tuple(facts["joints"]), tuple(facts["is_slide"]), tuple(facts["axes"]),
             facts["length"], facts["period"], columns, facts["planned"], divergence,
-            facts["wall_time"],
+            facts["wall_time"], tuple(facts.get("weights", ())), tuple(limits),
         )  # fmt: skip

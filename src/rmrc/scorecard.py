@@ -159,6 +159,7 @@ def tallies_of(runs: Sequence[Run]) -> NDArray[np.void]:
         len(runs[0].joints),
         [run.axes for run in runs],
         [run.length for run in runs],
+        [run.weights for run in runs],
         [run.period for run in runs],
     )
 
@@ -192,6 +193,7 @@ def _figures(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[Scorecard]:
             arm, tallies, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
         ),
         _joints(arm, tallies, "tau", "actuator torque or force", tau_units),
+        _share(runs, tallies),
         _errors(arm, tallies),
         _return(runs, tallies),
         _singularity(tallies),
@@ -341,20 +343,37 @@ def _named(arm: Run, joints: NDArray[np.intp], values: Sequence[float]) -> list[
     return ["" if math.isnan(value) else arm.joints[j] for j, value in zip(joints, values, strict=True)]
 
 
-def _errors(arm: Run, tallies: NDArray[np.void]) -> _Figures:
-    """Yield the position and orientation errors, and the task error along and across u_min.
+def _share(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+    """Yield the largest share of its limit that a joint's torque took, of the joints that have a limit."""
+    n = len(runs[0].joints)
+    peaks = tallies["peak"][:, JOINTS.index("tau"), :n]
+    limits = np.array([run.torque_limit or (math.inf,) * n for run in runs])
+    limited = np.isfinite(limits) & (limits > 0.0)
+    shares = np.where(limited, peaks / np.where(limited, limits, 1.0), -math.inf).max(axis=1)
+    shares[~limited.any(axis=1)] = math.nan
+    what = "largest actuator torque or force as a share of its joint's limit; undefined without a limit"
+    yield "tau.share", shares.tolist(), "1", what
 
-    The task error has the controlled rows only, angles times L. It is split at each tick by that
-    tick's u_min, the direction that the arm is losing: along it |u·e|, across it ‖e − u (u·e)‖.
-    With task weights, u_min is a direction of the weighted rows.
+
+def _errors(arm: Run, tallies: NDArray[np.void]) -> _Figures:
+    """Yield the position and orientation errors, and what of both is along u_min and across it.
+
+    u_min is the direction of the scaled rows that the arm is losing at that tick. With the error e of the
+    controlled rows, e_along = S_x⁻¹ u_min (u_minᵀ S_x e), and the rest is across: `docs/theory.md`.
     """
-    if set(arm.axes) & set(AXES[:3]):
-        yield from _error(tallies, "position_error", "m", "distance to the wanted position")
-    if set(arm.axes) & set(AXES[3:]):
-        yield from _error(tallies, "orientation_error", "rad", "angle to the wanted orientation")
-    what = "task error (angles times L)"
-    yield from _error(tallies, "error_along", "m", f"{what} along u_min")
-    yield from _error(tallies, "error_across", "m", f"{what} across u_min")
+    units = {"position": "m", "orientation": "rad"}
+    what = {"position": "distance to the wanted position", "orientation": "angle to the wanted orientation"}
+    kinds = [
+        kind
+        for kind, axes in (("position", AXES[:3]), ("orientation", AXES[3:]))
+        if set(arm.axes) & set(axes)
+    ]
+    for kind in kinds:
+        yield from _error(tallies, f"{kind}_error", units[kind], what[kind])
+    for kind in kinds:
+        for part in ("along", "across"):
+            meaning = f"{kind} error {part} u_min"
+            yield from _error(tallies, f"{kind}_error_{part}", units[kind], meaning)
     yield from _error(tallies, "secondary_error", "m, rad", "error of the second task")
 
 
@@ -405,6 +424,11 @@ def _status_times(tallies: NDArray[np.void]) -> _Figures:
         times = tallies["status"][:, one.bit_length()] * tallies["period"]
         what = f"time with status {one.name}" if one else "time with no status at all"
         yield f"status_time.{one.name}", times.tolist(), "s", what
+    stuck, longest = tallies["status"][:, Status.STUCK.bit_length()], tallies["stuck_longest"]
+    yield "stuck.longest", (longest * tallies["period"]).tolist(), "s", "longest time stuck at a stretch"
+    yield "stuck.longest_time", tallies["stuck_time"].tolist(), "s", "when that began"
+    share = stuck / np.where(tallies["ticks"], tallies["ticks"], math.nan)
+    yield "stuck.share", share.tolist(), "1", "share of the ticks in which it is stuck"
 
 
 def _effort(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
@@ -457,10 +481,15 @@ def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
 
 def _unknown(name: str, card: Scorecard) -> str:
     """Return why there is no such figure, and the way out."""
-    group, _, rest = name.partition(".")
-    for rows, error in ((AXES[:3], "position_error"), (AXES[3:], "orientation_error")):
-        if group == error and f"error_along.{rest}" in card:
+    kinds = {"position_error": AXES[:3], "orientation_error": AXES[3:]}
+    for (error, rows), other in zip(kinds.items(), reversed(kinds), strict=True):
+        if name.startswith(error) and name.replace(error, other) in card:
             return f"needs one of {', '.join(rows)} in task.axes"
+    # the names of before, when meters and radians were added up
+    split = [f"{kind.removesuffix('error')}{name}" for kind in kinds]
+    parts = [f'"{part}"' for part in split if part in card]
+    if parts:
+        return f"no such figure; did you mean {' or '.join(parts)}?"
     groups = ", ".join(dict.fromkeys(known.partition(".")[0] for known in card))
     return "no such figure" + (did_you_mean(name, card) or f"; figures begin with {groups}")
 

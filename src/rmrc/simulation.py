@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from rmrc.batches import Batches
 from rmrc.control.records import tick_type
+from rmrc.footprint import HELD, refuse_excess
 from rmrc.plant import PlantBatch
 from rmrc.preparation import Prepared, world_records
 from rmrc.run import COLUMNS, Divergence, Run
@@ -22,13 +23,10 @@ from rmrc.scorecard import Scorecard, figures, tallies_of
 from rmrc.tally import adder
 from rmrc.threads import side_by_side
 
-# Ticks between two looks at the clock, the keyboard and the recording: a second at 1 kHz. Large enough that a
-# block costs little, small enough that a killed process loses little.
-BLOCK = 1000
-
-# Tick records that a batch holds where columns are not kept: half a megabyte of six joints, so that they are
-# added up before they leave the processor's caches, which takes half as long.
-HELD = 512
+# Ticks that are recorded at once, and how long they may take [s]: a second at 1 kHz. Large enough that a
+# block costs little, small enough that a killed process loses little. One looks more often whether to stop:
+# see `rmrc.pace`.
+BLOCK, LONGEST_BLOCK = 1000, 0.5
 
 OnBlock = Callable[[int, Run], None]
 _Result = TypeVar("_Result")
@@ -49,13 +47,13 @@ class _Shard:
         self._adder = adder(self._tallies, self.batch.ticks)
         self._adding = threading.Lock()
 
-    def advance(self, on_block: OnBlock | None, lock: threading.Lock) -> bool:
+    def advance(self, on_block: OnBlock | None, lock: threading.Lock, is_stopped: Callable[[], bool]) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
         if not self.keeps:
             self._add()  # what the next block is written over
         first, started = self.batch.done, time.perf_counter()
         try:
-            running = self.batch.advance(BLOCK)
+            running = self._step_block(is_stopped)
         finally:  # an interrupted block is shown as well
             self.wall_time += time.perf_counter() - started
             if on_block is not None:
@@ -65,6 +63,17 @@ class _Shard:
                         if len(part) or part.divergence:
                             on_block(index, part)
         return running > 0
+
+    def _step_block(self, is_stopped: Callable[[], bool]) -> int:
+        """Step a block, a shorter one if there is a stop; return how many worlds still run."""
+        batch, end = self.batch, time.perf_counter() + LONGEST_BLOCK
+        last, row = batch.done + BLOCK, -1
+        running = len(self.members)
+        # where rows are used again, a block ends with the last of them
+        while running and batch.done < last and row != 0 and time.perf_counter() < end and not is_stopped():
+            running = batch.advance(last - batch.done, is_stopped)
+            row = batch.done % len(batch.ticks)
+        return running
 
     def run(self, w: int, first: int, last: int) -> Run:
         """Return ticks [first, last) of world w, or what there is of them."""
@@ -90,6 +99,7 @@ class _Shard:
     ) -> Run:
         """Return a run of a world with what is known beside its columns."""
         arm, scenario = prepared.arm, prepared.scenario
+        has_torques = scenario.plant.kind != "ideal"
         return Run(
             name=scenario.name,
             joints=arm.joints,
@@ -101,6 +111,8 @@ class _Shard:
             planned=prepared.reference.ticks,
             divergence=divergence,
             wall_time=self.wall_time / len(self.members),
+            weights=scenario.task.weights or (),
+            torque_limit=tuple(arm.torque_limit.tolist()) if has_torques else (),
         )
 
     def scorecards(self) -> list[Scorecard]:
@@ -150,7 +162,11 @@ class Simulation:
             threads: Number of threads; each steps its share of the worlds.
             keep_columns: Whether to keep every tick, for `run` and `runs`.
             batches: Of simulations before this one, to be used again; see `release`.
+
+        Raises:
+            ScenarioError: They do not fit into memory.
         """
+        refuse_excess(prepared, keep_columns)
         batches = batches or Batches()
         self._threads, self._keeps = threads, keep_columns
         self._shards = [
@@ -178,15 +194,18 @@ class Simulation:
         Args:
             on_block: Called after each block of ticks with the index of a world and the run of that
                 block alone; from any thread, one call at a time.
-            stop: Once it is set, every world stops after its current block.
+            stop: Once it is set, every world stops within a moment.
 
         Raises:
             KeyboardInterrupt: Passed on, after `on_block` saw the last, shorter block.
         """
         stop, failed, lock = stop or threading.Event(), threading.Event(), threading.Lock()
 
+        def is_stopped() -> bool:
+            return stop.is_set() or failed.is_set()
+
         def work(shard: _Shard) -> None:
-            while not (stop.is_set() or failed.is_set()) and shard.advance(on_block, lock):
+            while not is_stopped() and shard.advance(on_block, lock, is_stopped):
                 pass
 
         if len(self._shards) == 1:  # in the caller's thread, where Ctrl-C arrives

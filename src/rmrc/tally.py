@@ -19,11 +19,20 @@ from rmrc.spatial import AXES
 # Rows of a tally's fields; of EXTREMES, the first four are smallest values.
 JOINTS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
 RATE, COMMAND, ACCELERATION, TAU = range(4)
-ERRORS = ("position_error", "orientation_error", "error_along", "error_across", "secondary_error")
-POSITION, ORIENTATION, ALONG, ACROSS, SECONDARY = range(5)
+ERRORS = (
+    "position_error",
+    "orientation_error",
+    "position_error_along",
+    "orientation_error_along",
+    "position_error_across",
+    "orientation_error_across",
+    "secondary_error",
+)
+WHOLE, ALONG, ACROSS, SECONDARY = 0, 2, 4, 6  # of the first three the positions, and next the orientations
 EXTREMES = ("sigma", "manipulability", "path_rate", "secondary_sigma", "condition", "damping")
 SIGMA, MANIPULABILITY, PACE, LEFT, CONDITION, DAMPING = range(6)
 BITS = len(Status)
+STUCK = int(Status.STUCK)
 
 
 def tally_type(n: int) -> np.dtype[np.void]:
@@ -41,8 +50,8 @@ def _tally_type(c: int) -> np.dtype[np.void]:
     f = np.float64
     return np.dtype(
         [
-            # given: joints, singular values, rows of the error that count, and their scale; length and period
-            ("n", np.int64), ("k", np.int64), ("counts", f, (6,)), ("length", f), ("period", f),
+            # given: joints, singular values, S_x of the six rows, with 0 for those that do not count; period
+            ("n", np.int64), ("k", np.int64), ("scale", f, (6,)), ("period", f),
             # ticks that were added, and what of the first and of the last one is needed
             ("ticks", np.int64), ("q_first", f, (c,)), ("q", f, (c,)), ("qdot", f, (c,)),
             ("pose_ref_first", f, (7,)), ("pose_ref", f, (7,)), ("path_time", f),
@@ -53,12 +62,18 @@ def _tally_type(c: int) -> np.dtype[np.void]:
             ("error_max_time", f, (len(ERRORS),)), ("error_end", f, (len(ERRORS),)),
             ("extreme", f, (len(EXTREMES),)), ("extreme_time", f, (len(EXTREMES),)),
             ("status", np.int64, (BITS + 1,)),
+            # ticks in which the arm is stuck, of this stretch and of the longest so far, and when each began
+            ("stuck", np.int64), ("stuck_began", f), ("stuck_longest", np.int64), ("stuck_time", f),
         ]
     )  # fmt: skip
 
 
 def begin(
-    n: int, axes: Sequence[Sequence[str]], length: Sequence[float], period: Sequence[float]
+    n: int,
+    axes: Sequence[Sequence[str]],
+    length: Sequence[float],
+    weights: Sequence[Sequence[float]],
+    period: Sequence[float],
 ) -> NDArray[np.void]:
     """Return the tallies of worlds before their first ticks, (w,).
 
@@ -66,17 +81,22 @@ def begin(
         n: Number of joints.
         axes: Task axes that count in each world.
         length: Characteristic length of each task [m].
+        weights: Task weights of each world, one an axis; none: all 1.
         period: Control periods [s].
 
-    >>> begin(2, [["x", "y"]], [1.0], [0.001])["counts"]
-    array([[1., 1., 0., 0., 0., 0.]])
+    >>> begin(2, [["x", "rz"]], [0.5], [[1.0, 4.0]], [0.001])["scale"]
+    array([[2., 0., 0., 0., 0., 2.]])
     """
     tallies = np.zeros(len(axes), tally_type(n))
     for name in ("peak", "peak_time", "error_max", "error_max_time", "error_end", "extreme", "extreme_time"):
         tallies[name] = math.nan
+    tallies["stuck_time"] = math.nan
     tallies["n"], tallies["k"] = n, [min(n, len(one)) for one in axes]
-    tallies["counts"] = [[axis in one for axis in AXES] for one in axes]
-    tallies["length"], tallies["period"] = length, period
+    for w, one in enumerate(axes):
+        rows = [AXES.index(axis) for axis in one]
+        meters = [length[w] if row < 3 else 1.0 for row in rows]
+        tallies["scale"][w, rows] = np.sqrt(weights[w] or np.ones(len(rows))) / meters
+    tallies["period"] = period
     return tallies
 
 
@@ -112,6 +132,14 @@ def _add_tick(tally: Record, tick: Record) -> None:
     tally.status[0] += tick.status == 0
     for bit in range(BITS):
         tally.status[bit + 1] += (tick.status >> bit) & 1
+    if tick.status & STUCK:
+        if tally.stuck == 0:
+            tally.stuck_began = tick.time
+        tally.stuck += 1
+        if tally.stuck > tally.stuck_longest:
+            tally.stuck_longest, tally.stuck_time = tally.stuck, tally.stuck_began
+    else:
+        tally.stuck = 0
     for i in range(7):
         if tally.ticks == 0:
             tally.pose_ref_first[i] = tick.pose_ref[i]
@@ -146,23 +174,28 @@ def _add_joints(tally: Record, tick: Record) -> None:
 
 @compiled
 def _add_errors(tally: Record, tick: Record) -> None:
-    """Add the sizes of the errors: of the rows that count; of all of them along u_min and across it."""
+    """Add the sizes of the errors of the rows that count: of all, of their parts along u_min and across it.
+
+    u_min is a direction of the scaled rows S_x e. Its part is scaled back, so that translations have meters
+    and rotations radians again.
+    """
     size = tally.error_end
     for row in range(len(ERRORS)):
         size[row] = 0.0
+    along = 0.0
     for i in range(6):
-        e = tick.pose_error[i] * tally.counts[i]
-        size[POSITION if i < 3 else ORIENTATION] += e * e
-        size[ALONG] += tick.u_min[i] * (e * (1.0 if i < 3 else tally.length))
+        if tally.scale[i] > 0.0:
+            along += tick.u_min[i] * (tally.scale[i] * tick.pose_error[i])
     for i in range(6):
-        e = (
-            tick.pose_error[i] * tally.counts[i] * (1.0 if i < 3 else tally.length)
-            - tick.u_min[i] * size[ALONG]
-        )
-        size[ACROSS] += e * e
+        if tally.scale[i] > 0.0:
+            kind = 0 if i < 3 else 1
+            e, lost = tick.pose_error[i], tick.u_min[i] * along / tally.scale[i]
+            size[WHOLE + kind] += e * e
+            size[ALONG + kind] += lost * lost
+            size[ACROSS + kind] += (e - lost) * (e - lost)
     size[SECONDARY] = tick.secondary_error
     for row in range(len(ERRORS)):
-        size[row] = abs(size[row]) if row in (ALONG, SECONDARY) else math.sqrt(size[row])
+        size[row] = abs(size[row]) if row == SECONDARY else math.sqrt(size[row])
         tally.error_square[row] += size[row] * size[row]
         if tally.ticks == 0 or _exceeds(size[row], tally.error_max[row]):
             tally.error_max[row], tally.error_max_time[row] = size[row], tick.time

@@ -92,7 +92,8 @@ def make_reference(
         else:
             pieces[i]["phases"] = _rest_to_rest(curve, limits)
         pose = curve.end
-    starts = np.cumsum([0.0, *pieces["phases"][:, -1, 0]])
+    with np.errstate(over="ignore"):  # what takes forever is refused below
+        starts = np.cumsum([0.0, *pieces["phases"][:, -1, 0]])
     ticks = _intervals(float(starts[-1]), period) + 1
     # a tick on the border of two segments belongs to the later one
     borders = [0, *(min(_first_tick(start, period), ticks - 1) for start in starts[1:-1]), ticks]

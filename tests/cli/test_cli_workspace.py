@@ -27,7 +27,18 @@ def test_it_leaves_a_picture_and_arrays_and_prints_a_table(workspace, tmp_path):
     assert (code, err) == (0, "")
     assert "planar_6_3.xml, site tip, slice xy, rows x y" in out
     assert "without limits" in out and "area of the slice [m²]" in out
-    assert "x [m], in cells of 0.3051" in out  # 18 m are 59 of them, with a half to spare at both ends
+    rows = {
+        line[: line.index("  ", 3)].strip(): line.split() for line in out.splitlines() if "  " in line[3:]
+    }
+    # The circle of 9 m, and what the limits leave: from q1 = 135 deg and the forearm level, and from both at 0.
+    assert rows["x [m]"][2:] == ["-9.000", "to", "9.000", "-7.243", "to", "9.000"]
+    assert rows["y [m]"][2:] == ["-9.000", "to", "9.000", "0", "to", "9.000"]
+    assert rows["σ_min [1], best posture"][4:] == ["0", "to", "3.000", "0", "to", "3.000"]
+    assert rows["condition κ [1], best posture"].count("inf") == 2
+    assert out.count("singular curves") == 2
+    assert (
+        rows["better end from cells of [m]"][-1] == "0.3051"
+    )  # 18 m are 59, with a half to spare at both ends
     assert out.endswith(
         "wrote recordings/planar_6_3.workspace.png\nwrote recordings/planar_6_3.workspace.npz\n"
     )
@@ -46,6 +57,10 @@ def test_json_is_the_summary_and_nothing_else(workspace, tmp_path):
     facts = json.loads(out)
     assert (code, err) == (0, "")
     assert facts["without_limits"]["area"] == pytest.approx(72 * np.pi, rel=0.02)
+    limited = facts["with_limits"]
+    assert limited["y"] == pytest.approx([0.0, 9.0], abs=1e-9) and limited["extent_accuracy"] <= 1e-9
+    assert limited["extent_is_at_least"] is False and limited["condition"][1] is None
+    assert limited["sigma_min"][0] == 0.0 and limited["worst_from"]["sigma_min"] == "singular"
     assert facts["files"] == ["b/c.svg", "a/planar_6_3.workspace.npz"]
     assert all((tmp_path / name).is_file() for name in facts["files"])
 
@@ -63,6 +78,7 @@ def test_samples_axes_through_and_worst_reach_the_computation(workspace):
     assert (facts["slice"], facts["origin"], facts["posture"]) == ("yz", [0.3, 0.0, 0.0], "worst")
     assert (facts["axes"], facts["length"], facts["method"]) == (["x", "y", "z"], 0.5, "samples")
     assert facts["without_limits"]["postures"] is None
+    assert facts["without_limits"]["extent_is_at_least"] is True
 
 
 def test_a_map_over_two_joints(workspace, tmp_path):

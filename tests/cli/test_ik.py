@@ -151,7 +151,36 @@ def test_a_continuum_is_not_listed(rmrc):
     )
     assert lines_are_short(out)
     facts = json.loads(rmrc("ik", TORUS, "--to", "0,0,0.7", "--all", "--json")[1])
-    assert facts["continuum"] is True and [one["freedom"] for one in facts["postures"]] == [1]
+    assert (
+        facts["continuum"] is True
+        and facts["continua"] == 1
+        and [one["freedom"] for one in facts["postures"]] == [1]
+    )
+
+
+def test_each_continuum_is_listed_once_with_its_starts(rmrc):
+    ask = ("ik", TORUS, "--to", "0,0,1.5", "--all", "--no-limits")
+    code, out, _ = rmrc(*ask)
+    assert code == 0
+    assert out.splitlines()[0] == (
+        "torus_3r_short, tip: 2 continua, of each its nearest to the start shown; 2000 starts"
+    )
+    assert "starts that led there" in out and "apart from others" not in out
+    facts = json.loads(rmrc(*ask, "--json")[1])
+    assert facts["continua"] == 2 and [one["apart"] for one in facts["postures"]] == [True, True]
+    assert sum(one["starts"] for one in facts["postures"]) == 2000
+    elbows = [np.degrees(one["q"]["theta_3"]) for one in facts["postures"]]
+    assert_allclose(sorted(elbows), [-126.87, 126.87], atol=5e-3)
+
+
+def test_where_no_connection_was_found_it_says_so(rmrc):
+    # Three freedoms: waist to the left or to the right, which no chain of postures connected.
+    ask = ("ik", PUMA, "--axes", "x,y,z", "--to-q", "0.2,-1,1,0.3,0.4,0.5", "--all", "--no-limits")
+    out = rmrc(*ask)[1]
+    (row,) = (line for line in out.splitlines() if line.startswith("apart from others"))
+    assert row.split()[3:] == ["unknown", "unknown"] and lines_are_short(out)
+    facts = json.loads(rmrc(*ask, "--json")[1])
+    assert [one["apart"] for one in facts["postures"]] == [None, None]
 
 
 def test_no_posture_at_all_exits_1(rmrc):

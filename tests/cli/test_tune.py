@@ -150,7 +150,7 @@ def test_ctrl_c_shows_what_was_found_so_far(tmp_path):
         assert piece, seen
         seen += piece
     process.send_signal(signal.SIGINT)
-    out, err = process.communicate(timeout=60)
+    out, err = process.communicate(timeout=240)
     assert process.returncode == 130
     done = int(re.search(rb"rmrc: interrupted after (\d+) of 30000 runs\n", err)[1])
     assert 5 <= done < 30000

@@ -1,15 +1,19 @@
 import contextlib
+import http.client
 import os
+import re
 import signal
-import socket
 import subprocess
 import sys
-import time
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 import rerun as rr
 
+from processes import descendants, started
+from rmrc.invocation import command
+from rmrc.output import viewer_process
 from rmrc.output.viewer import ViewerError, repair, replay
 
 
@@ -63,24 +67,10 @@ def test_what_cannot_be_repaired_is_one_line(recording, tmp_path):
     assert "\n" not in text
 
 
-def descendants(pid):
-    """Processes that a process started, and what those started; zombies left out."""
-    parents = {}
-    for stat in Path("/proc").glob("[0-9]*/stat"):
-        with contextlib.suppress(OSError):  # ended in the meantime
-            state, parent = stat.read_text().rpartition(")")[2].split()[:2]
-            if state != "Z":
-                parents[int(stat.parent.name)] = int(parent)
-    found = [pid]
-    for one in found:
-        found += [child for child, parent in parents.items() if parent == one]
-    return found[1:]
-
-
 def listening(pid):
-    """(address, port) of every socket on which a descendant of a process listens."""
+    """(address, port) of every socket on which a process or a descendant of it listens."""
     inodes = set()
-    for one in descendants(pid):
+    for one in [pid, *descendants(pid)]:
         for link in Path(f"/proc/{one}/fd").glob("*"):
             with contextlib.suppress(OSError):
                 inodes.add(os.readlink(link).removeprefix("socket:[").removesuffix("]"))
@@ -95,51 +85,81 @@ def listening(pid):
     return found
 
 
-def wait_for(condition):
-    for _ in range(300):
-        found = condition()
-        if found:
-            return found
-        time.sleep(0.1)
-    raise AssertionError("not within 30 s")
+def get(port, path):
+    """Return (status, headers, body) of a file of a server on the loopback."""
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=30)
+    connection.request("GET", path)
+    answer = connection.getresponse()
+    body = answer.read()
+    connection.close()
+    return answer.status, answer.headers, body
+
+
+@contextlib.contextmanager
+def served(path, folder):
+    """Serve a recording in a process of its own, which has a home and a folder for temporary files."""
+    code = f"from rmrc.output.viewer import *; raise SystemExit(replay(Path({str(path)!r}), web=True))"
+    home = folder / "home"
+    home.mkdir()
+    environment = {**os.environ, "HOME": str(home), "TMPDIR": str(folder)}
+    with started([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment) as process:
+        url = process.stdout.readline().strip()
+        yield process, url, int(url.removeprefix("http://127.0.0.1:").partition("?")[0])
 
 
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-@pytest.mark.parametrize("suffix", ["", ".part"])
-def test_web_listens_on_the_loopback_alone_and_leaves_no_process(recording, tmp_path, number, suffix):
+@pytest.mark.parametrize(
+    ("suffix", "number", "code"),
+    [("", signal.SIGINT, 130), (".part", signal.SIGTERM, 143), ("", signal.SIGHUP, 129)],
+)
+def test_web_listens_on_the_loopback_alone_and_leaves_no_process(recording, tmp_path, suffix, number, code):
     path = Path(f"{tmp_path}/run.rrd{suffix}")
     path.write_bytes(recording.read_bytes())
-    code = f"from rmrc.output.viewer import *; raise SystemExit(replay(Path({str(path)!r}), web=True))"
-    # A home of its own shows that the user's settings are left alone.
-    home = tmp_path / "home"
-    home.mkdir()
-    environment = {**os.environ, "HOME": str(home), "TMPDIR": str(tmp_path)}
-    process = subprocess.Popen(
-        [sys.executable, "-c", code], stdout=subprocess.PIPE, text=True, env=environment
-    )
-    try:
-        url = process.stdout.readline().strip()
-        page = int(url.removeprefix("http://127.0.0.1:").partition("?")[0])
-        wait_for(lambda: len(listening(process.pid)) >= 2)
-        found = listening(process.pid)
-        assert {address for address, _ in found} == {"127.0.0.1"}
-        assert page in {port for _, port in found}
-        data = next(port for _, port in found if port != page)
-        assert url == f"http://127.0.0.1:{page}?url=rerun%2Bhttp%3A%2F%2F127.0.0.1%3A{data}%2Fproxy"
-        with socket.create_connection(("127.0.0.1", page), 5) as client:
-            client.sendall(b"GET / HTTP/1.0\r\n\r\n")
-            assert client.recv(15) == b"HTTP/1.0 200 OK"
-        family = descendants(process.pid)
-        assert len(family) >= 2  # the launcher and the viewer
+    with served(path, tmp_path) as (process, url, port):
+        shown = quote(f"http://127.0.0.1:{port}/recording.rrd", safe="")
+        assert url == f"http://127.0.0.1:{port}?url={shown}&hide_welcome_screen"
+        # One server, ours: that of rerun, which has no policy, has ended before the address is told.
+        assert listening(process.pid) == {("127.0.0.1", port)}
+        assert descendants(process.pid) == []
+        status, headers, page = get(port, "/")
+        assert (status, headers["Content-Type"]) == (200, "text/html; charset=utf-8")
+        assert "connect-src 'self';" in headers["Content-Security-Policy"]
+        assert b"the_canvas_id" in page
+        assert not re.search(rb"<link[^>]*https?:", page)
+        assert get(port, "/re_viewer_bg.wasm")[2].startswith(b"\0asm")
+        if not suffix:  # the repaired one has other bytes
+            assert get(port, "/recording.rrd")[2] == recording.read_bytes()
+        assert get(port, "/recording.rrd")[2].startswith(b"RRF")
         process.send_signal(number)
-        assert process.wait(20) == 130
-        wait_for(lambda: not any(Path(f"/proc/{one}/fd/0").exists() for one in family))
-        assert list(home.rglob("analytics*")) == []
+        assert process.wait(20) == code
+        # A home of its own shows that the user's settings are left alone.
+        assert list((tmp_path / "home").rglob("analytics*")) == []
         assert list(tmp_path.glob("rmrc-*")) == []
+
+
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="reads /proc")
+def test_an_ignored_hangup_stays_ignored(recording, tmp_path):
+    """As under `nohup`."""
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # the process that is started inherits it
+    try:
+        with served(recording, tmp_path) as (process, _, port):
+            process.send_signal(signal.SIGHUP)
+            assert get(port, "/favicon.ico")[0] == 200
+            process.send_signal(signal.SIGTERM)
+            assert process.wait(20) == 143
     finally:
-        for one in [*descendants(process.pid), process.pid]:
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(one, signal.SIGKILL)
-        process.wait()
-        process.stdout.close()
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_a_viewer_that_fails_is_one_line(recording, monkeypatch):
+    """Its exit code 1 must not be taken for a missed expectation."""
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(viewer_process, "RERUN", (sys.executable, "-c", "raise SystemExit(1)"))
+    expected = f"the viewer ended with exit code 1; use: {command('replay', '--web', recording)}"
+    assert message(recording) == expected
+
+
+def test_a_page_that_is_not_served_is_one_line(recording, monkeypatch):
+    fails = "import sys; print('no\\nport', file=sys.stderr)"
+    monkeypatch.setattr(viewer_process, "RERUN", (sys.executable, "-c", fails))
+    assert message(recording, web=True) == "rerun does not serve its viewer: no port"

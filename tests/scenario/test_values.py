@@ -3,6 +3,7 @@ import math
 import pytest
 from scenario_texts import FULL, MINIMAL, full_number_keys, problems
 
+from rmrc.errors import ScenarioError
 from rmrc.scenario import loads
 
 
@@ -22,6 +23,12 @@ from rmrc.scenario import loads
 def test_an_angle_is_radians_or_a_number_with_a_unit(text, radians):
     # One rounding in the product with pi/180.
     assert loads(MINIMAL, overrides=[f"arm.start=[{text}]"]).arm.start[0] == pytest.approx(radians, rel=1e-15)
+
+
+def test_an_angle_of_many_digits_is_refused_at_once():
+    # Digits that could stand on both sides of a dot that is not there took the square of their number: minutes of these.
+    with pytest.raises(ScenarioError, match="must be a number"):
+        loads(MINIMAL, overrides=[f"arm.start=[{'1' * 100_000} degrees]"])
 
 
 def test_a_model_that_is_not_there_is_told_with_its_neighbor(folder):

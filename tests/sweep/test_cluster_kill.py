@@ -50,14 +50,14 @@ def started(path, cluster):
 
 def wait_for(process, folder, parts):
     """Wait until so many batches are finished."""
-    until = time.monotonic() + 60.0
+    until = time.monotonic() + 240
     while len(list(folder.glob("part-*.parquet"))) < parts:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
         time.sleep(0.002)
 
 
-def ended(process, timeout=60):
+def ended(process, timeout=240):
     """Return (exit code, stdout, stderr) once a verb has ended."""
     out, err = process.communicate(timeout=timeout)
     return process.returncode, out, told(err)

@@ -137,7 +137,7 @@ def test_only_what_is_missing_is_run_and_the_file_is_the_same(swept, path, tmp_p
     contents = sweep.check()
     for part in (1, 4):
         rows = table.slice(contents.indices(part).start, contents.batch).to_pylist()
-        sweep.dataset.keep(part, as_parquet(contents.columns, rows))
+        sweep.dataset.keep(part, as_parquet(contents.columns, rows), contents)
     stamps = {one: one.stat().st_mtime_ns for one in sweep.dataset.folder.glob("part-*")}
     # valid while it is not finished
     assert ds.dataset(sweep.dataset.folder).count_rows() == 2 * contents.batch
@@ -217,7 +217,7 @@ def test_a_part_that_a_power_failure_emptied_is_run_again_and_one_that_is_damage
     contents = sweep.check()
     for part in range(contents.parts):
         rows = table.slice(contents.indices(part).start, contents.batch).to_pylist()
-        sweep.dataset.keep(part, as_parquet(contents.columns, rows))
+        sweep.dataset.keep(part, as_parquet(contents.columns, rows), contents)
     empty, damaged = (sweep.dataset.folder / f"part-0000000{part}.parquet" for part in (1, 3))
     empty.write_bytes(b"")
     data = damaged.read_bytes()
@@ -304,6 +304,8 @@ def test_a_problem_of_the_file_has_its_place_and_many_are_not_all_told(path, tmp
          "--set sweep.seed: must be <= 9223372036854775804, got 9223372036854775805"),
         (["arm.encoder.seed=9223372036854775807"],
          "--set arm.encoder.seed: must be <= 9223372036854775804, got 9223372036854775807"),
+        (["sweep={draw: {control.feedback: [1, 2]}, samples: 99999999999999999999}"],
+         "--set sweep: must give 1000000000 runs or fewer, got 99999999999999999999; lower sweep.samples or sweep.repeat"),
         (["sweep.vary.name=[a, b]"], "--set sweep.vary.name: cannot be varied: it names the runs and changes none of them"),
     ],
 )  # fmt: skip

@@ -184,8 +184,7 @@ which turns about -z'
     pose, routes, task = arm.pose(q), jacobians(arm, q), choose(arm, axes, length)
     J, R, turned = routes["mujoco"], quat_to_matrix(pose[3:]), _frame_rotation(arm, q, pose, frame)
     A, angles = task.matrix(J), zyz_angles(R)
-    sigma = np.asarray(np.linalg.svd(A, compute_uv=False), np.float64)
-    lost, slow, standing = examine(task, J, turned, frame)
+    sigma, lost, slow, standing = examine(task, J, turned, frame)
     minors = sum(comb(A.shape[0], r) * comb(A.shape[1], r) for r in range(1, len(sigma) + 1))
     return Inspection(
         arm=arm, q=q, pose=pose, angles=angles, frame=frame, R_world_frame=turned,

@@ -4,11 +4,19 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.analysis.sheet import zero_curves
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.task import Array, Task
 from rmrc.errors import QuestionError, did_you_mean
+
+# Below this share of σ_1, σ_min is 0: a place is known to 1e-10 or so.
+SINGULAR = 1e-8
+# A determinant below this share of the largest is 0: what rounding leaves of products of sines.
+ROUNDING = 1e-12
+# Where a search between the positions begins, how often it goes on or halves its step, and where it ends.
+VALLEYS, ROUNDS, FINEST = 8, 200, 1e-11
 
 
 @dataclass(frozen=True)
@@ -22,6 +30,8 @@ class JointMap:
         second: Positions of the second, (B,) [rad or m].
         q: Positions of all joints; those of the two do not matter, (n,).
         values: σ_min, w and κ, each (A, B).
+        ends: Least and largest of each over both ranges, also between the positions; 0, 0 and infinite where
+            the arm is singular.
         singular: Where det A = 0 of a square task, as polylines (k, 2) of both positions; none of another.
     """
 
@@ -31,6 +41,7 @@ class JointMap:
     second: Array
     q: Array
     values: dict[str, Array]
+    ends: dict[str, tuple[float, float]]
     singular: tuple[Array, ...]
 
 
@@ -85,12 +96,95 @@ def joint_map(
         "manipulability": known.manipulability.reshape(shape),
         "condition": known.condition.reshape(shape),
     }
-    curves = zero_curves(value) if is_square else []
+    curves = _singular_curves(value) if is_square else []
     grid = [np.arange(len(step)) for step in steps]
     singular = tuple(
         np.stack([np.interp(curve[:, c], grid[c], steps[c]) for c in range(2)], axis=1) for curve in curves
     )
-    return JointMap(task, joints, steps[0], steps[1], q, values, singular)
+    return JointMap(
+        task, joints, steps[0], steps[1], q, values, _ends(task, joints, q, steps, values), singular
+    )
+
+
+def _singular_curves(value: Array) -> list[Array]:
+    """Return the curves on a grid where a determinant changes its sign, and the sides where it is 0."""
+    value = np.where(np.abs(value) <= ROUNDING * np.abs(value).max(), 0.0, value)
+    last = np.array(value.shape) - 1.0
+    sides = ((value[0], 0, 0.0), (value[-1], 0, last[0]), (value[:, 0], 1, 0.0), (value[:, -1], 1, last[1]))
+    curves = []
+    for own, axis, at in sides:
+        if not own.any():
+            curve = np.full((2, 2), at)
+            curve[:, 1 - axis] = 0.0, last[1 - axis]
+            curves.append(curve)
+    inside = [
+        curve for curve in zero_curves(value) if not ((curve == 0.0) | (curve == last)).all(axis=0).any()
+    ]
+    return inside + curves
+
+
+def _ends(
+    task: Task, joints: tuple[int, int], q: Array, steps: list[Array], values: dict[str, Array]
+) -> dict[str, tuple[float, float]]:
+    """Return least and largest σ_min, w and κ, searched between the positions from the extreme ones.
+
+    It is a search by compass: of a place and its eight neighbors at some distance the best is next,
+    and the distance is halved where that is the place itself. It needs no derivative, which σ_min has not
+    where it is 0.
+    """
+    # To be as small as can be: each measure and its negative, κ as 1/κ.
+    rows = [(name, sign) for name in values for sign in (1.0, -1.0)]
+    grids = [sign * (1.0 / values[name] if name == "condition" else values[name]) for name, sign in rows]
+    starts = [_valleys(grid) for grid in grids]
+    owner = np.repeat(np.arange(len(rows)), [len(some) for some in starts])
+    index = np.concatenate(starts)
+    place = np.stack([steps[c][index[:, c]] for c in range(2)], axis=1)
+    low, high = (np.array([step[end] for step in steps]) for end in (0, -1))
+    away = np.tile([step[1] - step[0] for step in steps], (len(place), 1))
+    around = np.array([(a, b) for a in (0, 1, -1) for b in (0, 1, -1)])
+
+    def heights(places: Array) -> Array:
+        every = np.tile(q, (places.shape[0] * 9, 1))
+        every[:, joints] = places.reshape(-1, 2)
+        found = survey(task, every)
+        zero = found.sigma[:, -1] <= SINGULAR * found.sigma[:, 0]
+        own = {
+            "sigma_min": np.where(zero, 0.0, found.sigma[:, -1]),
+            "manipulability": np.where(zero, 0.0, found.manipulability),
+            "condition": np.where(zero, 0.0, 1.0 / found.condition),
+        }
+        every_row = np.stack([sign * own[name] for name, sign in rows])
+        return np.asarray(every_row[np.repeat(owner, 9), np.arange(len(every))].reshape(-1, 9))
+
+    for _ in range(ROUNDS):
+        if (away < FINEST).all():
+            break
+        places = np.clip(place[:, None] + away[:, None] * around, low, high)
+        height = heights(places)
+        best = height.argmin(axis=1)
+        place = places[np.arange(len(place)), best]
+        away[best == 0] *= 0.5
+    height = heights(np.clip(place[:, None] + 0.0 * around, low, high))[:, 0]
+    ends = {}
+    for name in values:
+        least, most = (
+            sign * min(float(height[owner == row].min()), float(grids[row].min()))
+            for row, sign in ((rows.index((name, 1.0)), 1.0), (rows.index((name, -1.0)), -1.0))
+        )
+        if name == "condition":
+            least, most = 1.0 / most, 1.0 / least if least > 0.0 else np.inf
+        ends[name] = (least, most)
+    return ends
+
+
+def _valleys(grid: Array) -> NDArray[np.intp]:
+    """Return the lowest places of a grid that none beside them is lower than, (K, 2)."""
+    padded = np.pad(grid, 1, constant_values=np.inf)
+    rows, columns = grid.shape
+    beside = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    places = np.argwhere(grid <= np.min(beside, axis=0))
+    order = np.argsort(grid[tuple(places.T)], kind="stable")
+    return np.asarray(places[order[:VALLEYS]])
 
 
 def _positions(task: Task, joint: int, cells: int) -> Array:

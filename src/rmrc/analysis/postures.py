@@ -1,11 +1,11 @@
 """All postures of an arm that reach a goal: how many there are, and whether they are a continuum."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmrc.analysis.continua import SHARP, find_continua
 from rmrc.analysis.inverse_kinematics import (
     STEPS,
     TOLERANCE,
@@ -18,6 +18,7 @@ from rmrc.analysis.inverse_kinematics import (
     solve_ik,
     unwound,
 )
+from rmrc.analysis.self_motion import SelfMotion
 from rmrc.analysis.task import Array, Task
 
 # Starts of a search for all postures. One that a hundredth of them leads to is missed with probability 1e-9.
@@ -25,8 +26,6 @@ STARTS = 2000
 # Two postures are one if no joint differs by more, hinges modulo whole turns [rad, or m over L]. Where two
 # fuse at a singularity, each is known to the root of rounding only, 1e-7 and some.
 SAME = 1e-4
-# All postures are searched to rounding, so that `SAME` suffices.
-SHARP = 1e-13
 # A posture is asked whether it is one of a continuum if σ_k/σ_1 is less, and if it can be moved so far.
 NEARLY_SINGULAR = 1e-4
 NUDGE = 0.05
@@ -37,17 +36,22 @@ class Postures:
     """All postures that were found for a goal.
 
     Attributes:
-        q: Joint positions, (k, n), rising; hinges in (−π, π] where limits allow. Of all continua there is one
-            posture, the nearest to the start.
-        hits: How many starts led to each, (k,). To the one of all continua, those that led to any.
+        q: Joint positions, (k, n), rising; hinges in (−π, π] where limits allow. Of each continuum there is
+            one posture, of those that were met the nearest to the start.
+        hits: How many starts led to each, (k,); to that of a continuum, those that led to any of it.
         freedom: In how many directions each can be moved with the site at rest, (k,); 0: it is isolated.
-        starts: How many starts were tried.
+        decided: Whether each is known to be apart from all others, (k,); of some continua of two and more
+            dimensions it is not.
+        led_to: Which of them each start led to, (S,); −1: to none.
+        starts: How many starts were tried, S.
         nearest: The nearest configuration that was found, if there is no posture.
     """
 
     q: Array
     hits: NDArray[np.int64]
     freedom: NDArray[np.int64]
+    decided: NDArray[np.bool_]
+    led_to: NDArray[np.int64]
     starts: int
     nearest: Solution | None
 
@@ -67,12 +71,14 @@ def find_postures(
     posture is one of a continuum if A has not rank n there, and others, not isolated either, are beside it in
     a direction that A loses: those of an arm with more joints than task rows, or of a singular configuration,
     as with a point on the first axis. A singular posture with none beside it, as that of an arm stretched to
-    its reach, is isolated.
+    its reach, is isolated. Each connected piece of all postures is one continuum (`rmrc.analysis.continua`),
+    within limits and modulo whole turns of hinges that have them.
 
     Args:
         task: The arm and the rows that count.
         goal: Pose of the site, (7,).
-        start: Joint positions, (n,), to begin at and to which one of a continuum is nearest; None for `home`.
+        start: Joint positions, (n,), to begin at, and to which that of each continuum is the nearest;
+            None for `home`.
         limits: Whether the model's position limits are kept to.
         tolerance: Of |e|: orientation in rad, position over L.
         starts: How many starts.
@@ -99,22 +105,20 @@ def find_postures(
     first = np.concatenate([np.clip(start, *limit.T), random_starts(task, starts - 1, limits)])
     q, error = _sharpest(task, limit, goals[0], first, threads)
     reached = error <= tolerance
+    led_to = np.full(starts, -1, np.int64)
     if not reached.any():
         nearest = solve_ik(task, goals[0], start[0], limits=limits, tolerance=tolerance)
         none = np.zeros(0, np.int64)
-        return Postures(np.zeros((0, arm.n)), none, none, starts, nearest)
-    found, hits = _distinct(task, unwound(arm, limit, q[reached], np.zeros((1, arm.n))))
-    freedom = _freedom(task, limit, goals[0], found, tolerance, threads)
-    loose = np.flatnonzero(freedom)
-    if len(loose):
-        away = np.linalg.norm(_difference(task, found[loose], start), axis=1)
-        one = loose[np.argmin(away)]
-        hits[one] = hits[loose].sum()
-        keep = np.append(np.flatnonzero(freedom == 0), one)
-        found, hits, freedom = found[keep], hits[keep], freedom[keep]
+        return Postures(np.zeros((0, arm.n)), none, none, none.astype(bool), led_to, starts, nearest)
+    motion = SelfMotion(task, goals[0], limit)
+    found, which = _distinct(motion, unwound(arm, limit, q[reached], np.zeros((1, arm.n))))
+    freedom = _freedom(motion, found, tolerance, threads)
+    shown, freedom, decided, entry = _gathered(motion, found, freedom, start[0], tolerance, threads)
     # Rounding must not decide between equal first joints.
-    order = np.lexsort(found.round(6).T[::-1])
-    return Postures(found[order], hits[order], freedom[order], starts, None)
+    order = np.lexsort(shown.round(6).T[::-1])
+    led_to[reached] = np.argsort(order)[entry[which]]
+    hits = np.bincount(led_to[reached], minlength=len(shown))
+    return Postures(shown[order], hits, freedom[order], decided[order], led_to, starts, None)
 
 
 def _sharpest(
@@ -128,48 +132,94 @@ def _sharpest(
     return q, error
 
 
-def _difference(task: Task, a: Array, b: Array) -> Array:
-    """Return a − b, scaled by S_q, hinges to the nearest turn."""
-    gap = a - b
-    gap = np.where(task.arm.comes_round, gap - 2.0 * np.pi * np.round(gap / (2.0 * np.pi)), gap)
-    return gap / task.joint_scale
-
-
-def _distinct(task: Task, q: Array) -> tuple[Array, NDArray[np.int64]]:
-    """Return the different ones of joint positions (N, n), and how often each is there."""
+def _distinct(motion: SelfMotion, q: Array) -> tuple[Array, NDArray[np.int64]]:
+    """Return the different ones of joint positions (N, n), and which of them each is, (N,)."""
     distinct: list[Array] = []
-    hits: list[int] = []
-    while len(q):
-        same = (np.abs(_difference(task, q, q[0])) <= SAME).all(axis=1)
-        distinct.append(q[0])
-        hits.append(int(np.count_nonzero(same)))
-        q = q[~same]
-    return np.array(distinct), np.array(hits)
+    which = np.full(len(q), -1)
+    left = np.arange(len(q))
+    while len(left):
+        gap = motion.gap(q[left] / motion.task.joint_scale, q[left[0]] / motion.task.joint_scale)
+        same = (np.abs(gap) <= SAME).all(axis=1)
+        which[left[same]] = len(distinct)
+        distinct.append(q[left[0]])
+        left = left[~same]
+    return np.array(distinct), which
 
 
-def _nulls(task: Task, q: Array) -> Sequence[Array]:
-    """Return the joint directions, scaled, that A loses at q, each (n,)."""
-    _, sigma, v = np.linalg.svd(task.matrix(task.arm.jacobian(q)))
-    rank = int(np.count_nonzero(sigma > NEARLY_SINGULAR * sigma[0]))
-    return list(v[rank:])
+def _gathered(
+    motion: SelfMotion, q: Array, freedom: NDArray[np.int64], start: Array, tolerance: float,
+    threads: int | None,
+) -> tuple[Array, NDArray[np.int64], NDArray[np.bool_], NDArray[np.int64]]:  # fmt: skip
+    """Return one posture of each continuum beside the isolated ones.
+
+    Returns:
+        Postures (k, n), their freedom (k,), whether each is known to be apart (k,), and to which of them each
+        of the given ones belongs, (N,).
+    """
+    scale = motion.task.joint_scale
+    alone, loose = np.flatnonzero(freedom == 0), np.flatnonzero(freedom)
+    pieces = find_continua(motion, q[loose] / scale, freedom[loose], threads) if len(loose) else []
+    shown, entry = [q[i] for i in alone], np.full(len(q), -1)
+    entry[alone] = np.arange(len(alone))
+    for piece in pieces:
+        entry[loose[piece.members]] = len(shown)
+        shown.append(_nearest(motion, q[loose[piece.members]], piece.nodes * scale, start, tolerance))
+    return (
+        np.array(shown),
+        np.array([*(0 for _ in alone), *(piece.freedom for piece in pieces)], np.int64),
+        np.array([*(True for _ in alone), *(piece.decided for piece in pieces)], np.bool_),
+        entry,
+    )
 
 
-def _freedom(
-    task: Task, limit: Array, goal: Array, q: Array, tolerance: float, threads: int | None
-) -> NDArray[np.int64]:
-    """Return in how many directions each posture (k, n) can be moved with the site at rest."""
+def _nearest(motion: SelfMotion, met: Array, nodes: Array, start: Array, tolerance: float) -> Array:
+    """Return the nearest to the start of postures that were met, (N, n), and of others between, (K, n)."""
+    task, limit = motion.task, motion.limit
+    nodes = np.clip(unwound(task.arm, limit, nodes, np.zeros((1, task.arm.n))), *limit.T)
+    every = np.concatenate([met, nodes])
+    away = np.linalg.norm(motion.gap(every / task.joint_scale, start / task.joint_scale), axis=1)
+    for i in np.argsort(away, kind="stable"):
+        if i < len(met) or np.linalg.norm(motion.linear(every[i] / task.joint_scale)[0]) <= tolerance:
+            break
+    return np.asarray(every[i])
+
+
+def _null(motion: SelfMotion, x: Array, threads: int | None) -> list[Array]:
+    """Return the directions that A loses at scaled joint positions (N, n), each (d, n)."""
+    _, sigma, v = np.linalg.svd(motion.matrices(x, threads))
+    rank = np.count_nonzero(sigma > NEARLY_SINGULAR * sigma[:, :1], axis=1)
+    return [lost[r:] for lost, r in zip(v, rank, strict=True)]
+
+
+def _freedom(motion: SelfMotion, q: Array, tolerance: float, threads: int | None) -> NDArray[np.int64]:
+    """Return in how many directions each posture (k, n) can be moved with the site at rest.
+
+    Where A has as many independent rows as there are, it is what the joints have to spare, by the theorem on
+    implicit functions. Elsewhere each direction that A loses is tried: those count into which postures beside
+    it lie, and no more than A loses at these.
+    """
+    task, x = motion.task, q / motion.task.joint_scale
+    spare = task.arm.n - len(task.rows)
+    null = _null(motion, x, threads)
+    freedom = np.array([spare if len(lost) == spare else 0 for lost in null], np.int64)
     nudges = [
-        (i, d, sign * direction)
-        for i, positions in enumerate(q)
-        for d, direction in enumerate(_nulls(task, positions))
+        (i, sign * direction)
+        for i, lost in enumerate(null)
+        if len(lost) > max(spare, 0)
+        for direction in lost
         for sign in (NUDGE, -NUDGE)
     ]
-    free: list[set[int]] = [set() for _ in q]
     if nudges:
-        first = np.array([q[i] + task.joint_scale * nudge for i, _, nudge in nudges])
-        there, error = _sharpest(task, limit, goal, np.clip(first, *limit.T), threads)
-        for (i, d, _), positions, left in zip(nudges, there, error, strict=True):
-            moved = np.linalg.norm(_difference(task, positions, q[i])) > 0.5 * NUDGE
-            if moved and left <= tolerance and len(_nulls(task, positions)):
-                free[i].add(d)
-    return np.array([len(directions) for directions in free], np.int64)
+        first = np.array([q[i] + task.joint_scale * nudge for i, nudge in nudges])
+        limit = np.stack([motion.low, motion.high], axis=1) * task.joint_scale[:, None]
+        there, error = _sharpest(task, limit, motion.goal, np.clip(first, *limit.T), threads)
+        owner = np.array([i for i, _ in nudges])
+        moved = motion.gap(there / task.joint_scale, x[owner])
+        far = (np.linalg.norm(moved, axis=1) > 0.5 * NUDGE) & (error <= tolerance)
+        losses = np.array([len(lost) for lost in _null(motion, there / task.joint_scale, threads)])
+        for i in np.unique(owner[far]):
+            beside = np.flatnonzero((owner == i) & far)
+            spread = np.linalg.svd(moved[beside], compute_uv=False)
+            # Where the set is bent, what leaves its tangent is a twentieth of a nudge or so.
+            freedom[i] = min(losses[beside].min(), np.count_nonzero(spread > 0.2 * spread[0]))
+    return freedom

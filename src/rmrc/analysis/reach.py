@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.analysis.extents import Extent
 from rmrc.analysis.slices import Slice
 from rmrc.analysis.survey import Survey
 from rmrc.analysis.task import Array, Task
@@ -42,6 +43,9 @@ class Reach:
             has infinitely many, or the slice is not a sheet.
         values: σ_min, w and κ of the best, or the worst, of the postures found, each (A, B); nan elsewhere.
         q: The posture of the best, or the worst, σ_min, (A, B, n); nan elsewhere.
+        extents: Of both coordinates; none if nothing is reached.
+        ends: Least and largest σ_min, w and κ of all points; none if nothing is reached.
+        source: Where the worse end of each was found: `singular`, `limits`, or `cells`.
     """
 
     size: float
@@ -49,6 +53,9 @@ class Reach:
     postures: NDArray[np.int64]
     values: dict[Measure, Array]
     q: Array
+    extents: tuple[Extent, ...] = ()
+    ends: dict[Measure, tuple[float, float]] = field(default_factory=dict)
+    source: dict[Measure, str] = field(default_factory=dict)
 
     @property
     def area(self) -> float:

@@ -70,8 +70,10 @@ def rank_of(sigma: Array) -> int:
 
 def examine(
     task: Task, J: Array, R_world_frame: Array, frame: str
-) -> tuple[tuple[Lost, ...], tuple[Slow, ...], tuple[Motion, ...]]:
-    """Return what is lost, what is nearly so, and the joint motions that do not move the task.
+) -> tuple[Array, tuple[Lost, ...], tuple[Slow, ...], tuple[Motion, ...]]:
+    """Return the singular values, what is lost, what is nearly so, and the motions that do not move the task.
+
+    All come from one decomposition: LAPACK's values with and without vectors differ by rounding.
 
     Where several directions are lost, or several motions stand still, those are returned that have the fewest
     rows, or move the fewest joints.
@@ -81,6 +83,9 @@ def examine(
         J: Rows [v; ω] of the site along world axes, (6, n).
         R_world_frame: Of the frame along whose axes the words are, (3, 3).
         frame: Its name.
+
+    Returns:
+        Singular values of A, falling, (k,), and the three.
     """
     arm = task.arm
     u, sigma, vt = (np.asarray(part, np.float64) for part in np.linalg.svd(task.matrix(J)))
@@ -113,7 +118,7 @@ def examine(
         words = wording.standing_still(motion, seen(twist), task.axes, arm.joints, arm.units)
         words += of_frame if np.linalg.norm(twist) > wording.STANDS_STILL else ""
         standing.append(Motion(motion, twist, words))
-    return tuple(lost), tuple(slow), tuple(standing)
+    return sigma, tuple(lost), tuple(slow), tuple(standing)
 
 
 def _simple(basis: Array) -> list[Array]:

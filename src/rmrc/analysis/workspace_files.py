@@ -8,7 +8,6 @@ import numpy as np
 
 from rmrc.analysis.joint_map import JointMap
 from rmrc.analysis.reach import MEASURES, Reach, Workspace
-from rmrc.analysis.task import Array
 from rmrc.files import written_whole
 
 # What the arrays of a file mean, in order: (key, meaning).
@@ -20,12 +19,14 @@ ARRAYS = {
     "free_sigma_min": "smallest singular value of the kept posture; nan where none, (A, B)",
     "free_manipulability": "product of the singular values, (A, B)",
     "free_condition": "sigma_1/sigma_min, (A, B)",
+    "free_extents": "least and largest value of both coordinates, (2, 2) [m]; nan if nothing is reached",
     "free_q": "a posture in each cell, that of free_sigma_min, (A, B, n) [rad or m]",
     "limited_reached": "the same with the joint limits of the model",
     "limited_postures": "the same with limits",
     "limited_sigma_min": "the same with limits",
     "limited_manipulability": "the same with limits",
     "limited_condition": "the same with limits",
+    "limited_extents": "the same with limits",
     "limited_q": "the same with limits",
     "singular_q": "singular configurations, (K, n) [rad or m]",
     "singular_points": "where they put the site in the slice, (K, 2) [m]",
@@ -49,6 +50,8 @@ def save(found: Workspace, path: Path) -> None:
     arrays: dict[str, Any] = {"a": found.a, "b": found.b, "home": found.home}
     for word, reach in (("free", found.free), ("limited", found.limited)):
         arrays |= {f"{word}_reached": reach.reached, f"{word}_postures": reach.postures, f"{word}_q": reach.q}
+        extents = [(extent.low, extent.high) for extent in reach.extents]
+        arrays[f"{word}_extents"] = np.array(extents or np.full((2, 2), np.nan))
         arrays |= {f"{word}_{measure}": value for measure, value in reach.values.items()}
     for word, curves in (("singular", found.singular), ("limit", found.limits)):
         arrays[f"{word}_q"] = np.concatenate([np.empty((0, arm.n)), *(curve.q for curve in curves)])
@@ -111,7 +114,10 @@ def summary(found: Workspace) -> dict[str, Any]:
 
     Returns:
         Slice and cells; of both reachable sets area (and volume, of a slice about an axis), how far they can
-        be off, extents and the extremes of σ_min; counts of singular configurations.
+        be off, extents with their accuracy, the extremes of σ_min, w and κ, and in `worst_from` where the
+        worse of both was found: on `singular` curves, on those of `limits`, or in the middles of `cells`,
+        as the better always are; counts of singular configurations. Of samples an extent is reached to its
+        accuracy, but is only the largest that was found: `extent_is_at_least`.
     """
     arm, part = found.task.arm, found.part
     return {
@@ -135,18 +141,24 @@ def _of(found: Workspace, reach: Reach) -> dict[str, Any]:
     facts: dict[str, Any] = {"area": reach.area, "area_accuracy": reach.accuracy}
     if found.part.is_round:
         facts["volume_if_first_joint_turns_fully"] = found.volume(reach)
-    for label, edges, other in zip(found.part.labels, (found.a, found.b), (1, 0), strict=True):
-        hit = np.flatnonzero(reach.reached.any(axis=other))
-        facts[label] = [float(edges[hit[0]]), float(edges[hit[-1] + 1])] if len(hit) else None
+    accuracy = max((extent.accuracy for extent in reach.extents), default=None)
+    for label, extent in zip(found.part.labels, reach.extents or (None, None), strict=True):
+        facts[label] = None if extent is None else [extent.low, extent.high]
+    facts["extent_accuracy"], facts["extent_is_at_least"] = accuracy, not found.part.is_sheet
     for measure in MEASURES:
-        facts[measure] = _ends(reach.values[measure])
+        ends = reach.ends.get(measure)
+        facts[measure] = None if ends is None else [end if np.isfinite(end) else None for end in ends]
+    facts["worst_from"] = {measure: reach.source[measure] for measure in MEASURES if measure in reach.source}
     counted = reach.postures[reach.postures > 0]
     facts["postures"] = sorted({int(count) for count in np.unique(counted)}) or None
     return facts
 
 
 def joint_summary(found: JointMap) -> dict[str, Any]:
-    """Return the numbers of a map over two joints, ready for strict JSON; an infinite κ is None."""
+    """Return the numbers of a map over two joints, ready for strict JSON; an infinite κ is None.
+
+    The ends of σ_min, w and κ are searched between the positions of the map, to 1e-9 and less.
+    """
     arm = found.task.arm
     facts: dict[str, Any] = {
         "model": arm.path.name, "site": arm.site, "over": [arm.joints[joint] for joint in found.joints],
@@ -156,11 +168,6 @@ def joint_summary(found: JointMap) -> dict[str, Any]:
         # det J is of as many rows as joints
         "singular_curves": len(found.singular) if len(found.task.rows) == arm.n else None,
     }  # fmt: skip
-    return facts | {measure: _ends(found.values[measure]) for measure in MEASURES}
-
-
-def _ends(values: Array) -> list[float | None] | None:
-    known = values[~np.isnan(values)]
-    if not len(known):
-        return None
-    return [float(end) if np.isfinite(end) else None for end in (known.min(), known.max())]
+    return facts | {
+        measure: [end if np.isfinite(end) else None for end in found.ends[measure]] for measure in MEASURES
+    }

@@ -6,17 +6,20 @@ sampled, and the cells at the edge of what was found are sampled more until no c
 """
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.analysis.extents import OUTERMOST, find_extents
 from rmrc.analysis.reach import Curve, Found, Reach, Workspace
 from rmrc.analysis.sheet import covering, zero_curves
 from rmrc.analysis.singular_set import nearest_singular
 from rmrc.analysis.slices import Slice
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.task import Array, Task
+from rmrc.analysis.worst_points import STARTS as POSTURE_STARTS
+from rmrc.analysis.worst_points import find_ends
 from rmrc.arm import Arm
 from rmrc.errors import QuestionError
 
@@ -75,8 +78,8 @@ class Search:
         ]
         at, value = self.image(nodes_free, with_determinant=True)
         origin, size, shape = self.cells([at.reshape(-1, 2)], cells)
-        reaches = []
-        for nodes, images in ((nodes_free, at), (nodes_own, self.image(nodes_own)[0])):
+        reaches, images_own = [], self.image(nodes_own)[0]
+        for nodes, images in ((nodes_free, at), (nodes_own, images_own)):
             found = Found(self.task, shape, self.worst)
             mirror = [1.0, -1.0] if self.part.is_round and np.isfinite(self.part.axes[0]).all() else [1.0]
             for sign in mirror:
@@ -89,7 +92,65 @@ class Search:
             reaches.append(found.reach(size, postures=True))
         singular = tuple(self.singular_curves(nodes_free, value, own))
         limits = tuple(self.limit_curves(nodes_own, own))
+        for i, (nodes, images, ranges) in enumerate(((nodes_free, at, free), (nodes_own, images_own, own))):
+            outer, step = self.outermost(nodes, images), max(float(np.diff(one).max()) for one in nodes)
+            # Between nodes a step h apart a coordinate is within D h²/2 of theirs where it is extreme, with D
+            # the farthest that the site is from a joint, which bounds its second derivatives.
+            farthest = float(np.linalg.norm(jacobians(self.task, outer)[1][:, :3], axis=1).max())
+            fine = 0.5 * farthest * step * step
+            reaches[i] = self.bounded(reaches[i], ranges, i, singular, limits, outer, fine, origin)
         return self.finish(origin, size, shape, reaches, singular, limits)
+
+    def outermost(self, nodes: list[Array], images: Array) -> Array:
+        """Return the nodes of a grid whose images have extreme coordinates, (K, n)."""
+        flat, chosen = images.reshape(-1, 2), []
+        for axis in range(2):
+            values = (flat[:, axis], -flat[:, axis], np.abs(flat[:, axis]))
+            chosen += [np.argpartition(v, min(OUTERMOST, len(v) - 1))[:OUTERMOST] for v in values]
+        some = np.unique(np.concatenate(chosen))
+        where = np.unravel_index(some, images.shape[:2])
+        q = np.tile(self.home, (len(some), 1))
+        for joint, steps, index in zip(self.part.joints, nodes, where, strict=True):
+            q[:, joint] = steps[index]
+        return q
+
+    def bounded(
+        self, reach: Reach, ranges: Array, has_limits: int, singular: tuple[Curve, ...],
+        limits: tuple[Curve, ...], more: Array, fine: float | None, origin: Array,
+    ) -> Reach:  # fmt: skip
+        """Return what is reached with its extents and the ends of σ_min, w and κ.
+
+        Args:
+            reach: The cells.
+            ranges: Of the joints, (n, 2).
+            has_limits: 1 if they are the joints' own, else 0.
+            singular: Singular curves.
+            limits: Curves at the limits.
+            more: Other configurations to climb from, (K, n).
+            fine: How far these can be off, where they are dense; None for samples.
+            origin: Lower corner of the cells, (2,).
+        """
+        part = self.part
+        on = [more[:0], *(c.q[self.inside(c.q, ranges)] for c in singular)]
+        on += [c.q[c.within] for c in limits if has_limits]
+        curves = self.wrapped(np.concatenate(on), ranges)
+        if not len(curves) + len(more):
+            return reach
+        if part.is_round:  # any position of the first joint will do
+            curves[:, part.movers[0]] = self.home[part.movers[0]]
+        extents = find_extents(self.task, part, ranges, np.concatenate([curves, more]), fine)
+        # Extremes are on one of the curves, or where some of them end.
+        curves = np.concatenate([*(extent.q for extent in extents), curves])
+        turns = self.arm.comes_round & ~(ranges[:, 1] - ranges[:, 0] < 2.0 * np.pi - ROUNDING)
+        limit = np.where(turns[:, None], [-np.inf, np.inf], ranges)
+        if part.is_round:
+            limit[part.movers[0]] = [-np.inf, np.inf]
+        edges = tuple(origin[i] + reach.size * np.arange(reach.reached.shape[i] + 1) for i in range(2))
+        starts = self.random(np.random.default_rng(1), ranges, POSTURE_STARTS)
+        ends, source = find_ends(
+            self.task, part, limit, reach, self.worst, curves, starts, (edges[0], edges[1])
+        )
+        return replace(reach, extents=extents, ends=ends, source=source)
 
     def nodes(self, joint: int, ranges: Array, cells: int) -> Array:
         """Return the grid's positions of a joint."""
@@ -162,6 +223,9 @@ class Search:
         both[0].include(both[1])  # what is reached within the limits is reached without
         reaches = [known.reach(size, postures=False) for known in both]
         limits = tuple(self.limit_points(own, rng))
+        for i, ranges in enumerate((free, own)):
+            outer = reaches[i].q[reaches[i].reached]
+            reaches[i] = self.bounded(reaches[i], ranges, i, (singular,), limits, outer, None, origin)
         return self.finish(origin, size, shape, reaches, (singular,), limits)
 
     def limit_points(self, own: Array, rng: np.random.Generator) -> Iterator[Curve]:

@@ -11,9 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.changes import PAYLOAD, check_stretch, stretched_fields
+from rmrc.arm.compiling import compiled
 from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import Travel, Wiring, find_chain, joints_above, wire
 from rmrc.errors import ModelError, did_you_mean
+from rmrc.legible import listed
 from rmrc.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
@@ -154,7 +156,7 @@ class Arm:
         """
         if isinstance(start, str):
             if start not in self.keyframes and start != "home":
-                known = ", ".join(sorted(self.keyframes)) or "none"
+                known = listed(sorted(self.keyframes)) or "none"
                 hint = did_you_mean(start, self.keyframes)
                 raise ModelError(
                     f'{self.path}: has no keyframe "{start}"{hint}; its keyframes: {known}', "start"
@@ -283,7 +285,7 @@ class Arm:
 
     @cached_property
     def _untextured(self) -> mujoco.MjModel:
-        return self._bare_spec.copy().compile()
+        return compiled(self.path, self._bare_spec.copy())
 
     def stretched(self, stretch: Mapping[str, float]) -> "Arm":
         """Return the arm with some bodies larger.
@@ -363,7 +365,7 @@ class Arm:
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
         if plant == "ideal":  # only kinematics are computed
             option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        return spec.compile()
+        return compiled(self.path, spec)
 
     def _replace_actuators(self, spec: mujoco.MjSpec, plant: str, kv: Array) -> None:
         for actuator in list(spec.actuators):

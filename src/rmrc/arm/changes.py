@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm.wiring import Wiring
 from rmrc.errors import ModelError, did_you_mean
+from rmrc.legible import listed
 
 Array = NDArray[np.float64]
 
@@ -100,11 +101,15 @@ def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dic
     }
 
 
+# Lengths of arms are meters; squares and products of such factors are finite, also as MuJoCo's floats.
+_STRETCH = 1e-6, 1e6
+
+
 def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float]) -> None:
     """Refuse bodies that cannot be stretched.
 
     Raises:
-        ModelError: No such body; or it has parts whose size is not a number of theirs.
+        ModelError: No such body; a factor beyond reason; parts whose size is not a number of theirs.
     """
     bodies = [name for b in range(1, model.nbody) if (name := model.body(b).name)]
     for name in stretch:
@@ -113,7 +118,7 @@ def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float
             about = (
                 f"stretch.{name}" if re.fullmatch(r"[\w-]+", name) else "stretch"
             )  # else it is no plain key
-            raise ModelError(f'{path}: has no body "{name}"{hint}; its bodies: {", ".join(bodies)}', about)
+            raise ModelError(f'{path}: has no body "{name}"{hint}; its bodies: {listed(bodies)}', about)
         body = model.body(name).id
         collides = (model.geom_contype | model.geom_conaffinity) != 0
         if (collides & (model.geom_dataid >= 0) & (model.geom_bodyid == body)).any():
@@ -121,6 +126,13 @@ def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float
                 f'{path}: body "{name}" cannot be stretched: a mesh of it collides; '
                 "let simpler geometries collide, or stretch other bodies",
                 "stretch",
+            )
+    for name, factor in stretch.items():
+        if not _STRETCH[0] <= factor <= _STRETCH[1]:
+            raise ModelError(
+                f'{path}: the factor of body "{name}" must be between {_STRETCH[0]:g} and {_STRETCH[1]:g}, '
+                f"got {factor:g}",
+                f"stretch.{name}" if re.fullmatch(r"[\w-]+", name) else "stretch",
             )
     if stretch and np.isin(model.eq_type, _HOLDS_POINTS).any():
         raise ModelError(

@@ -37,7 +37,9 @@ def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
     return [
         i
         for i in range(model.nu)
-        if model.actuator_trntype[i] == DRIVES_JOINT and model.actuator_trnid[i, 0] == joint
+        if model.actuator_trntype[i] == DRIVES_JOINT
+        and model.actuator_trnid[i, 0] == joint
+        and abs(model.actuator_gear[i, 0]) > mujoco.mjMINVAL  # or it drives nothing
     ]
 
 

@@ -9,13 +9,12 @@ import mujoco
 import numpy as np
 
 from rmrc.arm.arm import Arm
+from rmrc.arm.bounds import bounded_memory
+from rmrc.arm.compiling import quiet_log, read
 from rmrc.arm.limits import position_limit, rate_limit, torque_limit
+from rmrc.arm.scan import check_file
 from rmrc.arm.wiring import SLIDE, find_chain, find_site, find_travels
 from rmrc.errors import ModelError, did_you_mean
-
-# A NaN in an MJCF file compiles without an error, so these are looked at.
-MUST_BE_FINITE = ("body_pos", "body_quat", "body_mass", "body_inertia", "jnt_axis", "jnt_pos",
-                  "jnt_range", "site_pos", "site_quat", "qpos0", "dof_damping", "dof_armature")  # fmt: skip
 
 
 def load(path: Path, site: str | None = None, joints: Sequence[str] | None = None) -> Arm:
@@ -32,21 +31,13 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
     """
     if not path.is_file():
         raise ModelError(f"{path}: no such model file{did_you_mean(path.name, _siblings(path))}")
-    quiet_log()
-    try:
-        spec = mujoco.MjSpec.from_file(str(path))
-        model = spec.compile()
-    except (ValueError, mujoco.FatalError) as error:
-        raise ModelError(f"{path}: {one_line(error)}") from None
-    for field in MUST_BE_FINITE:
-        if not np.isfinite(getattr(model, field)).all():
-            raise ModelError(f"{path}: {field} is not finite everywhere; look for nan or inf in the file")
+    spec, model = read(path)
     site = find_site(path, model, site)
     chain = find_chain(path, model, site)
     travels = find_travels(path, model, chain)
     own = [name for name in chain if name not in travels]
-    names = tuple(own) if joints is None else tuple(joints)
-    for name in names:
+    driven = tuple(own) if joints is None else tuple(joints)
+    for name in driven:
         if name in travels:
             raise ModelError(
                 f'{path}: joint "{name}" follows "{own[travels[name].hinge]}" by an equality; drive that one',
@@ -58,26 +49,26 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
                 f"{did_you_mean(name, own)}; the chain: {', '.join(own)}",
                 "joints",
             )
-    outward = [name for name in own if name in names]
-    if outward != list(names):
+    outward = [name for name in own if name in driven]
+    if outward != list(driven):
         raise ModelError(
-            f"{path}: joints must be listed once each, from the world outward, got [{', '.join(names)}]; "
+            f"{path}: joints must be listed once each, from the world outward, got [{', '.join(driven)}]; "
             f"write [{', '.join(outward)}]",
             "joints",
         )
     followed = tuple(
-        replace(travel, hinge=names.index(own[travel.hinge]))
+        replace(travel, hinge=driven.index(own[travel.hinge]))
         for travel in travels.values()
-        if own[travel.hinge] in names
+        if own[travel.hinge] in driven
     )
-    joint = np.array([model.joint(name).id for name in names])
+    joint = np.array([model.joint(name).id for name in driven])
     return Arm(
         path=path,
         site=site,
-        joints=names,
+        joints=driven,
         is_slide=model.jnt_type[joint] == SLIDE,
         travels=followed,
-        position_limit=position_limit(model, names, followed),
+        position_limit=position_limit(model, driven, followed),
         rate_limit=np.array([rate_limit(model, i) for i in joint]),
         torque_limit=np.array([torque_limit(model, i) for i in joint]),
         keyframes={
@@ -99,26 +90,15 @@ def files(path: Path) -> list[Path]:
     """
     quiet_log()
     try:
-        found = set(mujoco.mju_getXMLDependencies(str(path)))
-        # which looks for height fields beside the model, where the compiler does not
-        spec = mujoco.MjSpec.from_file(str(path))
+        check_file(path)
+        with bounded_memory():
+            found = set(mujoco.mju_getXMLDependencies(str(path)))
+            # which looks for height fields beside the model, where the compiler does not
+            spec = mujoco.MjSpec.from_file(str(path))
         found |= {os.path.normpath(path.parent / spec.meshdir / field.file) for field in spec.hfields}
-    except (ValueError, mujoco.FatalError):
+    except (ValueError, RuntimeError, MemoryError, OSError, mujoco.FatalError):
         found = set()
     return sorted(file for file in {path, *map(Path, found)} if file.is_file())
-
-
-def quiet_log() -> None:
-    """Keep MuJoCo from writing MUJOCO_LOG.TXT into the user's directory; we read its counters."""
-    config = mujoco.MjLogConfig.get()
-    config.logto_file = False
-    config.logto_console = False
-    config.set()
-
-
-def one_line(error: Exception) -> str:
-    """Return a foreign error's text on one line."""
-    return " ".join(str(error).split())
 
 
 def _siblings(path: Path) -> list[str]:

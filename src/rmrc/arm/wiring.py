@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.errors import ModelError, did_you_mean
+from rmrc.legible import listed
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
@@ -96,7 +97,7 @@ def find_site(path: Path, model: mujoco.MjModel, wanted: str | None) -> str:
         on_arms = [name for name in sites if _is_on_arm(path, model, name)]
         return max(reversed(on_arms or sites), key=lambda name: len(joints_above(model, name)))
     if wanted is None or wanted not in sites:
-        known = ", ".join(sites) or "none"
+        known = listed(sites) or "none"
         missing = "no site with a name" if wanted is None else f'no site "{wanted}"'
         hint = did_you_mean(wanted or "", sites)
         raise ModelError(f"{path}: has {missing}{hint}; its sites: {known}", "site")

@@ -1,28 +1,61 @@
 """The face: verbs and exit codes, nothing else.
 
-0  all went well                        3  a world diverged; what it recorded is kept
-1  an expectation was not met, a      130  Ctrl-C; what was recorded is kept
-   goal not reached, a wrench not held,
-   nothing keeps the limits
-2  bad input, one line says what
+0  all went well                       70  an internal error; the trace says where
+1  an expectation was not met, a      129  SIGHUP; what was recorded is kept
+   goal not reached, a wrench not     130  Ctrl-C; what was recorded is kept
+   held, nothing keeps the limits     141  the reader of a pipe had enough
+2  bad input, or output that cannot   143  SIGTERM; what was recorded is kept
+   be written; one line says what
+3  a world diverged; what it recorded is kept
 """
 
 import sys
+import traceback
+from importlib.metadata import PackageNotFoundError, metadata
 from typing import Annotated, NoReturn
 
 import typer
 
 import rmrc
-from rmrc.cli import ik, inspect, scenarios, statics, sweep, tune, workspace
-from rmrc.cli.console import EXIT_INPUT, complain
-from rmrc.errors import RmrcError
+from rmrc.cli import ik, inspect, scenarios, statics, streams, sweep, tune, workspace
+from rmrc.cli.console import (
+    EXIT_INPUT,
+    EXIT_INTERNAL,
+    EXIT_INTERRUPTED,
+    EXIT_MISSED,
+    EXIT_PIPE,
+    complain,
+    named_by_signal,
+    warnings_in_lines,
+)
+from rmrc.cli.mistakes import ENVIRONMENT, UsageError, usage
+from rmrc.errors import RmrcError, ScenarioError
+from rmrc.interruption import stops_like_ctrl_c
+from rmrc.invocation import command
+from rmrc.legible import visible
+from rmrc.notices import heard_by
+
+EXIT_CODES = """\b
+Exit codes:
+    0  all went well
+    1  an expectation was not met, a goal not reached,
+       a wrench not held, nothing keeps the limits
+    2  bad input, or output that cannot be written
+    3  a world diverged; what it recorded is kept
+   70  an internal error; the trace says where
+  129  SIGHUP; what was recorded is kept
+  130  Ctrl-C; what was recorded is kept
+  141  the reader of a pipe had enough
+  143  SIGTERM; what was recorded is kept"""
 
 app = typer.Typer(
     name="rmrc",
     help="Resolved motion rate control in MuJoCo: what an arm does near its singularities.",
-    no_args_is_help=True,
+    epilog=EXIT_CODES,
     add_completion=False,
+    rich_markup_mode=None,  # which would take [m] and [kg] in a help for markup, and break words
     pretty_exceptions_enable=False,  # a trace is for us, and only for bugs
+    context_settings={"max_content_width": 100},
 )
 for verb in (
     scenarios.run,
@@ -36,35 +69,81 @@ for verb in (
     ik.ik,
     workspace.workspace,
 ):
-    app.command()(verb)
+    # The first paragraph, which the list of verbs would cut off else.
+    app.command(short_help=" ".join((verb.__doc__ or "").split("\n\n")[0].split()))(verb)
 
 
 def main() -> NoReturn:
     """Run the command line; a user's mistake is one line for each problem, and exit code 2."""
+    with streams.patient() as output, heard_by(complain), warnings_in_lines():
+        with stops_like_ctrl_c():
+            code = named_by_signal(_run())
+        sys.stdout.flush()
+        if code in (0, EXIT_MISSED) and output.is_closed:
+            code = EXIT_PIPE
+        elif code in (0, EXIT_MISSED) and output.problem:
+            complain(f"error: stdout cannot be written: {output.problem}")
+            code = EXIT_INPUT
+    sys.exit(code)
+
+
+def _run() -> int:
+    """Run the command line and return its exit code, whatever happens."""
     try:
-        app(standalone_mode=True)
+        code = app(standalone_mode=False)
+        return code if isinstance(code, int) else 0
+    except UsageError as error:
+        complain(f"error: {usage(error)}")
     except RmrcError as error:
-        for line in str(error).splitlines():
-            complain(f"error: {line}")
-        sys.exit(EXIT_INPUT)
+        for problem in error.problems if isinstance(error, ScenarioError) else [str(error)]:
+            complain(f"error: {problem}")
+    except MemoryError as error:
+        told = f" ({error})" if str(error) else ""
+        complain(f"error: there is not enough memory{told}; ask for less at a time, or give it more memory")
     except OSError as error:
-        if error.filename is None:  # not about a file: a bug
-            raise
-        complain(f"error: {error.filename}: {(error.strerror or '').lower()}")
-        sys.exit(EXIT_INPUT)
-    sys.exit(0)
+        if error.filename is None and error.errno not in ENVIRONMENT:  # not about a file: a bug
+            return _internal()
+        place = "a file cannot be written" if error.filename is None else error.filename
+        complain(f"error: {place}: {(error.strerror or str(error)).lower()}")
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+    except Exception:
+        return _internal()
+    return EXIT_INPUT
 
 
-def _version(wanted: bool) -> None:
+def _internal() -> int:
+    """Print the trace of what we did not foresee, and where to report it."""
+    print(visible(traceback.format_exc(), keep="\n"), end="", file=sys.stderr)
+    complain(f"internal error: this is a bug of rmrc {rmrc.__version__}, not of what you gave it")
+    complain(f"report it{_tracker()}: the lines above, the command, its files, and {command('--version')}")
+    return EXIT_INTERNAL
+
+
+def _tracker() -> str:
+    """Return where bugs are told, if the package says so."""
+    try:
+        urls = metadata("rmrc").get_all("Project-URL") or []
+    except PackageNotFoundError:
+        urls = []
+    named = dict(url.split(", ", 1) for url in urls)
+    return "".join(f" at {url}" for name, url in named.items() if name.lower() in ("issues", "bug tracker"))
+
+
+def _print_version(wanted: bool) -> None:
     if wanted:
         print(f"rmrc {rmrc.__version__}")
         raise typer.Exit
 
 
-@app.callback()
+@app.callback(invoke_without_command=True)
 def _root(
-    version: Annotated[
-        bool, typer.Option("--version", callback=_version, is_eager=True, help="Print the version.")
+    context: typer.Context,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
     ] = False,
 ) -> None:
     """Resolved motion rate control in MuJoCo."""
+    if context.invoked_subcommand is None:
+        print(context.get_help(), file=sys.stderr)
+        raise typer.Exit(EXIT_INPUT)

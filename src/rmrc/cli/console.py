@@ -1,11 +1,16 @@
 """What the verbs share: exit codes, and how they speak to a terminal or a pipe."""
 
+import json
+import os
+import signal
 import sys
 import threading
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
-from rich.console import Console
+from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
     Progress,
@@ -16,24 +21,103 @@ from rich.progress import (
     TimeElapsedColumn,
     TimeRemainingColumn,
 )
+from rich.segment import Segment
 from rich.text import Text
 
-EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERRUPTED = 1, 2, 3, 130
+from rmrc import legible
+from rmrc.interruption import signal_that_came
 
-COMPILING = "compiling the control law (once; kept for the next time) ..."
+EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERNAL, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 3, 70, 130, 141
+EXIT_TERMINATED, EXIT_HUNG_UP = 143, 129
 
 # The widest table needs so many columns, and a pipe has any number.
 PIPE_WIDTH = 100
+# In fewer columns than about a dozen rich goes round in circles, and nobody reads a table.
+LEAST_WIDTH = 20
 
 
-def output(quiet: bool = False) -> Console:
-    """Return the console of stdout: as wide as its terminal, or as the tables need in a pipe."""
-    return Console(quiet=quiet, width=None if sys.stdout.isatty() else PIPE_WIDTH)
+class _Screen(Console):
+    """A console that takes every text as it is: nothing in it is markup, an emoji or a control character."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(markup=False, emoji=False, **options)
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        for segment in super().render(renderable, options):
+            if segment.control:  # the console's own
+                yield segment
+            else:
+                yield Segment(legible.visible(segment.text, keep="\n"), segment.style)
+
+
+def output(quiet: bool = False, pipe: int = PIPE_WIDTH) -> Console:
+    """Return the console of stdout: as wide as its terminal or COLUMNS says, else as the tables need.
+
+    Args:
+        quiet: Whether to print nothing.
+        pipe: Columns where there is no terminal.
+    """
+    is_known = sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit()
+    screen = _Screen(quiet=quiet, width=None if is_known else pipe)
+    screen.width = max(screen.width, LEAST_WIDTH)
+    return screen
+
+
+def print_line(console: Console, text: str) -> None:
+    """Print a line that is not wrapped, so that a path or a command in it can be copied."""
+    console.print(legible.visible(text), highlight=False, soft_wrap=True)
+
+
+def print_json(facts: object, **options: Any) -> None:
+    """Print JSON: letters as they are where the encoding has all of them, else as JSON escapes them."""
+    is_unicode = (sys.stdout.encoding or "utf-8").lower().startswith("utf")
+    text = json.dumps(facts, indent=2, ensure_ascii=False, **options)
+    if not (is_unicode and text.replace("\n", "").isprintable()):
+        text = json.dumps(facts, indent=2, **options)
+    print(text)
+
+
+_said: list[str] = []  # by this verb
 
 
 def complain(text: str) -> None:
-    """Say on stderr what went wrong."""
-    print(f"rmrc: {text}", file=sys.stderr, flush=True)
+    """Say on stderr what went wrong, in one line."""
+    _said.append(text)
+    print(f"rmrc: {legible.line(text)}", file=sys.stderr, flush=True)
+
+
+def warn(texts: Iterable[str]) -> None:
+    """Say on stderr what can be done as it is asked for, but was hardly meant; each text once."""
+    for text in dict.fromkeys(texts):
+        complain(f"warning: {text}")
+
+
+@contextmanager
+def warnings_in_lines() -> Iterator[None]:
+    """Have warnings of Python shown as lines of ours, each once."""
+    shown: set[str] = set()
+
+    def show(message: Warning | str, *_: Any, **__: Any) -> None:
+        text = " ".join(str(message).split())
+        if text not in shown:
+            shown.add(text)
+            complain(f"warning: {text}")
+
+    with warnings.catch_warnings():
+        warnings.showwarning = show
+        yield
+
+
+def named_by_signal(code: int) -> int:
+    """Return the exit code of a verb: where it was interrupted, that of the signal that came, with a line."""
+    is_said = any(text.startswith("interrupted") for text in _said)
+    _said.clear()
+    if code != EXIT_INTERRUPTED:
+        return code
+    if not is_said:
+        complain("interrupted")
+    codes = {signal.SIGTERM: EXIT_TERMINATED, getattr(signal, "SIGHUP", None): EXIT_HUNG_UP}
+    return codes.get(signal_that_came(), EXIT_INTERRUPTED)
 
 
 @contextmanager
@@ -72,11 +156,12 @@ def progress(
         done: Steps that were done before.
         unit: Of a step; with one, the rate and the time left are shown as well.
     """
-    screen = Console(stderr=True)
+    screen = _Screen(stderr=True)
     more = [_Rate(unit), TimeRemainingColumn()] if unit else []
     with Progress(
-        TextColumn("{task.description}"), BarColumn(), TaskProgressColumn(), TimeElapsedColumn(), *more,
+        TextColumn("{task.description}", markup=False), BarColumn(), TaskProgressColumn(),
+        TimeElapsedColumn(), *more,
         console=screen, transient=True, disable=quiet or not screen.is_terminal,
     ) as bars:  # fmt: skip
-        bar = bars.add_task(what, total=total, completed=done)
+        bar = bars.add_task(legible.visible(what), total=total, completed=done)
         yield lambda steps: bars.update(bar, advance=steps)

@@ -1,12 +1,11 @@
 """The verb `ik`: joint positions that bring a site to a pose, or as near as they can."""
 
-import json
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rmrc.cli.console import EXIT_MISSED, complain, notice, output
+from rmrc.cli.console import EXIT_MISSED, complain, notice, output, print_json
 from rmrc.cli.questions import (
     AsJson,
     Keyframe,
@@ -21,6 +20,7 @@ from rmrc.cli.questions import (
     within,
 )
 from rmrc.errors import QuestionError
+from rmrc.legible import quoted
 
 if TYPE_CHECKING:
     from rmrc.analysis.task import Array, Task
@@ -109,22 +109,19 @@ def ik(
         "model": str(model), "site": arm.site, "axes": list(task.axes), "length": length,
         "limits": limits, "tolerance": tolerance, "goal": goal.tolist(), "start": start.tolist(),
     }  # fmt: skip
-    with notice("compiling the inverse kinematics (once; kept for the next time) ..."):
-        if every:
-            postures = find_postures(task, goal, start, limits=limits, tolerance=tolerance)
-            failed = postures.nearest
-        else:
-            solution = solve_ik(task, goal, start, method=method.value, limits=limits, tolerance=tolerance)
-            failed = None if solution.found else solution
     if every:
+        postures = find_postures(task, goal, start, limits=limits, tolerance=tolerance)
+        failed = postures.nearest
         facts |= tables.posture_facts(task, postures)
         sheets = tables.posture_sheets(task, postures, limits)
     else:
+        solution = solve_ik(task, goal, start, method=method.value, limits=limits, tolerance=tolerance)
+        failed = None if solution.found else solution
         steps = iterates or method is Method.NEWTON
         facts |= {"method": method.value, **tables.solution_facts(task, solution, steps)}
         sheets = tables.solution_sheets(task, solution, limits, steps)
     if as_json:
-        print(json.dumps(facts, indent=2, ensure_ascii=False, allow_nan=False))
+        print_json(facts, allow_nan=False)
     else:
         output().print(render(sheets))
     if failed is not None:
@@ -152,5 +149,5 @@ def _goal(task: "Task", to: str | None, quat: str | None, to_q: str | None) -> "
     values = numbers("--to", to, positions) if to is not None else ()
     orientation = numbers("--quat", quat, ("w", "x", "y", "z"))
     if not orientation.any():
-        raise QuestionError(f"--quat must not be zero, got {quat!r}")
+        raise QuestionError(f"--quat must not be zero, got {quoted(quat)}")
     return goal_pose(task, values, orientation)

@@ -1,6 +1,5 @@
 """The verb `inspect`: an arm at one configuration, or at several."""
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,7 +7,7 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from rmrc.cli.console import complain, notice, output
+from rmrc.cli.console import notice, output, print_json, warn
 from rmrc.cli.questions import (
     AsJson,
     Length,
@@ -88,18 +87,14 @@ def inspect(
         )
         for one in positions or [configuration(arm, None, None)]
     ]  # fmt: skip
-    for one in found:
-        for warning in one.warnings:
-            complain(f"warning: {warning}")
+    warn(warning for one in found for warning in one.warnings)
     if picture is not None:
         from rmrc.output.arm_figure import draw_arm
 
         draw_arm(found, picture)
     if as_json:
         facts = [inspection_json.facts(one) for one in found]
-        print(
-            json.dumps(facts[0] if len(facts) == 1 else facts, indent=2, ensure_ascii=False, allow_nan=False)
-        )
+        print_json(facts[0] if len(facts) == 1 else facts, allow_nan=False)
         return
     console = output()
     for one in found:

@@ -11,7 +11,10 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
+from rmrc.cli.kinds import MODEL, expect
 from rmrc.errors import QuestionError
+from rmrc.legible import quoted
+from rmrc.notices import tell
 from rmrc.scenario.values import angle
 from rmrc.spatial import AXES
 
@@ -33,7 +36,12 @@ def within(option: str, least: float, most: float) -> Callable[[float], float]:
     return check
 
 
-Model = Annotated[Path, typer.Argument(help="The arm, an MJCF file.", show_default=False)]
+Model = Annotated[
+    Path,
+    typer.Argument(
+        help="The arm, an MJCF file.", show_default=False, callback=lambda path: expect(path, MODEL)
+    ),
+]
 Site = Annotated[
     str | None, typer.Option(help="The point in question; default: the site that the most joints move.")
 ]
@@ -83,7 +91,7 @@ def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float6
     if len(parts) != len(names):
         raise QuestionError(
             f"{option} must have {len(names)} value{'s' * (len(names) != 1)}, "
-            f"one for each of {', '.join(names)}, got {len(parts)}: {text!r}"
+            f"one for each of {', '.join(names)}, got {len(parts)}: {quoted(text)}"
         )
     values = []
     for name, part in zip(names, parts, strict=True):
@@ -92,7 +100,7 @@ def numbers(option: str, text: str, names: tuple[str, ...]) -> NDArray[np.float6
         except ValueError as error:
             raise QuestionError(f"{option}, {name}: {error}") from None
         if abs(values[-1]) > FARTHEST:
-            raise QuestionError(f"{option}, {name}: must be within ±{FARTHEST:g}, got {part.strip()!r}")
+            raise QuestionError(f"{option}, {name}: must be within ±{FARTHEST:g}, got {quoted(part.strip())}")
     return np.array(values)
 
 
@@ -106,7 +114,7 @@ def wrench_of(text: str) -> NDArray[np.float64]:
     if len(parts) not in (3, 6):
         raise QuestionError(
             "--wrench must have 6 values, force fx,fy,fz [N] and moment nx,ny,nz [N·m], or 3, a force alone, "
-            f"got {len(parts)}: {text!r}"
+            f"got {len(parts)}: {quoted(text)}"
         )
     wrench = np.zeros(6)
     for i, (name, part) in enumerate(zip(("fx", "fy", "fz", "nx", "ny", "nz"), parts, strict=False)):
@@ -116,7 +124,7 @@ def wrench_of(text: str) -> NDArray[np.float64]:
             wrench[i] = math.nan
         if not abs(wrench[i]) <= LARGEST:
             raise QuestionError(
-                f"--wrench, {name}: must be a number within ±{LARGEST:g}, got {part.strip()!r}"
+                f"--wrench, {name}: must be a number within ±{LARGEST:g}, got {quoted(part.strip())}"
             )
     return wrench
 
@@ -152,5 +160,15 @@ def configuration(arm: Arm, q: str | None, keyframe: str | None) -> NDArray[np.f
     if q is not None and keyframe is not None:
         raise QuestionError("give --q or --keyframe, not both")
     if q is not None:
-        return numbers("--q", q, arm.joints)
+        positions = numbers("--q", q, arm.joints)
+        _doubt_radians(arm, q, positions)
+        return positions
     return arm.configuration("home" if keyframe is None else keyframe)[arm.wiring.qpos]
+
+
+def _doubt_radians(arm: Arm, text: str, positions: NDArray[np.float64]) -> None:
+    """Say that a joint beyond a turn was perhaps meant in degrees, unless a unit stands with it."""
+    for j, (part, position) in enumerate(zip(text.strip().strip("[]").split(","), positions, strict=True)):
+        if not arm.is_slide[j] and abs(position) > math.tau and not part.strip()[-1].isalpha():
+            turns = f"{position:.6g} rad are {abs(position) / math.tau:.3g} turns"
+            tell(f"warning: --q, {arm.joints[j]}: {turns}; for degrees write {position:.6g} deg")

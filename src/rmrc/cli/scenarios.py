@@ -1,6 +1,5 @@
 """Verbs about scenarios: run, compare, replay, schema."""
 
-import json
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,20 +10,26 @@ from rich.console import Console
 
 from rmrc import scenario as scenarios
 from rmrc.cli.console import (
-    COMPILING,
     EXIT_DIVERGED,
+    EXIT_INPUT,
     EXIT_INTERRUPTED,
     EXIT_MISSED,
     complain,
-    notice,
     output,
+    print_json,
+    print_line,
     progress,
 )
+from rmrc.cli.kinds import RECORDING, SCENARIO, expect
+from rmrc.invocation import command
 
 if TYPE_CHECKING:
     from rmrc.comparison import Comparison, Results
     from rmrc.job import Ended, Job
 
+ScenarioFile = Annotated[
+    Path, typer.Argument(help="The scenario, a YAML file.", callback=lambda path: expect(path, SCENARIO))
+]
 Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the scenario; repeatable."),
@@ -35,23 +40,27 @@ Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went
 
 
 def run(
-    scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.")],
+    scenario: ScenarioFile,
     set_: Overrides = None,
     out: Out = Path("recordings"),
     record: Record = True,
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario; leave NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
+    from rmrc import stuck
     from rmrc.job import Job  # with numba and mujoco, which `schema` and `replay` do without
     from rmrc.output import tables
 
-    console = Console(quiet=quiet)
+    console = output(quiet, pipe=80)
     job = Job(scenarios.load(scenario, set_ or ()), out, record)
     _compile(job)
     with progress(job.scenario.name, job.ticks, quiet) as on_ticks:
         ended = job.run(on_ticks)
     console.print(tables.render(ended.scorecard, ended.outcomes))
     _list(console, ended.files, record)
+    still = stuck.told(ended.run, job.prepared.arm)
+    if still:
+        complain(still)
     raise typer.Exit(_exit_code(ended))
 
 
@@ -60,12 +69,16 @@ def _exit_code(ended: "Ended") -> int:
     missed = [outcome for outcome in ended.outcomes if not outcome.ok]
     for outcome in missed:
         complain(f"missed: {outcome}")
+    for failure in ended.failures:
+        complain(f"error: {failure}")
     if ended.interrupted:
         complain(f"interrupted at tick {len(ended.run)} of {ended.run.planned}")
-        return EXIT_INTERRUPTED
+        return EXIT_INPUT if ended.failures else EXIT_INTERRUPTED
     if ended.run.divergence:
         complain(f"error: {ended.run.name} {ended.run.divergence}")
-        return EXIT_DIVERGED
+        return EXIT_INPUT if ended.failures else EXIT_DIVERGED
+    if ended.failures:
+        return EXIT_INPUT
     if not ended.run.is_complete:
         complain(
             f"{ended.run.name} came {ended.run.completed:.0%} of its path in {len(ended.run)} ticks, "
@@ -75,7 +88,7 @@ def _exit_code(ended: "Ended") -> int:
 
 
 def compare(
-    scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.")],
+    scenario: ScenarioFile,
     vary: Annotated[
         list[str] | None,
         typer.Option(
@@ -101,7 +114,10 @@ def compare(
         f"{comparison.name}: {len(comparison.variants)} variants", comparison.ticks, quiet
     ) as on_ticks:
         results = comparison.run(on_ticks)
-    rows = [table.Row(one.variant.label, one.run, one.scorecard, one.outcomes) for one in results.variants]
+    rows = [
+        table.Row(one.variant.label, one.run, one.scorecard, one.outcomes, one.stated_for)
+        for one in results.variants
+    ]
     console.print(table.render(results.name, rows))
     _list(console, results.files, record)
     raise typer.Exit(_exit_code_of_all(results))
@@ -112,17 +128,24 @@ def _exit_code_of_all(results: "Results") -> int:
     diverged = [one for one in results.variants if one.run.divergence]
     for one in diverged:
         complain(f'error: variant "{one.variant.label}" {one.run.divergence}')
+    for failure in results.failures:
+        complain(f"error: {failure}")
     if results.interrupted:
         ticks, planned = (
             sum(of(one.run) for one in results.variants) for of in (len, lambda run: run.planned)
         )
         complain(f"interrupted at tick {ticks} of {planned}, of all variants together")
-        return EXIT_INTERRUPTED
+        return EXIT_INPUT if results.failures else EXIT_INTERRUPTED
+    if results.failures:
+        return EXIT_INPUT
     return EXIT_DIVERGED if diverged else 0
 
 
 def replay(
-    recording: Annotated[Path, typer.Argument(help="A recording that `run` left.")],
+    recording: Annotated[
+        Path,
+        typer.Argument(help="A recording that `run` left.", callback=lambda path: expect(path, RECORDING)),
+    ],
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser instead.")] = False,
 ) -> None:
     """Open a recording in the rerun viewer, on this machine only and without telemetry."""
@@ -138,17 +161,16 @@ def schema(
     from rmrc.output import tables
 
     if as_json:
-        print(json.dumps(scenarios.json_schema(), indent=2, ensure_ascii=False))
+        print_json(scenarios.json_schema())
     elif sys.stdout.isatty():
-        Console().print(tables.schema(scenarios.schema_rows()))
+        output().print(tables.schema(scenarios.schema_rows()))
     else:
         print(tables.schema_text(scenarios.schema_rows()))
 
 
 def _compile(work: "Job | Comparison") -> None:
     try:
-        with notice(COMPILING):
-            work.compile()
+        work.compile()
     except KeyboardInterrupt:
         complain("interrupted before the first tick")
         raise typer.Exit(EXIT_INTERRUPTED) from None
@@ -156,6 +178,6 @@ def _compile(work: "Job | Comparison") -> None:
 
 def _list(console: Console, files: Sequence[Path], record: bool) -> None:
     for path in files:
-        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
-    if record:
-        console.print(f"look at it: python -m rmrc replay {files[0]}", markup=False, soft_wrap=True)
+        print_line(console, f"wrote {path}")
+    if record and files and files[0].suffix == ".rrd":
+        print_line(console, f"look at it: {command('replay', files[0])}")

@@ -1,19 +1,17 @@
 """The verb `statics`: what drives and links bear under a wrench, and whether the physics says the same."""
 
-import json
 from enum import StrEnum
 from typing import Annotated
 
 import typer
 
 from rmrc.cli.console import (
-    COMPILING,
     EXIT_DIVERGED,
     EXIT_INTERRUPTED,
     EXIT_MISSED,
     complain,
-    notice,
     output,
+    print_json,
     progress,
 )
 from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration, wrench_of
@@ -40,7 +38,12 @@ At = Annotated[
     typer.Option("--at", metavar="SITE", help="Tell the wrench at this other site of the same body as well."),
 ]
 Gravity = Annotated[
-    bool, typer.Option("--gravity/--no-gravity", help="Whether the drives bear the arm's weight as well.")
+    bool,
+    typer.Option(
+        "--gravity/--no-gravity",
+        help="Whether the drives bear the arm's weight as well; default: no.",
+        show_default=False,
+    ),
 ]
 Hold = Annotated[
     float | None,
@@ -87,15 +90,14 @@ def statics(
 
         holding = Holding(borne, gravity, hold)
         try:
-            with notice(COMPILING):
-                holding.compile()
+            holding.compile()
             with progress("hold", holding.ticks, as_json) as on_ticks:
                 held = holding.run(on_ticks)
         except KeyboardInterrupt:
             complain("interrupted while holding")
             raise typer.Exit(EXIT_INTERRUPTED) from None
     if as_json:
-        print(json.dumps(bearing.facts(borne, costs, length, held, other), indent=2, ensure_ascii=False))
+        print_json(bearing.facts(borne, costs, length, held, other))
     else:
         console = output()
         for part in bearing.render(borne, costs, gravity, held, other):

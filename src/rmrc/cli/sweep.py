@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from rmrc.cli.console import COMPILING, EXIT_INTERRUPTED, complain, notice, output, progress
+from rmrc.cli.console import EXIT_INPUT, EXIT_INTERRUPTED, complain, output, print_line, progress
+from rmrc.cli.kinds import SCENARIO, expect
 from rmrc.cli.scenarios import Out, Overrides, Quiet
 from rmrc.errors import ClusterError, ScenarioError
+from rmrc.legible import shortened
 
 if TYPE_CHECKING:
     from rmrc.sweep.dataset import Contents
@@ -22,7 +24,11 @@ Drawn = Annotated[list[str] | None, typer.Option(metavar="KEY=LOW..HIGH", help="
 
 def sweep(
     scenario: Annotated[
-        Path, typer.Argument(help="The scenario, a YAML file, perhaps with a sweep section.")
+        Path,
+        typer.Argument(
+            help="The scenario, a YAML file, perhaps with a sweep section.",
+            callback=lambda path: expect(path, SCENARIO),
+        ),
     ],
     vary: Annotated[
         list[str] | None,
@@ -90,7 +96,7 @@ def sweep(
         complain(f"interrupted after {work.done} of {len(work)} runs; the same command goes on")
         raise typer.Exit(EXIT_INTERRUPTED)
     _summarize(console, work)
-    console.print(f"wrote {work.dataset.file}", highlight=False, markup=False, soft_wrap=True)
+    print_line(console, f"wrote {work.dataset.file}")
     if choice:
         _record(console, work, choice, quiet)
 
@@ -98,8 +104,7 @@ def sweep(
 def _check(work: "Sweep", quiet: bool) -> "Contents":
     """Check every run; Ctrl-C leaves nothing."""
     try:
-        with notice(COMPILING):
-            work.compile()
+        work.compile()
         with progress("checking", len(work), quiet, unit="runs") as on_runs:
             return work.check(on_runs)
     except KeyboardInterrupt:
@@ -116,12 +121,16 @@ def _options(
     for text in vary:
         key, values = (part.strip() for part in text.split("=", 1)) if "=" in text else ("", "")
         if not key:
-            problems.append(f"--vary {text}: must be KEY=V1,V2,..., for example control.feedback=5,10,20")
+            problems.append(
+                f"--vary {shortened(text)}: must be KEY=V1,V2,..., for example control.feedback=5,10,20"
+            )
         options[f"--vary {key}"] = f"sweep.vary.{key}=[{values}]"
     for option, text in (*(("--random", text) for text in random), *(("--sobol", text) for text in sobol)):
         match = re.fullmatch(r"\s*([^=\s]+)\s*=(.+?)\.\.(.+)", text)
         if match is None:
-            problems.append(f"{option} {text}: must be KEY=LOW..HIGH, for example control.feedback=5..20")
+            problems.append(
+                f"{option} {shortened(text)}: must be KEY=LOW..HIGH, for example control.feedback=5..20"
+            )
             continue
         key, low, high = match.groups()
         options[f"{option} {key}"] = f"sweep.draw.{key}=[{low}, {high}]"
@@ -166,4 +175,8 @@ def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> N
         if ended.interrupted:
             complain(f"interrupted while {job.scenario.name} was recorded; all rows are there")
             raise typer.Exit(EXIT_INTERRUPTED)
-        console.print(f"wrote {ended.files[0]}", highlight=False, markup=False, soft_wrap=True)
+        for failure in ended.failures:
+            complain(f"error: {failure}")
+        if ended.failures:
+            raise typer.Exit(EXIT_INPUT)
+        print_line(console, f"wrote {ended.files[0]}")

@@ -6,16 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rmrc.cli.console import (
-    COMPILING,
     EXIT_INTERRUPTED,
     EXIT_MISSED,
     complain,
-    notice,
     output,
+    print_line,
     progress,
 )
 from rmrc.cli.questions import check_picture
-from rmrc.cli.scenarios import Out, Overrides, Quiet
+from rmrc.cli.scenarios import Out, Overrides, Quiet, ScenarioFile
 from rmrc.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 
 
 def tune(
-    scenario: Annotated[Path, typer.Argument(help="The scenario, a YAML file.")],
+    scenario: ScenarioFile,
     only: Annotated[
         list[str] | None,
         typer.Option(metavar="KEY=V1,V2,...", help="Restrict a key that is chosen; repeatable."),
@@ -73,22 +72,25 @@ def tune(
             scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread, slower=slower,
             runs=runs, threads=threads,
         )  # fmt: skip
-        found = _run(work, runs, quiet)
+        found = _run(work, runs, work.files(out, picture), quiet)
     except KeyboardInterrupt:  # while it was checked or compiled
         pass
     if found is None:
         complain("interrupted before anything was found")
         raise typer.Exit(EXIT_INTERRUPTED)
+    if found.interrupted:  # said first: the picture takes longer than one waits after Ctrl-C
+        complain(f"interrupted after {found.runs} of {runs} runs")
     _show(work, found, (out, picture), quiet)
     if found.interrupted:
-        complain(f"interrupted after {found.runs} of {runs} runs")
         raise typer.Exit(EXIT_INTERRUPTED)
     raise typer.Exit(0 if found.feasible else EXIT_MISSED)
 
 
-def _run(work: "Tuning", runs: int, quiet: bool) -> "Tuned | None":
-    with notice(COMPILING):
-        work.compile()
+def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned | None":
+    from rmrc.leaving import refuse_unwritable
+
+    work.compile()
+    refuse_unwritable(files)
     with progress(f"{work.scenario.name}: {runs} runs", runs, quiet, unit="runs") as on_runs:
         return work.run(on_runs)
 
@@ -105,9 +107,9 @@ def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quie
         named = report.named(found)
         console.print(sheets.render(tuning_table.sheets(title, facts, report.front(found), named)))
         for line in (report.as_written(found), *report.alike(found)):
-            console.print(line, highlight=False, markup=False)
-        console.print(f"\n{found.block}", highlight=False, markup=False, soft_wrap=True)
+            console.print(line, highlight=False)
+        console.print(f"\n{found.block}", highlight=False, soft_wrap=True)
     for path in work.write(found, *places):
-        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
+        print_line(console, f"wrote {path}")
     if nearest:
         complain(report.nothing(found))

@@ -1,13 +1,20 @@
 """The verb `workspace`: where an arm reaches, where it is singular there, and how well it moves."""
 
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from rmrc.cli.console import COMPILING, EXIT_INTERRUPTED, complain, notice, output, progress
+from rmrc.cli.console import (
+    EXIT_INTERRUPTED,
+    complain,
+    notice,
+    output,
+    print_json,
+    print_line,
+    progress,
+)
 from rmrc.cli.questions import (
     AsJson,
     Keyframe,
@@ -22,6 +29,7 @@ from rmrc.cli.questions import (
     task_axes,
 )
 from rmrc.errors import QuestionError
+from rmrc.legible import quoted
 
 if TYPE_CHECKING:
     from rmrc.analysis.task import Array
@@ -50,7 +58,12 @@ def workspace(
             "--map", metavar="|".join(MAPS), help="What to color; default: nothing, with --over sigma_min."
         ),
     ] = None,
-    worst: Annotated[bool, typer.Option(help="Of the postures that reach a cell keep the worst.")] = False,
+    worst: Annotated[
+        bool,
+        typer.Option(
+            help="Of the postures that reach a cell keep the worst; default: the best.", show_default=False
+        ),
+    ] = False,
     over: Annotated[
         str | None,
         typer.Option(metavar="JOINT,JOINT", help="Map these two joints, the others at --q or --keyframe."),
@@ -73,11 +86,12 @@ def workspace(
     """Map where an arm reaches and where it is singular; leave NAME.workspace.png and .npz."""
     check_picture(picture)
     if map_ is not None and map_ not in MAPS:
-        raise QuestionError(f"--map must be one of {', '.join(MAPS)}, got {map_!r}")
+        raise QuestionError(f"--map must be one of {', '.join(MAPS)}, got {quoted(map_)}")
     rows = task_axes(axes)
-    with notice(COMPILING):
+    with notice("reading the model ..."):
         from rmrc.analysis.workspace import compile_for
         from rmrc.arm import load
+        from rmrc.leaving import refuse_unwritable
         from rmrc.output.sheets import render
 
         arm = load(model, site)
@@ -85,6 +99,7 @@ def workspace(
     name = f"{arm.path.stem}.{'workspace' if over is None else 'joints'}"
     files = [picture or out / f"{name}.png", out / f"{name}.npz"]
     at = configuration(arm, q, keyframe)
+    refuse_unwritable(files)
     try:
         if over is None:
             point = None if through is None else numbers("--through", through, ("x", "y", "z"))
@@ -100,16 +115,31 @@ def workspace(
         complain("interrupted; nothing was written")
         raise typer.Exit(EXIT_INTERRUPTED) from None
     if as_json:
-        print(
-            json.dumps(
-                facts | {"files": list(map(str, files))}, indent=2, ensure_ascii=False, allow_nan=False
-            )
-        )
+        print_json(facts | {"files": list(map(str, files))}, allow_nan=False)
         return
     console = output(quiet)
     console.print(render([sheet]))
     for path in files:
-        console.print(f"wrote {path}", highlight=False, markup=False, soft_wrap=True)
+        print_line(console, f"wrote {path}")
+
+
+# Measured [B]: of each node of a sheet's grid, of each cell where it is sampled, and of a map over joints.
+_NODE, _CELL, _MAPPED = 150, 500, 300
+
+
+def _refuse_excess(cells: int, size: int) -> None:
+    """Refuse a grid that does not fit into memory.
+
+    Args:
+        cells: That were asked for along the longer side.
+        size: What is held [B].
+    """
+    from rmrc.footprint import LIBRARIES
+    from rmrc.memory import excess
+
+    too_much = excess(LIBRARIES + size)
+    if too_much:
+        raise QuestionError(f"--cells: {cells} need {too_much}; ask for fewer")
 
 
 @dataclass(frozen=True)
@@ -136,6 +166,7 @@ def _slice(
     from rmrc.analysis.slices import choose_slice
     from rmrc.analysis.workspace import expected, workspace
     from rmrc.analysis.workspace_files import save, summary
+    from rmrc.analysis.workspace_search import steps_of_grid
     from rmrc.output import workspace_figure, workspace_table
 
     part = choose_slice(asked.arm, plane, asked.q, through)
@@ -144,6 +175,8 @@ def _slice(
             f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; "
             "postures are counted where two do"
         )
+    nodes = steps_of_grid(asked.cells) ** 2
+    _refuse_excess(asked.cells, _NODE * nodes if part.is_sheet else _CELL * asked.cells**2)
     with progress(
         f"{asked.arm.path.stem}: workspace", expected(part, asked.cells, samples), asked.quiet
     ) as on_samples:
@@ -174,9 +207,10 @@ def _over(asked: _Asked, over: str, measure: str | None, files: list[Path]) -> t
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:
         raise QuestionError(
-            f"--over must name two joints, such as {','.join(asked.arm.joints[:2])}, got {over!r}"
+            f"--over must name two joints, such as {','.join(asked.arm.joints[:2])}, got {quoted(over)}"
         )
     task = choose(asked.arm, asked.axes, asked.length)
+    _refuse_excess(asked.cells, _MAPPED * (asked.cells + 1) ** 2)
     with progress(f"{asked.arm.path.stem}: {over}", (asked.cells + 1) ** 2, asked.quiet) as on_samples:
         found = joint_map(task, (names[0], names[1]), asked.q, asked.cells, on_samples)
     workspace_figure.draw_joint_map(found, files[0], measure or "sigma_min")

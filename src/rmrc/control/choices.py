@@ -14,6 +14,7 @@ class Status(IntFlag):
     POSITION_LIMITED = 16
     SINGULAR = 32
     STOPPED = 64
+    STUCK = 128
 
 
 class Method(IntEnum):

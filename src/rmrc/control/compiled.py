@@ -11,7 +11,11 @@ from typing import Any, TypeAlias, TypeVar, cast
 import numba
 import numpy as np
 from numba import config
+from numba.core import event
 from numpy.typing import NDArray
+
+from rmrc.control.keeping import Forgiving, known_home, notice, own_folder
+from rmrc.notices import COMPILING, KEPT, NOT_KEPT, tell
 
 Array: TypeAlias = NDArray[np.float64]
 Record: TypeAlias = Any  # one element of a structured array, see records.py
@@ -23,6 +27,30 @@ Function = TypeVar("Function", bound=Callable[..., object])
 _compile = partial(numba.njit, nogil=True, error_model="numpy")
 # What only compiled code calls needs no doors to Python and C, which take a quarter of the compile time.
 _compile_inner = partial(_compile, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+# What the user hears that is compiled, where it is not the control law.
+_OTHER = {"descent": "the inverse kinematics", "sheet": "the search of workspaces"}
+
+
+class _Compiling(event.Listener):
+    """Says that numba compiles, when it does: it is not called for what is found in the cache."""
+
+    depth = 0  # of functions within functions; numba's lock lets one thread in
+
+    def on_start(self, event: Any) -> None:
+        if self.depth == 0:
+            dispatcher = event.data["dispatcher"]
+            module = dispatcher.py_func.__module__.rpartition(".")[2]
+            is_kept = dispatcher.stats.cache_path is not None
+            tell(COMPILING.format(_OTHER.get(module, "the control law"), KEPT if is_kept else NOT_KEPT))
+        self.depth += 1
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002 - as numba calls it
+        self.depth -= 1
+
+
+event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call]
 
 
 def compiled(function: Function) -> Function:
@@ -44,9 +72,32 @@ def entry(function: Function) -> Function:
     Numba recompiles when the function's own file changes, but not when a file changes whose functions it
     calls; what was kept from other sources is therefore removed here.
     """
-    dispatcher = _compile(cache=True)(function)
-    _forget_other_sources(Path(str(dispatcher.stats.cache_path)), function)
+    dispatcher = _kept(function)
+    if dispatcher.stats.cache_path is not None:
+        _forget_other_sources(Path(str(dispatcher.stats.cache_path)), function)
+        dispatcher._cache = Forgiving(dispatcher._cache)
     return cast(Function, dispatcher)
+
+
+def _kept(function: Callable[..., object]) -> Any:
+    """Return what compiles a function, and keeps it where numba can, else in a folder of the user's own."""
+    try:
+        with known_home():
+            return _compile(cache=True)(function)
+    except RuntimeError:  # there is no place for it
+        pass
+    folder, settings = own_folder(), cast(Any, config)
+    if folder is None:
+        notice("machine code cannot be kept: not with the package, in HOME or among temporary files")
+        return _compile()(function)
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = str(folder)
+    try:
+        dispatcher = _compile(cache=True)(function)
+    finally:
+        settings.CACHE_DIR = before
+    notice(f"machine code is kept in {folder}, as neither the package nor HOME can be written")
+    return dispatcher
 
 
 def machine_code(function: Function, *arguments: object) -> Function:

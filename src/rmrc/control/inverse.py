@@ -27,7 +27,7 @@ ACCURACY, STEPS_MAX = 1e-12, 30
 
 
 @compiled
-def damping(world: Record, sigma: Array) -> float:
+def damping(world: Record, asked: Array, sigma: Array) -> float:
     """Return λ for this tick, in the units of σ (not λ²); zero for the methods that have none.
 
     constant                  λ = λ_max                                          [Wampler86]
@@ -37,6 +37,11 @@ def damping(world: Record, sigma: Array) -> float:
     rate_bound                the least λ with ‖S_q⁻¹ qdot‖ <= rate_bound        [Deo92]
 
     Of the method `filtered` it is that of the smallest σ.
+
+    Args:
+        world: Parameters.
+        asked: Uᵀ S_x twist_cmd, what the task asks of each direction, (k,).
+        sigma: Singular values, (k,).
     """
     method, schedule = world.method, world.schedule
     if method == FILTERED or (method == DAMPED and schedule == SMALLEST_SINGULAR_VALUE):
@@ -49,7 +54,7 @@ def damping(world: Record, sigma: Array) -> float:
     if schedule == ERROR:
         return float(world.error_gain * world.error)
     if schedule == RATE_BOUND:
-        return least_damping(world, sigma)
+        return least_damping(world, asked, sigma)
     return float(world.damping_maximum)
 
 
@@ -70,7 +75,7 @@ def spectral_damping(world: Record, sigma: float) -> float:
 
 
 @compiled
-def least_damping(world: Record, sigma: Array) -> float:
+def least_damping(world: Record, asked: Array, sigma: Array) -> float:
     """Return the smallest λ that keeps ‖S_q⁻¹ qdot‖ within the bound [Maciejewski88], [Deo92].
 
     Newton on 1/bound − 1/‖S_q⁻¹ qdot(μ)‖ over μ = λ², from a μ that is never beyond the root [More83].
@@ -78,13 +83,13 @@ def least_damping(world: Record, sigma: Array) -> float:
     bound, floor, mu = world.rate_bound, RANK_FLOOR * sigma[0], 0.0
     for i in range(world.k):
         if sigma[i] > floor:
-            mu = max(mu, sigma[i] * (abs(world.asked[i]) / bound - sigma[i]))
+            mu = max(mu, sigma[i] * (abs(asked[i]) / bound - sigma[i]))
     for _ in range(STEPS_MAX):
         total, slope = 0.0, 0.0
         for i in range(world.k):
             if sigma[i] > floor:
                 pivot = sigma[i] + mu / sigma[i]
-                rate = world.asked[i] / (pivot * bound)
+                rate = asked[i] / (pivot * bound)
                 total += rate * rate
                 slope += rate * rate / (pivot * sigma[i])
         excess = math.sqrt(total) - 1.0

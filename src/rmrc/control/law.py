@@ -30,6 +30,7 @@ from rmrc.control.smallmat import (
     set_identity,
     svd,
 )
+from rmrc.control.standstill import stuck
 from rmrc.errors import did_you_mean
 
 # Flags become plain integers in compiled code.
@@ -72,11 +73,11 @@ def resolve(world: Record, tick: Record) -> None:
 
 @inlined
 def resolve_twist(world: Record, tick: Record) -> None:
-    """Resolve `world.twist_cmd`: decompose, filter, project, slow or stop, limit, and record."""
+    """Resolve `world.twist_cmd`: decompose, filter, project, slow or stop, limit, judge, and record."""
     scale_task(world)
     decompose(world, tick.sigma)
     project(world.u, world.task, world.k, world.m, world.asked)
-    tick.damping = damping(world, tick.sigma)
+    tick.damping = damping(world, world.asked, tick.sigma)
     gains(world, world.asked, tick.sigma, world.v, tick.damping, tick.gain)
     combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_cmd)
     scale_joints(world, tick.qdot_cmd)
@@ -92,7 +93,8 @@ def resolve_twist(world: Record, tick: Record) -> None:
         status |= slow_down(world, tick)
     elif world.at_singularity == STOP:
         status |= hold(world, tick)
-    tick.status = status | limit(world, tick)
+    status |= limit(world, tick)
+    tick.status = status | stuck(world, tick, status)
     record_measures(world, tick)
 
 

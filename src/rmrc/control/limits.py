@@ -5,6 +5,7 @@ import math
 from rmrc.control.choices import OnExcess, Status
 from rmrc.control.compiled import Array, Record, compiled
 from rmrc.control.redistribution import ROUNDING, redistribute
+from rmrc.control.stops import give_way, given_back, is_beyond
 
 NONE, CLAMP, REDISTRIBUTE = int(OnExcess.NONE), int(OnExcess.CLAMP), int(OnExcess.REDISTRIBUTE)
 RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
@@ -19,22 +20,35 @@ def limit(world: Record, tick: Record) -> int:
     scale         all rates by one factor: the direction of motion is kept, the tip gets slower
     clamp         each on its own: the tip leaves its direction, here as the contrast
     redistribute  what a saturated joint cannot do, the others take over               [Flacco15]
+
+    That is for rate and acceleration limits. A joint at its position limit holds, and does not slow the
+    others down: they do what they can of the task, in a direction that may be another.
     """
     rates = tick.qdot_cmd
     if world.on_excess == NONE or is_within(world, rates):
         return 0
     bounds(world)
     acting = exceeded(world, rates)
-    if world.on_excess == REDISTRIBUTE and redistribute(world, tick):
+    if world.on_excess == CLAMP:
+        confine(world, rates)
+        return acting
+    for j in range(world.n):
+        world.drift[j] = world.qdot0[j]
+    if world.on_excess == REDISTRIBUTE:
+        forget_stops(world)
+        share = redistribute(world, tick)
         for j in range(world.n):
-            if world.held[j] > 0.0 and rates[j] == world.qdot0[j]:
+            if share >= 0.0 and world.held[j] > 0.0 and rates[j] == world.qdot0[j]:
                 acting |= kind(world, j, 1 if rates[j] == world.upper[j] else -1)
-        confine(world, rates)
-    elif world.on_excess == CLAMP:
-        confine(world, rates)
-    else:
-        acting = scale(world, rates)
-    return acting
+        bounds(world)
+        if share >= 0.0:
+            if exceeded(world, rates) != 0:
+                share = given_back(world, rates, share, world.lower, world.upper)
+                give_way(world, tick, share, world.lower, world.upper)
+                acting |= held_by(world)
+            confine(world, rates)
+            return acting
+    return scale(world, tick)
 
 
 @compiled
@@ -75,10 +89,20 @@ def exceeded(world: Record, rates: Array) -> int:
 
 
 @compiled
+def held_by(world: Record) -> int:
+    """Return the bits of the limits that hold joints at their bounds."""
+    bits = 0
+    for j in range(world.n):
+        if world.held[j] != 0.0:
+            bits |= kind(world, j, 1 if world.held[j] > 0.0 else -1)
+    return bits
+
+
+@compiled
 def kind(world: Record, j: int, side: int) -> int:
     """Return the bit of the limit that gave a joint its upper (side 1) or lower (side -1) bound."""
-    lowest, highest = rest_bounds(world, j)
-    bound, chosen = (highest, world.upper[j]) if side > 0 else (-lowest, -world.lower[j])
+    bound = world.rest_upper[j] if side > 0 else -world.rest_lower[j]
+    chosen = world.upper[j] if side > 0 else -world.lower[j]
     if chosen != bound:
         return ACCELERATION_LIMITED
     return RATE_LIMITED if bound == world.rate_limit[j] else POSITION_LIMITED
@@ -91,20 +115,29 @@ def bounds(world: Record) -> None:
     Acceleration has precedence: a joint that cannot brake in time goes on braking.
     """
     for j in range(world.n):
-        lowest, highest = rest_bounds(world, j)
-        change = world.acceleration_limit[j] * world.period
-        least, most = world.qdot_cmd_last[j] - change, world.qdot_cmd_last[j] + change
-        world.upper[j] = max(least, min(highest, most))
-        world.lower[j] = min(most, max(lowest, least))
+        q, fastest, braking = world.q[j], world.rate_limit[j], world.braking[j]
+        world.rest_lower[j] = -min(fastest, brake(q - world.position_limit[0, j], braking, world.period))
+        world.rest_upper[j] = min(fastest, brake(world.position_limit[1, j] - q, braking, world.period))
+    reach(world)
 
 
 @compiled
-def rest_bounds(world: Record, j: int) -> tuple[float, float]:
-    """Return the smallest and largest rate of a joint by its position and rate limits; 0 is between them."""
-    q, fastest, braking = world.q[j], world.rate_limit[j], world.braking[j]
-    down = brake(q - world.position_limit[0, j], braking, world.period)
-    up = brake(world.position_limit[1, j] - q, braking, world.period)
-    return -min(fastest, down), min(fastest, up)
+def forget_stops(world: Record) -> None:
+    """Write the bounds that rate and acceleration limits alone would give."""
+    for j in range(world.n):
+        world.rest_upper[j] = world.rate_limit[j]
+        world.rest_lower[j] = -world.rate_limit[j]
+    reach(world)
+
+
+@compiled
+def reach(world: Record) -> None:
+    """Bring the bounds of position and rate within what the acceleration limit lets a joint reach."""
+    for j in range(world.n):
+        change = world.acceleration_limit[j] * world.period
+        least, most = world.qdot_cmd_last[j] - change, world.qdot_cmd_last[j] + change
+        world.upper[j] = max(least, min(world.rest_upper[j], most))
+        world.lower[j] = min(most, max(world.rest_lower[j], least))
 
 
 @compiled
@@ -130,27 +163,43 @@ def confine(world: Record, rates: Array) -> None:
 
 
 @compiled
-def scale(world: Record, rates: Array) -> int:
-    """Scale all rates, then their change, by one factor each; return the bits of the limits that acted.
-
-    Scaling the change may leave a joint without the braking that it needs, which is then given to it alone.
-    """
-    n, bits, factor = world.n, 0, 1.0
-    for j in range(n):
-        lowest, highest = rest_bounds(world, j)
-        bound = highest if rates[j] > 0.0 else -lowest
-        if abs(rates[j]) > bound * (1.0 + ROUNDING):
-            bits |= RATE_LIMITED if bound == world.rate_limit[j] else POSITION_LIMITED
-            factor = min(factor, bound / abs(rates[j]))
-    part = 1.0
-    for j in range(n):
+def scale(world: Record, tick: Record) -> int:
+    """Scale all rates, let stops have their way, scale the change; return the bits of what acted."""
+    rates, bits, factor, stopped = tick.qdot_cmd, 0, 1.0, False
+    for j in range(world.n):
+        if abs(rates[j]) > world.rate_limit[j] * (1.0 + ROUNDING):
+            factor = min(factor, world.rate_limit[j] / abs(rates[j]))
+    for j in range(world.n):
         rates[j] *= factor
+        stopped |= is_beyond(rates[j], world.rest_lower[j], world.rest_upper[j])
+    if stopped:
+        bits |= POSITION_LIMITED
+        factor = given_back(world, rates, factor, world.rest_lower, world.rest_upper)
+        for j in range(world.n):
+            world.drift[j] *= factor
+        give_way(world, tick, factor, world.rest_lower, world.rest_upper)
+        for j in range(world.n):
+            if world.held[j] != 0.0 and abs(rates[j]) == world.rate_limit[j]:
+                bits |= RATE_LIMITED
+    if factor < 1.0:
+        bits |= RATE_LIMITED
+    return bits | scale_change(world, rates)
+
+
+@compiled
+def scale_change(world: Record, rates: Array) -> int:
+    """Scale the change of all rates by one factor; return the bits of the limits that acted.
+
+    That may leave a joint without the braking that it needs, which is then given to it alone.
+    """
+    bits, part = 0, 1.0
+    for j in range(world.n):
         change, most = abs(rates[j] - world.qdot_cmd_last[j]), world.acceleration_limit[j] * world.period
         if change > most * (1.0 + ROUNDING):
             bits |= ACCELERATION_LIMITED
             part = min(part, most / change)
     if part < 1.0:
-        for j in range(n):
+        for j in range(world.n):
             rates[j] = world.qdot_cmd_last[j] + part * (rates[j] - world.qdot_cmd_last[j])
         bits |= exceeded(world, rates)
     confine(world, rates)

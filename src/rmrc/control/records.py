@@ -87,19 +87,22 @@ def _world_type(c: int) -> np.dtype[np.void]:
             ("q", np.float64, (c,)), ("qdot", np.float64, (c,)), ("pose", np.float64, (7,)),
             ("J", np.float64, (ROWS, c)), ("pose_2", np.float64, (7,)), ("J_2", np.float64, (ROWS, c)),
             # memory from tick to tick: vectors of the decomposition, last command, ticks of the path behind
-            # it, its pace and the fastest within the rate limits, how fast that fell, share of the rates left
+            # it, its pace and the fastest within the rate limits, how fast that fell, share of the rates
+            # left, how long the site has stood still while it should move
             ("u", np.float64, (ROWS, c)), ("v", np.float64, (ROWS, c)), ("age", np.int64),
             ("v_last", np.float64, (c,)),
             ("qdot_cmd_last", np.float64, (c,)), ("path_tick", np.float64),
             ("pace", np.float64), ("fastest", np.float64), ("falling", np.float64), ("waited", np.float64),
-            ("share", np.float64),
+            ("share", np.float64), ("still", np.float64),
             # scratch of one tick: the task; bounds and parts of the rates; a second decomposition, of what is
             # left of A for a second task, or for the joints that are not saturated
             ("twist_cmd", np.float64, (6,)), ("task", np.float64, (ROWS,)), ("asked", np.float64, (ROWS,)),
             ("error", np.float64),
             ("A", np.float64, (ROWS, c)), ("qdot0", np.float64, (c,)), ("qddot", np.float64, (c,)),
             ("lower", np.float64, (c,)), ("upper", np.float64, (c,)), ("held", np.float64, (c,)),
-            ("best", np.float64, (c,)), ("part_a", np.float64, (c,)), ("part_b", np.float64, (c,)),
+            ("rest_lower", np.float64, (c,)), ("rest_upper", np.float64, (c,)), ("fade", np.float64, (c,)),
+            ("drift", np.float64, (c,)), ("best", np.float64, (c,)),
+            ("part_a", np.float64, (c,)), ("part_b", np.float64, (c,)),
             ("work", np.float64, (c,)), ("error_2", np.float64, (6,)),
             ("B", np.float64, (ROWS, c)), ("task_B", np.float64, (ROWS,)), ("asked_B", np.float64, (ROWS,)),
             ("sigma_B", np.float64, (ROWS,)),

@@ -14,11 +14,11 @@ LOST = 1e-6
 
 
 @inlined
-def redistribute(world: Record, tick: Record) -> bool:
+def redistribute(world: Record, tick: Record) -> float:
     """Fix joints at their bounds, the most critical first, and let the free ones do what they can.
 
     With all joints free the rates are those that came in. The largest share of the task that fits decides
-    where not all of it does. Return whether any did; if not, the rates are as they came in.
+    where not all of it does. Return that share; -1 if none did, and the rates are as they came in.
 
     Args:
         world: Bounds, task, A, its decomposition; qdot0 is what the null space wishes for, projected.
@@ -44,7 +44,7 @@ def redistribute(world: Record, tick: Record) -> bool:
     if best >= 0.0:
         for j in range(n):
             tick.qdot_cmd[j] = world.best[j]
-    return best >= 0.0
+    return float(best)
 
 
 @inlined

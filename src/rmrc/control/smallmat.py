@@ -215,7 +215,7 @@ def svd(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array) -> None:
 
     One-sided Jacobi on the shorter side [Hestenes58]: the rows of the smaller of `u` (k, m) and
     `v` (k, n) are the start and are rotated. Whatever orthonormal basis they hold from the last
-    tick is the warm start, so that between neighboring ticks one or two sweeps are enough and the signs
+    tick is the warm start, so that between neighboring ticks some two sweeps are enough and the signs
     of the vectors stay continuous. Vectors of singular values that are zero to rounding complete
     the basis.
 

@@ -10,6 +10,7 @@ from rich.text import Text
 from rmrc.analysis.statics import ROUNDING, Balance, Costs, Elsewhere
 from rmrc.arm import Arm
 from rmrc.holding import Held
+from rmrc.legible import visible
 from rmrc.output.sheets import Sheet, as_table, number
 
 Array = NDArray[np.float64]
@@ -37,7 +38,9 @@ def render(
     """
     arm = borne.arm
     place = ", ".join(f"{name} {number(at)}" for name, at in zip(arm.joints, borne.q, strict=True))
-    yield Text(f"{arm.path.name}: site {arm.site} at {_vector(arm.pose(borne.q)[:3])} m; {place}", "bold")
+    yield Text(
+        f"{visible(arm.path.name)}: site {arm.site} at {_vector(arm.pose(borne.q)[:3])} m; {place}", "bold"
+    )
     force, moment = borne.wrench[:3], borne.wrench[3:]
     yield Text(
         f"The wrench acts on the arm: force {_vector(force)} N, moment {_vector(moment)} N·m, world axes."

@@ -1,20 +1,43 @@
-"""Variants beside each other: a row a variant, for a terminal and as markdown."""
+"""Variants beside each other: one row per variant, for a terminal and as markdown."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from rich.console import Group, RenderableType
 from rich.text import Text
 
-from rmrc.output.sheets import UNDEFINED, Sheet, as_markdown, as_table, number
+from rmrc.control.choices import Status
+from rmrc.output.sheets import UNDEFINED, Sheet, as_markdown, as_table, escaped, number
 from rmrc.run import Run
 from rmrc.scorecard import Outcome, Scorecard, joint_changes
 
 # A joint that comes back so far from where it started has flipped [rad]; a sliding one by that share of the
 # characteristic length. Tracking errors are a hundred times less, an elbow on its other side is far beyond.
 FLIPPED = 0.5
+
+# Headings of the figures that are shown, in groups that stay together where a terminal is narrow.
+_FIGURES = (
+    {
+        "joint_rate.peak": "rate\npeak",
+        "joint_rate_cmd.peak": "command\npeak",
+        "joint_rate.rms": "rate\nrms",
+        "joint_acceleration.peak": "accel.\npeak",
+        "tau.share": "torque\npeak",
+    },
+    {
+        "position_error_along.max": "pos.\nerror\nalong",
+        "position_error_across.max": "pos.\nerror\nacross",
+        "orientation_error_along.max": "rot.\nerror\nalong",
+        "orientation_error_across.max": "rot.\nerror\nacross",
+        "position_error.end": "pos.\nerror\nat end",
+        "orientation_error.end": "rot.\nerror\nat end",
+    },
+    {f"status_time.{one.name}": f"time\n{one.name}" for one in Status},
+)
+_TIMES = "status_time."
 
 
 class Row(NamedTuple):
@@ -24,39 +47,57 @@ class Row(NamedTuple):
         label: Of the variant.
         run: As far as it came.
         card: Its figures.
-        outcomes: Of the scenario's expectations.
+        outcomes: Of the expectations that count.
+        stated_for: If some do not count: the keys in which the variant differs from what they were stated
+            for, and what the scenario has there.
     """
 
     label: str
     run: Run
     card: Scorecard
     outcomes: Sequence[Outcome]
+    stated_for: Mapping[str, str] = {}
 
 
 def render(name: str, rows: Sequence[Row]) -> RenderableType:
-    """Return the table for a terminal of 100 columns or more.
+    """Return the table for a terminal; where it does not fit, it goes on below.
 
     Args:
         name: Of the scenario.
         rows: One or more.
     """
-    columns = _columns(rows)
-    # In a heading, each unit of an arm with joints of both kinds has a line of its own.
-    over = tuple("\n".join([title, "\nor ".join(units)]) for title, _, units in columns)
-    sheet = Sheet("", ("variant", *over, "flipped", "expect"), _cells(rows, columns), _words(columns))
-    return Group(Text(name, style="bold"), Text(), as_table(sheet))
+    variants, groups = _columns(rows)
+    columns = [variants, *(column for group in groups for column in group)]
+    table = as_table(_sheet(columns, tuple(map(_over, columns)), tuple(map(len, groups))))
+    notes = [part for note in _notes(rows) for part in (Text(), Text(note))]
+    return Group(Text(name, style="bold"), Text(), table, *notes)
+
+
+def _over(column: "_Column") -> str:
+    """Return a heading, in which each unit of an arm with joints of both kinds has a line of its own."""
+    return "\n".join([column.title, "\nor ".join(column.units)]) if column.units else column.title
 
 
 def markdown(rows: Sequence[Row]) -> str:
-    """Return the same as markdown, with the units in a row of their own: the recording has little room.
+    """Return the same as markdown, one table for each group: the recording has little room.
 
     Args:
         rows: One or more.
     """
-    columns = _columns(rows)
-    units = ("", *(", ".join(units) for _, _, units in columns), "", "")
-    over = ("variant", *(title for title, _, _ in columns), "flipped", "expect")
-    return as_markdown(Sheet("", over, [units, *_cells(rows, columns)], _words(columns))) + "\n"
+    variants, groups = _columns(rows)
+    blocks = []
+    for group in groups:
+        columns = [variants, *group]
+        units = tuple(", ".join(one.units) for one in columns)
+        sheet = _sheet(columns, tuple(one.title for one in columns))
+        blocks.append(as_markdown(replace(sheet, rows=[units, *sheet.rows]) if any(units) else sheet))
+    return "\n\n".join([*blocks, *map(escaped, _notes(rows))]) + "\n"
+
+
+def _sheet(columns: Sequence["_Column"], headings: tuple[str, ...], groups: tuple[int, ...] = ()) -> Sheet:
+    rows = list(zip(*(one.cells for one in columns), strict=True))
+    words = frozenset(index for index, one in enumerate(columns) if one.words)
+    return Sheet("", headings, rows, words, groups)
 
 
 def flipped(run: Run) -> str:
@@ -78,39 +119,37 @@ def flipped(run: Run) -> str:
 
 class _Column(NamedTuple):
     title: str
-    figure: str
-    units: list[str]
+    units: Sequence[str]
+    cells: Sequence[str]
+    words: bool = False
 
 
-def _columns(rows: Sequence[Row]) -> list[_Column]:
-    """Return the columns of numbers that any row has."""
-    titles = {
-        "joint_rate.peak": "rate\npeak",
-        "joint_rate.rms": "rate\nrms",
-        "joint_acceleration.peak": "accel.\npeak",
-        "error_along.max": "error\nalong",
-        "error_across.max": "error\nacross",
-        "position_error.end": "pos. at\nend",
-        "orientation_error.end": "rot. at\nend",
-        "status_time.DAMPED": "time\nDAMPED",
-    }
-    columns = []
-    for figure, title in titles.items():
-        units = [unit for row in rows if figure in row.card for unit in row.card[figure].unit.split(" or ")]
-        if units:
-            columns.append(_Column(title, figure, list(dict.fromkeys(units))))
-    return columns
-
-
-def _words(columns: Sequence[_Column]) -> frozenset[int]:
-    return frozenset({0, len(columns) + 1, len(columns) + 2})
-
-
-def _cells(rows: Sequence[Row], columns: Sequence[_Column]) -> list[tuple[str, ...]]:
-    return [
-        (_label(row), *(_figure(row, column.figure) for column in columns), flipped(row.run), _expect(row))
-        for row in rows
+def _columns(rows: Sequence[Row]) -> tuple[_Column, list[list[_Column]]]:
+    """Return the names of the variants, and the columns in groups: what any row has, and what any row did."""
+    groups = []
+    for titles in _FIGURES:
+        group = []
+        for figure, title in titles.items():
+            cards = [row.card for row in rows if figure in row.card]
+            units = [unit for card in cards for unit in card[figure].unit.split(" or ")]
+            is_time = figure.startswith(_TIMES)
+            if units and not (is_time and all(row.card[figure].value == 0.0 for row in rows)):
+                known = ["of limit" if unit == "1" else unit for unit in dict.fromkeys(units)]
+                group.append(_Column(title, known, [_figure(row, figure) for row in rows]))
+        groups.append(group)
+    ends = [
+        _Column("flipped", [], [flipped(row.run) for row in rows], words=True),
+        _Column("expect", [], [_expect(row) for row in rows], words=True),
     ]
+    variants = _Column("variant", [], [_label(row) for row in rows], words=True)
+    return variants, [group for group in (*groups, ends) if group]
+
+
+def _notes(rows: Sequence[Row]) -> list[str]:
+    """Return why some expectations are not counted, if so."""
+    wanted = dict.fromkeys(pair for row in rows for pair in row.stated_for.items())
+    law = " and ".join(f"{key}={value}" for key, value in wanted)
+    return [f'"-": what the scenario expects is for {law} and is not counted for others.'] if wanted else []
 
 
 def _figure(row: Row, figure: str) -> str:

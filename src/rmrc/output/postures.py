@@ -61,9 +61,12 @@ def posture_sheets(task: Task, postures: Postures, limits: bool) -> list[Sheet]:
     if postures.nearest is not None:
         return solution_sheets(task, postures.nearest, limits, False)
     count = len(postures.q)
-    isolated = count - int(postures.is_continuum)
-    found = [f"{isolated} posture{'s' * (isolated != 1)}"] if isolated or not postures.is_continuum else []
-    found += ["a continuum, its nearest to the start shown"] if postures.is_continuum else []
+    continua = int(np.count_nonzero(postures.freedom))
+    isolated = count - continua
+    found = [f"{isolated} posture{'s' * (isolated != 1)}"] if isolated or not continua else []
+    if continua:
+        one = "a continuum, its nearest to the start shown"
+        found.append(one if continua == 1 else f"{continua} continua, of each its nearest to the start shown")
     title = f"{task.arm.path.stem}, {task.arm.site}: {' and '.join(found)}; {postures.starts} starts"
     sheets = []
     for first in range(0, count, BESIDE):
@@ -75,6 +78,9 @@ def posture_sheets(task: Task, postures: Postures, limits: bool) -> list[Sheet]:
         rows.append(("starts that led there", "", *(str(postures.hits[p]) for p in part)))
         if postures.is_continuum:
             rows.append(("ways to move on", "", *(str(postures.freedom[p]) for p in part)))
+        if not postures.decided.all():
+            words = {True: "yes", False: "unknown"}
+            rows.append(("apart from others", "", *(words[bool(postures.decided[p])] for p in part)))
         headings = ("joint", "", *(str(p + 1) for p in part))
         sheets.append(Sheet("" if first else title, headings, rows, frozenset({0, 1})))
     return sheets
@@ -127,7 +133,7 @@ def solution_facts(task: Task, solution: Solution, iterates: bool) -> dict[str, 
 
 
 def posture_facts(task: Task, postures: Postures) -> dict[str, object]:
-    """Return all postures as plain values."""
+    """Return all postures as plain values; `apart` is None where a continuum may be a part of another."""
     return {
         "found": postures.nearest is None,
         "postures": [
@@ -135,10 +141,14 @@ def posture_facts(task: Task, postures: Postures) -> dict[str, object]:
                 "q": dict(zip(task.arm.joints, q.tolist(), strict=True)),
                 "starts": int(hits),
                 "freedom": int(freedom),
+                "apart": True if decided else None,
             }
-            for q, hits, freedom in zip(postures.q, postures.hits, postures.freedom, strict=True)
+            for q, hits, freedom, decided in zip(
+                postures.q, postures.hits, postures.freedom, postures.decided, strict=True
+            )
         ],
         "continuum": postures.is_continuum,
+        "continua": int(np.count_nonzero(postures.freedom)),
         "starts": postures.starts,
         "nearest": None if postures.nearest is None else solution_facts(task, postures.nearest, False),
     }

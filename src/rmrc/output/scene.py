@@ -129,7 +129,7 @@ class Scene:
             force=force,
             dying_move=ARROW * self.reach * u_min[:, :3],
             dying_turn=ARROW * self.reach * u_min[:, 3:],
-            nearness=1.0 - np.clip(part["sigma"][rows, -1] / self._below, 0.0, 1.0),
+            nearness=1.0 - np.clip(part["sigma"][rows, -1], 0.0, self._below) / self._below,
         )
 
 

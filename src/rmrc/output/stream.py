@@ -51,6 +51,12 @@ class Stream:
         self.path, self.part_path = path, path.with_name(path.name + ".part")
         rr.set_strict_mode(True)  # its errors are only warnings otherwise
         try:
+            str(self.part_path).encode()
+        except UnicodeEncodeError:  # rerun takes no such path, and would say so in colors
+            raise _cannot_write(
+                self.part_path, "its path is not UTF-8; give another folder with --out"
+            ) from None
+        try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.part_path.unlink(missing_ok=True)
             self._stream = rr.RecordingStream("rmrc", recording_id=f"{name}-{uuid4().hex[:8]}")

@@ -7,32 +7,56 @@ off, or is read as markup.
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from rich.console import Group, RenderableType
+from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
+from rich.padding import Padding
 from rich.table import Table
 from rich.text import Text
 
-from rmrc.output.sheets import UNDEFINED, Sheet, as_markdown, as_table, escaped, number
+from rmrc.output.sheets import UNDEFINED, Fitted, Sheet, as_markdown, as_table, escaped, number
 from rmrc.scenario import SchemaRow
 
 if TYPE_CHECKING:  # with numba, which a table of keys does without
     from rmrc.scorecard import Figure, Outcome, Scorecard
 
 _PEAKS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
-_ERRORS = ("position_error", "orientation_error", "error_along", "error_across", "secondary_error")
+_ERRORS = (
+    "position_error",
+    "orientation_error",
+    "position_error_along",
+    "position_error_across",
+    "orientation_error_along",
+    "orientation_error_across",
+    "secondary_error",
+)
 
 
 def render(card: "Scorecard", outcomes: Sequence["Outcome"] = ()) -> RenderableType:
-    """Return all figures, and what was expected of them, for a terminal of 80 columns or more.
+    """Return all figures, and what was expected of them, for a terminal.
 
     Args:
         card: The figures.
         outcomes: Of the scenario's expectations; none: no such table.
     """
     *sheets, rest, status = _sheets(card, outcomes)
-    beside = Table.grid(padding=(0, 4))
-    beside.add_row(as_table(rest), as_table(status))
     parts = [part for sheet in sheets for part in (as_table(sheet), Text())]
-    return Group(Text(card.name, style="bold"), Text(), *parts, beside)
+    return Group(Text(card.name, style="bold"), Text(), *parts, _Beside(as_table(rest), as_table(status)))
+
+
+class _Beside:
+    """Two tables beside each other, or below where the terminal is not wide enough."""
+
+    GAP = 4
+
+    def __init__(self, left: Fitted, right: Fitted) -> None:
+        self.left, self.right = left, right
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        if self.left.width + self.GAP + self.right.width <= options.max_width:
+            grid = Table.grid(padding=(0, self.GAP))
+            grid.add_row(self.left, self.right)
+            yield grid
+        else:
+            yield from (self.left, Text(), self.right)
 
 
 def markdown(card: "Scorecard", outcomes: Sequence["Outcome"] = ()) -> str:
@@ -47,13 +71,32 @@ def markdown(card: "Scorecard", outcomes: Sequence["Outcome"] = ()) -> str:
 
 
 def schema(rows: Sequence[SchemaRow]) -> RenderableType:
-    """Return the keys of a scenario for a terminal: keys whole, the rest wrapped beside them."""
-    table = Table(box=None, show_header=False, pad_edge=False, padding=(0, 2, 0, 0))
-    table.add_column(no_wrap=True, style="bold")
-    table.add_column(overflow="fold")
-    for row in rows:
-        table.add_row(Text(row.key), Text(f"{_kind(row)}\n{row.meaning}"))
-    return table
+    """Return the keys of a scenario for a terminal: keys whole, the rest beside them, or below if narrow."""
+    return _Keys(rows)
+
+
+class _Keys:
+    """Keys with what there is to say about each, words whole."""
+
+    GAP, INDENT = 2, 4
+
+    def __init__(self, rows: Sequence[SchemaRow]) -> None:
+        self.told = [(row.key, f"{_kind(row)}\n{row.meaning}") for row in rows]
+
+    def __rich_console__(self, console: Console, options: ConsoleOptions) -> RenderResult:
+        longest = max(len(key) for key, _ in self.told)
+        word = max(len(word) for _, told in self.told for word in told.split())
+        if longest + self.GAP + word <= options.max_width:
+            table = Table(box=None, show_header=False, pad_edge=False, padding=(0, self.GAP, 0, 0))
+            table.add_column(no_wrap=True, style="bold", width=longest)
+            table.add_column(overflow="fold")
+            for key, told in self.told:
+                table.add_row(Text(key), Text(told))
+            yield table
+            return
+        for key, told in self.told:
+            yield Text(key, style="bold")
+            yield Padding(Text(told), (0, 0, 0, self.INDENT))
 
 
 def schema_text(rows: Sequence[SchemaRow]) -> str:
@@ -114,7 +157,7 @@ def _peaks(figures: _Figures) -> Sheet:
 
 
 def _joints(figures: _Figures) -> Sheet:
-    """Return a row a joint; units stand in the headings, or beside the joint where they differ."""
+    """Return one row per joint; units stand in the headings, or beside the joint where they differ."""
     columns = (
         ("rate", "joint_rate", "peak"),
         ("", "joint_rate", "peak_time"),

@@ -9,6 +9,8 @@ WORDS = {
     "manipulability": "manipulability w [1]",
     "condition": "condition κ [1]",
 }
+# Where the worst of a workspace was found.
+SOURCES = {"singular": "singular curves", "limits": "limit curves", "cells": "cells"}
 
 
 def sheet(facts: dict[str, Any]) -> Sheet:
@@ -25,15 +27,14 @@ def sheet(facts: dict[str, Any]) -> Sheet:
                 *(number(one["volume_if_first_joint_turns_fully"]) for one in both),
             )
         )
-    # Extents are those of whole cells.
-    rows += [
-        (f"{label} [m], in cells of {number(facts['cell'])}", *(_range(one[label]) for one in both))
-        for label in facts["labels"]
-    ]
+    rows += [(f"{label} [m]", *(_range(one[label]) for one in both)) for label in facts["labels"]]
+    rows.append(("  off by at most [m]", *(_extent_accuracy(one) for one in both)))
     rows += [
         (f"{word}, {facts['posture']} posture", *(_range(one[key]) for one in both))
         for key, word in WORDS.items()
     ]
+    rows.append(("  worse end from", *(_source(one) for one in both)))
+    rows.append(("  better end from cells of [m]", *([number(facts["cell"])] * 2)))
     rows.append(("postures that reach a point", *(_counts(one["postures"]) for one in both)))
     singular = facts["singular"]
     rows.append(
@@ -48,6 +49,7 @@ def joint_sheet(facts: dict[str, Any]) -> Sheet:
     over, counted = " and ".join(facts["over"]), " ".join(facts["axes"])
     title = f"{facts['model']}, site {facts['site']}, over {over}, rows {counted}"
     rows = [(word, _range(facts[key])) for key, word in WORDS.items()]
+    rows.append(("  searched between steps of a grid", " x ".join(map(str, facts["cells"]))))
     return Sheet(
         title, ("", "from least to most"), [*rows, ("curves of det J = 0", _count(facts["singular_curves"]))]
     )
@@ -60,6 +62,17 @@ def _count(count: int | None) -> str:
 def _accuracy(facts: dict[str, Any], one: dict[str, Any]) -> str:
     # Samples find cells, and may miss some.
     return number(one["area_accuracy"]) + (" or more" if facts["method"] == "samples" else "")
+
+
+def _extent_accuracy(one: dict[str, Any]) -> str:
+    if one["extent_accuracy"] is None:
+        return UNDEFINED
+    return number(one["extent_accuracy"]) + (" or more" if one["extent_is_at_least"] else "")
+
+
+def _source(one: dict[str, Any]) -> str:
+    found = {SOURCES[source] for source in one["worst_from"].values()}
+    return ", ".join(sorted(found)) or UNDEFINED
 
 
 def _range(ends: list[float | None] | None) -> str:

@@ -25,6 +25,7 @@ from typing import Any, NamedTuple
 from pydantic import ValidationError
 
 from rmrc.errors import ScenarioError
+from rmrc.scenario.aliases import place_of
 from rmrc.scenario.messages import translate
 from rmrc.scenario.overrides import override
 from rmrc.scenario.path import (
@@ -70,7 +71,7 @@ __all__ = [
     "NullspaceSection", "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment",
     "SlowSection", "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection",
     "Template", "Turn", "TurnSegment", "Variant", "angle", "block", "inline", "json_schema", "load", "loads",
-    "schema_rows", "variants",
+    "place_of", "schema_rows", "variants",
 ]  # fmt: skip
 
 

@@ -9,10 +9,12 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from rmrc.errors import did_you_mean
+from rmrc.scenario import aliases
 from rmrc.scenario.path import SEGMENTS
 from rmrc.scenario.places import Key, Mistake, Origin
 from rmrc.scenario.reading import Document
 from rmrc.scenario.sections import ControlSection, PlantSection, Scenario, uneven
+from rmrc.scenario.units import instead
 from rmrc.scenario.values import Section, is_spelled_as_number
 from rmrc.scenario.wording import brief, listed, show
 
@@ -52,8 +54,31 @@ def _message(detail: ErrorDetails, key: Key) -> str:
     if kind in _WHOLE:
         return _WHOLE[kind](detail, key)
     want = _WANTS.get(kind, "cannot be used").format(**detail.get("ctx", {}))
-    quote = want == "must be text" and isinstance(value, bool | int | float)
-    return f"{want}, got {show(value)}{'; put it in quotes' * quote}"
+    return f"{want}, got {show(value)}{_way(kind, value, key)}"
+
+
+def _way(kind: str, value: object, key: Key) -> str:
+    """Return what to write instead, if that can be told from the value and its key alone."""
+    if kind in ("string_type", "path_type") and isinstance(value, bool | int | float):
+        return "; put it in quotes"
+    if kind in ("model_type", "dict_type"):
+        return _write(aliases.mapping(key, value))
+    if kind == "tuple_type":
+        return _write(aliases.listing(key, value, _has_texts(key)))
+    if kind == "bool_type" and isinstance(value, str | int):
+        words = {"true": "true yes on 1", "false": "false no off 0"}
+        said = next((word for word, same in words.items() if str(value).strip().lower() in same.split()), "")
+        return _write(f"{said}{' without quotes' * isinstance(value, str)}" if said else "")
+    return ""
+
+
+def _write(text: str) -> str:
+    return f"; write {text}" if text else ""
+
+
+def _has_texts(key: Key) -> bool:
+    """Say whether the items of a list are texts."""
+    return aliases.dotted(key) in ("task.axes", "arm.joints", "control.nullspace.secondary.axes")
 
 
 def _fields_at(key: Key) -> dict[str, FieldInfo]:
@@ -78,7 +103,16 @@ def _required(_: ErrorDetails, key: Key) -> str:
 
 def _unknown(_: ErrorDetails, key: Key) -> str:
     names = list(_fields_at(key[:-1]))
+    if ours := aliases.key_called(key):
+        return f'unknown key; it is called "{ours}"'
+    if why := aliases.NONE.get(aliases.dotted(key)) or aliases.NONE.get(str(key[-1])):
+        return f"unknown key; {why}"
     near = did_you_mean(str(key[-1]), names)
+    place = "" if near else aliases.elsewhere(key)
+    if key[0] == "expect" and len(key) == 3:
+        near = near or f'; a figure is one key: "{key[1]}.{brief(str(key[2]))}"'
+    elif place:
+        near = f"; it is the key {place}"
     return f"unknown key{near or '; the keys are ' + ', '.join(names)}"
 
 
@@ -88,24 +122,30 @@ def _no_segment(detail: ErrorDetails, _: Key) -> str:
         return f"{want}, got {show(value)}"
     names = list(value)
     near = did_you_mean(names[0], SEGMENTS) if len(names) == 1 else ""
+    if len(names) == 1 and (ours := aliases.choice(("target", "path"), names[0])):
+        near = f"; write {_SEGMENT_FORMS[ours]}"
     return f"{want}, got {listed([brief(name) for name in names])}{near}"
 
 
-def _no_option(detail: ErrorDetails, _: Key) -> str:
+def _no_option(detail: ErrorDetails, key: Key) -> str:
     value, options = detail["input"], re.findall(r"'([^']*)'", str(detail["ctx"]["expected"]))
     want = ", ".join(f'"{option}"' for option in options)
     near = did_you_mean(value, options) if isinstance(value, str) else ""
+    if ours := aliases.choice(key, value):
+        near = _write(ours)
+    elif isinstance(value, str) and (place := _choice_of(value, key)):
+        near = f'; "{value}" is a choice of {place}'
     return f"must be {'one of ' * (len(options) > 1)}{want}, got {show(value)}{near}"
 
 
-def _no_number(detail: ErrorDetails, _: Key) -> str:
+def _no_number(detail: ErrorDetails, key: Key) -> str:
     """Show what is no number, and the way out when it looks like one."""
     value = detail["input"]
     if not isinstance(value, str):
         return f"must be a number, got {show(value)}"
     shown = f"must be a number, got the text {show(value)}"
     if not is_spelled_as_number(value):
-        return shown
+        return f"{shown}{instead(value, _unit(key))}"
     digits, exponent, power = value.strip().lower().partition("e")
     signed = power if power[:1] in ("+", "-") else f"+{power}"
     dotted = digits if "." in digits else f"{digits}.0"
@@ -114,6 +154,29 @@ def _no_number(detail: ErrorDetails, _: Key) -> str:
         return f"{shown}: remove the quotes"
     return f"{shown}: YAML 1.1 needs {listed(needs)}, write {dotted}e{signed}"
 
+
+def _unit(key: Key) -> str:
+    """Return the unit of a key, or of the list that it is an item of."""
+    while key and isinstance(key[-1], int):
+        key = key[:-1]
+    field = _fields_at(key[:-1]).get(str(key[-1])) if key else None  # none for a body that is stretched
+    extra = field.json_schema_extra if field else None
+    return str(extra["unit"]) if isinstance(extra, dict) and "unit" in extra else ""
+
+
+def _choice_of(value: str, key: Key) -> str:
+    """Return the other key that has a value for a choice, such as that of a damping schedule."""
+    ours = aliases.dotted(key)
+    return next((place for place, names in aliases.CHOICES.items() if value in names and place != ours), "")
+
+
+# What to write for a piece of a path.
+_SEGMENT_FORMS = {
+    "line": "line: {to: [x, y]}",
+    "arc": "arc: {center: [x, y], angle: 360 deg}",
+    "turn": "turn: {axis: z, angle: 90 deg}",
+    "hold": "hold: {for: 1.0}",
+}
 
 # How pydantic's errors read here: some need the value or the key, the others a want and a value.
 _WHOLE: dict[str, Callable[[ErrorDetails, Key], str]] = {

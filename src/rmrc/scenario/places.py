@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
-from rmrc.scenario.wording import brief, printable
+from rmrc.legible import visible
+from rmrc.scenario.wording import brief
 
 Key = tuple[str | int, ...]  # the steps from the root to a value
 Mark = tuple[int, ...] | str  # line and column from 1, or an option such as `--set KEY`; () if there is none
@@ -68,7 +69,7 @@ class Origin:
         mark, name = mark or self.find(key).mark, join(key)
         if isinstance(mark, str):
             return mark if name in ("", mark.partition(" ")[2]) else f"{mark}: {name}"
-        where = ":".join([printable(self.source), *map(str, mark)])
+        where = ":".join([visible(self.source), *map(str, mark)])
         return ": ".join(part for part in (where, name) if part)
 
     def lines(self, mistakes: Sequence[Mistake]) -> list[str]:

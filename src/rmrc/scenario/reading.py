@@ -13,8 +13,9 @@ from typing import Any
 
 import yaml
 
+from rmrc.legible import visible
 from rmrc.scenario.places import Key, Mark, Mistake, Origin, Place
-from rmrc.scenario.wording import brief, nearby, printable, show
+from rmrc.scenario.wording import brief, nearby, show
 
 # A scenario is a page of text. The bounds are far above that and far below what takes a second.
 _MAX_BYTES = 2**20
@@ -132,7 +133,7 @@ def items(text: str) -> list[tuple[str, str]]:
 
 
 def _problem(error: yaml.MarkedYAMLError) -> str:
-    problem = printable(error.problem or error.context or "")
+    problem = visible(error.problem or error.context or "")
     if "but found another document" in problem:
         return "holds more than one YAML document"
     if r"character '\t'" in problem:

@@ -233,8 +233,8 @@ class LimitsSection(Section):
         "rad/s² or m/s²",
     )
     on_excess: Literal["scale", "clamp", "redistribute", "none"] = key(
-        "beyond a limit: scale all joints alike (keeps direction), clamp each, let the others take over what "
-        "a saturated joint cannot do, or limit nothing",
+        "beyond a limit: scale all joints alike (keeps direction, unless a joint is at its position limit), "
+        "clamp each, let the others take over what a saturated joint cannot do, or limit nothing",
         "scale",
     )
 
@@ -498,7 +498,9 @@ def parse_key(text: str) -> Key:
         name, _, swept = rest.partition(".")
         if swept and name in SweepSection.model_fields:
             return (section, name, swept)
-    if section != "expect" or not rest:
+    if (
+        section != "expect" or "." not in text
+    ):  # a figure may be called by no name at all, which is then refused
         return split(text)
     figure, _, last = rest.rpartition(".")
     return ("expect", figure, last) if figure and last in Check.model_fields else ("expect", rest)

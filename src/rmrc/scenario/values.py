@@ -1,6 +1,7 @@
 """What sections are made of: the mapping itself, its keys, and the constrained types of their values."""
 
 import math
+import os
 import re
 import stat
 from collections.abc import Callable, Sequence
@@ -23,14 +24,15 @@ from pydantic import (
 from pydantic.config import JsonDict
 from pydantic_core import PydanticCustomError, core_schema
 
+from rmrc.legible import visible
 from rmrc.scenario.places import Key
-from rmrc.scenario.wording import nearby, printable, show
+from rmrc.scenario.units import UNSIGNED, instead
+from rmrc.scenario.wording import nearby, show
 
 # A direction is normalized by its user; below this length its squares would vanish or be noise.
 _SHORTEST = 1e-9
 
-_UNSIGNED = r"(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][-+]?[0-9]+)?"
-_DECIMAL = rf"[-+]?{_UNSIGNED}"
+_DECIMAL = rf"[-+]?{UNSIGNED}"
 
 
 class Section(BaseModel):
@@ -110,7 +112,7 @@ def _radians(value: object) -> object:
     match = re.fullmatch(rf"\s*({_DECIMAL}|nan|[-+]?inf)\s*(deg|rad)\s*", value)
     if match is None:
         example = 'must be a number (radians) or an angle such as "60 deg"'
-        raise rule(f"{example}, got the text {show(value)}")
+        raise rule(f"{example}, got the text {show(value)}{instead(value, 'rad or m')}")
     number = float(match[1])
     return math.radians(number) if match[2] == "deg" else number
 
@@ -155,13 +157,23 @@ def _model_file(path: Path, info: ValidationInfo) -> Path:
         full: Path = (folder / context["models"].get(str(path), path)).resolve()
         is_file = not info.context or stat.S_ISREG(full.stat().st_mode)
     except FileNotFoundError:
-        raise rule(f'no such file "{printable(str(full))}"{nearby(full, ".xml")}') from None
+        raise rule(f'no such file "{visible(str(full))}"{_model_near(folder, path)}') from None
     except (OSError, ValueError, RuntimeError) as error:  # not permitted; a NUL; a loop of links
         reason = getattr(error, "strerror", None) or str(error)
         raise rule(f"cannot be read ({reason.lower()}), got {show(str(path))}") from None
     if not is_file:
-        raise rule(f'is not a file: "{printable(str(full))}"')
+        raise rule(f'is not a file: "{visible(str(full))}"')
     return full
+
+
+def _model_near(folder: Path, path: Path) -> str:
+    """Suggest a model for a path of none: a file beside it, or in the folder of models."""
+    if near := nearby(folder / path, ".xml"):
+        return near
+    for models in (folder / "models", folder.parent / "models"):
+        if (models / path.name).with_suffix(".xml").is_file():
+            return f'; did you mean "{os.path.relpath((models / path.name).with_suffix(".xml"), folder)}"?'
+    return "" if path.suffix else "; give the path of an MJCF file, from the scenario's folder"
 
 
 def _one_or_list(value: object) -> str:
@@ -198,7 +210,7 @@ NotNegativeAngle = Annotated[
             "title": "angle >= 0",
             "anyOf": [
                 {"type": "number", "minimum": 0},
-                {"type": "string", "pattern": rf"^\s*\+?{_UNSIGNED}\s*(deg|rad)\s*$"},
+                {"type": "string", "pattern": rf"^\s*\+?{UNSIGNED}\s*(deg|rad)\s*$"},
             ],
         }
     ),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rmrc.errors import did_you_mean
+from rmrc.legible import shortened, visible
 
 
 def show(value: object) -> str:
@@ -21,18 +22,12 @@ def show(value: object) -> str:
         return brief(f"{{{', '.join(f'{key}: {show(item)}' for key, item in list(value.items())[:20])}}}")
     if isinstance(value, int) and abs(value) >= 10**80:  # Python writes 4300 digits at most
         return "a huge integer"
-    return brief(json.dumps(value, ensure_ascii=not str(value).isprintable()))
-
-
-def printable(text: str) -> str:
-    """Return a text that cannot break a line or a terminal."""
-    return text if text.isprintable() else text.encode("unicode_escape").decode()
+    return brief(json.dumps(value, ensure_ascii=False))
 
 
 def brief(text: str) -> str:
-    """Return a printable text of at most 80 characters."""
-    text = printable(text)
-    return text if len(text) <= 80 else f"{text[:77]}..."
+    """Return a printable text of about 80 characters at most, which says how many it has if it is longer."""
+    return shortened(visible(text))
 
 
 def listed(names: Sequence[str]) -> str:

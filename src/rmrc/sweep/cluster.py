@@ -102,7 +102,7 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
         try:
             if not address.here:
                 sync(loop, _greet, address.text, callback_timeout=_ANSWER)
-            with _deaf():  # it answers, so this is short, and half a client could not be closed
+            with _deaf(signal.SIGTERM):  # it answers, so this is short, and half a client could not be closed
                 client = Client(at, timeout=_ANSWER, set_as_default=False, loop=loop)
                 stack.callback(_closed, client.close, _ANSWER)
         except TypeError:  # of tls:// without the files that it needs
@@ -351,14 +351,14 @@ def _work(indices: range, sent: _Sent, work: Work, shared: object) -> Any:
 
 @contextmanager
 def _loop() -> Iterator[Any]:
-    """Yield the loop of a thread that has Ctrl-C blocked.
+    """Yield the loop of a thread that has Ctrl-C and SIGHUP blocked.
 
-    Ctrl-C goes to all processes of a terminal. The workers are started by this thread, and so have it blocked
-    from their first moment on; it is this process that ends them.
+    These go to all processes of a terminal. The workers are started by this thread, and so have them
+    blocked from their first moment on; it is this process that ends them.
     """
     from distributed.utils import LoopRunner
 
-    resource_tracker.ensure_running()  # which would unblock it
+    resource_tracker.ensure_running()  # which would unblock them
     runner = LoopRunner()
     with _deaf():
         runner.start()
@@ -374,7 +374,7 @@ def _processes(count: int, loop: Any) -> Iterator[Any]:
     from distributed import LocalCluster
 
     with ExitStack() as stack:
-        with _deaf():  # half a cluster could not be closed
+        with _deaf(signal.SIGTERM):  # half a cluster could not be closed
             cluster = LocalCluster(
                 n_workers=0,
                 threads_per_worker=1,
@@ -390,12 +390,16 @@ def _processes(count: int, loop: Any) -> Iterator[Any]:
 
 
 @contextmanager
-def _deaf() -> Iterator[None]:
-    """Block Ctrl-C in this thread until the end, and for good in those that it starts."""
+def _deaf(*more: int) -> Iterator[None]:
+    """Block Ctrl-C and SIGHUP in this thread until the end, and for good in those that it starts.
+
+    Args:
+        more: Other signals that are blocked.
+    """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
         return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP, *more})
     try:
         yield
     finally:

@@ -6,7 +6,7 @@ from typing import Any
 
 from rmrc.preparation import Prepared
 from rmrc.scenario import angle, inline, schema_rows
-from rmrc.scorecard import Figure, scorecard
+from rmrc.scorecard import Figure
 from rmrc.simulation import Simulation
 from rmrc.sweep.dataset import Column
 from rmrc.sweep.plan import Plan, Value
@@ -47,8 +47,8 @@ def figure_columns(runs: Iterable[Prepared]) -> list[Column]:
     units: dict[str, dict[str, None]] = {}
     figures: dict[str, Figure] = {}
     for one in runs:
-        (blank,) = Simulation([one]).runs()
-        for name, figure in scorecard(blank).items():
+        (blank,) = Simulation([one], keep_columns=False).scorecards()
+        for name, figure in blank.items():
             figures.setdefault(name, figure)
             units.setdefault(name, {}).update(dict.fromkeys(figure.unit.split(" or ")))
     return [

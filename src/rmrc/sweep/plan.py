@@ -42,7 +42,12 @@ class Plan:
     seed: int = 0
 
     def __len__(self) -> int:
-        """Return the number of runs."""
+        """Return the number of runs, which fits into 63 bits where `rmrc.sweep.sweep.Sweep` took the plan."""
+        return self.count
+
+    @property
+    def count(self) -> int:
+        """Number of runs, as large as it may be."""
         return math.prod(len(values) for _, values in self.vary) * self.samples * self.repeat
 
     @property

@@ -15,6 +15,7 @@ from rmrc import facts
 from rmrc.arm import Arm
 from rmrc.batches import Batches
 from rmrc.errors import ScenarioError
+from rmrc.footprint import Footprint, footprint
 from rmrc.preparation import Preparation, Prepared
 from rmrc.run import Divergence
 from rmrc.scenario import Carried, Scenario
@@ -42,6 +43,7 @@ class Checked(NamedTuple):
         kinds: The first run of those that have the same figures, by what decides these.
         ticks: Of the references of all.
         longest: Of the longest of them.
+        world: What a world takes of memory, at most.
     """
 
     runs: int
@@ -49,6 +51,7 @@ class Checked(NamedTuple):
     kinds: dict[object, int]
     ticks: int
     longest: int
+    world: Footprint = Footprint(0, 0)
 
 
 class Shards:
@@ -119,6 +122,7 @@ class Shards:
         problems: dict[str, tuple[int, int]] = {}
         kinds: dict[object, int] = {}
         ticks = longest = 0
+        world = Footprint(0, 0)
         with self._lock:
             for index in indices:
                 if stop.is_set():
@@ -137,7 +141,8 @@ class Shards:
                     self._checked[index] = one
                 ticks += one.reference.ticks
                 longest = max(longest, one.reference.ticks)
-        return Checked(len(indices), problems, kinds, ticks, longest)
+                world = world.or_more(footprint([one], keep_columns=False))
+        return Checked(len(indices), problems, kinds, ticks, longest, world)
 
     def run(self, indices: range, columns: Sequence[Column], stop: threading.Event) -> bytes | None:
         """Return the rows of some runs as Parquet, or None if they were interrupted.
@@ -162,7 +167,10 @@ class Shards:
             prepared = [
                 self._checked.pop(index) if index in self._checked else self.prepare(index)
                 for index in indices
+                if not stop.is_set()
             ]
+            if stop.is_set():
+                return []
             simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
         ended = _ended(simulation, stop)
         if stop.is_set():

@@ -14,8 +14,10 @@ from typing import Any, Self, cast
 
 from rmrc import facts, scenario
 from rmrc.errors import ScenarioError
+from rmrc.footprint import Footprint
 from rmrc.interruption import interruptible
 from rmrc.job import Job
+from rmrc.leaving import refuse_unwritable
 from rmrc.simulation import Simulation
 from rmrc.sweep import cluster as clusters
 from rmrc.sweep.columns import figure_columns, last_columns, own_columns
@@ -38,6 +40,9 @@ _MANY, _LONGER = 10_000, 5.0
 _MOST_SAMPLES = 2**26 // 104
 # Parts come in multiples of it, so that 2, 4, 8 or 16 threads have something to do until the end.
 _PARTS = 16
+
+# Months of one core, at some milliseconds each.
+_MOST_RUNS = 10**9
 
 # Of a column of 64 bits.
 _MOST_SEED = 2**63 - 1
@@ -112,12 +117,19 @@ class Sweep:
         self._shards = Shards(path, overrides, self.scenario, self.plan)
         self._identity = self._identify()
         self.dataset = Dataset(folder, self.scenario.name)
-        self._contents = self.dataset.contents(self._identity)
-        folder.mkdir(parents=True, exist_ok=True)
+        self._contents = self.dataset.contents(self._identity, len(self.plan))
+        refuse_unwritable([self.dataset.file])
 
     def _refuse_nothing(self) -> None:
         """Refuse a plan of one run, repeats that all give the same, and seeds that no column holds."""
         problems = []
+        if self.plan.count > _MOST_RUNS:
+            raise ScenarioError(
+                [
+                    f"{self.scenario.locate('sweep')}: must give {_MOST_RUNS} runs or fewer, "
+                    f"got {self.plan.count}; lower sweep.samples or sweep.repeat"
+                ]
+            )
         if len(self.plan) < 2:
             problems.append(
                 f"{self.scenario.locate('sweep')}: must give 2 runs or more, got {len(self.plan)}; "
@@ -208,7 +220,7 @@ class Sweep:
 
     def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        Simulation([self._shards.prepare(0)])
+        Simulation([self._shards.prepare(0)], keep_columns=False)
 
     def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Check every run before the first one starts, unless that was done before.
@@ -230,6 +242,7 @@ class Sweep:
         early: dict[int, Checked] = {}
         problems, kinds = _Problems(self.plan), dict[object, int]()
         runs = ticks = longest = 0
+        world = Footprint(0, 0)
         with self, closing(done(self._crew(), "check", pieces, None, Event())) as found:
             for piece, some in found:
                 early[piece.start] = some
@@ -238,15 +251,31 @@ class Sweep:
                     problems.add(one.problems)
                     kinds = one.kinds | kinds
                     runs, ticks, longest = runs + one.runs, ticks + one.ticks, max(longest, one.longest)
+                    world = world.or_more(one.world)
                 if on_runs is not None:
                     on_runs(len(piece))
         problems.raise_any()
         size = batch_size(runs, ticks, longest)
+        self._refuse_excess(world.times(size), longest, math.ceil(runs / size))
         figures = figure_columns(self._shards.prepare(index) for index in sorted(kinds.values()))
         columns = [*own_columns(self.plan), *figures, *last_columns()]
         self._contents = Contents(self._identity, runs, size, columns)
         self.dataset.begin(self._contents)
         return self._contents
+
+    def _refuse_excess(self, batch: Footprint, longest: int, batches: int) -> None:
+        """Refuse batches that do not fit into memory, as many as are run at a time on this machine."""
+        here = self._cluster.here or 1 if self._cluster else self._threads
+        at_once = min(here, batches)
+        excess = batch.times(at_once).excess
+        if excess:
+            fewer = " or lower --threads" if at_once > 1 else ""
+            raise ScenarioError(
+                [
+                    f"{self.scenario.locate('target.path')}: has up to {longest} ticks, and the batches that "
+                    f"are run at a time, {at_once}, need {excess}; shorten it, raise control.period{fewer}"
+                ]
+            )
 
     def run(self, on_runs: OnRuns | None = None) -> Swept:
         """Run what is missing, and make one file when nothing is; Ctrl-C leaves what is done.
@@ -255,11 +284,12 @@ class Sweep:
             on_runs: Called with the number of runs of each batch that was written.
 
         Raises:
-            ScenarioError: As in `check`.
+            ScenarioError: As in `check`, or rows that are there are not those that were written.
             ClusterError: As in `check`, or the cluster is lost; rows that are there are kept.
             KeyboardInterrupt: Ctrl-C came before there was anyone who works.
         """
         contents = self.check()
+        self.dataset.verify(contents)
         missing = self.dataset.missing(contents)
         with self, ExitStack() as stack:
             crew = self._crew() if missing else None  # Ctrl-C ends the wait for workers by itself
@@ -268,7 +298,7 @@ class Sweep:
                 pieces = map(contents.indices, missing)
                 with closing(done(crew, "run", pieces, contents.columns, stop)) as found:
                     for piece, data in found:
-                        self.dataset.keep(piece.start // contents.batch, data)
+                        self.dataset.keep(piece.start // contents.batch, data, contents)
                         if on_runs is not None:
                             on_runs(len(piece))
             if not (stop.is_set() or self.dataset.is_whole):

@@ -181,11 +181,13 @@ class Trials:
             return [one for batch in pool.map(self._batch, batches) for one in batch]
 
     def _batch(self, jobs: Sequence[tuple[Setting, int]]) -> Sequence[Outcome | None]:
-        if self._stop.is_set():
-            return [None] * len(jobs)
         # the arms are shared, and asked by one thread at a time
         with self._lock:
-            prepared = [self._preparation.variant(self._texts(*job)) for job in jobs]
+            prepared = [
+                self._preparation.variant(self._texts(*job)) for job in jobs if not self._stop.is_set()
+            ]
+            if self._stop.is_set():
+                return [None] * len(jobs)
             simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
         simulation.step(stop=self._stop)
         simulation.release()

@@ -10,6 +10,7 @@ from typing import Any
 
 from rmrc.errors import ScenarioError
 from rmrc.files import written_whole
+from rmrc.footprint import footprint, refuse_excess
 from rmrc.interruption import interruptible
 from rmrc.preparation import Preparation, Prepared
 from rmrc.scenario import Template, block
@@ -118,7 +119,7 @@ class Tuning:
         self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
         self._structures, self.left_out = self._possible(words)
         self.copies = draw_copies(self._nominal, copies, seed, spread)
-        self._check_copies()
+        self._refuse_excess(self._check_copies())
 
     @property
     def spread_in_words(self) -> str:
@@ -180,8 +181,7 @@ class Tuning:
         Returns:
             The files.
         """
-        files = [folder / f"{self.scenario.name}.tune.{kind}" for kind in ("yaml", "png", "parquet")]
-        files[1] = picture or files[1]
+        files = self.files(folder, picture)
         write_table(files[2], _columns(), [_row(one, tuned) for one in tuned.tried])
         best = tuned.verdict.recommended
         if best is None:
@@ -199,6 +199,17 @@ class Tuning:
         with written_whole(files[0]) as temporary:
             temporary.write_text(f"{head}\n{block(data)}", "utf-8")
         self._draw(tuned, files[1])
+        return files
+
+    def files(self, folder: Path, picture: Path | None = None) -> list[Path]:
+        """Return what `write` may leave: the best setting, the picture, all settings.
+
+        Args:
+            folder: Where they go.
+            picture: Where the picture goes instead.
+        """
+        files = [folder / f"{self.scenario.name}.tune.{kind}" for kind in ("yaml", "png", "parquet")]
+        files[1] = picture or files[1]
         return files
 
     def _seen_from(self, folder: Path, model: str) -> str:
@@ -258,15 +269,30 @@ class Tuning:
             raise ScenarioError([f"--only {reason}" for reason in reasons])
         return tuple(found), tuple(reasons)
 
-    def _check_copies(self) -> None:
-        problems = []
+    def _refuse_excess(self, copies: Sequence[Prepared]) -> None:
+        """Refuse what does not fit into memory: the run as written, and batches of its copies."""
+        refuse_excess([self._nominal])
+        batches = footprint(copies, keep_columns=False).times(self._threads)
+        excess = (batches + footprint([self._nominal])).excess
+        if excess:
+            place = self.scenario.locate("target.path")
+            raise ScenarioError(
+                [
+                    f"{place}: has {self._nominal.reference.ticks} ticks, which on {len(copies)} copies and "
+                    f"{self._threads} threads need {excess}; shorten it, or lower --copies or --threads"
+                ]
+            )
+
+    def _check_copies(self) -> list[Prepared]:
+        prepared, problems = list[Prepared](), []
         for copy in self.copies:
             try:
-                self._preparation.variant(copy.overrides)
+                prepared.append(self._preparation.variant(copy.overrides))
             except ScenarioError as error:
                 problems += [f"{copy.label}: {problem}" for problem in error.problems]
         if problems:
             raise ScenarioError(problems)
+        return prepared
 
 
 def tune(path: str | os.PathLike[str], overrides: Sequence[str] = (), **options: Any) -> Tuned | None:

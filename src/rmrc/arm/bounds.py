@@ -1,0 +1,74 @@
+"""What a model may take of this machine: memory, time, and the numbers that a state of it has."""
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import mujoco
+
+from rmrc.errors import ModelError
+
+if sys.platform != "win32":
+    import resource
+
+# What a model may take while it is read and compiled, beyond what the process has. Of some 240 models of
+# others the largest takes 3.4 GB, nearly all of which it never touches.
+MOST_MEMORY = 2**32
+
+# Of a solver in one step, and of the search for an actuator's range of lengths, which takes 1000 by itself.
+_MOST_ITERATIONS, _MOST_STEPS = 10_000, 100_000
+# A state beside joints and bodies: 80 MB.
+_MOST_NUMBERS = 10_000_000
+_EXTRA = ("nuserdata", "nsensordata", "na", "nhistory", "npluginstate")
+
+
+@contextmanager
+def bounded_memory(most: int = MOST_MEMORY) -> Iterator[None]:
+    """Let this process have only so many more bytes meanwhile: MuJoCo then says so, and nothing is killed.
+
+    Only where the system says what the process has, which is on Linux.
+    """
+    try:
+        taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
+        soft, hard = resource.getrlimit(resource.RLIMIT_AS)
+        limits = [limit for limit in (soft, hard, taken + most) if limit != resource.RLIM_INFINITY]
+        resource.setrlimit(resource.RLIMIT_AS, (min(limits), hard))
+    except (OSError, NameError, ValueError):
+        yield
+        return
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_AS, (soft, hard))
+
+
+def check_spec(path: Path, spec: mujoco.MjSpec) -> None:
+    """Check what makes compiling take forever.
+
+    Raises:
+        ModelError: MuJoCo would look for lengths of actuators in too many steps.
+    """
+    search = spec.compiler.LRopt
+    steps = search.inttotal / search.timestep if search.timestep > 0.0 else float("inf")
+    if not steps <= _MOST_STEPS:
+        raise ModelError(
+            f"{path}: compiler lengthrange: inttotal / timestep must be {_MOST_STEPS} steps at most, "
+            f"got {search.inttotal:g} / {search.timestep:g}"
+        )
+
+
+def check_model(path: Path, model: mujoco.MjModel) -> None:
+    """Check what makes states of a model too large, and steps of it too long.
+
+    Raises:
+        ModelError: A state has too many numbers, or a solver too many iterations.
+    """
+    for name in _EXTRA:
+        number = int(getattr(model, name))
+        if number > _MOST_NUMBERS:
+            raise ModelError(f"{path}: must have {_MOST_NUMBERS} numbers of {name} at most, got {number}")
+    for name in ("iterations", "ls_iterations", "noslip_iterations", "ccd_iterations"):
+        number = int(getattr(model.opt, name))
+        if number > _MOST_ITERATIONS:
+            raise ModelError(f"{path}: option {name} must be <= {_MOST_ITERATIONS}, got {number}")

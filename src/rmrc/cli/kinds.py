@@ -1,0 +1,91 @@
+"""Kinds of files, and which verb takes which: a file of another kind is told with the verb for it."""
+
+from pathlib import Path
+from typing import NamedTuple
+
+from rmrc.errors import QuestionError
+from rmrc.invocation import command
+from rmrc.legible import listed, visible
+
+
+class Kind(NamedTuple):
+    """What a file is.
+
+    Attributes:
+        name: In words.
+        suffixes: Of its files.
+        begins: How such a file begins, or nothing if that tells little.
+        verb: That takes it, or "".
+        library: That reads it in Python, where there is no verb.
+    """
+
+    name: str
+    suffixes: tuple[str, ...]
+    begins: bytes = b""
+    verb: str = ""
+    library: str = ""
+
+
+SCENARIO = Kind("a scenario", (".yaml", ".yml"), verb="run")
+MODEL = Kind("a model", (".xml", ".mjcf", ".urdf"), b"<", "inspect")
+RECORDING = Kind("a recording", (".rrd", ".part"), b"RRF", "replay")
+KINDS = (
+    SCENARIO,
+    MODEL,
+    RECORDING,
+    Kind("the columns of a run", (".npz",), b"PK\x03\x04", library="rmrc.Run.read"),
+    Kind("the rows of a sweep", (".parquet",), b"PAR1", library="pandas.read_parquet"),
+    Kind("the figures of a run", (".json",), library="json.load"),
+    Kind("a picture", (".png",), b"\x89PNG"),
+    Kind("a picture", (".svg", ".pdf")),
+)
+
+
+def expect(path: Path, wanted: Kind) -> Path:
+    """Return a path that a verb was given, unless there is a file of another kind, or a folder.
+
+    Args:
+        path: Perhaps of nothing: what reads it tells that best.
+        wanted: What the verb takes.
+
+    Raises:
+        QuestionError: It is something else; the message names the verb for it.
+    """
+    if path.is_dir():
+        inside = sorted(str(entry) for suffix in wanted.suffixes for entry in path.glob(f"*{suffix}"))
+        some = f"; it has {listed(inside, 5)}" if inside else ""
+        raise QuestionError(f"{visible(str(path))}: is a folder, give {wanted.name}{some}")
+    kind = _kind(path)
+    if kind is None or kind == wanted:
+        return path
+    way = ""
+    if kind.verb:
+        way = f"; take it with `{command(kind.verb, path)}`"
+    elif kind.library:
+        way = f"; read it in Python with {kind.library}"
+    if wanted is SCENARIO and kind is MODEL:
+        way += f", or name it in a scenario: `arm: {{model: {visible(path.name)}, site: ...}}`"
+    if wanted is MODEL and kind is SCENARIO:
+        way += "; or give the model that its arm.model names"
+    if wanted is RECORDING and kind is SCENARIO:
+        way += ", which leaves a recording"
+    raise QuestionError(f"{visible(str(path))}: is {kind.name}, not {wanted.name}{way}")
+
+
+def _kind(path: Path) -> Kind | None:
+    """Return what a file is: by how it begins, or else by its name; None where there is no such file."""
+    try:
+        if not path.is_file():
+            return None
+        with path.open("rb") as file:
+            start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip()
+    except (OSError, ValueError):  # what reads it says why
+        return None
+    for kind in KINDS:
+        if kind.begins and start.startswith(kind.begins):
+            return kind
+    for kind in KINDS:
+        if path.suffix.lower() in kind.suffixes:
+            # A text that has a suffix of bytes is none, and is told so by what reads it.
+            return kind if not kind.begins or kind is MODEL else None
+    return None

@@ -1,0 +1,53 @@
+"""Mistakes in how a verb is called, in one line that names the way out."""
+
+import errno
+import re
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from rmrc.cli.kinds import KINDS
+from rmrc.invocation import command
+from rmrc.legible import shortened
+from rmrc.scenario import place_of
+
+# What the command line's library raises for a wrong option or argument; it exports this child of it only.
+UsageError: Any = typer.BadParameter.__mro__[1]
+
+# Not our fault and not a file's own: the disk, the machine or a right.
+ENVIRONMENT = {
+    errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO, errno.EMFILE,
+    errno.ENFILE, errno.ENOMEM, errno.EAGAIN, errno.ENODEV, errno.ESTALE,
+}  # fmt: skip
+
+# Verbs that take `--set`.
+SETTING = ("run", "compare", "sweep", "tune")
+
+
+def usage(error: Any) -> str:
+    """Return what is wrong with a call, and where to look."""
+    text = re.sub(r"'([^']*)'", lambda match: f"'{shortened(match[1])}'", error.format_message().strip())
+    text = " ".join(text.split()).removesuffix(".")
+    context = error.ctx
+    verb = context.info_name if context is not None and context.parent is not None else None
+    verbs = getattr(context.parent.command, "commands", {}) if verb is not None else {}
+    way = _way(getattr(error, "option_name", None), verb, verbs)
+    return f"{text}{way}; see {command(*([verb] if verb else []), '--help')}"
+
+
+def _way(option: str | None, verb: str | None, verbs: Mapping[str, Any]) -> str:
+    """Return what was most likely meant: an option of another verb, a key of the scenario, a verb."""
+    if option is not None:
+        alike = SETTING if verb in SETTING else verbs
+        others = [name for name in alike if any(option in known.opts for known in verbs[name].params)]
+        if others:
+            return f"; it is an option of {' and '.join(others)}"
+        key = place_of(option.lstrip("-").replace("-", "_")) if verb in SETTING else ""
+        return f"; a key of the scenario is set by --set {key}=VALUE" if key else ""
+    first = sys.argv[1] if len(sys.argv) > 1 else ""
+    if verb is None and (kind := next((one for one in KINDS if Path(first).suffix in one.suffixes), None)):
+        return f"; a verb comes first: {command(kind.verb, first)}" if kind.verb else ""
+    return ""

@@ -1,0 +1,98 @@
+"""Where machine code is kept if its usual places cannot be written, and what is done if it is damaged.
+
+What numba keeps are pickles: whoever can write them runs code as whoever reads them. A folder that others
+can make first, as among temporary files, is only used if it is this user's and nobody else can write to it.
+"""
+
+import os
+import stat
+import tempfile
+import warnings
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+_OTHERS = stat.S_IRWXG | stat.S_IRWXO
+_OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
+
+
+def own_folder() -> Path | None:
+    """Return a folder among temporary files that is this user's alone, or None; it is made if missing."""
+    try:
+        parent = Path(tempfile.gettempdir()).resolve(strict=True)
+        folder = parent / f"rmrc-{os.getuid()}"
+        if not _is_kept_from_others(parent.stat()):
+            return None
+        with suppress(FileExistsError):
+            folder.mkdir(mode=0o700)
+        found = folder.lstat()  # of a link, the link, which is no folder
+    except (AttributeError, OSError):  # no user ids, no such folder, or it cannot be written
+        return None
+    is_own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
+    return folder if is_own and not found.st_mode & _OTHERS and os.access(folder, os.W_OK) else None
+
+
+def _is_kept_from_others(parent: os.stat_result) -> bool:
+    """Say whether nobody else, but for root, can move a folder away and put another in its place."""
+    is_sticky = bool(parent.st_mode & stat.S_ISVTX)
+    return parent.st_uid in (0, os.getuid()) and (is_sticky or not parent.st_mode & _OTHERS_WRITE)
+
+
+@contextmanager
+def known_home() -> Iterator[None]:
+    """Keep a user without a home from having a cache in whatever folder they are: `~` would be its name."""
+    before = os.environ.get("XDG_CACHE_HOME")
+    if Path(before or os.path.expanduser("~")).is_absolute():
+        yield
+        return
+    os.environ["XDG_CACHE_HOME"] = os.devnull  # where nothing can be made
+    try:
+        yield
+    finally:
+        if before is None:
+            del os.environ["XDG_CACHE_HOME"]
+        else:
+            os.environ["XDG_CACHE_HOME"] = before
+
+
+class Forgiving:
+    """A cache of numba's that compiles again what it cannot read, and goes without what it cannot write."""
+
+    def __init__(self, cache: Any) -> None:
+        """Wrap a cache.
+
+        Args:
+            cache: Of a dispatcher.
+        """
+        self._cache = cache
+
+    def __getattr__(self, name: str) -> Any:
+        """Return what the cache itself has."""
+        return getattr(self._cache, name)
+
+    def load_overload(self, *about: Any) -> Any:
+        """Return machine code, or None if there is none or its file is damaged."""
+        try:
+            return self._cache.load_overload(*about)
+        except Exception:  # whatever unpickling a torn file raises
+            self._without(self._cache.flush)
+            return None
+
+    def save_overload(self, *about: Any) -> None:
+        """Write machine code, unless the disk is full."""
+        self._without(self._cache.save_overload, *about)
+
+    def _without(self, write: Callable[..., object], *about: Any) -> None:
+        try:
+            write(*about)
+        except OSError as error:
+            why = (error.strerror or str(error)).lower()
+            notice(
+                f"machine code cannot be kept in {self._cache.cache_path}: {why}; it is compiled each time"
+            )
+
+
+def notice(text: str) -> None:
+    """Say once where machine code is, or why not."""
+    warnings.warn(f"{text}; the variable NUMBA_CACHE_DIR names another folder", RuntimeWarning, stacklevel=2)

@@ -1,0 +1,125 @@
+"""Memory: what a process may still take, and whether what it is about to hold fits."""
+
+import math
+import os
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+try:
+    import resource
+except ImportError:  # Windows
+    resource = None  # type: ignore[assignment]
+
+# Of what is left, a check lets a run take this share: the rest is for what no estimate knows.
+SHARE = 0.8
+
+
+class Room(NamedTuple):
+    """What is left of something that bounds memory.
+
+    Attributes:
+        size: How much [B]; infinite where nothing is known.
+        bound: What bounds it, in words.
+    """
+
+    size: float
+    bound: str
+
+
+def room(root: Path = Path("/")) -> Room:
+    """Return the least of what is left: of the machine's memory and of the limits of its cgroups.
+
+    Args:
+        root: Of the file system that tells it.
+    """
+    return min((_machine(root), *_cgroups(root)), key=lambda one: one.size)
+
+
+def address_room(root: Path = Path("/")) -> Room:
+    """Return what is left of the addresses that `ulimit -v` allows, touched or not."""
+    bound = "ulimit -v"
+    if resource is None:
+        return Room(math.inf, bound)
+    limit, _ = resource.getrlimit(resource.RLIMIT_AS)
+    if limit == resource.RLIM_INFINITY:
+        return Room(math.inf, bound)
+    pages = _text(root / "proc/self/statm").split()
+    used = int(pages[0]) * os.sysconf("SC_PAGE_SIZE") if pages else 0
+    return Room(max(0, limit - used), bound)
+
+
+def excess(held: float, reserved: float = 0.0) -> str | None:
+    """Return how much too much this is, in words that go on after "need", or None if it fits.
+
+    Args:
+        held: What will be written to [B].
+        reserved: What will be asked for and hardly touched, which only `ulimit -v` counts [B].
+
+    Example:
+        >>> excess(1e6) is None
+        True
+    """
+    for need, left in ((held, room()), (held + reserved, address_room())):
+        if need > SHARE * left.size:
+            return (
+                f"{shown(need)} of memory, and {shown(SHARE * left.size)} may be taken: "
+                f"{SHARE:.0%} of what {left.bound} leaves"
+            )
+    return None
+
+
+def shown(size: float) -> str:
+    """Return a size in words.
+
+    >>> shown(59_528_007_440), shown(2.5e6)
+    ('59.5 GB', '2.5 MB')
+    """
+    return f"{size / 1e9:.3g} GB" if size >= 1e9 else f"{size / 1e6:.3g} MB"
+
+
+def _machine(root: Path) -> Room:
+    bound = "the machine"
+    for line in _text(root / "proc/meminfo").splitlines():
+        name, _, value = line.partition(":")
+        if name == "MemAvailable":
+            return Room(1024 * int(value.split()[0]), bound)
+    try:
+        return Room(os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE"), bound)
+    except (AttributeError, ValueError, OSError):
+        return Room(math.inf, bound)
+
+
+def _cgroups(root: Path) -> Iterator[Room]:
+    """Iterate over what is left of the limits of the process's cgroups and of those that these are in."""
+    for line in _text(root / "proc/self/cgroup").splitlines():
+        _, kinds, path = line.split(":", 2)
+        if kinds == "":  # version 2
+            base, names = root / "sys/fs/cgroup", ("memory.max", "memory.current", "inactive_file")
+        elif "memory" in kinds.split(","):
+            base = root / "sys/fs/cgroup/memory"
+            names = ("memory.limit_in_bytes", "memory.usage_in_bytes", "total_inactive_file")
+        else:
+            continue
+        parts = [part for part in path.split("/") if part not in ("", "..")]
+        # in a container, its own group is the root of what it sees
+        for count in range(len(parts) + 1):
+            yield _cgroup(base.joinpath(*parts[:count]), *names)
+
+
+def _cgroup(folder: Path, limit: str, usage: str, cache: str) -> Room:
+    """Return what is left in one group; files that are only cached make room where it is needed."""
+    bound = "the memory limit of its cgroup"
+    most, used = _text(folder / limit).strip(), _text(folder / usage).strip()
+    if not (most.isdecimal() and used.isdecimal()):  # none, or "max"
+        return Room(math.inf, bound)
+    known = dict(line.split(" ", 1) for line in _text(folder / "memory.stat").splitlines() if " " in line)
+    return Room(max(0, int(most) - int(used) + int(known.get(cache, 0))), bound)
+
+
+def _text(path: Path) -> str:
+    """Return what a file says, nothing where there is none."""
+    try:
+        return path.read_text("utf-8")
+    except (OSError, ValueError):
+        return ""

@@ -1,0 +1,294 @@
+"""Other names for what a scenario can say, so that a message names ours.
+
+They are what other tools, papers and people write. None is accepted: a file means one thing only.
+"""
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from typing import Any
+
+from rmrc.scenario.places import Key, join
+from rmrc.scenario.schema import schema_rows
+from rmrc.scenario.wording import show
+
+# Of a choice: what else it is called, by key.
+CHOICES: dict[str, dict[str, str]] = {
+    "control.inverse.method": {
+        "inverse": "inv jinv exact plain newton newton_raphson nr ik_nr ikine_nr ordinary",
+        "pseudoinverse": "pinv pseudo_inverse moore_penrose mp lstsq least_squares right_inverse left_inverse"
+        " generalized_inverse gauss_newton gn ik_gn chainiksolvervel_pinv pseudo",
+        "truncated": "svd tsvd truncated_svd truncated_pinv lma_svd",
+        "transpose": "jt transposed jacobian_transpose j_transpose jtranspose",
+        "damped": "dls sr_inverse sr singularity_robust singularity_robust_inverse damped_least_squares lm"
+        " lma ik_lm ikine_lm levenberg levenberg_marquardt wdls chainiksolvervel_wdls dpinv"
+        " damped_pseudoinverse damped_inverse tikhonov regularized ridge constant",
+        "filtered": "numerical_filtering nf filter maciejewski",
+        "selectively_damped": "sdls selective selectively_damped_least_squares buss",
+        "jparse": "j_parse jparse_inverse",
+    },
+    "control.inverse.damping.schedule": {
+        "constant": "fixed const none off false static",
+        "manipulability": "nakamura nakamura_hanafusa w yoshikawa",
+        "smallest_singular_value": "sigma sigma_min min_sigma singular_value min_singular_value chiaverini"
+        " maciejewski svd adaptive variable",
+        "error": "sugihara chan chan_lawrence task_error levenberg",
+        "rate_bound": "deo_walker bound trust_region norm",
+    },
+    "control.nullspace.objective": {
+        "none": "off false zero nothing null disabled no",
+        "posture": "home rest preferred preferred_posture configuration reference",
+        "joint_limits": "limits joint_limit limit_avoidance joint_limit_avoidance avoid_limits liegeois",
+        "manipulability": "manip w yoshikawa dexterity gradient singularity_avoidance",
+        "rates": "velocity velocities joint_rates qdot qdot0",
+        "secondary": "second second_task secondary_task task_priority priority",
+    },
+    "control.nullspace.secondary.priority": {
+        "classical": "strict standard nakamura siciliano",
+        "robust": "singularity_robust sr chiaverini",
+    },
+    "control.limits.on_excess": {
+        "scale": "scaled scale_all proportional uniform direction",
+        "clamp": "clip clipped saturate saturation cut",
+        "redistribute": "sns saturation_in_the_null_space",
+        "none": "off false ignore nothing no",
+    },
+    "control.at_singularity": {
+        "damp": "damped dls damping none off false nothing ignore",
+        "slow": "slow_down slowdown scale time_scaling slowing true",
+        "stop": "halt hold pause wait abort",
+    },
+    "plant.kind": {
+        "ideal": "kinematic kinematics integrator perfect none exact euler false off",
+        "servo": "velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
+        "torque": "computed_torque effort inverse_dynamics motor force acceleration",
+    },
+    "sweep.sampler": {
+        "random": "uniform monte_carlo mc rand",
+        "sobol": "qmc quasi_random low_discrepancy halton lhs latin_hypercube",
+    },
+    "task.axes": {
+        "x, y, z": "pos position xyz translation linear",
+        "rx, ry, rz": "rot rotation orientation angular rpy ori",
+        "x, y, z, rx, ry, rz": "all pose full 6d se3",
+        "x": "px tx",
+        "y": "py ty",
+        "z": "pz tz",
+        "rx": "wx roll ox",
+        "ry": "wy pitch oy",
+        "rz": "wz yaw theta oz",
+    },
+    "target.path": {
+        "line": "linear straight lin movel move ptp goto point waypoint segment to",
+        "arc": "circle circular circ movec",
+        "turn": "rotate rotation orient orientation spin",
+        "hold": "wait pause dwell sleep stay stop",
+    },
+}
+CHOICES["control.nullspace.secondary.axes"] = CHOICES["task.axes"]
+
+# Of a key: what else it is called.
+KEYS = {
+    "arm": "robot manipulator",
+    "arm.model": "xml mjcf urdf file robot_model model_file model_path",
+    "arm.site": "tool tcp ee end_effector effector tip frame tool_frame",
+    "arm.start": "q q0 qpos init initial home joint_positions start_q q_start configuration",
+    "arm.encoder.deviation": "std sigma noise stddev",
+    "task": "tasks",
+    "task.axes": "axis rows dof dofs",
+    "task.length": "characteristic_length",
+    "task.weights": "w wx w_x",
+    "control": "controller law",
+    "control.period": "dt time_step timestep step frequency rate hz ts sample_time cycle",
+    "control.feedback": "k kp gain p_gain k_p",
+    "control.feedforward": "ff feed_forward",
+    "control.inverse": "solver ik algorithm",
+    "control.inverse.damping": "dls",
+    "control.inverse.damping.maximum": "lambda max lambda_max damping_factor value factor max_damping",
+    "control.inverse.damping.below": "epsilon eps threshold",
+    "control.inverse.damping.manipulability_below": "w0 w_0",
+    "control.inverse.tolerance": "tol rcond",
+    "control.nullspace": "null_space redundancy",
+    "control.limits.rate": "velocity qdot qdot_max max_rate joint_velocity joint_rate speed"
+    " rates velocities max_velocity",
+    "control.limits.acceleration": "accel qddot qddot_max max_acceleration",
+    "control.joint_weights": "wq w_q",
+    "target": "trajectory goal reference",
+    "target.path": "waypoints points segments pieces",
+    "target.limits": "profile constraints",
+    "target.limits.velocity": "speed v vmax v_max max_velocity max_speed vel",
+    "target.limits.acceleration": "a amax a_max max_acceleration accel acc",
+    "target.limits.jerk": "max_jerk",
+    "target.limits.angular_velocity": "omega rotation_velocity",
+    "target.path.line.to": "end goal point position target",
+    "target.path.line.by": "delta offset relative distance",
+    "target.path.arc.center": "centre middle c",
+    "target.path.arc.angle": "degrees sweep",
+    "target.path.hold.for": "duration time seconds t",
+    "plant": "simulation sim physics dynamics",
+    "plant.kind": "type mode",
+    "plant.kv": "gain kp kd",
+    "plant.timestep": "dt step time_step",
+    "plant.payload": "mass load",
+    "plant.wrench": "force disturbance external_force",
+    "plant.gravity_compensation": "gravcomp gravity_comp",
+    "expect": "expected assert checks check expectations",
+    "expect.<figure>.below": "less_than max maximum lt < <= at_most upper",
+    "expect.<figure>.above": "greater_than min minimum gt > >= at_least lower more_than",
+    "expect.<figure>.equals": "equal is value == =",
+    "expect.<figure>.within": "tolerance tol",
+    "sweep.vary": "grid values",
+    "sweep.draw": "random sobol bounds ranges",
+    "sweep.samples": "n count",
+}
+
+# Of a key that there is not: why there is none.
+NONE = {
+    "target.path.arc.radius": "it is how far the center is from where the piece before ends",
+    "target.path.line.from": "each piece starts where the one before ends",
+    "target.path.arc.from": "each piece starts where the one before ends",
+    "target.path.line.velocity": "all pieces have the speed target.limits.velocity",
+    "target.path.arc.velocity": "all pieces have the speed target.limits.velocity",
+    **dict.fromkeys(("description", "title", "comment", "notes", "author"), "write it as a comment: # ..."),
+}
+
+# Of a mapping: what to write for a value that stands in its place, by the value's type.
+INSTEAD: dict[str, dict[type, str]] = {
+    "arm": {str: "{{model: {}, site: ...}}"},
+    "arm.encoder": {float: "{{offset: {}}}", list: "{{offset: {}}}"},
+    "arm.stretch": {float: "{{BODY: {}}}"},
+    "task": {list: "{{axes: {}}}", str: "{{axes: [{}]}}"},
+    "control": {str: "{{inverse: {{method: {}}}}}"},
+    "control.inverse": {str: "{{method: {}}}"},
+    "control.inverse.damping": {float: "{{schedule: constant, maximum: {}}}", str: "{{schedule: {}}}"},
+    "control.nullspace": {str: "{{objective: {}}}", bool: "{{objective: none}}"},
+    "control.nullspace.secondary": {str: "{{site: {}}}"},
+    "control.limits": {float: "{{rate: {}}}", list: "{{rate: {}}}", str: "{{on_excess: {}}}"},
+    "control.slow": {bool: "control.at_singularity: slow"},
+    "control.stop": {bool: "control.at_singularity: stop", float: "{{sigma: {}}}"},
+    "target": {list: "{{path: {}}}"},
+    "target.limits": {float: "{{velocity: {}}}"},
+    "target.path.line": {list: "{{to: {}}}"},
+    "target.path.arc": {list: "{{center: {}, angle: 360 deg}}", float: "{{center: [x, y], angle: {}}}"},
+    "target.path.turn": {str: "{{axis: z, angle: {}}}", float: "{{axis: z, angle: {}}}", list: "{{to: {}}}"},
+    "target.path.line.turn": {str: "{{axis: z, angle: {}}}", float: "{{axis: z, angle: {}}}"},
+    "target.path.hold": {float: "{{for: {}}}"},
+    "plant": {str: "{{kind: {}}}"},
+    "expect": {},
+    "expect.<figure>": {float: "{{below: {}}}"},
+}
+
+# Of a list: an example, where one value says little.
+EXAMPLES = {
+    "target.path": "[{line: {to: [x, y]}}]",
+    "target.path.line.to": "[x, y], or [x, y, z]",
+    "target.path.line.by": "[dx, dy], or [dx, dy, dz]",
+    "target.path.arc.center": "[x, y], or [x, y, z]",
+    "target.path.turn.to": "[w, x, y, z], a quaternion",
+    "target.offset": "[dx, dy, dz]",
+    "plant.wrench": "[fx, fy, fz, nx, ny, nz]",
+    "plant.gravity": "[0, 0, -9.81]",
+}
+
+
+def dotted(key: Key) -> str:
+    """Return a key as this module has it: without the numbers of items, and with any figure alike."""
+    if len(key) > 1 and key[0] == "expect":
+        return join(("expect", "<figure>", *key[2:]))
+    return join(tuple(step for step in key if isinstance(step, str)))
+
+
+def choice(key: Key, value: object) -> str:
+    """Return our name of a choice that was called otherwise, or nothing."""
+    ours = CHOICES.get(dotted(key), {})
+    return next((name for name, others in ours.items() if _plain(value) in others.split()), "")
+
+
+def key_called(key: Key) -> str:
+    """Return what our key beside another that is unknown is called, or nothing."""
+    *above, name = key
+    section = dotted(tuple(above))
+    for place in _places(str(name), exact=False):
+        if place.rpartition(".")[0] == section:
+            return place.rpartition(".")[2]
+    return ""
+
+
+def elsewhere(key: Key) -> str:
+    """Return where a key stands that is unknown where it was found, or nothing: the nearest such place."""
+    *above, name = key
+    near = dotted(tuple(above)).split(".")
+    places = list(_places(str(name), exact=True)) or list(_places(str(name), exact=False))
+
+    def far(place: str) -> tuple[int, int]:
+        steps = place.split(".")
+        common = next((i for i, (a, b) in enumerate(zip(steps, near, strict=False)) if a != b), len(near))
+        return -min(common, len(steps)), len(steps)
+
+    return min(places, key=far, default="")
+
+
+def place_of(name: str) -> str:
+    """Return the key that a single name most likely means, or nothing."""
+    return elsewhere((name,))
+
+
+def mapping(key: Key, value: object) -> str:
+    """Return the mapping to write for a value that stands in its place, or nothing."""
+    forms = INSTEAD.get(dotted(key), {})
+    kind: type = float if isinstance(value, int) and not isinstance(value, bool) else type(value)
+    if kind not in forms:
+        return ""
+    if isinstance(value, str):
+        ours = next((choice((*key, name), value) for name in ("method", "objective", "kind", "schedule")
+                     if choice((*key, name), value)), value)  # fmt: skip
+        return forms[kind].format(ours) if len(value) <= 40 else ""
+    return forms[kind].format(show(value))
+
+
+def listing(key: Key, value: object, is_text: bool) -> str:
+    """Return the list to write for a value that stands in its place, or nothing.
+
+    Args:
+        key: Of the list.
+        value: What is no list.
+        is_text: Whether the items are texts.
+    """
+    where = dotted(key)
+    if where in EXAMPLES:
+        return EXAMPLES[where]
+    if where.endswith("axes") and isinstance(value, str):
+        known = choice(key, value)
+        rows = re.findall(r"r?[xyz]", value) if re.fullmatch(r"(?:r?[xyz][\s,;]*)+", value) else []
+        return f"[{known or ', '.join(rows)}]" if known or rows else ""
+    if isinstance(value, str) and 0 < len(value) <= 60:
+        return f"[{', '.join(re.split(r'[,;]? +|[,;]', value.strip('[]() ')))}]" if is_text else ""
+    return f"[{show(value)}]" if isinstance(value, int | float) and not is_text else ""
+
+
+# As YAML reads `off`, `on` and `~`.
+_YAML = {False: "false", True: "true", None: "null"}
+
+
+def _plain(value: object) -> str:
+    text = _YAML.get(value, "") if value is None or isinstance(value, bool) else str(value)
+    return re.sub(r"[\s-]+", "_", text.strip().lower())
+
+
+def _places(name: str, exact: bool) -> Iterator[str]:
+    """Yield the keys that have a name, or that have it for another."""
+    name = _plain(name)
+    if exact:
+        yield from (place for place in _all() if place.rpartition(".")[2] == name)
+    else:
+        yield from (place for place, others in KEYS.items() if name in others.split())
+
+
+@cache
+def _all() -> tuple[str, ...]:
+    """Return all keys and sections."""
+    found: dict[str, Any] = {}
+    for row in schema_rows():
+        steps = row.key.replace("[]", "").split(".")
+        found |= dict.fromkeys(".".join(steps[: i + 1]) for i in range(len(steps)))
+    return tuple(found)

@@ -1,0 +1,204 @@
+"""Signals: the first stops what goes on and keeps it, the second ends the process, ignored ones stay ignored."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from project import ROOT
+from rmrc.interruption import interruptible, signal_that_came, stops_like_ctrl_c
+from rmrc.run import Run
+
+ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
+
+# One tick is 100 000 steps, half a second and more; all of it would take half an hour.
+HARD = f"""
+name: hard
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{hold: {{for: 300}}}}]}}
+control: {{period: 1.0}}
+plant: {{timestep: 1.0e-5}}
+"""
+
+# 0.2 to 0.5 s are measured on a quiet machine; ours may be slow, and busy with other tests.
+PATIENCE = 10.0
+
+
+@pytest.fixture
+def hard(tmp_path):
+    (tmp_path / "hard.yaml").write_text(HARD)
+    return tmp_path
+
+
+def start(folder, *arguments, code="from rmrc.cli import main; main()", **options):
+    return subprocess.Popen(
+        [sys.executable, "-c", code, *arguments], cwd=folder,
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, **options,
+    )  # fmt: skip
+
+
+def wait_for(process, is_there):
+    deadline = time.monotonic() + 240
+    while not is_there():
+        assert process.poll() is None and time.monotonic() < deadline, process.communicate()
+        time.sleep(0.05)
+
+
+def wait_for_ticks(process, folder, name="hard.rrd.part", size=70_000):
+    """Wait until the first block of ticks is in the recording, and a long tick is under way."""
+    part = folder / "recordings" / name
+    wait_for(process, lambda: part.exists() and part.stat().st_size > size)
+    time.sleep(0.2)
+
+
+def ended(process, number):
+    """Send a signal; return how the process ended, what it said on stderr, and how long it took [s]."""
+    sent = time.monotonic()
+    process.send_signal(number)
+    _, err = process.communicate(timeout=240)
+    return process.returncode, err, time.monotonic() - sent
+
+
+@pytest.mark.parametrize("number", ALL)
+def test_each_signal_sets_the_event_and_only_in_a_process_that_it_ends(number):
+    before = {one: signal.getsignal(one) for one in ALL}
+    with stops_like_ctrl_c(), interruptible() as stop:
+        assert not stop.is_set() and signal_that_came() is None
+        signal.raise_signal(number)
+        assert stop.is_set() and signal_that_came() == number
+        # the next one is the system's, which ends the process
+        assert {signal.getsignal(one) for one in ALL} == {signal.SIG_DFL}
+    assert {one: signal.getsignal(one) for one in ALL} == before
+    with interruptible():  # of a library: only Ctrl-C is its own to handle
+        assert [signal.getsignal(one) == before[one] for one in ALL] == [False, True, True]
+
+
+@pytest.mark.parametrize("number", ALL)
+def test_outside_of_a_run_each_signal_is_a_keyboard_interrupt(number):
+    with pytest.raises(KeyboardInterrupt), stops_like_ctrl_c():
+        signal.raise_signal(number)
+    assert signal_that_came() == number
+
+
+class EndedError(Exception):
+    """Stands for the end of the process."""
+
+
+@pytest.fixture
+def ends(monkeypatch):
+    """Return the numbers of the signals with which the process would have been ended."""
+    numbers = []
+
+    def end(number):
+        numbers.append(number)
+        raise EndedError
+
+    monkeypatch.setattr("rmrc.interruption._end", end)
+    return numbers
+
+
+def test_a_signal_while_something_is_imported_ends_the_process(tmp_path, monkeypatch, ends):
+    # an extension that is interrupted while it is loaded makes an ImportError of it
+    (tmp_path / "imported_and_signaled.py").write_text("import signal; signal.raise_signal(signal.SIGTERM)")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(EndedError), stops_like_ctrl_c():
+        import imported_and_signaled  # noqa: F401
+    assert ends == [signal.SIGTERM]
+
+
+def test_an_interrupt_that_a_callback_takes_ends_the_process(ends):
+    class Dies:
+        def __del__(self):
+            signal.raise_signal(signal.SIGHUP)
+
+    with stops_like_ctrl_c():
+        hook = sys.unraisablehook
+        lost = []
+
+        def tell(what):
+            try:
+                hook(what)
+            except EndedError:
+                lost.append(what.exc_type)
+
+        sys.unraisablehook = tell
+        Dies()  # what it raises goes to the hook, and no further
+    assert lost == [KeyboardInterrupt] and ends == [signal.SIGHUP]
+
+
+def test_the_second_signal_ends_the_process_after_the_run_as_well():
+    with stops_like_ctrl_c():
+        with interruptible():
+            signal.raise_signal(signal.SIGTERM)
+        assert {signal.getsignal(one) for one in ALL} == {signal.SIG_DFL}
+
+
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.usefixtures("hard")
+def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch, number, code):
+    def interrupted(*_):
+        signal.raise_signal(number)
+
+    monkeypatch.setattr("rmrc.job.Job.compile", interrupted)
+    assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted before the first tick\n")
+    monkeypatch.setattr("rmrc.scenario.load", interrupted)
+    assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted\n")
+
+
+# Ctrl-C is tried in tests/test_cli.py.
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+def test_a_run_within_a_long_tick_answers_and_keeps_what_it_has(hard, number, code):
+    process = start(hard, "run", "hard.yaml", env={**os.environ, "COLUMNS": "200"})
+    wait_for_ticks(process, hard)
+    returned, err, took = ended(process, number)
+    assert returned == code and "Traceback" not in err and took < PATIENCE, (err, took)
+    facts = json.loads((hard / "recordings/hard.json").read_text())
+    run = Run.read(hard / "recordings/hard.npz")
+    assert facts["status"] == "interrupted" and 0 < len(run) < run.planned
+    assert f"rmrc: interrupted at tick {len(run)} of {run.planned}\n" in err
+    assert sorted(os.listdir(hard / "recordings")) == ["hard.json", "hard.npz", "hard.rrd"]
+
+
+VERBS = {
+    "compare": ["compare", "hard.yaml", "--vary", "control.feedback=1,2"],
+    "sweep": ["sweep", "hard.yaml", "--vary", "control.feedback=1,2,3"],
+    "tune": ["tune", "hard.yaml"],
+    "statics": ["statics", f"{ROOT}/models/planar_2link.xml", "--wrench", "0,1,0", "--hold", "1000"],
+    "workspace": ["workspace", f"{ROOT}/models/puma560.xml", "--samples", "2000000000"],
+}
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("verb", VERBS)
+def test_every_verb_that_runs_answers_a_polite_kill(hard, verb):
+    code = "from rmrc.cli import main; main()"
+    if verb == "statics":  # which is still after a second, and then done
+        code = f"import rmrc.holding as h; h.STILL = -1.0; {code}"
+    process = start(hard, *VERBS[verb], code=code)
+    time.sleep(15.0)  # nothing tells when it is under way
+    assert process.poll() is None, process.communicate()
+    returned, err, took = ended(process, signal.SIGTERM)
+    assert returned == 143 and "rmrc: interrupted" in err and "Traceback" not in err, err
+    assert took < PATIENCE
+
+
+def test_nohup_stays_deaf_and_the_second_signal_does_not_wait(hard):
+    code = "import rmrc.run, time; rmrc.run.Run.save = lambda *_: time.sleep(60)\n"
+    process = start(
+        hard, "run", "hard.yaml", code=f"{code}from rmrc.cli import main; main()",
+        preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),
+    )  # fmt: skip
+    wait_for_ticks(process, hard)
+    process.send_signal(signal.SIGHUP)
+    time.sleep(0.3)
+    assert process.poll() is None
+    process.send_signal(signal.SIGINT)
+    with pytest.raises(subprocess.TimeoutExpired):  # it writes, for a minute
+        process.wait(1.0)
+    returned, err, took = ended(process, signal.SIGTERM)
+    assert (returned, err) == (-signal.SIGTERM, "") and took < PATIENCE

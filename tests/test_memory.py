@@ -1,0 +1,267 @@
+"""What may be taken of memory: against files that say it; what runs take: against what the system counts."""
+
+import math
+import os
+import resource
+import subprocess
+import sys
+
+import pytest
+
+from project import ROOT
+from rmrc import memory
+from rmrc.footprint import LIBRARIES, footprint
+from rmrc.preparation import prepare
+
+GB = 10**9
+BASE = f"""
+name: long
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{hold: {{for: 8000}}}}]}}
+control: {{at_singularity: slow, limits: {{rate: 1}}}}
+"""
+
+
+def put(root, path, text):
+    file = root / path
+    file.parent.mkdir(parents=True, exist_ok=True)
+    file.write_text(text)
+
+
+def test_it_is_what_the_machine_has_left(tmp_path):
+    put(tmp_path, "proc/meminfo", "MemTotal: 16000000 kB\nMemFree: 1 kB\nMemAvailable:   8000000 kB\n")
+    assert memory.room(tmp_path) == (8_000_000 * 1024, "the machine")
+
+
+def test_without_proc_it_is_what_the_machine_has(tmp_path):
+    assert memory.room(tmp_path).size == os.sysconf("SC_PHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+
+
+@pytest.mark.parametrize(
+    ("own", "files"),
+    [
+        (
+            "0::/work.slice/run.scope\n",
+            {
+                "sys/fs/cgroup/work.slice/run.scope/memory.max": "max\n",
+                "sys/fs/cgroup/work.slice/run.scope/memory.current": "1500000000\n",
+                # the limit is that of the group around it, some of which is cached files
+                "sys/fs/cgroup/work.slice/memory.max": "3000000000\n",
+                "sys/fs/cgroup/work.slice/memory.current": "2000000000\n",
+                "sys/fs/cgroup/work.slice/memory.stat": "anon 1\ninactive_file 500000000\n",
+            },
+        ),
+        (
+            "9:name=systemd:/\n4:cpu,memory:/docker/abc\n0::/\n",
+            {  # in a container, the group's path is not there, and its own is the root
+                "sys/fs/cgroup/memory/memory.limit_in_bytes": "3000000000\n",
+                "sys/fs/cgroup/memory/memory.usage_in_bytes": "2000000000\n",
+                "sys/fs/cgroup/memory/memory.stat": "cache 7\ntotal_inactive_file 500000000\n",
+            },
+        ),
+    ],
+    ids=["version 2", "version 1"],
+)
+def test_it_is_what_the_limit_of_a_cgroup_leaves(tmp_path, own, files):
+    put(tmp_path, "proc/meminfo", "MemAvailable: 8000000 kB\n")
+    put(tmp_path, "proc/self/cgroup", own)
+    for path, text in files.items():
+        put(tmp_path, path, text)
+    assert memory.room(tmp_path) == (3 * GB - 2 * GB + GB / 2, "the memory limit of its cgroup")
+
+
+def test_it_is_what_ulimit_leaves(tmp_path, monkeypatch):
+    assert memory.address_room(tmp_path).size == math.inf  # the tests run without
+    monkeypatch.setattr(resource, "getrlimit", lambda _: (4 * GB, 4 * GB))
+    put(tmp_path, "proc/self/statm", "250000 99 9 9 0 9 0\n")
+    used = 250_000 * os.sysconf("SC_PAGE_SIZE")
+    assert memory.address_room(tmp_path) == (4 * GB - used, "ulimit -v")
+
+
+def test_the_least_counts_and_a_share_of_it_may_be_taken(monkeypatch):
+    monkeypatch.setattr(memory, "room", lambda: memory.Room(10 * GB, "the machine"))
+    monkeypatch.setattr(memory, "address_room", lambda: memory.Room(20 * GB, "ulimit -v"))
+    assert memory.excess(8 * GB) is None
+    said = "8.01 GB of memory, and 8 GB may be taken: 80% of what the machine leaves"
+    assert memory.excess(8.01 * GB) == said
+    # what is hardly touched counts for ulimit only
+    assert memory.excess(8 * GB, 8 * GB) is None
+    said = "17 GB of memory, and 16 GB may be taken: 80% of what ulimit -v leaves"
+    assert memory.excess(8 * GB, 9 * GB) == said
+
+
+@pytest.fixture
+def small(monkeypatch, tmp_path):
+    """Leave one gigabyte, and write the scenario."""
+    monkeypatch.setattr(memory, "room", lambda: memory.Room(GB, "the machine"))
+    (tmp_path / "long.yaml").write_text(BASE)
+
+
+# 744 B a tick and 104 B a sample of the reference, by the definitions of both.
+LONG = 8_000_001
+CASES = {
+    "run": (["run", "long.yaml", "--no-record"], "6:10: control.slow.longest: makes up to 80000010 ticks", 10 * LONG * 744),
+    "without slow": (
+        ["run", "long.yaml", "--no-record", "--set", "control.at_singularity=damp"],
+        "5:16: target.path: makes up to 8000001 ticks", LONG * 744,
+    ),
+    "compare": (
+        ["compare", "long.yaml", "--no-record", "--vary", "control.feedback=1,2", "--set", "control.at_singularity=damp"],
+        "5:16: target.path: makes up to 8000001 ticks for each of 2 runs", 2 * LONG * 744,
+    ),
+    "sweep": (
+        ["sweep", "long.yaml", "--vary", "control.feedback=1,2,3", "--threads", "2"],
+        "5:16: target.path: makes up to 8000001 ticks", LONG * 104,
+    ),
+    "tune": (["tune", "long.yaml"], "6:10: control.slow.longest: makes up to 80000010 ticks", 10 * LONG * 744),
+}  # fmt: skip
+
+
+@pytest.mark.usefixtures("small")
+@pytest.mark.parametrize("name", CASES)
+def test_what_does_not_fit_is_refused_before_anything_moves(rmrc, tmp_path, name):
+    arguments, said, most = CASES[name]
+    code, out, err = rmrc(*arguments)
+    assert (code, out) == (2, "") and err.count("\n") == 1, err
+    assert "need " in err and "800 MB may be taken: 80% of what the machine leaves; " in err
+    assert "lower it" in err or "shorten it" in err
+    assert f"long.yaml:{said}" in err
+    size, unit = err.split(" need ")[1].split()[:2]
+    need = float(size) * {"MB": 1e6, "GB": 1e9}[unit]
+    assert most <= need <= 3 * most + LIBRARIES
+    assert not list(tmp_path.rglob("*.npz")) and not list(tmp_path.rglob("*.parquet"))
+
+
+def test_a_sweep_counts_the_batches_that_are_run_at_a_time(rmrc, tmp_path, monkeypatch):
+    (tmp_path / "long.yaml").write_text(BASE.replace("8000", "100"))
+    # a batch is one run, of 104 B a sample: 10.4 MB, a world and half a megabyte of ticks; two are too much
+    monkeypatch.setattr("rmrc.footprint.LIBRARIES", 0)
+    monkeypatch.setattr(memory, "room", lambda: memory.Room(20e6, "the machine"))
+    options = (
+        "sweep",
+        "long.yaml",
+        "--vary",
+        "control.feedback=1,2",
+        "--set",
+        "control.slow.longest=1",
+        "-q",
+    )
+    code, out, err = rmrc(*options, "--threads", "2")
+    assert (code, out) == (2, "") and not (tmp_path / "recordings").exists()
+    assert err == (
+        "rmrc: error: long.yaml:5:16: target.path: has up to 100001 ticks, and the batches that are run at a "
+        "time, 2, need 22.1 MB of memory, and 16 MB may be taken: 80% of what the machine leaves; shorten it, "
+        "raise control.period or lower --threads\n"
+    )
+    assert rmrc(*options, "--threads", "1") == (0, "", "")
+
+
+@pytest.mark.usefixtures("small")
+def test_a_wrench_that_is_held_for_too_long_is_refused(rmrc):
+    model = str(ROOT / "models/planar_2link.xml")
+    code, out, err = rmrc("statics", model, "--wrench", "0,1,0", "--hold", "1000")
+    assert (code, out) == (2, "")
+    assert err.startswith("rmrc: error: --hold: 1000001 ticks need ") and "hold for a shorter time" in err
+
+
+@pytest.mark.parametrize(
+    ("options", "least"),
+    [
+        # nodes of a grid of 7200 by 7200: their images, two numbers each, alone
+        (["planar_2link.xml", "--cells", "2000"], 7200**2 * 16),
+        (["puma560.xml", "--cells", "2000"], 2000**2 * 6 * 8),  # a configuration of six joints for each cell
+        (["planar_2link.xml", "--over", "shoulder,elbow", "--cells", "2000"], 2001**2 * 2 * 8),
+    ],
+)
+def test_a_map_that_does_not_fit_is_refused(rmrc, tmp_path, monkeypatch, options, least):
+    monkeypatch.setattr(memory, "room", lambda: memory.Room(GB / 4, "the machine"))
+    code, out, err = rmrc("workspace", str(ROOT / "models" / options[0]), *options[1:])
+    assert (code, out) == (2, "") and not list(tmp_path.rglob("*.png"))
+    size, unit = err.removeprefix("rmrc: error: --cells: 2000 need ").split()[:2]
+    assert float(size) * {"MB": 1e6, "GB": 1e9}[unit] >= least + LIBRARIES
+    assert err.endswith(
+        " of memory, and 200 MB may be taken: 80% of what the machine leaves; ask for fewer\n"
+    )
+
+
+def test_memory_that_is_out_all_the_same_is_a_line(rmrc, tmp_path, monkeypatch):
+    (tmp_path / "long.yaml").write_text(BASE.replace("8000", "0.1"))
+
+    def out_of_memory(*_):
+        raise MemoryError("Unable to allocate 55.4 GiB for an array")
+
+    monkeypatch.setattr("rmrc.simulation.PlantBatch", out_of_memory)
+    said = (
+        "rmrc: error: there is not enough memory (Unable to allocate 55.4 GiB for an array); "
+        "ask for less at a time, or give it more memory\n"
+    )
+    assert rmrc("run", "long.yaml") == (2, "", said)
+
+
+def test_more_steps_than_a_day_has_are_refused(rmrc, tmp_path):
+    (tmp_path / "long.yaml").write_text(BASE)
+    code, _, err = rmrc(
+        "run", "long.yaml", "--set", "plant.timestep=1.0e-8", "--set", "control.slow.longest=2"
+    )
+    assert code == 2
+    assert err == (
+        "rmrc: error: --set plant.timestep: makes up to 1.6e+12 steps of 1e-08 s, more than 1e+10; "
+        "raise it, shorten target.path or lower control.slow.longest\n"
+    )
+
+
+# Not by `getrusage`, which begins with the peak of the process that started this one.
+PROGRAM = """
+import re
+from pathlib import Path
+from rmrc import scenario
+from rmrc.footprint import LIBRARIES, footprint
+{load}
+
+def peak():
+    return 1024 * int(re.search(r"VmHWM:\\s*(\\d+) kB", Path("/proc/self/status").read_text())[1])
+
+before = peak()
+work.compile()
+work.run()
+print(peak() - before, LIBRARIES + footprint({prepared}, recorded={recorded}).held)
+"""
+RUN = 'from rmrc.job import Job; work = Job(scenario.load(Path("long.yaml"), {overrides}), Path("out"), {recorded})'
+COMPARE = (
+    "from rmrc.comparison import Comparison; "
+    'work = Comparison(Path("long.yaml"), ["control.feedback=1,2,3"], {overrides}, Path("out"), {recorded})'
+)
+
+
+@pytest.mark.long
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="/proc")
+@pytest.mark.parametrize("recorded", [False, True])
+@pytest.mark.parametrize("load", [RUN, COMPARE], ids=["run", "compare"])
+@pytest.mark.parametrize("seconds", [2, 200])
+def test_runs_take_no_more_than_their_estimate_and_more_than_a_third_of_it(tmp_path, load, recorded, seconds):
+    (tmp_path / "long.yaml").write_text(BASE)
+    overrides = ["control.at_singularity=damp", f"target.path=[{{hold: {{for: {seconds}}}}}]"]
+    program = PROGRAM.format(
+        load=load.format(overrides=overrides, recorded=recorded),
+        prepared="[work.prepared]" if load is RUN else "work.prepared",
+        recorded=recorded,
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=True
+    )
+    grown, estimate = map(int, done.stdout.split()[-2:])
+    assert grown <= estimate
+    # of a short run it is almost all libraries, more or less of which were loaded before
+    assert estimate <= 3 * grown or seconds == 2
+
+
+def test_an_hour_of_six_joints_fits_into_what_a_laptop_has(scenario, monkeypatch):
+    # 3.6 million ticks: 2.7 GB of ticks and 0.4 GB of reference
+    monkeypatch.setattr(memory, "room", lambda: memory.Room(8 * GB, "the machine"))
+    prepared = prepare(
+        scenario("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home", "task.axes=[x, y, z, rx, ry, rz]",
+                 "target.path=[{hold: {for: 3600}}]")
+    )  # fmt: skip
+    assert footprint([prepared], recorded=True).excess is None
+    assert 3.0 * GB < footprint([prepared]).held < 3.2 * GB

@@ -1,0 +1,540 @@
+"""What the documents and the comments of scenarios say in words holds: each sentence is quoted, and its run looked at.
+
+A sentence that is written anew fails here until its test is, too.
+"""
+
+import importlib
+import itertools
+import re
+from functools import cache
+
+import mujoco
+import numpy as np
+import pytest
+
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.control.choices import Status
+from rmrc.errors import ScenarioError
+from rmrc.preparation import prepare
+from rmrc.scenario import load, loads, schema_rows
+from rmrc.scorecard import scorecard
+from rmrc.simulation import Simulation
+
+
+def says(document, sentence):
+    """Whether a file has a sentence, however its lines are broken."""
+    text = (ROOT / document).read_text("utf-8")
+    return sentence in " ".join(word for word in text.split() if word != "#")
+
+
+def assert_says(document, sentence):
+    assert says(document, sentence), f'{document} does not say "{sentence}"'
+
+
+def scenario_says(name, *sentences):
+    for sentence in sentences:
+        assert_says(f"scenarios/{name}.yaml", sentence)
+
+
+@cache
+def ran(name, *overrides):
+    """Return (prepared, run, values of the figures) of a shipped scenario."""
+    prepared = prepare(load(ROOT / f"scenarios/{name}.yaml", overrides))
+    (run,) = Simulation([prepared]).run()
+    return prepared, run, {figure: one.value for figure, one in scorecard(run).items()}
+
+
+def ratio(a, b):
+    return a / b
+
+
+PLAIN = ("control.inverse.method=inverse", "control.limits={on_excess: none, position: false}")
+
+
+def test_a_sentence_that_is_not_there_is_seen():
+    assert says("scenarios/blow_up.yaml", "a target 1 mm beyond full reach. Look at the commanded rates")
+    assert not says("scenarios/blow_up.yaml", "a target 2 mm beyond full reach")
+
+
+# Scenarios --------------------------------------------------------------------------------------
+
+
+def test_two_tasks_that_cannot_both_be_done_meet_where_the_arm_itself_is_not_singular():
+    scenario_says(
+        "algorithmic_singularity",
+        "the line leads to where the wrist would have to be more than a link's length above the tip",
+        "while the arm itself is far from any singularity",
+    )
+    prepared, run, figures = ran("algorithmic_singularity")
+    wrist = prepared.arm.pose(run["q"][0], "wrist")[1]
+    assert (
+        wrist - run["pose_ref"][:, 1].min() > 0.6 > wrist - run["pose_ref"][0, 1]
+    )  # the last link has 0.6 m
+    assert figures["sigma.min"] > 0.5
+
+
+def test_damping_sets_in_where_the_approach_says_and_costs_millimeters():
+    scenario_says(
+        "approach_singularity",
+        "driven straight to 5 mm from full reach",
+        "Damping sets in below sigma = 0.3 and leaves some millimeters of error along the dying direction",
+    )
+    _, run, figures = ran("approach_singularity")
+    assert 2.0 - run["pose_ref"][:, 0].max() == pytest.approx(0.005, abs=1e-9)
+    np.testing.assert_array_equal((run["status"] & Status.DAMPED) > 0, run["sigma"][:, -1] < 0.3)
+    assert 0.003 < figures["position_error_along.max"] < 0.010
+
+
+def test_a_tip_is_off_by_what_the_jacobian_makes_of_the_encoders():
+    scenario_says(
+        "encoder_offsets",
+        "the tip is soon 3 mm off and stays so, by J δ of the offsets δ",
+        "three standard deviations of J δ are 0.0103",
+    )
+    prepared, run, _ = ran("encoder_offsets")
+    error = np.linalg.norm(run["pose_error"][:, :2], axis=1)
+    soon = run["time"] > 0.2
+    assert np.all((error[soon] > 0.0025) & (error[soon] < 0.0030))
+    J = prepared.arm.jacobian(run["q"][-1])[:2]
+    # To second order: half of reach times the square of the offsets, 1e-5 m.
+    assert np.linalg.norm(J @ prepared.encoder_offset) == pytest.approx(error[-1], abs=1e-5)
+    assert 3.0 * np.radians(0.1) * np.linalg.norm(J) == pytest.approx(0.0103, abs=5e-5)
+
+
+def test_ten_times_the_period_makes_nine_times_the_error():
+    scenario_says("example_5_5", "ten times the period makes nine times the error")
+    (_, _, short), (_, _, long) = ran("example_5_5"), ran("example_5_5", "control.period=1.0e-3")
+    assert ratio(long["position_error.end"], short["position_error.end"]) == pytest.approx(9.0, abs=0.1)
+
+
+def test_damping_pays_at_full_reach_the_pseudoinverse_races_and_truncation_locks():
+    scenario_says(
+        "full_reach",
+        "Damping keeps it below 1.2 rad/s and pays with 13 mm along the arm; "
+        "the pseudoinverse asks for more than 10 rad/s at the last millimeter",
+        "`truncated` locks the arm straight for good",
+    )
+    _, _, damped = ran("full_reach")
+    assert damped["joint_rate_cmd.elbow.peak"] < 1.2
+    assert damped["position_error_along.max"] == pytest.approx(0.013, abs=5e-4)
+    _, run, figures = ran("full_reach", "control.inverse.method=pseudoinverse")
+    assert figures["joint_rate_cmd.elbow.peak"] > 10.0
+    fastest = np.abs(run["qdot_cmd"]).max(axis=1).argmax()
+    assert 0.0 < 2.0 - np.linalg.norm(run["pose"][fastest, :2]) < 0.001
+    gentle = ("target.limits.acceleration=1", "target.limits.jerk=10")
+    _, run, _ = ran("full_reach", "control.inverse.method=truncated", *gentle)
+    assert run.is_complete and run["pose_ref"][-1, 0] == pytest.approx(1.5)
+    assert np.linalg.norm(run["pose"][-1, :2]) > 1.999 and abs(run["qdot"][-1]).max() < 0.01
+
+
+def test_the_same_force_would_need_ten_times_the_elbow_of_a_bent_arm():
+    scenario_says(
+        "hold_at_singularity",
+        "tau, which stays below a twentieth of the drives' limits, while bent by 60 deg the same force would need "
+        "ten times what the elbow has",
+    )
+    prepared, _, figures = ran("hold_at_singularity")
+    assert figures["tau.share"] < 1 / 20
+    bent = prepared.arm.jacobian(np.radians([-30.0, 60.0]))[:3].T @ [-1000.0, 0.0, 0.0]
+    assert abs(bent[1]) == pytest.approx(10.0 * prepared.arm.torque_limit[1], rel=1e-12)
+
+
+def test_the_shoulder_brakes_at_its_limit_and_the_tip_stays_on_its_circle():
+    scenario_says(
+        "joint_limit",
+        "until the shoulder meets its limit of 170 deg",
+        "The shoulder brakes in time, elbow and wrist take over what it cannot do, and the tip stays on its circle",
+    )
+    _, run, figures = ran("joint_limit")
+    # A servo follows its command to some 1e-5 rad.
+    assert np.degrees(run["q"][:, 0].max()) == pytest.approx(170.0, abs=1e-3)
+    assert figures["position_error.max"] < 2e-4
+
+
+def test_weights_say_which_of_three_rows_gives_way():
+    scenario_says("more_rows_than_joints", "the weights say which of them gives way")
+    weights = ("[1,1,0.001]", "[1,1,1]", "[0.001,0.001,1]")
+    assert all(says("scenarios/more_rows_than_joints.yaml", one) for one in weights)
+    each = [ran("more_rows_than_joints", f"task.weights={one}")[2] for one in weights]
+    position = [one["position_error.max"] for one in each]
+    orientation = [one["orientation_error.max"] for one in each]
+    assert position == sorted(position) and orientation == sorted(orientation, reverse=True)
+    assert position[0] < 0.001 < 0.1 < position[2] and orientation[2] < 0.001 < 0.1 < orientation[0]
+
+
+def test_rows_of_a_plane_never_move():
+    scenario_says("only_some_velocities", "Of all six rows, y, rx and rz never move")
+    prepared, run, _ = ran("only_some_velocities")
+    largest = np.max([np.abs(prepared.arm.jacobian(q)) for q in run["q"][::50]], axis=(0, 2))
+    assert np.all(largest[[1, 3, 5]] < 1e-12) and np.all(largest[[0, 2, 4]] > 0.1)
+
+
+def test_postures_are_swept_with_nothing_to_be_seen_at_the_tip():
+    scenario_says(
+        "posture_sweep",
+        "the elbow passes from one side to the other with nothing to be seen at the tip",
+        "at the wrist, which turns back 0.3 deg before its limit",
+    )
+    prepared, run, figures = ran("posture_sweep")
+    elbow, wrist = np.degrees(run["q"][:, 1:]).T
+    assert elbow[0] < -80 and elbow.max() > 40
+    assert figures["position_error.max"] < 1e-4
+    left = wrist.min() - np.degrees(prepared.arm.position_limit[2, 0])
+    assert left == pytest.approx(0.3, abs=0.05) and wrist[-1] > wrist.min() + 1
+
+
+def test_a_slowed_hand_turns_its_wrist_by_nearly_half_a_turn_within_the_rates():
+    scenario_says(
+        "slow_wrist",
+        "theta_4 and theta_6 turn by nearly half a turn within their rate limits and the hand stays on its path",
+        "an error that is a fortieth of the damped hand's",
+    )
+    prepared, run, figures = ran("slow_wrist")
+    assert np.all(np.abs(run["qdot"]) < prepared.arm.rate_limit)
+    assert np.all(np.abs(np.degrees(np.ptp(run["q"][:, [3, 5]], axis=0)) - 177) < 2)
+    damped = ran("stanford_wrist")[2]["orientation_error.max"]
+    assert ratio(damped, figures["orientation_error.max"]) == pytest.approx(40.0, abs=2.0)
+
+
+def test_the_plain_inverse_races_past_the_wrist_and_damping_gives_way():
+    scenario_says(
+        "stanford_wrist",
+        "the plain inverse without limits asks for tens of rad/s",
+        "gives way by up to half a degree and 13 mm",
+    )
+    for plant in ("servo", "ideal"):
+        _, _, plain = ran("stanford_wrist", *PLAIN, f"plant.kind={plant}")
+        assert 20.0 < plain["joint_rate_cmd.peak"] < 60.0
+    _, _, figures = ran("stanford_wrist")
+    assert np.degrees(figures["orientation_error.max"]) == pytest.approx(0.5, abs=0.05)
+    assert figures["position_error.max"] == pytest.approx(0.013, abs=5e-4)
+
+
+def test_the_closer_the_hand_the_faster_the_exact_way_and_the_less_the_damped_one():
+    scenario_says(
+        "stanford_wrist_close",
+        "ten times closer: the exact way is ten times faster",
+        "the closer the hand comes, the less there is to give way for",
+    )
+
+    def exact(name):
+        """The rate at which the wanted hand goes around the boom, by the angle of its axis about the boom's."""
+        w, x, y, z = ran(name)[1]["pose_ref"][:, 3:].T
+        around = np.unwrap(np.arctan2(2 * (y * z - w * x), 1 - 2 * (x * x + y * y)))
+        return np.abs(np.diff(around)).max() / 0.001
+
+    # Differences over a tick of a motion that takes some 70 and 7 ticks: the second is 2 % less than the rate.
+    assert ratio(exact("stanford_wrist_close"), exact("stanford_wrist")) == pytest.approx(10.0, rel=0.05)
+    close, far = ran("stanford_wrist_close")[2], ran("stanford_wrist")[2]
+    for figure in ("joint_rate.peak", "orientation_error.max", "position_error.max"):
+        assert close[figure] < 0.5 * far[figure]
+
+
+def test_an_arm_stops_before_its_singularity_and_its_elbow_keeps_its_side():
+    scenario_says(
+        "stop_and_wait",
+        "it stops where sigma_min falls below 0.2",
+        "the elbow keeping its side",
+    )
+    _, run, _ = ran("stop_and_wait")
+    stopped = (run["status"] & Status.STOPPED) > 0
+    first = stopped.argmax()
+    assert run["sigma"][first, -1] <= 0.2 < run["sigma"][first - 1, -1]
+    assert np.degrees(run["q"][:, 1]).max() < -20
+
+
+def test_lines_are_followed_at_their_speed_far_from_singularities():
+    scenario_says("line_tracking", "follows lines at 0.25 m/s, far from its singularities")
+    _, run, figures = ran("line_tracking")
+    assert np.linalg.norm(run["twist_ref"][:, :3], axis=1).max() == pytest.approx(0.25, rel=1e-9)
+    assert figures["sigma.min"] > 0.5
+
+
+# README -----------------------------------------------------------------------------------------
+
+
+def test_the_plain_inverse_runs_into_all_limits_and_the_damped_one_into_none():
+    assert_says(
+        "README.md",
+        "The plain inverse runs into the joints' limits of rate, position and torque; the damped inverse reaches "
+        "none of them",
+    )
+    _, _, plain = ran("stanford_wrist", "control.inverse.method=inverse")
+    _, _, damped = ran("stanford_wrist")
+    limits = ("RATE_LIMITED", "POSITION_LIMITED", "ACCELERATION_LIMITED")
+    assert plain["tau.share"] == 1.0 and all(plain[f"status_time.{one}"] > 0.05 for one in limits[:2])
+    assert damped["tau.share"] < 0.5 and not any(damped[f"status_time.{one}"] for one in limits)
+
+
+def test_few_keys_have_no_default():
+    assert_says(
+        "README.md", "Everything but `name`, `arm.model`, `arm.site` and `target.path` has a default."
+    )
+    required = {row.key for row in schema_rows() if row.default == "required"}
+    top = {key for key in required if not key.startswith(("target.path", "expect", "sweep"))}
+    assert top | {"target.path"} == {"name", "arm.model", "arm.site", "target.path"}
+
+
+def test_mistakes_of_a_text_come_all_at_once_and_those_of_its_model_after_them():
+    assert_says(
+        "README.md",
+        "All mistakes in its keys and values are reported at once, each with file, line, column and key; "
+        "what the model shows to be wrong is reported once these are right.",
+    )
+    text = (ROOT / "scenarios/blow_up.yaml").read_text("utf-8").replace("../models", f"{ROOT}/models")
+    wrong = text.replace("feedback: 20", "feedback: -1").replace("kv: 1000", "kw: 1000")
+    wrong = wrong.replace("site: tip", "site: none")
+    with pytest.raises(ScenarioError) as raised:
+        loads(wrong, "x.yaml")
+    assert [re.match(r"x\.yaml:\d+:\d+: ([\w.]+): ", line)[1] for line in raised.value.problems] == [
+        "control.feedback",
+        "plant.kw",
+    ]
+    with pytest.raises(ScenarioError, match=r"^x\.yaml:\d+:\d+: arm\.site: "):
+        prepare(loads(text.replace("site: tip", "site: none"), "x.yaml"))
+
+
+# Questions --------------------------------------------------------------------------------------
+
+
+def test_a_force_across_the_stretched_arm_needs_twenty_times_the_shoulder():
+    assert_says("docs/questions.md", "The same force across the arm would need 2000 N·m.")
+    arm = arms.load(ROOT / "models/planar_2link.xml")
+    torques = arm.jacobian(np.radians([90.0, 0.0]))[:3].T @ [1000.0, 0.0, 0.0]
+    assert abs(torques[0]) == pytest.approx(2000.0, rel=1e-12)
+
+
+def test_the_puma_has_eight_postures_without_its_limits(rmrc, monkeypatch):
+    assert_says("docs/questions.md", "With `--no-limits` there are 8.")
+    monkeypatch.chdir(ROOT)
+    goal = ("ik", "models/puma560.xml", "--to", "0.4,0.2,0.9,0,90 deg,0", "--all")
+    assert_says("docs/questions.md", " ".join(goal).replace(goal[3], f'"{goal[3]}"'))
+    assert rmrc(*goal, "--no-limits")[1].startswith("puma560, tool: 8 postures;")
+
+
+# Models -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(("site", "at_home"), [("wrist", 0.26), ("tool", 0.25)])
+def test_no_posture_of_the_puma_is_far_from_its_singularities(site, at_home):
+    assert_says(
+        "models/README.md",
+        "For `puma560` it is 0.26 at the wrist and 0.25 at the tool: no posture has more than 0.27",
+    )
+    arm = arms.load(ROOT / "models/puma560.xml", site)
+    home = np.linalg.svd(arm.jacobian(arm.keyframes["home"]), compute_uv=False)[-1]
+    assert home == pytest.approx(at_home, abs=0.005)
+    low, high = arm.position_limit.T
+    found = np.random.default_rng(1).uniform(low, high, (2000, 6))
+    assert max(np.linalg.svd(arm.jacobian(q), compute_uv=False)[-1] for q in found) < 0.27
+
+
+UNITS = {"°": np.pi / 180.0, "in": 0.0254, "m": 1.0}
+
+
+def model_tables():
+    """Yield (arm, row, value) of the tables of models/README.md; of two arms in a table, each has its own value."""
+    text = (ROOT / "models/README.md").read_text("utf-8").replace("−", "-")
+    for heading, body in re.findall(r"^## ([\w, ]+)\n(.*?)(?=^## |\Z)", text, re.MULTILINE | re.DOTALL):
+        names = heading.split(", ")
+        for row, value in re.findall(r"^\| ([^|]+?) \| ([^|]+?) \|", body, re.MULTILINE):
+            for index, name in enumerate(names):
+                chosen = re.sub(r"([-\d.]+) or ([-\d.]+)", rf"\{index + 1}", value)
+                chosen = re.sub(r"(\([^)]*\)) or (\([^)]*\))", rf"\{index + 1}", chosen)
+                yield name, row, chosen
+
+
+def in_the_file(arm, row):
+    """Return what a model has of a row."""
+    model = arm.model
+    moving = model.body_mass > 0
+    masses, moments = model.body_mass[moving], model.body_inertia[moving]
+    return {
+        "mass, each link": masses,
+        "masses": masses,
+        "masses, links 2 to 6": masses[1:],
+        "moments along": moments.min(axis=1),
+        "moments across": moments.max(axis=1),
+        "armature": model.dof_armature[[model.joint(name).dofadr[0] for name in arm.joints]],
+        "rate limits": arm.rate_limit,
+        "torque limits": arm.torque_limit,
+        "torque and force limits": arm.torque_limit,
+        "position limits": arm.position_limit.ravel(),
+    }[row]
+
+
+def numbers(value):
+    return [float(one) for one in re.findall(r"(?<![\w.])\d+(?:\.\d+)?(?![\w.])", value)]
+
+
+def limits(value):
+    """Return the ends of ranges such as `±170°, 12 to 50 in`."""
+    ends = []
+    for piece in re.sub(r" \([^)]*\)", "", value).split(", "):
+        low, high, unit = re.fullmatch(r"(?:±|(-?[\d.]+) to )(-?[\d.]+) ?(°|in|m)", piece).groups()
+        ends += [float(end) * UNITS[unit] for end in (low or f"-{high}", high)]
+    return ends
+
+
+ROWS = [case for case in model_tables() if re.match(r"mass|moments a|armature|[\w ]+ limits", case[1])]
+
+
+def test_every_arm_has_rows_of_each_kind():
+    names = {path.stem for path in (ROOT / "models").glob("*.xml")}
+    for kind in ("armature", "rate limits", "position limits", r"torque (?:and force )?limits"):
+        assert {name for name, row, _ in ROWS if re.fullmatch(kind, row)} == names, kind
+
+
+@pytest.mark.parametrize(("name", "row", "value"), ROWS)
+def test_tables_of_the_models_are_what_the_files_have(name, row, value):
+    arm = arms.load(ROOT / f"models/{name}.xml")
+    said, have = limits(value) if row == "position limits" else numbers(value), in_the_file(arm, row)
+    said = said * (len(have) // len(said)) if len(said) < 3 else said  # one for all joints, or for all links
+    # Of six or seven digits the last is rounded.
+    np.testing.assert_allclose(said, have, rtol=2e-6)
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence", "least", "most"),
+    [
+        ("anthropomorphic", "60, 60, 20 N m | our choice: more than four times gravity", 4.0, 5.0),
+        ("torus_3r", "80, 40, 15 N m | our choice: more than five times gravity", 5.0, 5.5),
+        ("torus_3r_short", "80, 40, 15 N m | our choice: more than five times gravity", 5.0, 5.5),
+        ("spherical_wrist", "5 N m | our choice: eight times gravity", 7.9, 8.1),
+        ("stanford", "15, 15, 10 N m | our choice: twice gravity anywhere, and more", 2.0, 2.5),
+    ],
+)
+def test_drives_hold_their_arm_so_often(name, sentence, least, most):
+    assert_says("models/README.md", sentence)
+    arm = arms.load(ROOT / f"models/{name}.xml")
+    data, (low, high) = mujoco.MjData(arm.model), arm.position_limit.T
+    rng, borne = np.random.default_rng(0), np.zeros(arm.n)
+    # The largest is where links are level: random positions come to 2 % of it.
+    for _ in range(3000):
+        data.qpos[:] = rng.uniform(low, high)
+        mujoco.mj_forward(arm.model, data)
+        borne = np.maximum(borne, np.abs(data.qfrc_bias))
+    times = np.min(arm.torque_limit[borne > 0.01] / borne[borne > 0.01])
+    assert least < times < most * 1.02
+
+
+@pytest.mark.parametrize(
+    ("name", "sentence", "acceleration"),
+    [
+        ("planar_2link", "100, 50 N m | our choice: about 25 rad/s² with the arm outstretched", 25.0),
+        ("planar_6_3", "4000, 500 N m | our choice: about 2.7 rad/s² with the arm outstretched", 2.7),
+    ],
+)
+def test_drives_turn_an_outstretched_arm_so_fast(name, sentence, acceleration):
+    assert_says("models/README.md", sentence)
+    arm = arms.load(ROOT / f"models/{name}.xml")
+    data, inertia = mujoco.MjData(arm.model), np.zeros((arm.n, arm.n))
+    mujoco.mj_forward(arm.model, data)
+    mujoco.mj_fullM(arm.model, data, inertia)
+    # All links swing with the first joint.
+    assert arm.torque_limit[0] / inertia[0, 0] == pytest.approx(acceleration, rel=0.02)
+
+
+# Theory -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sentence", "name", "value"),
+    [
+        ("Pairs are rotated until |a_p·a_q| ≤ 3·10⁻¹⁵ ‖a_p‖ ‖a_q‖", "control.smallmat.ORTHOGONAL", 3e-15),
+        ("orthonormalizes the basis every 64 ticks", "control.law.REFRESH", 64),
+        ("g_i = 0 where σ_i ≤ 10⁻¹⁴ σ_1", "control.smallmat.RANK_FLOOR", 1e-14),
+        ("where σ > 10⁻⁶ ‖A_2‖ (Frobenius), else 0", "control.priority.TOLERANCE", 1e-6),
+        ("the largest s ≤ 8 with |a_j + s b_j| ≤ 0.95 q̇_max,j", "control.singularity.FASTEST", 8.0),
+        ("the largest s ≤ 8 with |a_j + s b_j| ≤ 0.95 q̇_max,j", "control.singularity.USABLE", 0.95),
+        ("or A_F has lost rank (σ_k ≤ 10⁻⁶ σ_1(A))", "control.redistribution.LOST", 1e-6),
+        ("`SINGULAR` | σ_k ≤ σ_1 / 100", "control.law.SINGULAR_BELOW", 0.01),
+        ("is not finite, or beyond 10¹⁰, ends its world as diverged", "plant.LARGEST", 1e10),
+        ("J_a is refused there (|s_β| ≤ 10⁻¹²", "textbook.euler.SINGULAR", 1e-12),
+        ("σ_i ≤ 10⁻⁹ σ_1 is lost and σ_i ≤ σ_1/100 nearly lost", "analysis.task.RANK_TOLERANCE", 1e-9),
+        ("μ begins with 0.03", "analysis.descent.FIRST_SHARE", 0.03),
+        ("A goal counts as reached if |e| ≤ 10⁻⁹", "analysis.inverse_kinematics.TOLERANCE", 1e-9),
+        ("Else the search begins again at up to 200", "analysis.inverse_kinematics.RESTARTS", 200),
+        ("of 64 configurations side by side", "control.smallmat.LANES", 64),
+        ("ends where it began (to 1 mm and 1 mrad)", "scorecard.CLOSED", 1e-3),
+        ("acceleration stay within 1.01 times their limits", "tuning.trials.TOLERANCE", 0.01),
+    ],
+)
+def test_numbers_of_the_theory_are_those_of_the_code(sentence, name, value):
+    assert_says("docs/theory.md", sentence)
+    module, _, constant = name.rpartition(".")
+    assert getattr(importlib.import_module(f"rmrc.{module}"), constant) == value
+
+
+def sweeps(matrix, basis):
+    """Count the sweeps of one-sided Jacobi rotations (7), pair by pair; the rows of a basis are turned in place."""
+    rows, count, largest = basis @ matrix, 0, 1.0
+    while largest > 3e-7:  # the next sweep would be left with its square
+        count, largest = count + 1, 0.0
+        for p, q in itertools.combinations(range(len(rows)), 2):
+            product, norms = rows[p] @ rows[q], np.sum(rows[[p, q]] ** 2, axis=1)
+            if abs(product) > 3e-15 * np.sqrt(norms.prod()):
+                zeta = (norms[1] - norms[0]) / (2.0 * product)
+                t = np.copysign(1.0, zeta) / (abs(zeta) + np.hypot(1.0, zeta))
+                turn = np.array([[1.0, -t], [t, 1.0]]) / np.hypot(1.0, t)
+                rows[[p, q]], basis[[p, q]] = turn @ rows[[p, q]], turn @ basis[[p, q]]
+                largest = max(largest, abs(t))
+    return count
+
+
+def test_neighboring_ticks_need_two_sweeps_rarely_one_or_three():
+    assert_says(
+        "docs/theory.md", "at a period of 1 ms neighboring ticks need two sweeps, rarely one or three"
+    )
+    prepared, run, _ = ran("stanford_wrist")
+    basis, counts = np.eye(6), []
+    near = np.argmin(run["sigma"][:, -1])  # where the hand passes its singularity
+    for t in range(near - 200, near + 200):
+        jacobian = prepared.arm.jacobian(run["q"][t])
+        counts.append(sweeps(prepared.row_scale[:, None] * jacobian * prepared.joint_scale, basis))
+    assert set(counts[1:]) <= {1, 2, 3} and np.mean(np.array(counts[1:]) == 2) > 0.6
+
+
+# Scaling ----------------------------------------------------------------------------------------
+
+
+def test_what_is_read_from_the_model_of_large_sweeps_follows_from_its_table():
+    text = (ROOT / "docs/scaling.md").read_text("utf-8")
+    table = {
+        name: [float(one) for one in values.split()]
+        for name, values in re.findall(r"^(\S.*?)  +([-+.e\d ]+)$", text, re.MULTILINE)
+    }
+    (one_run,), (million,) = (
+        table["run [s a run]"],
+        {one[1] for name, one in table.items() if name == "hours, runs:"},
+    )
+    assert million == 1e6
+    seconds = {name: 3600.0 * of[1] for name, of in table.items() if len(of) == 3}  # of a million runs
+    hours = {name: of[2] for name, of in table.items() if len(of) == 3}  # of a billion
+    runs, checks = "runs, on the workers", "checks, on the workers"
+    pieces, one_file = "pieces, in scheduler and client", "one file, in the client"
+    cores = 3200 * (seconds[runs] + seconds[checks])
+    batch = one_run * hours["runs in a batch"]
+    for sentence, value, said in (
+        ("3,200 cores would be done in 8 s", seconds[runs], 8),
+        ("the scheduler and the client, 41 s", seconds[pieces], 41),
+        ("after them the one file, 105 s", seconds[one_file], 105),
+        ("600 cores are as fast", 3200 * seconds[runs] / 600, seconds[pieces]),
+        ("one machine of 16 cores takes 27 minutes", cores / 16 / 60, 27),
+        ("which the client makes alone: 29 h, and 758 GB", hours[one_file], 29),
+        ("which the client makes alone: 29 h, and 758 GB", hours["file [GB]"], 758),
+        ("2.0 ms a piece", 1000 * table["empty piece [s]"][0], 2.0),
+        ("a batch of 161 runs takes 4.1 s", batch, 4.1),
+        ("about 1,900 cores are all that it keeps busy", 3200 * hours[runs] / hours[pieces], 1900),
+        ("3.6 h for all pieces", hours[pieces], 3.6),
+        ("2.5 h of rows", hours["rows, to the client's network"], 2.5),
+        ("2.2 h, which are 7,000 core hours", hours[runs], 2.2),
+        ("2.2 h, which are 7,000 core hours", 3200 * hours[runs], 7000),
+        ("a sweep of 10⁶ runs has half of these 40,000", 2 * table["pieces, checks and batches"][1], 40000),
+    ):
+        assert_says("docs/scaling.md", sentence)
+        assert value == pytest.approx(said, rel=0.045), sentence
+    busy = re.search(r"(\d) to (\d) % is Python.*?(\d+) to (\d+) threads", text, re.DOTALL)
+    few, many, least, most = map(float, busy.groups())
+    assert (100 / many // 1, 100 / few) == (least, most)

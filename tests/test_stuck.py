@@ -1,0 +1,131 @@
+"""An arm that stands still while it should move is STUCK, and no other; and `run` says so in a line."""
+
+import json
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from project import ROOT
+from rmrc import stuck
+from rmrc.control.choices import Status
+from rmrc.preparation import prepare
+from rmrc.scenario import load
+from rmrc.scorecard import scorecard
+from rmrc.simulation import Simulation
+from rmrc.spatial import AXES
+
+COARSE, IDEAL = "control.period=0.002", "plant.kind=ideal"
+GENTLE = "target.limits={velocity: 0.25, acceleration: 1.0, jerk: 10.0}"
+TWO = (COARSE, IDEAL, GENTLE, "arm.start=[25 deg, -50 deg]")
+OUT = "target.path=[{line: {to: [2.0, 0]}}, {line: {to: [1.8, 0]}}, {hold: {for: 0.5}}]"
+TORUS = (
+    COARSE, IDEAL, GENTLE, "arm.model=models/torus_3r.xml", "task.axes=[x, y, z]", "arm.start=[0, 169 deg, -159 deg]",
+    "target.path=[{line: {by: [-0.3, 0, -0.12]}}, {line: {by: [0.3, 0, 0.12]}}]",
+)  # fmt: skip
+STUCK_RUNS = {
+    # the truncated inverse drops the direction in which it would have to bend the elbow, and never comes back
+    "truncated, straight": (*TWO, OUT, "control.inverse.method=truncated", "control.feedback=5"),
+    "beyond reach": (*TWO, "target.path=[{line: {to: [2.3, 0]}}, {line: {to: [1.8, 0]}}]"),
+    "two joints at their limits": TORUS,
+}  # fmt: skip
+OTHER_RUNS = {
+    "straight and back": (*TWO, OUT),
+    "a slow start": (*TWO, OUT, "control.limits.acceleration=0.5"),
+    "nothing but a hold": (*TWO, "target.path=[{hold: {for: 1}}]"),
+    "told to stop": (*TWO, OUT, "control.at_singularity=stop", "control.stop.sigma=0.2"),
+    "slowed down": (*TWO, OUT, "control.at_singularity=slow", "control.inverse.method=inverse", "control.limits.rate=0.5"),
+    "without feed-forward": (*TWO, OUT, "control.feedforward=false"),
+    "more rows than joints": (*TWO, OUT, "task.axes=[x, y, rz]"),
+}  # fmt: skip
+
+
+def stands_by_hand(prepared, run):
+    """Return at which ticks a run is stuck by the equations, of its columns and MuJoCo's Jacobian."""
+    rows = [AXES.index(axis) for axis in run.axes]
+    scale = 1.0 / np.where(np.array(rows) < 3, run.length, 1.0)
+    still, found = 0.0, []
+    for t in range(len(run)):
+        J = prepared.arm.jacobian(run["q"][t])[rows]
+        wanted = np.linalg.norm(scale * run["twist_ref"][t, rows])
+        error = scale * run["pose_error"][t, rows]
+        forward = prepared.scenario.control.feedforward * scale * run["twist_ref"][t, rows]
+        asked = np.linalg.norm(forward + prepared.scenario.control.feedback * error)
+        done = np.linalg.norm(scale * (J @ run["qdot_cmd"][t]))
+        if run["status"][t] & Status.STOPPED or max(wanted, asked) <= 1e-3:
+            still = 0.0
+        elif wanted > 1e-3:
+            still = still + run.period if done <= max(0.02 * wanted, 1e-4) else 0.0
+        elif done > max(0.02 * asked, 1e-4):
+            still = 0.0
+        found.append(still > 0.2)
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", STUCK_RUNS | OTHER_RUNS)
+def test_a_run_is_stuck_where_its_columns_say_so_and_nowhere_else(simulate, name):
+    prepared, run = simulate(*(STUCK_RUNS | OTHER_RUNS)[name])
+    is_stuck = run["status"] & Status.STUCK > 0
+    assert_array_equal(is_stuck, stands_by_hand(prepared, run))
+    assert np.any(is_stuck) == (name in STUCK_RUNS)
+
+
+@pytest.mark.parametrize("name", STUCK_RUNS)
+def test_the_figures_say_how_long_and_since_when(simulate, name):
+    _, run = simulate(*STUCK_RUNS[name])
+    card = scorecard(run)
+    first, end = stuck.longest_stretch(run)
+    inside = run["status"][first:end] & Status.STUCK
+    assert np.all(inside) and end - first > 50
+    assert card["stuck.longest"].value == pytest.approx((end - first) * run.period)
+    assert card["stuck.longest_time"].value == run["time"][first]
+    assert card["stuck.share"].value == pytest.approx(np.mean(run["status"] & Status.STUCK > 0))
+    assert card["stuck.longest"].value <= card["status_time.STUCK"].value + 1e-9
+
+
+def test_a_locked_arm_is_stuck_until_its_path_ends_and_one_that_comes_back_is_not(simulate):
+    _, run = simulate(*STUCK_RUNS["truncated, straight"])
+    assert run["status"][-1] & Status.STUCK, "the reference has come to rest, the arm is still not there"
+    assert np.linalg.norm(run["pose_error"][-1, :2]) > 0.1
+    (back,) = Simulation([prepare(load(ROOT / "scenarios/beyond_reach.yaml"))]).run()
+    assert np.any(back["status"] & Status.STUCK) and not back["status"][-1] & Status.STUCK
+    assert np.linalg.norm(back["pose_error"][-1, :2]) < 0.002
+
+
+def test_the_line_names_the_joints_that_stand_or_what_else_holds_the_arm(simulate):
+    prepared, run = simulate(*STUCK_RUNS["two joints at their limits"])
+    line = stuck.told(run, prepared.arm)
+    first, end = stuck.longest_stretch(run)
+    assert f"STUCK for {(end - first) * run.period:.3g} s from {run['time'][first]:.3g} s on" in line
+    assert 'joint "theta_2" at its upper limit of 2.967 rad' in line and "arm.start" in line
+    prepared, run = simulate(*STUCK_RUNS["truncated, straight"])
+    line = stuck.told(run, prepared.arm)
+    assert "SINGULAR and no joint at a limit" in line and "control.inverse.method" in line
+    assert "\n" not in line and f"rmrc inspect {prepared.arm.path} --q=" in line
+    prepared, run = simulate(*OTHER_RUNS["straight and back"])
+    assert stuck.told(run, prepared.arm) is None
+
+
+@pytest.mark.parametrize(("expected", "code"), [("", 0), ("{stuck.longest: {below: 0.5}}", 1)])
+def test_run_says_so_and_exits_by_what_is_expected(rmrc, tmp_path, expected, code):
+    # `truncated` at full reach, as the first comment of this scenario has it.
+    chosen = (
+        "control.inverse.method=truncated", "target.limits.acceleration=1", "target.limits.jerk=10",
+        f"expect={expected or '{}'}",
+    )  # fmt: skip
+    options = [option for text in chosen for option in ("--set", text)]
+    path = ROOT / "scenarios/full_reach.yaml"
+    got, out, err = rmrc("run", str(path), "--no-record", "--out", str(tmp_path), *options)
+    assert got == code
+    lines = err.splitlines()
+    assert sum("full_reach was STUCK for" in line for line in lines) == 1
+    assert sum("missed: stuck.longest: expected below 0.5 s" in line for line in lines) == bool(code)
+    figures = json.loads((tmp_path / "full_reach.json").read_text())["scorecard"]
+    assert figures["stuck"]["longest"] > 1.0 and figures["status_time"]["STUCK"] > 1.0
+    assert "stuck.longest" in out
+
+
+def test_shipped_scenarios_that_shall_move_are_not_stuck():
+    for name in ("approach_singularity", "stop_and_wait", "line_tracking", "stanford_wrist", "at_the_stop"):
+        (run,) = Simulation([prepare(load(ROOT / f"scenarios/{name}.yaml"))]).run()
+        assert not np.any(run["status"] & Status.STUCK), name
