@@ -24,10 +24,10 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from rmrc import arm as arms
-from rmrc.analysis.inverse_kinematics import RESTARTS, TOLERANCE, random_starts, solve_ik, solve_many
+from rmrc.analysis.ik.solve import RESTARTS, TOLERANCE, random_starts, solve_ik, solve_many
 from rmrc.analysis.survey import survey
-from rmrc.analysis.task import Array, Task, choose
-from rmrc.spatial import pose_error
+from rmrc.law.task import Array, Task, choose
+from rmrc.support.spatial import pose_error
 
 ROOT = Path(__file__).parent.parent
 ARMS = ("stanford", "puma560")

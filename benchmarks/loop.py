@@ -23,13 +23,13 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))  # the plain numpy loop is the tests' oracle
 
 from oracles import NumpyLoop  # noqa: E402
-from rmrc.control.compiled import Record, entry, machine_code  # noqa: E402
-from rmrc.control.law import resolve  # noqa: E402
-from rmrc.control.records import tick_type  # noqa: E402
-from rmrc.preparation import Prepared, prepare, world_record  # noqa: E402
-from rmrc.run import COLUMNS  # noqa: E402
+from rmrc.law.jit import Record, entry, machine_code  # noqa: E402
+from rmrc.law.law import resolve  # noqa: E402
+from rmrc.law.record import tick_type  # noqa: E402
+from rmrc.results.run import COLUMNS  # noqa: E402
 from rmrc.scenario import loads  # noqa: E402
-from rmrc.simulation import Simulation  # noqa: E402
+from rmrc.simulation.prepare import Prepared, prepare, world_record  # noqa: E402
+from rmrc.simulation.simulation import Simulation  # noqa: E402
 
 SCENARIO = """
 name: benchmark

@@ -60,11 +60,11 @@ def first_run_ever() -> tuple[float, str]:
 
 def recording(rounds: int) -> tuple[dict[str, float], dict[str, float]]:
     """Microseconds a tick that the 6-joint arm's recording takes, and milliseconds to open and finish it."""
-    from rmrc.output.recording import Recorder
-    from rmrc.preparation import prepare
-    from rmrc.run import Run
+    from rmrc.recording.single import Recorder
+    from rmrc.results.run import Run
     from rmrc.scenario import load
-    from rmrc.simulation import Simulation
+    from rmrc.simulation.prepare import prepare
+    from rmrc.simulation.simulation import Simulation
 
     prepared = prepare(load(ROOT / "scenarios/stanford_line.yaml"))
     parts: list[Run] = []

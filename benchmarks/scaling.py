@@ -19,10 +19,10 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rmrc.sweep import cluster
-from rmrc.sweep.crew import done
-from rmrc.sweep.parcel import pack
-from rmrc.sweep.sweep import Sweep, batch_size, check_size
+from rmrc.study import dask as cluster
+from rmrc.study.bundle import pack
+from rmrc.study.executors import done
+from rmrc.study.sweep import Sweep, batch_size, check_size
 from sweep import DAMPING, SECONDS, scenario_of
 
 RUNS = (1e4, 1e6, 1e9)

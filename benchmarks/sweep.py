@@ -28,11 +28,11 @@ import mujoco
 import numpy as np
 from loop import ARMS, ROOT, closed_loop, floor, ratios, show, spread, world
 
-from rmrc.preparation import Prepared, prepare
+from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
-from rmrc.scorecard import scorecard
-from rmrc.simulation import Simulation
-from rmrc.sweep.sweep import Sweep
+from rmrc.simulation.prepare import Prepared, prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.study.sweep import Sweep
 
 SCENARIO = """
 name: benchmark

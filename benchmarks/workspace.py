@@ -20,8 +20,8 @@ import numpy as np
 
 from rmrc import arm as arms
 from rmrc.analysis.survey import survey
-from rmrc.analysis.task import choose
-from rmrc.analysis.workspace import workspace
+from rmrc.analysis.workspace.workspace import workspace
+from rmrc.law.task import choose
 
 ROOT = Path(__file__).parent.parent
 COUNT = 1_000_000

@@ -11,9 +11,9 @@ from xdist.scheduler import LoadGroupScheduling
 import project
 from project import ROOT
 from rmrc import cli
-from rmrc.preparation import prepare
 from rmrc.scenario import loads
-from rmrc.simulation import Simulation
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
 
 # A shell starts what runs in the background deaf to Ctrl-C, and the processes that tests start would be so too.
 signal.signal(signal.SIGINT, signal.default_int_handler)

@@ -22,7 +22,7 @@ from oracle_inverse import (
     second_inverse,
 )
 from oracle_limits import bounds, fastest_pace, held_at_stops, next_pace, redistributed, slowed_change
-from rmrc.control.choices import Status
+from rmrc.scenario.choices import Status
 
 __all__ = [
     "AXES",

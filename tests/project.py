@@ -3,7 +3,7 @@
 import re
 from pathlib import Path
 
-from rmrc.notices import COMPILING
+from rmrc.support.notices import COMPILING
 
 ROOT = Path(__file__).parent.parent
 

@@ -17,54 +17,53 @@ LAYERS = (
     ("rmrc.__main__",),
     ("rmrc.cli",),
     ("rmrc.tuning",),
-    ("rmrc.sweep",),
-    ("rmrc.job", "rmrc.comparison"),
-    ("rmrc.output", "rmrc.facts", "rmrc.interruption", "rmrc.leaving"),
-    ("rmrc.holding",),
-    ("rmrc.simulation", "rmrc.filter_factors"),
-    ("rmrc.footprint",),
-    ("rmrc.preparation",),
-    ("rmrc.plant", "rmrc.scorecard", "rmrc.stuck", "rmrc.analysis"),
-    ("rmrc.batches",),
-    ("rmrc.arm", "rmrc.target", "rmrc.run", "rmrc.tally"),
-    ("rmrc.scenario", "rmrc.reference"),
-    ("rmrc.control", "rmrc.textbook"),
-    ("rmrc.spatial",),
-    (
-        *("rmrc.errors", "rmrc.files", "rmrc.threads", "rmrc.pace", "rmrc.memory"),
-        *("rmrc.invocation", "rmrc.notices"),
-    ),
-    ("rmrc.legible",),
+    ("rmrc.study",),
+    ("rmrc.recording", "rmrc.analysis"),
+    ("rmrc.show",),
+    ("rmrc.simulation",),
+    ("rmrc.plants", "rmrc.results"),
+    ("rmrc.law",),
+    ("rmrc.arm",),
+    ("rmrc.scenario", "rmrc.textbook"),
+    ("rmrc.support",),
     ("rmrc",),
 )
 
 # Who may import an outside library. A library that is missing here has no owner, and is refused.
 OWNERS = {
     "numpy": ("rmrc",),
-    "mujoco": ("rmrc.arm", "rmrc.batches", "rmrc.plant"),
-    "numba": ("rmrc.control.compiled",),
-    "ruckig": ("rmrc.target",),
+    "mujoco": ("rmrc.arm", "rmrc.plants"),
+    "numba": ("rmrc.law.jit",),
+    "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
     "pydantic": ("rmrc.scenario",),
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
-    "rerun": tuple(f"rmrc.output.{name}" for name in ("recording", "overlay", "look", "track", "stream")),
-    "pyarrow": ("rmrc.sweep.dataset", "rmrc.output.recording", "rmrc.output.stream"),
-    "matplotlib": tuple(
-        f"rmrc.output.{name}"
-        for name in ("figures", "arm_figure", "textbook_figures", "tuning_figure", "workspace_figure")
+    "rerun": ("rmrc.recording",),
+    "pyarrow": ("rmrc.study.dataset", "rmrc.recording"),
+    "matplotlib": (
+        *(
+            "rmrc.show.figures",
+            "rmrc.show.textbook_figures",
+            "rmrc.study.filter_figure",
+            "rmrc.tuning.figure",
+        ),
+        *("rmrc.analysis.inspect.figure", "rmrc.analysis.workspace.figure"),
     ),
     "rich": (
-        "rmrc.cli",
-        *(f"rmrc.output.{name}" for name in ("tables", "comparison_table", "sheets", "bearing")),
+        *("rmrc.cli", "rmrc.show.tables", "rmrc.show.sheets"),
+        *("rmrc.study.compare_table", "rmrc.analysis.statics.report"),
     ),
     "typer": ("rmrc.cli",),
-    "distributed": ("rmrc.sweep.cluster",),
+    "distributed": ("rmrc.study.dask",),
 }
 
 # Names that say nothing about what a module does.
 NAMELESS = {"utils", "util", "helpers", "helper", "common", "core", "base", "manager", "misc"}
 
 SLOW = {"rerun", "matplotlib", "dask", "distributed"}
+
+# Modules of ours that load these, or rich; only who shows something loads them.
+PICTURES = OWNERS["matplotlib"] + OWNERS["rich"] + OWNERS["rerun"]
 
 
 def read_sources():
@@ -129,7 +128,7 @@ def layer(module):
 
 
 def package_of(module):
-    """Return the part of rmrc that a module belongs to: rmrc.control for rmrc.control.law."""
+    """Return the part of rmrc that a module belongs to: rmrc.law for rmrc.law.law."""
     return ".".join(module.split(".")[:2])
 
 
@@ -174,7 +173,9 @@ def only_what_is_slow_is_imported_late(sources):
     for module, name, late in all_imports(sources):
         # The verbs of the command line load what they need; nobody else waits for the pictures.
         is_verb = is_within(module, "rmrc.cli") and is_within(name, "rmrc")
-        if late and not (is_verb or is_within(name, "rmrc.output") or name.partition(".")[0] in SLOW):
+        if late and not (
+            is_verb or any(is_within(name, one) for one in PICTURES) or name.partition(".")[0] in SLOW
+        ):
             yield f"{module} imports {name} inside a function"
 
 
@@ -194,7 +195,7 @@ def no_star(sources):
 
 def the_textbook_stands_alone(sources):
     """The second opinion must not ask the first: of rmrc it knows errors and rotations, else numpy."""
-    allowed = ("rmrc.textbook", "rmrc.errors", "rmrc.spatial", "numpy")
+    allowed = ("rmrc.textbook", "rmrc.support.errors", "rmrc.support.spatial", "numpy")
     for module, name, _ in all_imports(sources):
         is_ours = is_within(module, "rmrc.textbook")
         is_known = name.partition(".")[0] in sys.stdlib_module_names or any(
@@ -206,45 +207,45 @@ def the_textbook_stands_alone(sources):
 
 RULES = {
     one_owner_a_library: [
-        ("rmrc.run", "import mujoco"),
-        ("rmrc.job", "from rerun.blueprint import Blueprint"),
-        ("rmrc.control.law", "import numba"),
-        ("rmrc.spatial", "import scipy.spatial"),
+        ("rmrc.results.run", "import mujoco"),
+        ("rmrc.study.run", "from rerun.blueprint import Blueprint"),
+        ("rmrc.law.law", "import numba"),
+        ("rmrc.support.spatial", "import scipy.spatial"),
         ("rmrc.cli", "def run():\n    import mujoco"),
     ],
     every_module_has_a_layer: [("rmrc.somewhere", "")],
     imports_point_down: [
-        ("rmrc.arm", "from rmrc.plant import Plant"),
-        ("rmrc.arm.arm", "from .. import plant"),
-        ("rmrc.control.law", "from rmrc import scenario"),
-        ("rmrc.control.law", "from ..scenario import Scenario"),
-        ("rmrc.errors", "import rmrc.files"),
-        ("rmrc.target", "import rmrc.run"),
-        ("rmrc.output.tables", "from rmrc.job import Job"),
+        ("rmrc.arm", "from rmrc.plants.stepping import Plant"),
+        ("rmrc.arm.arm", "from .. import plants"),
+        ("rmrc.law.law", "from rmrc import plants"),
+        ("rmrc.law.law", "from ..simulation import prepare"),
+        ("rmrc.support.errors", "import rmrc.arm.arm"),
+        ("rmrc.simulation.trajectory", "import rmrc.study.run"),
+        ("rmrc.show.tables", "from rmrc.study.run import Job"),
     ],
     no_circles: [
-        ("rmrc.control.records", "from rmrc.control.law import resolve"),
-        ("rmrc.control.smallmat", "from .inverse import gains"),
+        ("rmrc.law.record", "from rmrc.law.law import resolve"),
+        ("rmrc.law.svd", "from .inverses import gains"),
         ("rmrc.scenario.wording", "from rmrc.scenario import load"),
-        ("rmrc.errors", "def f():\n    from rmrc.cli import app"),
+        ("rmrc.support.errors", "def f():\n    from rmrc.cli import app"),
     ],
     only_what_is_slow_is_imported_late: [
-        ("rmrc.job", "def f():\n    from rmrc.simulation import Simulation"),
-        ("rmrc.run", "def f():\n    import json"),
-        ("rmrc.run", "class A:\n    def f(self):\n        import numpy"),
+        ("rmrc.study.run", "def f():\n    from rmrc.simulation.simulation import Simulation"),
+        ("rmrc.results.run", "def f():\n    import json"),
+        ("rmrc.results.run", "class A:\n    def f(self):\n        import numpy"),
     ],
     names_say_what_a_module_does: [
         ("rmrc.utils", ""),
-        ("rmrc.control.helpers", ""),
+        ("rmrc.law.helpers", ""),
         ("rmrc.core.law", ""),
         ("rmrc._common", ""),
     ],
-    no_star: [("rmrc.run", "from numpy import *")],
+    no_star: [("rmrc.results.run", "from numpy import *")],
     the_textbook_stands_alone: [
         ("rmrc.textbook.dh", "import mujoco"),
         ("rmrc.textbook.dh", "import numba"),
         ("rmrc.textbook.planar", "from rmrc.arm import Arm"),
-        ("rmrc.textbook.planar", "from rmrc import run"),
+        ("rmrc.textbook.planar", "from rmrc.results import run"),
     ],
 }
 
@@ -266,7 +267,7 @@ def test_a_planted_fault_breaks_the_rule(rule, module, text):
 
 def test_the_sources_are_there():
     # All rules above hold for an empty folder as well.
-    assert {"rmrc", "rmrc.cli", "rmrc.control.law", "rmrc.plant", "rmrc.textbook.dh"} <= set(SOURCES)
+    assert {"rmrc", "rmrc.cli", "rmrc.law.law", "rmrc.plants.stepping", "rmrc.textbook.dh"} <= set(SOURCES)
 
 
 # Of any text: a path that exists on one machine only ---------------------------------------------
@@ -277,7 +278,7 @@ HERE_ONLY = re.compile(r"(?<![\w.:/~}])/(?:tmp|home|root|work|mnt|Users|workspac
 
 def texts():
     """Return every text file of the project, generated folders left out."""
-    folders = ("src", "tests", "models", "scenarios", "docs", "benchmarks", ".ci")
+    folders = ("src", "tests", "tools", "models", "scenarios", "docs", "benchmarks", ".ci")
     files = [path for path in ROOT.iterdir() if path.is_file()] + [ROOT / "recordings/README.md"]
     files += [path for folder in folders for path in (ROOT / folder).rglob("*") if path.is_file()]
     hidden = {p for p in files if "__pycache__" in p.parts or any(".egg-info" in part for part in p.parts)}

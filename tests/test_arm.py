@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 from screws import screw_chain
 
 TWO_LINK = ROOT / "models/planar_2link.xml"

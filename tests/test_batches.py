@@ -7,13 +7,13 @@ from mujoco.batch import MODEL_FIELDS
 from numpy.testing import assert_array_equal
 
 from project import ROOT
-from rmrc import batches as module
 from rmrc.arm import Change, load
-from rmrc.arm.changes import NEED_CONSTANTS, changed_fields
-from rmrc.batches import Batches
-from rmrc.preparation import Known, prepare
-from rmrc.run import COLUMNS
-from rmrc.simulation import Simulation
+from rmrc.arm.differences import NEED_CONSTANTS, changed_fields
+from rmrc.plants import batches as module
+from rmrc.plants.batches import Batches
+from rmrc.results.run import COLUMNS
+from rmrc.simulation.prepare import Known, prepare
+from rmrc.simulation.simulation import Simulation
 
 SHORT = "target.path=[{line: {by: [0.02, 0.02]}}]"
 EXPLODES = "plant.wrench=[0, 1.0e+15, 0, 0, 0, 0]"  # MuJoCo counts warnings, and calls the state bad

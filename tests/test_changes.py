@@ -9,12 +9,12 @@ from numpy.testing import assert_allclose, assert_array_equal
 import rmrc
 from project import ROOT
 from rmrc.arm import load
-from rmrc.arm.changes import stretched_fields
-from rmrc.comparison import Comparison
-from rmrc.errors import ModelError, ScenarioError
-from rmrc.preparation import prepare
-from rmrc.run import COLUMNS
-from rmrc.simulation import Simulation
+from rmrc.arm.differences import stretched_fields
+from rmrc.results.run import COLUMNS
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.study.compare import Comparison
+from rmrc.support.errors import ModelError, ScenarioError
 from screws import screw_chain
 
 PLANAR = (ROOT / "models" / "planar_2link.xml").read_text()
@@ -209,7 +209,7 @@ def test_the_comparison_of_lengths_finds_a_field_that_is_left_out(scenario, tmp_
     def forgetful(model, stretch):
         return {name: values for name, values in stretched_fields(model, stretch).items() if name != field}
 
-    monkeypatch.setattr(rmrc.arm.changes, "stretched_fields", forgetful)
+    monkeypatch.setattr(rmrc.arm.differences, "stretched_fields", forgetful)
     with pytest.raises(AssertionError):
         test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, "servo")
 

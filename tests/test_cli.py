@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 from project import ROOT
-from rmrc.job import Job
-from rmrc.run import COLUMNS, Run
+from rmrc.results.run import COLUMNS, Run
 from rmrc.scenario import InverseSection
+from rmrc.study.run import Job
 
 QUICK = """
 name: quick
@@ -51,7 +51,7 @@ def test_run_leaves_recording_columns_and_scorecard(rmrc, tmp_path):
 
 
 def test_recording_read_back_equals_the_columns_bit_for_bit(rmrc, tmp_path):
-    from rmrc.output.recording import read_columns
+    from rmrc.recording.single import read_columns
 
     rmrc("run", "quick.yaml")
     run = Run.read(tmp_path / "recordings/quick.npz")
@@ -328,7 +328,7 @@ def test_what_takes_long_for_another_reason_is_not_called_compiling(rmrc, monkey
 
 
 def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
-    from rmrc.output.recording import read_columns
+    from rmrc.recording.single import read_columns
 
     (tmp_path / "long.yaml").write_text(QUICK.replace("name: quick", "name: long"))
     process = subprocess.Popen(
@@ -356,7 +356,7 @@ def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
 
 
 def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
-    from rmrc.output.recording import read_columns
+    from rmrc.recording.single import read_columns
 
     (tmp_path / "long.yaml").write_text(QUICK.replace("name: quick", "name: long"))
     process = subprocess.Popen(

@@ -7,12 +7,12 @@ from scipy.stats import chi2
 
 from project import ROOT
 from rmrc.arm import load
-from rmrc.errors import ScenarioError
-from rmrc.preparation import prepare
-from rmrc.run import COLUMNS
+from rmrc.results.run import COLUMNS
 from rmrc.scenario import loads
-from rmrc.simulation import Simulation
-from rmrc.spatial import AXES, pose_error
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import ScenarioError
+from rmrc.support.spatial import AXES, pose_error
 from rmrc.textbook.displacement import tip_covariance
 from screws import screw_chain
 

@@ -2,7 +2,7 @@ import pickle
 
 import pytest
 
-from rmrc import errors
+from rmrc.support import errors
 
 
 @pytest.mark.parametrize(

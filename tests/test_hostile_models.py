@@ -12,7 +12,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.arm import numbers
 from rmrc.arm.bounds import bounded_memory
-from rmrc.errors import ModelError, ModelWarning
+from rmrc.support.errors import ModelError, ModelWarning
 
 
 def model(head="", world="", joint="", inertial="", upper='pos="0 0 1"', tip="tip", tail="", geom=""):

@@ -10,8 +10,8 @@ import time
 import pytest
 
 from project import ROOT
-from rmrc.interruption import interruptible, signal_that_came, stops_like_ctrl_c
-from rmrc.run import Run
+from rmrc.results.run import Run
+from rmrc.support.interruption import interruptible, signal_that_came, stops_like_ctrl_c
 
 ALL = [signal.SIGINT, signal.SIGTERM, signal.SIGHUP]
 
@@ -98,7 +98,7 @@ def ends(monkeypatch):
         numbers.append(number)
         raise EndedError
 
-    monkeypatch.setattr("rmrc.interruption._end", end)
+    monkeypatch.setattr("rmrc.support.interruption._end", end)
     return numbers
 
 
@@ -144,7 +144,7 @@ def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch,
     def interrupted(*_):
         signal.raise_signal(number)
 
-    monkeypatch.setattr("rmrc.job.Job.compile", interrupted)
+    monkeypatch.setattr("rmrc.study.run.Job.compile", interrupted)
     assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted before the first tick\n")
     monkeypatch.setattr("rmrc.scenario.load", interrupted)
     assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted\n")
@@ -178,7 +178,7 @@ VERBS = {
 def test_every_verb_that_runs_answers_a_polite_kill(hard, verb):
     code = "from rmrc.cli import main; main()"
     if verb == "statics":  # which is still after a second, and then done
-        code = f"import rmrc.holding as h; h.STILL = -1.0; {code}"
+        code = f"import rmrc.analysis.statics.hold as h; h.STILL = -1.0; {code}"
     process = start(hard, *VERBS[verb], code=code)
     time.sleep(15.0)  # nothing tells when it is under way
     assert process.poll() is None, process.communicate()
@@ -188,7 +188,7 @@ def test_every_verb_that_runs_answers_a_polite_kill(hard, verb):
 
 
 def test_nohup_stays_deaf_and_the_second_signal_does_not_wait(hard):
-    code = "import rmrc.run, time; rmrc.run.Run.save = lambda *_: time.sleep(60)\n"
+    code = "import rmrc.results.run, time; rmrc.results.run.Run.save = lambda *_: time.sleep(60)\n"
     process = start(
         hard, "run", "hard.yaml", code=f"{code}from rmrc.cli import main; main()",
         preexec_fn=lambda: signal.signal(signal.SIGHUP, signal.SIG_IGN),

@@ -12,9 +12,9 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from project import ROOT
-from rmrc.leaving import array_size
-from rmrc.output.stream import RecordingError, Stream
-from rmrc.run import COLUMNS, Run
+from rmrc.recording.stream import RecordingError, Stream
+from rmrc.results.leaving import array_size
+from rmrc.results.run import COLUMNS, Run
 
 SCENARIO = f"""
 name: quick
@@ -56,8 +56,8 @@ def test_a_directory_in_the_way_of_a_file_is_told_before_anything_moves(rmrc, qu
     def moves(*_, **__):
         raise AssertionError("it moves")
 
-    monkeypatch.setattr("rmrc.simulation.Simulation.step", moves)
-    monkeypatch.setattr("rmrc.analysis.workspace.workspace", moves)
+    monkeypatch.setattr("rmrc.simulation.simulation.Simulation.step", moves)
+    monkeypatch.setattr("rmrc.analysis.workspace.workspace.workspace", moves)
     (quick / "recordings" / name).mkdir(parents=True)
     arguments, _ = VERBS[verb]
     code, out, err = rmrc(*arguments)

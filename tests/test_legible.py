@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from project import ROOT
-from rmrc import legible
+from rmrc.support import legible
 
 ANY = st.text(st.characters())  # lone surrogates as well
 

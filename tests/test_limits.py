@@ -11,11 +11,11 @@ from scipy.optimize import linprog
 
 from chains import random_chain, seeds
 from rmrc.arm import load
-from rmrc.control.choices import Method, OnExcess, Status
-from rmrc.control.law import resolve
-from rmrc.control.records import tick_type, world_type
-from rmrc.preparation import prepare
-from rmrc.simulation import Simulation
+from rmrc.law.law import resolve
+from rmrc.law.record import tick_type, world_type
+from rmrc.scenario.choices import Method, OnExcess, Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
 
 any_fixture = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 LIMITING = ("scale", "clamp", "redistribute")

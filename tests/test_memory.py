@@ -9,9 +9,9 @@ import sys
 import pytest
 
 from project import ROOT
-from rmrc import memory
-from rmrc.footprint import LIBRARIES, footprint
-from rmrc.preparation import prepare
+from rmrc.simulation.footprint import LIBRARIES, footprint
+from rmrc.simulation.prepare import prepare
+from rmrc.support import memory
 
 GB = 10**9
 BASE = f"""
@@ -136,7 +136,7 @@ def test_what_does_not_fit_is_refused_before_anything_moves(rmrc, tmp_path, name
 def test_a_sweep_counts_the_batches_that_are_run_at_a_time(rmrc, tmp_path, monkeypatch):
     (tmp_path / "long.yaml").write_text(BASE.replace("8000", "100"))
     # a batch is one run, of 104 B a sample: 10.4 MB, a world and half a megabyte of ticks; two are too much
-    monkeypatch.setattr("rmrc.footprint.LIBRARIES", 0)
+    monkeypatch.setattr("rmrc.simulation.footprint.LIBRARIES", 0)
     monkeypatch.setattr(memory, "room", lambda: memory.Room(20e6, "the machine"))
     options = (
         "sweep",
@@ -191,7 +191,7 @@ def test_memory_that_is_out_all_the_same_is_a_line(rmrc, tmp_path, monkeypatch):
     def out_of_memory(*_):
         raise MemoryError("Unable to allocate 55.4 GiB for an array")
 
-    monkeypatch.setattr("rmrc.simulation.PlantBatch", out_of_memory)
+    monkeypatch.setattr("rmrc.simulation.simulation.PlantBatch", out_of_memory)
     said = (
         "rmrc: error: there is not enough memory (Unable to allocate 55.4 GiB for an array); "
         "ask for less at a time, or give it more memory\n"
@@ -216,7 +216,7 @@ PROGRAM = """
 import re
 from pathlib import Path
 from rmrc import scenario
-from rmrc.footprint import LIBRARIES, footprint
+from rmrc.simulation.footprint import LIBRARIES, footprint
 {load}
 
 def peak():
@@ -227,9 +227,9 @@ work.compile()
 work.run()
 print(peak() - before, LIBRARIES + footprint({prepared}, recorded={recorded}).held)
 """
-RUN = 'from rmrc.job import Job; work = Job(scenario.load(Path("long.yaml"), {overrides}), Path("out"), {recorded})'
+RUN = 'from rmrc.study.run import Job; work = Job(scenario.load(Path("long.yaml"), {overrides}), Path("out"), {recorded})'
 COMPARE = (
-    "from rmrc.comparison import Comparison; "
+    "from rmrc.study.compare import Comparison; "
     'work = Comparison(Path("long.yaml"), ["control.feedback=1,2,3"], {overrides}, Path("out"), {recorded})'
 )
 

@@ -15,7 +15,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from rmrc.spatial import shift_twist
+from rmrc.support.spatial import shift_twist
 from rmrc.textbook.anthropomorphic import anthropomorphic_chain, anthropomorphic_jacobian
 from rmrc.textbook.dh import DHChain
 from rmrc.textbook.helical import helical_jacobian

@@ -8,11 +8,11 @@ import pytest
 from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_array_equal
 
-from rmrc import pace
-from rmrc.pace import Pace
-from rmrc.preparation import prepare
-from rmrc.run import COLUMNS
-from rmrc.simulation import Simulation
+from rmrc.results.run import COLUMNS
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support import pace
+from rmrc.support.pace import Pace
 
 SHORT = "target.path=[{line: {by: [0.02, 0.01]}}]"
 # 40 steps a tick

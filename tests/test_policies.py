@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from rmrc.control.choices import Status
-from rmrc.preparation import prepare
-from rmrc.simulation import Simulation
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
 
 PLAIN = "control.inverse.method=inverse"
 SLOW, STOP = "control.at_singularity=slow", "control.at_singularity=stop"

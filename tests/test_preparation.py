@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from chains import random_chain
-from rmrc.analysis.task import structural_rank
 from rmrc.arm import load
-from rmrc.errors import ScenarioError
-from rmrc.preparation import prepare, world_record
+from rmrc.law.task import structural_rank
+from rmrc.simulation.prepare import prepare, world_record
+from rmrc.support.errors import ScenarioError
 from screws import screw_chain
 
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rmrc.files import written_whole
-from rmrc.run import COLUMNS, Divergence, Run
+from rmrc.results.run import COLUMNS, Divergence, Run
+from rmrc.support.files import written_whole
 
 
 def make_run(ticks=4, **given):

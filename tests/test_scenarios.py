@@ -5,10 +5,10 @@ import pytest
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.preparation import prepare
+from rmrc.results.scorecard import check, scorecard
 from rmrc.scenario import load
-from rmrc.scorecard import check, scorecard
-from rmrc.simulation import Simulation
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
 from rmrc.textbook.redundancy import weighted_left_inverse
 from rmrc.textbook.stanford import stanford_determinant
 

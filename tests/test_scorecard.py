@@ -10,13 +10,13 @@ from hypothesis.extra.numpy import arrays
 
 from oracles import error_parts
 from project import ROOT
-from rmrc.control.choices import Status
-from rmrc.errors import ScenarioError
-from rmrc.preparation import prepare
-from rmrc.run import COLUMNS, Run
+from rmrc.results.run import COLUMNS, Run
+from rmrc.results.scorecard import Figure, Scorecard, check, figure_names, refused, scorecard
 from rmrc.scenario import Check, load
-from rmrc.scorecard import Figure, Scorecard, check, figure_names, refused, scorecard
-from rmrc.simulation import Simulation
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import ScenarioError
 
 PLANE = ("x", "y")
 SPACE = ("x", "y", "z", "rx", "ry", "rz")

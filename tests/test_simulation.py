@@ -11,15 +11,15 @@ from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
-import rmrc.simulation as simulation_module
+import rmrc.simulation.simulation as simulation_module
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
 from rmrc.arm import load
-from rmrc.control.choices import Status
-from rmrc.preparation import prepare
-from rmrc.run import COLUMNS
-from rmrc.scorecard import scorecard
-from rmrc.simulation import BLOCK, HELD, Simulation
+from rmrc.results.run import COLUMNS
+from rmrc.results.scorecard import scorecard
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import BLOCK, HELD, Simulation
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")

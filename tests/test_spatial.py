@@ -1,4 +1,4 @@
-"""rmrc.spatial against scipy's rotations, matrix exponentials and homogeneous matrices."""
+"""rmrc.support.spatial against scipy's rotations, matrix exponentials and homogeneous matrices."""
 
 import numpy as np
 import pytest
@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.linalg import expm
 from scipy.spatial.transform import Rotation
 
-from rmrc import spatial
+from rmrc.support import spatial
 
 # A few dozen roundings of numbers near 1; the arrays below are scaled so.
 ROUNDING = 1e-14

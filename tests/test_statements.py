@@ -14,12 +14,12 @@ import pytest
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.control.choices import Status
-from rmrc.errors import ScenarioError
-from rmrc.preparation import prepare
+from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load, loads, schema_rows
-from rmrc.scorecard import scorecard
-from rmrc.simulation import Simulation
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import ScenarioError
 
 
 def says(document, sentence):

@@ -12,12 +12,12 @@ from numpy.testing import assert_allclose
 
 from chains import seeds
 from oracle_limits import brake
-from rmrc.control.choices import Method, OnExcess, Schedule, Status
-from rmrc.control.compiled import machine_code
-from rmrc.control.law import resolve
-from rmrc.control.records import tick_type, world_type
-from rmrc.preparation import prepare
-from rmrc.simulation import Simulation
+from rmrc.law.jit import machine_code
+from rmrc.law.law import resolve
+from rmrc.law.record import tick_type, world_type
+from rmrc.scenario.choices import Method, OnExcess, Schedule, Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
 
 any_fixture = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
 PERIOD, BRAKING, LAMBDA = 1e-3, 10.0, 0.1

@@ -7,13 +7,13 @@ import pytest
 from numpy.testing import assert_array_equal
 
 from project import ROOT
-from rmrc import stuck
-from rmrc.control.choices import Status
-from rmrc.preparation import prepare
+from rmrc.results import stuck
+from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
-from rmrc.scorecard import scorecard
-from rmrc.simulation import Simulation
-from rmrc.spatial import AXES
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.spatial import AXES
 
 COARSE, IDEAL = "control.period=0.002", "plant.kind=ideal"
 GENTLE = "target.limits={velocity: 0.25, acceleration: 1.0, jerk: 10.0}"

@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from rmrc.control.choices import Status
-from rmrc.control.records import tick_type
-from rmrc.tally import ERRORS, EXTREMES, JOINTS, adder, begin
+from rmrc.law.record import tick_type
+from rmrc.results.tally import ERRORS, EXTREMES, JOINTS, adder, begin
+from rmrc.scenario.choices import Status
 
 N, K, LENGTH, PERIOD = 4, 3, 0.7, 0.002
 AXES, ROWS, WEIGHTS = ("x", "z", "ry"), [0, 2, 4], (0.3, 2.0, 5.0)

@@ -1,4 +1,4 @@
-"""rmrc.target against closed forms, scipy's rotations and finite differences."""
+"""rmrc.simulation.trajectory against closed forms, scipy's rotations and finite differences."""
 
 import math
 
@@ -9,8 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
-from rmrc import target
-from rmrc.errors import TargetError
 from rmrc.scenario import (
     Arc,
     ArcSegment,
@@ -22,7 +20,9 @@ from rmrc.scenario import (
     Turn,
     TurnSegment,
 )
-from rmrc.target import make_reference
+from rmrc.simulation import trajectory as target
+from rmrc.simulation.trajectory import make_reference
+from rmrc.support.errors import TargetError
 
 # Paths are of a few meters and turns: a few dozen roundings of 1e-16.
 ROUNDING = 1e-12

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from rmrc.threads import side_by_side
+from rmrc.support.threads import side_by_side
 
 
 def settings():

@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
 from project import ROOT
-from rmrc.preparation import prepare
 from rmrc.scenario import load
-from rmrc.simulation import Simulation
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
 from rmrc.textbook.stanford import stanford_chain
 from rmrc.textbook.two_link import two_link_rates
 

@@ -4,20 +4,20 @@ The names below are all that a notebook needs; each is loaded when it is first u
 the compiled law take a third of a second.
 
     scenario = rmrc.load("scenarios/approach_singularity.yaml")   # rmrc.scenario
-    prepared = rmrc.prepare(scenario)                             # rmrc.preparation
-    (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation
-    figures = rmrc.scorecard.scorecard(run)                       # a module; import it
-    swept = rmrc.Sweep(Path("scenarios/x.yaml")).run()             # rmrc.sweep.sweep
-    tuned = rmrc.tune("scenarios/approach_singularity.yaml")      # rmrc.tuning.tuning
-    rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.control.law
+    prepared = rmrc.prepare(scenario)                             # rmrc.simulation.prepare
+    (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation.simulation
+    figures = rmrc.results.scorecard.scorecard(run)                       # a module; import it
+    swept = rmrc.Sweep(Path("scenarios/x.yaml")).run()             # rmrc.study.sweep
+    tuned = rmrc.tune("scenarios/approach_singularity.yaml")      # rmrc.tuning.tune
+    rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.law.law
     arm = rmrc.arm.load(Path("models/stanford.xml"))              # a module; import it
-    found = rmrc.inspect_arm(arm, q)                              # rmrc.analysis.inspection
-    borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics
+    found = rmrc.inspect_arm(arm, q)                              # rmrc.analysis.inspect.inspection
+    borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics.balance
     costs = rmrc.wrench_costs(arm, q)                             # the same
-    held = rmrc.hold(arm, q, wrench)                              # rmrc.holding
-    found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.inverse_kinematics
-    postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.postures
-    found = rmrc.workspace(arm)                                   # rmrc.analysis.workspace
+    held = rmrc.hold(arm, q, wrench)                              # rmrc.analysis.statics.hold
+    found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.ik.solve
+    postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.ik.postures
+    found = rmrc.workspace(arm)                                   # rmrc.analysis.workspace.workspace
 """
 
 from importlib import import_module
@@ -27,21 +27,21 @@ __version__ = "0.1.0"
 _HOMES = {
     "load": "rmrc.scenario",
     "loads": "rmrc.scenario",
-    "prepare": "rmrc.preparation",
-    "Simulation": "rmrc.simulation",
-    "Run": "rmrc.run",
-    "Sweep": "rmrc.sweep.sweep",
-    "tune": "rmrc.tuning.tuning",
-    "resolve_rates": "rmrc.control.law",
-    "inspect_arm": "rmrc.analysis.inspection",
-    "balance": "rmrc.analysis.statics",
-    "wrench_costs": "rmrc.analysis.statics",
-    "hold": "rmrc.holding",
-    "goal_pose": "rmrc.analysis.inverse_kinematics",
-    "solve_ik": "rmrc.analysis.inverse_kinematics",
-    "solve_many": "rmrc.analysis.inverse_kinematics",
-    "find_postures": "rmrc.analysis.postures",
-    "workspace": "rmrc.analysis.workspace",
+    "prepare": "rmrc.simulation.prepare",
+    "Simulation": "rmrc.simulation.simulation",
+    "Run": "rmrc.results.run",
+    "Sweep": "rmrc.study.sweep",
+    "tune": "rmrc.tuning.tune",
+    "resolve_rates": "rmrc.law.law",
+    "inspect_arm": "rmrc.analysis.inspect.inspection",
+    "balance": "rmrc.analysis.statics.balance",
+    "wrench_costs": "rmrc.analysis.statics.balance",
+    "hold": "rmrc.analysis.statics.hold",
+    "goal_pose": "rmrc.analysis.ik.solve",
+    "solve_ik": "rmrc.analysis.ik.solve",
+    "solve_many": "rmrc.analysis.ik.solve",
+    "find_postures": "rmrc.analysis.ik.postures",
+    "workspace": "rmrc.analysis.workspace.workspace",
 }
 
 

@@ -13,10 +13,10 @@ import rmrc
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.statics import Cost, balance, elsewhere, link_frames, wrench_costs
-from rmrc.errors import QuestionError
-from rmrc.holding import FEEDBACK, Holding, hold
-from rmrc.spatial import pose_error, quat_to_matrix
+from rmrc.analysis.statics.balance import Cost, balance, elsewhere, link_frames, wrench_costs
+from rmrc.analysis.statics.hold import FEEDBACK, Holding, hold
+from rmrc.support.errors import QuestionError
+from rmrc.support.spatial import pose_error, quat_to_matrix
 from screws import screw_chain
 
 MODELS = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))

@@ -8,9 +8,9 @@ from numpy.testing import assert_allclose
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.joint_map import joint_map
-from rmrc.analysis.task import choose
-from rmrc.analysis.workspace import workspace
+from rmrc.analysis.workspace.joint_map import joint_map
+from rmrc.analysis.workspace.workspace import workspace
+from rmrc.law.task import choose
 
 # What the search promises: Newton's method ends at rounding.
 REACHED = 1e-9

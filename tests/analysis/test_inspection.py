@@ -13,11 +13,12 @@ import rmrc
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis import inspection, singular_directions
-from rmrc.analysis.inspection import inspect_arm
-from rmrc.control.law import SINGULAR_BELOW
-from rmrc.errors import QuestionError
-from rmrc.spatial import AXES, quat_to_matrix
+from rmrc.analysis.inspect import directions as singular_directions
+from rmrc.analysis.inspect import inspection
+from rmrc.analysis.inspect.inspection import inspect_arm
+from rmrc.law.law import SINGULAR_BELOW
+from rmrc.support.errors import QuestionError
+from rmrc.support.spatial import AXES, quat_to_matrix
 from rmrc.textbook.euler import zyz_angles
 
 # Sums of some dozen products of the size of meters.

@@ -16,10 +16,10 @@ import rmrc
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis import inverse_kinematics as inverse
-from rmrc.analysis.inverse_kinematics import goal_pose, solve_ik, solve_many
-from rmrc.analysis.task import choose
-from rmrc.errors import QuestionError
+from rmrc.analysis.ik import solve as inverse
+from rmrc.analysis.ik.solve import goal_pose, solve_ik, solve_many
+from rmrc.law.task import choose
+from rmrc.support.errors import QuestionError
 from rmrc.textbook.newton import newton_raphson
 from rmrc.textbook.planar import three_link_jacobian, three_link_position
 from screws import screw_chain

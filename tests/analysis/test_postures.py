@@ -8,11 +8,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis import inverse_kinematics as inverse
-from rmrc.analysis.inverse_kinematics import goal_pose
-from rmrc.analysis.postures import find_postures
-from rmrc.analysis.task import choose
-from rmrc.spatial import pose_error
+from rmrc.analysis.ik import solve as inverse
+from rmrc.analysis.ik.postures import find_postures
+from rmrc.analysis.ik.solve import goal_pose
+from rmrc.law.task import choose
+from rmrc.support.spatial import pose_error
 from rmrc.textbook.torus import torus_postures
 
 

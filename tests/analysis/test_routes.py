@@ -7,9 +7,9 @@ from hypothesis import given, settings
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis import routes
-from rmrc.analysis.routes import jacobians, link_transforms
-from rmrc.spatial import quat_to_matrix
+from rmrc.analysis.inspect import routes
+from rmrc.analysis.inspect.routes import jacobians, link_transforms
+from rmrc.support.spatial import quat_to_matrix
 from screws import screw_chain
 
 # Products of ten rotations with lengths of about 1 m; and central differences, see DIFFERENCE_STEP.

@@ -11,7 +11,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis import survey as surveys
 from rmrc.analysis.survey import jacobians, survey
-from rmrc.analysis.task import Task, choose
+from rmrc.law.task import Task, choose
 from screws import screw_chain
 
 # Products of eight rotations with lengths of about 1 m.

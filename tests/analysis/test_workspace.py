@@ -13,15 +13,15 @@ from numpy.testing import assert_allclose
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis import workspace_files
-from rmrc.analysis.joint_map import joint_map
-from rmrc.analysis.sheet import covering, zero_curves
-from rmrc.analysis.singular_set import curvature, nearest_singular
-from rmrc.analysis.slices import choose_slice
 from rmrc.analysis.survey import jacobians
-from rmrc.analysis.task import Task, choose
-from rmrc.analysis.workspace import workspace
-from rmrc.errors import QuestionError
+from rmrc.analysis.workspace import files as workspace_files
+from rmrc.analysis.workspace.folds import covering, zero_curves
+from rmrc.analysis.workspace.joint_map import joint_map
+from rmrc.analysis.workspace.singular_set import curvature, nearest_singular
+from rmrc.analysis.workspace.slices import choose_slice
+from rmrc.analysis.workspace.workspace import workspace
+from rmrc.law.task import Task, choose
+from rmrc.support.errors import QuestionError
 from rmrc.textbook.torus import torus_postures, torus_tube
 from rmrc.textbook.two_link_workspace import two_link_boundary, two_link_free_area
 

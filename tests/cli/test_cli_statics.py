@@ -7,7 +7,7 @@ import pytest
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.statics import balance
+from rmrc.analysis.statics.balance import balance
 
 TWO, STANFORD = (str(ROOT / f"models/{name}.xml") for name in ("planar_2link", "stanford"))
 STRETCHED = (TWO, "--q", "90 deg,0", "--wrench", "0,-1000,0")
@@ -179,6 +179,6 @@ def test_what_diverges_exits_3_and_ctrl_c_130(rmrc, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rmrc.holding.Holding.run", interrupted)
+    monkeypatch.setattr("rmrc.analysis.statics.hold.Holding.run", interrupted)
     code, _, err = rmrc("statics", TWO, "--wrench", "0,1,0", "--hold", "1")
     assert (code, err) == (130, "rmrc: interrupted while holding\n")

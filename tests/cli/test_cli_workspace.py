@@ -153,7 +153,7 @@ def test_bad_input_is_one_line_and_leaves_nothing(workspace, tmp_path, arguments
 
 
 def test_ctrl_c_leaves_nothing_and_exits_130(workspace, tmp_path, monkeypatch):
-    from rmrc.analysis import workspace_search as module
+    from rmrc.analysis.workspace import search as module
 
     def interrupted(*_):
         raise KeyboardInterrupt

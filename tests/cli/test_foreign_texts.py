@@ -7,7 +7,7 @@ import sys
 import pytest
 
 from project import ROOT
-from rmrc.legible import LONGEST
+from rmrc.support.legible import LONGEST
 
 NAMES = [
     "[red]x[/red]",

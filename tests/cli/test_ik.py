@@ -9,8 +9,8 @@ from numpy.testing import assert_allclose
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.inverse_kinematics import goal_pose, solve_ik
-from rmrc.analysis.task import choose
+from rmrc.analysis.ik.solve import goal_pose, solve_ik
+from rmrc.law.task import choose
 
 TWO, THREE = str(ROOT / "models/planar_2link.xml"), str(ROOT / "models/planar_3link.xml")
 PUMA, TORUS = str(ROOT / "models/puma560.xml"), str(ROOT / "models/torus_3r_short.xml")

@@ -7,8 +7,8 @@ import pytest
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.inspection import inspect_arm
-from rmrc.output.inspection_json import KEYS, facts
+from rmrc.analysis.inspect.inspection import inspect_arm
+from rmrc.analysis.inspect.json import KEYS, facts
 
 TWO, STANFORD = str(ROOT / "models/planar_2link.xml"), str(ROOT / "models/stanford.xml")
 

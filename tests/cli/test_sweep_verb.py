@@ -9,9 +9,9 @@ import pytest
 
 from project import ROOT
 from rmrc.cli import console
-from rmrc.errors import ClusterError
-from rmrc.sweep import cluster
-from rmrc.sweep.sweep import Sweep
+from rmrc.study import dask as cluster
+from rmrc.study.sweep import Sweep
+from rmrc.support.errors import ClusterError
 
 TEXT = f"""
 name: quick

@@ -9,7 +9,7 @@ import sys
 import pytest
 
 from project import ROOT
-from rmrc.tuning.tuning import Tuning
+from rmrc.tuning.tune import Tuning
 
 TEXT = f"""
 name: quick

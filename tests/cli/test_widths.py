@@ -69,8 +69,8 @@ def words(text):
 @pytest.mark.parametrize("case", PRINTING)
 def test_no_word_that_a_verb_prints_is_broken(drawn, case):
     if case == "schema":
-        from rmrc.output import tables
         from rmrc.scenario import schema_rows
+        from rmrc.show import tables
 
         def at(width):
             console = _Screen(file=io.StringIO(), width=width)

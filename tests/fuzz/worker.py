@@ -115,10 +115,10 @@ def _remember_what_never_changes():
     """
     import typer.main
 
-    import rmrc.facts
+    import rmrc.results.facts
 
     typer.main.get_command = functools.cache(typer.main.get_command)
-    rmrc.facts.version = functools.cache(importlib.metadata.version)
+    rmrc.results.facts.version = functools.cache(importlib.metadata.version)
 
 
 def _planted(name):

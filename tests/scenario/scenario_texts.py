@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
-from rmrc.errors import ScenarioError
 from rmrc.scenario import loads
+from rmrc.support.errors import ScenarioError
 
 MINIMAL = """\
 name: x

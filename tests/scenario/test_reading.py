@@ -8,9 +8,9 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from scenario_texts import MINIMAL, problems
 
-from rmrc.errors import ScenarioError
 from rmrc.scenario import inline, load, loads, reading
 from rmrc.scenario.reading import parse, plain_number
+from rmrc.support.errors import ScenarioError
 
 
 def test_a_merge_key_takes_what_is_not_said():

@@ -5,8 +5,8 @@ import yaml
 from scenario_texts import EXAMPLE, FULL, MINIMAL, full_number_keys
 
 from rmrc import scenario as package
-from rmrc.errors import ScenarioError
 from rmrc.scenario import json_schema, loads, schema_rows
+from rmrc.support.errors import ScenarioError
 
 
 def as_row(key):

@@ -3,8 +3,8 @@ import math
 import pytest
 from scenario_texts import FULL, MINIMAL, full_number_keys, problems
 
-from rmrc.errors import ScenarioError
 from rmrc.scenario import loads
+from rmrc.support.errors import ScenarioError
 
 
 @pytest.mark.parametrize(

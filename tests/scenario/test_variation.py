@@ -1,8 +1,8 @@
 import pytest
 from scenario_texts import MINIMAL
 
-from rmrc.errors import ScenarioError
 from rmrc.scenario import load, variants
+from rmrc.support.errors import ScenarioError
 
 METHOD, MAXIMUM = "control.inverse.method", "control.inverse.damping.maximum"
 

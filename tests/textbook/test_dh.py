@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 from rmrc.textbook.dh import DHChain, dh_transform, modified_dh_transform
 
 # Products of a dozen matrices of order one.

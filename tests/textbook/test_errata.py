@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rmrc.control.law import resolve_rates
-from rmrc.spatial import (
+from rmrc.law.law import resolve_rates
+from rmrc.support.spatial import (
     exp_rotation,
     quat_from_axis_angle,
     quat_to_matrix,

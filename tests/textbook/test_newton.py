@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 from rmrc.textbook.newton import newton_raphson
 from rmrc.textbook.planar import three_link_jacobian, three_link_position
 from rmrc.textbook.two_link import two_link_jacobian, two_link_position, two_link_postures

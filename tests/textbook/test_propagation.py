@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 from chains import random_chain
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 from rmrc.textbook import propagation
 from rmrc.textbook.dh import DHChain
 from rmrc.textbook.propagation import (

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian
 from rmrc.textbook.redundancy import (
     null_space_projector,

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
 
-from rmrc.spatial import exp_rotation, quat_to_matrix, skew
+from rmrc.support.spatial import exp_rotation, quat_to_matrix, skew
 from rmrc.textbook.planar import embed_planar_jacobian, three_link_jacobian
 from rmrc.textbook.reference_frame import rotate_jacobian, shift_jacobian
 from rmrc.textbook.stanford import stanford_chain, stanford_jacobian

@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from rmrc.errors import ModelError
-from rmrc.spatial import exp_rotation, quat_to_matrix
+from rmrc.support.errors import ModelError
+from rmrc.support.spatial import exp_rotation, quat_to_matrix
 from rmrc.textbook.ellipsoid import manipulability
 from rmrc.textbook.planar import planar_jacobian
 from rmrc.textbook.reference_frame import rotate_jacobian

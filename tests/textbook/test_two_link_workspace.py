@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 from rmrc.textbook.two_link import two_link_position
 from rmrc.textbook.two_link_workspace import Arc, two_link_boundary, two_link_free_area
 

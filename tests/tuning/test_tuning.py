@@ -12,19 +12,20 @@ import pytest
 
 import rmrc as package
 from project import ROOT
-from rmrc.errors import ScenarioError
-from rmrc.output import tuning_figure, tuning_table
-from rmrc.preparation import Preparation, prepare
-from rmrc.run import Divergence
+from rmrc.results.run import Divergence
+from rmrc.results.scorecard import Figure, scorecard
 from rmrc.scenario import Template, load
-from rmrc.scorecard import Figure, scorecard
-from rmrc.simulation import Simulation
+from rmrc.simulation.prepare import Preparation, prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import ScenarioError
+from rmrc.tuning import figure as tuning_figure
 from rmrc.tuning import report
+from rmrc.tuning import tables as tuning_table
 from rmrc.tuning.copies import Copy, Spread
 from rmrc.tuning.search import Search, Tried
 from rmrc.tuning.space import NUMBERS, WORDS, Setting, Structure, all_structures, own_setting
 from rmrc.tuning.trials import Limits, Outcome, Trials, worst
-from rmrc.tuning.tuning import Tuning
+from rmrc.tuning.tune import Tuning
 from rmrc.tuning.verdict import judge
 
 # From 60 deg of the elbow to 30 deg, in 40 ticks without physics.

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.analysis.task import Array, Task
-from rmrc.control.compiled import Record, entry, machine_code
-from rmrc.control.kinematics import follow_chain, geometric_jacobian
-from rmrc.control.law import scale_task
-from rmrc.control.smallmat import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
+from rmrc.law.jit import Record, entry, machine_code
+from rmrc.law.kinematics import follow_chain, geometric_jacobian
+from rmrc.law.law import scale_task
+from rmrc.law.svd import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
+from rmrc.law.task import Array, Task
 
 # Configurations that a thread takes at a time: some milliseconds of work.
 SHARE = 4096

@@ -6,7 +6,7 @@ the physics.
 """
 
 from rmrc.arm.arm import Arm, Chain
-from rmrc.arm.changes import Change
+from rmrc.arm.differences import Change
 from rmrc.arm.loading import files, load
 from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Travel, Wiring

@@ -10,13 +10,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.changes import PAYLOAD, check_stretch, stretched_fields
 from rmrc.arm.compiling import compiled
+from rmrc.arm.differences import PAYLOAD, check_stretch, stretched_fields
 from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import Travel, Wiring, find_chain, joints_above, wire
-from rmrc.errors import ModelError, did_you_mean
-from rmrc.legible import listed
-from rmrc.spatial import matrix_to_quat
+from rmrc.support.errors import ModelError, did_you_mean
+from rmrc.support.legible import listed
+from rmrc.support.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
 

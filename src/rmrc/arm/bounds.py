@@ -7,7 +7,7 @@ from pathlib import Path
 
 import mujoco
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 
 if sys.platform != "win32":
     import resource

@@ -10,7 +10,7 @@ import mujoco
 from rmrc.arm import names, numbers
 from rmrc.arm.bounds import MOST_MEMORY, bounded_memory, check_model, check_spec
 from rmrc.arm.scan import check_file
-from rmrc.errors import ModelError, ModelWarning
+from rmrc.support.errors import ModelError, ModelWarning
 
 # How MuJoCo says that there is no memory: as itself, or of an exception that its bindings do not know.
 _NO_MEMORY = ("allocate", "unknown exception")

@@ -14,7 +14,7 @@ from rmrc.arm.compiling import quiet_log, read
 from rmrc.arm.limits import position_limit, rate_limit, torque_limit
 from rmrc.arm.scan import check_file
 from rmrc.arm.wiring import SLIDE, find_chain, find_site, find_travels
-from rmrc.errors import ModelError, did_you_mean
+from rmrc.support.errors import ModelError, did_you_mean
 
 
 def load(path: Path, site: str | None = None, joints: Sequence[str] | None = None) -> Arm:

@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import mujoco
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 
 # Lines and pages end at these too, and after those the rest of a line is written backwards.
 _CONTROLS = frozenset("\u2028\u2029\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.names import KINDS, called, count
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 
 # Of lengths and positions [m, rad]: such are kept to 1e-10. Of all else: its tenth power is finite, and no
 # equation here has a higher one.

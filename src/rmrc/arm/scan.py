@@ -10,8 +10,8 @@ from html import unescape
 from pathlib import Path
 from typing import NamedTuple
 
-from rmrc.errors import ModelError
 from rmrc.scenario.wording import brief
+from rmrc.support.errors import ModelError
 
 # The largest XML of those models has 1 MB, 300 geoms and 130 joints. MuJoCo's time grows with the square:
 # so many of either take it some seconds.

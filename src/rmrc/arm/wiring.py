@@ -8,8 +8,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.errors import ModelError, did_you_mean
-from rmrc.legible import listed
+from rmrc.support.errors import ModelError, did_you_mean
+from rmrc.support.legible import listed
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)

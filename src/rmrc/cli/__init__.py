@@ -29,11 +29,11 @@ from rmrc.cli.console import (
     warnings_in_lines,
 )
 from rmrc.cli.mistakes import ENVIRONMENT, UsageError, usage
-from rmrc.errors import RmrcError, ScenarioError
-from rmrc.interruption import stops_like_ctrl_c
-from rmrc.invocation import command
-from rmrc.legible import visible
-from rmrc.notices import heard_by
+from rmrc.support.errors import RmrcError, ScenarioError
+from rmrc.support.interruption import stops_like_ctrl_c
+from rmrc.support.invocation import command
+from rmrc.support.legible import visible
+from rmrc.support.notices import heard_by
 
 EXIT_CODES = """\b
 Exit codes:

@@ -24,8 +24,8 @@ from rich.progress import (
 from rich.segment import Segment
 from rich.text import Text
 
-from rmrc import legible
-from rmrc.interruption import signal_that_came
+from rmrc.support import legible
+from rmrc.support.interruption import signal_that_came
 
 EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERNAL, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 3, 70, 130, 141
 EXIT_TERMINATED, EXIT_HUNG_UP = 143, 129

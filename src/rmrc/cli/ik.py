@@ -19,11 +19,11 @@ from rmrc.cli.questions import (
     task_axes,
     within,
 )
-from rmrc.errors import QuestionError
-from rmrc.legible import quoted
+from rmrc.support.errors import QuestionError
+from rmrc.support.legible import quoted
 
 if TYPE_CHECKING:
-    from rmrc.analysis.task import Array, Task
+    from rmrc.law.task import Array, Task
 
 
 class Method(StrEnum):
@@ -96,11 +96,11 @@ def ik(
         raise QuestionError(f"give --all or {option}, not both: all postures are searched from many starts")
     rows = task_axes(axes)
     with notice("reading the model ..."):
-        from rmrc.analysis.inverse_kinematics import solve_ik
-        from rmrc.analysis.postures import find_postures
-        from rmrc.analysis.task import choose
-        from rmrc.output import postures as tables
-        from rmrc.output.sheets import render
+        from rmrc.analysis.ik import report as tables
+        from rmrc.analysis.ik.postures import find_postures
+        from rmrc.analysis.ik.solve import solve_ik
+        from rmrc.law.task import choose
+        from rmrc.show.sheets import render
 
     arm = load(model, site)
     task = choose(arm, rows, length)
@@ -131,7 +131,7 @@ def ik(
 
 def _goal(task: "Task", to: str | None, quat: str | None, to_q: str | None) -> "Array":
     """Return the pose (7,) of --to and --quat, or of --to-q."""
-    from rmrc.analysis.inverse_kinematics import goal_pose
+    from rmrc.analysis.ik.solve import goal_pose
 
     if to_q is not None:
         if to is not None or quat is not None:

@@ -20,7 +20,7 @@ from rmrc.cli.questions import (
     task_axes,
     wrench_of,
 )
-from rmrc.errors import QuestionError
+from rmrc.support.errors import QuestionError
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
@@ -71,10 +71,11 @@ def inspect(
         raise QuestionError("give --q or --keyframe, not both")
     rows = task_axes(axes)
     with notice("reading the model ..."):
-        from rmrc.analysis.inspection import inspect_arm
+        from rmrc.analysis.inspect import json as inspection_json
+        from rmrc.analysis.inspect import tables as inspection_tables
+        from rmrc.analysis.inspect.inspection import inspect_arm
         from rmrc.arm import load
-        from rmrc.output import inspection_json, inspection_tables
-        from rmrc.output.sheets import render
+        from rmrc.show.sheets import render
 
     arm = load(model, site)
     positions = [configuration(arm, text, None) for text in q or ()]
@@ -89,7 +90,7 @@ def inspect(
     ]  # fmt: skip
     warn(warning for one in found for warning in one.warnings)
     if picture is not None:
-        from rmrc.output.arm_figure import draw_arm
+        from rmrc.analysis.inspect.figure import draw_arm
 
         draw_arm(found, picture)
     if as_json:

@@ -3,9 +3,9 @@
 from pathlib import Path
 from typing import NamedTuple
 
-from rmrc.errors import QuestionError
-from rmrc.invocation import command
-from rmrc.legible import listed, visible
+from rmrc.support.errors import QuestionError
+from rmrc.support.invocation import command
+from rmrc.support.legible import listed, visible
 
 
 class Kind(NamedTuple):

@@ -10,9 +10,9 @@ from typing import Any
 import typer
 
 from rmrc.cli.kinds import KINDS
-from rmrc.invocation import command
-from rmrc.legible import shortened
 from rmrc.scenario import place_of
+from rmrc.support.invocation import command
+from rmrc.support.legible import shortened
 
 # What the command line's library raises for a wrong option or argument; it exports this child of it only.
 UsageError: Any = typer.BadParameter.__mro__[1]

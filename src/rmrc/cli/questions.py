@@ -12,11 +12,11 @@ import typer
 from numpy.typing import NDArray
 
 from rmrc.cli.kinds import MODEL, expect
-from rmrc.errors import QuestionError
-from rmrc.legible import quoted
-from rmrc.notices import tell
 from rmrc.scenario.values import angle
-from rmrc.spatial import AXES
+from rmrc.support.errors import QuestionError
+from rmrc.support.legible import quoted
+from rmrc.support.notices import tell
+from rmrc.support.spatial import AXES
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
@@ -130,7 +130,7 @@ def wrench_of(text: str) -> NDArray[np.float64]:
 
 
 def task_axes(text: str | None) -> tuple[str, ...] | None:
-    """Return the rows of --axes; None without it, to let `rmrc.analysis.task.choose` choose.
+    """Return the rows of --axes; None without it, to let `rmrc.law.task.choose` choose.
 
     Raises:
         QuestionError: There is no such row, or their order is another, in which --to would be misread.

@@ -21,11 +21,11 @@ from rmrc.cli.console import (
     progress,
 )
 from rmrc.cli.kinds import RECORDING, SCENARIO, expect
-from rmrc.invocation import command
+from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
-    from rmrc.comparison import Comparison, Results
-    from rmrc.job import Ended, Job
+    from rmrc.study.compare import Comparison, Results
+    from rmrc.study.run import Ended, Job
 
 ScenarioFile = Annotated[
     Path, typer.Argument(help="The scenario, a YAML file.", callback=lambda path: expect(path, SCENARIO))
@@ -47,9 +47,9 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario; leave NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
-    from rmrc import stuck
-    from rmrc.job import Job  # with numba and mujoco, which `schema` and `replay` do without
-    from rmrc.output import tables
+    from rmrc.results import stuck
+    from rmrc.show import tables
+    from rmrc.study.run import Job  # with numba and mujoco, which `schema` and `replay` do without
 
     console = output(quiet, pipe=80)
     job = Job(scenarios.load(scenario, set_ or ()), out, record)
@@ -104,8 +104,8 @@ def compare(
 
     The exit code is that of the runs, whatever the scenario expects: what was missed is in the table.
     """
-    from rmrc.comparison import Comparison
-    from rmrc.output import comparison_table as table
+    from rmrc.study import compare_table as table
+    from rmrc.study.compare import Comparison
 
     console = output(quiet)
     comparison = Comparison(scenario, vary or (), set_ or (), out, record)
@@ -149,7 +149,7 @@ def replay(
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser instead.")] = False,
 ) -> None:
     """Open a recording in the rerun viewer, on this machine only and without telemetry."""
-    from rmrc.output import viewer
+    from rmrc.recording import viewer
 
     raise typer.Exit(viewer.replay(recording, web))
 
@@ -158,7 +158,7 @@ def schema(
     as_json: Annotated[bool, typer.Option("--json", help="JSON Schema, for editors.")] = False,
 ) -> None:
     """Print the keys of a scenario with type, unit, default and meaning."""
-    from rmrc.output import tables
+    from rmrc.show import tables
 
     if as_json:
         print_json(scenarios.json_schema())

@@ -72,9 +72,9 @@ def statics(
 ) -> None:
     """Tell what drives and links bear while a wrench acts on an arm, and which wrenches cost nothing."""
     from rmrc import arm as arms
-    from rmrc.analysis.statics import balance, elsewhere, wrench_costs
-    from rmrc.output import bearing
-    from rmrc.spatial import rotate
+    from rmrc.analysis.statics import report as bearing
+    from rmrc.analysis.statics.balance import balance, elsewhere, wrench_costs
+    from rmrc.support.spatial import rotate
 
     acts = wrench_of(wrench)
     arm = arms.load(model, site)
@@ -86,7 +86,7 @@ def statics(
     other = None if at is None else elsewhere(arm, positions, acts, at)
     held = None
     if hold is not None:
-        from rmrc.holding import Holding
+        from rmrc.analysis.statics.hold import Holding
 
         holding = Holding(borne, gravity, hold)
         try:

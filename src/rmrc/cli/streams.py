@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import TextIO, cast
 
-from rmrc.legible import IN_ASCII
+from rmrc.support.legible import IN_ASCII
 
 
 class _Patient(io.RawIOBase):

@@ -11,13 +11,13 @@ from rich.console import Console
 from rmrc.cli.console import EXIT_INPUT, EXIT_INTERRUPTED, complain, output, print_line, progress
 from rmrc.cli.kinds import SCENARIO, expect
 from rmrc.cli.scenarios import Out, Overrides, Quiet
-from rmrc.errors import ClusterError, ScenarioError
-from rmrc.legible import shortened
+from rmrc.support.errors import ClusterError, ScenarioError
+from rmrc.support.legible import shortened
 
 if TYPE_CHECKING:
-    from rmrc.sweep.dataset import Contents
-    from rmrc.sweep.records import Choice
-    from rmrc.sweep.sweep import Sweep
+    from rmrc.study.dataset import Contents
+    from rmrc.study.picks import Choice
+    from rmrc.study.sweep import Sweep
 
 Drawn = Annotated[list[str] | None, typer.Option(metavar="KEY=LOW..HIGH", help="Draw a key; repeatable.")]
 
@@ -65,8 +65,8 @@ def sweep(
 
     Started again, it goes on where it was ended. A run that diverges is a row like others.
     """
-    from rmrc.sweep.records import Choice
-    from rmrc.sweep.sweep import Sweep
+    from rmrc.study.picks import Choice
+    from rmrc.study.sweep import Sweep
 
     options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
     overrides = [*(set_ or ()), *options.values()]
@@ -157,7 +157,8 @@ def _told(problem: str, options: Mapping[str, str]) -> str:
 
 
 def _summarize(console: Console, work: "Sweep") -> None:
-    from rmrc.output import sheets, sweep_table
+    from rmrc.show import sheets
+    from rmrc.study import sweep_table
 
     found = work.summary()
     named = sorted({run for one in found.extremes for _, run in (one.least, one.most) if run >= 0})

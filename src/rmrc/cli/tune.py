@@ -15,10 +15,10 @@ from rmrc.cli.console import (
 )
 from rmrc.cli.questions import check_picture
 from rmrc.cli.scenarios import Out, Overrides, Quiet, ScenarioFile
-from rmrc.errors import ScenarioError
+from rmrc.support.errors import ScenarioError
 
 if TYPE_CHECKING:
-    from rmrc.tuning.tuning import Tuned, Tuning
+    from rmrc.tuning.tune import Tuned, Tuning
 
 
 def tune(
@@ -58,7 +58,7 @@ def tune(
     """
     from rmrc.scenario import angle
     from rmrc.tuning.copies import Spread
-    from rmrc.tuning.tuning import Tuning
+    from rmrc.tuning.tune import Tuning
 
     check_picture(picture)
     try:
@@ -87,7 +87,7 @@ def tune(
 
 
 def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned | None":
-    from rmrc.leaving import refuse_unwritable
+    from rmrc.results.leaving import refuse_unwritable
 
     work.compile()
     refuse_unwritable(files)
@@ -96,8 +96,9 @@ def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned | 
 
 
 def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
-    from rmrc.output import sheets, tuning_table
+    from rmrc.show import sheets
     from rmrc.tuning import report
+    from rmrc.tuning import tables as tuning_table
 
     console, nearest = output(quiet), found.verdict.nearest
     title, facts = report.title(work, found), report.facts(work, found)

@@ -28,13 +28,13 @@ from rmrc.cli.questions import (
     numbers,
     task_axes,
 )
-from rmrc.errors import QuestionError
-from rmrc.legible import quoted
+from rmrc.support.errors import QuestionError
+from rmrc.support.legible import quoted
 
 if TYPE_CHECKING:
-    from rmrc.analysis.task import Array
     from rmrc.arm import Arm
-    from rmrc.output.sheets import Sheet
+    from rmrc.law.task import Array
+    from rmrc.show.sheets import Sheet
 
 MAPS = ("sigma_min", "manipulability", "condition", "postures")
 
@@ -89,10 +89,10 @@ def workspace(
         raise QuestionError(f"--map must be one of {', '.join(MAPS)}, got {quoted(map_)}")
     rows = task_axes(axes)
     with notice("reading the model ..."):
-        from rmrc.analysis.workspace import compile_for
+        from rmrc.analysis.workspace.workspace import compile_for
         from rmrc.arm import load
-        from rmrc.leaving import refuse_unwritable
-        from rmrc.output.sheets import render
+        from rmrc.results.leaving import refuse_unwritable
+        from rmrc.show.sheets import render
 
         arm = load(model, site)
         compile_for(arm)
@@ -134,8 +134,8 @@ def _refuse_excess(cells: int, size: int) -> None:
         cells: That were asked for along the longer side.
         size: What is held [B].
     """
-    from rmrc.footprint import LIBRARIES
-    from rmrc.memory import excess
+    from rmrc.simulation.footprint import LIBRARIES
+    from rmrc.support.memory import excess
 
     too_much = excess(LIBRARIES + size)
     if too_much:
@@ -163,11 +163,12 @@ def _slice(
     samples: int,
     files: list[Path],
 ) -> tuple[dict[str, Any], "Sheet"]:
-    from rmrc.analysis.slices import choose_slice
-    from rmrc.analysis.workspace import expected, workspace
-    from rmrc.analysis.workspace_files import save, summary
-    from rmrc.analysis.workspace_search import steps_of_grid
-    from rmrc.output import workspace_figure, workspace_table
+    from rmrc.analysis.workspace import figure as workspace_figure
+    from rmrc.analysis.workspace import tables as workspace_table
+    from rmrc.analysis.workspace.files import save, summary
+    from rmrc.analysis.workspace.search import steps_of_grid
+    from rmrc.analysis.workspace.slices import choose_slice
+    from rmrc.analysis.workspace.workspace import expected, workspace
 
     part = choose_slice(asked.arm, plane, asked.q, through)
     if measure == "postures" and not part.is_sheet:
@@ -199,10 +200,11 @@ def _slice(
 
 
 def _over(asked: _Asked, over: str, measure: str | None, files: list[Path]) -> tuple[dict[str, Any], "Sheet"]:
-    from rmrc.analysis.joint_map import joint_map
-    from rmrc.analysis.task import choose
-    from rmrc.analysis.workspace_files import joint_summary, save_joint_map
-    from rmrc.output import workspace_figure, workspace_table
+    from rmrc.analysis.workspace import figure as workspace_figure
+    from rmrc.analysis.workspace import tables as workspace_table
+    from rmrc.analysis.workspace.files import joint_summary, save_joint_map
+    from rmrc.analysis.workspace.joint_map import joint_map
+    from rmrc.law.task import choose
 
     names = tuple(part.strip() for part in over.split(","))
     if len(names) != 2:

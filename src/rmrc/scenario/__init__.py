@@ -24,8 +24,8 @@ from typing import Any, NamedTuple
 
 from pydantic import ValidationError
 
-from rmrc.errors import ScenarioError
 from rmrc.scenario.aliases import place_of
+from rmrc.scenario.keys import Mistake, Origin
 from rmrc.scenario.messages import translate
 from rmrc.scenario.overrides import override
 from rmrc.scenario.path import (
@@ -39,7 +39,6 @@ from rmrc.scenario.path import (
     Turn,
     TurnSegment,
 )
-from rmrc.scenario.places import Mistake, Origin
 from rmrc.scenario.reading import Document, TextError, parse, read
 from rmrc.scenario.schema import SchemaRow, block, inline, json_schema, schema_rows
 from rmrc.scenario.sections import (
@@ -64,6 +63,7 @@ from rmrc.scenario.sections import (
 from rmrc.scenario.values import Axis, Section, angle
 from rmrc.scenario.variation import Variant, variants
 from rmrc.scenario.wording import show
+from rmrc.support.errors import ScenarioError
 
 __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Check", "ControlSection", "DampingSection",

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from rmrc.scenario.places import Key, join
+from rmrc.scenario.keys import Key, join
 from rmrc.scenario.schema import schema_rows
 from rmrc.scenario.wording import show
 

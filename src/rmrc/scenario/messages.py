@@ -8,15 +8,15 @@ from pydantic import ValidationError
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from rmrc.errors import did_you_mean
 from rmrc.scenario import aliases
+from rmrc.scenario.keys import Key, Mistake, Origin
 from rmrc.scenario.path import SEGMENTS
-from rmrc.scenario.places import Key, Mistake, Origin
 from rmrc.scenario.reading import Document
 from rmrc.scenario.sections import ControlSection, PlantSection, Scenario, uneven
 from rmrc.scenario.units import instead
 from rmrc.scenario.values import Section, is_spelled_as_number
 from rmrc.scenario.wording import brief, listed, show
+from rmrc.support.errors import did_you_mean
 
 # Pydantic names the option of a union that it chose; files do not.
 _TAGS = {"<text>", "<list>", "<one>", *(f"<{name}>" for name in SEGMENTS)}

@@ -3,7 +3,7 @@
 from dataclasses import replace
 from typing import Any
 
-from rmrc.scenario.places import Key, Mistake, join
+from rmrc.scenario.keys import Key, Mistake, join
 from rmrc.scenario.reading import Document, TextError, parse, plain_number
 from rmrc.scenario.sections import listed_default, parse_key
 from rmrc.scenario.wording import brief, show

@@ -13,9 +13,9 @@ from typing import Any
 
 import yaml
 
-from rmrc.legible import visible
-from rmrc.scenario.places import Key, Mark, Mistake, Origin, Place
+from rmrc.scenario.keys import Key, Mark, Mistake, Origin, Place
 from rmrc.scenario.wording import brief, nearby, show
+from rmrc.support.legible import visible
 
 # A scenario is a page of text. The bounds are far above that and far below what takes a second.
 _MAX_BYTES = 2**20

@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Annotated, Literal, Self, TypeAlias, get_args
 import yaml
 from pydantic import ConfigDict, Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from rmrc.control.choices import Method, Objective, Schedule
+from rmrc.scenario.choices import Method, Objective, Schedule
+from rmrc.scenario.keys import Key, Origin, split
 from rmrc.scenario.path import Segment
-from rmrc.scenario.places import Key, Origin, split
 from rmrc.scenario.values import (
     AngleOrEach,
     Axes,

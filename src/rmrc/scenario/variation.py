@@ -5,11 +5,11 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rmrc.errors import ScenarioError
-from rmrc.scenario.places import Key, join
+from rmrc.scenario.keys import Key, join
 from rmrc.scenario.reading import TextError, items
 from rmrc.scenario.sections import parse_key
 from rmrc.scenario.wording import brief
+from rmrc.support.errors import ScenarioError
 
 # Curves can be told apart up to a dozen; a table of more rows than this is not read any more, but swept.
 MOST_VARIANTS = 50

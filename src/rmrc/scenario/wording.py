@@ -5,8 +5,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
-from rmrc.errors import did_you_mean
-from rmrc.legible import shortened, visible
+from rmrc.support.errors import did_you_mean
+from rmrc.support.legible import shortened, visible
 
 
 def show(value: object) -> str:

@@ -12,7 +12,7 @@ from typing import Literal, get_args
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 
 JointKind = Literal["revolute", "prismatic"]
 Convention = Literal["standard", "modified"]

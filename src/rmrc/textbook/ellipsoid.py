@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 
 
 @dataclass(frozen=True, eq=False)

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.spatial import normalize, skew
+from rmrc.support.spatial import normalize, skew
 
 Array = NDArray[np.float64]
 
@@ -88,7 +88,7 @@ def angular_velocity_matrix(R: ArrayLike, R_rate: ArrayLike) -> Array:
 
 
 def vee(S: ArrayLike, tolerance: float = 1e-9) -> Array:
-    """Return the vector Ω of a skew matrix, S p = Ω × p: the inverse of `rmrc.spatial.skew`.
+    """Return the vector Ω of a skew matrix, S p = Ω × p: the inverse of `rmrc.support.spatial.skew`.
 
     Each component is the mean of its two entries, Ω_x = (s₃₂ − s₂₃)/2 and so on, which leaves out
     the symmetric part; so that part is looked at first, and may only be rounding.

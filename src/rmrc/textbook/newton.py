@@ -9,7 +9,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 
 Array = NDArray[np.float64]
 NewtonStatus = Literal["converged", "singular", "not converged"]

@@ -19,8 +19,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.errors import ModelError
-from rmrc.spatial import twist_transform, wrench_transform
+from rmrc.support.errors import ModelError
+from rmrc.support.spatial import twist_transform, wrench_transform
 from rmrc.textbook.screws import joint_screw
 
 Array = NDArray[np.float64]

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 
 # A pivot of the normal matrix is sin² of the angle between a row and those before it, times its
 # length squared. Rounding makes this part of it: rows nearer than 1e-6 rad cannot be told from dependent.

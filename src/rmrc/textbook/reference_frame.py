@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.spatial import shift_twist
+from rmrc.support.spatial import shift_twist
 
 
 def shift_jacobian(jacobian: ArrayLike, p: ArrayLike) -> NDArray[np.float64]:

@@ -14,8 +14,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.errors import ModelError
-from rmrc.spatial import exp_rotation, normalize, quat_to_matrix, shift_twist, wrench_transform
+from rmrc.support.errors import ModelError
+from rmrc.support.spatial import exp_rotation, normalize, quat_to_matrix, shift_twist, wrench_transform
 
 Array = NDArray[np.float64]
 
@@ -59,7 +59,8 @@ def transform_screw(screw: ArrayLike, R: ArrayLike, t: ArrayLike) -> Array:
     """Return the screw of a joint after the joint was turned by R and then moved by t.
 
     [ω'; v'] = [[R, 0], [T R, R]] [ω; v] with T = skew(t) [Selig92, exercise 6.6]. As a screw is
-    written [line; moment], this is the matrix that a wrench [f; n] has, `rmrc.spatial.wrench_transform`.
+    written [line; moment], this is the matrix that a wrench [f; n] has,
+    `rmrc.support.spatial.wrench_transform`.
 
     Args:
         screw: [ω; v at the origin], (..., 6).

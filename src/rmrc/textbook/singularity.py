@@ -7,7 +7,7 @@ from itertools import combinations
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 
 # Rank is lost where a singular value is below this part of the largest: determinants of a 6 x 6 are
 # rounded at 1e-15 of the product of their columns' lengths, so this leaves three digits.

@@ -10,7 +10,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.errors import ModelError
+from rmrc.support.errors import ModelError
 from rmrc.textbook.two_link import two_link_position, two_link_postures
 
 Array = NDArray[np.float64]

@@ -2,5 +2,5 @@
 
 `space` says what can be chosen and between which bounds, `copies` draws the perturbed copies, `trials` runs a
 setting on one of them and measures it, `front` sorts what was measured, `search` decides what is tried next,
-`verdict` says what is best, and `tuning` is all of it from file to answer.
+`verdict` says what is best, and `tune` is all of it from file to answer.
 """

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.errors import ScenarioError
-from rmrc.preparation import Prepared
 from rmrc.scenario import ArcSegment, LineSegment, Scenario, inline
-from rmrc.sweep.sobol import sobol_point
+from rmrc.simulation.prepare import Prepared
+from rmrc.study.sobol import sobol_point
+from rmrc.support.errors import ScenarioError
 
 # Sobol's sequence has its numbers for so many.
 _MOST_DRAWN = 20

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from rmrc.errors import ScenarioError, did_you_mean
+from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.tuning.space import NUMBERS, WORDS, Values
 
 EXAMPLE = "control.inverse.method=damped,filtered"

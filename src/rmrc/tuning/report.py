@@ -5,11 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.output.tuning_table import Row
 from rmrc.tuning.search import ALIKE, Tried
 from rmrc.tuning.space import Setting
+from rmrc.tuning.tables import Row
 from rmrc.tuning.trials import TOLERANCE, Limits
-from rmrc.tuning.tuning import Tuned, Tuning
+from rmrc.tuning.tune import Tuned, Tuning
 
 
 def words(setting: Setting) -> str:

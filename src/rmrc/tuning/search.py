@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rmrc.sweep.sobol import sobol_point
+from rmrc.study.sobol import sobol_point
 from rmrc.tuning.front import dominates, front, ranks
 from rmrc.tuning.space import Setting, Space
 from rmrc.tuning.trials import Outcome, Trials, worst

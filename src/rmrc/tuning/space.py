@@ -9,10 +9,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.control.choices import AtSingularity, Method, Schedule
-from rmrc.preparation import Prepared, world_record
-from rmrc.run import Run
+from rmrc.results.run import Run
 from rmrc.scenario import Scenario, inline
+from rmrc.scenario.choices import AtSingularity, Method, Schedule
+from rmrc.simulation.prepare import Prepared, world_record
 
 METHOD, SCHEDULE = "control.inverse.method", "control.inverse.damping.schedule"
 AT_SINGULARITY, FEEDBACK = "control.at_singularity", "control.feedback"
@@ -27,7 +27,7 @@ WORDS: Mapping[str, tuple[str, ...]] = {
 }
 NUMBERS = (_MAXIMUM, _BELOW, _W_BELOW, _ERROR_GAIN, _RATE_BOUND, _CUTOFF, _GAMMA, FEEDBACK, _STOP)
 
-# `gains` and `damping` of `rmrc.control.inverse` read these. The tolerance of `pseudoinverse` is left alone:
+# `gains` and `damping` of `rmrc.law.inverses` read these. The tolerance of `pseudoinverse` is left alone:
 # `truncated` is the same with a threshold that is searched.
 _OF_METHOD = {
     "filtered": (_MAXIMUM, _BELOW),

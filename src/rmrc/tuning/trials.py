@@ -9,13 +9,13 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.batches import Batches
-from rmrc.preparation import Preparation, Prepared, world_record
-from rmrc.run import Divergence
+from rmrc.plants.batches import Batches
+from rmrc.results.run import Divergence
+from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import inline
-from rmrc.scorecard import Scorecard
-from rmrc.simulation import Simulation
-from rmrc.threads import side_by_side
+from rmrc.simulation.prepare import Preparation, Prepared, world_record
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.threads import side_by_side
 from rmrc.tuning.copies import Copy
 from rmrc.tuning.front import Point
 from rmrc.tuning.space import Setting

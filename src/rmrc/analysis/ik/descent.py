@@ -1,0 +1,282 @@
+"""From joint positions down to a goal pose, compiled: Newton's steps, or damped ones that keep to the limits.
+
+The error of a configuration is e = S_x pose_error, the rows that count, and its derivative is −A with
+A = S_x L(φ) J S_q: the rotation rows of J are turned by L(φ), the inverse of the right Jacobian of SO(3) at
+the rotation error φ [Sola18]. L(φ) is 1 at a goal of which all rotation rows count, and wherever a planar arm
+is. Where only some count, φ need not vanish at the goal, and without L(φ) no method would be quadratic.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.law.jit import Array, Record, compiled, entry, inlined
+from rmrc.law.kinematics import follow_chain, geometric_jacobian, pose_error
+from rmrc.law.svd import RANK_FLOOR, combine, dot, project, svd_from_scratch
+
+# λ² starts with this share of |e|². Of 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
+FIRST_SHARE = 0.03
+# The share falls no further: below, the steps are Newton's to rounding.
+LEAST_SHARE = 1e-8
+# A share that has grown so far moves nothing any more.
+LARGEST_SHARE = 1e12
+# A model that promises a smaller share of the squared error than rounding has nothing to offer: a minimum.
+FLAT = 1e-15
+# A descent that should soon give way to another start must within so many steps lose a tenth of its error. Of
+# 8, 12 and 20, 8 needs the fewest in all, and as many starts.
+PATIENCE = 8
+LOSS = 0.9
+# Below, 1/12 + θ²/720 is the factor of L(φ) to rounding; the closed form would lose digits.
+SMALL_TURN = 1e-2
+
+
+@entry
+def reach(
+    world: Record, undamped: bool, tolerance: float, most: int, goals: Array, first: Array, more: Array,
+    q: Array, error: Array, tally: NDArray[np.int64], trace: Array,
+) -> None:  # fmt: skip
+    """Write for each of N goals the first joint positions that reach it, or else the nearest that were found.
+
+    Each goal is tried from its own start and then from those that all have in common. If none succeeds, the
+    best is followed to the end.
+
+    Args:
+        world: A task's record; its `position_limit` is kept to.
+        undamped: Newton's steps.
+        tolerance: Of |e|.
+        most: Steps of a try at most.
+        goals: Poses [p, quat w x y z], (N, 7).
+        first: Where each goal is tried from first, (N, n).
+        more: Where it is tried from next, (T, n).
+        q: Written, (N, n).
+        error: |e| there, written, (N,).
+        tally: Added to, (N, 3): steps of all tries; steps of the try that gave q; which that was, from 0.
+        trace: Rows of q, |e|, λ of the last goal's first try are written as far as they go, (R, n + 2).
+    """
+    none, positions, tries = trace[:0], world.best, more.shape[0] + 1
+    for i in range(goals.shape[0]):
+        for t in range(tries + 1):
+            is_last = t == tries
+            for j in range(world.n):
+                positions[j] = first[i, j] if t == 0 else q[i, j] if is_last else more[t - 1, j]
+            path = trace if t == 0 else none
+            if undamped:
+                left, steps = newton(world, goals[i], positions, tolerance, most, path)
+            else:
+                patience = most if is_last or tries == 1 else PATIENCE
+                left, steps = descend(world, goals[i], positions, tolerance, most, patience, path)
+            tally[i, 0] += steps
+            if t == 0 or left < error[i]:
+                error[i] = left
+                tally[i, 1] = steps + (tally[i, 1] if is_last else 0)
+                tally[i, 2] = tally[i, 2] if is_last else t
+                for j in range(world.n):
+                    q[i, j] = positions[j]
+            if left <= tolerance or undamped:
+                break
+
+
+@inlined
+def newton(
+    world: Record, goal: Array, q: Array, tolerance: float, most: int, trace: Array
+) -> tuple[float, int]:
+    """Move joint positions q (n,) by q⁺ = q + S_q A⁺ e; return |e| at the end and the steps it took.
+
+    It is Newton and Raphson's method [Selig92, §6.3], where A has no inverse with the smallest step that the
+    linear model asks for.
+    """
+    error = math.sqrt(start(world, goal, q))
+    write_row(world, q, error, 0.0, trace, 0)
+    for step in range(most):
+        if error <= tolerance:
+            return error, step
+        find_step(world, q, 0.0)
+        trial = math.sqrt(attempt(world, goal, q))
+        if not math.isfinite(trial):
+            return error, step
+        error = trial
+        accept(world, q)
+        write_row(world, q, error, 0.0, trace, step + 1)
+    return error, most
+
+
+@inlined
+def descend(
+    world: Record, goal: Array, q: Array, tolerance: float, most: int, patience: int, trace: Array
+) -> tuple[float, int]:
+    """Move joint positions q (n,) to a goal as far as one start leads; return |e| there and the steps taken.
+
+    λ² = μ |e|² [Chan88], [Sugihara11] leaves the convergence quadratic and keeps steps near a singularity
+    finite. μ is quartered where the error fell as the linear model promised, and taken four times where it
+    did not; no step is taken that makes the error larger, as by a trust region [Fan03].
+    """
+    squared, share, row, steps, is_last = start(world, goal, q), FIRST_SHARE, 1, 0, False
+    before = squared
+    write_row(world, q, math.sqrt(squared), 0.0, trace, 0)
+    while steps < most and share < LARGEST_SHARE and not is_last:
+        # One step more than is needed: quadratic convergence makes it the last digits.
+        is_last = squared <= tolerance * tolerance
+        if steps % patience == patience - 1 and not is_last:
+            if squared > LOSS * LOSS * before:
+                break
+            before = squared
+        damping = math.sqrt(share * squared)
+        promised = find_step(world, q, damping)
+        if promised <= FLAT * squared:
+            break
+        trial = attempt(world, goal, q)
+        steps += 1
+        share = adapted(share, (squared - trial) / promised)
+        if trial < squared:
+            squared = trial
+            accept(world, q)
+            write_row(world, q, math.sqrt(squared), damping, trace, row)
+            row += 1
+    return math.sqrt(squared), steps
+
+
+@compiled
+def adapted(share: float, ratio: float) -> float:
+    """Return the next μ for a ratio of what a step gave to what the linear model promised."""
+    if ratio > 0.75:
+        return max(0.25 * share, LEAST_SHARE)
+    if ratio > 0.25:
+        return share
+    return share * (4.0 if ratio > 0.0 else 16.0)
+
+
+@compiled
+def start(world: Record, goal: Array, q: Array) -> float:
+    """Return |e|² at joint positions q, and make the linear model there."""
+    squared = measure(world, goal, q)
+    linearize(world)
+    return squared
+
+
+@compiled
+def attempt(world: Record, goal: Array, q: Array) -> float:
+    """Return |e|² where the step leads, which is left in the world's `work`."""
+    for j in range(world.n):
+        # Rounding must not lead beyond a limit.
+        least, largest = world.position_limit[0, j], world.position_limit[1, j]
+        world.work[j] = min(max(q[j] + world.part_a[j], least), largest)
+    return measure(world, goal, world.work)
+
+
+@compiled
+def accept(world: Record, q: Array) -> None:
+    """Go where the last attempt led, and make the linear model there."""
+    for j in range(world.n):
+        q[j] = world.work[j]
+    linearize(world)
+
+
+@compiled
+def write_row(world: Record, q: Array, error: float, damping: float, trace: Array, row: int) -> None:
+    """Write q, |e| and λ into a row of the trace if it has one."""
+    if row < trace.shape[0]:
+        for j in range(world.n):
+            trace[row, j] = q[j]
+        trace[row, world.n], trace[row, world.n + 1] = error, damping
+
+
+@compiled
+def measure(world: Record, goal: Array, q: Array) -> float:
+    """Return |e|² at joint positions q, and leave e in the world's `asked`, the whole error in `error_2`."""
+    follow_chain(world, q)
+    pose_error(world.pose, goal, world.error_2)
+    for i in range(world.m):
+        world.asked[i] = world.row_scale[i] * world.error_2[world.row[i]]
+    return dot(world.asked, world.asked, world.m)
+
+
+@compiled
+def linearize(world: Record) -> None:
+    """Keep e, and write A = S_x L(φ) J S_q, where the arm was last measured."""
+    J, error = world.J, world.error_2
+    geometric_jacobian(world, world.pose, world.anchor, world.axis, J)
+    fx, fy, fz = error[3], error[4], error[5]
+    turn2 = fx * fx + fy * fy + fz * fz
+    half = 0.5 * math.sqrt(turn2)
+    if half < SMALL_TURN:
+        factor = 1.0 / 12.0 + turn2 / 720.0
+    else:
+        factor = (1.0 - half * math.cos(half) / math.sin(half)) / turn2
+    for j in range(world.n):
+        wx, wy, wz = J[3, j], J[4, j], J[5, j]
+        cx, cy, cz = fy * wz - fz * wy, fz * wx - fx * wz, fx * wy - fy * wx
+        J[3, j] = wx + 0.5 * cx + factor * (fy * cz - fz * cy)
+        J[4, j] = wy + 0.5 * cy + factor * (fz * cx - fx * cz)
+        J[5, j] = wz + 0.5 * cz + factor * (fx * cy - fy * cx)
+    for i in range(world.m):
+        world.task[i] = world.asked[i]
+        for j in range(world.n):
+            world.A[i, j] = world.row_scale[i] * J[world.row[i], j] * world.joint_scale[j]
+
+
+@compiled
+def find_step(world: Record, q: Array, damping: float) -> float:
+    """Write a step into the world's `part_a`, and return by how much |e|² falls in the linear model.
+
+    The step minimizes |e − A z|² + λ² |z|² over the joints that are free [Levenberg44]. Those at a limit that
+    the gradient pushes beyond it are held. Those that the step would take beyond one go there and are held
+    next, until the rest stays within: an active set.
+    """
+    hold_pushed(world, q)
+    for _ in range(world.n + 1):
+        solve_free(world, damping)
+        if go_to_limits(world, q):
+            break
+    left2 = 0.0
+    for i in range(world.m):
+        left = world.task[i] - dot(world.A[i], world.part_a, world.n)
+        left2 += left * left
+    for j in range(world.n):
+        world.part_a[j] *= world.joint_scale[j]
+    return dot(world.task, world.task, world.m) - left2
+
+
+@compiled
+def hold_pushed(world: Record, q: Array) -> None:
+    """Begin a step: it is zero, and the joints are held that are at a limit and would go beyond it."""
+    limit = world.position_limit
+    for j in range(world.n):
+        downhill = 0.0
+        for i in range(world.m):
+            downhill += world.A[i, j] * world.task[i]
+        at_lower, at_upper = q[j] <= limit[0, j], q[j] >= limit[1, j]
+        is_pushed = (at_lower and downhill <= 0.0) or (at_upper and downhill >= 0.0)
+        world.part_a[j], world.held[j] = 0.0, 1.0 if is_pushed else 0.0
+
+
+@inlined
+def solve_free(world: Record, damping: float) -> None:
+    """Write the damped step of the free joints into the world's `part_b`, after those that are held."""
+    for i in range(world.m):
+        world.task_B[i] = world.task[i]
+        for j in range(world.n):
+            world.task_B[i] -= world.A[i, j] * world.part_a[j] * world.held[j]
+            world.B[i, j] = world.A[i, j] * (1.0 - world.held[j])
+    svd_from_scratch(world.B, world.m, world.n, world.u_B, world.sigma_B, world.v_B)
+    for i in range(world.k):
+        sigma = world.sigma_B[i]
+        is_rounding = sigma <= RANK_FLOOR * world.sigma_B[0]
+        world.gain_B[i] = 0.0 if is_rounding else sigma / (sigma * sigma + damping * damping)
+    project(world.u_B, world.task_B, world.k, world.m, world.asked_B)
+    combine(world.gain_B, world.asked_B, world.v_B, world.k, world.n, world.part_b)
+
+
+@compiled
+def go_to_limits(world: Record, q: Array) -> bool:
+    """Take the step of the free joints over, as far as limits let them; return whether it was all of it."""
+    is_all = True
+    for j in range(world.n):
+        if world.held[j] == 0.0:
+            there = q[j] + world.joint_scale[j] * world.part_b[j]
+            within = min(max(there, world.position_limit[0, j]), world.position_limit[1, j])
+            world.part_a[j] = world.part_b[j]
+            if within != there:
+                world.part_a[j] = (within - q[j]) / world.joint_scale[j]
+                world.held[j], is_all = 1.0, False
+    return is_all

@@ -1,0 +1,206 @@
+"""What inverse kinematics found, as sheets of at most 100 columns and as plain values for JSON."""
+
+from collections.abc import Iterable, Sequence
+
+import numpy as np
+
+from rmrc.analysis.ik.postures import Postures
+from rmrc.analysis.ik.solve import Solution
+from rmrc.law.task import Task
+from rmrc.show.sheets import Sheet, number
+
+# Columns of numbers that fit beside the names of joints.
+BESIDE = 8
+
+
+def solution_sheets(task: Task, solution: Solution, limits: bool, iterates: bool) -> list[Sheet]:
+    """Return the joints, the errors, and the steps if they are wanted.
+
+    Args:
+        task: The arm and the rows that count.
+        solution: What was found.
+        limits: Whether the joints' limits were kept to; they are shown then.
+        iterates: Whether to show the steps.
+    """
+    arm = task.arm
+    rows = []
+    for j, (joint, position) in enumerate(zip(arm.joints, solution.q, strict=True)):
+        lower, upper = arm.position_limit[j] if limits else (-np.inf, np.inf)
+        rows.append(
+            (
+                joint,
+                *_decimals([position]),
+                *_unit(task, j, position),
+                *(number(end) if np.isfinite(end) else "none" for end in (lower, upper)),
+                _at(solution, j),
+            )
+        )
+    nearest = "the nearest" if solution.method == "damped" else "where the steps ended"
+    title = "Reached" if solution.found else f"Not reached; {nearest}"
+    joints = Sheet(
+        f"{title}: {arm.path.stem}, {arm.site}",
+        ("joint", "q", "", "deg", "lower", "upper", ""), rows, frozenset({0, 2, 6}),
+    )  # fmt: skip
+    left = (
+        ("position error", number(solution.position_error), "m"),
+        ("orientation error", number(solution.orientation_error), "rad"),
+        ("steps", str(solution.steps), ""),
+        ("starts tried", str(solution.tries), ""),
+    )
+    rest = Sheet("", ("", "value", "unit"), left, frozenset({0, 2}))
+    poses = (("goal", solution.goal), ("reached", solution.pose))
+    site = Sheet(
+        f"Site; what counts: {', '.join(task.axes)}",
+        ("", "x", "y", "z", "qw", "qx", "qy", "qz"), [(name, *_decimals(pose)) for name, pose in poses],
+    )  # fmt: skip
+    return [*(_iterates(solution) if iterates else ()), joints, site, rest]
+
+
+def posture_sheets(task: Task, postures: Postures, limits: bool) -> list[Sheet]:
+    """Return the postures side by side, or the nearest configuration if there is none."""
+    if postures.nearest is not None:
+        return solution_sheets(task, postures.nearest, limits, False)
+    count = len(postures.q)
+    continua = int(np.count_nonzero(postures.freedom))
+    isolated = count - continua
+    found = [f"{isolated} posture{'s' * (isolated != 1)}"] if isolated or not continua else []
+    if continua:
+        one = "a continuum, its nearest to the start shown"
+        found.append(one if continua == 1 else f"{continua} continua, of each its nearest to the start shown")
+    title = f"{task.arm.path.stem}, {task.arm.site}: {' and '.join(found)}; {postures.starts} starts"
+    sheets = []
+    for first in range(0, count, BESIDE):
+        part = range(first, min(first + BESIDE, count))
+        rows = [
+            (joint, task.arm.units[j], *_decimals(postures.q[list(part), j], 4))
+            for j, joint in enumerate(task.arm.joints)
+        ]
+        rows.append(("starts that led there", "", *(str(postures.hits[p]) for p in part)))
+        if postures.is_continuum:
+            rows.append(("ways to move on", "", *(str(postures.freedom[p]) for p in part)))
+        if not postures.decided.all():
+            words = {True: "yes", False: "unknown"}
+            rows.append(("apart from others", "", *(words[bool(postures.decided[p])] for p in part)))
+        headings = ("joint", "", *(str(p + 1) for p in part))
+        sheets.append(Sheet("" if first else title, headings, rows, frozenset({0, 1})))
+    return sheets
+
+
+def failure(task: Task, solution: Solution) -> str:
+    """Return why a goal was not reached, in one line."""
+    joints = task.arm.joints
+    beyond = [joint for joint, is_so in zip(joints, solution.beyond, strict=True) if is_so]
+    if solution.method == "newton":
+        if beyond:
+            return (
+                f"not reached: Newton's method ends beyond the limits of {', '.join(beyond)}; "
+                "try --method damped, or --no-limits"
+            )
+        return (
+            f"not reached: {_distance(solution)} left after {solution.steps} of Newton's steps; "
+            "try another start or --method damped"
+        )
+    active = [f"{joint} at its {_side(side)} limit" for joint, side in _active(task, solution)]
+    return (
+        f"not reached: {_distance(solution)} left at the nearest of {solution.tries} starts"
+        f"{'; ' * bool(active)}{', '.join(active)}"
+    )
+
+
+def solution_facts(task: Task, solution: Solution, iterates: bool) -> dict[str, object]:
+    """Return a solution as plain values."""
+    facts: dict[str, object] = {
+        "found": solution.found,
+        "q": dict(zip(task.arm.joints, solution.q.tolist(), strict=True)),
+        "pose": solution.pose.tolist(),
+        "error": solution.error,
+        "position_error": solution.position_error,
+        "orientation_error": solution.orientation_error,
+        "at_limit": {joint: _side(side) for joint, side in _active(task, solution)},
+        "beyond_limit": [
+            joint for joint, is_so in zip(task.arm.joints, solution.beyond, strict=True) if is_so
+        ],
+        "steps": solution.steps,
+        "tries": solution.tries,
+    }
+    if iterates:
+        path = solution.iterates
+        facts["iterates"] = {
+            "q": path.q.tolist(), "h": path.step.tolist(), "error": path.error.tolist(),
+            "damping": path.damping.tolist(),
+        }  # fmt: skip
+    return facts
+
+
+def posture_facts(task: Task, postures: Postures) -> dict[str, object]:
+    """Return all postures as plain values; `apart` is None where a continuum may be a part of another."""
+    return {
+        "found": postures.nearest is None,
+        "postures": [
+            {
+                "q": dict(zip(task.arm.joints, q.tolist(), strict=True)),
+                "starts": int(hits),
+                "freedom": int(freedom),
+                "apart": True if decided else None,
+            }
+            for q, hits, freedom, decided in zip(
+                postures.q, postures.hits, postures.freedom, postures.decided, strict=True
+            )
+        ],
+        "continuum": postures.is_continuum,
+        "continua": int(np.count_nonzero(postures.freedom)),
+        "starts": postures.starts,
+        "nearest": None if postures.nearest is None else solution_facts(task, postures.nearest, False),
+    }
+
+
+def _iterates(solution: Solution) -> list[Sheet]:
+    """Return q, and h of q⁺ = q − h, of every step, in blocks of joints."""
+    path, sheets = solution.iterates, []
+    damped = solution.method == "damped"
+    for first in range(0, path.q.shape[1], BESIDE):
+        part = range(first, min(first + BESIDE, path.q.shape[1]))
+        rows = [
+            (str(i), number(error), *_decimals(q[list(part)]))
+            for i, (error, q) in enumerate(zip(path.error, path.q, strict=True))
+        ]
+        sheets.append(Sheet("Iterates", ("", "|e|", *(f"q{j + 1}" for j in part)), rows, frozenset({0})))
+        rows = [
+            (str(i), *([number(damping)] if damped else []), *_decimals(h[list(part)]))
+            for i, (damping, h) in enumerate(zip(path.damping, path.step, strict=True))
+        ]
+        headings = ("", *(["λ"] if damped else []), *(f"h{j + 1}" for j in part))
+        sheets.append(Sheet("Steps, next q = q − h", headings, rows, frozenset({0})))
+    return sheets
+
+
+def _decimals(values: Iterable[float], digits: int = 6) -> tuple[str, ...]:
+    """Return so many decimals, without the sign of what is 0 then."""
+    return tuple(
+        f"{round(value, digits) + 0.0:.{digits}f}" if abs(value) < 1e3 else number(value) for value in values
+    )
+
+
+def _unit(task: Task, joint: int, position: float) -> tuple[str, ...]:
+    """Return the unit of a joint, and its position in degrees if it has any."""
+    return ("m", "") if task.arm.is_slide[joint] else ("rad", *_decimals([np.degrees(position)], 3))
+
+
+def _distance(solution: Solution) -> str:
+    return f"{solution.position_error:.6g} m and {solution.orientation_error:.6g} rad are"
+
+
+def _active(task: Task, solution: Solution) -> Sequence[tuple[str, int]]:
+    return [
+        (joint, int(side)) for joint, side in zip(task.arm.joints, solution.at_limit, strict=True) if side
+    ]
+
+
+def _side(side: int) -> str:
+    return "upper" if side > 0 else "lower"
+
+
+def _at(solution: Solution, joint: int) -> str:
+    if solution.beyond[joint]:
+        return "beyond"
+    return f"at {_side(int(solution.at_limit[joint]))}" if solution.at_limit[joint] else ""

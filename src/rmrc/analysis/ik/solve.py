@@ -1,0 +1,377 @@
+"""Inverse kinematics of any arm: joint positions that bring its site to a pose, or as near as they can.
+
+It is a search (`rmrc.analysis.ik.descent`), from a start and from random but always equal others: what it
+finds is proven by forward kinematics, what it does not find may still exist.
+"""
+
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Literal, TypeAlias, get_args
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rmrc.analysis.ik.descent import reach
+from rmrc.arm import Arm
+from rmrc.law.jit import machine_code
+from rmrc.law.record import capacity, world_type
+from rmrc.law.task import Array, Task
+from rmrc.support.errors import QuestionError
+from rmrc.support.spatial import exp_rotation, normalize, pose_error, quat_multiply
+
+Method: TypeAlias = Literal["damped", "newton"]
+METHODS: tuple[Method, ...] = get_args(Method)
+
+TOLERANCE = 1e-9
+# The search aims a little lower than what is promised, so that MuJoCo's rounding, 1e-15, does not break it.
+AIM = 0.99
+# A damped try has converged or is stuck after some 30 steps; Newton's method that has not after 50 is lost.
+STEPS: dict[Method, int] = {"damped": 300, "newton": 50}
+# Other starts. Of 20,000 random poses of the PUMA arm, one in a hundred needs more than 19, one in a thousand
+# more than 32, and one needed 133.
+RESTARTS = 200
+# Random starts are not those of `Arm.sampled` by default, from which examples and tests take their goals.
+SEED = 6
+# Goals that a thread takes at a time: some milliseconds of work.
+SHARE = 32
+# An angle so little beyond half a turn is not taken back to minus half a turn: rounding must not choose.
+HALF_TURN = 1e-5
+# A limit counts as reached from here on: what rounding leaves of it.
+AT_LIMIT = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Iterates:
+    """What a search went through; k steps were made, those not counted that would have made the error larger.
+
+    Attributes:
+        q: Joint positions, (k + 1, n).
+        error: |e|, (k + 1,).
+        damping: λ of each step, (k,); 0 for Newton's.
+    """
+
+    q: Array
+    error: Array
+    damping: Array
+
+    @property
+    def step(self) -> Array:
+        """Steps h of q⁺ = q − h, (k, n) [Selig92, §6.3]."""
+        return -np.diff(self.q, axis=0)
+
+
+@dataclass(frozen=True, eq=False)
+class Solution:
+    """Joint positions that reach a goal, or the nearest that were found.
+
+    Attributes:
+        found: Whether the error is within the tolerance and no limit is violated.
+        method: "damped" or "newton".
+        q: Joint positions, (n,).
+        pose: Of the site there, by MuJoCo, (7,).
+        goal: What it was to be, (7,).
+        error: |e| = √(|Δp|²/L² + |Δφ|²) of the rows that count; the nearest are where this is least.
+        position_error: |Δp| [m].
+        orientation_error: |Δφ| [rad].
+        at_limit: −1 at the lower limit, 1 at the upper, 0 between them, (n,).
+        beyond: Joints beyond a limit, (n,); only Newton's method leaves some.
+        steps: Steps that led here from the start that succeeded.
+        tries: Starts that were tried, up to this one; all, if none succeeded.
+        iterates: Those steps.
+    """
+
+    found: bool
+    method: Method
+    q: Array
+    pose: Array
+    goal: Array
+    error: float
+    position_error: float
+    orientation_error: float
+    at_limit: NDArray[np.int64]
+    beyond: NDArray[np.bool_]
+    steps: int
+    tries: int
+    iterates: Iterates
+
+
+@dataclass(frozen=True, eq=False)
+class Solutions:
+    """What was found for N goals.
+
+    Attributes:
+        q: Joint positions, reached or nearest, (N, n).
+        error: |e| there, as in `Solution`, (N,).
+        found: Whether it is within the tolerance, (N,).
+        steps: Of all tries together, (N,).
+        tries: Starts that were tried, (N,).
+    """
+
+    q: Array
+    error: Array
+    found: NDArray[np.bool_]
+    steps: NDArray[np.int64]
+    tries: NDArray[np.int64]
+
+
+def goal_pose(task: Task, values: ArrayLike, quat: ArrayLike | None = None) -> Array:
+    """Return the pose (7,) that values for the rows of a task, in their order, mean.
+
+    rx, ry, rz are the rotation vector of the orientation if all three count. If only some do, they turn the
+    site from its orientation with all joints at 0, which for parallel axes is the sum of the joint angles:
+
+        R_ref = exp([rx, ry, rz]),   or   exp([rx, ry, rz]) R(0)
+
+    What does not count is left at 0.
+
+    Args:
+        task: The arm and the rows that count.
+        values: One for each row [m, rad]; for each of x, y, z that counts, if `quat` is given.
+        quat: The orientation [w, x, y, z], of any length but 0.
+
+    Raises:
+        QuestionError: There are more or fewer values, one is not finite, or the quaternion is zero.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from rmrc.law.task import choose
+        >>> from rmrc.arm import load
+        >>> task = choose(load(Path("models/planar_3link.xml")))
+        >>> task.axes, goal_pose(task, [0.5, 0.3, np.pi]).round(12) + 0.0
+        (('x', 'y', 'rz'), array([0.5, 0.3, 0. , 0. , 0. , 0. , 1. ]))
+    """
+    values = np.asarray(values, np.float64)
+    rows = task.rows if quat is None else task.rows[task.rows < 3]
+    if values.shape != rows.shape or not np.isfinite(values).all():
+        names = ", ".join(np.array(task.axes)[: len(rows)])
+        raise QuestionError(
+            f"a goal must have {len(rows)} finite values, for {names or 'none'}, got {values.tolist()}"
+        )
+    full = np.zeros(6)
+    full[rows] = values
+    if quat is not None:
+        try:
+            orientation = normalize(quat)
+        except ValueError:
+            raise QuestionError(
+                f"the goal's quaternion must be finite and not zero, got {np.asarray(quat).tolist()}"
+            ) from None
+    else:
+        orientation = exp_rotation(full[3:])
+        if np.count_nonzero(task.rows >= 3) < 3:
+            orientation = quat_multiply(orientation, task.arm.chain.tip_quat)
+    return np.concatenate([full[:3], orientation])
+
+
+def solve_ik(
+    task: Task, goal: ArrayLike, start: ArrayLike | None = None, *, method: Method = "damped",
+    limits: bool = True, tolerance: float = TOLERANCE, restarts: int = RESTARTS,
+) -> Solution:  # fmt: skip
+    """Find joint positions that bring the site to a goal.
+
+    damped: z = Σ_i σ_i/(σ_i² + λ²) v_i u_iᵀ e, with λ² in proportion to |e|² and limits as an active set
+    [Levenberg44], [Chan88], [Sugihara11], [Fan03]; from other starts if it does not succeed.
+    newton: q⁺ = q + S_q A⁺ e, as the notes' Newton-Raphson [Selig92, §6.3], from one start; limits are not
+    looked at until it ends. They are `descend` and `newton` of `rmrc.analysis.ik.descent`.
+
+    Args:
+        task: The arm and the rows that count, and the length L that weighs rotation against position.
+        goal: Pose of the site, [p, quat w x y z], (7,); see `goal_pose`.
+        start: Joint positions, (n,); None for `home`. The damped method begins at the nearest within limits.
+        method: "damped" or "newton".
+        limits: Whether the model's position limits are kept to.
+        tolerance: Of |e|: orientation in rad, position over L.
+        restarts: Other starts to try.
+
+    Returns:
+        Joint positions, hinges at most half a turn from the start where limits allow. A goal that is not
+        reached is no error: `found` is False then, and q is where |e| is least.
+
+    Raises:
+        QuestionError: Goal or start do not fit the arm or are not finite.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from rmrc.law.task import choose
+        >>> from rmrc.arm import load
+        >>> task = choose(load(Path("models/planar_2link.xml")))
+        >>> found = solve_ik(task, goal_pose(task, [1.0, 1.0]))
+        >>> found.found, np.degrees(found.q).round(6).tolist()
+        (True, [90.0, -90.0])
+        >>> beyond = solve_ik(task, goal_pose(task, [0.0, 3.0]))
+        >>> beyond.found, round(beyond.position_error, 9)
+        (False, 1.0)
+    """
+    arm, goals, begin = task.arm, checked_goals(goal, 1), checked_starts(task.arm, start, 1)
+    limit, undamped, most = kept_limit(arm, limits), method == "newton", STEPS[method]
+    bound = kept_limit(arm, limits and not undamped)
+    first, more = np.clip(begin, *bound.T), random_starts(task, 0 if undamped else restarts, limits)
+    _, _, tally = search(task, bound, undamped, AIM * tolerance, most, goals, first, more)
+    winner = int(tally[0, 2])
+    # Once more from where it succeeded, now with all iterates.
+    if winner > 0:
+        first = more[winner - 1 : winner]
+    trace = np.full((most + 1, arm.n + 2), np.nan)
+    q, _, tally = search(task, bound, undamped, AIM * tolerance, most, goals, first, more[:0], trace=trace)
+    trace = trace[~np.isnan(trace[:, 0])]
+    solution = _judged(task, limit, unwound(arm, limit, q, begin)[0], goals[0], tolerance)
+    return replace(
+        solution,
+        method=method,
+        steps=int(tally[0, 0]),
+        tries=1 + (winner if solution.found else len(more)),
+        iterates=Iterates(trace[:, :-2], trace[:, -2], trace[1:, -1]),
+    )
+
+
+def solve_many(
+    task: Task, goals: ArrayLike, starts: ArrayLike | None = None, *, limits: bool = True,
+    tolerance: float = TOLERANCE, restarts: int = RESTARTS, threads: int | None = None,
+) -> Solutions:  # fmt: skip
+    """Find joint positions for many goals, on all cores, by the damped method of `solve_ik`.
+
+    Args:
+        task: The arm and the rows that count.
+        goals: Poses of the site, (N, 7).
+        starts: Joint positions to begin at, (n,) or one for each goal, (N, n); None for `home`.
+        limits: Whether the model's position limits are kept to.
+        tolerance: Of |e|: orientation in rad, position over L.
+        restarts: Other starts to try for a goal.
+        threads: None for one on each core; the result does not depend on it.
+
+    Returns:
+        What was found for each, as `solve_ik` finds it; |e| is the search's own.
+
+    Raises:
+        QuestionError: Goals or starts do not fit the arm or are not finite.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from rmrc.law.task import choose
+        >>> from rmrc.arm import load
+        >>> task = choose(load(Path("models/planar_2link.xml")))
+        >>> found = solve_many(task, [goal_pose(task, [x, 1.0]) for x in (1.0, 2.0)])
+        >>> found.found.tolist(), found.error.round(6).tolist()
+        ([True, False], [0.0, 0.236068])
+    """
+    goals = checked_goals(goals)
+    begin, limit = checked_starts(task.arm, starts, len(goals)), kept_limit(task.arm, limits)
+    more = random_starts(task, restarts, limits)
+    first = np.clip(begin, *limit.T)
+    q, error, tally = search(
+        task, limit, False, AIM * tolerance, STEPS["damped"], goals, first, more, threads
+    )
+    found = error <= tolerance
+    tries = 1 + np.where(found, tally[:, 2], len(more))
+    return Solutions(unwound(task.arm, limit, q, begin), error, found, tally[:, 0], tries)
+
+
+def random_starts(task: Task, count: int, limits: bool) -> Array:
+    """Return joint positions to begin at, (count, n), the same at every call.
+
+    Without limits a hinge is taken anywhere on its circle, and a slide as far to either side of 0 as its
+    farther limit is.
+    """
+    starts = task.arm.sampled(count, SEED)
+    if limits:
+        return starts
+    farthest = np.abs(task.arm.position_limit).max(axis=1)
+    span = np.where(task.arm.is_slide & np.isfinite(farthest), farthest, np.pi)
+    return np.random.default_rng(SEED).uniform(-span, span, starts.shape)
+
+
+def search(
+    task: Task, limit: Array, undamped: bool, tolerance: float, most: int, goals: Array, first: Array,
+    more: Array, threads: int | None = None, trace: Array | None = None,
+) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
+    """Return q (N, n), |e| (N,) and tally (N, 3) of `rmrc.analysis.ik.descent.reach`, on all cores."""
+    n, kernel = task.arm.n, _machine_code(capacity(task.arm.n))
+    # Machine code does not look at the layout of what it is given.
+    goals, first, more = (np.ascontiguousarray(one) for one in (goals, first, more))
+    q, error, tally = np.empty((len(goals), n)), np.empty(len(goals)), np.zeros((len(goals), 3), np.int64)
+    trace = np.empty((0, n + 2)) if trace is None else trace
+
+    def share(begin: int) -> None:
+        part = slice(begin, begin + SHARE)
+        world = task.record()
+        world["position_limit"][:, :n] = limit.T
+        kernel(
+            world, undamped, tolerance, most, goals[part], first[part], more, q[part], error[part],
+            tally[part], trace,
+        )  # fmt: skip
+
+    if len(goals) <= SHARE:
+        share(0)
+    else:
+        with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+            list(pool.map(share, range(0, len(goals), SHARE)))
+    return q, error, tally
+
+
+@cache
+def _machine_code(size: int) -> Callable[..., None]:
+    """Return the compiled search for records of so many joints, whose types take milliseconds to compare."""
+    world, rows, numbers = np.zeros(1, world_type(size))[0], np.empty((0, 1)), np.empty(0)
+    tally = np.zeros((0, 3), np.int64)
+    return machine_code(reach, world, False, 0.0, 0, rows, rows, rows, rows, numbers, tally, rows)
+
+
+def _judged(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> Solution:
+    """Return joint positions as MuJoCo's own kinematics judge them, without what the search can tell."""
+    pose = task.arm.pose(q)
+    scaled = np.zeros(6)
+    scaled[task.rows] = pose_error(goal, pose)[task.rows]
+    position, orientation = np.linalg.norm(scaled[:3]), np.linalg.norm(scaled[3:])
+    error = float(np.hypot(position / task.length, orientation))
+    lower, upper = limit.T
+    beyond = (q < lower - AT_LIMIT) | (q > upper + AT_LIMIT)
+    at_limit = (q >= upper - AT_LIMIT).astype(np.int64) - (q <= lower + AT_LIMIT)
+    found = bool(error <= tolerance and not beyond.any())
+    return Solution(
+        found, "damped", q, pose, goal, error, float(position), float(orientation), at_limit, beyond, 0, 0,
+        Iterates(q[None], np.array([error]), np.empty(0)),
+    )  # fmt: skip
+
+
+def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
+    """Return q (N, n), each hinge as near to other positions as whole turns within the limits bring it."""
+    turn = 2.0 * np.pi
+    turns = -np.ceil((q - near - np.pi - HALF_TURN) / turn)
+    best, least = q, np.where(arm.comes_round, np.inf, 0.0) * np.ones_like(q)
+    for more in (0, -1, 1, -2, 2):
+        option = q + (turns + more) * turn
+        is_within = (option >= limit[:, 0]) & (option <= limit[:, 1])
+        away = np.where(is_within, np.abs(option - near), np.inf)
+        nearer = away < least - 3.0 * HALF_TURN
+        best, least = np.where(nearer, option, best), np.where(nearer, away, least)
+    return best
+
+
+def kept_limit(arm: Arm, limits: bool) -> Array:
+    """Return the position limits that are kept to, (n, 2)."""
+    return arm.position_limit if limits else np.tile([-np.inf, np.inf], (arm.n, 1))
+
+
+def checked_goals(goals: ArrayLike, count: int | None = None) -> Array:
+    """Return goals as (N, 7), their quaternions of length 1 and with w >= 0, as those of a site are."""
+    poses = np.array(goals, np.float64)
+    poses = poses[None] if poses.ndim == 1 and count == 1 else poses
+    if poses.ndim != 2 or poses.shape[1] != 7 or (count is not None and len(poses) != count):
+        raise QuestionError(
+            f"a goal must be a pose [x, y, z, qw, qx, qy, qz], got an array {np.shape(goals)}"
+        )
+    if not (np.isfinite(poses).all() and poses[:, 3:].any(axis=1).all()):
+        raise QuestionError("a goal must be finite, with a quaternion that is not zero")
+    poses[:, 3:] = normalize(np.where(poses[:, 3:4] < 0.0, -1.0, 1.0) * poses[:, 3:])
+    return poses
+
+
+def checked_starts(arm: Arm, start: ArrayLike | None, count: int) -> Array:
+    """Return joint positions to begin at, (count, n)."""
+    q = np.asarray(arm.configuration("home")[arm.wiring.qpos] if start is None else start, np.float64)
+    if q.shape not in {(arm.n,), (count, arm.n)} or not np.isfinite(q).all():
+        raise QuestionError(f"a start must be {arm.n} finite joint positions, got an array {q.shape}")
+    return np.array(np.broadcast_to(q, (count, arm.n)))

@@ -1,0 +1,313 @@
+"""An arm at one configuration: pose, Jacobian, what is lost or nearly so, ellipsoids, errors, reactions."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from math import comb
+
+import numpy as np
+
+from rmrc.analysis.inspect.directions import LOST, SLOW, Lost, Motion, Slow, examine, rank_of
+from rmrc.analysis.inspect.routes import Array, jacobians
+from rmrc.analysis.inspect.wording import amount, direction, listed
+from rmrc.analysis.statics.balance import Balance, balance
+from rmrc.arm import Arm
+from rmrc.law.task import SAMPLES, Task, choose
+from rmrc.support.errors import QuestionError, did_you_mean
+from rmrc.support.spatial import AXES, quat_to_matrix
+from rmrc.textbook.displacement import tip_covariance
+from rmrc.textbook.ellipsoid import Ellipsoid, force_ellipsoid, velocity_ellipsoid
+from rmrc.textbook.euler import analytic_jacobian, zyz_angles, zyz_is_singular, zyz_rate_matrix
+from rmrc.textbook.reference_frame import rotate_jacobian
+from rmrc.textbook.singularity import rank_by_minors
+
+FRAMES = ("world", "site", "base")
+WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
+
+# A joint is said to be near its limit within this share of its range: some 10 degrees of most joints.
+NEAR_LIMIT = 0.05
+# A limit in degrees, rounded to radians in a file of eight digits, is not yet passed.
+AT_LIMIT = 1e-6
+# More minors than these are not computed. 6 rows and 20 joints have 230 229, which take a tenth of a second.
+MOST_MINORS = 250_000
+
+
+@dataclass(frozen=True, eq=False)
+class Ellipsoids:
+    """Velocities that unit joint rates give, and forces that unit joint torques hold, in one kind of rows.
+
+    Slides count per L meters, the characteristic length, and their forces times L.
+
+    Attributes:
+        rows: Names of the rows: of x y z, or of rx ry rz.
+        velocity: Half axes falling [m/s or rad/s].
+        force: Along the same axes, half axes rising [N or N·m]; infinite along what is lost.
+    """
+
+    rows: tuple[str, ...]
+    velocity: Ellipsoid
+    force: Ellipsoid
+
+
+@dataclass(frozen=True, eq=False)
+class TipError:
+    """What independent random errors of the joints do to the site, to first order.
+
+    Attributes:
+        joints: Standard deviation of each joint, (n,) [rad or m].
+        covariance: J Σ Jᵀ, rows x y z rx ry rz, (6, 6) [m², m rad, rad²].
+        worst_translation: Standard deviation times direction in which it is largest, (3,) [m].
+        worst_rotation: Likewise, (3,) [rad].
+    """
+
+    joints: Array
+    covariance: Array
+    worst_translation: Array
+    worst_rotation: Array
+
+    @property
+    def deviation(self) -> Array:
+        """Standard deviation of each of x y z rx ry rz, (6,) [m, rad]."""
+        return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """An arm at one configuration. Vectors are along world axes but for `jacobian`.
+
+    Attributes:
+        arm: The arm, and which of its sites.
+        q: Joint positions, (n,) [rad or m].
+        pose: Of the site in the world, [p, quat w x y z], (7,).
+        angles: Its orientation as Z-Y-Z angles, (3,) [rad].
+        frame: `world`, `site` or `base`: what `jacobian` and the words are along.
+        R_world_frame: Its rotation, (3, 3).
+        jacobian: J of the site's origin, rows [v; ω] along the axes of the frame, (6, n).
+        disagreement: Of the other routes to J with MuJoCo's, the largest entry, by `routes.ROUTES` [m or 1].
+        task: The rows that count.
+        why: These rows and no others, in words.
+        determinant: Of these rows of J along world axes; None if they are not square.
+        sigma: Singular values of A = S_x J S_q, falling, (k,).
+        rank: Of A, by its singular values.
+        rank_by_minors: By its determinants; None where they are too many.
+        lost: Task directions that cannot move.
+        slow: Task directions that nearly cannot: κ of them is at least the 100 that the law calls SINGULAR.
+        standing: Joint motions that do not move the task: of a redundant arm, or at a singularity.
+        ellipsoids: Ellipsoids of the translations of the task, and of its rotations.
+        E: Ω = E Θ̇ for the Z-Y-Z angles, (3, 3).
+        analytic_jacobian: Rows [ṗ; α̇; β̇; γ̇], (6, n); None where the angles are singular.
+        angles_in_words: Whether the angles are singular here, and what they cannot do.
+        tip_error: None if no joint errors were given.
+        balance: What holds it against the wrench, without gravity; None if no wrench was given.
+        warnings: What is wrong with the question, but can be answered.
+    """
+
+    arm: Arm
+    q: Array
+    pose: Array
+    angles: Array
+    frame: str
+    R_world_frame: Array
+    jacobian: Array
+    disagreement: Mapping[str, float]
+    task: Task
+    why: str
+    determinant: float | None
+    sigma: Array
+    rank: int
+    rank_by_minors: int | None
+    lost: tuple[Lost, ...]
+    slow: tuple[Slow, ...]
+    standing: tuple[Motion, ...]
+    ellipsoids: tuple[Ellipsoids, ...]
+    E: Array
+    analytic_jacobian: Array | None
+    angles_in_words: str
+    tip_error: TipError | None
+    balance: Balance | None
+    warnings: tuple[str, ...]
+
+    @property
+    def condition(self) -> float:
+        """κ = σ_1/σ_k, infinite where the rank is lost."""
+        return float(self.sigma[0] / self.sigma[-1]) if self.rank == len(self.sigma) else np.inf
+
+    @property
+    def manipulability(self) -> float:
+        """Manipulability w = ∏ σ [Yoshikawa85]."""
+        return float(np.prod(self.sigma))
+
+    @property
+    def room(self) -> Array:
+        """Way of each joint to the nearer of its limits, (n,) [rad or m]; negative beyond it."""
+        lower, upper = self.arm.position_limit.T
+        return np.asarray(np.minimum(self.q - lower, upper - self.q))
+
+
+def inspect_arm(
+    arm: Arm,
+    q: Sequence[float] | Array,
+    *,
+    axes: Sequence[str] | None = None,
+    length: float = 1.0,
+    frame: str = "world",
+    joint_error: Sequence[float] | Array | None = None,
+    wrench: Sequence[float] | Array | None = None,
+) -> Inspection:
+    """Return what an arm is and can do at one configuration; the function behind `rmrc inspect`.
+
+    Args:
+        arm: The arm, with the site in question.
+        q: Joint positions, (n,) [rad or m]; outside of limits is a warning.
+        axes: Rows that count, of x y z rx ry rz along world axes; None for those that the arm can move
+            independently, see `rmrc.law.task.choose`.
+        length: Characteristic length, which makes meters and radians comparable [m].
+        frame: Along whose axes J and the words are: `world`, `site` or `base`, the body that carries the arm.
+        joint_error: Standard deviation of each joint, (n,) [rad or m].
+        wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
+
+    Raises:
+        QuestionError: Any of these does not fit the arm.
+
+    Example:
+        >>> import rmrc.arm
+        >>> from pathlib import Path
+        >>> arm = rmrc.arm.load(Path("models/planar_2link.xml"))
+        >>> found = inspect_arm(arm, [0.0, 0.0])
+        >>> found.rank, found.lost[0].words
+        (1, 'cannot move along x; a force along x asks for no torque')
+        >>> found.standing[0].words
+        'shoulder and elbow turn against each other, 1 : -2, without moving x and y of the site, \
+which turns about -z'
+    """
+    q = _numbers("q", q, arm.joints)
+    _check(axes, length, frame)
+    pose, routes, task = arm.pose(q), jacobians(arm, q), choose(arm, axes, length)
+    J, R, turned = routes["mujoco"], quat_to_matrix(pose[3:]), _frame_rotation(arm, q, pose, frame)
+    A, angles = task.matrix(J), zyz_angles(R)
+    sigma, lost, slow, standing = examine(task, J, turned, frame)
+    minors = sum(comb(A.shape[0], r) * comb(A.shape[1], r) for r in range(1, len(sigma) + 1))
+    return Inspection(
+        arm=arm, q=q, pose=pose, angles=angles, frame=frame, R_world_frame=turned,
+        jacobian=rotate_jacobian(J, turned.T),
+        disagreement={
+            name: float(np.abs(other - J).max()) for name, other in routes.items() if name != "mujoco"
+        },
+        task=task, why=_why(task, asked=axes is not None),
+        determinant=float(np.linalg.det(J[task.rows])) if A.shape[0] == A.shape[1] else None,
+        sigma=sigma, rank=rank_of(sigma),
+        rank_by_minors=int(rank_by_minors(A, LOST)) if minors <= MOST_MINORS else None,
+        lost=lost, slow=slow, standing=standing, ellipsoids=_ellipsoids(task, J),
+        E=zyz_rate_matrix(angles),
+        analytic_jacobian=None if zyz_is_singular(angles) else analytic_jacobian(J, angles),
+        angles_in_words=_angles_in_words(angles),
+        tip_error=None if joint_error is None else _tip_error(arm, J, joint_error),
+        balance=None if wrench is None else balance(arm, q, _numbers("wrench", wrench, WRENCH)),
+        warnings=_warnings(arm, q),
+    )  # fmt: skip
+
+
+def _check(axes: Sequence[str] | None, length: float, frame: str) -> None:
+    for axis in axes or ():
+        if axis not in AXES:
+            raise QuestionError(f'axes: no row "{axis}"; choose from {" ".join(AXES)}')
+    if axes is not None and not len(axes):
+        raise QuestionError(f"axes must name one row or more of {' '.join(AXES)}")
+    if not (np.isfinite(length) and length > 0.0):
+        raise QuestionError(f"length must be > 0 and finite, got {length:g}")
+    if frame not in FRAMES:
+        hint = did_you_mean(frame, FRAMES)
+        raise QuestionError(f'frame: no frame "{frame}"{hint}; choose from {" ".join(FRAMES)}')
+
+
+def _numbers(what: str, values: Sequence[float] | Array, names: Sequence[str]) -> Array:
+    array = np.asarray(values, dtype=np.float64)
+    if array.shape != (len(names),):
+        raise QuestionError(
+            f"{what} must have {len(names)} value{'s' * (len(names) != 1)}, "
+            f"one for each of {', '.join(names)}, got shape {array.shape}"
+        )
+    if not np.isfinite(array).all():
+        raise QuestionError(f"{what} must be finite, got {array.tolist()}")
+    return array
+
+
+def _frame_rotation(arm: Arm, q: Array, pose: Array, frame: str) -> Array:
+    """Return the rotation of a frame in the world, (3, 3)."""
+    if frame == "world":
+        return np.eye(3)
+    if frame == "site":
+        return quat_to_matrix(pose[3:])
+    poses, _ = arm.frames(q[None])
+    return quat_to_matrix(poses[0, arm.base, 3:])
+
+
+def _why(task: Task, asked: bool) -> str:
+    """Return why these rows count."""
+    if asked:
+        return "as asked for"
+    if len(task.rows) == 6:
+        return "the arm can move all six independently of each other"
+    largest = np.max([np.abs(task.arm.jacobian(q)).max(axis=1) for q in task.arm.sampled(SAMPLES)], axis=0)
+    still = [axis for axis, most in zip(AXES, largest, strict=True) if most <= LOST * largest.max()]
+    tied = [axis for axis in AXES if axis not in still and axis not in task.axes]
+    reasons = [
+        f"{listed(names)} {verb}{'s' * (len(names) == 1)} {what}"
+        for names, verb, what in ((still, "stay", "as it is" if len(still) == 1 else "as they are"),
+                                  (tied, "follow", "from these"))
+        if names
+    ]  # fmt: skip
+    return f"these the arm can move independently of each other; {', '.join(reasons)}"
+
+
+def _ellipsoids(task: Task, J: Array) -> tuple[Ellipsoids, ...]:
+    found = []
+    for rows in (task.rows[task.rows < 3], task.rows[task.rows >= 3]):
+        if len(rows):
+            part = J[rows] * task.joint_scale
+            names = tuple(AXES[row] for row in rows)
+            found.append(Ellipsoids(names, velocity_ellipsoid(part), force_ellipsoid(part)))
+    return tuple(found)
+
+
+def _angles_in_words(angles: Array) -> str:
+    """Return whether Z-Y-Z angles are singular at an orientation, and what their rates cannot do there."""
+    u, sigma, _ = np.linalg.svd(zyz_rate_matrix(angles))
+    hard = direction(u[:, -1] * np.sign(u[np.argmax(np.abs(u[:, -1])), -1]))
+    if zyz_is_singular(angles):
+        return (
+            f"the angles are singular here: no rates of theirs turn the site about {hard}, and the analytic "
+            "Jacobian has no value; that is the fault of the angles, not of the arm"
+        )
+    if sigma[-1] <= SLOW * sigma[0]:
+        return (
+            f"the angles are nearly singular here: to turn about {hard} at 1 rad/s they change at up to "
+            f"{amount(1.0 / sigma[-1])} rad/s; that is the fault of the angles, not of the arm"
+        )
+    return "the angles are regular here: the analytic Jacobian is singular where J is, and nowhere else"
+
+
+def _tip_error(arm: Arm, J: Array, deviations: Sequence[float] | Array) -> TipError:
+    joints = _numbers("joint error", deviations, arm.joints)
+    if (joints < 0.0).any():
+        worst = int(np.argmin(joints))
+        raise QuestionError(
+            f"joint error, {arm.joints[worst]}: a standard deviation must be >= 0, got {joints[worst]:g}"
+        )
+    covariance = tip_covariance(J, np.diag(joints**2))
+    worst_translation, worst_rotation = (_worst(covariance[part, part]) for part in (slice(3), slice(3, 6)))
+    return TipError(joints, covariance, worst_translation, worst_rotation)
+
+
+def _worst(covariance: Array) -> Array:
+    variances, directions = np.linalg.eigh(covariance)
+    worst = directions[:, -1] * np.sqrt(max(variances[-1], 0.0))
+    return np.asarray(worst if worst[np.argmax(np.abs(worst))] >= 0.0 else -worst)
+
+
+def _warnings(arm: Arm, q: Array) -> tuple[str, ...]:
+    said = []
+    for joint, position, (lower, upper) in zip(arm.joints, q, arm.position_limit, strict=True):
+        if not lower - AT_LIMIT <= position <= upper + AT_LIMIT:
+            end, limit = ("lower", lower) if position < lower else ("upper", upper)
+            said.append(f"{joint} = {position:.4g} is outside of its limits: the {end} one is {limit:.4g}")
+    return tuple(said)

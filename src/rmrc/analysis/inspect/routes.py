@@ -1,0 +1,116 @@
+"""The Jacobian of an arm by four routes, so that each checks the others.
+
+MuJoCo's own comes from the bodies as they stand at q. Screws and propagation know the axes at q = 0 only: the
+one moves screws by a product of exponentials, the other carries velocities along frames from link to link.
+Differences know nothing but poses.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm import Arm
+from rmrc.support.spatial import normalize, pose_error, quat_to_matrix
+from rmrc.textbook.dh import modified_dh_transform
+from rmrc.textbook.propagation import jacobian_by_propagation
+from rmrc.textbook.screws import geometric_from_screws, joint_screw, product_of_exponentials, space_jacobian
+
+Array = NDArray[np.float64]
+
+ROUTES = ("mujoco", "screws", "propagation", "differences")
+
+# Truncation, step²/6 times a third derivative, and rounding over the step are both about 1e-11 for an arm of
+# meters: less than the 1e-8 by which a wrong Jacobian would be taken for a right one.
+DIFFERENCE_STEP = 1e-5
+
+
+def jacobians(arm: Arm, q: Sequence[float] | Array) -> dict[str, Array]:
+    """Return J by each of `ROUTES`, rows [v; ω] of the site along world axes, (6, n) each.
+
+    Args:
+        arm: The arm.
+        q: Joint positions, (n,) [rad or m].
+    """
+    links, pitch, tip = link_transforms(arm, q)
+    return {
+        "mujoco": arm.jacobian(q),
+        "screws": jacobian_by_screws(arm, q),
+        "propagation": jacobian_by_propagation(links, pitch, tip),
+        "differences": jacobian_by_differences(arm, q),
+    }
+
+
+def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
+    """Return J by the product of exponentials of the joint screws at q = 0 [Selig92, §6.6] [Lynch17, §5.1.1].
+
+    Args:
+        arm: The arm.
+        q: Joint positions, (n,) [rad or m].
+
+    Returns:
+        Rows [v; ω] of the site along world axes, (6, n).
+    """
+    screws = joint_screw(arm.chain.axis, _points(arm), arm.pitch)
+    tip = product_of_exponentials(screws, q, _tip_at_zero(arm))[:3, 3]
+    return geometric_from_screws(space_jacobian(screws, q), tip)
+
+
+def link_transforms(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array, Array]:
+    """Return the link transforms of the arm, for `rmrc.textbook.propagation`.
+
+    Frame {i} is fixed in link i, its z along the axis of joint i; at q = 0 its origin is MuJoCo's anchor. It
+    moves as a modified DH link of no length and twist: q turns about z, or slides along it.
+
+    Args:
+        arm: The arm.
+        q: Joint positions, (n,) [rad or m].
+
+    Returns:
+        T_i-1_i, (n, 4, 4); the pitch of each joint, (n,) [m/rad]; and T_n_site, (4, 4).
+    """
+    q, pitch, n = np.asarray(q, dtype=np.float64), arm.pitch, arm.n
+    still = np.zeros((n + 2, 4, 4))
+    still[:] = np.eye(4)
+    still[1:-1, :3, :3], still[1:-1, :3, 3] = _turned_to(arm.chain.axis), _points(arm)
+    still[-1] = _tip_at_zero(arm)
+    steps = np.linalg.inv(still[:-1]) @ still[1:]
+    slides = np.isinf(pitch)
+    advance = np.where(slides, q, np.where(slides, 0.0, pitch) * q)
+    motion = modified_dh_transform(np.zeros(n), np.zeros(n), advance, np.where(slides, 0.0, q))
+    return steps[:-1] @ motion, pitch, steps[-1]
+
+
+def jacobian_by_differences(arm: Arm, q: Sequence[float] | Array) -> Array:
+    """Return J by central differences of the pose, to about 1e-10 of the arm's size.
+
+    Args:
+        arm: The arm.
+        q: Joint positions, (n,) [rad or m].
+
+    Returns:
+        Rows [v; ω] of the site along world axes, (6, n).
+    """
+    q = np.asarray(q, dtype=np.float64)
+    steps = DIFFERENCE_STEP * np.eye(arm.n)
+    columns = [pose_error(arm.pose(q + step), arm.pose(q - step)) for step in steps]
+    return np.array(columns).T / (2.0 * DIFFERENCE_STEP)
+
+
+def _points(arm: Arm) -> Array:
+    """Return a point on each joint's axis at q = 0, (n, 3) [m]."""
+    return np.cumsum(arm.chain.step, axis=0)
+
+
+def _tip_at_zero(arm: Arm) -> Array:
+    pose = np.eye(4)
+    pose[:3, :3] = quat_to_matrix(arm.chain.tip_quat)
+    pose[:3, 3] = _points(arm)[-1] + arm.chain.tip_step
+    return pose
+
+
+def _turned_to(z: Array) -> Array:
+    """Return rotations whose third columns are some unit vectors, (n, 3, 3)."""
+    least = np.eye(3)[np.argmin(np.abs(z), axis=-1)]
+    x = normalize(np.cross(least, z))
+    return np.stack([x, np.cross(z, x), z], axis=-1)

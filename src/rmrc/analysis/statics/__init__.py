@@ -1,0 +1,1 @@
+"""Which joint torques balance a wrench, by the Jacobian and by the physics."""

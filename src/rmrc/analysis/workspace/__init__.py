@@ -1,0 +1,1 @@
+"""Where a site can be, and where it is singular there."""

@@ -1,0 +1,199 @@
+"""How near to singular an arm is over two of its joints, the others at rest."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
+from rmrc.analysis.workspace.folds import zero_curves
+from rmrc.law.task import Array, Task
+from rmrc.support.errors import QuestionError, did_you_mean
+
+# Below this share of σ_1, σ_min is 0: a place is known to 1e-10 or so.
+SINGULAR = 1e-8
+# A determinant below this share of the largest is 0: what rounding leaves of products of sines.
+ROUNDING = 1e-12
+# Where a search between the positions begins, how often it goes on or halves its step, and where it ends.
+VALLEYS, ROUNDS, FINEST = 8, 200, 1e-11
+
+
+@dataclass(frozen=True)
+class JointMap:
+    """What `joint_map` found.
+
+    Attributes:
+        task: The arm, and the rows whose singular values were taken.
+        joints: Numbers of the two joints.
+        first: Positions of the first, (A,) [rad or m].
+        second: Positions of the second, (B,) [rad or m].
+        q: Positions of all joints; those of the two do not matter, (n,).
+        values: σ_min, w and κ, each (A, B).
+        ends: Least and largest of each over both ranges, also between the positions; 0, 0 and infinite where
+            the arm is singular.
+        singular: Where det A = 0 of a square task, as polylines (k, 2) of both positions; none of another.
+    """
+
+    task: Task
+    joints: tuple[int, int]
+    first: Array
+    second: Array
+    q: Array
+    values: dict[str, Array]
+    ends: dict[str, tuple[float, float]]
+    singular: tuple[Array, ...]
+
+
+def joint_map(
+    task: Task,
+    names: tuple[str, str],
+    q: Array,
+    cells: int = 200,
+    on_samples: Callable[[int], None] | None = None,
+) -> JointMap:
+    """Find σ_min, w and κ over two joints.
+
+    Each joint goes through its range, or through a turn if it has none.
+
+    Args:
+        task: The arm and the rows that count.
+        names: Two of its joints.
+        q: Positions of the others, (n,).
+        cells: Steps over the range of each.
+        on_samples: Called with the number of configurations that were looked at since the last call.
+
+    Raises:
+        QuestionError: There is no such joint, or it slides without limits.
+    """
+    arm, k = task.arm, min(len(task.rows), task.arm.n)
+    for name in names:
+        if name not in arm.joints:
+            raise QuestionError(
+                f'--over: no joint "{name}"{did_you_mean(name, arm.joints)}; '
+                f"its joints: {', '.join(arm.joints)}"
+            )
+    if names[0] == names[1]:
+        raise QuestionError(f'--over needs two different joints, got "{names[0]}" twice')
+    one, other = joints = (arm.joints.index(names[0]), arm.joints.index(names[1]))
+    steps = [_positions(task, joint, cells) for joint in joints]
+    shape, is_square = (len(steps[0]), len(steps[1])), len(task.rows) == arm.n
+    sigma, value = np.empty((*shape, k)), np.empty(shape)
+    rows = max(1, BLOCK // shape[1])
+    for begin in range(0, shape[0], rows):
+        some = slice(begin, begin + rows)
+        every = np.tile(q, (*value[some].shape, 1))
+        every[..., one], every[..., other] = steps[0][some, None], steps[1]
+        flat = every.reshape(-1, arm.n)
+        sigma[some] = survey(task, flat).sigma.reshape(*value[some].shape, k)
+        if is_square:
+            value[some] = np.linalg.det(task.matrix(jacobians(task, flat)[1])).reshape(value[some].shape)
+        if on_samples is not None:
+            on_samples(len(flat))
+    known = Survey(every, every, sigma.reshape(-1, k))
+    values = {
+        "sigma_min": sigma[..., -1],
+        "manipulability": known.manipulability.reshape(shape),
+        "condition": known.condition.reshape(shape),
+    }
+    curves = _singular_curves(value) if is_square else []
+    grid = [np.arange(len(step)) for step in steps]
+    singular = tuple(
+        np.stack([np.interp(curve[:, c], grid[c], steps[c]) for c in range(2)], axis=1) for curve in curves
+    )
+    return JointMap(
+        task, joints, steps[0], steps[1], q, values, _ends(task, joints, q, steps, values), singular
+    )
+
+
+def _singular_curves(value: Array) -> list[Array]:
+    """Return the curves on a grid where a determinant changes its sign, and the sides where it is 0."""
+    value = np.where(np.abs(value) <= ROUNDING * np.abs(value).max(), 0.0, value)
+    last = np.array(value.shape) - 1.0
+    sides = ((value[0], 0, 0.0), (value[-1], 0, last[0]), (value[:, 0], 1, 0.0), (value[:, -1], 1, last[1]))
+    curves = []
+    for own, axis, at in sides:
+        if not own.any():
+            curve = np.full((2, 2), at)
+            curve[:, 1 - axis] = 0.0, last[1 - axis]
+            curves.append(curve)
+    inside = [
+        curve for curve in zero_curves(value) if not ((curve == 0.0) | (curve == last)).all(axis=0).any()
+    ]
+    return inside + curves
+
+
+def _ends(
+    task: Task, joints: tuple[int, int], q: Array, steps: list[Array], values: dict[str, Array]
+) -> dict[str, tuple[float, float]]:
+    """Return least and largest σ_min, w and κ, searched between the positions from the extreme ones.
+
+    It is a search by compass: of a place and its eight neighbors at some distance the best is next,
+    and the distance is halved where that is the place itself. It needs no derivative, which σ_min has not
+    where it is 0.
+    """
+    # To be as small as can be: each measure and its negative, κ as 1/κ.
+    rows = [(name, sign) for name in values for sign in (1.0, -1.0)]
+    grids = [sign * (1.0 / values[name] if name == "condition" else values[name]) for name, sign in rows]
+    starts = [_valleys(grid) for grid in grids]
+    owner = np.repeat(np.arange(len(rows)), [len(some) for some in starts])
+    index = np.concatenate(starts)
+    place = np.stack([steps[c][index[:, c]] for c in range(2)], axis=1)
+    low, high = (np.array([step[end] for step in steps]) for end in (0, -1))
+    away = np.tile([step[1] - step[0] for step in steps], (len(place), 1))
+    around = np.array([(a, b) for a in (0, 1, -1) for b in (0, 1, -1)])
+
+    def heights(places: Array) -> Array:
+        every = np.tile(q, (places.shape[0] * 9, 1))
+        every[:, joints] = places.reshape(-1, 2)
+        found = survey(task, every)
+        zero = found.sigma[:, -1] <= SINGULAR * found.sigma[:, 0]
+        own = {
+            "sigma_min": np.where(zero, 0.0, found.sigma[:, -1]),
+            "manipulability": np.where(zero, 0.0, found.manipulability),
+            "condition": np.where(zero, 0.0, 1.0 / found.condition),
+        }
+        every_row = np.stack([sign * own[name] for name, sign in rows])
+        return np.asarray(every_row[np.repeat(owner, 9), np.arange(len(every))].reshape(-1, 9))
+
+    for _ in range(ROUNDS):
+        if (away < FINEST).all():
+            break
+        places = np.clip(place[:, None] + away[:, None] * around, low, high)
+        height = heights(places)
+        best = height.argmin(axis=1)
+        place = places[np.arange(len(place)), best]
+        away[best == 0] *= 0.5
+    height = heights(np.clip(place[:, None] + 0.0 * around, low, high))[:, 0]
+    ends = {}
+    for name in values:
+        least, most = (
+            sign * min(float(height[owner == row].min()), float(grids[row].min()))
+            for row, sign in ((rows.index((name, 1.0)), 1.0), (rows.index((name, -1.0)), -1.0))
+        )
+        if name == "condition":
+            least, most = 1.0 / most, 1.0 / least if least > 0.0 else np.inf
+        ends[name] = (least, most)
+    return ends
+
+
+def _valleys(grid: Array) -> NDArray[np.intp]:
+    """Return the lowest places of a grid that none beside them is lower than, (K, 2)."""
+    padded = np.pad(grid, 1, constant_values=np.inf)
+    rows, columns = grid.shape
+    beside = [padded[i : i + rows, j : j + columns] for i in range(3) for j in range(3)]
+    places = np.argwhere(grid <= np.min(beside, axis=0))
+    order = np.argsort(grid[tuple(places.T)], kind="stable")
+    return np.asarray(places[order[:VALLEYS]])
+
+
+def _positions(task: Task, joint: int, cells: int) -> Array:
+    low, high = task.arm.position_limit[joint]
+    if not np.isfinite(high - low):
+        if task.arm.is_slide[joint]:
+            raise QuestionError(
+                f'--over: joint "{task.arm.joints[joint]}" slides without limits; '
+                "give it a range in the model"
+            )
+        low, high = -np.pi, np.pi
+    return np.linspace(low, high, cells + 1)

@@ -1,0 +1,101 @@
+"""Where the site of an arm can be, how well it moves there, and where it loses a direction."""
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from rmrc.analysis.survey import jacobians, survey
+from rmrc.analysis.workspace.folds import covering
+from rmrc.analysis.workspace.reach import Workspace
+from rmrc.analysis.workspace.search import Search, steps_of_grid
+from rmrc.analysis.workspace.slices import Slice, choose_slice
+from rmrc.arm import Arm
+from rmrc.law.task import Array, Task, choose
+from rmrc.support.errors import QuestionError
+
+
+def workspace(
+    arm: Arm,
+    plane: str | None = None,
+    q: Array | None = None,
+    through: Array | None = None,
+    axes: Sequence[str] | None = None,
+    length: float = 1.0,
+    cells: int = 200,
+    samples: int = 1_000_000,
+    worst: bool = False,
+    on_samples: Callable[[int], None] | None = None,
+) -> Workspace:
+    """Find where the site can be in a slice, with and without joint limits, and where it is singular there.
+
+    Args:
+        arm: The arm.
+        plane: `xy`, `xz`, `yz`, or `rz`: distance from the first axis and height; None for the plane of a
+            planar arm, else `rz` if the first joint turns, else `xz`.
+        q: Joint positions, (n,), of joints that do not matter; None for `home`.
+        through: A point of the plane, (3,) [m]; None for the site at q.
+        axes: Rows of the twist whose singular values are taken; None for the linear ones that can move.
+        length: Characteristic length, which makes meters and radians comparable [m].
+        cells: Number of cells along the longer side.
+        samples: Random configurations, with limits and as many without, of an arm that is no sheet.
+        worst: Whether to keep the worst of the postures that reach a cell instead of the best.
+        on_samples: Called with the number of configurations that were looked at since the last call.
+
+    Raises:
+        QuestionError: The arm has no such slice, or slides without limits.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from rmrc.arm import load
+        >>> found = workspace(load(Path("models/planar_6_3.xml")), cells=60)
+        >>> round(found.free.area / np.pi)
+        72
+    """
+    home = arm.configuration("home")[arm.wiring.qpos] if q is None else np.asarray(q, np.float64)
+    part = choose_slice(arm, plane, home, through)
+    task = _task(arm, part, axes, length)
+    work = Search(arm, task, part, home, worst, on_samples or (lambda _: None))
+    free_range, own_range = _ranges(arm, part)
+    if part.is_sheet:
+        return work.sheet(free_range, own_range, cells)
+    return work.sampled(free_range, own_range, cells, samples)
+
+
+def compile_for(arm: Arm) -> None:
+    """Compile what a workspace needs, or load it if it was: the first time ever takes seconds."""
+    task = Task(arm, np.arange(3))
+    survey(task, np.zeros((1, arm.n)))
+    covering(np.zeros((2, 2, 2)), np.zeros(2), 1.0, (1, 1))
+    jacobians(task, np.zeros((1, arm.n)))
+
+
+def expected(part: Slice, cells: int, samples: int) -> int:
+    """Return about how many configurations `workspace` looks at: for a progress bar."""
+    return 2 * steps_of_grid(cells) ** 2 if part.is_sheet else 2 * samples
+
+
+def _task(arm: Arm, part: Slice, axes: Sequence[str] | None, length: float) -> Task:
+    """Return the task of some axes, or of the linear ones: of a planar arm the two that show most of it."""
+    if axes is not None:
+        return choose(arm, axes, length)
+    rows = np.arange(3)
+    if len(part.basis) == 2:
+        rows = np.delete(rows, np.argmax(np.abs(part.normal)))
+    return Task(arm, rows, length)
+
+
+def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:
+    """Return lower and upper position of each joint without and with limits, both (n, 2)."""
+    turns = arm.comes_round
+    for joint in part.joints:
+        if not turns[joint] and not np.isfinite(arm.position_limit[joint]).all():
+            raise QuestionError(
+                f'{arm.path}: joint "{arm.joints[joint]}" slides without limits, so that the site '
+                "can be anywhere; give it a range in the model"
+            )
+    full = np.array([-np.pi, np.pi])
+    own = arm.position_limit.copy()
+    # A hinge with more than a turn, or with one end, reaches what a full turn does.
+    own[turns & ~(own[:, 1] - own[:, 0] < 2.0 * np.pi)] = full
+    free = np.where(turns[:, None], full, own)
+    return free, own

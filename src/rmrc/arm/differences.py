@@ -1,0 +1,142 @@
+"""Numbers that one world has different from the model that it shares with others."""
+
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm.wiring import Wiring
+from rmrc.support.errors import ModelError, did_you_mean
+from rmrc.support.legible import listed
+
+Array = NDArray[np.float64]
+
+# The body that carries the payload; only a model that was adapted to have one has it.
+PAYLOAD = "rmrc:payload"
+
+# MuJoCo computes what follows from these, such as the mass of a subtree, only when told to. Where a
+# body that carries no other is stretched, no `body_pos` changes, but its inertia does.
+NEED_CONSTANTS = frozenset(
+    {"body_mass", "body_pos", "body_ipos", "body_inertia", "jnt_pos", "site_pos", "cam_pos", "light_pos"}
+    | {"geom_pos", "geom_size", "geom_aabb"}
+)
+
+# Equalities that hold points or frames of bodies, which the model keeps as numbers of its own.
+_HOLDS_POINTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
+
+
+@dataclass(frozen=True, eq=False)
+class Change:
+    """What a world has different from its model.
+
+    Attributes:
+        kv: Gains of the rate servos, (n,); None where there are none.
+        gravity: Along world axes, (3,) [m/s²]; None for the model's own.
+        payload: Point mass at the controlled site [kg]; only for a model with a body for it.
+        stretch: Factor on all lengths of a body, by its name.
+    """
+
+    kv: Array | None = None
+    gravity: tuple[float, ...] | None = None
+    payload: float = 0.0
+    stretch: Mapping[str, float] = field(default_factory=dict)
+
+
+def changed_fields(model: mujoco.MjModel, wiring: Wiring, change: Change) -> dict[str, Array]:
+    """Return the fields of a model that a world has different, whole, by their names in MuJoCo.
+
+    Args:
+        model: As `Arm.adapted` compiled it.
+        wiring: Of the arm in it.
+        change: What is different.
+    """
+    fields = stretched_fields(model, change.stretch)
+    if change.kv is not None:
+        gain, bias = np.array(model.actuator_gainprm), np.array(model.actuator_biasprm)
+        gain[wiring.actuator, 0], bias[wiring.actuator, 2] = change.kv, -change.kv
+        fields |= {"actuator_gainprm": gain, "actuator_biasprm": bias}
+    if change.gravity is not None:
+        fields["opt.gravity"] = np.array(change.gravity)
+    if change.payload:
+        mass = np.array(model.body_mass)
+        mass[model.body(PAYLOAD).id] = change.payload
+        fields["body_mass"] = mass
+    return fields
+
+
+def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dict[str, Array]:
+    """Return the fields of a model some of whose bodies are larger, whole, by their names in MuJoCo.
+
+    A body of factor f has all its lengths times f, about its frame's origin: where bodies, sites, joints and
+    geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times what
+    it was.
+
+    Args:
+        model: A model.
+        stretch: Factor of each body, by its name.
+    """
+    if not stretch:
+        return {}
+    factor = np.ones(model.nbody)
+    for name, value in stretch.items():
+        factor[model.body(name).id] = value
+    of_geom, of_site = factor[model.geom_bodyid], factor[model.site_bodyid]
+    return {
+        "body_pos": model.body_pos * factor[model.body_parentid][:, None],
+        "body_ipos": model.body_ipos * factor[:, None],
+        "body_inertia": model.body_inertia * factor[:, None] ** 2,
+        "jnt_pos": model.jnt_pos * factor[model.jnt_bodyid][:, None],
+        "site_pos": model.site_pos * of_site[:, None],
+        "site_size": model.site_size * of_site[:, None],
+        "geom_pos": model.geom_pos * of_geom[:, None],
+        "geom_size": model.geom_size * of_geom[:, None],
+        "geom_rbound": model.geom_rbound * of_geom,
+        "geom_aabb": model.geom_aabb * of_geom[:, None],
+        "cam_pos": model.cam_pos * factor[model.cam_bodyid][:, None],
+        "light_pos": model.light_pos * factor[model.light_bodyid][:, None],
+    }
+
+
+# Lengths of arms are meters; squares and products of such factors are finite, also as MuJoCo's floats.
+_STRETCH = 1e-6, 1e6
+
+
+def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float]) -> None:
+    """Refuse bodies that cannot be stretched.
+
+    Raises:
+        ModelError: No such body; a factor beyond reason; parts whose size is not a number of theirs.
+    """
+    bodies = [name for b in range(1, model.nbody) if (name := model.body(b).name)]
+    for name in stretch:
+        if name not in bodies:
+            hint = did_you_mean(name, bodies)
+            about = (
+                f"stretch.{name}" if re.fullmatch(r"[\w-]+", name) else "stretch"
+            )  # else it is no plain key
+            raise ModelError(f'{path}: has no body "{name}"{hint}; its bodies: {listed(bodies)}', about)
+        body = model.body(name).id
+        collides = (model.geom_contype | model.geom_conaffinity) != 0
+        if (collides & (model.geom_dataid >= 0) & (model.geom_bodyid == body)).any():
+            raise ModelError(
+                f'{path}: body "{name}" cannot be stretched: a mesh of it collides; '
+                "let simpler geometries collide, or stretch other bodies",
+                "stretch",
+            )
+    for name, factor in stretch.items():
+        if not _STRETCH[0] <= factor <= _STRETCH[1]:
+            raise ModelError(
+                f'{path}: the factor of body "{name}" must be between {_STRETCH[0]:g} and {_STRETCH[1]:g}, '
+                f"got {factor:g}",
+                f"stretch.{name}" if re.fullmatch(r"[\w-]+", name) else "stretch",
+            )
+    if stretch and np.isin(model.eq_type, _HOLDS_POINTS).any():
+        raise ModelError(
+            f"{path}: cannot be stretched: an equality connects or welds points of its bodies; take it out, "
+            "or write the lengths into the model",
+            "stretch",
+        )

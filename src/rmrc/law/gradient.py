@@ -1,0 +1,53 @@
+"""How the singular values change with the joints, from the derivative of J, without differences."""
+
+from rmrc.law.jit import Array, Record, compiled
+
+
+@compiled
+def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
+    """Write ∂σ_i/∂q_j = u_iᵀ (∂A/∂q_j) v_i, (n,), by the geometric derivative of J.
+
+    A joint turns the columns of all joints behind it, and moves the site for those before it:
+
+        ∂[v_l; ω_l]/∂q_j = [ω_j × v_l; ω_j × ω_l]  for j before l,  [ω_l × v_j; 0] else
+
+    The columns of sliding joints have ω = 0, so the same terms serve them.
+
+    Args:
+        world: Reads J, the decomposition, the scales, and MuJoCo's joint ids, which grow along a chain.
+        i: Which singular value.
+        gradient: Written, (n,) [1/rad or 1/m].
+    """
+    J, n = world.J, world.n
+    fx, fy, fz, mx, my, mz = expanded(world, i)
+    for j in range(n):
+        ax = ay = az = bx = by = bz = 0.0
+        for l in range(n):  # noqa: E741  the index of (15)
+            x = world.joint_scale[l] * world.v[i, l]
+            ox, oy, oz = x * J[3, l], x * J[4, l], x * J[5, l]
+            if world.joint[l] > world.joint[j]:
+                vx, vy, vz = x * J[0, l], x * J[1, l], x * J[2, l]
+                ax += vy * fz - vz * fy + oy * mz - oz * my
+                ay += vz * fx - vx * fz + oz * mx - ox * mz
+                az += vx * fy - vy * fx + ox * my - oy * mx
+            else:
+                bx, by, bz = bx + ox, by + oy, bz + oz
+        gradient[j] = (
+            J[3, j] * ax + J[4, j] * ay + J[5, j] * az
+            + J[0, j] * (fy * bz - fz * by) + J[1, j] * (fz * bx - fx * bz) + J[2, j] * (fx * by - fy * bx)
+        )  # fmt: skip
+
+
+@compiled
+def expanded(world: Record, i: int) -> tuple[float, float, float, float, float, float]:
+    """Return S_x u_i as six rows, 0 for those that do not count."""
+    fx = fy = fz = mx = my = mz = 0.0
+    for r in range(world.m):
+        row, value = world.row[r], world.row_scale[r] * world.u[i, r]
+        fx += value if row == 0 else 0.0
+        fy += value if row == 1 else 0.0
+        fz += value if row == 2 else 0.0
+        mx += value if row == 3 else 0.0
+        my += value if row == 4 else 0.0
+        mz += value if row == 5 else 0.0
+    return fx, fy, fz, mx, my, mz

@@ -1,0 +1,191 @@
+"""How this package compiles: three decorators, so that every function has the same flags."""
+
+import gc
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import Any, TypeAlias, TypeVar, cast
+
+import numba
+import numpy as np
+from numba import config
+from numba.core import event
+from numpy.typing import NDArray
+
+from rmrc.law.keeping import Forgiving, known_home, notice, own_folder
+from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
+
+Array: TypeAlias = NDArray[np.float64]
+Record: TypeAlias = Any  # one element of a structured array, see records.py
+Function = TypeVar("Function", bound=Callable[..., object])
+
+# `nogil` lets threads run worlds side by side. With `error_model="numpy"` 1/0 is infinite and raises nothing,
+# as the law decides itself what a zero means. No `fastmath`: the bits of a world must not depend on how
+# many others are computed beside it.
+_compile = partial(numba.njit, nogil=True, error_model="numpy")
+# What only compiled code calls needs no doors to Python and C, which take a quarter of the compile time.
+_compile_inner = partial(_compile, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+
+
+# What the user hears that is compiled, where it is not the control law.
+_OTHER = {"descent": "the inverse kinematics", "sheet": "the search of workspaces"}
+
+
+class _Compiling(event.Listener):
+    """Says that numba compiles, when it does: it is not called for what is found in the cache."""
+
+    depth = 0  # of functions within functions; numba's lock lets one thread in
+
+    def on_start(self, event: Any) -> None:
+        if self.depth == 0:
+            dispatcher = event.data["dispatcher"]
+            module = dispatcher.py_func.__module__.rpartition(".")[2]
+            is_kept = dispatcher.stats.cache_path is not None
+            tell(COMPILING.format(_OTHER.get(module, "the control law"), KEPT if is_kept else NOT_KEPT))
+        self.depth += 1
+
+    def on_end(self, event: Any) -> None:  # noqa: ARG002 - as numba calls it
+        self.depth -= 1
+
+
+event.register("numba:compile", _Compiling())  # type: ignore[no-untyped-call]
+
+
+def compiled(function: Function) -> Function:
+    """Compile a function that other compiled functions call."""
+    return cast(Function, _compile_inner()(function))
+
+
+def inlined(function: Function) -> Function:
+    """Compile a function as part of the one that calls it: for those that mainly call others in turn.
+
+    Each level of calls would otherwise optimize all levels below once more, which takes most of the time.
+    """
+    return cast(Function, _compile_inner(inline="always")(function))
+
+
+def entry(function: Function) -> Function:
+    """Compile a function that Python calls, and keep the machine code on disk for the next process.
+
+    Numba recompiles when the function's own file changes, but not when a file changes whose functions it
+    calls; what was kept from other sources is therefore removed here.
+    """
+    dispatcher = _kept(function)
+    if dispatcher.stats.cache_path is not None:
+        _forget_other_sources(Path(str(dispatcher.stats.cache_path)), function)
+        dispatcher._cache = Forgiving(dispatcher._cache)
+    return cast(Function, dispatcher)
+
+
+def _kept(function: Callable[..., object]) -> Any:
+    """Return what compiles a function, and keeps it where numba can, else in a folder of the user's own."""
+    try:
+        with known_home():
+            return _compile(cache=True)(function)
+    except RuntimeError:  # there is no place for it
+        pass
+    folder, settings = own_folder(), cast(Any, config)
+    if folder is None:
+        notice("machine code cannot be kept: not with the package, in HOME or among temporary files")
+        return _compile()(function)
+    before = settings.CACHE_DIR
+    settings.CACHE_DIR = str(folder)
+    try:
+        dispatcher = _compile(cache=True)(function)
+    finally:
+        settings.CACHE_DIR = before
+    notice(f"machine code is kept in {folder}, as neither the package nor HOME can be written")
+    return dispatcher
+
+
+def machine_code(function: Function, *arguments: object) -> Function:
+    """Return the machine code of an `entry` for arguments of these types, compiled now if it is not yet.
+
+    Calling it spares the look at the type of each argument, which takes as long as the law. It must only
+    be called with arguments of the very same types.
+    """
+    key = (function, *map(_kind, arguments))
+    if key not in _codes:
+        dispatcher: Any = function
+        typeof: Any = numba.typeof
+        with _briskly():
+            _codes[key] = dispatcher.compile(tuple(typeof(argument) for argument in arguments))
+    return cast(Function, _codes[key])
+
+
+# Asked for with each batch of a sweep, and numba takes milliseconds to tell the type of a record.
+_codes: dict[tuple[object, ...], object] = {}
+
+
+def _kind(argument: object) -> object:
+    """Return what numba's type of an argument depends on."""
+    if isinstance(argument, float):
+        return float
+    if not isinstance(argument, np.ndarray):
+        typeof: Any = numba.typeof  # a tuple's class says nothing of what it holds
+        return argument.dtype if isinstance(argument, np.void) else typeof(argument)
+    flags = argument.flags
+    return (
+        argument.dtype,
+        argument.ndim,
+        flags.c_contiguous,
+        flags.f_contiguous,
+        flags.aligned,
+        flags.writeable,
+    )
+
+
+@contextmanager
+def _briskly() -> Iterator[None]:
+    """Compile in a quarter less time than numba by itself.
+
+    Level 2 makes code as fast as level 3 of loops as short as ours. Compiling makes millions of objects that
+    live on, which the garbage collector would look through again and again.
+    """
+    settings: Any = config  # its names are made when it is imported
+    level, collects = settings.OPT, gc.isenabled()
+    settings.OPT = type(level)(min(2, level))
+    gc.disable()
+    try:
+        yield
+    finally:
+        settings.OPT = level
+        if collects:
+            gc.enable()
+
+
+def _forget_other_sources(directory: Path, function: Callable[..., object]) -> None:
+    module, name = function.__module__.rpartition(".")[2], function.__qualname__
+    stamp = directory / f"{module}.{name}.sources"
+    try:
+        if stamp.is_file() and stamp.read_text() == _SOURCES:
+            return
+        for stale in directory.glob(f"{module}.{name}-*.nb[ci]"):
+            stale.unlink(missing_ok=True)
+        directory.mkdir(parents=True, exist_ok=True)
+        stamp.write_text(_SOURCES)
+    except OSError:  # a cache that cannot be written is slow, not wrong: numba will not use it either
+        pass
+
+
+# Where modules may have compiled functions of their own.
+_ROOMS = ("plants", "results", "simulation", "analysis")
+
+
+def _digest_sources() -> str:
+    """Return a digest of all modules that hold compiled functions, and of what these take as constants."""
+    package = Path(__file__).parents[1]
+    sources = [path.read_bytes() for path in sorted(package.glob("law/*.py"))]
+    sources.append((package / "scenario/choices.py").read_bytes())
+    others = (
+        text
+        for room in _ROOMS
+        for path in sorted(package.glob(f"{room}/**/*.py"))
+        if b"law.jit" in (text := path.read_bytes())
+    )
+    return hashlib.sha256(b"".join([*sources, *others])).hexdigest()
+
+
+_SOURCES = _digest_sources()

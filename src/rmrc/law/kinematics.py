@@ -1,0 +1,129 @@
+"""What is known of the site: geometric Jacobian, pose, and the error to the reference."""
+
+import math
+from typing import TypeAlias
+
+from rmrc.law.jit import Array, Record, compiled
+
+Quaternion: TypeAlias = tuple[float, float, float, float]
+
+
+@compiled
+def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array, J: Array) -> None:
+    """Write J (6, n), rows [v; ω], along world axes, at a point fixed to the last link.
+
+    A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
+    [Whitney72], one with a screw of pitch h [z × (p − o) + h z; z] [Selig92]. The axes come from
+    MuJoCo's fresh kinematics or from `follow_chain`, so nothing is differentiated.
+
+    Args:
+        world: Reads the joints' rows in `anchors` and `axes`, kind and pitch.
+        point: The site's origin, (3,) [m].
+        anchors: A point on each joint axis, (njnt, 3) [m].
+        axes: Unit vector of each joint axis, (njnt, 3).
+        J: Written, (6, n).
+    """
+    for j in range(world.n):
+        joint = world.joint[j]
+        zx, zy, zz = axes[joint, 0], axes[joint, 1], axes[joint, 2]
+        if world.is_slide[j]:
+            J[0, j], J[1, j], J[2, j] = zx, zy, zz
+            J[3, j] = J[4, j] = J[5, j] = 0.0
+        else:
+            rx, ry, rz = (
+                point[0] - anchors[joint, 0],
+                point[1] - anchors[joint, 1],
+                point[2] - anchors[joint, 2],
+            )
+            h = world.pitch[j]
+            J[0, j], J[1, j], J[2, j] = (
+                zy * rz - zz * ry + h * zx,
+                zz * rx - zx * rz + h * zy,
+                (zx * ry - zy * rx + h * zz),
+            )
+            J[3, j], J[4, j], J[5, j] = zx, zy, zz
+
+
+@compiled
+def follow_chain(world: Record, q: Array) -> None:
+    """Write where the joints q put the axes, their anchors and the site, by the product of exponentials.
+
+    T(q) = exp(S_1 q_1) … exp(S_n q_n) T(0) [Brockett84], carried outward as a rotation and a point on the
+    next axis. It serves where there are too many configurations for MuJoCo's own kinematics.
+
+    Args:
+        world: Reads the arm's geometry at 0; `anchor`, `axis` and `pose` are written.
+        q: Joint positions, (n,).
+    """
+    x = y = z = 0.0
+    turn = (1.0, 0.0, 0.0, 0.0)
+    for j in range(world.n):
+        dx, dy, dz = _turned(turn, world.zero_step[j])
+        x, y, z = x + dx, y + dy, z + dz
+        ax, ay, az = _turned(turn, world.zero_axis[j])
+        world.anchor[j, 0], world.anchor[j, 1], world.anchor[j, 2] = x, y, z
+        world.axis[j, 0], world.axis[j, 1], world.axis[j, 2] = ax, ay, az
+        if world.is_slide[j]:
+            way = q[j]
+        else:
+            way = world.pitch[j] * q[j]
+            c, s = math.cos(0.5 * q[j]), math.sin(0.5 * q[j])
+            turn = _product((c, s * ax, s * ay, s * az), turn)
+        x, y, z = x + way * ax, y + way * ay, z + way * az
+    dx, dy, dz = _turned(turn, world.tip_step)
+    world.pose[0], world.pose[1], world.pose[2] = x + dx, y + dy, z + dz
+    tip = world.tip_quat
+    world.pose[3], world.pose[4], world.pose[5], world.pose[6] = _product(
+        turn, (tip[0], tip[1], tip[2], tip[3])
+    )
+
+
+@compiled
+def _turned(turn: Quaternion, v: Array) -> tuple[float, float, float]:
+    """Return v + 2 w (u × v) + 2 u × (u × v) of the quaternion (w, u)."""
+    w, x, y, z = turn
+    cx, cy, cz = y * v[2] - z * v[1], z * v[0] - x * v[2], x * v[1] - y * v[0]
+    return (
+        v[0] + 2.0 * (w * cx + y * cz - z * cy),
+        v[1] + 2.0 * (w * cy + z * cx - x * cz),
+        v[2] + 2.0 * (w * cz + x * cy - y * cx),
+    )
+
+
+@compiled
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
+        a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
+        a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
+    )
+
+
+@compiled
+def scale_joints(world: Record, rates: Array) -> None:
+    """Turn scaled rates into joint rates: multiply by S_q."""
+    for j in range(world.n):
+        rates[j] *= world.joint_scale[j]
+
+
+@compiled
+def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
+    """Write [p_ref − p; log(R_ref Rᵀ)], (6,) [m, rad], along world axes.
+
+    The rotation vector is taken from the quaternion's atan2 form, which keeps full precision for
+    small errors, where acos of the trace loses half the digits.
+    """
+    for i in range(3):
+        error[i] = pose_ref[i] - pose[i]
+    aw, ax, ay, az = pose_ref[3], pose_ref[4], pose_ref[5], pose_ref[6]
+    bw, bx, by, bz = pose[3], -pose[4], -pose[5], -pose[6]
+    w = aw * bw - ax * bx - ay * by - az * bz
+    x = aw * bx + ax * bw + ay * bz - az * by
+    y = aw * by - ax * bz + ay * bw + az * bx
+    z = aw * bz + ax * by - ay * bx + az * bw
+    if w < 0.0:  # the shorter way round
+        w, x, y, z = -w, -x, -y, -z
+    sine = math.sqrt(x * x + y * y + z * z)
+    factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, w) / sine
+    error[3], error[4], error[5] = factor * x, factor * y, factor * z

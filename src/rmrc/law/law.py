@@ -1,0 +1,232 @@
+"""Resolved motion rate control, one tick of one world.
+
+    twist_cmd = twist_ref + K · pose_error
+    A         = S_x J S_q = Σ σ_i u_i v_iᵀ          (task rows only; S_x = W_x^½ / L, S_q = W_q^-½ · L)
+    qdot_cmd  = S_q Σ g(σ_i) v_i (u_iᵀ S_x twist_cmd)  +  N qdot0
+
+The characteristic length L divides linear rows and multiplies sliding joints, so that σ of any arm is
+a number without unit and does not change when the model is drawn in millimeters.
+"""
+
+import math
+from enum import IntEnum
+
+import numpy as np
+
+from rmrc.law.inverses import damping, gains, manipulability
+from rmrc.law.jit import Array, Record, compiled, entry, inlined, machine_code
+from rmrc.law.kinematics import pose_error, scale_joints
+from rmrc.law.limits import limit
+from rmrc.law.nullspace import NONE, add_projected, wished_rates
+from rmrc.law.policies import hold, slow_down
+from rmrc.law.record import tick_type, world_type
+from rmrc.law.standstill import stuck
+from rmrc.law.svd import RANK_FLOOR, combine, continue_row, orthonormalize, project, set_identity, svd
+from rmrc.scenario.choices import AtSingularity, Method, OnExcess, Schedule, Status
+from rmrc.support.errors import did_you_mean
+
+# Flags become plain integers in compiled code.
+DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
+SLOW, STOP = int(AtSingularity.SLOW), int(AtSingularity.STOP)
+
+# κ ≥ 100 is called SINGULAR: the direction that dies takes a hundred times the joint rates of the best one.
+SINGULAR_BELOW = 0.01
+
+# A direction is called damped when it gets less of what it asks for than rounding explains.
+GETS_ALL = 1.0 - 1e-9
+
+# Rotations accumulate rounding in the warm start; so often it is made orthonormal again. In 64 ticks of
+# some 30 rotations it has lost 1e-13 at the worst.
+REFRESH = 64
+
+
+@inlined
+def control(world: Record, tick: Record) -> None:
+    """Turn the measured state and the reference of one tick into `tick.qdot_cmd`.
+
+    Args:
+        world: Parameters, measurement (q, pose, J) and memory; scratch is overwritten.
+        tick: Reads pose_ref and twist_ref, that of full pace; writes every column from pose_error to
+            status but tau.
+    """
+    pose_error(world.pose, tick.pose_ref, tick.pose_error)
+    feedforward = world.feedforward * world.pace
+    for i in range(6):
+        world.twist_cmd[i] = feedforward * tick.twist_ref[i] + world.feedback * tick.pose_error[i]
+    world.error = scaled_error(world, tick.pose_error)
+    resolve_twist(world, tick)
+
+
+@entry
+def resolve(world: Record, tick: Record) -> None:
+    """Resolve one `world.twist_cmd`: the law without its reference, for Python."""
+    resolve_twist(world, tick)
+
+
+@inlined
+def resolve_twist(world: Record, tick: Record) -> None:
+    """Resolve `world.twist_cmd`: decompose, filter, project, slow or stop, limit, judge, and record."""
+    scale_task(world)
+    decompose(world, tick.sigma)
+    project(world.u, world.task, world.k, world.m, world.asked)
+    tick.damping = damping(world, world.asked, tick.sigma)
+    gains(world, world.asked, tick.sigma, world.v, tick.damping, tick.gain)
+    combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_cmd)
+    scale_joints(world, tick.qdot_cmd)
+    tick.secondary_error = tick.secondary_sigma = math.nan
+    for j in range(world.n):
+        world.qdot0[j] = 0.0
+    if world.objective != NONE:
+        wished_rates(world, tick, world.qdot0)
+        add_projected(world, world.qdot0, tick.qdot_cmd)
+    tick.path_rate = 1.0
+    status = singular_status(world, tick)
+    if world.at_singularity == SLOW:
+        status |= slow_down(world, tick)
+    elif world.at_singularity == STOP:
+        status |= hold(world, tick)
+    status |= limit(world, tick)
+    tick.status = status | stuck(world, tick, status)
+    record_measures(world, tick)
+
+
+@compiled
+def scaled_error(world: Record, error: Array) -> float:
+    """Return ‖S_x pose_error‖ over the rows that count."""
+    total = 0.0
+    for i in range(world.m):
+        scaled = world.row_scale[i] * error[world.row[i]]
+        total += scaled * scaled
+    return math.sqrt(total)
+
+
+@compiled
+def scale_task(world: Record) -> None:
+    """A = S_x J S_q and S_x twist_cmd, of the rows that count."""
+    for i in range(world.m):
+        row, scale = world.row[i], world.row_scale[i]
+        world.task[i] = scale * world.twist_cmd[row]
+        for j in range(world.n):
+            world.A[i, j] = scale * world.J[row, j] * world.joint_scale[j]
+
+
+@inlined
+def decompose(world: Record, sigma: Array) -> None:
+    """A = Σ σ_i u_i v_iᵀ, warm-started from the vectors of the last tick.
+
+    Exactly at a singularity v_k is rounding, and the one of the last tick goes on in its place, as it would a
+    little beside it.
+    """
+    basis = world.u if world.m <= world.n else world.v
+    if world.age == 0:
+        set_identity(basis, world.k)
+    elif world.age % REFRESH == 0:
+        orthonormalize(basis, world.k)
+    world.age += 1
+    svd(world.A, world.m, world.n, world.u, sigma, world.v)
+    last = world.k - 1
+    if sigma[last] <= RANK_FLOOR * sigma[0] and world.m <= world.n and world.age > 1:
+        continue_row(world.v, last, world.v_last, world.n)
+    for j in range(world.n):
+        world.v_last[j] = world.v[last, j]
+
+
+@compiled
+def singular_status(world: Record, tick: Record) -> int:
+    """Return DAMPED if any direction gets less than it asks for, and SINGULAR if one nearly dies."""
+    status, floor = DAMPED if tick.damping > 0.0 else 0, RANK_FLOOR * tick.sigma[0]
+    for i in range(world.k):
+        if tick.sigma[i] > floor and tick.sigma[i] * tick.gain[i] < GETS_ALL:
+            status |= DAMPED
+    if tick.sigma[world.k - 1] <= SINGULAR_BELOW * tick.sigma[0]:
+        status |= SINGULAR
+    return status
+
+
+@compiled
+def record_measures(world: Record, tick: Record) -> None:
+    """Record w = ∏σ, κ = σ_1/σ_k, the dying task direction u_min and the joint motion v_min that it takes."""
+    last = world.k - 1
+    tick.manipulability = manipulability(world, tick.sigma)
+    tick.condition = tick.sigma[0] / tick.sigma[last] if tick.sigma[last] > 0.0 else math.inf
+    for i in range(6):
+        tick.u_min[i] = 0.0
+    for i in range(world.m):
+        tick.u_min[world.row[i]] = world.u[last, i]
+    for j in range(world.n):
+        tick.v_min[j] = world.v[last, j]
+
+
+def resolve_rates(
+    J: Array,
+    twist: Array,
+    method: str = "damped",
+    *,
+    schedule: str = "constant",
+    damping_maximum: float = 0.1,
+    damping_below: float = 0.3,
+    manipulability_below: float = 0.3,
+    error_gain: float = 1.0,
+    error: float = 0.0,
+    tolerance: float = 1e-6,
+    cutoff: float = 0.01,
+    gamma: float = 0.1,
+    rate_bound: float = 2.0,
+) -> Array:
+    """Return the joint rates that one inverse answers to one twist: the law for a notebook.
+
+    Args:
+        J: Jacobian of the task, (m, n), m <= 6.
+        twist: Commanded task velocity, (m,).
+        method: One of the inverses; `inverse` needs a square J.
+        schedule: How the damping of `damped` is chosen.
+        damping_maximum: λ_max, in the units of σ.
+        damping_below: ε, where `smallest_singular_value` and the method `filtered` start to damp.
+        manipulability_below: w₀, where `manipulability` starts to damp.
+        error_gain: λ of the schedule `error` for an error of 1.
+        error: Norm of the task error, for that schedule.
+        tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
+        cutoff: `truncated` drops σ_i <= cutoff.
+        gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
+        rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
+
+    Returns:
+        Joint rates, (n,).
+
+    Raises:
+        ValueError: A shape or a name that the law does not have.
+
+    >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), damping_maximum=0.1).round(3)
+    array([0.99, 5.  ])
+    >>> resolve_rates(np.diag([1.0, 0.01]), np.array([1.0, 1.0]), "jparse", gamma=0.1).round(3)
+    array([1., 1.])
+    """
+    J, twist = np.atleast_2d(np.asarray(J, np.float64)), np.asarray(twist, np.float64)
+    m, n = J.shape
+    if m > 6 or twist.shape != (m,):
+        raise ValueError(f"J must be (m, n) with m <= 6 and twist (m,), got {J.shape}, {twist.shape}")
+    if method == "inverse" and m != n:
+        raise ValueError(f"method 'inverse' needs a square J, got {J.shape}")
+    if not (np.isfinite(J).all() and np.isfinite(twist).all()):
+        raise ValueError("J and twist must be finite")
+    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
+    world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
+    world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
+    world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
+    world["method"] = _choice("method", method, Method)
+    world["schedule"] = _choice("schedule", schedule, Schedule)
+    world["damping_maximum"], world["damping_below"] = damping_maximum, damping_below
+    world["manipulability_below"] = manipulability_below
+    world["error_gain"], world["error"] = error_gain, error
+    world["tolerance"], world["cutoff"], world["gamma"] = tolerance, cutoff, gamma
+    world["rate_bound"], world["on_excess"] = rate_bound, OnExcess.NONE
+    machine_code(resolve, world[0], tick[0])(world[0], tick[0])
+    return np.array(tick["qdot_cmd"][0, :n])
+
+
+def _choice(key: str, name: str, kinds: type[IntEnum]) -> IntEnum:
+    names = {kind.name.lower(): kind for kind in kinds}
+    if name not in names:
+        known, hint = ", ".join(names), did_you_mean(name, names)
+        raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
+    return names[name]

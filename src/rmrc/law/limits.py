@@ -1,0 +1,206 @@
+"""Limits on what is sent: joint positions, rates and accelerations."""
+
+import math
+
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.redistribution import ROUNDING, redistribute
+from rmrc.law.stops import give_way, given_back, is_beyond
+from rmrc.scenario.choices import OnExcess, Status
+
+NONE, CLAMP, REDISTRIBUTE = int(OnExcess.NONE), int(OnExcess.CLAMP), int(OnExcess.REDISTRIBUTE)
+RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
+    int, (Status.RATE_LIMITED, Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED)
+)
+
+
+@compiled
+def limit(world: Record, tick: Record) -> int:
+    """Bring the rates within the bounds of every joint; return the status bits of the limits that act.
+
+    scale         all rates by one factor: the direction of motion is kept, the tip gets slower
+    clamp         each on its own: the tip leaves its direction, here as the contrast
+    redistribute  what a saturated joint cannot do, the others take over               [Flacco15]
+
+    That is for rate and acceleration limits. A joint at its position limit holds, and does not slow the
+    others down: they do what they can of the task, in a direction that may be another.
+    """
+    rates = tick.qdot_cmd
+    if world.on_excess == NONE or is_within(world, rates):
+        return 0
+    bounds(world)
+    acting = exceeded(world, rates)
+    if world.on_excess == CLAMP:
+        confine(world, rates)
+        return acting
+    for j in range(world.n):
+        world.drift[j] = world.qdot0[j]
+    if world.on_excess == REDISTRIBUTE:
+        forget_stops(world)
+        share = redistribute(world, tick)
+        for j in range(world.n):
+            if share >= 0.0 and world.held[j] > 0.0 and rates[j] == world.qdot0[j]:
+                acting |= kind(world, j, 1 if rates[j] == world.upper[j] else -1)
+        bounds(world)
+        if share >= 0.0:
+            if exceeded(world, rates) != 0:
+                share = given_back(world, rates, share, world.lower, world.upper)
+                give_way(world, tick, share, world.lower, world.upper)
+                acting |= held_by(world)
+            confine(world, rates)
+            return acting
+    return scale(world, tick)
+
+
+@compiled
+def is_within(world: Record, rates: Array) -> bool:
+    """Say whether no limit is exceeded, which is so at most ticks.
+
+    Braking from a rate r takes r (r + b T)/(2 b) and up to b T²/8 more, which needs no root as long as there
+    is more room.
+    """
+    T = world.period
+    for j in range(world.n):
+        rate, braking = rates[j], world.braking[j]
+        speed = abs(rate)
+        to_lower, to_upper = world.q[j] - world.position_limit[0, j], world.position_limit[1, j] - world.q[j]
+        left = to_upper if rate > 0.0 else to_lower
+        if speed > world.rate_limit[j]:
+            return False
+        if abs(rate - world.qdot_cmd_last[j]) > world.acceleration_limit[j] * T:
+            return False
+        if speed * (speed + braking * T) > braking * (2.0 * left - 0.25 * braking * T * T) and (
+            speed > brake(left, braking, T)
+        ):
+            return False
+    return True
+
+
+@compiled
+def exceeded(world: Record, rates: Array) -> int:
+    """Return the bits of the limits whose bounds are exceeded by more than rounding."""
+    bits = 0
+    for j in range(world.n):
+        slack = ROUNDING * abs(rates[j])
+        if rates[j] > world.upper[j] + slack:
+            bits |= kind(world, j, 1)
+        elif rates[j] < world.lower[j] - slack:
+            bits |= kind(world, j, -1)
+    return bits
+
+
+@compiled
+def held_by(world: Record) -> int:
+    """Return the bits of the limits that hold joints at their bounds."""
+    bits = 0
+    for j in range(world.n):
+        if world.held[j] != 0.0:
+            bits |= kind(world, j, 1 if world.held[j] > 0.0 else -1)
+    return bits
+
+
+@compiled
+def kind(world: Record, j: int, side: int) -> int:
+    """Return the bit of the limit that gave a joint its upper (side 1) or lower (side -1) bound."""
+    bound = world.rest_upper[j] if side > 0 else -world.rest_lower[j]
+    chosen = world.upper[j] if side > 0 else -world.lower[j]
+    if chosen != bound:
+        return ACCELERATION_LIMITED
+    return RATE_LIMITED if bound == world.rate_limit[j] else POSITION_LIMITED
+
+
+@compiled
+def bounds(world: Record) -> None:
+    """Write the largest and smallest rate of each joint within its position, rate and acceleration limits.
+
+    Acceleration has precedence: a joint that cannot brake in time goes on braking.
+    """
+    for j in range(world.n):
+        q, fastest, braking = world.q[j], world.rate_limit[j], world.braking[j]
+        world.rest_lower[j] = -min(fastest, brake(q - world.position_limit[0, j], braking, world.period))
+        world.rest_upper[j] = min(fastest, brake(world.position_limit[1, j] - q, braking, world.period))
+    reach(world)
+
+
+@compiled
+def forget_stops(world: Record) -> None:
+    """Write the bounds that rate and acceleration limits alone would give."""
+    for j in range(world.n):
+        world.rest_upper[j] = world.rate_limit[j]
+        world.rest_lower[j] = -world.rate_limit[j]
+    reach(world)
+
+
+@compiled
+def reach(world: Record) -> None:
+    """Bring the bounds of position and rate within what the acceleration limit lets a joint reach."""
+    for j in range(world.n):
+        change = world.acceleration_limit[j] * world.period
+        least, most = world.qdot_cmd_last[j] - change, world.qdot_cmd_last[j] + change
+        world.upper[j] = max(least, min(world.rest_upper[j], most))
+        world.lower[j] = min(most, max(world.rest_lower[j], least))
+
+
+@compiled
+def brake(distance: float, braking: float, period: float) -> float:
+    """Return the largest rate that can be braked within a distance, tick by tick.
+
+    N ticks that begin with a rate r, each slower by b T than the one before, take N T (r − (N − 1) b T/2),
+    and N is the least with N (N + 1)/2 · b T² >= distance.
+    """
+    if distance <= 0.0:
+        return 0.0
+    if distance == math.inf:
+        return math.inf
+    ticks = max(1.0, math.ceil(math.sqrt(0.25 + 2.0 * distance / (braking * period * period)) - 0.5))
+    return distance / (ticks * period) + 0.5 * braking * period * (ticks - 1.0)
+
+
+@compiled
+def confine(world: Record, rates: Array) -> None:
+    """Bring each rate within its own bounds."""
+    for j in range(world.n):
+        rates[j] = min(max(rates[j], world.lower[j]), world.upper[j])
+
+
+@compiled
+def scale(world: Record, tick: Record) -> int:
+    """Scale all rates, let stops have their way, scale the change; return the bits of what acted."""
+    rates, bits, factor, stopped = tick.qdot_cmd, 0, 1.0, False
+    for j in range(world.n):
+        if abs(rates[j]) > world.rate_limit[j] * (1.0 + ROUNDING):
+            factor = min(factor, world.rate_limit[j] / abs(rates[j]))
+    for j in range(world.n):
+        rates[j] *= factor
+        stopped |= is_beyond(rates[j], world.rest_lower[j], world.rest_upper[j])
+    if stopped:
+        bits |= POSITION_LIMITED
+        factor = given_back(world, rates, factor, world.rest_lower, world.rest_upper)
+        for j in range(world.n):
+            world.drift[j] *= factor
+        give_way(world, tick, factor, world.rest_lower, world.rest_upper)
+        for j in range(world.n):
+            if world.held[j] != 0.0 and abs(rates[j]) == world.rate_limit[j]:
+                bits |= RATE_LIMITED
+    if factor < 1.0:
+        bits |= RATE_LIMITED
+    return bits | scale_change(world, rates)
+
+
+@compiled
+def scale_change(world: Record, rates: Array) -> int:
+    """Scale the change of all rates by one factor; return the bits of the limits that acted.
+
+    That may leave a joint without the braking that it needs, which is then given to it alone.
+    """
+    bits, part = 0, 1.0
+    for j in range(world.n):
+        change, most = abs(rates[j] - world.qdot_cmd_last[j]), world.acceleration_limit[j] * world.period
+        if change > most * (1.0 + ROUNDING):
+            bits |= ACCELERATION_LIMITED
+            part = min(part, most / change)
+    if part < 1.0:
+        for j in range(world.n):
+            rates[j] = world.qdot_cmd_last[j] + part * (rates[j] - world.qdot_cmd_last[j])
+        bits |= exceeded(world, rates)
+    confine(world, rates)
+    return bits

@@ -1,0 +1,97 @@
+"""Objectives that wish for joint rates qdot0, and the projector that keeps them out of the task."""
+
+import math
+
+from rmrc.law.gradient import sigma_gradient
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.priority import secondary_rates
+from rmrc.law.svd import dot
+from rmrc.scenario.choices import Objective
+
+NONE, POSTURE, JOINT_LIMITS, MANIPULABILITY, RATES = map(
+    int,
+    (Objective.NONE, Objective.POSTURE, Objective.JOINT_LIMITS, Objective.MANIPULABILITY, Objective.RATES),
+)
+
+
+@compiled
+def wished_rates(world: Record, tick: Record, qdot0: Array) -> None:
+    """Write qdot0, the rates that the objective would choose if there were no task.
+
+    posture         qdot0 = gain · (posture − q)                             [Liegeois77]
+    joint_limits    qdot0 = −gain · S_q² ∇H, H the distance function         [Liegeois77]
+    manipulability  qdot0 = gain · S_q² ∇w                                   [Yoshikawa85]
+    rates           as the user says
+    secondary       what a second task needs, see `priority`
+    """
+    objective = world.objective
+    if objective == POSTURE:
+        for j in range(world.n):
+            qdot0[j] = world.objective_gain * (world.posture[j] - world.q[j])
+    elif objective == JOINT_LIMITS:
+        to_middle(world, qdot0)
+    elif objective == MANIPULABILITY:
+        uphill(world, tick.sigma, qdot0)
+    elif objective == RATES:
+        for j in range(world.n):
+            qdot0[j] = world.wished[j]
+    else:
+        secondary_rates(world, tick, qdot0)
+
+
+@compiled
+def to_middle(world: Record, qdot0: Array) -> None:
+    """Write −gain · S_q² ∇H with H = 1/(2n) Σ ((q − middle)/range)²; a joint without limits has no wish."""
+    n = world.n
+    for j in range(n):
+        lower, upper = world.position_range[0, j], world.position_range[1, j]
+        slope = 0.0
+        if upper - lower < math.inf:
+            slope = (world.q[j] - 0.5 * (lower + upper)) / ((upper - lower) * (upper - lower) * n)
+        qdot0[j] = -world.objective_gain * world.joint_scale[j] * world.joint_scale[j] * slope
+
+
+@compiled
+def uphill(world: Record, sigma: Array, qdot0: Array) -> None:
+    """Write gain · S_q² ∇w with ∇w = Σ_i (Π_{l≠i} σ_l) ∇σ_i, which needs no division by σ."""
+    n = world.n
+    for j in range(n):
+        qdot0[j] = 0.0
+    for i in range(world.k):
+        others = 1.0
+        for p in range(world.k):
+            if p != i:
+                others *= sigma[p]
+        if others == 0.0:
+            continue
+        sigma_gradient(world, i, world.work)
+        for j in range(n):
+            qdot0[j] += others * world.work[j]
+    for j in range(n):
+        qdot0[j] *= world.objective_gain * world.joint_scale[j] * world.joint_scale[j]
+
+
+@compiled
+def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
+    """Add N qdot0 = S_q (I − Σ_{i<r} v_i v_iᵀ) S_q⁻¹ qdot0 to the rates, and leave it in qdot0.
+
+    J N qdot0 = 0. r is the rank of the task almost everywhere, which was found before the run. So as many
+    directions are taken away at a singularity as elsewhere: N changes continuously, and a direction that
+    dies is not handed to the objective, whatever the inverse does to it.
+    """
+    n, scale = world.n, world.joint_scale
+    for j in range(n):
+        qdot0[j] /= scale[j]
+    remove_task(world, qdot0)
+    for j in range(n):
+        qdot0[j] *= scale[j]
+        rates[j] += qdot0[j]
+
+
+@compiled
+def remove_task(world: Record, rates: Array) -> None:
+    """Take the task's directions away from scaled rates: (I − Σ_{i<r} v_i v_iᵀ) rates."""
+    for i in range(world.rank):
+        along = dot(world.v[i], rates, world.n)
+        for j in range(world.n):
+            rates[j] -= along * world.v[i, j]

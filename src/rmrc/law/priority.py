@@ -1,0 +1,97 @@
+"""A second task, by priority: classical, and robust where the two tasks make each other singular."""
+
+import math
+
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.kinematics import pose_error, scale_joints
+from rmrc.law.svd import combine, dot, project, svd_from_scratch
+from rmrc.scenario.choices import Priority
+
+CLASSICAL = int(Priority.CLASSICAL)
+
+# Without damping, directions in which the second task reaches less than this share of its size are given up.
+TOLERANCE = 1e-6
+
+
+@compiled
+def secondary_rates(world: Record, tick: Record, qdot0: Array) -> None:
+    """Write the rates that a second task asks for, of which `add_projected` lets pass what the first allows.
+
+    classical   S_q (A_2 P)* (t_2 − A_2 S_q⁻¹ qdot_1)   what is missing, within what is left    [Nakamura87]
+    robust      S_q A_2* t_2                            alone: no inverse of A_2 P is needed    [Chiaverini97]
+
+    P = I − Σ v_i v_iᵀ. Where both tasks can be done but not together, A_2 P loses rank: an algorithmic
+    singularity. Its smallest singular value is recorded either way.
+
+    Args:
+        world: Reads pose_2, J_2, and the decomposition of the first task.
+        tick: Reads qdot_cmd, the rates of the first task; writes secondary_error and secondary_sigma.
+        qdot0: Written, (n,).
+    """
+    n, m = world.n, world.m_2
+    k = min(m, n)
+    tick.secondary_error = second_task(world)
+    size = scale_second(world)
+    if world.priority == CLASSICAL:
+        for i in range(m):
+            for j in range(n):
+                world.task_B[i] -= world.B[i, j] * tick.qdot_cmd[j] / world.joint_scale[j]
+        leave_first(world)
+        svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+        tick.secondary_sigma = world.sigma_B[k - 1]
+        solve_second(world, size, qdot0)
+    else:
+        svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+        solve_second(world, size, qdot0)
+        leave_first(world)
+        svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+        tick.secondary_sigma = world.sigma_B[k - 1]
+
+
+@compiled
+def second_task(world: Record) -> float:
+    """Write t_2 = S_x2 K_2 pose_error_2 of the rows that count; return the norm of their error, unscaled."""
+    error = world.error_2
+    pose_error(world.pose_2, world.pose_ref_2, error)
+    total = 0.0
+    for i in range(world.m_2):
+        missing = error[world.row_2[i]]
+        world.task_B[i] = world.row_scale_2[i] * world.feedback_2 * missing
+        total += missing * missing
+    return math.sqrt(total)
+
+
+@compiled
+def scale_second(world: Record) -> float:
+    """Write A_2 = S_x2 J_2 S_q of the rows that count; return its Frobenius norm."""
+    total = 0.0
+    for i in range(world.m_2):
+        for j in range(world.n):
+            entry = world.row_scale_2[i] * world.J_2[world.row_2[i], j] * world.joint_scale[j]
+            world.B[i, j] = entry
+            total += entry * entry
+    return math.sqrt(total)
+
+
+@compiled
+def leave_first(world: Record) -> None:
+    """Replace A_2 by A_2 P: take the first task's directions out of each row."""
+    for r in range(world.m_2):
+        for i in range(world.rank):
+            along = dot(world.v[i], world.B[r], world.n)
+            for j in range(world.n):
+                world.B[r, j] -= along * world.v[i, j]
+
+
+@compiled
+def solve_second(world: Record, size: float, rates: Array) -> None:
+    """Write S_q V g(Σ) Uᵀ t_2 with the second task's own constant damping."""
+    n, damped, floor = world.n, world.damping_2, TOLERANCE * size
+    k = min(world.m_2, n)
+    for i in range(k):
+        s = world.sigma_B[i]
+        undamped = 1.0 / s if s > floor else 0.0
+        world.gain_B[i] = s / (s * s + damped * damped) if damped > 0.0 else undamped
+    project(world.u_B, world.task_B, k, world.m_2, world.asked_B)
+    combine(world.gain_B, world.asked_B, world.v_B, k, n, rates)
+    scale_joints(world, rates)

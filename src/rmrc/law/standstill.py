@@ -1,0 +1,48 @@
+"""Whether the site stands still while its reference moves on."""
+
+from rmrc.law.jit import Record, compiled
+from rmrc.scenario.choices import Status
+
+STUCK, STOPPED = int(Status.STUCK), int(Status.STOPPED)
+
+# The site stands still below this share of the speed that it should have, in scaled rows. A limit or damping
+# that slows an arm down leaves it more, but for the moments in which a rate changes its sign.
+SHARE = 0.02
+# Slower than this the reference is at rest, and nothing is asked [1/s]: 1 mm/s for a length of 1 m.
+SLOWEST = 1e-3
+# Slower than this is standing still, whatever is asked.
+CREEPS = 0.1 * SLOWEST
+# So long it may stand still before it is called stuck [s]: longer than a turn of direction or the start of a
+# lagging feedback takes, shorter than what matters on a path.
+PATIENCE = 0.2
+
+
+@compiled
+def stuck(world: Record, tick: Record, status: int) -> int:
+    """Return STUCK once the site has stood still for a while that its reference was moving.
+
+    It lasts until the site moves, nothing is asked any more, or the arm waits because it was told to.
+
+    Args:
+        world: Task, J, and how long it has stood still.
+        tick: Rates as they are sent, and the twist of the reference.
+        status: All other bits of this tick.
+    """
+    if (status == 0 and world.m <= world.n) or status & STOPPED:  # it does what is asked, or waits
+        world.still = 0.0
+        return 0
+    wanted, asked, done = 0.0, 0.0, 0.0
+    for i in range(world.m):
+        row, scale, moved = world.row[i], world.row_scale[i], 0.0
+        for j in range(world.n):
+            moved += world.J[row, j] * tick.qdot_cmd[j]
+        wanted += (scale * tick.twist_ref[row]) ** 2
+        asked += world.task[i] ** 2
+        done += (scale * moved) ** 2
+    moves = wanted > SLOWEST**2
+    wished = wanted if moves else asked
+    if wished <= SLOWEST**2 or done > max(SHARE**2 * wished, CREEPS**2):
+        world.still = 0.0
+    elif moves:
+        world.still += world.period
+    return STUCK if world.still > PATIENCE else 0

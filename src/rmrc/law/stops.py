@@ -1,0 +1,170 @@
+"""A joint at its stop holds, and the others do what they still can of the task."""
+
+from rmrc.law.inverses import damping, gains
+from rmrc.law.jit import Array, Record, compiled, inlined
+from rmrc.law.redistribution import ROUNDING
+from rmrc.law.svd import combine, project, svd_from_scratch
+from rmrc.scenario.choices import Method, Schedule
+
+DAMPED, RATE_BOUND = int(Method.DAMPED), int(Schedule.RATE_BOUND)
+SMALLEST_SINGULAR_VALUE, MANIPULABILITY = int(Schedule.SMALLEST_SINGULAR_VALUE), int(Schedule.MANIPULABILITY)
+
+
+@inlined
+def give_way(world: Record, tick: Record, share: float, lower: Array, upper: Array) -> None:
+    """Bring the rates within their bounds; who is at a bound holds it, and the others make up for it.
+
+    Of the damped inverse the rates are those within the bounds with the least
+
+        ‖share · S_x twist_cmd − A y‖² + λ² ‖y − S_q⁻¹ drift‖²,   y = S_q⁻¹ qdot,
+
+    by an active set: from rates within the bounds it goes towards those of the free joints
+    alone, until a joint meets its bound and is held; where none does, the held joint is let go that the
+    residual draws inwards most. Every step is within the bounds. Of the other inverses it goes the same way,
+    with their own gains. No joint is let go twice, so that it ends.
+
+    Args:
+        world: Task, A; drift is the motion in the null space that is wished for, projected.
+        tick: qdot_cmd is replaced.
+        share: Of the task.
+        lower: Smallest rate of each joint, (n,).
+        upper: Largest, (n,).
+    """
+    n, damped = world.n, tick.damping if world.method == DAMPED else 0.0
+    for j in range(n):
+        rate = tick.qdot_cmd[j]
+        world.best[j] = min(max(rate, lower[j]), upper[j])
+        world.held[j], world.fade[j], world.part_a[j] = 0.0, 1.0, 0.0
+        if is_beyond(rate, lower[j], upper[j]):
+            world.held[j] = 1.0 if rate > 0.0 else -1.0
+            world.fade[j] = abs(world.best[j] / rate)
+    for _ in range(3 * n + 1):
+        damped = resolve_free(world, share, damped)
+        blocked, step = first_blocked(world, lower, upper)
+        for j in range(n):
+            if world.held[j] == 0.0:
+                world.best[j] += step * (world.part_b[j] - world.best[j])
+        if blocked >= 0:
+            above = world.part_b[blocked] > world.best[blocked]
+            world.best[blocked] = upper[blocked] if above else lower[blocked]
+            world.fade[blocked] = min(1.0, abs(world.best[blocked] / world.part_b[blocked]))
+            world.held[blocked] = 1.0 if above else -1.0
+            continue
+        freed = drawn_inwards(world, share, damped)
+        if freed < 0:
+            break
+        world.held[freed], world.fade[freed], world.part_a[freed] = 0.0, 1.0, 1.0
+    for j in range(n):
+        tick.qdot_cmd[j] = world.best[j]
+
+
+@compiled
+def given_back(world: Record, rates: Array, share: float, lower: Array, upper: Array) -> float:
+    """Return the share of the task to do where rates for a share of it take joints beyond their stops.
+
+    That share is there to keep a direction that is lost now, and a joint that hardly moves may have asked for
+    it. All of it is given back where a joint stands that would go as fast as any, and nothing where one
+    begins to be held, so that the rates have no jump there.
+
+    Args:
+        world: Limits and scales.
+        rates: For that share of the task, (n,).
+        share: Of the task, that fits the rate limits.
+        lower: Smallest rate of each joint, (n,).
+        upper: Largest, (n,).
+    """
+    fastest, most = 0.0, 0.0
+    for j in range(world.n):
+        fastest = max(fastest, abs(rates[j]) / world.joint_scale[j])
+    for j in range(world.n):
+        beyond = max(rates[j] - upper[j], lower[j] - rates[j])
+        if beyond > 0.0:
+            most = max(most, beyond / min(world.rate_limit[j], world.joint_scale[j] * fastest))
+    return float(share + (1.0 - share) * min(1.0, most))
+
+
+@compiled
+def is_beyond(rate: float, lower: float, upper: float) -> bool:
+    """Whether a rate is out of its bounds by more than rounding."""
+    slack = ROUNDING * abs(rate)
+    return rate > upper + slack or rate < lower - slack
+
+
+@inlined
+def resolve_free(world: Record, share: float, damped: float) -> float:
+    """Write into part_b the rates that the free joints would have, the held ones being as they are.
+
+    Return λ: that of the tick, and more where what is left of a redundant arm is nearer to a singularity. A
+    joint counts for that by the share of its wish that its bound leaves to it, so that λ has no jump where a
+    joint begins to be held.
+    """
+    n, m, k, free = world.n, world.m, world.k, 0
+    for j in range(n):
+        free += world.held[j] == 0.0
+    follows = world.method == DAMPED and world.schedule in (SMALLEST_SINGULAR_VALUE, MANIPULABILITY)
+    if follows and m <= free < n:
+        for r in range(m):
+            for j in range(n):
+                world.B[r, j] = world.A[r, j] * world.fade[j]
+        svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+        damped = max(damped, damping(world, world.asked_B, world.sigma_B))
+    for r in range(m):
+        left = share * world.task[r]
+        for j in range(n):
+            is_free = world.held[j] == 0.0
+            given = world.drift[j] if is_free else world.best[j]
+            left -= world.A[r, j] * given / world.joint_scale[j]
+            world.B[r, j] = world.A[r, j] if is_free else 0.0
+        world.task_B[r] = left
+    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    project(world.u_B, world.task_B, k, m, world.asked_B)
+    if world.method == DAMPED and world.schedule == RATE_BOUND:
+        damped = max(damped, damping(world, world.asked_B, world.sigma_B))
+    gains(world, world.asked_B, world.sigma_B, world.v_B, damped, world.gain_B)
+    combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_b)
+    for j in range(n):
+        if world.held[j] == 0.0:
+            world.part_b[j] = world.drift[j] + world.joint_scale[j] * world.part_b[j]
+    return damped
+
+
+@compiled
+def first_blocked(world: Record, lower: Array, upper: Array) -> tuple[int, float]:
+    """Return which free joint first meets its bound on the way from `best` to `part_b`, and at which part.
+
+    -1 and 1 if none does; of several, the one that would be taken farthest.
+    """
+    blocked, step, farthest = -1, 1.0, 0.0
+    for j in range(world.n):
+        rate, now = world.part_b[j], world.best[j]
+        if world.held[j] != 0.0 or not is_beyond(rate, lower[j], upper[j]):
+            continue
+        bound = upper[j] if rate > upper[j] else lower[j]
+        part = min(1.0, max(0.0, (bound - now) / (rate - now)))
+        beyond = abs(rate - bound) / world.joint_scale[j]
+        if part < step or blocked < 0 or (part == step and beyond > farthest):
+            blocked, step, farthest = j, part, beyond
+    return blocked, step
+
+
+@compiled
+def drawn_inwards(world: Record, share: float, damped: float) -> int:
+    """Return the held joint that the residual draws inwards most, or -1; part_a marks who was let go."""
+    n, m, chosen, most = world.n, world.m, -1, 0.0
+    for r in range(m):
+        left = share * world.task[r]
+        for j in range(n):
+            left -= world.A[r, j] * world.best[j] / world.joint_scale[j]
+        world.task_B[r] = left
+    for j in range(n):
+        if world.held[j] == 0.0 or world.part_a[j] > 0.0:
+            continue
+        pull, size = 0.0, 0.0
+        for r in range(m):
+            pull += world.A[r, j] * world.task_B[r]
+            size += abs(world.A[r, j] * share * world.task[r])
+        pull -= damped * damped * (world.best[j] - world.drift[j]) / world.joint_scale[j]
+        inwards = -pull * world.held[j]
+        if inwards > most and inwards > ROUNDING * size:
+            chosen, most = j, inwards
+    return chosen

@@ -1,0 +1,81 @@
+"""MuJoCo's batches: worlds that share a model but for some numbers, and that are used again.
+
+To make one takes memory for each of its worlds, which every batch of a sweep would ask for and give back.
+"""
+
+import threading
+from collections.abc import Sequence
+from weakref import WeakKeyDictionary
+
+import mujoco
+import numpy as np
+from mujoco.batch import Batch
+
+from rmrc.arm import Change, Wiring
+from rmrc.arm.differences import NEED_CONSTANTS, changed_fields
+
+_Kind = tuple[mujoco.MjModel, int, frozenset[str]]
+
+
+class Batches:
+    """Batches that wait for their next worlds; threads may share it."""
+
+    def __init__(self) -> None:
+        """Begin without any."""
+        self._kinds: WeakKeyDictionary[Batch, _Kind] = WeakKeyDictionary()
+        self._idle: list[Batch] = []
+        self._lock = threading.Lock()
+
+    def take(self, model: mujoco.MjModel, wiring: Wiring, changes: Sequence[Change]) -> Batch:
+        """Return a batch of worlds as they are before their first step, of one thread.
+
+        What MuJoCo cannot keep for each world, such as the mean inertia that its solver takes for a scale, is
+        the model's own: so it does not depend on the other worlds.
+
+        Args:
+            model: As `Arm.adapted` compiled it.
+            wiring: Of the arm in it.
+            changes: What each world has different, one or more.
+        """
+        worlds = [changed_fields(model, wiring, change) for change in changes]
+        different = {}
+        for name in sorted({name for fields in worlds for name in fields}):
+            own = model.opt.gravity if name == "opt.gravity" else getattr(model, name)
+            values = np.array([fields.get(name, own) for fields in worlds])
+            if (values != own).any():
+                different[name] = values
+        kind = model, len(changes), frozenset(different)
+        batch = self._waiting(kind)
+        if batch is None:
+            batch = _allocated(model, len(changes))
+            self._kinds[batch] = kind
+        else:
+            batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
+        for name, values in different.items():
+            batch.expand(name)[:] = values
+        if not NEED_CONSTANTS.isdisjoint(different):
+            batch.set_const()
+        return batch
+
+    def _waiting(self, kind: _Kind) -> Batch | None:
+        """Return a batch of a kind; where none waits, the one that waits longest makes room for another."""
+        with self._lock:
+            for i, batch in enumerate(self._idle):
+                if self._kinds[batch] == kind:
+                    return self._idle.pop(i)
+            del self._idle[:1]
+        return None
+
+    def give_back(self, batch: Batch) -> None:
+        """Keep a batch for other worlds; its own have ended, and nothing of it is read any more."""
+        with self._lock:
+            self._idle.append(batch)
+
+
+def _allocated(model: mujoco.MjModel, count: int) -> Batch:
+    try:
+        return Batch(model, count, 1, persistent=True)
+    except ValueError as error:
+        if "allocate" in str(error):
+            raise MemoryError(f"MuJoCo cannot allocate {count} worlds") from None
+        raise

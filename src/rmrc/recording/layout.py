@@ -1,0 +1,279 @@
+"""How a recording looks: colors, shapes, the legend, and the layout that opens by itself."""
+
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from rmrc.arm import Shape
+from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS, Scene
+from rmrc.scenario.choices import Status
+from rmrc.show.palette import HUES, WHITE, mix
+from rmrc.simulation.prepare import Prepared
+from rmrc.support.spatial import rotate
+
+# The viewer's vertical angle of view, and width over height of the picture in our layout.
+VIEW_ANGLE = np.radians(55.0)
+VIEW_ASPECT = 1.3
+
+# Positions in the static line of the target path.
+PATH_POINTS = 2000
+
+# 0xRRGGBBAA
+GREEN, VIOLET, RED, GRAY = 0x2EC27EFF, 0xB07CFFFF, 0xFF2D2DFF, 0x9AA0A6FF
+YELLOW, CYAN = 0xFFD60AFF, 0x3DC9FFFF
+
+STATUS_COLORS = {
+    Status.OK: 0x2EC27EFF, Status.DAMPED: 0xFF9F1CFF, Status.SLOWED: 0xA3A948FF,
+    Status.RATE_LIMITED: 0xB07CFFFF, Status.ACCELERATION_LIMITED: 0x3D8BFDFF,
+    Status.POSITION_LIMITED: 0xE668B3FF, Status.SINGULAR: 0xFF2D2DFF, Status.STOPPED: 0x9AA0A6FF,
+    Status.STUCK: 0xB5651DFF,
+}  # fmt: skip
+
+LEGEND = f"""\
+| in the picture | is |
+|---|---|
+| **white line** | the path that the tip shall follow; a white ball, seen if the tip is late, is the target |
+| **trail**, **ball** | where the tip has been, and is; **red** near a singularity |
+| **green ellipsoid** | velocities that take little joint motion: long is easy, **flat is lost** |
+| **violet wires** | forces that take little joint torque: long where the green one is flat |
+| **thick double arrow** | the motion that dies first (u_min); it turns **red** as σ_min goes to 0 |
+| **thin double arrow** | the same of the rotation, as an axis; cyan turns red |
+
+Green half axes: {VELOCITY_SECONDS:g} s · σ_i. Violet: c/σ_i, as long as the green ones at \
+σ = {FORCE_EQUAL:g} of the reach, at most {FORCE_LONGEST:g} of the reach.
+σ_i here are those of the translations that the task has, with its rotations held; joint rates and \
+torques have norm 1.
+Plots: bold and pale are the same joint, measured and commanded.
+"""
+
+
+def geometry(shape: Shape) -> rr.AsComponents:
+    """Return a shape as rerun draws it; the sizes of MuJoCo are half sizes."""
+    position, quat = shape.pose[:3], shape.pose[3:]
+    radius, half = float(shape.size[0]), float(shape.size[1])
+    color = (shape.rgba * 255).round().astype(np.uint8)
+    look: dict[str, Any] = {"colors": [color], "quaternions": [xyzw(quat)]}
+    look["fill_mode"] = rr.components.FillMode.Solid
+    if shape.kind == "capsule":  # rerun's begins at its origin, MuJoCo's is centered
+        start = position - rotate(quat, np.array([0.0, 0.0, half]))
+        return rr.Capsules3D(lengths=[2 * half], radii=[radius], translations=[start], **look)
+    if shape.kind == "cylinder":
+        return rr.Cylinders3D(lengths=[2 * half], radii=[radius], centers=[position], **look)
+    if shape.kind == "box":
+        return rr.Boxes3D(half_sizes=[shape.size], centers=[position], **look)
+    if shape.kind == "mesh":
+        vertices = position + rotate(quat, shape.vertices)
+        return rr.Mesh3D(vertex_positions=vertices, triangle_indices=shape.faces, albedo_factor=color)
+    sizes = shape.size if shape.kind == "ellipsoid" else [radius] * 3
+    return rr.Ellipsoids3D(half_sizes=[sizes], centers=[position], **look)
+
+
+def marks(scene: Scene) -> dict[str, rr.AsComponents]:
+    """Return the target path, and how all that moves at the tip looks, by entity."""
+    thin = 0.004 * scene.reach
+    fill, wires = rr.components.FillMode.TransparentFillMajorWireframe, rr.components.FillMode.MajorWireframe
+    return {
+        "target/path": path_line(scene),
+        "target/now": rr.Points3D.from_fields(colors=WHITE, radii=4 * thin),
+        "tip/now": rr.Points3D.from_fields(colors=YELLOW, radii=5.5 * thin),
+        "tip/trail": rr.LineStrips3D.from_fields(radii=1.6 * thin),
+        "tip/velocity_ellipsoid": rr.Ellipsoids3D.from_fields(
+            colors=GREEN, line_radii=0.7 * thin, fill_mode=fill
+        ),
+        "tip/force_ellipsoid": rr.Ellipsoids3D.from_fields(
+            colors=VIOLET, line_radii=0.7 * thin, fill_mode=wires
+        ),
+        "tip/dying_move": rr.Arrows3D.from_fields(radii=2 * thin),
+        "tip/dying_turn": rr.Arrows3D.from_fields(radii=thin),
+    }
+
+
+def path_line(scene: Scene, color: int = WHITE) -> rr.LineStrips3D:
+    """Return the target path."""
+    line = scene.path[np.linspace(0, len(scene.path) - 1, PATH_POINTS).round().astype(int)]
+    return rr.LineStrips3D([line], colors=color, radii=0.0028 * scene.reach)
+
+
+def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
+    """Return names, colors and widths of the plotted curves, by entity."""
+    joints, k = prepared.arm.joints, min(prepared.arm.n, len(prepared.scenario.task.axes))
+    hues = [HUES[j % len(HUES)] for j in range(len(joints))]
+    units = ["m/s" if slides else "rad/s" for slides in prepared.arm.is_slide]
+    axes = prepared.scenario.task.axes
+    errors = {"position [mm]": YELLOW} if {"x", "y", "z"} & set(axes) else {}
+    errors |= {"rotation [mrad]": CYAN} if {"rx", "ry", "rz"} & set(axes) else {}
+    shades = [mix(GRAY, GREEN, i / k) for i in range(k - 1)] + [GREEN]
+    looks: dict[str, rr.AsComponents] = {
+        "columns/qdot": rr.SeriesLines(
+            names=[f"{joint} [{unit}]" for joint, unit in zip(joints, units, strict=True)],
+            colors=packed(hues),
+            widths=4.0,
+        ),
+        "columns/qdot_cmd": rr.SeriesLines(  # one name: one line in the legend
+            names=["commanded"] * len(joints),
+            colors=packed([mix(hue, WHITE, 0.55) for hue in hues]),
+            widths=1.2,
+        ),
+        "columns/sigma": rr.SeriesLines(
+            names=[f"σ_{i + 1}" for i in range(k - 1)] + ["σ_min"],
+            colors=packed(shades),
+            widths=[1.0] * (k - 1) + [3.0],
+        ),
+        "columns/damping": rr.SeriesLines(names=["λ damping"], colors=packed(HUES[1:2]), widths=3.0),
+        "error": rr.SeriesLines(
+            names=list(errors), colors=packed(list(errors.values())), widths=[2.0] * len(errors)
+        ),
+    }
+    for name, (text, color) in extra_curves(prepared).items():
+        looks[f"columns/{name}"] = rr.SeriesLines(names=[text], colors=packed([color]), widths=3.0)
+    return looks
+
+
+def extra_curves(prepared: Prepared) -> dict[str, tuple[str, int]]:
+    """Return name and color of the columns that are plotted with σ where the scenario makes use of them."""
+    control, curves = prepared.scenario.control, {}
+    if control.at_singularity == "slow":
+        curves["path_rate"] = ("ṡ pace", YELLOW)
+    if control.nullspace.objective == "secondary":
+        curves["secondary_sigma"] = ("σ left to the second task", CYAN)
+    return curves
+
+
+def lane(flag: Status) -> rr.AsComponents:
+    """Return how a status looks in its timeline."""
+    return rr.StateConfiguration(values=[str(flag.name)], colors=packed([STATUS_COLORS[flag]]))
+
+
+def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
+    """Return the layout: the picture with its texts at the left, the plots at the right."""
+    picture = rrb.Spatial3DView(
+        name=f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}",
+        contents=["/arm/**", "/target/**", "/tip/**"],
+        overrides={"tip/trail": until_now()},
+        eye_controls=eye(scene.points, scene.normal),
+        line_grid=grid(scene.points),
+    )
+    is_slowed = prepared.scenario.control.at_singularity == "slow"
+    axis = time_axis(prepared.reference.duration, is_open=is_slowed)
+    extra = [f"/columns/{name}" for name in extra_curves(prepared)]
+    plots = rrb.Vertical(
+        *(
+            plot(name, contents, axis)
+            for name, contents in (
+                ("Joint rates", ["/columns/qdot", "/columns/qdot_cmd"]),
+                ("Singular values σ and damping λ", ["/columns/sigma", "/columns/damping", *extra]),
+                ("Tip error", ["/error"]),
+            )
+        ),
+        rrb.StateTimelineView(name="Status", origin="/status", time_view=axis),
+        row_shares=[3, 3, 2, 2],
+    )
+    titles = {"legend": "What you see", "scorecard": "Scorecard", "scenario": "Scenario"}
+    return page(picture, titles, plots)
+
+
+def page(picture: rrb.Spatial3DView, titles: dict[str, str], plots: rrb.Vertical) -> rrb.Blueprint:
+    """Return a layout: the picture with its texts at the left, the plots at the right, and no panels.
+
+    Args:
+        picture: The 3-D view.
+        titles: Of the texts, by the name of their entity.
+        plots: Below each other.
+    """
+    texts = rrb.Tabs(
+        *(rrb.TextDocumentView(origin=f"/text/{name}", name=title) for name, title in titles.items())
+    )
+    return rrb.Blueprint(
+        rrb.Horizontal(rrb.Vertical(picture, texts, row_shares=[3, 1]), plots, column_shares=[5, 4]),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="playing", loop_mode="all"),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def plot(name: str, contents: list[str], axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
+    """Return a plot over time."""
+    return rrb.TimeSeriesView(name=name, contents=contents, axis_x=axis, plot_legend=rrb.Corner2D.LeftTop)
+
+
+def time_axis(end: float, *, is_open: bool = False) -> rrb.TimeAxis:
+    """Return the range of the plots; the free quarter at the left is for the legends.
+
+    Args:
+        end: Of the path as planned [s].
+        is_open: Whether a run may take longer, as one that is slowed.
+    """
+    last = rrb.TimeRangeBoundary.infinite() if is_open else rrb.TimeRangeBoundary.absolute(seconds=end)
+    return rrb.TimeAxis(
+        view_range=rr.TimeRange(
+            start=rrb.TimeRangeBoundary.absolute(seconds=-0.3 * end),
+            end=last,
+        )
+    )
+
+
+def until_now() -> rrb.VisibleTimeRanges:
+    """Return how much of a trail is seen: all of it up to the cursor."""
+    return rrb.VisibleTimeRanges(
+        [
+            rrb.VisibleTimeRange(
+                "sim_time",
+                start=rrb.TimeRangeBoundary.infinite(),
+                end=rrb.TimeRangeBoundary.cursor_relative(),
+            )
+        ]
+    )
+
+
+def eye(points: NDArray[np.float64], normal: int | None) -> rrb.EyeControls3D:
+    """Look at all points (p, 3): a planar arm from almost along its normal axis, others aslant."""
+    toward = {None: (0.75, -1.0, 0.55), 0: (1.0, -0.2, 0.2), 1: (0.2, -1.0, 0.2), 2: (0.0, -0.25, 1.0)}
+    direction = np.array(toward[normal])
+    direction /= np.linalg.norm(direction)
+    right = np.cross([0.0, 0.0, 1.0], direction)
+    right /= np.linalg.norm(right)
+    seen = points @ np.array([right, np.cross(direction, right), direction]).T
+    middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
+    across = np.abs(seen - middle)[:, :2] / [VIEW_ASPECT, 1.0]
+    distance = (across.max(axis=1) / np.tan(VIEW_ANGLE / 2) + (seen - middle)[:, 2]).max()
+    center = middle @ np.array([right, np.cross(direction, right), direction])
+    return rrb.EyeControls3D(
+        kind=rrb.Eye3DKind.Orbital,
+        position=center + distance * direction,
+        look_target=center,
+        eye_up=(0.0, 0.0, 1.0),
+    )
+
+
+def grid(points: NDArray[np.float64]) -> rrb.LineGrid3D:
+    """Return a floor below all points, (p, 3)."""
+    plane = rr.components.Plane3D.XY.with_distance(float(points[:, 2].min()))
+    return rrb.LineGrid3D(visible=True, plane=plane, color=[255, 255, 255, 30])
+
+
+def xyzw(quat: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return quaternions w x y z in rerun's order."""
+    return np.roll(quat, -1, axis=-1)
+
+
+def packed(colors: Sequence[int]) -> NDArray[np.uint32]:
+    """Return colors 0xRRGGBBAA as rerun knows them; three integers would be red, green and blue."""
+    return np.array(colors, np.uint32)
+
+
+@cache
+def _ramp(calm: int) -> NDArray[np.uint32]:
+    return packed([mix(calm, RED, part) for part in np.linspace(0, 1, 65)])
+
+
+def ramp(nearness: NDArray[np.float64], calm: int) -> NDArray[np.uint32]:
+    """Return colors from calm (0) to red (1)."""
+    colors: NDArray[np.uint32] = _ramp(calm)[(nearness * 64).round().astype(int)]
+    return colors

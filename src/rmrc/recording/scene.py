@@ -1,0 +1,195 @@
+"""What the 3-D view of a run shows, as arrays: bodies, ellipsoids, the direction that is dying.
+
+Nothing here knows the viewer, so that every length and direction can be checked by itself.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm import Shape
+from rmrc.results.run import Run
+from rmrc.simulation.prepare import Prepared
+from rmrc.support.spatial import AXES, matrix_to_quat, quat_to_matrix
+
+Array = NDArray[np.float64]
+
+# The velocity ellipsoid is as long as the way the tip would move in this time at unit joint rates: an
+# outstretched arm with one shoulder then shows a fifth of its reach, seen but not in the way.
+VELOCITY_SECONDS = 0.2
+
+# The force ellipsoid has the size of the velocity ellipsoid where sigma is this part of the reach,
+# and no radius is drawn longer than the second part: at a singularity 1/sigma has no bound.
+FORCE_EQUAL = 0.5
+FORCE_LONGEST = 0.3
+
+# Half thickness of what is flat, as a part of the reach: thin, but not so thin that it flickers.
+THICKNESS = 0.002
+
+# Room around the path for the ellipsoids and arrows at the tip, as a part of the reach.
+MARGIN = 0.3
+
+# Each half of the double arrow along the dying direction, as a part of the reach.
+ARROW = 0.22
+
+
+@dataclass(frozen=True, eq=False)
+class Frames:
+    """What is seen at F instants; lengths in meters along world axes.
+
+    Attributes:
+        bodies: Pose of each body of the model, (F, nbody, 7).
+        tip: Site, (F, 3).
+        target: Where it should be, (F, 3).
+        axes: Orientation of both ellipsoids, quat w x y z, (F, 4): local axis i is u_i.
+        velocity: Half axes of the velocity ellipsoid, falling, (F, 3).
+        force: Half axes of the force ellipsoid, along the same axes, (F, 3).
+        dying_move: Translation that becomes impossible first, (F, 3).
+        dying_turn: Axis of the rotation that becomes impossible first, (F, 3).
+        nearness: 0 where no damping is due, 1 in the singularity, (F,).
+    """
+
+    bodies: Array
+    tip: Array
+    target: Array
+    axes: Array
+    velocity: Array
+    force: Array
+    dying_move: Array
+    dying_turn: Array
+    nearness: Array
+
+
+class Scene:
+    """The arm and the task of one world, ready to be drawn.
+
+    Attributes:
+        shapes: Visible geometries.
+        body_names: Of all bodies; a body without a name is called by its number.
+        is_fixed: Which bodies never move, (nbody,).
+        reach: Largest distance from the first moving body to the tip, over start and target [m].
+        points: Corners of the arm where it starts and around the target path, (p, 3) [m].
+        normal: Axis (0, 1, 2) along which the tip cannot move, or None for a spatial arm.
+        path: Target positions, (p, 3) [m].
+    """
+
+    def __init__(self, prepared: Prepared) -> None:
+        """Look at the arm where it starts."""
+        arm = prepared.arm
+        self._arm = arm
+        self._joint_scale = prepared.joint_scale
+        rows = [AXES.index(axis) for axis in prepared.scenario.task.axes]
+        self._rows = np.array([row for row in rows if row < 3], int)
+        self._held = np.array([row for row in rows if row > 2], int)
+        self._below = prepared.scenario.control.inverse.damping.below
+        self.shapes = arm.shapes()
+        self.body_names, self.is_fixed = arm.body_names, arm.is_fixed
+        self.path = prepared.reference.pose[:, :3]
+
+        q = prepared.qpos[arm.wiring.qpos]
+        bodies, tip = arm.frames(q[None])[0][0], arm.pose(q)[:3]
+        moving = bodies[~self.is_fixed, :3]
+        self.reach = float(np.linalg.norm(np.vstack([tip, self.path]) - moving[0], axis=1).max())
+        boxes = [_box(shape, bodies[shape.body]) for shape in self.shapes]
+        tool = [box for box, shape in zip(boxes, self.shapes, strict=True) if shape.body == arm.wiring.body]
+        room = max([MARGIN * self.reach, *(np.linalg.norm(box - tip, axis=1).max() for box in tool)])
+        around = room * np.vstack([np.eye(3), -np.eye(3)])
+        near_path = (self.path[:: max(1, len(self.path) // 50), None] + around).reshape(-1, 3)
+        self.points = np.vstack([moving, near_path, *boxes])
+        # A second configuration, for an arm that only starts in a plane.
+        lines = np.vstack([arm.jacobian(q + shift)[:3].T for shift in (0.0, 0.3)])
+        still = np.flatnonzero(np.abs(lines).max(axis=0) < 1e-9 * self.reach)
+        self.normal = int(still[-1]) if len(still) else None
+
+    def frames(self, part: Run, rows: NDArray[np.int64]) -> Frames:
+        """Return what is seen at some ticks of a part of the run.
+
+        Both ellipsoids belong to M = J_v S_q (1 - J_w⁺ J_w): J_v has the translations that the task
+        has, J_w = J_ω S_q its rotations, which are held, and S_q measures joint rates as the law does.
+        At joint rates of norm 1 the tip reaches velocities sigma_i along u_i of M; at joint torques
+        of norm 1 it holds forces 1/sigma_i [Yoshikawa85]. Without the projector, M would stay
+        round at a wrist singularity, where translations are only possible with a turn.
+
+        Args:
+            part: Any part of the run.
+            rows: Ticks of that part, (F,).
+        """
+        q = part["q"][rows]
+        u_min = part["u_min"][rows]
+        bodies, jacobians = self._arm.frames(q)
+        axes, sigma = principal(jacobians * self._joint_scale, self._rows, self._held)
+        velocity, force = half_axes(sigma, len(self._rows), self.reach)
+        return Frames(
+            bodies=bodies,
+            tip=part["pose"][rows, :3],
+            target=part["pose_ref"][rows, :3],
+            axes=matrix_to_quat(axes),
+            velocity=velocity,
+            force=force,
+            dying_move=ARROW * self.reach * u_min[:, :3],
+            dying_turn=ARROW * self.reach * u_min[:, 3:],
+            nearness=1.0 - np.clip(part["sigma"][rows, -1], 0.0, self._below) / self._below,
+        )
+
+
+def half_axes(sigma: Array, rows: int, reach: float) -> tuple[Array, Array]:
+    """Return the half axes at which the two ellipsoids are drawn, (F, 3) each [m].
+
+    Args:
+        sigma: Singular values, falling; only the first `rows` are of the task, (F, 3) [m].
+        rows: Translations that the task has; along the others the ellipsoids are flat.
+        reach: Of the arm [m].
+    """
+    thin, longest = THICKNESS * reach, FORCE_LONGEST * reach
+    velocity = np.full_like(sigma, thin)
+    force = np.full_like(sigma, thin)
+    velocity[:, :rows] = np.maximum(VELOCITY_SECONDS * sigma[:, :rows], thin)
+    # c/sigma, with c so that both are equal where sigma = FORCE_EQUAL · reach
+    c = VELOCITY_SECONDS * (FORCE_EQUAL * reach) ** 2
+    force[:, :rows] = c / np.maximum(sigma[:, :rows], c / longest)
+    return velocity, force
+
+
+def principal(J: Array, rows: NDArray[np.int64], held: NDArray[np.int64]) -> tuple[Array, Array]:
+    """Return the axes u_i as columns of rotation matrices (F, 3, 3), and sigma, falling (F, 3) [m].
+
+    Axes of the world that are not in `rows` come last, with sigma 0; they must not mix with a u_i
+    whose sigma is 0.
+
+    Args:
+        J: Jacobians, (F, 6, n).
+        rows: Of the translations that count, 0 to 2.
+        held: Of the rotations that are held, 3 to 5.
+    """
+    frames, a = len(J), len(rows)
+    axes, sigma = np.zeros((frames, 3, 3)), np.zeros((frames, 3))
+    others = np.setdiff1d(np.arange(3), rows)
+    axes[:, others, np.arange(a, 3)] = 1.0
+    if a:
+        M, held_rows = J[:, rows], J[:, held]
+        if len(held):
+            M = M - M @ np.linalg.pinv(held_rows, rcond=1e-6) @ held_rows
+        u, s, _ = np.linalg.svd(M)
+        axes[:, rows, :a] = u
+        sigma[:, : s.shape[1]] = s
+    axes[:, :, 2] *= np.linalg.det(axes)[:, None]  # a rotation, not a reflection
+    return axes, sigma
+
+
+def _box(shape: Shape, body: Array) -> Array:
+    """Return two corners of a world-aligned box around a shape, (2, 3)."""
+    turn = quat_to_matrix(body[3:])
+    center = body[:3] + turn @ shape.pose[:3]
+    turn = turn @ quat_to_matrix(shape.pose[3:])
+    radius, half, _ = shape.size
+    if shape.kind == "mesh":
+        corners: Array = center + shape.vertices @ turn.T
+        return np.array([corners.min(axis=0), corners.max(axis=0)])
+    extents = {
+        "sphere": [radius] * 3,
+        "capsule": [radius, radius, half + radius],
+        "cylinder": [radius, radius, half],
+    }.get(shape.kind, shape.size)
+    extent = np.abs(turn) @ np.array(extents)
+    return np.array([center - extent, center + extent])

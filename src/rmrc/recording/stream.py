@@ -1,0 +1,214 @@
+"""A recording that grows block by block: its file, its two timelines, and columns straight from arrays.
+
+While a run goes on, the recording is `NAME.rrd.part` beside its final name; each block is flushed, so
+that a killed process loses at most one block. `finish` closes it and renames it to `NAME.rrd`.
+
+Timelines: `tick` counts control ticks; `sim_time` is `time` rounded to the nearest nanosecond.
+"""
+
+from functools import lru_cache
+from pathlib import Path
+from threading import Thread
+from typing import Any
+from uuid import uuid4
+
+import numpy as np
+import pyarrow.lib as pa
+import rerun as rr
+import rerun.blueprint as rrb
+from numpy.typing import NDArray
+
+from rmrc.support.errors import RmrcError
+
+# Seconds that a block of some 0.5 MB may take to reach the disk. Rerun waits for ever for a writer that
+# found the disk full, if the writer ends at the wrong moment.
+PATIENCE = 10.0
+
+
+class RecordingError(RmrcError, OSError):
+    """A recording cannot be written or read."""
+
+
+class Stream:
+    """A recording that is being written.
+
+    Attributes:
+        path: Where the finished recording appears.
+        part_path: Where it grows until then.
+    """
+
+    def __init__(self, path: Path, name: str, layout: rrb.Blueprint) -> None:
+        """Open the file.
+
+        Args:
+            path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
+            name: Of the recording, as the viewer shows it.
+            layout: That the viewer opens it with.
+
+        Raises:
+            RecordingError: The file cannot be made.
+        """
+        self.path, self.part_path = path, path.with_name(path.name + ".part")
+        rr.set_strict_mode(True)  # its errors are only warnings otherwise
+        try:
+            str(self.part_path).encode()
+        except UnicodeEncodeError:  # rerun takes no such path, and would say so in colors
+            raise _cannot_write(
+                self.part_path, "its path is not UTF-8; give another folder with --out"
+            ) from None
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            self.part_path.unlink(missing_ok=True)
+            self._stream = rr.RecordingStream("rmrc", recording_id=f"{name}-{uuid4().hex[:8]}")
+            self._stream.set_log_time_enabled(False)
+            self._stream.save(self.part_path, default_blueprint=layout)
+        except (OSError, RuntimeError, ValueError) as error:
+            raise _cannot_write(self.part_path, one_line(error)) from None
+        self._open = True
+        self._stream.send_recording_name(name)
+        self.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
+
+    def log(self, path: str, what: rr.AsComponents) -> None:
+        """Write what holds at all times."""
+        self._stream.log(path or "/", what, static=True)
+
+    def log_text(self, path: str, markdown: str) -> None:
+        """Write a text that holds at all times."""
+        self.log(path, rr.TextDocument(markdown, media_type="text/markdown"))
+
+    def send(self, path: str, index: list[rr.TimeColumn], columns: Any) -> None:
+        """Write values over time.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        try:
+            self._stream.send_columns(path, index, columns)
+        except (OSError, RuntimeError) as error:
+            self._abandon()
+            raise _cannot_write(self.part_path, one_line(error)) from None
+
+    def flush(self) -> None:
+        """Bring all that was written to the disk.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        try:
+            self._stream.flush(timeout_sec=PATIENCE)
+        except (OSError, RuntimeError, ValueError) as error:
+            self._abandon()
+            raise _cannot_write(self.part_path, f"{one_line(error)}; is the disk full?") from None
+
+    def finish(self) -> None:
+        """Close the file and move it to `path`.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        self.flush()
+        self.close()
+        try:
+            self.part_path.replace(self.path)
+        except OSError as error:
+            raise _cannot_write(self.path, one_line(error)) from None
+
+    def close(self) -> None:
+        """Close the file, wherever it is; once is enough."""
+        if self._open:
+            self._open = False
+            self._stream.disconnect()
+
+    def _abandon(self) -> None:
+        """Close a stream whose writer has failed, which may last for ever: here, or else at exit.
+
+        A thread that hangs keeps the stream from being closed once more as garbage.
+        """
+        self._open = False
+        rr.unregister_shutdown()
+        closing = Thread(target=self._stream.disconnect, daemon=True)
+        closing.start()
+        closing.join(1.0)  # it takes milliseconds, or for ever
+
+
+def index(ticks: NDArray[np.int64], time: NDArray[np.float64]) -> list[rr.TimeColumn]:
+    """Return both timelines of some ticks, (T,) each; time in seconds."""
+    nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
+    return [rr.TimeColumn("sim_time", duration=nanoseconds), rr.TimeColumn("tick", sequence=ticks)]
+
+
+def one_line(error: Exception) -> str:
+    """Return a foreign error as part of a message."""
+    return " ".join(str(error).split())
+
+
+def _cannot_write(path: Path, reason: str) -> RecordingError:
+    return RecordingError(f"{path}: cannot write the recording: {reason}")
+
+
+# Columns ----------------------------------------------------------------------------------------
+
+
+def _never_null(kind: pa.DataType, size: int = -1) -> pa.DataType:
+    """Return the list type that the viewer asks for; it draws nothing from a list that may hold nulls."""
+    return pa.list_(pa.field("item", kind, nullable=False), size)
+
+
+class Component:
+    """What a column holds: so many numbers of a kind make one value."""
+
+    def __init__(
+        self, descriptor: rr.ComponentDescriptor, kind: pa.DataType, size: int = 1, is_strip: bool = False
+    ) -> None:
+        """Work out the types of arrow."""
+        self.descriptor, self.size, self.is_strip = descriptor, size, is_strip
+        self.dtype = np.dtype(kind.to_pandas_dtype())
+        self.value = _never_null(kind, size) if size > 1 else kind
+        self.strip = _never_null(self.value)
+
+
+class Values:
+    """A column of one component, straight from an array: four times faster than rerun's archetypes.
+
+    Rows are the first axis; a second axis before the components' own makes several instances a row.
+    """
+
+    def __init__(self, component: Component, values: NDArray[np.generic]) -> None:
+        """Lay the values out as arrow does; nothing is copied that need not be."""
+        self._descriptor = component.descriptor
+        flat = pa.array(np.ascontiguousarray(values, component.dtype).reshape(-1))
+        if component.size > 1:
+            flat = pa.FixedSizeListArray.from_arrays(flat, type=component.value)
+        rows, instances = len(values), len(flat) // len(values)
+        if component.is_strip:  # one line of several points a row
+            flat = pa.ListArray.from_arrays(_offsets(rows, instances), flat, type=component.strip)
+            instances = 1
+        self._array = pa.ListArray.from_arrays(_offsets(rows, instances), flat)
+
+    def component_descriptor(self) -> rr.ComponentDescriptor:
+        """Return what the column holds; rerun asks for it."""
+        return self._descriptor
+
+    def as_arrow_array(self) -> pa.Array:
+        """Return the column; rerun asks for it."""
+        return self._array
+
+
+@lru_cache(maxsize=64)
+def _offsets(rows: int, instances: int) -> pa.Array:
+    return pa.array(np.arange(rows + 1, dtype=np.int32) * instances)
+
+
+SCALARS = Component(rr.Scalars.descriptor_scalars(), pa.float64())
+STATUS = Component(rr.ComponentDescriptor("status"), pa.int64())
+TRANSLATION = Component(rr.Transform3D.descriptor_translation(), pa.float32(), 3)
+ROTATION = Component(rr.Transform3D.descriptor_quaternion(), pa.float32(), 4)
+POINT = Component(rr.Points3D.descriptor_positions(), pa.float32(), 3)
+STRIP = Component(rr.LineStrips3D.descriptor_strips(), pa.float32(), 3, is_strip=True)
+STRIP_COLOR = Component(rr.LineStrips3D.descriptor_colors(), pa.uint32())
+CENTER = Component(rr.Ellipsoids3D.descriptor_centers(), pa.float32(), 3)
+HALF = Component(rr.Ellipsoids3D.descriptor_half_sizes(), pa.float32(), 3)
+TURN = Component(rr.Ellipsoids3D.descriptor_quaternions(), pa.float32(), 4)
+VECTOR = Component(rr.Arrows3D.descriptor_vectors(), pa.float32(), 3)
+ORIGIN = Component(rr.Arrows3D.descriptor_origins(), pa.float32(), 3)
+ARROW_COLOR = Component(rr.Arrows3D.descriptor_colors(), pa.uint32())

@@ -1,0 +1,153 @@
+"""One world in a recording: its columns at every tick, its arm and what moves at the tip in frames.
+
+Its entities stand below a prefix, so that a recording can hold many worlds:
+
+    columns/<name>   every column of the run at every tick; float64 scalars, status as int64
+    arm/<body>       poses, with the geometries as static children
+    tip/..           position and trail
+"""
+
+from collections.abc import Callable
+
+import numpy as np
+import rerun as rr
+from numpy.typing import NDArray
+
+from rmrc.arm import Shape
+from rmrc.recording import stream
+from rmrc.recording.layout import geometry, xyzw
+from rmrc.recording.scene import Frames, Scene
+from rmrc.recording.stream import Stream, Values
+from rmrc.results.run import Run
+from rmrc.simulation.prepare import Prepared
+from rmrc.support.spatial import AXES
+
+# What is drawn is stored so often: more than a screen shows, a tenth of the ticks at 1 kHz.
+FRAME_PERIOD = 0.01
+
+
+def prefix_of(variant: str) -> str:
+    r"""Return how the entities of a variant begin.
+
+    >>> prefix_of("damped, 0.1")
+    'variants/damped\\,\\ 0.1/'
+    """
+    return f"variants/{rr.escape_entity_path_part(variant)}/"
+
+
+class Track:
+    """Writes one world, block by block; what it shows beside arm and trail, others add to it.
+
+    Attributes:
+        scene: The arm and the task.
+        prefix: Begins the path of every entity.
+        translations: Rows of the twist that the task has, of 0 to 2.
+        rotations: The same of 3 to 5.
+    """
+
+    def __init__(self, out: Stream, prepared: Prepared, prefix: str = "") -> None:
+        """Look at the world where it starts; nothing is written yet.
+
+        Args:
+            out: Where to write.
+            prepared: The world that will run.
+            prefix: Begins the path of every entity, and ends with a slash if it is not empty.
+        """
+        self.out, self.scene, self.prefix, self._prepared = out, Scene(prepared), prefix, prepared
+        self._stride = max(1, round(FRAME_PERIOD / prepared.scenario.control.period))
+        self._ticks = self._framed = 0
+        self._planned = prepared.reference.ticks
+        rows = [AXES.index(axis) for axis in prepared.scenario.task.axes]
+        self.translations = [row for row in rows if row < 3]
+        self.rotations = [row for row in rows if row > 2]
+        self._last: Run | None = None
+        self._tip = self.scene.path[:1]
+
+    def write_arm(self, paint: Callable[[Shape], Shape] = lambda shape: shape) -> None:
+        """Write the geometries, and where the bodies are that never move.
+
+        Args:
+            paint: What is drawn for each geometry.
+        """
+        scene, arm = self.scene, self._prepared.arm
+        for body in sorted({shape.body for shape in scene.shapes}):
+            if scene.is_fixed[body]:
+                pose = arm.frames(self._prepared.qpos[arm.wiring.qpos][None])[0][0, body]
+                quaternion = rr.Quaternion(xyzw=xyzw(pose[3:]))
+                self.out.log(
+                    self._body_path(body), rr.Transform3D(translation=pose[:3], quaternion=quaternion)
+                )
+        for shape in scene.shapes:
+            path = f"{self._body_path(shape.body)}/{rr.escape_entity_path_part(shape.name)}"
+            self.out.log(path, geometry(paint(shape)))
+
+    def write(self, part: Run) -> None:
+        """Write one block of ticks; blocks come in order.
+
+        Args:
+            part: A run that holds only the ticks of this block.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        if len(part):
+            ticks = np.arange(self._ticks, self._ticks + len(part))
+            self.write_block(part, ticks)
+            shown = np.flatnonzero((ticks % self._stride == 0) | (ticks == self._planned - 1))
+            self._write_rows(part, ticks, shown)
+            self._ticks += len(part)
+            self._last = part
+        if part.divergence is not None:
+            at = stream.index(np.array([part.divergence.tick]), np.array([part.divergence.time]))
+            self.write_divergence(str(part.divergence), at)
+
+    def write_last(self) -> None:
+        """Show the last tick of a run that was cut short."""
+        if self._last is not None and self._framed < self._ticks:
+            ticks = np.arange(self._ticks - len(self._last), self._ticks)
+            self._write_rows(self._last, ticks, np.array([len(ticks) - 1]))
+
+    def send(self, path: str, index: list[rr.TimeColumn], *columns: object) -> None:
+        """Write values over time below the prefix."""
+        self.out.send(self.prefix + path, index, list(columns))
+
+    # What others add to ---------------------------------------------------------------------------
+
+    def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
+        """Write what is known at every tick (T,) of a block."""
+        index = stream.index(ticks, part["time"])
+        for name, values in part.columns.items():
+            kind = stream.STATUS if name == "status" else stream.SCALARS
+            self.send(f"columns/{name}", index, Values(kind, values))
+
+    def write_frames(self, frames: Frames, index: list[rr.TimeColumn]) -> None:
+        """Write what is seen at some instants."""
+        for body in range(1, len(self.scene.body_names)):
+            if not self.scene.is_fixed[body]:
+                pose = frames.bodies[:, body]
+                place = Values(stream.TRANSLATION, pose[:, :3]), Values(stream.ROTATION, xyzw(pose[:, 3:]))
+                self.out.send(self._body_path(body), index, list(place))
+        self.send("tip/now", index, Values(stream.POINT, frames.tip))
+        before = np.concatenate([self._tip, frames.tip[:-1]])
+        self._tip = frames.tip[-1:]
+        segments = np.stack([before, frames.tip], axis=1)
+        colors = Values(stream.STRIP_COLOR, self.trail_colors(frames))
+        self.send("tip/trail", index, Values(stream.STRIP, segments), colors)
+
+    def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
+        """Return a color 0xRRGGBBAA for each instant, (F,)."""
+        raise NotImplementedError
+
+    def write_divergence(self, text: str, index: list[rr.TimeColumn]) -> None:
+        """Write that the run ended there."""
+        raise NotImplementedError
+
+    # ----------------------------------------------------------------------------------------------
+
+    def _write_rows(self, part: Run, ticks: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        if len(rows):
+            self.write_frames(self.scene.frames(part, rows), stream.index(ticks[rows], part["time"][rows]))
+            self._framed = int(ticks[rows[-1]]) + 1
+
+    def _body_path(self, body: int) -> str:
+        return f"{self.prefix}arm/{rr.escape_entity_path_part(self.scene.body_names[body])}"

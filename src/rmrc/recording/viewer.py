@@ -1,0 +1,173 @@
+"""Opens a recording in the rerun viewer: on this machine only, and without telemetry."""
+
+import http.client
+import os
+import socket
+import sys
+import tempfile
+import threading
+import time
+from pathlib import Path
+
+from rmrc.recording.viewer_page import RECORDING, TYPES, PageServer
+from rmrc.recording.viewer_process import LOOPBACK, Events, Program, Stopped, listening_to_signals
+from rmrc.support.errors import RmrcError, did_you_mean
+from rmrc.support.invocation import command
+
+# How a .rrd file begins.
+MAGIC = b"RRF"
+
+# Seconds that rerun has to serve its page, which takes it a tenth of one, and between two looks.
+PATIENCE, LOOK = 30.0, 0.05
+
+
+class ViewerError(RmrcError, OSError):
+    """A recording cannot be shown."""
+
+
+def replay(path: Path, web: bool = False) -> int:
+    """Show a recording until the viewer is closed, or a signal asks to stop.
+
+    The viewer and its servers listen on 127.0.0.1 alone; telemetry is off for this viewer, and the
+    user's own settings stay as they are. The page in a browser can talk to this process only.
+
+    Args:
+        path: A `.rrd`, or the `.rrd.part` of a run that was killed.
+        web: Serve the viewer to a browser instead of opening a window, and print its address.
+
+    Returns:
+        Exit code: 0 after a window was closed, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
+
+    Raises:
+        ViewerError: No such recording, not a recording, no display, or the viewer does not run.
+    """
+    _check(path)
+    if not web and not _has_display():
+        way = command("replay", "--web", path)
+        raise ViewerError(f"there is no display to open the viewer on; use: {way}")
+    try:
+        with listening_to_signals() as events, tempfile.TemporaryDirectory(prefix="rmrc-") as folder:
+            shown = path
+            if path.suffix == ".part":  # the viewer knows a recording by its suffix, and waits for a torn end
+                shown = Path(folder) / path.stem
+                repair(path, shown, events)
+            if web:
+                _serve(shown, events)
+            else:
+                _open_window(shown, path, events)
+    except Stopped as stopped:
+        return stopped.code
+    return 0
+
+
+def repair(part: Path, whole: Path, events: Events | None = None) -> None:
+    """Write all that is good in the recording of a killed run, whose end may be torn, to a new file.
+
+    Args:
+        part: The `.rrd.part`.
+        whole: Where to write.
+        events: Where signals come, if anybody listens to them.
+
+    Raises:
+        ViewerError: Nothing of it can be read.
+        Stopped: A signal came first.
+    """
+    merge = ["rrd", "merge", "--continue-on-error", str(part.absolute()), "-o", str(whole)]
+    with tempfile.TemporaryFile() as said:
+        with Program(merge, events or Events(), stderr=said) as program:
+            code = program.wait()
+        if code or not whole.is_file():
+            said.seek(0)
+            reason = " ".join(said.read().decode(errors="replace").split()) or "nothing in it"
+            raise ViewerError(f"{part}: cannot be repaired: {reason}")
+
+
+def _open_window(shown: Path, path: Path, events: Events) -> None:
+    options = ["--bind", LOOPBACK, "--port", str(_free_port()), "--hide-welcome-screen"]
+    with Program([*options, str(shown.absolute())], events) as program:
+        code = program.wait()
+    if code:
+        way = command("replay", "--web", path)
+        raise ViewerError(f"the viewer ended with exit code {code}; use: {way}")
+
+
+def _serve(shown: Path, events: Events) -> None:
+    """Serve the page and the recording until a signal asks to stop."""
+    with PageServer(_page_files(events), shown) as server:
+        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": LOOK}, daemon=True)
+        thread.start()
+        try:
+            print(f"{server.url}\nCtrl-C ends it", flush=True)
+            events.wait_for_signal()
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def _page_files(events: Events) -> dict[str, bytes]:
+    """Return the files of the viewer's page, which rerun has inside its program and serves.
+
+    Its own server ends here, so that while somebody looks at a recording, none without our policy is open.
+
+    Raises:
+        ViewerError: It does not serve them.
+        Stopped: A signal came first.
+    """
+    port = _free_port()
+    # An address that its page would load; rerun itself does not ask for it, and opens no port for data.
+    recording = f"http://{LOOPBACK}:{port}{RECORDING}"
+    options = ["--bind", LOOPBACK, "--serve-web", "--web-viewer-port", str(port), recording]
+    until = time.monotonic() + PATIENCE
+    with tempfile.TemporaryFile() as said, Program(options, events, stderr=said) as program:
+        while not program.has_ended and time.monotonic() < until:
+            events.raise_if_stopped()
+            try:
+                files = {path: _get(port, path) for path in TYPES}
+            except ConnectionRefusedError:
+                events.wait(LOOK)
+                continue
+            if not program.has_ended:  # else somebody else has taken the port
+                return files
+        said.seek(0)
+        reason = " ".join(said.read().decode(errors="replace").split()) or "it gives no reason"
+        raise ViewerError(f"rerun does not serve its viewer: {reason}")
+
+
+def _get(port: int, path: str) -> bytes:
+    """Return a file that rerun serves: from the loopback, past every proxy, following nothing."""
+    connection = http.client.HTTPConnection(LOOPBACK, port, timeout=PATIENCE)
+    try:
+        connection.request("GET", path)
+        answer = connection.getresponse()
+        content = answer.read()
+    except ConnectionRefusedError:
+        raise
+    except (OSError, http.client.HTTPException) as error:
+        raise ViewerError(f"rerun does not serve {path} of its viewer: {error}") from None
+    finally:
+        connection.close()
+    if answer.status != http.client.OK:
+        raise ViewerError(f"rerun does not serve {path} of its viewer: {answer.status} {answer.reason}")
+    return content
+
+
+def _check(path: Path) -> None:
+    if not path.is_file():
+        beside = [p.name for pattern in ("*.rrd", "*.rrd.part") for p in path.parent.glob(pattern)]
+        raise ViewerError(f"{path}: no such recording{did_you_mean(path.name, beside)}")
+    with path.open("rb") as file:
+        if file.read(len(MAGIC)) != MAGIC:
+            raise ViewerError(f"{path}: is not a recording; `rmrc run` writes them, ending in .rrd")
+
+
+def _has_display() -> bool:
+    if not sys.platform.startswith("linux"):
+        return True
+    return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
+
+
+def _free_port() -> int:
+    """Return a port that nobody listens on, so that a viewer that already runs is left alone."""
+    with socket.socket() as probe:
+        probe.bind((LOOPBACK, 0))
+        return int(probe.getsockname()[1])

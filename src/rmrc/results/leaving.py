@@ -1,0 +1,130 @@
+"""The files that a verb leaves: tried before anything moves, and each written for itself in the end."""
+
+import errno
+import os
+import secrets
+import shutil
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager, suppress
+from itertools import takewhile
+from pathlib import Path
+
+from rmrc.results.run import COLUMNS
+from rmrc.support.errors import RmrcError
+from rmrc.support.memory import shown
+
+
+class OutputError(RmrcError, OSError):
+    """What will be left cannot be written."""
+
+
+def array_size(ticks: int, joints: int, values: int) -> int:
+    """Return the size of all columns of a run [B], which are not compressed.
+
+    Args:
+        ticks: Of the run.
+        joints: Of the arm.
+        values: Singular values of its task.
+    """
+    widths = {"n": joints, "k": values, "": 1}
+    return 8 * ticks * sum(widths.get(one.width) or int(one.width) for one in COLUMNS.values())
+
+
+def refuse_unwritable(paths: Iterable[Path], size: int = 0, way_out: str = "") -> None:
+    """Try whether files can be written, before a run; nothing of that stays.
+
+    Args:
+        paths: Of the files.
+        size: What they take together, at least [B].
+        way_out: How they take less.
+
+    Raises:
+        OutputError: The disk has not so much room.
+        OSError: A folder cannot be made or written to, or a directory is in the way of a file.
+    """
+    tried = set[Path]()
+    for path in paths:
+        if path.is_dir():
+            raise OSError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+        if path.parent in tried:
+            continue
+        tried.add(path.parent)
+        with _made(path.parent):
+            probe = path.with_name(f".{path.stem}-{secrets.token_hex(8)}")
+            try:
+                probe.touch(exist_ok=False)
+            except OSError as error:
+                raise OSError(error.errno, error.strerror, str(path)) from None
+            probe.unlink()
+            free = shutil.disk_usage(path.parent).free
+        if size > free:
+            raise OutputError(
+                f"{path}: takes {shown(size)} at least, and the disk has {shown(free)} left; make room, give "
+                f"another folder with --out{way_out}"
+            )
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """Make a folder, and take away again what was made."""
+    missing = list(takewhile(lambda one: not one.exists(), (folder, *folder.parents)))
+    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        yield
+    finally:
+        with suppress(OSError):  # somebody else has put something there
+            for one in missing:
+                one.rmdir()
+
+
+class Leaving:
+    """Writes files: one that cannot be written does not take the others along.
+
+    Attributes:
+        files: What was written.
+        failures: Why others were not, a line each.
+    """
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self.files: list[Path] = []
+        self.failures: list[str] = []
+
+    def attempt(self, write: Callable[[], None]) -> bool:
+        """Do a part of the writing; return whether it could be done, and keep why not.
+
+        Args:
+            write: Raises an OSError if it cannot.
+        """
+        try:
+            write()
+        except OSError as error:
+            self.failures.append(_told(error))
+            return False
+        return True
+
+    def write(self, path: Path, write: Callable[[], None], instead_of: Path | None = None) -> None:
+        """Write a file, and keep its path or why there is none.
+
+        Args:
+            path: Of the file.
+            write: Writes it, or raises an OSError.
+            instead_of: What makes room for it if there is none, and is given up then.
+        """
+        if not self.attempt(write):
+            if instead_of is None or not instead_of.is_file():
+                return
+            instead_of.unlink(missing_ok=True)
+            told = self.failures.pop()
+            if not self.attempt(write):
+                self.failures[-1] = told
+                return
+        self.files.append(path)
+
+
+def _told(error: OSError) -> str:
+    """Return an error on one line, with the file that it is about."""
+    if isinstance(error, RmrcError):
+        return str(error)
+    reason = " ".join((error.strerror or str(error)).split()).lower()
+    return f"{error.filename}: {reason}" if error.filename else reason

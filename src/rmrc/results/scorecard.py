@@ -1,0 +1,523 @@
+"""The scorecard: what a run did, in figures, and what a scenario expects of them.
+
+A figure has one flat name with dots, such as `joint_rate.peak` or `joint_rate.shoulder.peak`. Which
+figures there are depends on the joints and the task axes alone, never on what happened: what a run
+is too short to tell is NaN, or "" for a name. Equal ticks give equal figures, whether their columns were
+kept or not; only `wall_time` and `speed` differ from one execution to the next.
+"""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.law.record import tick_type
+from rmrc.results.run import COLUMNS, Run
+from rmrc.results.tally import ERRORS, EXTREMES, JOINTS, adder, begin
+from rmrc.scenario import Check, Scenario
+from rmrc.scenario.choices import Status
+from rmrc.support.errors import ScenarioError, did_you_mean
+from rmrc.support.spatial import AXES, pose_error
+
+# How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
+# that was rounded to 0.01 deg, and far below any path.
+CLOSED = 1e-3
+
+# Ticks of which records are made at a time: few enough for the processor's caches.
+_ROWS = 256
+
+_Array = NDArray[np.float64]
+# Name, value in each world, unit and meaning of each figure.
+_Figures = Iterator[tuple[str, Sequence[float | str], str, str]]
+
+
+class Figure(NamedTuple):
+    """One figure of merit.
+
+    Attributes:
+        value: A number (NaN: undefined for this run), or the name of a joint.
+        unit: SI, `1` for a plain number, "" for a name.
+        meaning: In a few words.
+    """
+
+    value: float | str
+    unit: str
+    meaning: str
+
+
+@dataclass(frozen=True, eq=False)
+class Scorecard(Mapping[str, Figure]):
+    """The figures of one run by name, in the order in which they are shown.
+
+    Attributes:
+        name: Of the scenario.
+        joints: Names of the joints that figures are named after.
+        figures: By flat name.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    figures: Mapping[str, Figure]
+
+    def __getitem__(self, name: str) -> Figure:
+        """Return a figure by its flat name."""
+        return self.figures[name]
+
+    def __iter__(self) -> Iterator[str]:
+        """Iterate over the names."""
+        return iter(self.figures)
+
+    def __len__(self) -> int:
+        """Return the number of figures."""
+        return len(self.figures)
+
+    def nested(self) -> dict[str, object]:
+        """Return the values as dicts within dicts, ready for strict JSON.
+
+        A name is split at its dots, except where what is before a dot is a figure itself (a joint
+        may be called `peak`). JSON has neither NaN nor infinity: an undefined number or name
+        becomes None, an infinite number the text "inf" or "-inf", which `float` reads.
+        """
+        tree: dict[str, object] = {}
+        for name, figure in self.figures.items():
+            branch, start, parts = tree, 0, name.split(".")
+            for end in range(1, len(parts)):
+                if ".".join(parts[:end]) not in self.figures:
+                    key, start = ".".join(parts[start:end]), end
+                    branch = branch.setdefault(key, {})  # type: ignore[assignment]
+            branch[".".join(parts[start:])] = _json_value(figure.value)
+        return tree
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How one expectation was met.
+
+    Attributes:
+        name: Of the figure.
+        value: Of the figure.
+        wanted: In words, with the unit: `below 3 rad/s`.
+        missed_by: Distance to the nearest value allowed: positive if the value is too high,
+            negative if too low, 0 if it is allowed or exactly at a strict bound, NaN if undefined.
+        ok: Whether the value is allowed; an undefined one never is.
+    """
+
+    name: str
+    value: float
+    wanted: str
+    missed_by: float
+    ok: bool
+
+    def __str__(self) -> str:
+        """Return one line: `joint_rate.peak: expected below 3 rad/s, got 3.21, 0.21 too high`."""
+        text = f"{self.name}: expected {self.wanted}"
+        if math.isnan(self.value):
+            return f"{text}, but it is undefined for this run"
+        text += f", got {self.value:.6g}"
+        if self.ok:
+            return text
+        if self.missed_by == 0.0:
+            return f"{text}, exactly the bound"
+        return f"{text}, {abs(self.missed_by):.3g} too {'high' if self.missed_by > 0 else 'low'}"
+
+    def facts(self) -> dict[str, object]:
+        """Return the attributes and the line as a dict for strict JSON, as in `Scorecard.nested`."""
+        values = {name: _json_value(value) for name, value in vars(self).items()}
+        return {**values, "text": str(self)}
+
+
+def scorecard(run: Run) -> Scorecard:
+    """Return the figures of a run of any length, none included.
+
+    It adds up the columns as `rmrc.results.tally` adds up the ticks of a run whose columns are not kept: both
+    give the same bits.
+    """
+    tally = tallies_of([run])
+    rows = np.zeros((_ROWS, 1), tick_type(len(run.joints)))
+    add = adder(tally, rows)
+    for first in range(0, len(run), _ROWS):
+        last = min(first + _ROWS, len(run))
+        for name in COLUMNS:
+            column = run[name][first:last]
+            field = rows[name][: last - first, 0]
+            field[(..., slice(column.shape[1])) if column.ndim == 2 else ...] = column
+        add(np.array([last]))
+    return figures([run], tally)[0]
+
+
+def tallies_of(runs: Sequence[Run]) -> NDArray[np.void]:
+    """Return the tallies of runs of one arm before their first ticks, (w,).
+
+    Args:
+        runs: Their columns are not looked at.
+    """
+    return begin(
+        len(runs[0].joints),
+        [run.axes for run in runs],
+        [run.length for run in runs],
+        [run.weights for run in runs],
+        [run.period for run in runs],
+    )
+
+
+def figures(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[Scorecard]:
+    """Return the figures that tallies come to.
+
+    Args:
+        runs: What is known beside their columns, which are not looked at; all of one arm.
+        tallies: With their ticks added, (w,).
+    """
+    alike: dict[tuple[str, ...], list[int]] = {}
+    for w, run in enumerate(runs):
+        alike.setdefault(run.axes, []).append(w)
+    cards: dict[int, Scorecard] = {}
+    for members in alike.values():
+        cards |= zip(members, _figures([runs[w] for w in members], tallies[members]), strict=True)
+    return [cards[w] for w in range(len(runs))]
+
+
+def _figures(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[Scorecard]:
+    """Return the figures of runs that have the same ones."""
+    arm = runs[0]
+    rate_units = tuple(f"{arm.joint_unit(j)}/s" for j in range(len(arm.joints)))
+    acceleration_units = tuple(f"{unit}²" for unit in rate_units)
+    tau_units = tuple("N" if slides else "N·m" for slides in arm.is_slide)
+    parts = (
+        _joints(arm, tallies, "joint_rate", "measured rate", rate_units, is_rate=True),
+        _joints(arm, tallies, "joint_rate_cmd", "commanded rate", rate_units, is_rate=True),
+        _joints(
+            arm, tallies, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
+        ),
+        _joints(arm, tallies, "tau", "actuator torque or force", tau_units),
+        _share(runs, tallies),
+        _errors(arm, tallies),
+        _return(runs, tallies),
+        _singularity(tallies),
+        _status_times(tallies),
+        _effort(runs, tallies),
+    )  # fmt: skip
+    columns = (column for part in parts for column in part)
+    names, values, units, meanings = zip(*columns, strict=True)
+    return [
+        Scorecard(
+            run.name,
+            run.joints,
+            dict(zip(names, map(Figure._make, zip(row, units, meanings, strict=True)), strict=True)),
+        )
+        for run, *row in zip(runs, *values, strict=True)
+    ]
+
+
+def figure_names(joints: Sequence[str], axes: Sequence[str]) -> list[str]:
+    """Return the names of all figures of a run.
+
+    Args:
+        joints: Names of the joints.
+        axes: Task axes that count.
+    """
+    return list(_blank(tuple(joints), tuple(axes)))
+
+
+def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) -> dict[str, str]:
+    """Return why some figures cannot be expected, before anything moves.
+
+    Args:
+        names: Of figures, as a scenario's `expect` has them.
+        joints: Names of the joints.
+        axes: Task axes that count.
+
+    Returns:
+        For each name that is refused, in order, the reason; it follows the key in a message.
+    """
+    return _refused(names, _blank(tuple(joints), tuple(axes)))
+
+
+def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
+    """Refuse a scenario that expects what its run will not have.
+
+    Args:
+        scenario: Its `expect` and task are looked at.
+        joints: Names of the joints.
+
+    Raises:
+        ScenarioError: All names that are refused, each with its place in the scenario.
+    """
+    problems = refused(scenario.expect, joints, scenario.task.axes)
+    if problems:
+        raise ScenarioError([f"{scenario.locate(f'expect.{name}')}: {why}" for name, why in problems.items()])
+
+
+def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
+    """Hold figures against what is expected of them.
+
+    `below` and `above` are strict: the bound itself is a miss. `equals` allows `within` on both
+    sides, the ends included. An undefined figure (NaN) meets nothing.
+
+    Args:
+        card: The figures.
+        expect: Checks by name of figure.
+
+    Returns:
+        One outcome a check, in the order of `expect`.
+
+    Raises:
+        ScenarioError: Names that are no figures of this run, or not numbers; all of them.
+    """
+    problems = _refused(expect, card)
+    if problems:
+        raise ScenarioError([f"expect.{name}: {why}" for name, why in problems.items()])
+    return [_outcome(name, card[name], one) for name, one in expect.items()]
+
+
+def joint_changes(run: Run) -> _Array:
+    """Return how far each joint is from where it started, after a path that ends where it began.
+
+    Revolute joints by the shortest angle, so that a full turn is no change.
+
+    Args:
+        run: Complete, and its reference closed: the controlled rows of the last pose equal the first.
+
+    Returns:
+        Magnitudes, (n,) [rad or m]; NaN for a run that is not so.
+    """
+    if not len(run):
+        return np.full(len(run.joints), math.nan)
+    q, pose_ref = (run[name][[0, -1], None] for name in ("q", "pose_ref"))
+    changes: _Array = _changes(run, np.array([run.is_complete]), q, pose_ref)[0]
+    return changes
+
+
+def _changes(run: Run, complete: NDArray[np.bool_], q: _Array, pose_ref: _Array) -> _Array:
+    """Return `joint_changes` of runs, (w, n), from the first and the last row of both columns, (2, w, …)."""
+    gap = pose_error(pose_ref[1, complete], pose_ref[0, complete]) * [axis in run.axes for axis in AXES]
+    closed = complete.copy()
+    closed[complete] = np.abs(gap).max(axis=-1) <= CLOSED
+    change = q[1] - q[0]
+    shortest = (change + math.pi) % (2.0 * math.pi) - math.pi
+    changes: _Array = np.abs(np.where(run.is_slide, change, shortest))
+    changes[~closed] = math.nan
+    return changes
+
+
+# Figures ----------------------------------------------------------------------------------------
+
+
+def _joints(
+    arm: Run,
+    tallies: NDArray[np.void],
+    group: str,
+    what: str,
+    units: tuple[str, ...],
+    *,
+    is_rate: bool = False,
+) -> _Figures:
+    """Yield the largest magnitude of all joints, when and where it was, and that of each joint.
+
+    Rates also have an rms over time; that of all joints is the largest of the joints' own.
+    """
+    row, n = JOINTS.index(group), len(arm.joints)
+    peaks, times = tallies["peak"][:, row, :n], tallies["peak_time"][:, row, :n]
+    rms = _rms(tallies["square"][:, row, :n], tallies)
+    where = [*range(len(tallies))], peaks.argmax(axis=1)
+    when = times[where].tolist()
+    joints = _named(arm, where[1], when)
+    unit = " or ".join(dict.fromkeys(units))  # where some slide, it is that of the joint
+    yield f"{group}.peak", peaks[where].tolist(), unit, f"largest {what}, of all joints and ticks"
+    yield f"{group}.peak_time", when, "s", f"when the largest {what} was reached first"
+    yield f"{group}.peak_joint", joints, "", f"which joint had the largest {what}"
+    if is_rate:
+        yield f"{group}.rms", rms.max(axis=1).tolist(), unit, f"largest of the joints' rms {what}"
+    for j, (name, unit) in enumerate(zip(arm.joints, units, strict=True)):
+        yield f"{group}.{name}.peak", peaks[:, j].tolist(), unit, f"largest {what} of {name}"
+        if is_rate:
+            yield f"{group}.{name}.peak_time", times[:, j].tolist(), "s", f"when {name} was fastest first"
+            yield f"{group}.{name}.rms", rms[:, j].tolist(), unit, f"{what} of {name}, rms over time"
+
+
+def _named(arm: Run, joints: NDArray[np.intp], values: Sequence[float]) -> list[str]:
+    """Return the names of joints, and none where the value is undefined."""
+    return ["" if math.isnan(value) else arm.joints[j] for j, value in zip(joints, values, strict=True)]
+
+
+def _share(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+    """Yield the largest share of its limit that a joint's torque took, of the joints that have a limit."""
+    n = len(runs[0].joints)
+    peaks = tallies["peak"][:, JOINTS.index("tau"), :n]
+    limits = np.array([run.torque_limit or (math.inf,) * n for run in runs])
+    limited = np.isfinite(limits) & (limits > 0.0)
+    shares = np.where(limited, peaks / np.where(limited, limits, 1.0), -math.inf).max(axis=1)
+    shares[~limited.any(axis=1)] = math.nan
+    what = "largest actuator torque or force as a share of its joint's limit; undefined without a limit"
+    yield "tau.share", shares.tolist(), "1", what
+
+
+def _errors(arm: Run, tallies: NDArray[np.void]) -> _Figures:
+    """Yield the position and orientation errors, and what of both is along u_min and across it.
+
+    u_min is the direction of the scaled rows that the arm is losing at that tick. With the error e of the
+    controlled rows, e_along = S_x⁻¹ u_min (u_minᵀ S_x e), and the rest is across: `docs/theory.md`.
+    """
+    units = {"position": "m", "orientation": "rad"}
+    what = {"position": "distance to the wanted position", "orientation": "angle to the wanted orientation"}
+    kinds = [
+        kind
+        for kind, axes in (("position", AXES[:3]), ("orientation", AXES[3:]))
+        if set(arm.axes) & set(axes)
+    ]
+    for kind in kinds:
+        yield from _error(tallies, f"{kind}_error", units[kind], what[kind])
+    for kind in kinds:
+        for part in ("along", "across"):
+            meaning = f"{kind} error {part} u_min"
+            yield from _error(tallies, f"{kind}_error_{part}", units[kind], meaning)
+    yield from _error(tallies, "secondary_error", "m, rad", "error of the second task")
+
+
+def _error(tallies: NDArray[np.void], group: str, unit: str, what: str) -> _Figures:
+    row = ERRORS.index(group)
+    largest, when, end = (
+        tallies[name][:, row].tolist() for name in ("error_max", "error_max_time", "error_end")
+    )
+    rms = _rms(tallies["error_square"][:, [row]], tallies)[:, 0].tolist()
+    yield f"{group}.rms", rms, unit, f"{what}, rms over time"
+    yield f"{group}.max", largest, unit, f"{what}, largest"
+    yield f"{group}.max_time", when, "s", f"{what}, when it was largest first"
+    yield f"{group}.end", end, unit, f"{what}, at the last tick"
+
+
+def _return(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+    """Yield how far the joints are from the start, where the path leads back to it."""
+    arm, n = runs[0], len(runs[0].joints)
+    complete = np.array(_completed(runs, tallies)) == 1.0
+    q = np.array([tallies["q_first"][:, :n], tallies["q"][:, :n]])
+    pose_ref = np.array([tallies["pose_ref_first"], tallies["pose_ref"]])
+    changes = _changes(arm, complete, q, pose_ref)
+    largest = changes.max(axis=1).tolist()
+    unit = " or ".join(dict.fromkeys(arm.joint_unit(j) for j in range(n)))
+    what = "from the first tick to the last, of a path that ends where it began"
+    yield "return.joint_change", largest, unit, f"largest change of a joint {what}"
+    joints = _named(arm, changes.argmax(axis=1), largest)
+    yield "return.change_joint", joints, "", f"which joint changed most {what}"
+
+
+def _singularity(tallies: NDArray[np.void]) -> _Figures:
+    # the smallest are kept as the largest of the negative
+    extreme = tallies["extreme"].T
+    value, lowest = (dict(zip(EXTREMES, rows.tolist(), strict=True)) for rows in (extreme, -extreme))
+    when = tallies["extreme_time"][:, EXTREMES.index("sigma")].tolist()
+    yield "sigma.min", lowest["sigma"], "1", "smallest singular value of the run"
+    yield "sigma.min_time", when, "s", "when the smallest singular value was reached first"
+    yield "condition.max", value["condition"], "1", "largest κ = σ₁/σ_k"
+    yield "manipulability.min", lowest["manipulability"], "1", "smallest w = ∏σ"
+    yield "damping.max", value["damping"], "1", "largest λ"
+    yield "path_rate.min", lowest["path_rate"], "1", "smallest pace along the path"
+    what = "least that the first task left to the second"
+    yield "secondary_sigma.min", lowest["secondary_sigma"], "1", what
+
+
+def _status_times(tallies: NDArray[np.void]) -> _Figures:
+    for one in (Status.OK, *Status):
+        times = tallies["status"][:, one.bit_length()] * tallies["period"]
+        what = f"time with status {one.name}" if one else "time with no status at all"
+        yield f"status_time.{one.name}", times.tolist(), "s", what
+    stuck, longest = tallies["status"][:, Status.STUCK.bit_length()], tallies["stuck_longest"]
+    yield "stuck.longest", (longest * tallies["period"]).tolist(), "s", "longest time stuck at a stretch"
+    yield "stuck.longest_time", tallies["stuck_time"].tolist(), "s", "when that began"
+    share = stuck / np.where(tallies["ticks"], tallies["ticks"], math.nan)
+    yield "stuck.share", share.tolist(), "1", "share of the ticks in which it is stuck"
+
+
+def _effort(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+    durations = (tallies["ticks"] * tallies["period"]).tolist()
+    walls = [run.wall_time for run in runs]
+    speeds = [time / wall if wall > 0.0 else math.nan for time, wall in zip(durations, walls, strict=True)]
+    yield "duration", durations, "s", "simulated time, one period a tick"
+    yield "ticks", tallies["ticks"].tolist(), "1", "control ticks recorded"
+    yield "completed", _completed(runs, tallies), "1", "share of the path that was run; 1: all"
+    yield "wall_time", walls, "s", "time that the stepping took"
+    yield "speed", speeds, "1", "simulated time over wall time"
+
+
+def _completed(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[float]:
+    """Return the share of each path that was run; NaN for no path."""
+    ended = zip(runs, tallies["ticks"].tolist(), tallies["path_time"].tolist(), strict=True)
+    return [run.share(time) if ticks else 0.0 if run.planned else math.nan for run, ticks, time in ended]
+
+
+def _rms(squares: _Array, tallies: NDArray[np.void]) -> _Array:
+    """Return the root of the mean over ticks of sums of squares, (w, …); NaN without ticks."""
+    ticks = tallies["ticks"][:, None]
+    return np.sqrt(squares / np.where(ticks, ticks, math.nan))
+
+
+# Expectations -----------------------------------------------------------------------------------
+
+
+@lru_cache(maxsize=16)  # asked for each of thousands of variants
+def _blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
+    """Return the scorecard of a run without ticks: all its figures, none of its values."""
+    run = Run("", joints, (False,) * len(joints), axes, 1.0, 1.0, {}, 0)
+    return figures([run], tallies_of([run]))[0]
+
+
+# The number that belongs to a name, where it is not called alike.
+_NUMBERS = {"return.change_joint": "return.joint_change"}
+
+
+def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
+    reasons = {}
+    for name in names:
+        if name not in card:
+            reasons[name] = _unknown(name, card)
+        elif isinstance(card[name].value, str):
+            number = _NUMBERS.get(name, name.removesuffix("_joint"))
+            reasons[name] = f"names a joint, and only numbers can be expected, such as {number}"
+    return reasons
+
+
+def _unknown(name: str, card: Scorecard) -> str:
+    """Return why there is no such figure, and the way out."""
+    kinds = {"position_error": AXES[:3], "orientation_error": AXES[3:]}
+    for (error, rows), other in zip(kinds.items(), reversed(kinds), strict=True):
+        if name.startswith(error) and name.replace(error, other) in card:
+            return f"needs one of {', '.join(rows)} in task.axes"
+    # the names of before, when meters and radians were added up
+    split = [f"{kind.removesuffix('error')}{name}" for kind in kinds]
+    parts = [f'"{part}"' for part in split if part in card]
+    if parts:
+        return f"no such figure; did you mean {' or '.join(parts)}?"
+    groups = ", ".join(dict.fromkeys(known.partition(".")[0] for known in card))
+    return "no such figure" + (did_you_mean(name, card) or f"; figures begin with {groups}")
+
+
+def _outcome(name: str, figure: Figure, wanted: Check) -> Outcome:
+    value = float(figure.value)
+    words, misses = [], []
+    # `not value < bound` instead of `value >= bound`: NaN must miss.
+    if wanted.above is not None:
+        words.append(f"above {wanted.above:.12g}")
+        if not value > wanted.above:
+            misses.append(value - wanted.above)
+    if wanted.below is not None:
+        words.append(f"below {wanted.below:.12g}")
+        if not value < wanted.below:
+            misses.append(value - wanted.below)
+    if wanted.equals is not None and wanted.within is not None:
+        words.append(f"{wanted.equals:.12g} within {wanted.within:.12g}")
+        off = value - wanted.equals
+        if not abs(off) <= wanted.within:
+            misses.append(off - math.copysign(wanted.within, off))
+    text = " and ".join(words) + ("" if figure.unit == "1" else f" {figure.unit}")
+    return Outcome(name, value, text, max(misses, key=abs, default=0.0), not misses)
+
+
+def _json_value(value: float | str) -> float | str | None:
+    if isinstance(value, str):
+        return value or None
+    if math.isnan(value):
+        return None
+    return str(value) if math.isinf(value) else value

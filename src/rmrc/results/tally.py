@@ -1,0 +1,226 @@
+"""What a scorecard needs of a run, as running sums: tick records in, one small record a world out.
+
+The records can be fed in pieces of any size. Each tick is added to the sums of its own world in the order
+of time, so that a figure has the same bits whatever the pieces, the threads and the worlds beside it.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import cache, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.law.jit import Record, compiled, entry, machine_code
+from rmrc.law.record import capacity
+from rmrc.scenario.choices import Status
+from rmrc.support.spatial import AXES
+
+# Rows of a tally's fields; of EXTREMES, the first four are smallest values.
+JOINTS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
+RATE, COMMAND, ACCELERATION, TAU = range(4)
+ERRORS = (
+    "position_error",
+    "orientation_error",
+    "position_error_along",
+    "orientation_error_along",
+    "position_error_across",
+    "orientation_error_across",
+    "secondary_error",
+)
+WHOLE, ALONG, ACROSS, SECONDARY = 0, 2, 4, 6  # of the first three the positions, and next the orientations
+EXTREMES = ("sigma", "manipulability", "path_rate", "secondary_sigma", "condition", "damping")
+SIGMA, MANIPULABILITY, PACE, LEFT, CONDITION, DAMPING = range(6)
+BITS = len(Status)
+STUCK = int(Status.STUCK)
+
+
+def tally_type(n: int) -> np.dtype[np.void]:
+    """Return the record of what is known so far of one world with n joints.
+
+    Rows are those of JOINTS, ERRORS and EXTREMES. Extremes are the largest magnitudes, and of EXTREMES the
+    largest values, for which the first four have a minus; each has the time at which it was reached first.
+    They are NaN before the first tick. `status` counts the ticks without a status, then those with each bit.
+    """
+    return _tally_type(capacity(n))
+
+
+@cache  # one object, as in rmrc.law.record
+def _tally_type(c: int) -> np.dtype[np.void]:
+    f = np.float64
+    return np.dtype(
+        [
+            # given: joints, singular values, S_x of the six rows, with 0 for those that do not count; period
+            ("n", np.int64), ("k", np.int64), ("scale", f, (6,)), ("period", f),
+            # ticks that were added, and what of the first and of the last one is needed
+            ("ticks", np.int64), ("q_first", f, (c,)), ("q", f, (c,)), ("qdot", f, (c,)),
+            ("pose_ref_first", f, (7,)), ("pose_ref", f, (7,)), ("path_time", f),
+            # sums of squares, extremes, and when they were first
+            ("square", f, (len(JOINTS), c)), ("peak", f, (len(JOINTS), c)),
+            ("peak_time", f, (len(JOINTS), c)),
+            ("error_square", f, (len(ERRORS),)), ("error_max", f, (len(ERRORS),)),
+            ("error_max_time", f, (len(ERRORS),)), ("error_end", f, (len(ERRORS),)),
+            ("extreme", f, (len(EXTREMES),)), ("extreme_time", f, (len(EXTREMES),)),
+            ("status", np.int64, (BITS + 1,)),
+            # ticks in which the arm is stuck, of this stretch and of the longest so far, and when each began
+            ("stuck", np.int64), ("stuck_began", f), ("stuck_longest", np.int64), ("stuck_time", f),
+        ]
+    )  # fmt: skip
+
+
+def begin(
+    n: int,
+    axes: Sequence[Sequence[str]],
+    length: Sequence[float],
+    weights: Sequence[Sequence[float]],
+    period: Sequence[float],
+) -> NDArray[np.void]:
+    """Return the tallies of worlds before their first ticks, (w,).
+
+    Args:
+        n: Number of joints.
+        axes: Task axes that count in each world.
+        length: Characteristic length of each task [m].
+        weights: Task weights of each world, one an axis; none: all 1.
+        period: Control periods [s].
+
+    >>> begin(2, [["x", "rz"]], [0.5], [[1.0, 4.0]], [0.001])["scale"]
+    array([[2., 0., 0., 0., 0., 2.]])
+    """
+    tallies = np.zeros(len(axes), tally_type(n))
+    for name in ("peak", "peak_time", "error_max", "error_max_time", "error_end", "extreme", "extreme_time"):
+        tallies[name] = math.nan
+    tallies["stuck_time"] = math.nan
+    tallies["n"], tallies["k"] = n, [min(n, len(one)) for one in axes]
+    for w, one in enumerate(axes):
+        rows = [AXES.index(axis) for axis in one]
+        meters = [length[w] if row < 3 else 1.0 for row in rows]
+        tallies["scale"][w, rows] = np.sqrt(weights[w] or np.ones(len(rows))) / meters
+    tallies["period"] = period
+    return tallies
+
+
+def adder(tallies: NDArray[np.void], ticks: NDArray[np.void]) -> Callable[[NDArray[np.int64]], None]:
+    """Return what adds to each tally the ticks of its world that it does not have yet, up to an end.
+
+    It is compiled now if it is not yet, which takes a second, once. It takes `ends`, (w,): one past the last
+    tick to be added of each world.
+
+    Args:
+        tallies: One a world, (w,); written.
+        ticks: Tick records, (rows, w): tick t is in row t modulo rows.
+    """
+    return partial(machine_code(add, tallies, ticks, np.zeros(len(tallies), np.int64)), tallies, ticks)
+
+
+# Compiled ---------------------------------------------------------------------------------------
+
+
+@entry
+def add(tallies: Record, ticks: Record, ends: NDArray[np.int64]) -> None:
+    """Add ticks to tallies, see `adder`."""
+    for w in range(tallies.shape[0]):
+        for t in range(tallies[w].ticks, ends[w]):
+            _add_tick(tallies[w], ticks[t % ticks.shape[0], w])
+
+
+@compiled
+def _add_tick(tally: Record, tick: Record) -> None:
+    _add_joints(tally, tick)
+    _add_errors(tally, tick)
+    _add_extremes(tally, tick)
+    tally.status[0] += tick.status == 0
+    for bit in range(BITS):
+        tally.status[bit + 1] += (tick.status >> bit) & 1
+    if tick.status & STUCK:
+        if tally.stuck == 0:
+            tally.stuck_began = tick.time
+        tally.stuck += 1
+        if tally.stuck > tally.stuck_longest:
+            tally.stuck_longest, tally.stuck_time = tally.stuck, tally.stuck_began
+    else:
+        tally.stuck = 0
+    for i in range(7):
+        if tally.ticks == 0:
+            tally.pose_ref_first[i] = tick.pose_ref[i]
+        tally.pose_ref[i] = tick.pose_ref[i]
+    tally.path_time = tick.path_time
+    tally.ticks += 1
+
+
+@compiled
+def _add_joints(tally: Record, tick: Record) -> None:
+    """Add rates, torques and the difference quotients of the rates, each at the later of its ticks."""
+    for j in range(tally.n):
+        for row in range(len(JOINTS)):
+            if row == RATE:
+                value = tick.qdot[j]
+            elif row == COMMAND:
+                value = tick.qdot_cmd[j]
+            elif row == ACCELERATION:
+                value = (tick.qdot[j] - tally.qdot[j]) / tally.period
+            else:
+                value = tick.tau[j]
+            before = tally.ticks - (row == ACCELERATION)  # values before this one
+            if before < 0:
+                continue
+            if before == 0 or _exceeds(abs(value), tally.peak[row, j]):
+                tally.peak[row, j], tally.peak_time[row, j] = abs(value), tick.time
+            tally.square[row, j] += value * value
+        if tally.ticks == 0:
+            tally.q_first[j] = tick.q[j]
+        tally.q[j], tally.qdot[j] = tick.q[j], tick.qdot[j]
+
+
+@compiled
+def _add_errors(tally: Record, tick: Record) -> None:
+    """Add the sizes of the errors of the rows that count: of all, of their parts along u_min and across it.
+
+    u_min is a direction of the scaled rows S_x e. Its part is scaled back, so that translations have meters
+    and rotations radians again.
+    """
+    size = tally.error_end
+    for row in range(len(ERRORS)):
+        size[row] = 0.0
+    along = 0.0
+    for i in range(6):
+        if tally.scale[i] > 0.0:
+            along += tick.u_min[i] * (tally.scale[i] * tick.pose_error[i])
+    for i in range(6):
+        if tally.scale[i] > 0.0:
+            kind = 0 if i < 3 else 1
+            e, lost = tick.pose_error[i], tick.u_min[i] * along / tally.scale[i]
+            size[WHOLE + kind] += e * e
+            size[ALONG + kind] += lost * lost
+            size[ACROSS + kind] += (e - lost) * (e - lost)
+    size[SECONDARY] = tick.secondary_error
+    for row in range(len(ERRORS)):
+        size[row] = abs(size[row]) if row == SECONDARY else math.sqrt(size[row])
+        tally.error_square[row] += size[row] * size[row]
+        if tally.ticks == 0 or _exceeds(size[row], tally.error_max[row]):
+            tally.error_max[row], tally.error_max_time[row] = size[row], tick.time
+
+
+@compiled
+def _add_extremes(tally: Record, tick: Record) -> None:
+    for row in range(len(EXTREMES)):
+        if row == SIGMA:
+            value = -tick.sigma[tally.k - 1]
+        elif row == MANIPULABILITY:
+            value = -tick.manipulability
+        elif row == PACE:
+            value = -tick.path_rate
+        elif row == LEFT:
+            value = -tick.secondary_sigma
+        elif row == CONDITION:
+            value = tick.condition
+        else:
+            value = tick.damping
+        if tally.ticks == 0 or _exceeds(value, tally.extreme[row]):
+            tally.extreme[row], tally.extreme_time[row] = value, tick.time
+
+
+@compiled
+def _exceeds(value: float, extreme: float) -> bool:
+    """Whether a value is the new extreme: the first of equals stays, and the first NaN for good."""
+    return value > extreme or (math.isnan(value) and not math.isnan(extreme))

@@ -1,0 +1,86 @@
+"""Pictures of the textbook's formulas, for the documents."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rmrc.show.figures import save
+from rmrc.textbook.two_link import (
+    two_link_jacobian_inverse,
+    two_link_position,
+    two_link_postures,
+    two_link_small_displacements,
+)
+
+# The tip moves by this much: a part in 2000 of the reach [m].
+DISPLACEMENT = 1e-3
+# From where the exact answer has long left the others to where it cannot be told from J⁻¹ [rad].
+NEAREST, FARTHEST = 0.003, 1.0
+STYLES = {"exact": ("-", 3.5, "0.7"), "inverse": ("--", 1.6, "black"), "notes": (":", 2.2, "black")}
+
+
+def small_displacements(paths: Sequence[Path]) -> None:
+    """Draw what joint displacements a small tip displacement takes near full reach, for two links of 1 m.
+
+    The tip moves in frame {1} by 1 mm towards the base (−x) and across the arm (y): exactly, by J⁻¹ Δx, and
+    by the first order in θ₂ [Khatib08]. Along the arm the exact answer stays finite where the others do not;
+    a millimeter outwards has none for θ₂ < 0.06, where it is out of reach.
+
+    Args:
+        paths: Files to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
+    """
+    save(figure(), paths)
+
+
+def displacements(elbow: np.ndarray, displacement: Sequence[float]) -> dict[str, np.ndarray]:
+    """Return [Δq₁, Δq₂] for two links of 1 m at q = (0, θ₂), by each of `STYLES`.
+
+    Args:
+        elbow: θ₂ > 0, (N,) [rad].
+        displacement: [Δx, Δy] in frame {1}, (2,) [m].
+
+    Returns:
+        (N, 2) [rad] each; NaN where the tip would be out of reach.
+    """
+    lengths, q = (1.0, 1.0), np.stack([np.zeros_like(elbow), elbow], axis=-1)
+    wanted = two_link_position(lengths, q) + displacement
+    return {
+        "exact": two_link_postures(lengths, wanted)[:, 0] - q,
+        "inverse": two_link_jacobian_inverse(lengths, q) @ np.asarray(displacement),
+        "notes": two_link_small_displacements(lengths, elbow, displacement),
+    }
+
+
+def figure() -> Figure:
+    """Return the picture that `small_displacements` writes."""
+    picture = Figure(figsize=(10.0, 5.0), layout="constrained")
+    panels = picture.subplots(1, 2, sharey=True)
+    _panel(panels[0], (-DISPLACEMENT, 0.0), "1 mm towards the base")
+    _panel(panels[1], (0.0, DISPLACEMENT), "1 mm across the arm")
+    handles, labels = panels[0].get_legend_handles_labels()
+    picture.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False, handlelength=4.0)
+    picture.suptitle("Two links of 1 m near full reach: what a small displacement of the tip takes")
+    return picture
+
+
+def _panel(axes: Axes, displacement: tuple[float, float], title: str) -> None:
+    elbow = np.geomspace(NEAREST, FARTHEST, 200)
+    names = {"exact": "exact", "inverse": "J⁻¹ Δx", "notes": "first order in θ₂"}
+    for name, both in displacements(elbow, displacement).items():
+        style, width, color = STYLES[name]
+        axes.plot(
+            elbow, np.abs(both[:, 0]), style, linewidth=width, color=color, label=f"|Δq₁|, {names[name]}"
+        )
+        axes.plot(
+            elbow, np.abs(both[:, 1]), style, linewidth=width, color=color, label=f"|Δq₂|, {names[name]}",
+            marker="o", markevery=25, markersize=5,
+        )  # fmt: skip
+    axes.set_xscale("log")
+    axes.set_yscale("log")
+    axes.set_xlabel("θ₂ [rad]")
+    axes.set_ylabel("joint displacement [rad]")
+    axes.set_title(title)
+    axes.grid(which="major", color="0.9", linewidth=0.8)

@@ -1,0 +1,105 @@
+"""What runs will take of memory: refused before anything moves where it does not fit."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+from rmrc.law.record import tick_type
+from rmrc.simulation.prepare import Prepared
+from rmrc.support import memory
+from rmrc.support.errors import ScenarioError
+
+# Tick records that a batch holds where columns are not kept: half a megabyte of six joints, so that they are
+# added up before they leave the processor's caches, which takes half as long.
+HELD = 512
+
+# Measured [B]: one sample of a reference; what a recording needs for each beside it, the sample once more and
+# what is worked out from all of them at once; a world in MuJoCo; libraries that are loaded on the way, and
+# those of a recording.
+SAMPLE, RECORDED, WORLD = 13 * 8, 3 * 13 * 8 + 24, 256_000
+LIBRARIES, RECORDER = 120_000_000, 130_000_000
+
+
+class Footprint(NamedTuple):
+    """What some runs take.
+
+    Attributes:
+        held: Written to [B].
+        reserved: Asked for beside, and hardly touched: MuJoCo's arenas [B].
+    """
+
+    held: int
+    reserved: int
+
+    def __add__(self, other: "Footprint") -> "Footprint":  # type: ignore[override]
+        """Return what both take that share nothing."""
+        return Footprint(self.held + other.held, self.reserved + other.reserved)
+
+    def times(self, count: int) -> "Footprint":
+        """Return what so many take that share nothing."""
+        return Footprint(self.held * count, self.reserved * count)
+
+    def or_more(self, other: "Footprint") -> "Footprint":
+        """Return the larger of each."""
+        return Footprint(max(self.held, other.held), max(self.reserved, other.reserved))
+
+    @property
+    def excess(self) -> str | None:
+        """Why this is too much, or None if it is not: see `rmrc.support.memory.excess`."""
+        return memory.excess(LIBRARIES + self.held, self.reserved)
+
+
+def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> Footprint:
+    """Return what runs take that are stepped together, if each is as long as it may be.
+
+    Args:
+        prepared: The worlds.
+        keep_columns: Whether every tick is kept.
+        recorded: Whether a recording is written.
+    """
+    alike: dict[object, list[Prepared]] = {}
+    for one in prepared:
+        alike.setdefault(one.batch_key, []).append(one)
+    held, reserved = RECORDER * recorded, 0
+    for worlds in alike.values():
+        references = {id(one.reference): one.reference.ticks for one in worlds}.values()
+        rows = max(one.most_ticks for one in worlds)
+        if not keep_columns:
+            rows = min(rows, max(1, HELD // len(worlds)))
+        held += rows * len(worlds) * tick_type(worlds[0].arm.n).itemsize
+        held += len(references) * max(references) * SAMPLE
+        held += sum(references) * RECORDED * recorded
+        for one in worlds:
+            batches = 2 if one.scenario.plant.kind == "torque" else 1
+            held += batches * WORLD
+            reserved += batches * int(one.arm.model.narena)
+    return Footprint(held, reserved)
+
+
+def refuse_excess(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> None:
+    """Refuse runs that do not fit into memory.
+
+    Args:
+        prepared: The worlds, one or more.
+        keep_columns: Whether every tick is kept.
+        recorded: Whether a recording is written.
+
+    Raises:
+        ScenarioError: They do not, with the key that makes the longest of them so long.
+    """
+    excess = footprint(prepared, keep_columns, recorded).excess
+    if excess is None:
+        return
+    longest = max(prepared, key=lambda one: one.most_ticks if keep_columns else one.reference.ticks)
+    ticks = longest.most_ticks if keep_columns else longest.reference.ticks
+    others = f" for each of {len(prepared)} runs" if len(prepared) > 1 else ""
+    fewer = ", or run fewer at a time" if len(prepared) > 1 else ""
+    if ticks > longest.reference.ticks:
+        key, way_out = "control.slow.longest", "lower it, shorten target.path or raise control.period"
+    else:
+        key, way_out = "target.path", "shorten it or raise control.period"
+    raise ScenarioError(
+        [
+            f"{longest.scenario.locate(key)}: makes up to {ticks} ticks{others}, "
+            f"which need {excess}; {way_out}{fewer}"
+        ]
+    )

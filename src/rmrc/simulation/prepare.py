@@ -1,0 +1,648 @@
+"""A scenario, checked against its arm and turned into arrays, before anything moves."""
+
+import math
+import os
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Generic, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc import arm as arms
+from rmrc.arm import Arm, Change
+from rmrc.law.record import world_type
+from rmrc.law.task import structural_rank
+from rmrc.plants.stepping import Plant
+from rmrc.results.scorecard import refuse_unknown
+from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant, angle
+from rmrc.scenario.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
+from rmrc.simulation.reference import Reference
+from rmrc.simulation.trajectory import make_reference
+from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
+from rmrc.support.legible import listed
+from rmrc.support.notices import tell
+from rmrc.support.spatial import AXES, exp_rotation, quat_multiply
+
+T = TypeVar("T")
+
+# Ten billion steps of MuJoCo are a day of a small arm on one core: more is a slip of a unit.
+MOST_STEPS = 10_000_000_000
+
+
+class _Recent(Generic[T]):
+    """What was found last, by what it was asked for."""
+
+    def __init__(self, most: int, found: Mapping[object, T] | None = None) -> None:
+        self._most, self._found = most, dict(found or {})
+
+    def get(self, key: object, find: Callable[[], T]) -> T:
+        if key not in self._found:
+            found = find()
+            if len(self._found) >= self._most:
+                del self._found[next(iter(self._found))]
+        else:
+            found = self._found.pop(key)
+        self._found[key] = found  # at the end
+        return found
+
+
+class Known:
+    """What was found out about scenarios, for others that ask the same: arms, references, ranks.
+
+    Only what was asked for last is kept. For one thread at a time.
+    """
+
+    def __init__(self, *arms: Arm) -> None:
+        """Know some arms, as they were loaded.
+
+        Args:
+            arms: They stand for their file, by the names of their site and joints.
+        """
+        # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
+        self._arms = _Recent[Arm](32, {(arm.path.resolve(), arm.site, arm.joints): arm for arm in arms})
+        self._references, self._ranks = _Recent[Reference](32), _Recent[int](256)
+
+    def arm(self, section: ArmSection) -> Arm:
+        """Return the arm of a section, loaded and stretched as it says.
+
+        Raises:
+            ModelError: See `rmrc.arm.load` and `Arm.stretched`.
+        """
+        key = (section.model, section.site, section.joints)
+        own = self._arms.get(key, lambda: arms.load(*key))
+        if not section.stretch:
+            return own
+        return self._arms.get(
+            (key, tuple(sorted(section.stretch.items()))), lambda: own.stretched(section.stretch)
+        )
+
+    def reference(self, scenario: Scenario, arm: Arm, q: NDArray[np.float64]) -> Reference:
+        """Return the target of a scenario whose arm starts at joint positions q, (n,).
+
+        Raises:
+            TargetError: See `make_reference`.
+        """
+        target, period = scenario.target, scenario.control.period
+        # as text, which tells 0.0 from -0.0
+        key = (arm, q.tobytes(), target.model_dump_json(), period)
+        return self._references.get(
+            key, lambda: make_reference(target.path, target.limits, arm.pose(q), period, target.offset)
+        )
+
+    def rank(
+        self,
+        arm: Arm,
+        rows: NDArray[np.intp],
+        row_scale: NDArray[np.float64],
+        joint_scale: NDArray[np.float64],
+    ) -> int:
+        """Return the rank almost everywhere: see `rmrc.law.task.structural_rank`."""
+        key = (arm, rows.tobytes(), row_scale.tobytes(), joint_scale.tobytes())
+        return self._ranks.get(key, lambda: structural_rank(arm, rows, row_scale, joint_scale))
+
+
+@dataclass(frozen=True, eq=False)
+class Prepared:
+    """All that a world needs.
+
+    Attributes:
+        scenario: As written.
+        arm: The arm that it names.
+        qpos: Where the model starts, (nq,).
+        reference: Poses and twists at each control tick.
+        known: What it shares with others.
+    """
+
+    scenario: Scenario
+    arm: Arm
+    qpos: NDArray[np.float64]
+    reference: Reference
+    known: Known = field(default_factory=Known, repr=False)
+
+    @property
+    def substeps(self) -> int:
+        """MuJoCo's steps in a control period; an ideal plant has no timestep, and 1."""
+        plant = self.scenario.plant
+        return 1 if plant.kind == "ideal" else round(self.scenario.control.period / plant.timestep)
+
+    @property
+    def most_ticks(self) -> int:
+        """Control ticks of the run, at most: where the path is slowed, more than it has."""
+        control, ticks = self.scenario.control, self.reference.ticks
+        return math.ceil(control.slow.longest * ticks) if control.at_singularity == "slow" else ticks
+
+    @property
+    def kv(self) -> NDArray[np.float64]:
+        """Gains of the rate servos, (n,).
+
+        Without a number of the scenario's it is inertia over timestep: a rate error is then gone after one
+        step. Less tracks worse, and much more makes servos chatter when they reach their torque limits. An
+        ideal plant has no servos, and ones.
+        """
+        plant, n = self.scenario.plant, self.arm.n
+        if plant.kind == "ideal":
+            return np.ones(n)
+        return self.arm.inertia / plant.timestep if plant.kv is None else np.full(n, plant.kv)
+
+    @cached_property
+    def rows(self) -> NDArray[np.intp]:
+        """Rows of the twist that count, (m,)."""
+        return np.array([AXES.index(axis) for axis in self.scenario.task.axes])
+
+    @cached_property
+    def row_scale(self) -> NDArray[np.float64]:
+        """Diagonal of S_x = W_x^½, linear rows over the characteristic length, (m,)."""
+        task = self.scenario.task
+        weight = np.sqrt(1.0 if task.weights is None else task.weights)
+        scale: NDArray[np.float64] = weight / np.where(self.rows < 3, task.length, 1.0)
+        return scale
+
+    @cached_property
+    def joint_scale(self) -> NDArray[np.float64]:
+        """Diagonal of S_q = W_q^-½, sliding joints times the characteristic length, (n,)."""
+        weights = self.scenario.control.joint_weights
+        weight = np.sqrt(1.0 if weights is None else weights)
+        scale: NDArray[np.float64] = np.where(self.arm.is_slide, self.scenario.task.length, 1.0) / weight
+        return scale
+
+    @cached_property
+    def rank(self) -> int:
+        """Rank of the task almost everywhere."""
+        return self.known.rank(self.arm, self.rows, self.row_scale, self.joint_scale)
+
+    @cached_property
+    def encoder_offset(self) -> NDArray[np.float64]:
+        """What the encoders say too much, (n,): offset + deviation · z.
+
+        z is `numpy.random.default_rng(seed).standard_normal(n)`, one number a joint.
+        """
+        encoder, n = self.scenario.arm.encoder, self.arm.n
+        offset = np.full(n, encoder.offset)
+        if not np.any(encoder.deviation):
+            return offset
+        return offset + encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
+
+    def with_encoder_seed(self, seed: int) -> "Prepared":
+        """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
+
+        Args:
+            seed: Takes the place of `arm.encoder.seed`.
+        """
+        encoder = self.scenario.arm.encoder.model_copy(update={"seed": seed})
+        arm = self.scenario.arm.model_copy(update={"encoder": encoder})
+        return replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether there is a payload, which nothing carries in an ideal plant."""
+        plant = self.scenario.plant
+        return plant.kind != "ideal" and plant.payload > 0.0
+
+    @property
+    def change(self) -> Change:
+        """What the world has different from the model that it shares with others of its batch."""
+        plant, stretch = self.scenario.plant, self.scenario.arm.stretch
+        if plant.kind == "ideal":
+            return Change(stretch=stretch)
+        return Change(self.kv if plant.kind == "servo" else None, plant.gravity, plant.payload, stretch)
+
+    @property
+    def batch_key(self) -> object:
+        """What worlds must have in common to be stepped together."""
+        plant = self.scenario.plant
+        physics = (plant.timestep, plant.gravity_compensation, self.substeps, self.is_loaded)
+        kinematics = (plant.kind, self.scenario.arm.model, self.arm.site, self.arm.joints)
+        return kinematics + (physics if plant.kind != "ideal" else ())
+
+
+class Preparation:
+    """A scenario's file, of which any number of variants are prepared, as fast as they come.
+
+    What is prepared is to the bit what `prepare` makes of the scenario that `rmrc.scenario.load` reads.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        overrides: Sequence[str] = (),
+        carried: Carried | None = None,
+    ) -> None:
+        """Read the file.
+
+        Args:
+            path: Of the scenario.
+            overrides: `KEY=VALUE` texts that hold for all variants.
+            carried: What is read instead of the file.
+
+        Raises:
+            ScenarioError: There is no such file, or its text cannot be used.
+        """
+        self._template, self._known = Template(path, overrides, carried), Known()
+
+    def variant(self, varied: Sequence[str] = ()) -> Prepared:
+        """Return a variant, with everything checked.
+
+        Args:
+            varied: `KEY=VALUE` texts that make it.
+
+        Raises:
+            ScenarioError: All that is wrong, with file, line and key, or `--vary` and key.
+        """
+        prepared = prepare(self._template.scenario(varied), self._known)
+        refuse_unknown(prepared.scenario, prepared.arm.joints)
+        return prepared
+
+
+def prepare_many(
+    path: str | os.PathLike[str], overrides: Sequence[str], variants: Sequence[Variant]
+) -> list[Prepared]:
+    """Return variants of a scenario, checked and ready to run.
+
+    Args:
+        path: Of the scenario.
+        overrides: `KEY=VALUE` texts that hold for all.
+        variants: As `rmrc.scenario.variants` makes them.
+
+    Raises:
+        ScenarioError: All that is wrong with all variants, a line each, which names the variant; what is
+            wrong with every one of them is said once.
+    """
+    preparation = Preparation(path, overrides)
+    prepared: list[Prepared] = []
+    problems: dict[str, list[str]] = {}  # who has it, by what it is
+    for variant in variants:
+        try:
+            prepared.append(preparation.variant(variant.overrides))
+        except ScenarioError as error:
+            for problem in error.problems:
+                problems.setdefault(problem, []).append(variant.label)
+    lines: list[str] = []
+    for problem, labels in problems.items():
+        everyone = len(labels) == len(variants)
+        lines += [problem] if everyone else [f'variant "{label}": {problem}' for label in labels]
+    if lines:
+        raise ScenarioError(lines)
+    return prepared
+
+
+def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
+    """Load the arm, check everything that needs it, and time the target.
+
+    Args:
+        scenario: A scenario.
+        known: What was found out before; what is found out here is added.
+
+    Raises:
+        ScenarioError: All that is wrong, with file, line and key.
+    """
+    known = known or Known()
+    try:
+        arm = known.arm(scenario.arm)
+    except ModelError as error:
+        raise ScenarioError([f"{scenario.locate(f'arm.{error.about}')}: {error}"]) from None
+    problems = _Problems(scenario)
+    qpos = _start(scenario, arm, problems)
+    _check_lengths(scenario, arm, problems)
+    _check_scales(scenario, problems)
+    _check_encoder(scenario, arm, problems)
+    _check_method(scenario, arm, problems)
+    _check_second_task(scenario, arm, problems)
+    _check_slow(scenario, arm, problems)
+    if scenario.plant.kind == "torque" and arm.travels:
+        hinge = arm.joints[arm.travels[0].hinge]
+        problems.add(
+            "plant.kind",
+            f'"torque" knows no screw joints, and joint "{hinge}" of {arm.path} is one; take "servo"',
+        )
+    problems.raise_any()
+    _doubt_start(scenario, arm)
+    try:
+        reference = known.reference(scenario, arm, qpos[arm.wiring.qpos])
+    except TargetError as error:
+        key, _, text = str(error).partition(": ")
+        raise ScenarioError([f"{scenario.locate(key)}: {text}"]) from None
+    prepared = Prepared(scenario, arm, qpos, reference, known)
+    _check_duration(prepared, problems)
+    _check_steps(prepared, problems)
+    problems.raise_any()
+    return prepared
+
+
+class _Problems:
+    def __init__(self, scenario: Scenario) -> None:
+        self.scenario, self.lines = scenario, list[str]()
+
+    def add(self, key: str, message: str) -> None:
+        self.lines.append(f"{self.scenario.locate(key)}: {message}")
+
+    def raise_any(self) -> None:
+        if self.lines:
+            raise ScenarioError(self.lines)
+
+
+def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.float64]:
+    start = scenario.arm.start
+    if not isinstance(start, str) and len(start) != arm.n:
+        problems.add("arm.start", _wrong_length(len(start), arm))
+        start = "home"
+    try:
+        qpos = arm.configuration(start)
+    except ModelError as error:
+        problems.add("arm.start", f"{error}{_positions_instead(start, arm)}")
+        return np.array(arm.model.qpos0)
+    for j, position in enumerate(qpos[arm.wiring.qpos]):
+        lower, upper = arm.position_limit[j]
+        if not lower <= position <= upper:
+            key = "arm.start" if isinstance(start, str) else f"arm.start[{j}]"
+            problems.add(
+                key,
+                f'joint "{arm.joints[j]}" must start within its limits [{lower:.6g}, {upper:.6g}] '
+                f"{arm.units[j]}, got {position:.6g}{_in_degrees(arm, j, position)}",
+            )
+    return qpos
+
+
+def _in_degrees(arm: Arm, j: int, position: float) -> str:
+    """Return the way out for a position beyond a turn that would be within the limits in degrees."""
+    lower, upper = arm.position_limit[j]
+    if arm.is_slide[j] or abs(position) <= math.tau or not lower <= math.radians(position) <= upper:
+        return ""
+    return f"; for degrees write {position:.6g} deg"
+
+
+def _doubt_start(scenario: Scenario, arm: Arm) -> None:
+    """Say that a joint without limits starts beyond a turn, as one that was meant in degrees would."""
+    start = scenario.arm.start
+    for j, position in enumerate(() if isinstance(start, str) else start):
+        if way := _in_degrees(arm, j, position):
+            key = f"arm.start[{j}]"
+            turns = f"{position:.6g} rad are {abs(position) / math.tau:.3g} turns"
+            tell(f"warning: {scenario.locate(key)}: {turns}{way}", once=key)
+
+
+def _positions_instead(start: object, arm: Arm) -> str:
+    """Return the way out for positions that stand where the name of a keyframe should."""
+    if not isinstance(start, str):
+        return ""
+    if start.strip().lower() in ("zero", "zeros", "null"):
+        return f"; write [{', '.join('0' for _ in arm.joints)}] for all joints at zero"
+    try:
+        angle(start)
+    except ValueError:
+        return ""
+    return f"; write [{', '.join([start.strip()] * arm.n)}], a position for each joint"
+
+
+def _check_lengths(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+    control = scenario.control
+    for key, values in (
+        ("arm.encoder.offset", scenario.arm.encoder.offset),
+        ("arm.encoder.deviation", scenario.arm.encoder.deviation),
+        ("control.joint_weights", control.joint_weights),
+        ("control.nullspace.posture", control.nullspace.posture),
+        ("control.nullspace.rates", control.nullspace.rates),
+        ("control.limits.rate", control.limits.rate),
+        ("control.limits.acceleration", control.limits.acceleration),
+        ("control.limits.braking", control.limits.braking),
+        ("plant.kv", scenario.plant.kv),
+    ):
+        if isinstance(values, tuple) and len(values) != arm.n:
+            problems.add(key, _wrong_length(len(values), arm))
+
+
+def _wrong_length(got: int, arm: Arm) -> str:
+    return f"must have {arm.n} values, one for each joint ({', '.join(arm.joints)}), got {got}"
+
+
+# Scales between these and their inverses leave the squares of S_x J S_q finite.
+_LARGEST_SCALE = 1e30
+
+
+def _check_scales(scenario: Scenario, problems: _Problems) -> None:
+    for key, values in (
+        ("task.length", (scenario.task.length,)),
+        ("task.weights", scenario.task.weights or ()),
+        ("control.joint_weights", scenario.control.joint_weights or ()),
+    ):
+        for i, value in enumerate(values):
+            if not 1.0 / _LARGEST_SCALE <= value <= _LARGEST_SCALE:
+                problems.add(
+                    key if key == "task.length" else f"{key}[{i}]",
+                    f"must be between {1.0 / _LARGEST_SCALE:g} and {_LARGEST_SCALE:g}, got {value:g}",
+                )
+
+
+# 285 years [s]; beyond them, nanoseconds do not fit into 64 bits.
+_LONGEST = 9e9
+
+
+def _check_duration(prepared: Prepared, problems: _Problems) -> None:
+    """Refuse a run that is longer than recordings count time, which they do in 64 bits of nanoseconds."""
+    period = prepared.scenario.control.period
+    if not prepared.most_ticks * period < _LONGEST:
+        problems.add(
+            "target.path",
+            f"takes up to {prepared.most_ticks} control periods of {period:g} s, which is more than "
+            f"{_LONGEST:g} s; raise target.limits, lower control.period or control.slow.longest, or shorten "
+            "the path",
+        )
+
+
+# No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
+_MOST_OFF = 1e6
+
+
+def _check_encoder(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+    encoder = scenario.arm.encoder
+    for name, values in (("offset", encoder.offset), ("deviation", encoder.deviation)):
+        most = float(np.max(np.abs(values)))
+        if most > _MOST_OFF:
+            problems.add(f"arm.encoder.{name}", f"must be within ±{_MOST_OFF:g} rad or m, got {most:g}")
+    if not (np.any(encoder.offset) or np.any(encoder.deviation)):
+        return
+    if scenario.control.nullspace.objective == "secondary":
+        problems.add(
+            "arm.encoder",
+            'the objective "secondary" knows its site only where the encoders are right; '
+            "take another control.nullspace.objective, or leave arm.encoder out",
+        )
+    if arm.idle:
+        problems.add(
+            "arm.encoder",
+            f'joint "{arm.idle[0]}" of {arm.path} moves the site and is not driven, so that q + offset does '
+            "not say where the site is; drive it, or leave arm.encoder out",
+        )
+
+
+def _check_method(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+    m = len(scenario.task.axes)
+    if scenario.control.inverse.method == "inverse" and m != arm.n:
+        problems.add(
+            "control.inverse.method",
+            f'"inverse" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
+            'choose other task.axes, or "pseudoinverse" or "damped"',
+        )
+
+
+def _check_second_task(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+    nullspace = scenario.control.nullspace
+    site = nullspace.secondary.site
+    if nullspace.objective != "secondary" or site is None:
+        return
+    if site not in arm.sites:
+        known, hint = listed(arm.sites), did_you_mean(site, arm.sites)
+        problems.add(
+            "control.nullspace.secondary.site", f'{arm.path}: has no site "{site}"{hint}; its sites: {known}'
+        )
+    elif not arm.moves(site).any():
+        problems.add(
+            "control.nullspace.secondary.site",
+            f'must be a site that the arm moves, but none of its joints moves "{site}"; '
+            f"its sites: {listed(name for name in arm.sites if arm.moves(name).any())}",
+        )
+
+
+def _check_slow(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+    control = scenario.control
+    if control.at_singularity != "slow":
+        return
+    if not control.feedforward:
+        problems.add(
+            "control.at_singularity",
+            '"slow" scales the feed-forward, so it needs control.feedforward: true, got false',
+        )
+    if not np.isfinite(_rate_limit(scenario, arm)).all():
+        problems.add(
+            "control.at_singularity",
+            f'"slow" keeps rates within their limits, and {arm.path} has none for every joint; '
+            "give control.limits.rate",
+        )
+
+
+# So short a step [s] changes no position of an arm by a bit; gains of inertia over timestep are finite.
+_SHORTEST_STEP = 1e-12
+
+
+def _check_steps(prepared: Prepared, problems: _Problems) -> None:
+    plant, steps = prepared.scenario.plant, prepared.most_ticks * float(prepared.substeps)
+    if plant.kind != "ideal" and steps > MOST_STEPS:
+        problems.add(
+            "plant.timestep",
+            f"makes up to {steps:.6g} steps of {plant.timestep:g} s, more than {MOST_STEPS:g}; raise it, "
+            "shorten target.path or lower control.slow.longest",
+        )
+    elif plant.kind != "ideal" and plant.timestep < _SHORTEST_STEP:
+        problems.add("plant.timestep", f"must be >= {_SHORTEST_STEP:g} s, got {plant.timestep:g} s")
+
+
+def _rate_limit(scenario: Scenario, arm: Arm) -> NDArray[np.float64]:
+    rate = scenario.control.limits.rate
+    return arm.rate_limit if rate is None else np.full(arm.n, rate)
+
+
+def world_record(prepared: Prepared, reference: int) -> np.void:
+    """Return the record of one world with every parameter of its scenario.
+
+    Args:
+        prepared: The world.
+        reference: Index of its reference in the batch.
+    """
+    return world_records([prepared], [reference])[0]  # type: ignore[no-any-return]
+
+
+def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> NDArray[np.void]:
+    """Return the records of worlds whose arms have the same joints, (w,): see `world_record`."""
+    worlds = np.zeros(len(prepared), world_type(prepared[0].arm.n))
+    for w, (one, reference) in enumerate(zip(prepared, references, strict=True)):
+        _set_world(worlds[w : w + 1], one, reference)
+    return worlds
+
+
+def _set_world(world: NDArray[np.void], prepared: Prepared, reference: int) -> None:
+    scenario, n, m = prepared.scenario, prepared.arm.n, len(prepared.rows)
+    control = scenario.control
+    world["n"], world["m"], world["k"] = n, m, min(m, n)
+    world["reference"], world["path_ticks"] = reference, prepared.reference.ticks
+    world["ticks"] = prepared.most_ticks
+    world["diverged"] = -1
+    world["pace"] = world["share"] = 1.0
+    world["row"][0, :m], world["row_scale"][0, :m] = prepared.rows, prepared.row_scale
+    world["joint_scale"][0, :n], world["rank"] = prepared.joint_scale, prepared.rank
+
+    world["period"], world["feedback"] = control.period, control.feedback
+    world["feedforward"] = float(control.feedforward)
+    _set_encoder(world, prepared)
+    _set_inverse(world, scenario)
+    _set_nullspace(world, prepared)
+    _set_limits(world, prepared)
+    _set_policy(world, scenario)
+
+    plant = scenario.plant
+    world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
+    world["wrench"] = plant.wrench
+
+
+def _set_encoder(world: NDArray[np.void], prepared: Prepared) -> None:
+    chain, n = prepared.arm.chain, prepared.arm.n
+    world["is_off"], world["encoder_offset"][0, :n] = prepared.encoder_offset.any(), prepared.encoder_offset
+    world["zero_axis"][0, :n], world["zero_step"][0, :n] = chain.axis, chain.step
+    world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
+
+
+def _set_inverse(world: NDArray[np.void], scenario: Scenario) -> None:
+    inverse, damping = scenario.control.inverse, scenario.control.inverse.damping
+    world["method"], world["tolerance"] = Method[inverse.method.upper()], inverse.tolerance
+    world["cutoff"], world["gamma"], world["rate_bound"] = inverse.cutoff, inverse.gamma, inverse.rate_bound
+    world["schedule"] = Schedule[damping.schedule.upper()]
+    world["damping_maximum"], world["damping_below"] = damping.maximum, damping.below
+    world["manipulability_below"], world["error_gain"] = damping.manipulability_below, damping.error_gain
+
+
+def _set_nullspace(world: NDArray[np.void], prepared: Prepared) -> None:
+    nullspace, arm, n = prepared.scenario.control.nullspace, prepared.arm, prepared.arm.n
+    world["objective"] = Objective[nullspace.objective.upper()]
+    world["objective_gain"] = nullspace.gain
+    start = prepared.qpos[arm.wiring.qpos]
+    world["posture"][0, :n] = start if nullspace.posture is None else nullspace.posture
+    world["wished"][0, :n] = 0.0 if nullspace.rates is None else nullspace.rates
+    world["position_range"][0, :, :n] = arm.position_limit.T
+    if nullspace.objective == "secondary":
+        _set_second_task(world, prepared, start)
+
+
+def _set_second_task(world: NDArray[np.void], prepared: Prepared, start: NDArray[np.float64]) -> None:
+    arm, second = prepared.arm, prepared.scenario.control.nullspace.secondary
+    site, rows = second.site or arm.site, np.array([AXES.index(axis) for axis in second.axes])
+    m = len(rows)
+    world["m_2"], world["row_2"][0, :m] = m, rows
+    world["row_scale_2"][0, :m] = 1.0 / np.where(rows < 3, prepared.scenario.task.length, 1.0)
+    # what `Arm.adapted` adds are actuators, so a site keeps its number
+    world["site_2"], world["moves_2"][0, : arm.n] = arm.model.site(site).id, arm.moves(site)
+    pose = arm.pose(start, site)
+    if second.to is not None:
+        wanted = np.concatenate([pose[:3], np.zeros(3)])
+        wanted[rows] = second.to
+        pose = np.concatenate([wanted[:3], quat_multiply(exp_rotation(wanted[3:]), pose[3:])])
+    world["pose_ref_2"], world["feedback_2"] = pose, second.feedback
+    world["priority"], world["damping_2"] = Priority[second.priority.upper()], second.damping
+
+
+def _set_limits(world: NDArray[np.void], prepared: Prepared) -> None:
+    limits, arm, n = prepared.scenario.control.limits, prepared.arm, prepared.arm.n
+    world["on_excess"] = OnExcess[limits.on_excess.upper()]
+    world["rate_limit"][0, :n] = _rate_limit(prepared.scenario, arm)
+    acceleration = math.inf if limits.acceleration is None else limits.acceleration
+    world["acceleration_limit"][0, :n] = acceleration
+    world["braking"][0, :n] = np.minimum(limits.braking, acceleration)
+    world["position_limit"][0, :, :n] = arm.position_limit.T if limits.position else [[-math.inf], [math.inf]]
+
+
+def _set_policy(world: NDArray[np.void], scenario: Scenario) -> None:
+    control = scenario.control
+    world["at_singularity"] = AtSingularity[control.at_singularity.upper()]
+    world["slow_change"], world["slow_patience"] = control.slow.change, control.slow.patience
+    world["stop_change"] = control.stop.change
+    world["stop_sigma"] = control.stop.sigma
+    world["stop_condition"] = math.inf if control.stop.condition is None else control.stop.condition

@@ -1,0 +1,306 @@
+"""Scenarios that were prepared -> runs: worlds stepped together, in blocks.
+
+Worlds that share a model and a plant share a batch; each thread steps batches of its own. The bits of
+a run do not depend on the worlds and threads beside it.
+"""
+
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.law.record import tick_type
+from rmrc.plants.batches import Batches
+from rmrc.plants.stepping import PlantBatch
+from rmrc.results.run import COLUMNS, Divergence, Run
+from rmrc.results.scorecard import Scorecard, figures, tallies_of
+from rmrc.results.tally import adder
+from rmrc.simulation.footprint import HELD, refuse_excess
+from rmrc.simulation.prepare import Prepared, world_records
+from rmrc.support.threads import side_by_side
+
+# Ticks that are recorded at once, and how long they may take [s]: a second at 1 kHz. Large enough that a
+# block costs little, small enough that a killed process loses little. One looks more often whether to stop:
+# see `rmrc.support.pace`.
+BLOCK, LONGEST_BLOCK = 1000, 0.5
+
+OnBlock = Callable[[int, Run], None]
+_Result = TypeVar("_Result")
+
+
+@dataclass
+class _Shard:
+    """Worlds that are stepped together, and where their results belong."""
+
+    members: list[int]
+    prepared: list[Prepared]
+    batch: PlantBatch
+    keeps: bool
+    wall_time: float = 0.0
+
+    def __post_init__(self) -> None:
+        self._tallies = tallies_of([self._about(one, {}) for one in self.prepared])
+        self._adder = adder(self._tallies, self.batch.ticks)
+        self._adding = threading.Lock()
+
+    def advance(self, on_block: OnBlock | None, lock: threading.Lock, is_stopped: Callable[[], bool]) -> bool:
+        """Step one block of ticks and show it; return whether any world still runs."""
+        if not self.keeps:
+            self._add()  # what the next block is written over
+        first, started = self.batch.done, time.perf_counter()
+        try:
+            running = self._step_block(is_stopped)
+        finally:  # an interrupted block is shown as well
+            self.wall_time += time.perf_counter() - started
+            if on_block is not None:
+                with lock:
+                    for w, index in enumerate(self.members):
+                        part = self.run(w, first, self.batch.done)
+                        if len(part) or part.divergence:
+                            on_block(index, part)
+        return running > 0
+
+    def _step_block(self, is_stopped: Callable[[], bool]) -> int:
+        """Step a block, a shorter one if there is a stop; return how many worlds still run."""
+        batch, end = self.batch, time.perf_counter() + LONGEST_BLOCK
+        last, row = batch.done + BLOCK, -1
+        running = len(self.members)
+        # where rows are used again, a block ends with the last of them
+        while running and batch.done < last and row != 0 and time.perf_counter() < end and not is_stopped():
+            running = batch.advance(last - batch.done, is_stopped)
+            row = batch.done % len(batch.ticks)
+        return running
+
+    def run(self, w: int, first: int, last: int) -> Run:
+        """Return ticks [first, last) of world w, or what there is of them."""
+        prepared, world = self.prepared[w], self.batch.worlds[w]
+        diverged = int(world["diverged"])
+        count = max(0, min(last, int(self._ends()[w])) - first)
+        rows = self.batch.ticks[first % len(self.batch.ticks) :, w][:count]
+        if not self.keeps:
+            rows = rows.copy()
+        width = {"n": int(world["n"]), "k": int(world["k"])}
+        columns = {
+            name: rows[name][:, : width[column.width]] if column.width in width else rows[name]
+            for name, column in COLUMNS.items()
+        }
+        divergence = self.divergence(w) if first <= diverged <= last else None
+        return self._about(prepared, columns, divergence)
+
+    def _about(
+        self,
+        prepared: Prepared,
+        columns: Mapping[str, NDArray[np.generic]],
+        divergence: Divergence | None = None,
+    ) -> Run:
+        """Return a run of a world with what is known beside its columns."""
+        arm, scenario = prepared.arm, prepared.scenario
+        has_torques = scenario.plant.kind != "ideal"
+        return Run(
+            name=scenario.name,
+            joints=arm.joints,
+            is_slide=tuple(arm.is_slide.tolist()),
+            axes=scenario.task.axes,
+            length=scenario.task.length,
+            period=scenario.control.period,
+            columns=columns,
+            planned=prepared.reference.ticks,
+            divergence=divergence,
+            wall_time=self.wall_time / len(self.members),
+            weights=scenario.task.weights or (),
+            torque_limit=tuple(arm.torque_limit.tolist()) if has_torques else (),
+        )
+
+    def scorecards(self) -> list[Scorecard]:
+        """Return the figures of each world as far as it came."""
+        self._add()
+        return figures([self._about(one, {}) for one in self.prepared], self._tallies)
+
+    def _add(self) -> None:
+        """Add to the tallies what was stepped since: each tick once, wherever an interrupt came."""
+        with self._adding:  # scorecards may be asked for from another thread
+            self._adder(np.minimum(self._ends(), self.batch.done))
+
+    def _ends(self) -> NDArray[np.int64]:
+        """Return the tick before which each world ends, or will at the latest, (w,)."""
+        worlds = self.batch.worlds
+        return np.where(worlds["diverged"] >= 0, worlds["diverged"], worlds["ticks"])
+
+    def divergence(self, w: int) -> Divergence | None:
+        """Return where world w diverged."""
+        world = self.batch.worlds[w]
+        tick, joint = int(world["diverged"]), int(world["diverged_joint"])
+        if tick < 0:
+            return None
+        reason = self.batch.error(w) or "position, rate or command is not finite or beyond 1e10"
+        name = self.prepared[w].arm.joints[joint] if joint >= 0 else ""
+        return Divergence(tick, tick * float(world["period"]), name, reason)
+
+
+class Simulation:
+    """Prepared scenarios, being run; whatever was recorded so far can be had at any time.
+
+    Without columns, what is left of the runs are their scorecards; of what is held, only the references grow
+    with the length of a run.
+    """
+
+    def __init__(
+        self,
+        prepared: Sequence[Prepared],
+        threads: int = 1,
+        keep_columns: bool = True,
+        batches: Batches | None = None,
+    ) -> None:
+        """Wire the worlds to MuJoCo.
+
+        Args:
+            prepared: At least one.
+            threads: Number of threads; each steps its share of the worlds.
+            keep_columns: Whether to keep every tick, for `run` and `runs`.
+            batches: Of simulations before this one, to be used again; see `release`.
+
+        Raises:
+            ScenarioError: They do not fit into memory.
+        """
+        refuse_excess(prepared, keep_columns)
+        batches = batches or Batches()
+        self._threads, self._keeps = threads, keep_columns
+        self._shards = [
+            _shard(prepared, members, keep_columns, batches) for members in _groups(prepared, threads)
+        ]
+
+    def run(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> list[Run]:
+        """Step every world to its end and return a run for each, in the order of `prepared`.
+
+        Args:
+            on_block: As in `step`.
+            stop: As in `step`.
+
+        Raises:
+            KeyboardInterrupt: As in `step`.
+            ValueError: Columns are not kept.
+        """
+        self._refuse_without_columns()
+        self.step(on_block, stop)
+        return self.runs()
+
+    def step(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> None:
+        """Step every world to its end.
+
+        Args:
+            on_block: Called after each block of ticks with the index of a world and the run of that
+                block alone; from any thread, one call at a time.
+            stop: Once it is set, every world stops within a moment.
+
+        Raises:
+            KeyboardInterrupt: Passed on, after `on_block` saw the last, shorter block.
+        """
+        stop, failed, lock = stop or threading.Event(), threading.Event(), threading.Lock()
+
+        def is_stopped() -> bool:
+            return stop.is_set() or failed.is_set()
+
+        def work(shard: _Shard) -> None:
+            while not is_stopped() and shard.advance(on_block, lock, is_stopped):
+                pass
+
+        if len(self._shards) == 1:  # in the caller's thread, where Ctrl-C arrives
+            work(self._shards[0])
+        else:
+            with side_by_side(self._threads) as pool:
+                try:
+                    for result in [pool.submit(work, shard) for shard in self._shards]:
+                        result.result()
+                except BaseException:  # an interrupt, or an error of one thread: the others must not go on
+                    failed.set()
+                    raise
+
+    def runs(self) -> list[Run]:
+        """Return what was recorded so far, a run for each world.
+
+        Raises:
+            ValueError: Columns are not kept.
+        """
+        self._refuse_without_columns()
+        return self._in_order(
+            [[s.run(w, 0, s.batch.done) for w in range(len(s.members))] for s in self._shards]
+        )
+
+    def scorecards(self) -> list[Scorecard]:
+        """Return the figures of what was stepped so far, for each world: those of `scorecard(run)`."""
+        return self._in_order([shard.scorecards() for shard in self._shards])
+
+    def divergences(self) -> list[Divergence | None]:
+        """Return where each world diverged, or None."""
+        return self._in_order([[s.divergence(w) for w in range(len(s.members))] for s in self._shards])
+
+    def release(self) -> None:
+        """Let other simulations have what `batches` lent to this one, which goes no further."""
+        for shard in self._shards:
+            shard.batch.release()
+
+    def _refuse_without_columns(self) -> None:
+        if not self._keeps:
+            raise ValueError("columns are not kept: call step(), then scorecards() and divergences()")
+
+    def _in_order(self, of_shards: Sequence[Sequence[_Result]]) -> list[_Result]:
+        """Return what each shard has of its worlds, in the order of `prepared`."""
+        found = {
+            index: one
+            for shard, results in zip(self._shards, of_shards, strict=True)
+            for index, one in zip(shard.members, results, strict=True)
+        }
+        return [found[index] for index in sorted(found)]
+
+
+def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
+    """Split worlds by what a batch must share, then among the threads."""
+    alike: dict[object, list[int]] = {}
+    for i, one in enumerate(prepared):
+        alike.setdefault(one.batch_key, []).append(i)
+    return [
+        members[part::threads] for members in alike.values() for part in range(min(threads, len(members)))
+    ]
+
+
+def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batches: Batches) -> _Shard:
+    chosen = [prepared[i] for i in members]
+    plant, arm = chosen[0].scenario.plant, chosen[0].arm
+    references = {id(one.reference): one.reference for one in chosen}
+    order = {key: r for r, key in enumerate(references)}
+    longest = max(reference.ticks for reference in references.values())
+    wanted = np.empty((len(references), longest, 13))
+    for r, reference in enumerate(references.values()):
+        reference.write(wanted[r, : reference.ticks])
+        wanted[r, reference.ticks :] = 0.0
+    worlds = world_records(chosen, [order[id(one.reference)] for one in chosen])
+    rows = int(worlds["ticks"].max())
+    if not keeps:
+        rows = min(rows, max(1, HELD // len(chosen)))
+    batch = PlantBatch(
+        arm,
+        arm.adapted(
+            plant.kind, _gains(chosen), plant.timestep, plant.gravity_compensation, loaded=chosen[0].is_loaded
+        ),
+        chosen[0].substeps,
+        worlds,
+        np.array([one.qpos for one in chosen]),
+        wanted,
+        np.empty((rows, len(chosen)), tick_type(arm.n)),
+        [one.change for one in chosen],
+        batches,
+    )
+    return _Shard(members, chosen, batch, keeps)
+
+
+def _gains(prepared: Sequence[Prepared]) -> NDArray[np.float64]:
+    """Return the gains of the model that worlds share: their own if all have the same, and else ones.
+
+    So that it need not be compiled anew for other worlds whose gains differ.
+    """
+    gains = np.array([one.kv for one in prepared])
+    return gains[0] if (gains == gains[0]).all() else np.ones_like(gains[0])

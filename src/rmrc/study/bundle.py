@@ -1,0 +1,136 @@
+"""All that the runs of a sweep are made of, as bytes: what is needed where the files are not."""
+
+import hashlib
+import os
+import shutil
+import tempfile
+import weakref
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+from rmrc.arm import files
+from rmrc.scenario import Carried, Template
+from rmrc.study.plan import plan_of
+from rmrc.study.shards import Shards
+
+
+@dataclass(frozen=True)
+class Model:
+    """A model's file among those of a parcel.
+
+    Attributes:
+        file: Its place in the parcel.
+        digest: Of it and of all that it depends on, wherever they lie.
+    """
+
+    file: str
+    digest: str
+
+
+@dataclass(frozen=True, eq=False)
+class Parcel:
+    """A scenario with its models.
+
+    Attributes:
+        source: What messages call the scenario.
+        text: Of the scenario.
+        folder: Where the scenario was.
+        overrides: `KEY=VALUE` texts that hold for all runs.
+        root: Where all files of models were.
+        models: By the names that the scenario has for them; those that are no files are not here.
+        files: Of models and what they depend on, by their paths from the root.
+    """
+
+    source: str
+    text: str
+    folder: str
+    overrides: tuple[str, ...]
+    root: str
+    models: Mapping[str, Model]
+    files: Mapping[str, bytes]
+
+    @cached_property
+    def digest(self) -> str:
+        """Tells one parcel from another."""
+        facts = [self.source, self.text, self.folder, self.overrides, self.root, sorted(self.models.items())]
+        return hashlib.sha256(repr(facts).encode()).hexdigest()
+
+    @property
+    def size(self) -> int:
+        """How many bytes the files have."""
+        return len(self.text) + sum(map(len, self.files.values()))
+
+
+def pack(path: Path, overrides: Sequence[str]) -> Parcel:
+    """Return the parcel of a scenario that was read without a mistake.
+
+    Args:
+        path: Of the scenario.
+        overrides: `KEY=VALUE` texts that hold for all runs.
+
+    Raises:
+        ScenarioError: It cannot be read any more.
+        OSError: A file cannot be read.
+    """
+    template, folder = Template(path, overrides), path.parent.resolve()
+    named = {name: (folder / name).resolve() for name in template.models}
+    needed = {name: files(file) for name, file in named.items() if file.is_file()}
+    everything = sorted({file for some in needed.values() for file in some})
+    contents = {file: file.read_bytes() for file in everything}
+    root = os.path.commonpath([file.parent for file in everything]) if everything else str(folder)
+    places = {file: file.relative_to(root).as_posix() for file in everything}
+    models = {name: Model(places[named[name]], _digest(named[name], some, contents))
+              for name, some in needed.items()}  # fmt: skip
+    return Parcel(
+        os.fspath(path),
+        template.text,
+        str(folder),
+        tuple(overrides),
+        root,
+        models,
+        {places[file]: data for file, data in contents.items()},
+    )
+
+
+def _digest(model: Path, some: Sequence[Path], contents: Mapping[Path, bytes]) -> str:
+    """Return a hash of some files and of where they lie as seen from the model."""
+    facts = [(os.path.relpath(file, model.parent), hashlib.sha256(contents[file]).digest()) for file in some]
+    return hashlib.sha256(repr(sorted(facts)).encode()).hexdigest()
+
+
+class Unpacked:
+    """A parcel in a folder of its own, which is removed with it."""
+
+    def __init__(self, parcel: Parcel, parent: str | None = None) -> None:
+        """Write the files.
+
+        Args:
+            parcel: What came.
+            parent: Where the folder is made; None: among temporary files.
+
+        Raises:
+            ValueError: A file would leave the folder.
+        """
+        self.folder = Path(tempfile.mkdtemp(prefix="rmrc-", dir=parent)).resolve()
+        weakref.finalize(self, shutil.rmtree, self.folder, ignore_errors=True)
+        self._root = parcel.root
+        for name, data in parcel.files.items():
+            file = self._inside(name)
+            file.parent.mkdir(parents=True, exist_ok=True)
+            file.write_bytes(data)
+        models = {name: self._inside(model.file) for name, model in parcel.models.items()}
+        carried = Carried(parcel.text, Path(parcel.folder), models)
+        base = Template(parcel.source, parcel.overrides, carried).scenario()
+        self.shards = Shards(Path(parcel.source), parcel.overrides, base, plan_of(base), carried)
+
+    def _inside(self, name: str) -> Path:
+        file = (self.folder / name).resolve()
+        if not file.is_relative_to(self.folder):
+            raise ValueError(f"a parcel must not write outside its folder, got {name}")
+        return file
+
+    def told(self, text: str) -> str:
+        """Return a message with the paths that the files had where they come from."""
+        return text.replace(str(self.folder), self._root.rstrip(os.sep))

@@ -1,0 +1,168 @@
+"""Variants beside each other: one row per variant, for a terminal and as markdown."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+from rich.console import Group, RenderableType
+from rich.text import Text
+
+from rmrc.results.run import Run
+from rmrc.results.scorecard import Outcome, Scorecard, joint_changes
+from rmrc.scenario.choices import Status
+from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, as_table, escaped, number
+
+# A joint that comes back so far from where it started has flipped [rad]; a sliding one by that share of the
+# characteristic length. Tracking errors are a hundred times less, an elbow on its other side is far beyond.
+FLIPPED = 0.5
+
+# Headings of the figures that are shown, in groups that stay together where a terminal is narrow.
+_FIGURES = (
+    {
+        "joint_rate.peak": "rate\npeak",
+        "joint_rate_cmd.peak": "command\npeak",
+        "joint_rate.rms": "rate\nrms",
+        "joint_acceleration.peak": "accel.\npeak",
+        "tau.share": "torque\npeak",
+    },
+    {
+        "position_error_along.max": "pos.\nerror\nalong",
+        "position_error_across.max": "pos.\nerror\nacross",
+        "orientation_error_along.max": "rot.\nerror\nalong",
+        "orientation_error_across.max": "rot.\nerror\nacross",
+        "position_error.end": "pos.\nerror\nat end",
+        "orientation_error.end": "rot.\nerror\nat end",
+    },
+    {f"status_time.{one.name}": f"time\n{one.name}" for one in Status},
+)
+_TIMES = "status_time."
+
+
+class Row(NamedTuple):
+    """What one variant gave.
+
+    Attributes:
+        label: Of the variant.
+        run: As far as it came.
+        card: Its figures.
+        outcomes: Of the expectations that count.
+        stated_for: If some do not count: the keys in which the variant differs from what they were stated
+            for, and what the scenario has there.
+    """
+
+    label: str
+    run: Run
+    card: Scorecard
+    outcomes: Sequence[Outcome]
+    stated_for: Mapping[str, str] = {}
+
+
+def render(name: str, rows: Sequence[Row]) -> RenderableType:
+    """Return the table for a terminal; where it does not fit, it goes on below.
+
+    Args:
+        name: Of the scenario.
+        rows: One or more.
+    """
+    variants, groups = _columns(rows)
+    columns = [variants, *(column for group in groups for column in group)]
+    table = as_table(_sheet(columns, tuple(map(_over, columns)), tuple(map(len, groups))))
+    notes = [part for note in _notes(rows) for part in (Text(), Text(note))]
+    return Group(Text(name, style="bold"), Text(), table, *notes)
+
+
+def _over(column: "_Column") -> str:
+    """Return a heading, in which each unit of an arm with joints of both kinds has a line of its own."""
+    return "\n".join([column.title, "\nor ".join(column.units)]) if column.units else column.title
+
+
+def markdown(rows: Sequence[Row]) -> str:
+    """Return the same as markdown, one table for each group: the recording has little room.
+
+    Args:
+        rows: One or more.
+    """
+    variants, groups = _columns(rows)
+    blocks = []
+    for group in groups:
+        columns = [variants, *group]
+        units = tuple(", ".join(one.units) for one in columns)
+        sheet = _sheet(columns, tuple(one.title for one in columns))
+        blocks.append(as_markdown(replace(sheet, rows=[units, *sheet.rows]) if any(units) else sheet))
+    return "\n\n".join([*blocks, *map(escaped, _notes(rows))]) + "\n"
+
+
+def _sheet(columns: Sequence["_Column"], headings: tuple[str, ...], groups: tuple[int, ...] = ()) -> Sheet:
+    rows = list(zip(*(one.cells for one in columns), strict=True))
+    words = frozenset(index for index, one in enumerate(columns) if one.words)
+    return Sheet("", headings, rows, words, groups)
+
+
+def flipped(run: Run) -> str:
+    """Return which joints came back to another posture after a path that ends where it began.
+
+    Returns:
+        `no`, or the names of the joints that flipped; the largest change with its unit for a redundant
+        arm, whose posture may drift without a flip; `-` where the path does not lead back.
+    """
+    changes = joint_changes(run)
+    if math.isnan(changes[0]):
+        return UNDEFINED
+    if len(run.axes) < len(run.joints):
+        largest = int(np.argmax(changes))
+        return f"{number(changes[largest])} {run.joint_unit(largest)}"
+    far = changes / np.where(run.is_slide, run.length, 1.0) > FLIPPED
+    return ", ".join(joint for joint, is_far in zip(run.joints, far, strict=True) if is_far) or "no"
+
+
+class _Column(NamedTuple):
+    title: str
+    units: Sequence[str]
+    cells: Sequence[str]
+    words: bool = False
+
+
+def _columns(rows: Sequence[Row]) -> tuple[_Column, list[list[_Column]]]:
+    """Return the names of the variants, and the columns in groups: what any row has, and what any row did."""
+    groups = []
+    for titles in _FIGURES:
+        group = []
+        for figure, title in titles.items():
+            cards = [row.card for row in rows if figure in row.card]
+            units = [unit for card in cards for unit in card[figure].unit.split(" or ")]
+            is_time = figure.startswith(_TIMES)
+            if units and not (is_time and all(row.card[figure].value == 0.0 for row in rows)):
+                known = ["of limit" if unit == "1" else unit for unit in dict.fromkeys(units)]
+                group.append(_Column(title, known, [_figure(row, figure) for row in rows]))
+        groups.append(group)
+    ends = [
+        _Column("flipped", [], [flipped(row.run) for row in rows], words=True),
+        _Column("expect", [], [_expect(row) for row in rows], words=True),
+    ]
+    variants = _Column("variant", [], [_label(row) for row in rows], words=True)
+    return variants, [group for group in (*groups, ends) if group]
+
+
+def _notes(rows: Sequence[Row]) -> list[str]:
+    """Return why some expectations are not counted, if so."""
+    wanted = dict.fromkeys(pair for row in rows for pair in row.stated_for.items())
+    law = " and ".join(f"{key}={value}" for key, value in wanted)
+    return [f'"-": what the scenario expects is for {law} and is not counted for others.'] if wanted else []
+
+
+def _figure(row: Row, figure: str) -> str:
+    return number(float(row.card[figure].value)) if figure in row.card else UNDEFINED
+
+
+def _label(row: Row) -> str:
+    """Return the label, and below it how far the run came if that was not to the end."""
+    if row.run.divergence:
+        return f"{row.label}\ndiverged at {row.run.divergence.time:.3f} s"
+    return row.label if row.run.is_complete else f"{row.label}\nunfinished"
+
+
+def _expect(row: Row) -> str:
+    missed = sum(not outcome.ok for outcome in row.outcomes)
+    return (f"missed {missed}" if missed else "met") if row.outcomes else UNDEFINED

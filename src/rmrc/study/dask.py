@@ -1,0 +1,429 @@
+"""The pieces of a sweep on Dask distributed: `--cluster tcp://HOST:PORT`, or `local:N` worker processes here.
+
+What travels to each worker once is the parcel, with every piece a few hundred bytes, and back come the rows
+as Parquet. Scheduling, and running again what a lost worker had, is Dask's part.
+"""
+
+import asyncio
+import hashlib
+import logging
+import platform
+import re
+import signal
+import threading
+import time
+import warnings
+from collections import OrderedDict
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import CancelledError, wait
+from contextlib import ExitStack, contextmanager, suppress
+from functools import cache
+from importlib import metadata, util
+from multiprocessing import resource_tracker
+from pathlib import Path
+from typing import Any, NamedTuple, cast
+
+from rmrc.results import facts
+from rmrc.scenario import inline
+from rmrc.study.bundle import Parcel, Unpacked
+from rmrc.study.executors import Crew, Work
+from rmrc.study.shards import Checked
+from rmrc.support.errors import ClusterError, RmrcError, ScenarioError
+
+# Seconds: to reach a scheduler; until there are workers; until all of them are given up.
+_ANSWER, _WORKERS, _GONE = 10.0, 10.0, 60.0
+# Seconds between two looks at what has ended; a worker has a piece to go on with.
+_MOMENT = 0.02
+# Seconds between two looks at whether results that are fetched are still there.
+_LOOK = 0.2
+# Pieces whose results are fetched at once: tens of megabytes of rows.
+_AT_ONCE = 100
+# Parcels that a worker keeps, with their models: of this sweep and of the one before.
+_KEPT = 2
+_GOES_ON = "the rows so far are kept, and the same command goes on"
+# Who speaks on stderr of what we tell in a line.
+_TALKERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
+
+
+class Address(NamedTuple):
+    """Where the workers are.
+
+    Attributes:
+        text: As it was given.
+        here: How many processes are started here; 0: a scheduler is reached.
+    """
+
+    text: str
+    here: int
+
+    @classmethod
+    def read(cls, text: str) -> "Address":
+        """Return what a text says.
+
+        Raises:
+            ClusterError: It is no address, or Dask is not installed.
+        """
+        local = re.fullmatch(r"local:([1-9]\d{0,3})", text)
+        if not (local or re.fullmatch(r"(tcp|tls)://[^\s/]+:\d{1,5}", text)):
+            raise ClusterError(
+                "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N "
+                f"worker processes on this machine, got {inline(text)}"
+            )
+        if util.find_spec("distributed") is None:
+            raise ClusterError("--cluster: needs Dask, which is not installed: pip install 'rmrc[cluster]'")
+        return cls(text, int(local[1]) if local else 0)
+
+
+class _Sent(NamedTuple):
+    """What every worker has: what it works on, and what it must be like."""
+
+    parcel: Parcel
+    like: Mapping[str, str]
+
+
+@contextmanager
+def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
+    """Yield the workers of a cluster; in the end let them go, or end those that were started here.
+
+    Args:
+        address: Where they are.
+        parcel: What they work on.
+
+    Raises:
+        ClusterError: It does not answer, has no workers, or they are not as this process is.
+    """
+    from distributed import Client
+    from distributed.utils import sync
+
+    with ExitStack() as stack:
+        stack.enter_context(_silence())
+        loop = stack.enter_context(_loop())
+        at: Any = stack.enter_context(_processes(address.here, loop)) if address.here else address.text
+        try:
+            if not address.here:
+                sync(loop, _greet, address.text, callback_timeout=_ANSWER)
+            with _deaf(signal.SIGTERM):  # it answers, so this is short, and half a client could not be closed
+                client = Client(at, timeout=_ANSWER, set_as_default=False, loop=loop)
+                stack.callback(_closed, client.close, _ANSWER)
+        except TypeError:  # of tls:// without the files that it needs
+            raise ClusterError(
+                f"--cluster {address.text}: needs certificates; "
+                "set distributed.comm.tls in Dask's configuration"
+            ) from None
+        except (OSError, ValueError, asyncio.CancelledError) as error:
+            raise ClusterError(
+                f"--cluster {address.text}: no Dask scheduler answers there ({_brief(error)}); start one "
+                "with `dask scheduler`, or look whether a firewall is between"
+            ) from None
+        crew = _Cluster(client, address)
+        crew.wait_for_workers()
+        crew.refuse_unlike()
+        crew.send(parcel)
+        yield crew
+
+
+async def _greet(address: str) -> None:
+    """Say hello to a scheduler: the client itself would wait forever for one that is silent."""
+    from distributed import Security
+    from distributed.comm.core import connect
+
+    comm = await connect(address, timeout=_ANSWER, **Security().get_connection_args("client"))
+    await comm.close()
+
+
+class _Cluster:
+    """The workers of a cluster."""
+
+    def __init__(self, client: Any, address: Address) -> None:
+        self._client, self._address, self._place = client, address, f"--cluster {address.text}"
+        self._like = _likeness()
+        self._room, self._looked, self._there = 2, 0.0, time.monotonic()
+
+    def wait_for_workers(self) -> None:
+        patience = _GONE if self._address.here else _WORKERS
+        try:
+            self._client.wait_for_workers(1, timeout=patience)
+        except TimeoutError:
+            way_out = "" if self._address.here else f"; start some with `dask worker {self._address.text}`"
+            raise ClusterError(f"{self._place}: has no workers after {patience:.0f} s{way_out}") from None
+        except (OSError, RuntimeError):
+            raise self._lost() from None
+
+    def refuse_unlike(self) -> None:
+        """Refuse workers that lack something, or have it in another version, and a scheduler without rmrc."""
+        try:
+            self._client.run_on_scheduler(metadata.version, "rmrc")
+        except metadata.PackageNotFoundError:
+            raise ClusterError(f"{self._place}: {_nothing('the scheduler')}") from None
+        except (OSError, RuntimeError):
+            raise self._lost() from None
+        try:
+            # known everywhere, as it comes with Python
+            lack = self._client.run(metadata.version, "rmrc", on_error="return")
+            for name, version in lack.items():
+                if isinstance(version, Exception):
+                    raise ClusterError(f"{self._place}: {_nothing(f'worker {name}')}")
+            theirs = self._client.run(_likeness, on_error="return")
+        except (OSError, RuntimeError) as error:
+            if isinstance(error, ClusterError):
+                raise
+            raise self._lost() from None
+        for name, found in theirs.items():
+            problem = (
+                _nothing(f"worker {name}")
+                if isinstance(found, Exception)
+                else _unlike(name, found, self._like)
+            )
+            if problem:
+                raise ClusterError(f"{self._place}: {problem}")
+
+    @property
+    def room(self) -> int:
+        """How many pieces may be under way: two for each thread, one to do and one to begin with at once."""
+        now = time.monotonic()
+        if now - self._looked > 1.0:
+            self._looked = now
+            try:
+                threads = sum(self._client.nthreads(callback_timeout=_ANSWER).values())
+            except (OSError, RuntimeError):
+                raise self._lost() from None
+            self._there = now if threads else self._there
+            if now - self._there > _GONE:
+                raise ClusterError(
+                    f"{self._place}: has had no workers for {_GONE:.0f} s; start some; {_GOES_ON}"
+                )
+            self._room = max(2, 2 * threads)
+        return self._room
+
+    def send(self, parcel: Parcel) -> None:
+        self._sent = self.shared(_Sent(parcel, self._like))
+
+    def shared(self, value: object) -> object:
+        # A task, and not scattered data, which is lost with the only worker that has it.
+        return self._client.submit(_same, value, pure=False)
+
+    def submit(
+        self, work: Work, pieces: Sequence[range], shared: object, _: threading.Event
+    ) -> Iterable[Any]:
+        try:
+            futures: list[Any] = self._client.map(
+                _work, pieces, sent=self._sent, work=work, shared=shared, pure=False
+            )
+        except (OSError, RuntimeError):
+            raise self._lost() from None
+        return futures
+
+    def ended(self, running: Mapping[Any, range]) -> Iterator[tuple[Any, Any]]:
+        time.sleep(_MOMENT)
+        ended = sorted((one for one in running if one.done()), key=lambda one: one.status != "finished")
+        for first in range(0, len(ended), _AT_ONCE):
+            some = ended[first : first + _AT_ONCE]
+            try:
+                found = self._gathered(some)
+            except (Exception, asyncio.CancelledError):  # each by itself knows what it was about
+                found = (self._result(one, running[one]) for one in some)
+            if found is None:
+                return
+            yield from zip(some, found, strict=True)
+
+    def _gathered(self, some: Sequence[Any]) -> Iterable[Any] | None:
+        """Return what came out of pieces that ended, or None if a worker went and took some of it with it.
+
+        Dask itself would wait here until others have done that again, and there may be none.
+        """
+
+        async def gather() -> Any:
+            return await self._client.gather(some, asynchronous=True)
+
+        fetched = asyncio.run_coroutine_threadsafe(gather(), self._client.loop.asyncio_loop)
+        while not wait([fetched], _LOOK).done:
+            if not all(one.done() for one in some):
+                fetched.cancel()
+                return None
+        return cast(Iterable[Any], fetched.result())
+
+    def _result(self, future: Any, indices: range) -> Any:
+        from distributed import KilledWorker
+
+        try:
+            return future.result()
+        except ClusterError as error:
+            raise ClusterError(f"{self._place}: {error}; {_GOES_ON}") from None
+        except RmrcError:
+            raise
+        except KilledWorker:
+            raise ClusterError(
+                f"{self._place}: runs {indices.start} to {indices.stop - 1} ended each worker that began "
+                f"with them; look whether its memory is enough; {_GOES_ON}"
+            ) from None
+        except (ImportError, AttributeError) as error:  # on a worker that came later
+            self.refuse_unlike()
+            raise ClusterError(
+                f"{self._place}: a worker cannot load rmrc ({_brief(error)}); {_GOES_ON}"
+            ) from None
+        except (OSError, MemoryError, CancelledError, asyncio.CancelledError) as error:
+            if getattr(future, "status", "") != "error":
+                raise self._lost() from None
+            raise ClusterError(  # such as a disk that is full there
+                f"{self._place}: a worker could not do runs {indices.start} to {indices.stop - 1} "
+                f"({_brief(error)}); {_GOES_ON}"
+            ) from None
+
+    def _lost(self) -> ClusterError:
+        return ClusterError(f"{self._place}: the scheduler is lost; {_GOES_ON}")
+
+
+def _brief(error: BaseException) -> str:
+    """Return another's error on one short line."""
+    text = re.sub(r"^in <.*?>: ", "", " ".join(str(error).split())) or type(error).__name__
+    return text if len(text) <= 100 else f"{text[:100]} ..."
+
+
+def _nothing(who: str) -> str:
+    package = f"rmrc[cluster]=={metadata.version('rmrc')}"
+    return f"{who} has no rmrc; install there what is here: pip install '{package}'"
+
+
+def _unlike(name: str, theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
+    """Return in what a worker is not as the client is, or nothing."""
+    differ = [
+        f"{what} {theirs.get(what, 'none')}, here {own}"
+        for what, own in ours.items()
+        if theirs.get(what) != own
+    ]
+    if not differ:
+        return ""
+    return (
+        f"worker {name} has {' and '.join(differ)}: its rows would not have the same bits; install the same"
+    )
+
+
+@cache
+def _likeness() -> dict[str, str]:
+    """Return what must be the same for rows to have the same bits, of this process."""
+    folder = Path(__file__).parents[1]
+    sources = hashlib.sha256()
+    for file in sorted(folder.rglob("*.py")):
+        sources.update(file.relative_to(folder).as_posix().encode() + b"\0" + file.read_bytes())
+    return {
+        **facts.versions("distributed"),
+        "processor": platform.machine(),
+        "sources of rmrc": sources.hexdigest()[:8],
+    }
+
+
+# On the workers ----------------------------------------------------------------------------------
+
+_unpacking = threading.Lock()
+_unpacked: OrderedDict[str, Unpacked] = OrderedDict()
+
+
+def _same(value: object) -> object:
+    return value
+
+
+def _work(indices: range, sent: _Sent, work: Work, shared: object) -> Any:
+    """Do a piece, with the models that this process has compiled before."""
+    from distributed import get_worker
+
+    with _unpacking:
+        if sent.parcel.digest not in _unpacked:
+            problem = _unlike(get_worker().address, _likeness(), sent.like)
+            if problem:
+                raise ClusterError(problem)
+            # removed by Dask as well, even if this process has no time for it
+            _unpacked[sent.parcel.digest] = Unpacked(sent.parcel, get_worker().local_directory)
+            while len(_unpacked) > _KEPT:
+                _unpacked.popitem(last=False)
+        _unpacked.move_to_end(sent.parcel.digest)
+        mine = _unpacked[sent.parcel.digest]
+    try:
+        found = getattr(mine.shards, work)(indices, shared, threading.Event())
+    except ScenarioError as error:
+        raise ScenarioError([mine.told(problem) for problem in error.problems]) from None
+    if isinstance(found, Checked):
+        return found._replace(problems={mine.told(text): many for text, many in found.problems.items()})
+    return found
+
+
+# Processes here ----------------------------------------------------------------------------------
+
+
+@contextmanager
+def _loop() -> Iterator[Any]:
+    """Yield the loop of a thread that has Ctrl-C and SIGHUP blocked.
+
+    These go to all processes of a terminal. The workers are started by this thread, and so have them
+    blocked from their first moment on; it is this process that ends them.
+    """
+    from distributed.utils import LoopRunner
+
+    resource_tracker.ensure_running()  # which would unblock them
+    runner = LoopRunner()
+    with _deaf():
+        runner.start()
+    try:
+        yield runner.loop
+    finally:
+        _closed(runner.stop)
+
+
+@contextmanager
+def _processes(count: int, loop: Any) -> Iterator[Any]:
+    """Yield a cluster of processes of one thread each on this machine, which end with this one."""
+    from distributed import LocalCluster
+
+    with ExitStack() as stack:
+        with _deaf(signal.SIGTERM):  # half a cluster could not be closed
+            cluster = LocalCluster(
+                n_workers=0,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address=None,
+                silence_logs=logging.CRITICAL,
+                memory_limit=None,
+                loop=loop,
+            )
+            stack.callback(_closed, cluster.close, _ANSWER)
+        cluster.scale(count)
+        yield cluster
+
+
+@contextmanager
+def _deaf(*more: int) -> Iterator[None]:
+    """Block Ctrl-C and SIGHUP in this thread until the end, and for good in those that it starts.
+
+    Args:
+        more: Other signals that are blocked.
+    """
+    if not hasattr(signal, "pthread_sigmask"):  # Windows
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT, signal.SIGHUP, *more})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def _silence() -> Iterator[None]:
+    """Keep Dask from writing about what we tell in a line, or what does not matter."""
+    loggers = [logging.getLogger(name) for name in _TALKERS]
+    before = [logger.level for logger in loggers]
+    with warnings.catch_warnings():
+        # We compare versions ourselves, and a parcel with large meshes is sent once.
+        warnings.filterwarnings("ignore", module="distributed")
+        for logger in loggers:
+            logger.setLevel(logging.CRITICAL + 1)
+        try:
+            yield
+        finally:
+            for logger, level in zip(loggers, before, strict=True):
+                logger.setLevel(level)
+
+
+def _closed(close: Callable[..., object], *arguments: object) -> None:
+    """Close what may be lost already."""
+    with suppress(OSError, RuntimeError, asyncio.CancelledError):
+        close(*arguments)

@@ -1,0 +1,71 @@
+"""Picture of the filters g(σ) of several inverses in one plot."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rmrc.show.figures import DASHES, MARKERS, plain, save
+from rmrc.show.palette import BLACK, distinct, mix
+from rmrc.study.filters import FilterFactor
+
+# Inches of height that the legend needs for a variant.
+LEGEND_LINE = 0.36
+
+
+def filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]], paths: Sequence[Path]) -> None:
+    """Draw g(σ) of each variant, with the smallest σ of its run marked on it.
+
+    Args:
+        name: Of the scenario.
+        curves: Label and curve of each variant, one or more.
+        paths: Files to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
+    """
+    save(_filter_factors(name, curves), paths)
+
+
+def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Figure:
+    figure = Figure(figsize=(9.0, max(4.8, 1.0 + LEGEND_LINE * len(curves))), layout="constrained")
+    axes = figure.add_subplot(xscale="log", yscale="log")
+    both = np.concatenate([curve.sigma for _, curve in curves])
+    ends = np.array([both.min(), both.max()])
+    for i, (color, (label, curve)) in enumerate(zip(distinct(len(curves)), curves, strict=True)):
+        paint = f"#{mix(color, BLACK, 0.15) >> 8:06x}"  # the colors are for screens, and this is on white
+        # Curves that coincide, as all do far from singularities, are nested: the first is the widest.
+        outside = 1.0 - i / max(1, len(curves) - 1)
+        at = max(curve.sigma_min, curve.sigma[0])
+        where = int(np.searchsorted(curve.sigma, at))
+        sigma = np.insert(curve.sigma, where, at)
+        gain = np.insert(curve.gain, where, curve.gain_min if at == curve.sigma_min else curve.gain[0])
+        axes.plot(
+            sigma, gain, color=paint, linewidth=1.6 + 3.0 * outside, linestyle=(0, DASHES[i % len(DASHES)]),
+            marker=MARKERS[i % len(MARKERS)], markevery=[where], markersize=8.0 + 5.0 * outside,
+            markeredgecolor="black", label=f"{plain(label)}\n    σ_min = {curve.sigma_min:.3g}",
+        )  # fmt: skip
+        # The rug: the same σ at the bottom, where a gain of 0 has no place on the curve.
+        axes.plot(
+            at, 0.0, "|", color=paint, markersize=10.0 + 10.0 * outside, markeredgewidth=2.0,
+            transform=axes.get_xaxis_transform(), clip_on=False,
+        )  # fmt: skip
+    axes.plot(ends, 1.0 / ends, ":", color="black", linewidth=0.9, label="1/σ, exact")
+    _frame(axes, curves)
+    axes.set_title(f"{plain(name)}: the inverses as filters")
+    figure.legend(loc="outside right upper", frameon=False, handlelength=4.5)
+    return figure
+
+
+def _frame(axes: Axes, curves: Sequence[tuple[str, FilterFactor]]) -> None:
+    """Set ranges, in which a gain of 0 leaves at the bottom, and name the axes."""
+    positive = np.concatenate([curve.gain[curve.gain > 0.0] for _, curve in curves])
+    sigma = np.concatenate([curve.sigma for _, curve in curves])
+    axes.set_xlim(0.9 * sigma.min(), sigma.max())
+    if len(positive):
+        axes.set_ylim(0.5 * positive.min(), 2.0 * positive.max())
+    axes.set_yscale("log", nonpositive="clip")
+    axes.set_xlabel(
+        "σ of the direction that is lost first [1]\nmarks: the smallest of each run, at the edge if beyond"
+    )
+    axes.set_ylabel("g(σ), joint rate for a unit of task velocity [1]")
+    axes.grid(which="major", color="0.85", linewidth=0.8)

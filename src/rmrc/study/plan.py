@@ -1,0 +1,127 @@
+"""The plan of a sweep: which runs there are, each known by its index and by nothing else.
+
+    index = (cell · samples + sample) · repeats + repeat
+
+A cell is one combination of the values that vary, the last key changing fastest. Every cell has the same
+samples and the same seeds: what differs between cells is what varies, and not chance.
+"""
+
+import math
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+
+from rmrc.scenario import Scenario, inline
+from rmrc.scenario.keys import split
+from rmrc.study.sobol import sobol_point
+
+SEED = "arm.encoder.seed"
+
+Value = object  # of YAML: a number, a text, a switch, nothing, or a list or a mapping of these
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Which runs there are.
+
+    Attributes:
+        vary: Keys and their values; their combinations are the cells.
+        draw: Keys that are drawn, with their bounds.
+        sampler: `random` or `sobol`.
+        samples: Of each cell.
+        repeat: How often each sample is run.
+        seed: Of the samples, and of the first run's encoders.
+    """
+
+    vary: tuple[tuple[str, tuple[Value, ...]], ...] = ()
+    draw: tuple[tuple[str, float, float], ...] = ()
+    sampler: str = "random"
+    samples: int = 1
+    repeat: int = 1
+    seed: int = 0
+
+    def __len__(self) -> int:
+        """Return the number of runs, which fits into 63 bits where `rmrc.study.sweep.Sweep` took the plan."""
+        return self.count
+
+    @property
+    def count(self) -> int:
+        """Number of runs, as large as it may be."""
+        return math.prod(len(values) for _, values in self.vary) * self.samples * self.repeat
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """What varies or is drawn, in the order of the columns."""
+        return (*(key for key, _ in self.vary), *(key for key, _, _ in self.draw))
+
+    def values(self, index: int) -> dict[str, Value]:
+        """Return the value of each key in one run.
+
+        Args:
+            index: Of the run, from 0 on.
+
+        Example:
+            >>> plan = Plan(vary=(("a", (1, 2)), ("b", ("x", "y", "z"))), repeat=2)
+            >>> len(plan), plan.values(0), plan.values(11)
+            (12, {'a': 1, 'b': 'x'}, {'a': 2, 'b': 'z'})
+        """
+        cell, rest = divmod(index, self.samples * self.repeat)
+        chosen: dict[str, Value] = {}
+        for key, values in reversed(self.vary):
+            cell, i = divmod(cell, len(values))
+            chosen[key] = values[i]
+        drawn = self._drawn(rest // self.repeat)
+        return {key: chosen[key] for key, _ in self.vary} | drawn
+
+    def _drawn(self, sample: int) -> dict[str, Value]:
+        if not self.draw:
+            return {}
+        point = _point(self.sampler, sample, len(self.draw), self.seed)
+        # the rounding of a sum may reach the upper bound, and never pass it
+        return {
+            key: min(low + u * (high - low), high)
+            for u, (key, low, high) in zip(point, self.draw, strict=True)
+        }
+
+    def run_seed(self, index: int) -> int:
+        """Return the seed of one run's encoders: the same sample and repeat have the same in every cell."""
+        return self.seed + index % (self.samples * self.repeat)
+
+    def overrides(self, index: int) -> tuple[str, ...]:
+        """Return the `KEY=VALUE` texts that make one run of the scenario; what is deeper comes later."""
+        texts = [f"{key}={inline(value)}" for key, value in self.values(index).items()]
+        depth = {text: len(split(text.partition("=")[0])) for text in texts}
+        return (*sorted(texts, key=depth.__getitem__), f"{SEED}={self.run_seed(index)}")
+
+    def label(self, index: int) -> str:
+        """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""
+        varied = ", ".join(f"{key}={_short(value)}" for key, value in self.values(index).items())
+        return f"run {index} ({varied})" if varied else f"run {index}"
+
+
+@lru_cache(2000)  # asked for before a run and after it, and by each cell
+def _point(sampler: str, sample: int, count: int, seed: int) -> tuple[float, ...]:
+    if sampler == "sobol":
+        return tuple(sobol_point(sample, count, seed).tolist())
+    return tuple(np.random.default_rng((seed, sample)).random(count).tolist())
+
+
+def _short(value: Value) -> str:
+    return f"{value:.6g}" if isinstance(value, float) else inline(value)
+
+
+def plan_of(scenario: Scenario) -> Plan:
+    """Return the plan that the `sweep` section of a scenario asks for.
+
+    Without a seed of its own, the sweep takes that of the arm's encoders.
+    """
+    sweep = scenario.sweep
+    return Plan(
+        tuple(sweep.vary.items()),
+        tuple((key, low, high) for key, (low, high) in sweep.draw.items()),
+        sweep.sampler,
+        sweep.samples if sweep.draw else 1,
+        sweep.repeat,
+        scenario.arm.encoder.seed if sweep.seed is None else sweep.seed,
+    )

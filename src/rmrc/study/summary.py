@@ -1,0 +1,73 @@
+"""What the rows of a sweep say at a glance: how the runs ended, and the extremes of the main figures."""
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from rmrc.study.dataset import Column, Dataset
+
+MAIN = (
+    "joint_rate.peak", "joint_acceleration.peak", "position_error.max", "position_error.end",
+    "orientation_error.max", "orientation_error.end", "sigma.min",
+)  # fmt: skip
+
+
+@dataclass
+class Extremes:
+    """The least and the most of a figure, and which runs have them; of equal ones, the first.
+
+    Attributes:
+        column: The figure.
+        least: Smallest value and its run; NaN and -1 where no run has one.
+        most: Largest value and its run.
+    """
+
+    column: Column
+    least: tuple[float, int] = (math.nan, -1)
+    most: tuple[float, int] = (math.nan, -1)
+
+    def add(self, value: float | None, index: int) -> None:
+        """Take one more row into account."""
+        if value is None or math.isnan(value):
+            return
+        if self.least[1] < 0 or (value, index) < self.least:
+            self.least = value, index
+        if self.most[1] < 0 or (-value, index) < (-self.most[0], self.most[1]):
+            self.most = value, index
+
+
+@dataclass(frozen=True)
+class Summary:
+    """What the rows say.
+
+    Attributes:
+        statuses: How many runs ended how.
+        met: How many met all that is expected, or None where nothing is.
+        extremes: Of the main figures.
+    """
+
+    statuses: Mapping[str, int]
+    met: int | None
+    extremes: Sequence[Extremes]
+
+
+def summarize(dataset: Dataset, columns: Sequence[Column], more: Sequence[str] = ()) -> Summary:
+    """Return a summary of the rows that are there, read some thousands at a time.
+
+    Args:
+        dataset: The rows.
+        columns: That they have.
+        more: Figures beside the main ones.
+    """
+    known = {column.name: column for column in columns}
+    names = [name for name in dict.fromkeys((*MAIN, *more)) if name in known]
+    extremes = {name: Extremes(known[name]) for name in names}
+    statuses, met = Counter[str](), Counter[bool | None]()
+    for batch in dataset.batches(["index", "status", "met", *names]):
+        statuses.update(batch["status"])
+        met.update(batch["met"])
+        for name, extreme in extremes.items():
+            for index, value in zip(batch["index"], batch[name], strict=True):
+                extreme.add(value, index)
+    return Summary(statuses, met[True] if met[True] or met[False] else None, list(extremes.values()))

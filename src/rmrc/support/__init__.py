@@ -1,0 +1,1 @@
+"""What every room needs: rotations, errors, files, threads, signals, and what a machine allows."""

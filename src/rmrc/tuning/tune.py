@@ -1,0 +1,385 @@
+"""A scenario's file -> which inverse, which damping and which feedback to use in it."""
+
+import math
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+from rmrc.scenario import Template, block
+from rmrc.simulation.footprint import footprint, refuse_excess
+from rmrc.simulation.prepare import Preparation, Prepared
+from rmrc.simulation.simulation import Simulation
+from rmrc.study.dataset import Column, write_table
+from rmrc.support.errors import ScenarioError
+from rmrc.support.files import written_whole
+from rmrc.support.interruption import interruptible
+from rmrc.tuning.copies import Copy, Spread, draw_copies, has_points
+from rmrc.tuning.only import read_only
+from rmrc.tuning.search import Search, Tried
+from rmrc.tuning.space import (
+    NUMBERS,
+    WORDS,
+    Setting,
+    Space,
+    Structure,
+    all_structures,
+    bounds,
+    own_setting,
+    seen,
+)
+from rmrc.tuning.trials import Limits, OnRuns, Trials
+from rmrc.tuning.verdict import Verdict, judge
+
+
+@dataclass(frozen=True)
+class Tuned:
+    """What a search found.
+
+    Attributes:
+        own: The setting as written, on all copies.
+        tried: All settings.
+        feasible: Those that keep what is allowed on all copies.
+        verdict: What is best of them.
+        control: The control section with what is recommended, ready for YAML; None where nothing is feasible.
+        copies: The scenario itself, and what it was tried on beside.
+        limits: What was allowed.
+        runs: How many were made.
+        interrupted: Whether Ctrl-C ended it.
+    """
+
+    own: Tried
+    tried: tuple[Tried, ...]
+    feasible: tuple[Tried, ...]
+    verdict: Verdict
+    control: Mapping[str, Any] | None
+    copies: tuple[Copy, ...]
+    limits: Limits
+    runs: int
+    interrupted: bool
+
+    @property
+    def block(self) -> str:
+        """The control section as YAML, to paste; "" where nothing is feasible."""
+        return block({"control": self.control}) if self.control is not None else ""
+
+
+class Tuning:
+    """A search for the control law of a scenario.
+
+    Attributes:
+        scenario: With the overrides.
+        copies: The scenario itself, and the copies.
+        left_out: Why some structures cannot be chosen here.
+        slower: Times the duration as written that another setting may take.
+    """
+
+    def __init__(
+        self,
+        path: str | os.PathLike[str],
+        overrides: Sequence[str] = (),
+        *,
+        only: Sequence[str] = (),
+        copies: int = 4,
+        seed: int = 0,
+        spread: Spread | None = None,
+        slower: float = 1.1,
+        runs: int = 2000,
+        threads: int | None = None,
+    ) -> None:
+        """Check everything before the first run.
+
+        Args:
+            path: Of the scenario.
+            overrides: `KEY=VALUE` texts.
+            only: `KEY=V1,V2,...` texts, what keys are restricted to.
+            copies: How many perturbed copies there are.
+            seed: Of the copies and of the search.
+            spread: How far copies are off; None: by the defaults.
+            slower: Times the duration with the scenario's own setting that another may take.
+            runs: How many runs are made at most.
+            threads: How many batches are run at a time; None: one a core.
+
+        Raises:
+            ScenarioError: All that is wrong.
+        """
+        spread = spread or Spread()
+        _check(copies, seed, spread, slower, runs, threads)
+        self._path, self._seed, self.slower, self._runs = Path(path), seed, slower, runs
+        self._spread = spread
+        self._threads = threads or os.cpu_count() or 1
+        self._preparation, self._template = Preparation(path, overrides), Template(path, overrides)
+        self._nominal: Prepared = self._preparation.variant()
+        self.scenario = self._nominal.scenario
+        words, self._only = read_only(only)
+        self._check_numbers()
+        self._own = own_setting(self.scenario)
+        self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
+        self._structures, self.left_out = self._possible(words)
+        self.copies = draw_copies(self._nominal, copies, seed, spread)
+        self._refuse_excess(self._check_copies())
+
+    @property
+    def spread_in_words(self) -> str:
+        """How far copies are off."""
+        spread = self._spread
+        degrees = f"joints start within {math.degrees(spread.start):.4g} deg"
+        slides = f" (slides: {spread.start:.3g} task.length)" if self._nominal.arm.is_slide.any() else ""
+        target = f"target within {spread.offset:g} m along each axis"
+        if not has_points(self.scenario):
+            target = "no target is off, as no axis of the task has an absolute point"
+        parts = (degrees + slides, target, f"payload up to {spread.payload:g} kg more")
+        used = (spread.start, spread.offset, spread.payload)
+        return "; ".join(part for part, size in zip(parts, used, strict=True) if size) or "nothing is off"
+
+    def compile(self) -> None:
+        """Load the compiled law, or compile it the first time, which takes seconds."""
+        Simulation([self._nominal])
+
+    def run(self, on_runs: OnRuns | None = None) -> Tuned | None:
+        """Search; Ctrl-C ends it with what was found so far, or with None before there is anything.
+
+        Args:
+            on_runs: Called with the number of runs of each batch that was done.
+        """
+        with interruptible() as stop:
+            trials = Trials(self._preparation, self.copies, self._threads, stop, on_runs)
+            (run,) = Simulation([self._nominal]).run(stop=stop)
+            if stop.is_set():
+                return None
+            limits = bounds(self._nominal, seen(self._nominal, run))
+            space = Space(self._structures, limits, self._only, self._values)
+            search = Search(space, trials, len(self.copies), self._runs, self._seed)
+            if not search.begin(self._own, self.slower):
+                return None
+            search.run()
+            own, *_ = search.tried
+            verdict = judge(search.feasible, search.tried, own)
+            best = verdict.recommended
+            return Tuned(
+                own,
+                tuple(search.tried),
+                tuple(search.feasible),
+                verdict,
+                self._written(best.setting).get("control", {}) if best else None,
+                self.copies,
+                trials.limits,
+                trials.done,
+                stop.is_set(),
+            )
+
+    def write(self, tuned: Tuned, folder: Path, picture: Path | None = None) -> list[Path]:
+        """Write NAME.tune.parquet with all settings, NAME.tune.yaml with the best one, and a picture.
+
+        Args:
+            tuned: What was found; the last two are of what is feasible.
+            folder: Made if it is missing.
+            picture: Where the picture goes; None: NAME.tune.png.
+
+        Returns:
+            The files.
+        """
+        files = self.files(folder, picture)
+        write_table(files[2], _columns(), [_row(one, tuned) for one in tuned.tried])
+        best = tuned.verdict.recommended
+        if best is None:
+            return files[2:]
+        data = self._written(best.setting)
+        # beside the scenario's own files; the model is where it was
+        data["name"] = f"{self.scenario.name[:94]}-tuned"
+        vary = (data.get("sweep") or {}).get("vary") or {}
+        for arm in (data["arm"], *vary.get("arm", ())):
+            if "model" in arm:
+                arm["model"] = self._seen_from(folder, arm["model"])
+        if "arm.model" in vary:
+            vary["arm.model"] = [self._seen_from(folder, name) for name in vary["arm.model"]]
+        head = f"# {self._path.name} with the control section that `rmrc tune` recommends."
+        with written_whole(files[0]) as temporary:
+            temporary.write_text(f"{head}\n{block(data)}", "utf-8")
+        self._draw(tuned, files[1])
+        return files
+
+    def files(self, folder: Path, picture: Path | None = None) -> list[Path]:
+        """Return what `write` may leave: the best setting, the picture, all settings.
+
+        Args:
+            folder: Where they go.
+            picture: Where the picture goes instead.
+        """
+        files = [folder / f"{self.scenario.name}.tune.{kind}" for kind in ("yaml", "png", "parquet")]
+        files[1] = picture or files[1]
+        return files
+
+    def _seen_from(self, folder: Path, model: str) -> str:
+        """Return a model's file, which is relative to the scenario's folder, relative to another."""
+        return os.path.relpath((self._path.parent / model).resolve(), folder.resolve())
+
+    def _draw(self, tuned: Tuned, path: Path) -> None:
+        from rmrc.tuning.figure import Mark, draw_front
+
+        verdict = tuned.verdict
+        points = [(one.setting.structure.method, *one.worst.point[:2]) for one in tuned.feasible]
+        named = [
+            ("recommended", verdict.recommended),
+            ("second best", verdict.second),
+            ("as written", tuned.own),
+        ]
+        marks = [Mark(name, one.setting.structure.method, *one.worst.point[:2]) for name, one in named if one]
+        limits = sorted(
+            {float(rate) for rate in tuned.limits.rate / tuned.limits.scale if math.isfinite(rate)}
+        )
+        steps = [one.worst.point[:2] for one in verdict.front]
+        draw_front(self.scenario.name, points, steps, marks, limits, path)
+
+    def _written(self, setting: Setting) -> dict[str, Any]:
+        """Return the scenario as it is written, with a setting, and without what that does not read."""
+        data = self._template.written(setting.overrides)
+        if not setting.is_written:
+            for key in setting.structure.unread:
+                _remove(data, key.split("."))
+        return data
+
+    def _check_numbers(self) -> None:
+        """Refuse numbers that no scenario may have."""
+        problems = []
+        for key, values in self._only.items():
+            for value in values:
+                try:
+                    self._preparation.variant([f"{key}={value!r}"])
+                except ScenarioError as error:
+                    problems += [problem.replace("--vary", "--only", 1) for problem in error.problems]
+        if problems:
+            raise ScenarioError(problems)
+
+    def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
+        """Return the structures that the scenario can have, and why it cannot have the others."""
+        found, reasons = list[Structure](), dict[str, None]()
+        for one in all_structures():
+            if any(value not in words.get(key, (value,)) for key, value in one.words.items()):
+                continue
+            try:
+                self._preparation.variant([f"{key}={value}" for key, value in one.words.items()])
+            except ScenarioError as error:
+                reasons |= dict.fromkeys(problem.removeprefix("--vary ") for problem in error.problems)
+            else:
+                found.append(one)
+        if not found:
+            raise ScenarioError([f"--only {reason}" for reason in reasons])
+        return tuple(found), tuple(reasons)
+
+    def _refuse_excess(self, copies: Sequence[Prepared]) -> None:
+        """Refuse what does not fit into memory: the run as written, and batches of its copies."""
+        refuse_excess([self._nominal])
+        batches = footprint(copies, keep_columns=False).times(self._threads)
+        excess = (batches + footprint([self._nominal])).excess
+        if excess:
+            place = self.scenario.locate("target.path")
+            raise ScenarioError(
+                [
+                    f"{place}: has {self._nominal.reference.ticks} ticks, which on {len(copies)} copies and "
+                    f"{self._threads} threads need {excess}; shorten it, or lower --copies or --threads"
+                ]
+            )
+
+    def _check_copies(self) -> list[Prepared]:
+        prepared, problems = list[Prepared](), []
+        for copy in self.copies:
+            try:
+                prepared.append(self._preparation.variant(copy.overrides))
+            except ScenarioError as error:
+                problems += [f"{copy.label}: {problem}" for problem in error.problems]
+        if problems:
+            raise ScenarioError(problems)
+        return prepared
+
+
+def tune(path: str | os.PathLike[str], overrides: Sequence[str] = (), **options: Any) -> Tuned | None:
+    """Search for the inverse, damping and feedback with the smallest tracking error within the limits.
+
+    Args:
+        path: Of the scenario.
+        overrides: `KEY=VALUE` texts.
+        options: See `Tuning`.
+
+    Returns:
+        What was found, with `tuned.block` to paste; None if it was interrupted at once.
+
+    Raises:
+        ScenarioError: All that is wrong.
+    """
+    return Tuning(path, overrides, **options).run()
+
+
+def _check(copies: int, seed: int, spread: Spread, slower: float, runs: int, threads: int | None) -> None:
+    least = {
+        "copies": (copies, 0), "seed": (seed, 0), "start": (spread.start, 0), "offset": (spread.offset, 0),
+        "payload": (spread.payload, 0), "slower": (slower, 1), "runs": (runs, 2 * (copies + 1)),
+        "threads": (threads or 1, 1),
+    }  # fmt: skip
+    problems = [
+        f"--{name}: must be finite and >= {low}, got {value:g}"
+        for name, (value, low) in least.items()
+        if not low <= value < math.inf
+    ]
+    if problems:
+        raise ScenarioError(problems)
+
+
+def _remove(data: dict[str, Any], steps: Sequence[str]) -> None:
+    """Remove a key of nested mappings, and those that it leaves empty."""
+    first, *rest = steps
+    if rest and isinstance(data.get(first), dict):
+        _remove(data[first], rest)
+    if not rest or data.get(first) == {}:
+        data.pop(first, None)
+
+
+def _columns() -> list[Column]:
+    words = [Column(key, "text", "", "null where the setting has none") for key in WORDS]
+    numbers = [
+        Column(key, "number", "as the key", "NaN where the setting does not read it") for key in NUMBERS
+    ]
+    return [
+        Column("index", "count", "1", "number of the setting, in the order in which they were tried"),
+        *words,
+        *numbers,
+        Column("role", "text", "", "as written, recommended or second best; null for the others"),
+        Column("copies", "count", "1", "on how many copies it was run, the scenario itself counted"),
+        Column("error", "number", "m", "largest error of all its runs, angles times task.length"),
+        Column(
+            "peak_rate", "number", "rad/s", "largest rate of a joint of all its runs, slides over task.length"
+        ),
+        Column("time", "number", "s", "longest duration of its runs"),
+        Column("completed", "number", "1", "least share of the path that was run"),
+        Column("excess", "number", "1", "share by which what is allowed is exceeded most; kept where <= 0"),
+        Column("tightest", "text", "", "what that is"),
+        Column("feasible", "switch", "", "whether all is kept on all copies; null if it was not run on all"),
+        Column(
+            "on_front",
+            "switch",
+            "",
+            "whether it is feasible, --only allows it, and no such setting dominates it",
+        ),
+    ]
+
+
+def _row(one: Tried, tuned: Tuned) -> dict[str, Any]:
+    verdict, out = tuned.verdict, one.worst
+    roles = {"recommended": verdict.recommended, "second best": verdict.second, "as written": tuned.own}
+    whole = len(one.outcomes) == len(tuned.copies)
+    return {
+        "index": next(i for i, other in enumerate(tuned.tried) if other is one),
+        **one.setting.values,
+        "role": ", ".join(name for name, other in roles.items() if other is one) or None,
+        "copies": len(one.outcomes),
+        "error": out.error,
+        "peak_rate": out.peak_rate,
+        "time": out.time,
+        "completed": out.completed,
+        "excess": out.excess,
+        "tightest": out.missed or None,
+        "feasible": one.keeps_limits if whole else None if one.keeps_limits else False,
+        "on_front": any(other is one for other in verdict.front),
+    }

@@ -1,0 +1,85 @@
+"""Machine code is kept on disk, and found again by types: what numba tells apart is never the same kind."""
+
+import re
+from itertools import combinations
+from pathlib import Path
+
+import numba
+import numpy as np
+import pytest
+
+import rmrc
+from project import ROOT
+from rmrc.analysis import survey
+from rmrc.analysis.ik import descent
+from rmrc.analysis.workspace import folds as sheet
+from rmrc.arm import load
+from rmrc.law import law
+from rmrc.law import svd as smallmat
+from rmrc.law.jit import _kind
+from rmrc.law.record import tick_type, world_type
+from rmrc.law.task import choose
+from rmrc.plants import stepping as plant
+from rmrc.results import tally
+from rmrc.results.scorecard import scorecard
+from rmrc.simulation import reference
+
+MOVES = (
+    reference.sample, plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add,
+)  # fmt: skip
+EXAMINES = (law.resolve, survey.examine, survey.locate, sheet.scan, descent.reach, smallmat.svd)
+
+
+def kept(function):
+    """Return the files of an entry's machine code."""
+    module = function.__module__.rpartition(".")[2]
+    return list(Path(function.stats.cache_path).glob(f"{module}.{function.__name__}-*.nbc"))
+
+
+@pytest.mark.compiles
+def test_what_moves_a_world_is_kept_on_disk(simulate):
+    _, run = simulate("arm.encoder.offset=0.01", "plant.kind=torque", "target.path=[{line: {by: [0.01, 0]}}]")
+    assert scorecard(run)["position_error.end"].value > 0
+    assert [entry for entry in MOVES if not kept(entry)] == []
+
+
+@pytest.mark.compiles
+def test_what_examines_an_arm_is_kept_on_disk():
+    arm = load(ROOT / "models/planar_2link.xml")
+    task = choose(arm)
+    assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
+    assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
+    assert rmrc.solve_ik(task, rmrc.goal_pose(task, [1.0, 1.0])).found
+    assert smallmat.cold_svd(np.diag([2.0, 1.0]))[1].tolist() == [2.0, 1.0]
+    assert [entry for entry in EXAMINES if not kept(entry)] == []
+
+
+def test_what_compiles_comes_first(request):
+    compiles = [item.get_closest_marker("compiles") is not None for item in request.session.items]
+    assert compiles == sorted(compiles, reverse=True)
+    assert not request.config.option.loadscopereorder  # which puts the group of the tests of clusters first
+
+
+def test_every_entry_is_one_of_these():
+    sources = [path.read_text("utf-8") for path in (ROOT / "src/rmrc").rglob("*.py")]
+    entries = [name for text in sources for name in re.findall(r"^@entry\ndef (\w+)", text, re.MULTILINE)]
+    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES))
+
+
+def test_arguments_that_are_of_one_kind_are_of_one_type():
+    table = np.zeros((4, 4))
+    shown = table.view()
+    shown.flags.writeable = False
+    misaligned = np.ndarray((2,), np.float64, np.zeros(17, np.uint8)[1:].data)
+    worlds = np.zeros(2, world_type(2))
+    arguments = [
+        0, 2**63, 0.0, False, (1, 2), (1, 2.0), table, table.T, table[::2], table[:, ::2], shown, table[0],
+        misaligned, table.astype(np.float32), worlds, worlds[0], np.zeros(1, world_type(3))[0],
+        np.zeros(2, tick_type(2)), np.zeros((2, 2), tick_type(2)),
+    ]  # fmt: skip
+    for one, other in combinations(arguments, 2):
+        assert (_kind(one) == _kind(other)) <= (numba.typeof(one) == numba.typeof(other)), (one, other)
+    # negative control: what has another value or another memory alone is of one kind
+    assert (
+        _kind(table.copy()) == _kind(table) and _kind(worlds[1]) == _kind(worlds[0]) and _kind(7) == _kind(0)
+    )

@@ -1,0 +1,229 @@
+"""The recording of a comparison: every column of every variant, and all arms in one picture."""
+
+import contextlib
+import re
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+from project import ROOT
+from rmrc.recording.comparison import THINNEST, Overlay
+from rmrc.recording.single import RecordingError, read_columns
+from rmrc.results.run import COLUMNS, Divergence
+from rmrc.scenario import loads
+from rmrc.scenario.choices import Status
+from rmrc.show.palette import distinct
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+
+TEXT = f"""
+name: planar
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+control: {{inverse: {{damping: {{maximum: 0.3, below: 0.8}}}}}}
+target: {{path: [{{line: {{by: [0.2, 0.0]}}}}]}}
+"""
+LABELS = ("inverse", "damped, 0.3/2")  # the second needs to be escaped
+METHODS = ("inverse", "damped")
+
+
+def prepared_of(*overrides):
+    return prepare(loads(TEXT, overrides=overrides))
+
+
+@pytest.fixture(scope="module")
+def compared():
+    """(label and world of each variant, runs)."""
+    worlds = [prepared_of(f"control.inverse.method={method}") for method in METHODS]
+    return list(zip(LABELS, worlds, strict=True)), Simulation(worlds).run()
+
+
+def rows(run, first, last):
+    return replace(run, columns={name: values[first:last].copy() for name, values in run.columns.items()})
+
+
+def record(path, variants, runs, size=300):
+    with Overlay(path, "planar", variants) as overlay:
+        for first in range(0, max(map(len, runs)), size):
+            for i, run in enumerate(runs):
+                overlay.write(i, rows(run, first, first + size))
+        overlay.finish("| variant |")
+
+
+@pytest.fixture(scope="module")
+def recorded(compared, tmp_path_factory):
+    path = tmp_path_factory.mktemp("recorded") / "planar.compare.rrd"
+    record(path, *compared)
+    return path
+
+
+def entity(label, rest=""):
+    escaped = re.sub(r"([^\w.-])", r"\\\1", label)
+    return f"/variants/{escaped}/{rest}"
+
+
+def stored(path, content):
+    """All values that an entity got, by component, in the order of time."""
+    found = {}
+    for chunk in RrdReader(path).stream().filter(content=content):
+        batch = chunk.to_record_batch()
+        ticks = batch.column("tick").to_pylist() if "tick" in batch.schema.names else [-1] * len(batch)
+        for field, values in zip(batch.schema, batch.columns, strict=True):
+            if ":" in field.name:
+                found.setdefault(field.name, []).extend(zip(ticks, values.to_pylist(), strict=True))
+    return {name: [value for _, value in sorted(pairs, key=lambda p: p[0])] for name, pairs in found.items()}
+
+
+def assert_same_bits(columns, expected):
+    assert list(columns) == list(expected) == list(COLUMNS)
+    for name, values in expected.items():
+        assert (columns[name].dtype, columns[name].shape) == (values.dtype, values.shape)
+        assert columns[name].tobytes() == values.tobytes(), name
+
+
+def test_the_columns_of_each_variant_read_back_bit_for_bit(recorded, compared):
+    for label, run in zip(LABELS, compared[1], strict=True):
+        assert_same_bits(read_columns(recorded, label), run.columns)
+    assert not np.array_equal(read_columns(recorded, LABELS[0])["q"], read_columns(recorded, LABELS[1])["q"])
+
+
+def test_a_variant_that_is_not_there_or_not_named_is_one_clear_line(recorded):
+    names = "; ".join(sorted(LABELS))
+    for wanted, what in ((None, "holds variants"), ("x", 'has no columns of the variant "x"')):
+        with pytest.raises(RecordingError) as caught:
+            read_columns(recorded, wanted)
+        text, _, listed = str(caught.value).rpartition("; its variants: ")
+        assert (text, "; ".join(sorted(listed.split("; ")))) == (f"{recorded}: {what}", names)
+
+
+def test_runs_of_different_lengths_and_blocks_in_turn_are_all_kept(compared, tmp_path):
+    variants, runs = compared
+    runs = [rows(runs[0], 0, 57), rows(runs[1], 0, 431)]
+    record(tmp_path / "x.rrd", variants, runs, 50)
+    for label, run in zip(LABELS, runs, strict=True):
+        assert_same_bits(read_columns(tmp_path / "x.rrd", label), run.columns)
+        last = stored(tmp_path / "x.rrd", entity(label, "tip/now"))["Points3D:positions"][-1][0]
+        np.testing.assert_allclose(last, run["pose"][-1, :3], atol=1e-6)  # as far as it came
+
+
+def test_it_appears_whole_and_only_when_finished_and_a_part_can_be_read(compared, tmp_path):
+    variants, runs = compared
+    path = tmp_path / "x.rrd"
+    with contextlib.suppress(ZeroDivisionError), Overlay(path, "planar", variants) as overlay:
+        overlay.write(1, rows(runs[1], 0, 40))
+        raise ZeroDivisionError
+    assert [p.name for p in tmp_path.iterdir()] == ["x.rrd.part"]
+    assert_same_bits(read_columns(overlay.part_path, LABELS[1]), rows(runs[1], 0, 40).columns)
+
+
+def test_each_arm_has_its_color_and_is_inside_the_one_before(recorded, compared):
+    prepared = compared[0][0][1]
+    capsules = [shape for shape in prepared.arm.shapes() if shape.kind == "capsule"]
+    assert capsules
+    for shape in capsules:
+        body = prepared.arm.model.body(shape.body).name
+        drawn = [stored(recorded, entity(label, f"arm/{body}/{shape.name}")) for label in LABELS]
+        radii = [one["Capsules3D:radii"][0][0] for one in drawn]
+        np.testing.assert_allclose(radii, shape.size[0] * np.array([1.0, THINNEST]), rtol=1e-6)
+        lengths = [one["Capsules3D:lengths"][0][0] for one in drawn]
+        np.testing.assert_allclose(lengths, 2.0 * shape.size[1], rtol=1e-6)
+        colors = [one["Capsules3D:colors"][0][0] for one in drawn]
+        assert colors[0] >> 8 != colors[1] >> 8
+        assert colors[0] & 255 < colors[1] & 255 == 255  # the outer one is glass
+    for label, color in zip(LABELS, distinct(2), strict=True):
+        assert set(map(tuple, stored(recorded, entity(label, "tip/trail"))["LineStrips3D:colors"])) == {
+            (color,)
+        }
+        assert stored(recorded, entity(label, "sigma_min"))["SeriesLines:colors"] == [[color]]
+        assert stored(recorded, entity(label, "sigma_min"))["SeriesLines:names"] == [[label]]
+
+
+def test_the_curves_are_those_of_the_columns(recorded, compared):
+    for label, run in zip(LABELS, compared[1], strict=True):
+        expected = {
+            "fastest": [max(map(abs, rates)) for rates in run["qdot"].tolist()],
+            "sigma_min": run["sigma"].min(axis=1),
+            "error/position": 1e3 * np.hypot(*run["pose_error"][:, :2].T),
+        }
+        for name, values in expected.items():
+            found = np.array(stored(recorded, entity(label, name))["Scalars:scalars"])[:, 0]
+            np.testing.assert_allclose(found, values, rtol=1e-12, atol=1e-15)
+    assert not stored(recorded, entity(LABELS[0], "error/rotation"))  # the task has no rotations
+
+
+def test_a_path_of_its_own_is_shown_and_a_shared_one_once(recorded, compared, tmp_path):
+    assert len(stored(recorded, "/target/path")["LineStrips3D:strips"]) == 1
+    assert not stored(recorded, entity(LABELS[1], "path"))
+    other = prepared_of("target.path=[{line: {by: [0.0, 0.3]}}]")
+    variants = [compared[0][0], ("other", other)]
+    with Overlay(tmp_path / "x.rrd", "planar", variants) as overlay:
+        overlay.finish("")
+    (strip,) = stored(tmp_path / "x.rrd", entity("other", "path"))["LineStrips3D:strips"][0]
+    np.testing.assert_allclose(strip[-1], other.reference.pose[-1, :3], atol=1e-6)
+
+
+def test_arms_of_different_models_stand_in_one_picture(compared, tmp_path):
+    """Three joints and two: each track has the widths of its own arm."""
+    three = prepared_of(f"arm.model={ROOT}/models/planar_3link.xml", "arm.start=home")
+    worlds = [compared[0][0][1], three]
+    runs = Simulation(worlds).run()
+    record(tmp_path / "x.rrd", [("two", worlds[0]), ("three", three)], runs)
+    for label, run in zip(("two", "three"), runs, strict=True):
+        assert_same_bits(read_columns(tmp_path / "x.rrd", label), run.columns)
+
+
+def test_a_lane_says_what_holds_and_a_divergence_ends_it(compared, tmp_path):
+    variants, runs = compared
+    run = rows(runs[0], 0, 60)
+    status = run.columns["status"]
+    status[:] = 0
+    status[10:30] = Status.DAMPED
+    status[20:30] |= Status.SINGULAR
+    path = tmp_path / "x.rrd"
+    divergence = Divergence(60, 0.06, "elbow", "not finite")
+    with Overlay(path, "planar", variants) as overlay:
+        for first in (0, 15, 30, 45):
+            overlay.write(0, rows(run, first, first + 15))
+        overlay.write(0, replace(rows(run, 0, 0), divergence=divergence))
+        overlay.finish("")
+    found = []
+    for chunk in RrdReader(path).stream().filter(content="/status/inverse", is_static=False):
+        batch = chunk.to_record_batch()
+        states = [state[0] for state in batch.column("StateChange:state").to_pylist()]
+        found += zip(batch.column("tick").to_pylist(), states, strict=True)
+    assert sorted(found) == [
+        (0, "OK"), (10, "DAMPED"), (20, "DAMPED, SINGULAR"), (30, "OK"), (60, str(divergence)),
+    ]  # fmt: skip
+
+
+def test_table_legend_and_every_scenario_are_inside(recorded, compared):
+    assert stored(recorded, "/text/table")["TextDocument:text"] == [["| variant |"]]
+    assert "outermost" in stored(recorded, "/text/legend")["TextDocument:text"][0][0]
+    text = stored(recorded, "/text/scenario")["TextDocument:text"][0][0]
+    yaml = [block.partition("```")[0] for block in text.split("```yaml\n")[1:]]
+    assert [loads(block) for block in yaml] == [prepared.scenario for _, prepared in compared[0]]
+
+
+def test_the_layout_looks_only_at_what_is_recorded(recorded):
+    (entry,) = RrdReader(recorded).blueprints()
+    queries, names = [], []
+    for chunk in RrdReader(recorded).stream(store=entry):
+        batch = chunk.to_record_batch()
+        for field, values in zip(batch.schema, batch.columns, strict=True):
+            if field.name == "ViewContents:query":
+                queries += [query for row in values.to_pylist() for query in row]
+            if field.name == "ViewBlueprint:display_name":
+                names += [row[0] for row in values.to_pylist()]
+    assert {
+        "planar: 2 variants", "Fastest joint [rad/s]", "σ_min", "λ damping", "Position error [mm]", "Status",
+        "What you see", "Table", "Scenario",
+    } == set(names)  # fmt: skip
+    known = {chunk.entity_path for chunk in RrdReader(recorded).stream()}
+    paths = [q.lstrip("+ ").removesuffix("/**") for q in queries if "$origin" not in q]
+    paths = [
+        path for path in paths if not path.endswith("/path") or path.startswith("/target")
+    ]  # an own one is rare
+    assert len(paths) == 1 + 2 * (2 + 4)
+    assert all(any(entity.startswith(path) for entity in known) for path in paths)

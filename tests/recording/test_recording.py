@@ -1,0 +1,530 @@
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+import rerun as rr
+from rerun.chunk import RrdReader
+
+from rmrc.arm import Shape
+from rmrc.recording import stream
+from rmrc.recording.layout import geometry, ramp
+from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
+from rmrc.recording.single import Recorder, RecordingError, read_columns
+from rmrc.results.run import COLUMNS, Divergence, Run
+from rmrc.scenario import loads
+from rmrc.scenario.choices import Status
+from rmrc.show.palette import mix
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+
+ROOT = Path(__file__).parents[2]
+PLANAR = f"""
+name: planar
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{line: {{to: [1.99, 0.0]}}}}], limits: {{velocity: 1.0, acceleration: 4.0, jerk: 80.0}}}}
+"""
+STANFORD = f"""
+name: stanford
+arm: {{model: {ROOT}/models/stanford.xml, site: tool, start: [0, 60 deg, 0.7, 5 deg, 40 deg, 0]}}
+target: {{path: [{{turn: {{axis: y, angle: -30 deg}}}}]}}
+plant: {{kind: ideal}}
+"""
+
+
+def simulated(text):
+    prepared = prepare(loads(text))
+    return prepared, Simulation([prepared]).run()[0]
+
+
+@pytest.fixture(scope="module")
+def planar():
+    """(prepared, run)."""
+    return simulated(PLANAR)
+
+
+@pytest.fixture(scope="module")
+def stanford():
+    """(prepared, run)."""
+    return simulated(STANFORD)
+
+
+@pytest.fixture(scope="module", params=["planar", "stanford"])
+def ran(request):
+    """(prepared, run), of a planar and of a spatial arm."""
+    return request.getfixturevalue(request.param)
+
+
+@pytest.fixture(scope="module")
+def recorded(ran, tmp_path_factory):
+    """(prepared, run, path of its recording)."""
+    prepared, run = ran
+    path = tmp_path_factory.mktemp("recorded") / "run.rrd"
+    record(path, prepared, run)
+    return prepared, run, path
+
+
+def record(path, prepared, run, size=500):
+    with Recorder(path, prepared) as recorder:
+        for part in blocks(run, size):
+            recorder.write(part)
+        recorder.finish("| figure | value |")
+
+
+def blocks(run, size):
+    return [rows(run, first, first + size) for first in range(0, len(run), size)]
+
+
+def rows(run, first, last):
+    return replace(run, columns={name: values[first:last].copy() for name, values in run.columns.items()})
+
+
+def assert_same_bits(columns, expected):
+    assert list(columns) == list(expected) == list(COLUMNS)
+    for name, values in expected.items():
+        assert columns[name].dtype == values.dtype
+        assert columns[name].shape == values.shape
+        assert columns[name].tobytes() == values.tobytes(), name
+
+
+def stored(path, entity):
+    """All values that an entity got, by component: arrays or lists, in the order of time."""
+    found, ticks = {}, {}
+    for chunk in RrdReader(path).stream().filter(content=entity):
+        batch = chunk.to_record_batch()
+        tick = batch.column("tick").to_pylist() if "tick" in batch.schema.names else [0] * len(batch)
+        for field, values in zip(batch.schema, batch.columns, strict=True):
+            if ":" in field.name:
+                found.setdefault(field.name, []).extend(values.to_pylist())
+                ticks.setdefault(field.name, []).extend(tick)
+    return {
+        name: [values[i] for i in np.argsort(ticks[name], kind="stable")] for name, values in found.items()
+    }
+
+
+def entities(path):
+    return {chunk.entity_path for chunk in RrdReader(path).stream()}
+
+
+# Columns ------------------------------------------------------------------------------------------
+
+
+def test_columns_read_back_equal_the_run_and_its_npz_bit_for_bit(recorded, tmp_path):
+    _, run, path = recorded
+    run.save(tmp_path / "run.npz")
+    assert_same_bits(read_columns(path), run.columns)
+    assert_same_bits(read_columns(path), Run.read(tmp_path / "run.npz").columns)
+
+
+@pytest.mark.parametrize("size", [1, 7, 10_000])
+def test_columns_do_not_depend_on_the_size_of_blocks_and_keep_nan_and_infinity(planar, tmp_path, size):
+    prepared, run = planar[0], rows(planar[1], 0, 40)
+    run.columns["condition"][[3, 5]] = np.inf, -0.0
+    # A NaN with a payload: equal bits, not just "also a NaN".
+    run.columns["tau"][4, 1] = np.frombuffer(np.uint64(0x7FF800000000BEEF).tobytes(), np.float64)[0]
+    run.columns["time"][:] = np.nextafter(np.arange(40) * 0.001, np.inf)  # not whole nanoseconds
+    record(tmp_path / "run.rrd", prepared, run, size)
+    assert_same_bits(read_columns(tmp_path / "run.rrd"), run.columns)
+
+
+def test_a_changed_last_bit_is_seen(recorded):
+    _, run, path = recorded
+    expected = {name: values.copy() for name, values in run.columns.items()}
+    expected["q"][7, 1] = np.nextafter(expected["q"][7, 1], np.inf)
+    with pytest.raises(AssertionError, match=r"^q\n"):
+        assert_same_bits(read_columns(path), expected)
+
+
+def test_sim_time_is_time_rounded_to_nanoseconds(recorded):
+    _, run, path = recorded
+    found = {}
+    for chunk in RrdReader(path).stream().filter(content="/columns/q", is_static=False):
+        batch = chunk.to_record_batch()
+        nanoseconds = batch.column("sim_time").to_numpy(zero_copy_only=False).astype(np.int64)
+        found.update(zip(batch.column("tick").to_pylist(), nanoseconds, strict=True))
+    assert found == {tick: round(time * 1e9) for tick, time in enumerate(run["time"])}
+
+
+# Files --------------------------------------------------------------------------------------------
+
+
+def test_the_recording_appears_whole_and_only_when_finished(ran, tmp_path):
+    prepared, run = ran
+    path = tmp_path / "made" / "run.rrd"
+    with Recorder(path, prepared) as recorder:
+        recorder.write(rows(run, 0, 50))
+        assert not path.exists()
+        assert recorder.part_path == tmp_path / "made" / "run.rrd.part"
+        assert recorder.part_path.exists()
+        recorder.finish("")
+    assert path.exists()
+    assert list(path.parent.iterdir()) == [path]
+
+
+def test_an_error_in_the_run_leaves_the_part_readable_and_the_last_recording_alone(ran, tmp_path):
+    prepared, run = ran
+    path = tmp_path / "run.rrd"
+    path.write_bytes(b"of the run before")
+    recorder = Recorder(path, prepared)
+    with contextlib.suppress(ZeroDivisionError), recorder:
+        recorder.write(rows(run, 0, 50))
+        raise ZeroDivisionError
+    assert path.read_bytes() == b"of the run before"
+    assert_same_bits(read_columns(recorder.part_path), rows(run, 0, 50).columns)
+
+
+# Another process reads the run from an npz: it need not wait for the law to be compiled.
+PRELUDE = f"""
+import os, resource, signal, sys
+sys.path.insert(0, {str(Path(__file__).parent)!r})
+from pathlib import Path
+from test_recording import PLANAR, Recorder, RecordingError, Run, blocks, loads, prepare, record
+folder = Path(sys.argv[1])
+prepared, run = prepare(loads(PLANAR)), Run.read(folder / "run.npz")
+"""
+
+KILLED = """
+recorder = Recorder(folder / "run.rrd", prepared)
+for part in blocks(run, 100)[:7]:
+    recorder.write(part)
+    print(recorder.part_path.stat().st_size, flush=True)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+FULL = """
+signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+resource.setrlimit(resource.RLIMIT_FSIZE, (400_000, 400_000))
+try:
+    record(folder / "run.rrd", prepared, run)
+except RecordingError as error:
+    print(error)
+"""
+
+
+def in_another_process(code, folder):
+    command = [sys.executable, "-c", PRELUDE + code, folder]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+
+
+def test_after_kill_9_every_block_written_is_readable(planar, tmp_path):
+    run = planar[1]
+    run.save(tmp_path / "run.npz")
+    done = in_another_process(KILLED, tmp_path)
+    assert done.returncode == -signal.SIGKILL, done.stderr
+    assert not (tmp_path / "run.rrd").exists()
+    part = tmp_path / "run.rrd.part"
+    assert_same_bits(read_columns(part), rows(run, 0, 700).columns)
+    # torn early in the last block, as when the computer stops
+    os.truncate(part, int(done.stdout.split()[5]) + 2000)
+    assert_same_bits(read_columns(part), rows(run, 0, 600).columns)
+
+
+@pytest.mark.long  # rerun may first have to be waited for
+def test_a_full_disk_is_an_error_and_not_a_shorter_recording(planar, tmp_path):
+    planar[1].save(tmp_path / "run.npz")
+    done = in_another_process(FULL, tmp_path)
+    part = tmp_path / "run.rrd.part"
+    start = f"{part}: cannot write the recording: "
+    # which of the two is a race within rerun
+    reasons = ["File-writer thread shut down prematurely", "Flush timed out - not all log messages were sent"]
+    assert done.stdout in [f"{start}{reason}; is the disk full?\n" for reason in reasons]
+    assert done.returncode == 0
+    assert not (tmp_path / "run.rrd").exists()
+
+
+def test_rerun_verifies_the_recording(recorded):
+    command = [sys.executable, "-m", "rerun_cli", "rrd", "verify", recorded[2]]
+    done = subprocess.run(command, env={**os.environ, "CI": "1"}, capture_output=True, text=True, check=False)
+    assert done.returncode == 0
+    assert "1 file verified without error." in done.stderr
+
+
+def test_a_folder_in_the_way_is_one_clear_line(planar, tmp_path):
+    (tmp_path / "file").touch()
+    with pytest.raises(RecordingError) as caught:
+        Recorder(tmp_path / "file" / "run.rrd", planar[0])
+    part = tmp_path / "file" / "run.rrd.part"
+    folder = tmp_path / "file"
+    assert str(caught.value) == f"{part}: cannot write the recording: [Errno 17] File exists: '{folder}'"
+
+
+def test_what_is_no_recording_is_one_clear_line(tmp_path):
+    with pytest.raises(RecordingError) as caught:
+        read_columns(tmp_path / "none.rrd")
+    assert str(caught.value) == f"{tmp_path}/none.rrd: no such recording"
+    (tmp_path / "text.rrd").write_text("hello, this is text")
+    with pytest.raises(RecordingError) as caught:
+        read_columns(tmp_path / "text.rrd")
+    text = str(caught.value)
+    assert text.startswith(f"{tmp_path}/text.rrd: is damaged, or not a recording: ")
+    assert "\n" not in text
+    other = rr.RecordingStream("other")
+    other.save(tmp_path / "other.rrd")
+    other.log("x", rr.TextDocument("nothing of ours"))
+    other.disconnect()
+    with pytest.raises(RecordingError) as caught:
+        read_columns(tmp_path / "other.rrd")
+    assert str(caught.value) == f"{tmp_path}/other.rrd: has no columns of a run of rmrc"
+
+
+# The picture --------------------------------------------------------------------------------------
+
+
+def test_every_column_has_the_arrow_type_that_rerun_itself_writes():
+    """The viewer draws nothing, and the file verifies, when a list may hold nulls."""
+    points, quats, colors = np.ones((4, 3)), np.ones((4, 4)), np.ones(4, np.uint32)
+    theirs = [
+        *rr.Scalars.columns(scalars=np.ones(4)),
+        *rr.Transform3D.columns(translation=points, quaternion=quats),
+        *rr.Points3D.columns(positions=points),
+        *rr.LineStrips3D.columns(strips=np.ones((4, 2, 3)), colors=colors),
+        *rr.Ellipsoids3D.columns(centers=points, half_sizes=points, quaternions=quats),
+        *rr.Arrows3D.columns(vectors=points, origins=points, colors=colors),
+    ]
+    expected = {str(column.component_descriptor()): column.as_arrow_array().type for column in theirs}
+    ours = {str(c.descriptor): c for c in vars(stream).values() if isinstance(c, stream.Component)}
+    assert len(ours) == 13
+    del ours[str(stream.STATUS.descriptor)]  # ours alone
+    for name, component in ours.items():
+        values = np.ones((4, 2, 3) if component.is_strip else (4, component.size))
+        assert stream.Values(component, values).as_arrow_array().type == expected[name], name
+
+
+def test_bodies_are_where_mujoco_has_them_about_100_times_a_second_and_at_the_end(recorded):
+    prepared, run, path = recorded
+    model = prepared.arm.model
+    shown = sorted({*range(0, len(run), 10), len(run) - 1})
+    data = mujoco.MjData(model)
+    body = model.site(prepared.arm.site).bodyid[0]
+    found = stored(path, f"/arm/{model.body(body).name}")
+    assert len(found["Transform3D:translation"]) == len(shown)
+    for i, tick in enumerate(shown):
+        data.qpos[:] = run["q"][tick]
+        mujoco.mj_kinematics(model, data)
+        # float32, as the viewer draws
+        np.testing.assert_allclose(found["Transform3D:translation"][i][0], data.xpos[body], atol=1e-6)
+        x, y, z, w = found["Transform3D:quaternion"][i][0]
+        np.testing.assert_allclose([w, x, y, z], data.xquat[body], atol=1e-6)
+
+
+def test_a_run_cut_short_shows_its_last_tick(ran, tmp_path):
+    prepared, run = ran
+    path = tmp_path / "run.rrd"
+    record(path, prepared, rows(run, 0, 57), 25)
+    found = stored(path, "/tip/now")["Points3D:positions"]
+    assert len(found) == 7  # ticks 0, 10, .. 50, and 56
+    np.testing.assert_allclose(found[-1][0], run["pose"][56, :3], atol=1e-6)
+
+
+def test_capsules_end_where_mujoco_ends_them(recorded):
+    """Local z of MuJoCo's geom frame, ± the half length, in the frame of the body."""
+    prepared, _, path = recorded
+    model, checked = prepared.arm.model, 0
+    for shape in prepared.arm.shapes():
+        if shape.kind != "capsule":
+            continue
+        body, geom = model.body(shape.body).name, model.geom(shape.name)
+        found = stored(path, f"/arm/{body}/{shape.name}")
+        quat, turn = found["Capsules3D:quaternions"][0][0], np.empty(9)
+        mujoco.mju_quat2Mat(turn, np.array([quat[3], *quat[:3]]))
+        start = np.array(found["Capsules3D:translations"][0][0])
+        end = start + turn.reshape(3, 3)[:, 2] * found["Capsules3D:lengths"][0][0]
+        mujoco.mju_quat2Mat(turn, geom.quat)
+        half = turn.reshape(3, 3)[:, 2] * geom.size[1]
+        np.testing.assert_allclose([start, end], [geom.pos - half, geom.pos + half], atol=1e-6)
+        assert found["Capsules3D:radii"][0][0] == np.float32(geom.size[0])
+        checked += 1
+    assert checked > 0
+
+
+@pytest.mark.parametrize(
+    ("kind", "component", "expected"),
+    [
+        ("box", "Boxes3D:half_sizes", [[0.1, 0.2, 0.3]]),
+        ("ellipsoid", "Ellipsoids3D:half_sizes", [[0.1, 0.2, 0.3]]),
+        ("sphere", "Ellipsoids3D:half_sizes", [[0.1, 0.1, 0.1]]),
+        ("cylinder", "Cylinders3D:lengths", [0.4]),
+        ("mesh", "Mesh3D:vertex_positions", [[1.0, 2.0, 3.0], [1.0, 3.0, 3.0], [0.0, 2.0, 3.0]]),
+    ],
+)
+def test_a_geometry_keeps_its_size_and_place(kind, component, expected):
+    quarter = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # about z: x becomes y, y becomes -x
+    vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    shape = Shape(
+        "g", 1, kind, np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0, *quarter]), np.array([1.0, 0, 0, 1]),
+        vertices, np.array([[0, 1, 2]], np.int32),
+    )  # fmt: skip
+    drawn = {
+        str(batch.component_descriptor().component): batch.as_arrow_array().to_pylist()
+        for batch in geometry(shape).as_component_batches()
+    }
+    np.testing.assert_allclose(drawn[component], expected, atol=1e-6)
+    if kind != "mesh":
+        (centers,) = [values for name, values in drawn.items() if name.endswith(":centers")]
+        assert centers == [[1.0, 2.0, 3.0]]
+        (quats,) = [values for name, values in drawn.items() if name.endswith(":quaternions")]
+        np.testing.assert_allclose(quats, [[0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-7)
+
+
+def ellipsoids(path):
+    """Half axes (F, 3) and directions as columns (F, 3, 3) of the velocity, then of the force ellipsoid."""
+    found = []
+    for name in ("velocity", "force"):
+        drawn = stored(path, f"/tip/{name}_ellipsoid")
+        half = np.array([row[0] for row in drawn["Ellipsoids3D:half_sizes"]])
+        quats = [row[0] for row in drawn["Ellipsoids3D:quaternions"]]
+        turns = np.empty((len(quats), 9))
+        for turn, (x, y, z, w) in zip(turns, quats, strict=True):
+            mujoco.mju_quat2Mat(turn, np.array([w, x, y, z]))
+        found += [half, turns.reshape(-1, 3, 3)]
+    return found
+
+
+def matrix(half, turn, power):
+    """The ellipsoid as a matrix: turn diag(half^power) turnᵀ."""
+    return turn @ (half[:, :, None] ** power * np.swapaxes(turn, 1, 2))
+
+
+def test_velocity_ellipsoid_of_the_planar_arm_is_j_jt_and_the_force_ellipsoid_its_inverse(planar, tmp_path):
+    """(J Jᵀ) from the textbook's J of two links: another route than MuJoCo and than an SVD."""
+    prepared, run = planar[0], rows(planar[1], 0, 500)
+    record(tmp_path / "run.rrd", prepared, run)
+    velocity, turn, force, force_turn = ellipsoids(tmp_path / "run.rrd")
+    shown = [*range(0, 500, 10), 499]
+    a, b = run["q"][shown, 0], run["q"][shown].sum(axis=1)
+    J = np.array(
+        [[-np.sin(a) - np.sin(b), -np.sin(b)], [np.cos(a) + np.cos(b), np.cos(b)]]
+    ).transpose(2, 0, 1)  # fmt: skip
+    expected = J @ np.swapaxes(J, 1, 2)
+    # float32 half axes, squared
+    flat = matrix(velocity / VELOCITY_SECONDS, turn, 2.0)[:, :2, :2]
+    np.testing.assert_allclose(flat, expected, atol=2e-6)
+    c = force[0, 0] * velocity[0, 0] / VELOCITY_SECONDS
+    flat = matrix(force / c, force_turn, 2.0)[:, :2, :2]
+    np.testing.assert_allclose(flat, np.linalg.inv(expected), rtol=1e-5, atol=1e-5)
+    # the fault of a peer: radii 1/σ for velocities
+    swapped = matrix(c / velocity, turn, 2.0)[:, :2, :2]
+    assert np.abs(swapped - expected).max() > 0.1
+    # out of the plane both are flat
+    reach = Scene(prepared).reach
+    np.testing.assert_allclose(velocity[:, 2], THICKNESS * reach, rtol=1e-6)
+    np.testing.assert_allclose(np.abs(turn[:, 2, 2]), 1.0, atol=1e-6)
+
+
+def test_velocity_ellipsoid_of_a_task_with_rotations_is_the_section_where_they_are_held(stanford, tmp_path):
+    """The section of {A η : |η| <= 1} with ω = 0 is (Σ_vv - Σ_vω Σ_ωω⁻¹ Σ_ωv)⁻¹ for Σ = A Aᵀ: a Schur complement."""
+    prepared, run = stanford[0], rows(stanford[1], 0, 500)
+    record(tmp_path / "run.rrd", prepared, run)
+    velocity, turn, *_ = ellipsoids(tmp_path / "run.rrd")
+    for i, tick in enumerate([*range(0, 500, 10), 499]):
+        J = prepared.arm.jacobian(run["q"][tick])  # length is 1, so S_q = 1
+        S = J @ J.T
+        section = S[:3, :3] - S[:3, 3:] @ np.linalg.solve(S[3:, 3:], S[3:, :3])
+        found = matrix(velocity[i : i + 1] / VELOCITY_SECONDS, turn[i : i + 1], 2.0)[0]
+        np.testing.assert_allclose(found, section, atol=2e-6)
+        assert np.abs(S[:3, :3] - section).max() > 0.1  # not the shadow, which stays round
+
+
+def test_half_axes_are_bounded_at_a_singularity():
+    velocity, force = half_axes(np.array([[2.0, 0.0, 0.0]]), rows=2, reach=2.0)
+    np.testing.assert_allclose(velocity, [[2.0 * VELOCITY_SECONDS, 2 * THICKNESS, 2 * THICKNESS]])
+    assert force[0, 1] == pytest.approx(2.0 * FORCE_LONGEST, rel=1e-12)
+    assert force[0, 2] == 2 * THICKNESS
+
+
+def test_the_arrow_lies_along_u_min_both_ways_and_reddens_with_sigma_min(recorded):
+    prepared, run, path = recorded
+    drawn = stored(path, "/tip/dying_move")
+    shown = sorted({*range(0, len(run), 10), len(run) - 1})
+    vectors = np.array(drawn["Arrows3D:vectors"])
+    np.testing.assert_array_equal(vectors[:, 0], -vectors[:, 1])
+    u_min = run["u_min"][shown, :3]
+    np.testing.assert_allclose(np.cross(vectors[:, 0], u_min), 0.0, atol=1e-6)
+    colors = np.array(drawn["Arrows3D:colors"])[:, 0]
+    green = colors >> 16 & 255  # yellow to red: only green goes
+    order = np.argsort(run["sigma"][shown, -1])
+    assert (np.diff(green[order]) >= 0).all()
+    assert green.min() < green.max()
+    assert "/tip/dying_turn" in entities(path) or "rx" not in prepared.scenario.task.axes
+
+
+def test_the_ramp_goes_from_calm_to_red():
+    assert ramp(np.array([0.0, 1.0]), 0xFFD60AFF).tolist() == [0xFFD60AFF, 0xFF2D2DFF]
+    assert mix(0x000000FF, 0xFFFFFFFF, 0.5) == 0x808080FF
+
+
+def test_the_trail_joins_the_positions_of_the_tip(recorded):
+    _, run, path = recorded
+    strips = np.array([row[0] for row in stored(path, "/tip/trail")["LineStrips3D:strips"]])
+    np.testing.assert_array_equal(strips[1:, 0], strips[:-1, 1])
+    shown = sorted({*range(0, len(run), 10), len(run) - 1})
+    np.testing.assert_allclose(strips[:, 1], run["pose"][shown, :3], atol=1e-6)
+
+
+def test_status_lanes_change_exactly_where_the_status_does(planar, tmp_path):
+    prepared, run = planar[0], rows(planar[1], 0, 60)
+    status = run.columns["status"]
+    status[:] = 0
+    status[10:30] = Status.DAMPED
+    status[20:55] |= Status.RATE_LIMITED
+    path = tmp_path / "run.rrd"
+    record(path, prepared, run, 15)
+    assert {e for e in entities(path) if e.startswith("/status")} == {
+        "/status/OK", "/status/DAMPED", "/status/RATE_LIMITED",
+    }  # fmt: skip
+    expected = {"OK": [(0, "OK"), (10, ""), (55, "OK")], "DAMPED": [(10, "DAMPED"), (30, "")],
+                "RATE_LIMITED": [(20, "RATE_LIMITED"), (55, "")]}  # fmt: skip
+    for name, changes in expected.items():
+        found = []
+        for chunk in RrdReader(path).stream().filter(content=f"/status/{name}", is_static=False):
+            batch = chunk.to_record_batch()
+            states = batch.column("StateChange:state").to_pylist()
+            found += zip(batch.column("tick").to_pylist(), [state[0] for state in states], strict=True)
+        assert sorted(found) == changes
+
+
+def test_a_divergence_is_shown_in_its_lane(planar, tmp_path):
+    prepared, run = planar
+    divergence = Divergence(60, 0.06, "elbow", "not finite")
+    path = tmp_path / "run.rrd"
+    with Recorder(path, prepared) as recorder:
+        recorder.write(rows(run, 0, 60))
+        recorder.write(replace(rows(run, 0, 0), divergence=divergence))
+        recorder.finish("")
+    assert stored(path, "/status/diverged")["StateChange:state"] == [[str(divergence)]]
+    assert len(read_columns(path)["time"]) == 60
+
+
+def test_scenario_scorecard_and_legend_are_inside(recorded):
+    prepared, _, path = recorded
+    text = stored(path, "/text/scenario")["TextDocument:text"][0][0]
+    assert loads(re.fullmatch(r"```yaml\n(.*)```\n", text, re.DOTALL)[1]) == prepared.scenario
+    assert stored(path, "/text/scorecard")["TextDocument:text"] == [["| figure | value |"]]
+    assert "green ellipsoid" in stored(path, "/text/legend")["TextDocument:text"][0][0]
+
+
+def test_the_layout_is_in_the_file_and_looks_only_at_what_is_recorded(recorded):
+    _, _, path = recorded
+    (entry,) = RrdReader(path).blueprints()
+    queries, names = [], []
+    for chunk in RrdReader(path).stream(store=entry):
+        batch = chunk.to_record_batch()
+        for field, values in zip(batch.schema, batch.columns, strict=True):
+            if field.name == "ViewContents:query":
+                queries += [query for row in values.to_pylist() for query in row]
+            if field.name == "ViewBlueprint:display_name":
+                names += [row[0] for row in values.to_pylist()]
+    titles = {"Joint rates", "Singular values σ and damping λ", "Tip error", "Status", "What you see"}
+    assert titles | {"Scorecard", "Scenario"} < set(names)
+    known = entities(path)
+    paths = [q.lstrip("+ ").removesuffix("/**") for q in queries if "$origin" not in q]
+    assert "/columns/qdot" in paths
+    assert all(any(entity.startswith(path) for entity in known) for path in paths)

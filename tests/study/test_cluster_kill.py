@@ -1,0 +1,172 @@
+"""A sweep on worker processes of its own that is interrupted, killed, or loses its scheduler: real processes."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import psutil
+import pyarrow.dataset as ds
+import pytest
+
+from project import ROOT, told
+from rmrc.study.sweep import Sweep
+
+pytestmark = [
+    pytest.mark.long,
+    pytest.mark.skipif(os.name != "posix", reason="signals"),
+    pytest.mark.xdist_group("cluster"),
+]
+
+TEXT = f"""
+name: quick
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{line: {{by: [0.3, 0.2]}}}}]}}
+sweep: {{draw: {{control.feedback: [1, 20]}}, samples: 1600}}
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text(TEXT)
+    (tmp_path / "temporary").mkdir()
+    return path
+
+
+def started(path, cluster):
+    """Start the verb in a process group of its own, as a terminal does."""
+    words = ["-m", "rmrc", "sweep", str(path), "--cluster", cluster]
+    return subprocess.Popen(
+        [sys.executable, *words],
+        stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True, cwd=path.parent,
+        env={**os.environ, "TMPDIR": str(path.parent / "temporary")},
+    )  # fmt: skip
+
+
+def wait_for(process, folder, parts):
+    """Wait until so many batches are finished."""
+    until = time.monotonic() + 240
+    while len(list(folder.glob("part-*.parquet"))) < parts:
+        assert process.poll() is None, process.communicate()
+        assert time.monotonic() < until
+        time.sleep(0.002)
+
+
+def ended(process, timeout=240):
+    """Return (exit code, stdout, stderr) once a verb has ended."""
+    out, err = process.communicate(timeout=timeout)
+    return process.returncode, out, told(err)
+
+
+def left_behind(path):
+    """Return what Dask and parcels left among temporary files.
+
+    Of a worker that a busy machine gives no time to close, Dask leaves an empty lock until it starts again.
+    """
+    return [
+        one
+        for one in (path.parent / "temporary").rglob("*")
+        if ("worker-" in one.name and one.suffix != ".dirlock") or one.suffix == ".xml"
+    ]
+
+
+def test_interrupted_with_its_group_then_killed_then_gone_on_with_gives_the_file_of_one_go(path):
+    folder = path.parent / "recordings/quick.sweep"
+
+    process = started(path, "local:2")
+    wait_for(process, folder, 2)
+    listens = {
+        one.laddr.ip
+        for each in [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+        for one in each.net_connections()
+        if one.status == psutil.CONN_LISTEN
+    }
+    assert listens == {"127.0.0.1"}
+    os.killpg(process.pid, signal.SIGINT)
+    code, out, err = ended(process)
+    rows = ds.dataset(folder).count_rows()  # valid
+    assert (code, out) == (130, "")
+    assert err == f"rmrc: interrupted after {rows} of 1600 runs; the same command goes on\n"
+    assert 0 < rows < 1600
+    assert left_behind(path) == []
+    done = len(list(folder.glob("part-*.parquet")))
+
+    process = started(path, "local:2")
+    wait_for(process, folder, done + 1)
+    children = psutil.Process(process.pid).children(recursive=True)
+    assert len(children) >= 2
+    assert left_behind(path) != []  # negative control: while it works, there is something
+    process.kill()
+    process.communicate()
+    _, alive = psutil.wait_procs(children, timeout=10)
+    assert alive == []
+
+    process = started(path, "local:2")
+    code, out, err = ended(process, 120)
+    assert (code, err) == (0, "")
+    Sweep(path, folder=path.parent / "whole").run()
+    whole = (path.parent / "whole/quick.sweep.parquet").read_bytes()
+    assert (path.parent / "recordings/quick.sweep.parquet").read_bytes() == whole
+    assert left_behind(path) == []  # of the killed ones, Dask removes it when it starts again
+    assert {one.name for one in path.parent.iterdir()} == {"quick.yaml", "recordings", "temporary", "whole"}
+
+
+@pytest.fixture
+def address():
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        return f"tcp://127.0.0.1:{one.getsockname()[1]}"
+
+
+def dask(*words):
+    return subprocess.Popen(
+        [sys.executable, "-m", "dask", *words, "--host", "127.0.0.1", "--no-dashboard"],
+        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+    )  # fmt: skip
+
+
+def test_a_scheduler_that_goes_away_ends_the_sweep_with_a_line_and_its_rows(path, address):
+    folder = path.parent / "recordings/quick.sweep"
+    scheduler = dask("scheduler", "--port", address.rpartition(":")[2])
+    worker = None
+    try:
+        time.sleep(3.0)
+        alone = started(path, address)
+        code, out, err = ended(alone)
+        assert (code, out) == (2, "")
+        assert err == (
+            f"rmrc: error: --cluster {address}: has no workers after 10 s; start some with `dask worker {address}`\n"
+        )
+        worker = dask("worker", address, "--nthreads", "2")
+        process = started(path, address)
+        wait_for(process, folder, 2)
+        scheduler.kill()
+        code, out, err = ended(process)
+        assert (code, out) == (2, "")
+        assert err == (
+            f"rmrc: error: --cluster {address}: the scheduler is lost; the rows so far are kept, "
+            "and the same command goes on\n"
+        )
+        assert 0 < ds.dataset(folder).count_rows() < 1600
+    finally:
+        for one in (scheduler, worker):
+            if one:
+                one.kill()
+                one.wait()
+
+
+def test_an_address_that_is_silent_is_given_up(path):
+    with socket.socket() as one:
+        one.bind(("127.0.0.1", 0))
+        one.listen()
+        begun = time.monotonic()
+        process = started(path, f"tcp://127.0.0.1:{one.getsockname()[1]}")
+        code, out, err = ended(process)
+    assert time.monotonic() - begun < 25
+    assert (code, out) == (2, "")
+    assert re.fullmatch(r"rmrc: error: --cluster tcp://\S+: no Dask scheduler answers there .*\n", err)

@@ -1,0 +1,167 @@
+"""A comparison: its runs are those of `run`, and its files say so."""
+
+import json
+
+import numpy as np
+import pytest
+
+from project import ROOT
+from rmrc.recording.single import read_columns
+from rmrc.results.run import COLUMNS
+from rmrc.results.scorecard import scorecard
+from rmrc.scenario import load
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.study.compare import Comparison
+
+TEXT = f"""
+name: quick
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{line: {{by: [0.05, 0.0]}}}}, {{line: {{by: [-0.05, 0.0]}}}}]}}
+expect: {{position_error.max: {{below: 0.001}}}}
+"""
+GRID = (
+    "control.inverse.method=damped,inverse",
+    "control.inverse.damping={maximum: 0.5, below: 2},{maximum: 0.01, below: 2}",
+)
+SET = ["control.feedback=11", "name=other"]
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """(path of the scenario, results)."""
+    folder = tmp_path_factory.mktemp("compared")
+    (folder / "quick.yaml").write_text(TEXT)
+    counted = []
+    comparison = Comparison(folder / "quick.yaml", GRID, SET, folder / "new" / "out")
+    results = comparison.run(counted.append)
+    assert sum(counted) == comparison.ticks
+    return folder / "quick.yaml", results
+
+
+def test_each_variant_has_the_bits_of_its_scenario_run_alone(compared):
+    path, results = compared
+    for one in results.variants:
+        (alone,) = Simulation([prepare(load(path, [*SET, *one.variant.overrides]))]).run()
+        for name in COLUMNS:
+            np.testing.assert_array_equal(one.run[name], alone[name], strict=True)
+    assert len({one.run["q"].tobytes() for one in results.variants}) == 3  # the inverse knows no damping
+
+
+def test_results_are_complete_and_in_the_order_of_the_grid(compared):
+    _, results = compared
+    labels = [one.variant.label for one in results.variants]
+    much, little = "{maximum: 0.5, below: 2}", "{maximum: 0.01, below: 2}"
+    assert labels == [
+        f"{method}, {damping}" for method in ("damped", "inverse") for damping in (much, little)
+    ]
+    assert {one.status for one in results.variants} == {"complete"}
+    assert [[outcome.ok for outcome in one.outcomes] for one in results.variants] == [[False], [True], [], []]
+    assert (results.name, results.interrupted) == ("other", False)
+
+
+def test_the_files_are_named_after_the_scenario_and_all_there(compared):
+    path, results = compared
+    folder = path.parent / "new" / "out"
+    names = ["other.compare.rrd", "other.compare.json", "other.compare.png", "other.compare.svg"]
+    assert list(results.files) == [folder / name for name in names]
+    assert sorted(folder.iterdir()) == sorted(results.files)
+
+
+def test_the_recording_has_every_variant(compared):
+    _, results = compared
+    for one in results.variants:
+        columns = read_columns(results.files[0], one.variant.label)
+        for name in COLUMNS:
+            np.testing.assert_array_equal(columns[name], one.run[name], strict=True)
+
+
+def test_the_facts_are_those_of_each_variant(compared):
+    path, results = compared
+    facts = json.loads(results.files[1].read_text())
+    assert (facts["name"], facts["overrides"]) == ("other", SET)
+    assert {"python", "rmrc", "mujoco", "matplotlib"} < set(facts["versions"])
+    for known, one in zip(facts["variants"], results.variants, strict=True):
+        assert known["label"] == one.variant.label
+        assert known["overrides"] == list(one.variant.overrides)
+        assert (known["status"], known["divergence"]) == ("complete", None)
+        figures = scorecard(one.run)
+        assert known["scorecard"]["joint_rate"]["peak"] == np.abs(one.run["qdot"]).max()
+        assert known["scorecard"]["return"]["joint_change"] == figures["return.joint_change"].value
+        assert [outcome["ok"] for outcome in known["expect"]] == [outcome.ok for outcome in one.outcomes]
+        expected = load(path, [*SET, *one.variant.overrides])
+        assert known["scenario"] == expected.model_dump(mode="json")
+
+
+def test_variants_may_have_different_arms_and_be_of_different_length(tmp_path):
+    (tmp_path / "quick.yaml").write_text(TEXT.replace("start: [60 deg, -120 deg]", "start: home"))
+    models = f"arm.model={ROOT}/models/planar_2link.xml,{ROOT}/models/planar_3link.xml"
+    varied = [models, "target.limits.velocity=0.25,0.05"]
+    results = Comparison(tmp_path / "quick.yaml", varied, folder=tmp_path, record=False).run()
+    assert [one.run["q"].shape[1] for one in results.variants] == [2, 2, 3, 3]
+    assert len({len(one.run) for one in results.variants}) > 1
+    assert [path.suffix for path in results.files] == [".json", ".png", ".svg"]
+
+
+@pytest.fixture
+def without_pictures(monkeypatch):
+    """They take longer than the runs."""
+    monkeypatch.setattr(Comparison, "_draw", lambda *_: [])
+
+
+def counted(path, varied, overrides=()):
+    """Return of each variant the names of the expectations that count, and what the others were stated for."""
+    results = Comparison(path, varied, overrides, path.parent, record=False).run()
+    return {
+        one.variant.label: ([outcome.name for outcome in one.outcomes], dict(one.stated_for))
+        for one in results.variants
+    }
+
+
+SHORT = TEXT.replace("{by: [0.05, 0.0]}}, {line: {by: [-0.05, 0.0]}", "{by: [0.01, 0.0]}")
+EXPECTED = ["position_error.max"]
+
+
+@pytest.mark.usefixtures("without_pictures")
+@pytest.mark.parametrize(
+    ("key", "as_written", "others"),
+    [
+        ("control.inverse.method", "damped", "inverse,jparse"),
+        ("control.inverse.damping.schedule", "smallest_singular_value", "constant"),
+        ("control.nullspace.objective", "none", "joint_limits"),
+        ("control.limits.on_excess", "scale", "clamp"),
+        ("control.at_singularity", "damp", "slow"),
+    ],
+)
+def test_what_is_expected_of_one_law_is_not_counted_for_others(tmp_path, key, as_written, others):
+    (tmp_path / "quick.yaml").write_text(SHORT)
+    wanted = {as_written: (EXPECTED, {})} | {one: ([], {key: as_written}) for one in others.split(",")}
+    assert counted(tmp_path / "quick.yaml", [f"{key}={as_written},{others}"]) == wanted
+    facts = json.loads((tmp_path / "quick.compare.json").read_text())["variants"]
+    assert [one["expected_of_others"] for one in facts] == [stated for _, stated in wanted.values()]
+    assert [len(one["expect"]) for one in facts] == [len(names) for names, _ in wanted.values()]
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_numbers_of_the_same_law_are_held_against_what_is_expected_of_it(tmp_path):
+    (tmp_path / "quick.yaml").write_text(SHORT)
+    found = counted(tmp_path / "quick.yaml", ["control.feedback=1,40"])
+    assert found == {"feedback=1": (EXPECTED, {}), "feedback=40": (EXPECTED, {})}
+
+
+@pytest.mark.usefixtures("without_pictures")
+def test_expectations_of_a_file_are_for_its_own_law_and_those_of_the_command_for_all(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text(SHORT)
+    other = {"control.inverse.method": "damped"}
+    found = counted(path, ["control.feedback=5,6"], ["control.inverse.method=inverse"])
+    assert list(found.values()) == [([], other)] * 2
+    asked = ["control.inverse.method=inverse", "expect.joint_rate.peak={below: 9}"]
+    found = counted(path, ["control.feedback=5,6"], asked)
+    assert list(found.values()) == [(["joint_rate.peak"], other)] * 2
+    # what a file lacks is given by the command: nothing is left that the file could mean
+    path.write_text(SHORT.replace(f"model: {ROOT}/models/planar_2link.xml, ", ""))
+    model = f"arm.model={ROOT}/models/planar_2link.xml"
+    found = counted(path, ["control.feedback=5,6"], [model, "control.inverse.method=inverse"])
+    assert list(found.values()) == [(EXPECTED, {})] * 2

@@ -1,0 +1,116 @@
+"""A plan is a function of an index: the same run always, a grid in order, chance that can be told apart."""
+
+import itertools
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.stats import qmc
+
+from rmrc.study.plan import Plan, plan_of
+from rmrc.study.sobol import sobol_point
+
+values = st.lists(st.integers(-9, 9), min_size=1, max_size=4, unique=True).map(tuple)
+plans = st.builds(
+    lambda lists, draw, sampler, samples, repeat, seed: Plan(
+        tuple((f"v{i}", one) for i, one in enumerate(lists)),
+        tuple((f"d{i}", -1.0 - i, 2.0 + i) for i in range(draw)),
+        sampler,
+        samples if draw else 1,
+        repeat,
+        seed,
+    ),
+    st.lists(values, max_size=3), st.integers(0, 3), st.sampled_from(["random", "sobol"]),
+    st.integers(1, 4), st.integers(1, 3), st.integers(0, 2**32),
+)  # fmt: skip
+
+
+@given(plans, st.randoms())
+@settings(max_examples=60, deadline=None)
+def test_runs_are_the_grid_times_samples_times_repeats_whatever_the_order_they_are_asked_in(plan, random):
+    per_cell = plan.samples * plan.repeat
+    grid = list(itertools.product(*(one for _, one in plan.vary)))
+    assert len(plan) == len(grid) * per_cell
+    runs = [plan.values(i) for i in range(len(plan))]
+    assert [tuple(run[key] for key, _ in plan.vary) for run in runs] == [
+        cell for cell in grid for _ in range(per_cell)
+    ]
+    shuffled = random.sample(range(len(plan)), len(plan))
+    assert {i: plan.values(i) for i in shuffled} == dict(enumerate(runs))
+    for i, run in enumerate(runs):
+        assert tuple(run) == plan.keys
+        for key, low, high in plan.draw:
+            assert low <= run[key] <= high
+            # the same draw in every cell, and in every repeat of a sample
+            assert run[key] == runs[i % per_cell // plan.repeat * plan.repeat][key]
+
+
+@given(plans)
+@settings(max_examples=30, deadline=None)
+def test_seeds_differ_within_a_cell_and_are_the_same_in_every_cell(plan):
+    seeds = [plan.run_seed(i) for i in range(len(plan))]
+    per_cell = plan.samples * plan.repeat
+    assert len(set(seeds)) == per_cell
+    assert all(seed == seeds[i % per_cell] for i, seed in enumerate(seeds))
+
+
+@pytest.mark.parametrize("sampler", ["random", "sobol"])
+def test_another_seed_draws_anew_and_repeats_do_not(sampler):
+    def drawn(seed, repeat):
+        plan = Plan((), (("a", 0.0, 1.0),), sampler, 8, repeat, seed)
+        return [plan.values(i)["a"] for i in range(0, len(plan), repeat)]
+
+    assert drawn(3, 1) == drawn(3, 5)
+    assert not set(drawn(3, 1)) & set(drawn(4, 1))
+    assert len(set(drawn(3, 1))) == 8
+
+
+def test_samples_are_even_over_their_bounds():
+    # A mean of 4000 even numbers is off by sqrt(1/12/4000) = 0.0046 on average; five times that is never seen.
+    plan = Plan((), (("a", 0.0, 1.0), ("b", 0.0, 1.0)), "random", 4000)
+    points = np.array([list(plan.values(i).values()) for i in range(4000)])
+    assert np.all(np.abs(points.mean(axis=0) - 0.5) < 0.023)
+    assert abs(np.corrcoef(points.T)[0, 1]) < 5 / np.sqrt(4000)
+
+
+def test_sobol_points_are_those_of_scipy():
+    known = qmc.Sobol(20, scramble=False, bits=32).random(512)
+    np.testing.assert_array_equal([sobol_point(i, 20) for i in range(512)], known)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 7])
+def test_a_shift_keeps_every_box_filled_alike(seed):
+    """A (0, 2)-sequence in base 2 has one of its first 64 points in each box of 1/64, whatever its sides."""
+    points = np.array([sobol_point(i, 2, seed) for i in range(64)])
+    for power in range(7):
+        sides = np.array([2**power, 2 ** (6 - power)])
+        assert len({tuple(box) for box in (points * sides).astype(int)}) == 64
+    assert not np.array_equal(points, [sobol_point(i, 2) for i in range(64)])
+    # negative control: chance leaves a third of the boxes empty
+    chance = np.random.default_rng(seed).random((64, 2))
+    assert len({tuple(box) for box in (chance * 8).astype(int)}) < 64
+
+
+def test_the_plan_of_a_scenario(scenario):
+    one = scenario(
+        "arm.encoder={seed: 4, deviation: 0.01}",
+        "sweep.vary.control.feedback=[5, 1.0e-5]",
+        "sweep.draw.arm.start[0]=[30 deg, 60 deg]",
+        "sweep.samples=2",
+    )
+    plan = plan_of(one)
+    assert plan.vary == (("control.feedback", (5, 1e-5)),)
+    assert plan.draw == (("arm.start[0]", np.radians(30), np.radians(60)),)
+    assert (plan.sampler, plan.samples, plan.repeat, plan.seed, len(plan)) == ("random", 2, 1, 4, 4)
+    # 1e-5 would be a text in YAML 1.1
+    assert plan.overrides(2)[0] == "control.feedback=1.0e-05"
+    assert plan.overrides(3)[-1] == "arm.encoder.seed=5"
+    assert plan_of(scenario("sweep={seed: 9}")).seed == 9
+
+
+def test_what_is_deeper_is_set_later_and_a_run_has_a_name():
+    plan = Plan((("arm.start[0]", (0.25,)), ("arm.start", ("home",))))
+    assert plan.overrides(0) == ("arm.start=home", "arm.start[0]=0.25", "arm.encoder.seed=0")
+    assert plan.label(0) == "run 0 (arm.start[0]=0.25, arm.start=home)"
+    assert Plan(repeat=2).label(1) == "run 1"

@@ -1,0 +1,143 @@
+"""Many variants of one scenario: prepared once, they are to the bit and to the word what each is alone."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from project import ROOT
+from rmrc.results.scorecard import refuse_unknown
+from rmrc.scenario import Variant, load
+from rmrc.simulation import prepare as preparation
+from rmrc.simulation.prepare import Preparation, prepare, prepare_many, world_record
+from rmrc.study.compare import Comparison
+from rmrc.support.errors import ScenarioError
+
+SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
+# Each key that others are found by is changed, and changed back.
+VARIED = [
+    [], ["control.inverse.damping.maximum=0.07"], ["plant.payload=1"], ["target.limits.velocity=0.3"], [],
+    ["task.length=0.5"], ["control.period=0.002", "plant.timestep=0.002"], ["plant.gravity=[0, -1, 0]"],
+    ["target.path=[{line: {by: [0.01, -0.0]}}]"], ["target.path=[{line: {by: [0.01, 0.0]}}]"], ["arm.start=home"], [],
+]  # fmt: skip
+SHARED = ["control.feedback=12"]
+FIELDS = ("time", "pose", "twist", "acceleration", "segment")
+
+
+def variants(varied):
+    return [Variant(f"v{i}", tuple(texts)) for i, texts in enumerate(varied)]
+
+
+def assert_same(one, other):
+    assert one.scenario == other.scenario
+    assert repr(one.scenario) == repr(other.scenario)  # which tells 0.0 from -0.0
+    assert_array_equal(one.qpos, other.qpos)
+    for name in FIELDS:
+        assert getattr(one.reference, name).tobytes() == getattr(other.reference, name).tobytes()
+    assert world_record(one, 0).tobytes() == world_record(other, 0).tobytes()
+    assert (one.change.payload, one.change.gravity) == (other.change.payload, other.change.gravity)
+    assert_array_equal(one.kv, other.kv)
+
+
+def alone(path, overrides, varied):
+    prepared = prepare(load(path, overrides, varied))
+    refuse_unknown(prepared.scenario, prepared.arm.joints)
+    return prepared
+
+
+@pytest.mark.parametrize("path", SCENARIOS, ids=lambda path: path.stem)
+def test_each_variant_is_what_it_is_alone(path):
+    moving = next(body for body in alone(path, (), ()).arm.body_names[1:] if body.startswith("link"))
+    varied = [*VARIED, [f"arm.stretch.{moving}=1.01"], [f"arm.stretch.{moving}=0.99"], []]
+    wanted, fitting = [], []
+    for texts in varied:
+        try:
+            wanted.append(alone(path, SHARED, texts))
+            fitting.append(texts)
+        except ScenarioError:  # not every change fits every scenario
+            assert texts
+    assert len(fitting) > 8
+    for one, want in zip(prepare_many(path, SHARED, variants(fitting)), wanted, strict=True):
+        assert_same(one, want)
+
+
+def test_what_they_have_in_common_is_found_once(monkeypatch):
+    asked = []
+    for name in ("make_reference", "structural_rank"):
+        find = getattr(preparation, name)
+        monkeypatch.setattr(
+            preparation, name, lambda *args, name=name, find=find: asked.append(name) or find(*args)
+        )
+    many = [[f"control.feedback={i}"] for i in range(1, 50)]
+    prepared = prepare_many(SCENARIOS[1], (), variants(many))
+    ranks = {one.rank for one in prepared}
+    assert (
+        len({id(one.arm) for one in prepared}) == len({id(one.reference) for one in prepared}) == len(ranks)
+    )
+    assert sorted(asked) == ["make_reference", "structural_rank"]
+
+
+def test_what_is_kept_does_not_grow():
+    preparation = Preparation(
+        ROOT / "scenarios" / "approach_singularity.yaml", ["target.path=[{hold: {for: 0.01}}]"]
+    )
+    for i in range(100):
+        preparation.variant([f"arm.start=[1, -1.{i:03}]", f"arm.stretch.link_2=1.{i:03}"])
+    kept = preparation._known
+    assert [len(recent._found) for recent in (kept._arms, kept._references)] == [32, 32]
+    first = preparation.variant(["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"])
+    assert_same(first, alone(ROOT / "scenarios/approach_singularity.yaml", ["target.path=[{hold: {for: 0.01}}]"],
+                             ["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"]))  # fmt: skip
+
+
+WRONG = [
+    ["control.feedback=-1"], ["control.fedback=1"], ["arm.start=[1, 2, 3]"], ["plant.payload=-1", "plant.kv=0"],
+    ["arm.model=none.xml"], ["arm.site=tipp"], ["target.path[5]=1"], ["target.path[0].line.to=[1, {]"],
+    ["target.path=[{line: {by: [0, 0]}}]"], ["expect.joint_rate.pek.below=3"], ["arm.stretch.link_3=2"],
+    ["control"], ["name.x=1"], ["target.limits={velocity: 0.1, velocity: 0.2}"], ["plant.a.b[0]=1"],
+]  # fmt: skip
+
+
+@pytest.mark.parametrize("overrides", [(), ("control.period=0",), ("plant.kvv=1", "arm.start=nowhere")])
+def test_mistakes_are_told_as_of_each_alone(overrides):
+    path = ROOT / "scenarios" / "approach_singularity.yaml"
+    preparation = Preparation(path, overrides)
+    for varied in [*WRONG, []]:
+        told = []
+        for ask in (lambda v=varied: preparation.variant(v), lambda v=varied: alone(path, overrides, v)):
+            try:
+                ask()
+                told.append(None)
+            except ScenarioError as error:
+                told.append(error.problems)
+        assert told[0] == told[1]
+        assert bool(told[0]) == bool(varied or overrides)
+
+
+def test_a_mistake_names_its_variants_once(tmp_path):
+    path = ROOT / "scenarios" / "approach_singularity.yaml"
+    shown = "--vary control.feedback: must be >= 0, got -1"
+    both = [Variant("a", ("control.feedback=-1",)), Variant("b", ("control.feedback=1",))]
+    with pytest.raises(ScenarioError) as caught:
+        prepare_many(path, (), both)
+    assert caught.value.problems == (f'variant "a": {shown}',)
+    with pytest.raises(ScenarioError) as caught:
+        prepare_many(path, (), [both[0], dataclasses.replace(both[0], label="c")])
+    assert caught.value.problems == (shown,)
+    with pytest.raises(ScenarioError) as caught:
+        Comparison(tmp_path / "none.yaml", ["control.feedback=1,2"])
+    assert caught.value.problems == (f"{tmp_path}/none.yaml: no such file",)
+
+
+def test_a_file_is_read_once(tmp_path):
+    path = tmp_path / "x.yaml"
+    text = (ROOT / "scenarios" / "approach_singularity.yaml").read_text()
+    path.write_text(text.replace("../models", f"{ROOT}/models"))
+    preparation = Preparation(path)
+    path.unlink()
+    one, other = preparation.variant(["control.feedback=7"]), preparation.variant()
+    assert (one.scenario.control.feedback, other.scenario.control.feedback) == (7.0, 20.0)
+    assert np.array_equal(one.qpos, other.qpos)
+    assert one.scenario.locate("control.feedback") == "--vary control.feedback"
+    assert other.scenario.locate("control.feedback") == f"{path}:11:13: control.feedback"

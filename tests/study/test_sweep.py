@@ -1,0 +1,391 @@
+"""A sweep: each row is what its run gives alone, whatever the threads, the batches and the interrupts."""
+
+import json
+import math
+import shutil
+import sys
+from concurrent.futures import ThreadPoolExecutor
+from hashlib import sha256
+
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+import pytest
+
+from project import ROOT
+from rmrc.results.run import Run
+from rmrc.results.scorecard import check, scorecard
+from rmrc.scenario import load
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.study.dataset import as_parquet
+from rmrc.study.executors import threads
+from rmrc.study.picks import Choice
+from rmrc.study.sweep import Sweep
+from rmrc.support.errors import ScenarioError
+
+TEXT = f"""
+name: quick
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg], encoder: {{deviation: 0.1 deg}}}}
+task: {{axes: [x, y]}}
+target: {{path: [{{line: {{by: [0.004, 0.0]}}}}]}}
+expect: {{joint_rate.peak: {{below: 0.05}}}}
+sweep:
+  vary:
+    control.inverse.method: [damped, inverse]
+    control.limits.rate: [null, 2.0]
+    plant.wrench: [[0, 0, 0, 0, 0, 0], [0, 1.0e+15, 0, 0, 0, 0]]
+  draw: {{control.feedback: [1, 20], "arm.start[0]": [59 deg, 61 deg]}}
+  samples: 2
+  repeat: 2
+"""
+RUNS = 2 * 2 * 2 * 2 * 2
+
+
+@pytest.fixture
+def path(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text(TEXT)
+    return path
+
+
+@pytest.fixture(scope="module")
+def swept(tmp_path_factory):
+    """(sweep, its table)."""
+    folder = tmp_path_factory.mktemp("swept")
+    (folder / "quick.yaml").write_text(TEXT)
+    sweep = Sweep(folder / "quick.yaml", folder=folder / "out", threads=1)
+    counted = []
+    done = sweep.run(counted.append)
+    assert (sum(counted), done.done, done.interrupted, len(sweep)) == (RUNS, RUNS, False, RUNS)
+    assert [entry.name for entry in (folder / "out").iterdir()] == ["quick.sweep.parquet"]
+    return sweep, pq.read_table(sweep.dataset.file)
+
+
+def same(a, b):
+    return a == b or (a is not None and b is not None and math.isnan(a) and math.isnan(b))
+
+
+def test_each_row_has_the_bits_of_its_run_alone(swept):
+    sweep, table = swept
+    rows = table.to_pylist()
+    assert [row["index"] for row in rows] == list(range(RUNS))
+    path = sweep.dataset.file.parent.parent / "quick.yaml"
+    for row in rows:
+        prepared = prepare(load(path, sweep.plan.overrides(row["index"])))
+        (run,) = Simulation([prepared]).run()
+        card = scorecard(run)
+        figures = {name: figure.value for name, figure in card.items() if name not in ("wall_time", "speed")}
+        assert set(figures) <= set(row)
+        assert [
+            name
+            for name, value in figures.items()
+            if not (row[name] is None if value == "" else same(row[name], value))
+        ] == []
+        assert row["met"] == all(one.ok for one in check(card, sweep.scenario.expect))
+        whole = prepared.scenario.model_dump(mode="json", exclude={"name", "expect", "sweep"})
+        whole["arm"]["model"] = sweep._shards.fingerprint(prepared.arm)
+        assert sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest().startswith(row["scenario"])
+    assert {row["met"] for row in rows} == {True, False}
+    assert len({row["position_error.max"] for row in rows}) > 4  # negative control: the rows do differ
+
+
+def test_a_run_that_diverges_is_a_row_like_others(swept):
+    sweep, table = swept
+    for row in table.to_pylist():
+        pushed = row["plant.wrench"] == "[0, 1000000000000000.0, 0, 0, 0, 0]"
+        assert row["status"] == ("diverged" if pushed else "complete")
+        assert (row["divergence"] or "").startswith("diverged at tick" if pushed else "")
+        assert (row["divergence"] is None) != pushed
+    assert sweep.summary().statuses == {"complete": RUNS // 2, "diverged": RUNS // 2}
+
+
+def test_columns_are_typed_and_tell_unit_and_meaning(swept):
+    sweep, table = swept
+    schema = table.schema
+    assert schema.names[:11] == [
+        "index", "control.inverse.method", "control.limits.rate", "plant.wrench", "control.feedback",
+        "arm.start[0]", "seed", "status", "divergence", "met", "joint_rate.peak",
+    ]  # fmt: skip
+    types = ["int64", "string", "double", "string", "double", "double", "int64", "string", "string", "bool"]
+    assert [str(type_) for type_ in schema.types[:10]] == types
+    assert table["control.limits.rate"].to_pylist()[:8] == [None] * 8
+    assert schema.field("arm.start[0]").metadata[b"unit"] == b"rad or m"
+    assert schema.field("control.feedback").metadata == {
+        b"unit": b"1/s",
+        b"meaning": b"K: twist for a given pose error",
+    }
+    assert schema.field("joint_rate.peak").metadata[b"unit"] == b"rad/s"
+    assert str(schema.field("joint_rate.peak_joint").type) == "string"
+    assert all(schema.field(name).metadata[b"meaning"] for name in schema.names)
+    assert not {"wall_time", "speed"} & set(schema.names)
+    assert json.loads(table["versions"][0].as_py())["rmrc"]
+    # one scenario, one hash: rows that differ in what they do differ in it
+    assert len(set(table["scenario"].to_pylist())) == RUNS
+
+
+@pytest.mark.parametrize("threads", [2, 3])
+def test_threads_change_no_bit_of_the_file(swept, path, tmp_path, threads):
+    sweep, _ = swept
+    other = Sweep(path, folder=tmp_path / "out", threads=threads)
+    other.run()
+    assert other.dataset.file.read_bytes() == sweep.dataset.file.read_bytes()
+
+
+def test_only_what_is_missing_is_run_and_the_file_is_the_same(swept, path, tmp_path):
+    whole, table = swept
+    sweep = Sweep(path, folder=tmp_path, threads=1)
+    contents = sweep.check()
+    for part in (1, 4):
+        rows = table.slice(contents.indices(part).start, contents.batch).to_pylist()
+        sweep.dataset.keep(part, as_parquet(contents.columns, rows), contents)
+    stamps = {one: one.stat().st_mtime_ns for one in sweep.dataset.folder.glob("part-*")}
+    # valid while it is not finished
+    assert ds.dataset(sweep.dataset.folder).count_rows() == 2 * contents.batch
+    again = Sweep(path, folder=tmp_path, threads=2)
+    assert (again.is_checked, again.done) == (True, 2 * contents.batch)
+    counted = []
+    again.dataset.merge, merge = (lambda _: None), again.dataset.merge
+    again.run(counted.append)
+    assert sum(counted) == RUNS - 2 * contents.batch
+    assert {one: one.stat().st_mtime_ns for one in stamps} == stamps
+    merge(contents)
+    assert again.dataset.file.read_bytes() == whole.dataset.file.read_bytes()
+    assert not again.dataset.folder.exists()
+    nothing = []
+    assert Sweep(path, folder=tmp_path).run(nothing.append).done == RUNS
+    assert nothing == []
+
+
+def test_another_sweep_in_the_same_place_is_refused_in_one_line(path, tmp_path):
+    out = tmp_path / "out"
+    sweep = Sweep(path, folder=out)
+    sweep.check()
+    cases = {
+        "sweep.seed=5": "sweep",
+        "control.period=0.002": "scenario",
+        "expect.joint_rate.peak.below=4": "expect",
+    }
+    for override, what in cases.items():
+        with pytest.raises(ScenarioError) as caught:
+            Sweep(path, [override], out)
+        assert str(caught.value) == (
+            f"{out}/quick.sweep: is of another sweep ({what} differ); move it, or take another --out"
+        )
+    for text in ("{}", '{"identity": [], "runs": 2, "batch": 1, "columns": []}'):
+        (out / "quick.sweep/_plan.json").write_text(text)
+        with pytest.raises(ScenarioError) as caught:
+            Sweep(path, folder=out)
+        assert str(caught.value) == f"{out}/quick.sweep: is no sweep's; move it, or take another --out"
+    shutil.rmtree(out / "quick.sweep")
+    for make in (lambda file: file.mkdir(), lambda file: file.rmdir() or file.write_text("no Parquet")):
+        make(out / "quick.sweep.parquet")
+        with pytest.raises(ScenarioError) as caught:
+            Sweep(path, folder=out)
+        assert (
+            str(caught.value) == f"{out}/quick.sweep.parquet: is no sweep's; move it, or take another --out"
+        )
+
+
+@pytest.mark.parametrize("section", ["vary", "draw"])
+def test_the_same_keys_in_another_order_are_another_sweep(path, tmp_path, section):
+    """Which run an index is depends on it: rows of both in one dataset would be doubled, and others lost."""
+    texts = {
+        "vary": ["sweep.vary.task.axes=[[x, y], [x]]", "sweep.vary.control.feedback=[5, 6]"],
+        "draw": [
+            "sweep.draw.control.limits.rate=[2, 3]",
+            "sweep.draw.control.feedback=[5, 6]",
+            "sweep.samples=4",
+        ],
+    }[section]
+    path.write_text(TEXT[: TEXT.index("sweep:")])
+    first = Sweep(path, texts, tmp_path)
+    first.check()
+    assert Sweep(path, texts, tmp_path).is_checked
+    texts[:2] = texts[1::-1]
+    with pytest.raises(ScenarioError) as caught:
+        Sweep(path, texts, tmp_path)
+    assert str(caught.value) == (
+        f"{tmp_path}/quick.sweep: is of another sweep (sweep differ); move it, or take another --out"
+    )
+
+
+def test_a_part_that_a_power_failure_emptied_is_run_again_and_one_that_is_damaged_is_named(
+    swept, path, tmp_path
+):
+    whole, table = swept
+    sweep = Sweep(path, folder=tmp_path, threads=1)
+    contents = sweep.check()
+    for part in range(contents.parts):
+        rows = table.slice(contents.indices(part).start, contents.batch).to_pylist()
+        sweep.dataset.keep(part, as_parquet(contents.columns, rows), contents)
+    empty, damaged = (sweep.dataset.folder / f"part-0000000{part}.parquet" for part in (1, 3))
+    empty.write_bytes(b"")
+    data = damaged.read_bytes()
+    damaged.write_bytes(data[:-20])
+    with pytest.raises(ScenarioError) as caught:
+        sweep.run()
+    assert str(caught.value) == f"{damaged}: is damaged; remove it, and the same command makes it again"
+    damaged.unlink()
+    assert Sweep(path, folder=tmp_path, threads=1).run().done == RUNS
+    assert sweep.dataset.file.read_bytes() == whole.dataset.file.read_bytes()
+
+
+def test_a_second_ctrl_c_while_threads_end_leaves_the_interpreter_as_it_was(monkeypatch, swept):
+    def interrupted(*_, **__):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(ThreadPoolExecutor, "shutdown", interrupted)
+    before = sys.getswitchinterval()
+    with pytest.raises(KeyboardInterrupt), threads(1, swept[0]._shards):
+        assert sys.getswitchinterval() != before
+    assert sys.getswitchinterval() == before
+
+
+def test_a_scenario_that_is_edited_meanwhile_changes_no_row(swept, path, tmp_path):
+    sweep = Sweep(path, folder=tmp_path)
+    sweep.check()
+    path.write_text("name: gone")
+    sweep.run()
+    assert sweep.dataset.file.read_bytes() == swept[0].dataset.file.read_bytes()
+
+
+def test_what_is_wrong_with_any_run_is_told_at_once_and_nothing_starts(path, tmp_path):
+    overrides = [
+        "sweep.vary={control.feedback: [5, -1, -2], control.joint_weights: [null, [1.0]], task.axes: [[x, y]]}",
+        "sweep.draw={}",
+        "sweep.repeat=1",
+    ]
+    sweep = Sweep(path, overrides, tmp_path / "out")
+    with pytest.raises(ScenarioError) as caught:
+        sweep.check()
+    weights = "must have 2 values, one for each joint (shoulder, elbow), got 1"
+    vary = "--set sweep.vary"  # of which the keys are a part here
+    assert list(caught.value.problems) == [
+        f"run 1 (control.feedback=5, control.joint_weights=[1.0], task.axes=[x, y]): {vary}: "
+        f"sweep.vary.control.joint_weights: {weights}",
+        f"2 runs, the first run 2 (control.feedback=-1, control.joint_weights=null, task.axes=[x, y]): {vary}: "
+        "sweep.vary.control.feedback: must be >= 0, got -1",
+        f"2 runs, the first run 4 (control.feedback=-2, control.joint_weights=null, task.axes=[x, y]): {vary}: "
+        "sweep.vary.control.feedback: must be >= 0, got -2",
+    ]
+    assert not (tmp_path / "out/quick.sweep").exists()
+
+
+def test_a_problem_of_the_file_has_its_place_and_many_are_not_all_told(path, tmp_path):
+    path.write_text(
+        TEXT.replace("control.feedback: [1, 20]", "control.feedback: [-9, -8]").replace(
+            "samples: 2", "samples: 22"
+        )
+    )
+    with pytest.raises(ScenarioError) as caught:
+        Sweep(path, folder=tmp_path / "out").check()
+    problems = caught.value.problems
+    assert len(problems) == 21
+    assert f": {path}:12:28: sweep.draw.control.feedback: must be >= 0, got -8." in problems[0]
+    # of 22 samples 20 are told, and each is in 16 runs
+    assert problems[-1] == "and 32 more problems of other runs"
+
+
+@pytest.mark.parametrize(
+    ("overrides", "line"),
+    [
+        (
+            ["sweep={}"],
+            "--set sweep: must give 2 runs or more, got 1; "
+            "for example --vary control.inverse.method=damped,pseudoinverse",
+        ),
+        (
+            ["arm.encoder={}"],
+            "{path}:14:11: sweep.repeat: must be 1 where nothing is left to chance, got 2; "
+            "give arm.encoder.deviation",
+        ),
+        # runs have this seed and the three behind it
+        (["sweep.seed=9223372036854775805"],
+         "--set sweep.seed: must be <= 9223372036854775804, got 9223372036854775805"),
+        (["arm.encoder.seed=9223372036854775807"],
+         "--set arm.encoder.seed: must be <= 9223372036854775804, got 9223372036854775807"),
+        (["sweep={draw: {control.feedback: [1, 2]}, samples: 99999999999999999999}"],
+         "--set sweep: must give 1000000000 runs or fewer, got 99999999999999999999; lower sweep.samples or sweep.repeat"),
+        (["sweep.vary.name=[a, b]"], "--set sweep.vary.name: cannot be varied: it names the runs and changes none of them"),
+    ],
+)  # fmt: skip
+def test_a_plan_that_makes_no_sense_is_refused(path, tmp_path, overrides, line):
+    with pytest.raises(ScenarioError) as caught:
+        Sweep(path, overrides, tmp_path / "out")
+    assert str(caught.value) == line.format(path=path)
+
+
+def test_seeds_may_reach_the_last_and_whole_arms_that_vary_may_have_chance(path, tmp_path):
+    seeds = [9223372036854775804 + i for i in range(4)]
+    arm = f"{{model: {ROOT}/models/planar_2link.xml, site: tip, encoder: {{deviation: 0.1}}, start: [1, START]}}"
+    arms = ", ".join(arm.replace("START", start) for start in ("-2", "-1"))
+    path.write_text(TEXT[: TEXT.index("sweep:")].replace(", encoder: {deviation: 0.1 deg}", ""))
+    overrides = [f"sweep.vary.arm=[{arms}]", "sweep.repeat=4", f"sweep.seed={seeds[0]}"]
+    sweep = Sweep(path, overrides, tmp_path)
+    sweep.run()
+    assert pq.read_table(sweep.dataset.file)["seed"].to_pylist() == seeds * 2
+
+
+def test_the_worst_rows_are_chosen_by_what_is_expected_and_recorded_with_their_bits(swept, tmp_path, path):
+    sweep, table = swept
+    rates = table["joint_rate.peak"].to_pylist()
+    order = sorted(range(RUNS), key=lambda i: (-rates[i], i))
+    assert sweep.chosen(Choice.read("worst:3")) == order[:3]
+    assert sweep.chosen(Choice.read("best:2:sigma.min")) == sorted(
+        range(RUNS), key=lambda i: (-table["sigma.min"][i].as_py(), i)
+    )[:2]  # fmt: skip
+    other = Sweep(path, folder=tmp_path, threads=1)
+    (index,) = other_choice = sweep.chosen(Choice.read("best:1:position_error.max"))
+    job = other.job(index)
+    job.run()
+    run = Run.read(tmp_path / f"quick-{index}.npz")
+    assert scorecard(run)["position_error.max"].value == table["position_error.max"][other_choice[0]].as_py()
+    assert (tmp_path / f"quick-{index}.rrd").exists()
+
+
+@pytest.mark.parametrize(
+    ("text", "line"),
+    [
+        ("worst", "--record: must be worst:N or best:N, with N from 1 to 100, and perhaps :FIGURE, got worst"),
+        ("best:0", "--record: must be worst:N or best:N, with N from 1 to 100, and perhaps :FIGURE, got best:0"),
+        ("worst:1:joint_rate.peek", '--record: no row has a number joint_rate.peek; did you mean "joint_rate.peak"?'),
+        ("worst:1:joint_rate.peak_joint", '--record: no row has a number joint_rate.peak_joint; did you mean "joint_rate.peak"?'),
+    ],
+)  # fmt: skip
+def test_a_choice_that_is_none_is_refused(swept, text, line):
+    with pytest.raises(ScenarioError) as caught:
+        swept[0].chosen(Choice.read(text))
+    assert str(caught.value) == line
+
+
+def test_models_are_varied_too_and_a_joint_that_one_lacks_is_nan(path, tmp_path):
+    models = f"[{ROOT}/models/planar_2link.xml, {ROOT}/models/planar_3link.xml, {ROOT}/models/none.xml]"
+    sweep = f"sweep={{vary: {{arm.model: {models}}}}}"
+    more = ["arm.start=home", "target.path=[{line: {by: [-0.004, 0.004]}}]"]
+    with pytest.raises(ScenarioError, match=r'run 2 .* no such file ".*/models/none.xml"'):
+        Sweep(path, [*more, sweep], tmp_path / "out").check()
+    work = Sweep(path, [*more, sweep.replace(f", {ROOT}/models/none.xml", "")], tmp_path / "out")
+    work.run()
+    two, three = pq.read_table(work.dataset.file).to_pylist()
+    names = {name for name in two if name.startswith("joint_rate.") and name.count(".") == 2}
+    lacking = {name for name in names if math.isnan(two[name])}
+    assert lacking and lacking < names
+    assert not any(math.isnan(three[name]) for name in names & lacking)
+    assert (two["status"], three["status"]) == ("complete", "complete")
+
+
+def test_the_offset_of_a_target_can_be_drawn_though_it_is_not_written(tmp_path):
+    path = tmp_path / "quick.yaml"
+    path.write_text(TEXT.partition("sweep:")[0].replace("by: [0.004, 0.0]", "to: [1.004, 0.0]"))
+    draw = ["sweep.draw.target.offset[0]=[-0.002, 0.002]", "sweep.samples=3"]
+    sweep = Sweep(path, draw, tmp_path / "out", threads=1)
+    sweep.run()
+    rows = pq.read_table(sweep.dataset.file).to_pylist()
+    offsets = [row["target.offset[0]"] for row in rows]
+    assert len(set(offsets)) == 3
+    # at 0.25 m/s and less, a longer line takes longer
+    assert [row["duration"] for row in sorted(rows, key=lambda row: row["target.offset[0]"])] == sorted(
+        row["duration"] for row in rows
+    )
+    field = pq.read_schema(sweep.dataset.file).field("target.offset[0]")
+    assert (str(field.type), field.metadata[b"unit"]) == ("double", b"m")
