@@ -5,12 +5,83 @@ of all worlds takes one argument instead of fifty. Vectors over joints are padde
 of up to eight joints share one compiled law.
 """
 
+from collections.abc import Sequence
 from functools import cache
+from typing import NamedTuple, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 ROWS = 6  # a twist has six rows, so a task has at most as many, and so has sigma
+JOINTS = -1  # in the size of a field: as many as the record holds
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
+
+
+class Field(NamedTuple):
+    """A field of a world's record, as its owner declares it.
+
+    Attributes:
+        name: As compiled code reads it.
+        kind: `np.float64` or `np.int64`: every field takes whole words, so that none is misaligned.
+        size: Its shape, of numbers, ROWS and JOINTS; () of a single value.
+        start: What it holds before anything is written.
+
+    >>> Field("position_limit", size=(2, JOINTS))
+    Field(name='position_limit', kind=<class 'numpy.float64'>, size=(2, -1), start=0.0)
+    """
+
+    name: str
+    kind: type[np.float64 | np.int64] = np.float64
+    size: tuple[int, ...] = ()
+    start: float = 0.0
+
+
+class Writer(Protocol):
+    """Who owns fields of a world's record: no one else writes them before the first tick."""
+
+    @property
+    def fields(self) -> tuple[Field, ...]:
+        """All that `write` writes, the same for every object of its class."""
+        ...
+
+    def write(self, world: np.void) -> None:
+        """Write its own fields of one record, which hold their `start`; what is beyond n joints stays."""
+        ...
+
+
+def records(n: int, *worlds: Sequence[Writer]) -> NDArray[np.void]:
+    """Return the records of worlds with n joints, (w,), as their Writers fill them.
+
+    Args:
+        n: Number of joints.
+        worlds: The Writers of each world: of the same classes, in the same order.
+
+    Raises:
+        ValueError: Two Writers own the same field.
+    """
+    fields = tuple(field for writer in worlds[0] for field in writer.fields)
+    made = np.zeros(len(worlds), composed(capacity(n), fields))
+    for field in fields:
+        if field.start:
+            made[field.name] = field.start
+    for world, writers in zip(made, worlds, strict=True):
+        for writer in writers:
+            writer.write(world)
+    return made
+
+
+# Cached, so that equal types are one object: a call of compiled code compares the types of its arguments,
+# which takes longer than the law when it has to look into them.
+@cache
+def composed(c: int, fields: tuple[Field, ...]) -> np.dtype[np.void]:
+    """Return the type of a record that holds c joints.
+
+    Raises:
+        ValueError: Two fields have the same name.
+    """
+    return np.dtype(
+        [(f.name, f.kind, tuple(c if size == JOINTS else size for size in f.size)) for f in fields]
+    )
 
 
 def capacity(n: int) -> int:
