@@ -196,15 +196,14 @@ def test_kinematics_that_are_not_known_are_refused():
         controller(mujoco.MjData(other))
 
 
-def test_an_arm_is_found_in_another_model():
+def test_an_arm_is_found_in_another_model(tmp_path):
     """Sites and joints have other numbers there: before the arm there is a thing with both."""
-    spec = mujoco.MjSpec()
-    thing = spec.worldbody.add_body(name="thing")
-    thing.add_joint(name="thing", type=mujoco.mjtJoint.mjJNT_HINGE)
-    thing.mass, thing.inertia, thing.explicitinertial = 1.0, [1.0, 1.0, 1.0], True
-    thing.add_site(name="thing")
-    spec.attach(mujoco.MjSpec.from_file(str(ARM.path)), prefix="", frame=spec.worldbody.add_frame())
-    model = spec.compile()
+    inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'
+    thing = f'<body><joint name="thing"/>{inertia}<site name="thing"/></body>'
+    text = ARM.path.read_text("utf-8").replace("<worldbody>", f"<worldbody>{thing}")
+    path = tmp_path / "scene.xml"
+    path.write_text(text.replace('file="', f'file="{ARM.path.parent}/'), "utf-8")
+    model = mujoco.MjModel.from_xml_path(str(path))
     data, own = mujoco.MjData(model), mujoco.MjData(ARM.model)
     wiring = ARM.wire(model)
     data.qpos[wiring.qpos] = own.qpos[ARM.wiring.qpos] = START
