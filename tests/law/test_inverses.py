@@ -22,8 +22,8 @@ from worlds import (
     with_sigma,
 )
 
+from codes import Method, Schedule
 from rmrc.law.law import resolve, resolve_rates
-from rmrc.scenario.choices import Method, Schedule
 
 PSEUDOINVERSE, TRUNCATED = Variant(Method.PSEUDOINVERSE), Variant(Method.TRUNCATED)
 TRANSPOSE, JPARSE = Variant(Method.TRANSPOSE), Variant(Method.JPARSE)

@@ -9,25 +9,42 @@ a number without unit and does not change when the model is drawn in millimeters
 """
 
 import math
-from enum import IntEnum
 
 import numpy as np
 
-from rmrc.law.inverses import damping, gains, manipulability
+from rmrc.law.inverses import damping, gains
 from rmrc.law.jit import Array, Record, compiled, entry, inlined, machine_code
 from rmrc.law.kinematics import pose_error, scale_joints
 from rmrc.law.limits import limit
-from rmrc.law.nullspace import NONE, add_projected, wished_rates
-from rmrc.law.policies import hold, slow_down
+from rmrc.law.nullspace import add_projected, wished_rates
+from rmrc.law.policies import near_singularity
 from rmrc.law.record import tick_type, world_type
 from rmrc.law.standstill import stuck
-from rmrc.law.svd import RANK_FLOOR, combine, continue_row, orthonormalize, project, set_identity, svd
-from rmrc.scenario.choices import AtSingularity, Method, OnExcess, Schedule, Status
+from rmrc.law.svd import (
+    RANK_FLOOR,
+    combine,
+    continue_row,
+    orthonormalize,
+    product,
+    project,
+    set_identity,
+    svd,
+)
+from rmrc.scenario.choices import (
+    INVERSES,
+    LIMITS,
+    OBJECTIVES,
+    POLICIES,
+    SCHEDULES,
+    Choice,
+    Choices,
+    Status,
+)
 from rmrc.support.errors import did_you_mean
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
-SLOW, STOP = int(AtSingularity.SLOW), int(AtSingularity.STOP)
+NONE = OBJECTIVES.code("none")
 
 # κ ≥ 100 is called SINGULAR: the direction that dies takes a hundred times the joint rates of the best one.
 SINGULAR_BELOW = 0.01
@@ -76,15 +93,11 @@ def resolve_twist(world: Record, tick: Record) -> None:
     tick.secondary_error = tick.secondary_sigma = math.nan
     for j in range(world.n):
         world.qdot0[j] = 0.0
-    if world.objective != NONE:
+    if world.nullspace_objective != NONE:
         wished_rates(world, tick, world.qdot0)
         add_projected(world, world.qdot0, tick.qdot_cmd)
     tick.path_rate = 1.0
-    status = singular_status(world, tick)
-    if world.at_singularity == SLOW:
-        status |= slow_down(world, tick)
-    elif world.at_singularity == STOP:
-        status |= hold(world, tick)
+    status = singular_status(world, tick) | near_singularity(world, tick)
     status |= limit(world, tick)
     tick.status = status | stuck(world, tick, status)
     record_measures(world, tick)
@@ -147,7 +160,7 @@ def singular_status(world: Record, tick: Record) -> int:
 def record_measures(world: Record, tick: Record) -> None:
     """Record w = ∏σ, κ = σ_1/σ_k, the dying task direction u_min and the joint motion v_min that it takes."""
     last = world.k - 1
-    tick.manipulability = manipulability(world, tick.sigma)
+    tick.manipulability = product(tick.sigma, world.k)
     tick.condition = tick.sigma[0] / tick.sigma[last] if tick.sigma[last] > 0.0 else math.inf
     for i in range(6):
         tick.u_min[i] = 0.0
@@ -172,6 +185,7 @@ def resolve_rates(
     cutoff: float = 0.01,
     gamma: float = 0.1,
     rate_bound: float = 2.0,
+    **others: float,
 ) -> Array:
     """Return the joint rates that one inverse answers to one twist: the law for a notebook.
 
@@ -189,6 +203,7 @@ def resolve_rates(
         cutoff: `truncated` drops σ_i <= cutoff.
         gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
         rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
+        others: Parameters without a name here, by their key below `control.inverse`, with `_` for the dots.
 
     Returns:
         Joint rates, (n,).
@@ -205,28 +220,36 @@ def resolve_rates(
     m, n = J.shape
     if m > 6 or twist.shape != (m,):
         raise ValueError(f"J must be (m, n) with m <= 6 and twist (m,), got {J.shape}, {twist.shape}")
-    if method == "inverse" and m != n:
-        raise ValueError(f"method 'inverse' needs a square J, got {J.shape}")
+    code = _code("method", method, INVERSES)
+    if INVERSES[method].needs_square and m != n:
+        raise ValueError(f"method '{method}' needs a square J, got {J.shape}")
     if not (np.isfinite(J).all() and np.isfinite(twist).all()):
         raise ValueError("J and twist must be finite")
     world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
     world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
     world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
     world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
-    world["method"] = _choice("method", method, Method)
-    world["schedule"] = _choice("schedule", schedule, Schedule)
-    world["damping_maximum"], world["damping_below"] = damping_maximum, damping_below
-    world["manipulability_below"] = manipulability_below
-    world["error_gain"], world["error"] = error_gain, error
-    world["tolerance"], world["cutoff"], world["gamma"] = tolerance, cutoff, gamma
-    world["rate_bound"], world["on_excess"] = rate_bound, OnExcess.NONE
+    given = {
+        "damping_maximum": damping_maximum, "damping_below": damping_below,
+        "damping_manipulability_below": manipulability_below, "damping_error_gain": error_gain,
+        "tolerance": tolerance, "cutoff": cutoff, "gamma": gamma, "rate_bound": rate_bound, **others,
+    }  # fmt: skip
+    known = {one.field.removeprefix("inverse_"): one for one in (*INVERSES.parameters, *SCHEDULES.parameters)}
+    for name in given:
+        if name not in known:
+            raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
+    for name, one in known.items():
+        world[one.field] = given.get(name, one.default)
+    world["inverse_method"] = code
+    world["inverse_damping_schedule"] = _code("schedule", schedule, SCHEDULES)
+    world["nullspace_objective"], world["limits_on_excess"] = NONE, LIMITS.code("none")
+    world["at_singularity"], world["error"] = POLICIES.code("damp"), error
     machine_code(resolve, world[0], tick[0])(world[0], tick[0])
     return np.array(tick["qdot_cmd"][0, :n])
 
 
-def _choice(key: str, name: str, kinds: type[IntEnum]) -> IntEnum:
-    names = {kind.name.lower(): kind for kind in kinds}
-    if name not in names:
-        known, hint = ", ".join(names), did_you_mean(name, names)
+def _code(key: str, name: str, choices: Choices[Choice]) -> int:
+    if name not in choices.names:
+        known, hint = ", ".join(choices.names), did_you_mean(name, choices.names)
         raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
-    return names[name]
+    return choices.code(name)

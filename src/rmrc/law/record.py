@@ -9,6 +9,8 @@ from functools import cache
 
 import numpy as np
 
+from rmrc.scenario.choices import record_fields
+
 ROWS = 6  # a twist has six rows, so a task has at most as many, and so has sigma
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
 
@@ -57,23 +59,19 @@ def _world_type(c: int) -> np.dtype[np.void]:
             ("joint_scale", np.float64, (c,)),
             # control
             ("period", np.float64), ("feedback", np.float64), ("feedforward", np.float64),
-            ("method", np.int64), ("tolerance", np.float64), ("cutoff", np.float64), ("gamma", np.float64),
-            ("rate_bound", np.float64),
-            ("schedule", np.int64), ("damping_maximum", np.float64), ("damping_below", np.float64),
-            ("manipulability_below", np.float64), ("error_gain", np.float64),
-            ("objective", np.int64), ("objective_gain", np.float64), ("posture", np.float64, (c,)),
-            ("wished", np.float64, (c,)), ("position_range", np.float64, (2, c)),
-            ("at_singularity", np.int64), ("slow_change", np.float64), ("slow_patience", np.float64),
-            ("stop_sigma", np.float64), ("stop_condition", np.float64), ("stop_change", np.float64),
+            *(
+                (name, np.int64 if kind is int else np.float64, (c,) if is_each else ())
+                for name, kind, is_each in record_fields()
+            ),
+            ("position_range", np.float64, (2, c)),
             # limits
-            ("on_excess", np.int64), ("rate_limit", np.float64, (c,)),
+            ("rate_limit", np.float64, (c,)),
             ("acceleration_limit", np.float64, (c,)), ("braking", np.float64, (c,)),
             ("position_limit", np.float64, (2, c)),
             # second task: its site, rows, scales, and the joints that move it
             ("m_2", np.int64), ("site_2", np.int64), ("moves_2", np.int64, (c,)),
             ("row_2", np.int64, (ROWS,)), ("row_scale_2", np.float64, (ROWS,)),
-            ("pose_ref_2", np.float64, (7,)), ("feedback_2", np.float64), ("priority", np.int64),
-            ("damping_2", np.float64),
+            ("pose_ref_2", np.float64, (7,)), ("feedback_2", np.float64),
             # plant
             ("plant", np.int64), ("bandwidth", np.float64), ("wrench", np.float64, (6,)),
             ("lever", np.float64, (3,)),

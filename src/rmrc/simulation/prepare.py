@@ -17,7 +17,7 @@ from rmrc.law.task import structural_rank
 from rmrc.plants.stepping import Plant
 from rmrc.results.scorecard import refuse_unknown
 from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant, angle
-from rmrc.scenario.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
+from rmrc.scenario.choices import INVERSES, write_choices
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import make_reference
 from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
@@ -478,10 +478,11 @@ def _check_encoder(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
 
 def _check_method(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
     m = len(scenario.task.axes)
-    if scenario.control.inverse.method == "inverse" and m != arm.n:
+    method = scenario.control.inverse.method
+    if INVERSES[method].needs_square and m != arm.n:
         problems.add(
             "control.inverse.method",
-            f'"inverse" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
+            f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
             'choose other task.axes, or "pseudoinverse" or "damped"',
         )
 
@@ -574,10 +575,9 @@ def _set_world(world: NDArray[np.void], prepared: Prepared, reference: int) -> N
     world["period"], world["feedback"] = control.period, control.feedback
     world["feedforward"] = float(control.feedforward)
     _set_encoder(world, prepared)
-    _set_inverse(world, scenario)
+    write_choices(world, control)
     _set_nullspace(world, prepared)
     _set_limits(world, prepared)
-    _set_policy(world, scenario)
 
     plant = scenario.plant
     world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
@@ -591,22 +591,11 @@ def _set_encoder(world: NDArray[np.void], prepared: Prepared) -> None:
     world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
 
 
-def _set_inverse(world: NDArray[np.void], scenario: Scenario) -> None:
-    inverse, damping = scenario.control.inverse, scenario.control.inverse.damping
-    world["method"], world["tolerance"] = Method[inverse.method.upper()], inverse.tolerance
-    world["cutoff"], world["gamma"], world["rate_bound"] = inverse.cutoff, inverse.gamma, inverse.rate_bound
-    world["schedule"] = Schedule[damping.schedule.upper()]
-    world["damping_maximum"], world["damping_below"] = damping.maximum, damping.below
-    world["manipulability_below"], world["error_gain"] = damping.manipulability_below, damping.error_gain
-
-
 def _set_nullspace(world: NDArray[np.void], prepared: Prepared) -> None:
     nullspace, arm, n = prepared.scenario.control.nullspace, prepared.arm, prepared.arm.n
-    world["objective"] = Objective[nullspace.objective.upper()]
-    world["objective_gain"] = nullspace.gain
     start = prepared.qpos[arm.wiring.qpos]
-    world["posture"][0, :n] = start if nullspace.posture is None else nullspace.posture
-    world["wished"][0, :n] = 0.0 if nullspace.rates is None else nullspace.rates
+    if nullspace.posture is None:
+        world["nullspace_posture"][0, :n] = start
     world["position_range"][0, :, :n] = arm.position_limit.T
     if nullspace.objective == "secondary":
         _set_second_task(world, prepared, start)
@@ -626,23 +615,12 @@ def _set_second_task(world: NDArray[np.void], prepared: Prepared, start: NDArray
         wanted[rows] = second.to
         pose = np.concatenate([wanted[:3], quat_multiply(exp_rotation(wanted[3:]), pose[3:])])
     world["pose_ref_2"], world["feedback_2"] = pose, second.feedback
-    world["priority"], world["damping_2"] = Priority[second.priority.upper()], second.damping
 
 
 def _set_limits(world: NDArray[np.void], prepared: Prepared) -> None:
     limits, arm, n = prepared.scenario.control.limits, prepared.arm, prepared.arm.n
-    world["on_excess"] = OnExcess[limits.on_excess.upper()]
     world["rate_limit"][0, :n] = _rate_limit(prepared.scenario, arm)
     acceleration = math.inf if limits.acceleration is None else limits.acceleration
     world["acceleration_limit"][0, :n] = acceleration
     world["braking"][0, :n] = np.minimum(limits.braking, acceleration)
     world["position_limit"][0, :, :n] = arm.position_limit.T if limits.position else [[-math.inf], [math.inf]]
-
-
-def _set_policy(world: NDArray[np.void], scenario: Scenario) -> None:
-    control = scenario.control
-    world["at_singularity"] = AtSingularity[control.at_singularity.upper()]
-    world["slow_change"], world["slow_patience"] = control.slow.change, control.slow.patience
-    world["stop_change"] = control.stop.change
-    world["stop_sigma"] = control.stop.sigma
-    world["stop_condition"] = math.inf if control.stop.condition is None else control.stop.condition

@@ -13,7 +13,7 @@ from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
 from rmrc.law.record import tick_type, world_type
 from rmrc.results.run import Run
-from rmrc.scenario.choices import AtSingularity, Objective, OnExcess
+from rmrc.scenario.choices import LIMITS, OBJECTIVES, POLICIES
 from rmrc.simulation.prepare import Prepared, world_record
 from rmrc.support.spatial import pose_error
 
@@ -84,8 +84,8 @@ def _world_at(prepared: Prepared, run: Run, tick: int) -> tuple[NDArray[np.void]
     """
     control, arm = prepared.scenario.control, prepared.arm
     world = np.array([world_record(prepared, 0)])
-    world["objective"], world["on_excess"] = Objective.NONE, OnExcess.NONE
-    world["at_singularity"] = AtSingularity.DAMP
+    for choices, nothing in ((OBJECTIVES, "none"), (LIMITS, "none"), (POLICIES, "damp")):
+        world[choices.field] = choices.code(nothing)
     q = run["q"][tick] + prepared.encoder_offset  # where the law sees the arm
     world["J"][0, :, : arm.n] = arm.jacobian(q)
     error = pose_error(run["pose_ref"][tick], arm.pose(q))
