@@ -9,16 +9,19 @@ a number without unit and does not change when the model is drawn in millimeters
 """
 
 import math
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 import numpy as np
 
+from rmrc.arm import Arm
 from rmrc.law.inverses import damping, gains
 from rmrc.law.jit import Array, Record, compiled, entry, inlined, machine_code
 from rmrc.law.kinematics import pose_error, scale_joints
 from rmrc.law.limits import limit
 from rmrc.law.nullspace import add_projected, wished_rates
 from rmrc.law.policies import near_singularity
-from rmrc.law.record import tick_type, world_type
+from rmrc.law.record import JOINTS, ROWS, Field, records, tick_type
 from rmrc.law.standstill import stuck
 from rmrc.law.svd import (
     RANK_FLOOR,
@@ -30,6 +33,8 @@ from rmrc.law.svd import (
     set_identity,
     svd,
 )
+from rmrc.law.task import SecondTask, Task
+from rmrc.scenario import ControlSection, LimitsSection
 from rmrc.scenario.choices import (
     INVERSES,
     LIMITS,
@@ -39,6 +44,8 @@ from rmrc.scenario.choices import (
     Choice,
     Choices,
     Status,
+    record_fields,
+    write_choices,
 )
 from rmrc.support.errors import did_you_mean
 
@@ -55,6 +62,72 @@ GETS_ALL = 1.0 - 1e-9
 # Rotations accumulate rounding in the warm start; so often it is made orthonormal again. In 64 ticks of
 # some 30 rotations it has lost 1e-13 at the worst.
 REFRESH = 64
+
+
+class Law:
+    """What a scenario asks of the joints of a task: it owns the parameters of the law in a world's record.
+
+    Attributes:
+        task: What is moved.
+        second: What else shall stay where it is, if anything.
+        rate_limit: Largest rates, the model's own where the scenario has none, (n,); infinite for none.
+        acceleration_limit: Largest accelerations, (n,); infinite for none.
+        braking: Decelerations before position limits, (n,).
+        position_limit: Lower and upper, (2, n); infinite where they are not kept.
+        posture: What the objective of this name aims for, (n,).
+    """
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("rank", np.int64), Field("period"), Field("feedback"), Field("feedforward"),
+        Field("position_range", size=(2, JOINTS)), *SecondTask.fields,
+        Field("rate_limit", size=(JOINTS,)), Field("acceleration_limit", size=(JOINTS,)),
+        Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
+        Field("feedback_2"),
+        *(
+            Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
+            for name, kind, is_each in record_fields()
+        ),
+    )  # fmt: skip
+
+    def __init__(self, task: Task, control: ControlSection, start: Array) -> None:
+        """Bind parameters to joints.
+
+        Args:
+            task: What is moved.
+            control: What the scenario says of the law; what it has one a joint fits the arm.
+            start: Where the arm starts, (n,).
+        """
+        arm, limits, nullspace = task.arm, control.limits, control.nullspace
+        self.task, self._control = task, control
+        self.rate_limit = rate_limit(arm, limits)
+        self.acceleration_limit = np.full(
+            arm.n, math.inf if limits.acceleration is None else limits.acceleration
+        )
+        self.braking = np.minimum(limits.braking, self.acceleration_limit)
+        nowhere = np.array([arm.n * [-math.inf], arm.n * [math.inf]])
+        self.position_limit = arm.position_limit.T if limits.position else nowhere
+        self.posture = start if nullspace.posture is None else np.array(nullspace.posture)
+        is_second = nullspace.objective == "secondary"
+        self.second = SecondTask(task, nullspace.secondary, start) if is_second else None
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        control, n = self._control, self.task.arm.n
+        world["rank"], world["period"] = self.task.rank, control.period
+        world["feedback"], world["feedforward"] = control.feedback, control.feedforward
+        world["position_range"][:, :n] = self.task.arm.position_limit.T
+        world["rate_limit"][:n], world["acceleration_limit"][:n] = self.rate_limit, self.acceleration_limit
+        world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
+        if self.second is not None:
+            self.second.write(world)
+        world["feedback_2"] = control.nullspace.secondary.feedback
+        write_choices(world, control)
+        world["nullspace_posture"][:n] = self.posture
+
+
+def rate_limit(arm: Arm, limits: LimitsSection) -> Array:
+    """Return the largest rates of an arm's joints, (n,): the model's own where none are given."""
+    return arm.rate_limit if limits.rate is None else np.full(arm.n, limits.rate)
 
 
 @inlined
@@ -225,10 +298,6 @@ def resolve_rates(
         raise ValueError(f"method '{method}' needs a square J, got {J.shape}")
     if not (np.isfinite(J).all() and np.isfinite(twist).all()):
         raise ValueError("J and twist must be finite")
-    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
-    world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-    world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
-    world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
     given = {
         "damping_maximum": damping_maximum, "damping_below": damping_below,
         "damping_manipulability_below": manipulability_below, "damping_error_gain": error_gain,
@@ -238,14 +307,31 @@ def resolve_rates(
     for name in given:
         if name not in known:
             raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
-    for name, one in known.items():
-        world[one.field] = given.get(name, one.default)
-    world["inverse_method"] = code
-    world["inverse_damping_schedule"] = _code("schedule", schedule, SCHEDULES)
-    world["nullspace_objective"], world["limits_on_excess"] = NONE, LIMITS.code("none")
-    world["at_singularity"], world["error"] = POLICIES.code("damp"), error
-    machine_code(resolve, world[0], tick[0])(world[0], tick[0])
-    return np.array(tick["qdot_cmd"][0, :n])
+    defaults = {name: one.null if one.default is None else one.default for name, one in known.items()}
+    chosen = {one.field: (defaults | given)[name] for name, one in known.items()}
+    chosen |= {INVERSES.field: code, SCHEDULES.field: _code("schedule", schedule, SCHEDULES)}
+    (world,), (tick,) = records(n, [_Bare(m, n, chosen)]), np.zeros(1, tick_type(n))
+    world["J"][:m, :n], world["twist_cmd"][:m], world["error"] = J, twist, error
+    machine_code(resolve, world, tick)(world, tick)
+    return np.array(tick["qdot_cmd"][:n])
+
+
+class _Bare:
+    """A task without an arm, and a law that inverts it and does nothing else."""
+
+    fields: ClassVar[tuple[Field, ...]] = (*Task.fields, *Law.fields)
+
+    def __init__(self, m: int, n: int, chosen: Mapping[str, Any]) -> None:
+        self._m, self._n, self._chosen = m, n, chosen
+
+    def write(self, world: np.void) -> None:
+        m, n = self._m, self._n
+        world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
+        world["row"], world["row_scale"], world["joint_scale"] = np.arange(ROWS), 1.0, 1.0
+        for choices, nothing in ((OBJECTIVES, "none"), (LIMITS, "none"), (POLICIES, "damp")):
+            world[choices.field] = choices.code(nothing)
+        for field, value in self._chosen.items():
+            world[field] = value
 
 
 def _code(key: str, name: str, choices: Choices[Choice]) -> int:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario, inline
 from rmrc.scenario.choices import INVERSES, POLICIES, SCHEDULES, Choice, Parameter, Scales
-from rmrc.simulation.prepare import Prepared, world_record
+from rmrc.simulation.prepare import Prepared
 
 METHOD, SCHEDULE, AT_SINGULARITY = (f"control.{one.key}" for one in (INVERSES, SCHEDULES, POLICIES))
 FEEDBACK = "control.feedback"
@@ -121,18 +121,17 @@ def scales(nominal: Prepared, run: Run) -> Scales:
         nominal: What was run.
         run: As far as it came.
     """
-    wanted: NDArray[np.float64] = nominal.reference.twist[:, nominal.rows] * nominal.row_scale
+    wanted: NDArray[np.float64] = nominal.reference.twist[:, nominal.task.rows] * nominal.task.row_scale
     sigma = _largest(run["sigma"]) or 1.0
     # Below speed/σ₁ no joint rates can follow; 300 times that bounds no drive's rates, and what the limits
     # allow is enough.
     slowest = float(np.linalg.norm(wanted, axis=1).max()) / sigma or 0.01
-    record, n = world_record(nominal, 0), nominal.arm.n
-    lengths = np.where(nominal.arm.is_slide, nominal.scenario.task.length, 1.0)
-    allowed = float(np.linalg.norm(record["rate_limit"][:n] / lengths))
+    lengths = np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
+    allowed = float(np.linalg.norm(nominal.law.rate_limit / lengths))
     return Scales(
         sigma=sigma,
         manipulability=_largest(run["manipulability"]) or 1.0,
-        start=_largest(run["sigma"][:1, nominal.rank - 1]) or sigma,
+        start=_largest(run["sigma"][:1, nominal.task.rank - 1]) or sigma,
         slowest=slowest,
         fastest=max(2.0 * slowest, min(300.0 * slowest, allowed)),
     )
