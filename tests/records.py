@@ -3,6 +3,7 @@
 import numpy as np
 
 from codes import field
+from rmrc.law.controller import Sight
 from rmrc.law.law import Law
 from rmrc.law.record import records, tick_type
 from rmrc.law.task import Task
@@ -12,7 +13,7 @@ from rmrc.scenario.choices import LIMITS
 class Unscaled:
     """A Writer for a task and a law: unit scales, the full rank, and nothing that limits or wishes."""
 
-    fields = (*Task.fields, *Law.fields)
+    fields = (*Task.fields, *Law.fields, *Sight.fields)  # the type of `resolve_rates`, compiled once
 
     def __init__(self, m, n):
         self.m, self.n = m, n

@@ -23,7 +23,8 @@ from worlds import (
 )
 
 from codes import Method, Schedule
-from rmrc.law.law import resolve, resolve_rates
+from rmrc.law.controller import resolve_rates
+from rmrc.law.law import resolve
 
 PSEUDOINVERSE, TRUNCATED = Variant(Method.PSEUDOINVERSE), Variant(Method.TRUNCATED)
 TRANSPOSE, JPARSE = Variant(Method.TRANSPOSE), Variant(Method.JPARSE)

@@ -21,7 +21,7 @@ from worlds import (
 )
 
 from codes import Method, Objective, OnExcess, Schedule
-from rmrc.law.law import resolve_rates
+from rmrc.law.controller import resolve_rates
 from rmrc.scenario.choices import Status
 
 named = pytest.mark.parametrize("variant", [pytest.param(variant, id=str(variant)) for variant in VARIANTS])

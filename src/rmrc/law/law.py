@@ -9,19 +9,18 @@ a number without unit and does not change when the model is drawn in millimeters
 """
 
 import math
-from collections.abc import Mapping
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from rmrc.arm import Arm
 from rmrc.law.inverses import damping, gains
-from rmrc.law.jit import Array, Record, compiled, entry, inlined, machine_code
+from rmrc.law.jit import Array, Record, compiled, entry, inlined
 from rmrc.law.kinematics import pose_error, scale_joints
 from rmrc.law.limits import limit
 from rmrc.law.nullspace import add_projected, wished_rates
 from rmrc.law.policies import near_singularity
-from rmrc.law.record import JOINTS, ROWS, Field, records, tick_type
+from rmrc.law.record import JOINTS, Field
 from rmrc.law.standstill import stuck
 from rmrc.law.svd import (
     RANK_FLOOR,
@@ -36,18 +35,11 @@ from rmrc.law.svd import (
 from rmrc.law.task import SecondTask, Task
 from rmrc.scenario import ControlSection, LimitsSection
 from rmrc.scenario.choices import (
-    INVERSES,
-    LIMITS,
     OBJECTIVES,
-    POLICIES,
-    SCHEDULES,
-    Choice,
-    Choices,
     Status,
     record_fields,
     write_choices,
 )
-from rmrc.support.errors import did_you_mean
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
@@ -241,101 +233,3 @@ def record_measures(world: Record, tick: Record) -> None:
         tick.u_min[world.row[i]] = world.u[last, i]
     for j in range(world.n):
         tick.v_min[j] = world.v[last, j]
-
-
-def resolve_rates(
-    J: Array,
-    twist: Array,
-    method: str = "damped",
-    *,
-    schedule: str = "constant",
-    damping_maximum: float = 0.1,
-    damping_below: float = 0.3,
-    manipulability_below: float = 0.3,
-    error_gain: float = 1.0,
-    error: float = 0.0,
-    tolerance: float = 1e-6,
-    cutoff: float = 0.01,
-    gamma: float = 0.1,
-    rate_bound: float = 2.0,
-    **others: float,
-) -> Array:
-    """Return the joint rates that one inverse answers to one twist: the law for a notebook.
-
-    Args:
-        J: Jacobian of the task, (m, n), m <= 6.
-        twist: Commanded task velocity, (m,).
-        method: One of the inverses; `inverse` needs a square J.
-        schedule: How the damping of `damped` is chosen.
-        damping_maximum: λ_max, in the units of σ.
-        damping_below: ε, where `smallest_singular_value` and the method `filtered` start to damp.
-        manipulability_below: w₀, where `manipulability` starts to damp.
-        error_gain: λ of the schedule `error` for an error of 1.
-        error: Norm of the task error, for that schedule.
-        tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
-        cutoff: `truncated` drops σ_i <= cutoff.
-        gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
-        rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
-        others: Parameters without a name here, by their key below `control.inverse`, with `_` for the dots.
-
-    Returns:
-        Joint rates, (n,).
-
-    Raises:
-        ValueError: A shape or a name that the law does not have.
-
-    >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), damping_maximum=0.1).round(3)
-    array([0.99, 5.  ])
-    >>> resolve_rates(np.diag([1.0, 0.01]), np.array([1.0, 1.0]), "jparse", gamma=0.1).round(3)
-    array([1., 1.])
-    """
-    J, twist = np.atleast_2d(np.asarray(J, np.float64)), np.asarray(twist, np.float64)
-    m, n = J.shape
-    if m > 6 or twist.shape != (m,):
-        raise ValueError(f"J must be (m, n) with m <= 6 and twist (m,), got {J.shape}, {twist.shape}")
-    code = _code("method", method, INVERSES)
-    if INVERSES[method].needs_square and m != n:
-        raise ValueError(f"method '{method}' needs a square J, got {J.shape}")
-    if not (np.isfinite(J).all() and np.isfinite(twist).all()):
-        raise ValueError("J and twist must be finite")
-    given = {
-        "damping_maximum": damping_maximum, "damping_below": damping_below,
-        "damping_manipulability_below": manipulability_below, "damping_error_gain": error_gain,
-        "tolerance": tolerance, "cutoff": cutoff, "gamma": gamma, "rate_bound": rate_bound, **others,
-    }  # fmt: skip
-    known = {one.field.removeprefix("inverse_"): one for one in (*INVERSES.parameters, *SCHEDULES.parameters)}
-    for name in given:
-        if name not in known:
-            raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
-    defaults = {name: one.null if one.default is None else one.default for name, one in known.items()}
-    chosen = {one.field: (defaults | given)[name] for name, one in known.items()}
-    chosen |= {INVERSES.field: code, SCHEDULES.field: _code("schedule", schedule, SCHEDULES)}
-    (world,), (tick,) = records(n, [_Bare(m, n, chosen)]), np.zeros(1, tick_type(n))
-    world["J"][:m, :n], world["twist_cmd"][:m], world["error"] = J, twist, error
-    machine_code(resolve, world, tick)(world, tick)
-    return np.array(tick["qdot_cmd"][:n])
-
-
-class _Bare:
-    """A task without an arm, and a law that inverts it and does nothing else."""
-
-    fields: ClassVar[tuple[Field, ...]] = (*Task.fields, *Law.fields)
-
-    def __init__(self, m: int, n: int, chosen: Mapping[str, Any]) -> None:
-        self._m, self._n, self._chosen = m, n, chosen
-
-    def write(self, world: np.void) -> None:
-        m, n = self._m, self._n
-        world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-        world["row"], world["row_scale"], world["joint_scale"] = np.arange(ROWS), 1.0, 1.0
-        for choices, nothing in ((OBJECTIVES, "none"), (LIMITS, "none"), (POLICIES, "damp")):
-            world[choices.field] = choices.code(nothing)
-        for field, value in self._chosen.items():
-            world[field] = value
-
-
-def _code(key: str, name: str, choices: Choices[Choice]) -> int:
-    if name not in choices.names:
-        known, hint = ", ".join(choices.names), did_you_mean(name, choices.names)
-        raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
-    return choices.code(name)
