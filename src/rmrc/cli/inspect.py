@@ -73,7 +73,7 @@ def inspect(
     with notice("reading the model ..."):
         from rmrc.analysis.inspect import json as inspection_json
         from rmrc.analysis.inspect import tables as inspection_tables
-        from rmrc.analysis.inspect.inspection import inspect_arm
+        from rmrc.analysis.inspect.inspection import inspect as ask
         from rmrc.arm import load
         from rmrc.show.sheets import render
 
@@ -83,7 +83,7 @@ def inspect(
     errors = None if joint_error is None else _joint_errors(arm, joint_error)
     load_on_site = None if wrench is None else wrench_of(wrench)
     found = [
-        inspect_arm(
+        ask(
             arm, one, axes=rows, length=length, frame=frame, joint_error=errors, wrench=load_on_site
         )
         for one in positions or [configuration(arm, None, None)]

@@ -72,35 +72,28 @@ def statics(
 ) -> None:
     """Tell what drives and links bear while a wrench acts on an arm, and which wrenches cost nothing."""
     from rmrc import arm as arms
-    from rmrc.analysis.statics import report as bearing
-    from rmrc.analysis.statics.balance import balance, elsewhere, wrench_costs
-    from rmrc.support.spatial import rotate
+    from rmrc.analysis.statics import report
+    from rmrc.analysis.statics.hold import most_ticks
+    from rmrc.analysis.statics.statics import statics as ask
 
     acts = wrench_of(wrench)
     arm = arms.load(model, site)
     positions = configuration(arm, q, keyframe)
-    if frame is Frame.SITE:
-        acts = rotate(arm.pose(positions)[3:], acts.reshape(2, 3)).ravel()
-    borne = balance(arm, positions, acts, gravity)
-    costs = wrench_costs(arm, positions, length)
-    other = None if at is None else elsewhere(arm, positions, acts, at)
-    held = None
-    if hold is not None:
-        from rmrc.analysis.statics.hold import Holding
-
-        holding = Holding(borne, gravity, hold)
-        try:
-            holding.compile()
-            with progress("hold", holding.ticks, as_json) as on_ticks:
-                held = holding.run(on_ticks)
-        except KeyboardInterrupt:
-            complain("interrupted while holding")
-            raise typer.Exit(EXIT_INTERRUPTED) from None
+    try:
+        with progress("hold", most_ticks(hold or 0.0), as_json or hold is None) as on_ticks:
+            found = ask(
+                arm, acts, positions, frame=frame.value, at=at, gravity=gravity, hold=hold, length=length,
+                on_ticks=on_ticks,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        complain("interrupted" if hold is None else "interrupted while holding")
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    held = found.held
     if as_json:
-        print_json(bearing.facts(borne, costs, length, held, other))
+        print_json(report.facts(found.balance, found.costs, length, held, found.elsewhere))
     else:
         console = output()
-        for part in bearing.render(borne, costs, gravity, held, other):
+        for part in report.render(found.balance, found.costs, gravity, held, found.elsewhere):
             console.print(part, highlight=False)
     if held is not None and held.run.divergence:
         complain(f"error: {held.run.divergence}")

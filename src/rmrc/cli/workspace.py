@@ -171,28 +171,20 @@ def _slice(
     from rmrc.analysis.workspace.workspace import expected, workspace
 
     part = choose_slice(asked.arm, plane, asked.q, through)
-    if measure == "postures" and not part.is_sheet:
+    if measure == "postures" and not part.is_surface:
         raise QuestionError(
             f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; "
             "postures are counted where two do"
         )
     nodes = steps_of_grid(asked.cells) ** 2
-    _refuse_excess(asked.cells, _NODE * nodes if part.is_sheet else _CELL * asked.cells**2)
+    _refuse_excess(asked.cells, _NODE * nodes if part.is_surface else _CELL * asked.cells**2)
     with progress(
         f"{asked.arm.path.stem}: workspace", expected(part, asked.cells, samples), asked.quiet
     ) as on_samples:
         found = workspace(
-            asked.arm,
-            plane,
-            asked.q,
-            through,
-            asked.axes,
-            asked.length,
-            asked.cells,
-            samples,
-            worst,
-            on_samples,
-        )
+            asked.arm, plane, asked.q, through=through, axes=asked.axes, length=asked.length,
+            cells=asked.cells, samples=samples, worst=worst, on_samples=on_samples,
+        )  # fmt: skip
     workspace_figure.draw_workspace(found, files[0], measure)
     save(found, files[1])
     facts = summary(found)
@@ -204,17 +196,13 @@ def _over(asked: _Asked, over: str, measure: str | None, files: list[Path]) -> t
     from rmrc.analysis.workspace import tables as workspace_table
     from rmrc.analysis.workspace.files import joint_summary, save_joint_map
     from rmrc.analysis.workspace.joint_map import joint_map
-    from rmrc.law.task import choose
 
-    names = tuple(part.strip() for part in over.split(","))
-    if len(names) != 2:
-        raise QuestionError(
-            f"--over must name two joints, such as {','.join(asked.arm.joints[:2])}, got {quoted(over)}"
-        )
-    task = choose(asked.arm, asked.axes, asked.length)
     _refuse_excess(asked.cells, _MAPPED * (asked.cells + 1) ** 2)
     with progress(f"{asked.arm.path.stem}: {over}", (asked.cells + 1) ** 2, asked.quiet) as on_samples:
-        found = joint_map(task, (names[0], names[1]), asked.q, asked.cells, on_samples)
+        found = joint_map(
+            asked.arm, over.split(","), asked.q, axes=asked.axes, length=asked.length, cells=asked.cells,
+            on_samples=on_samples,
+        )  # fmt: skip
     workspace_figure.draw_joint_map(found, files[0], measure or "sigma_min")
     save_joint_map(found, files[1])
     facts = joint_summary(found)

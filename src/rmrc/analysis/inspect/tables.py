@@ -3,7 +3,7 @@
 import numpy as np
 
 from rmrc.analysis.inspect.inspection import NEAR_LIMIT, Inspection
-from rmrc.analysis.inspect.wording import direction
+from rmrc.analysis.inspect.words import direction
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.spatial import AXES
 

@@ -8,7 +8,7 @@ from rich.console import RenderableType
 from rich.text import Text
 
 from rmrc.analysis.statics.balance import ROUNDING, Balance, Costs, Elsewhere
-from rmrc.analysis.statics.hold import Held
+from rmrc.analysis.statics.hold import HoldResult
 from rmrc.arm import Arm
 from rmrc.show.sheets import Sheet, as_table, number
 from rmrc.support.legible import visible
@@ -24,7 +24,7 @@ def render(
     borne: Balance,
     costs: Sequence[Costs],
     gravity: bool,
-    held: Held | None = None,
+    held: HoldResult | None = None,
     other: Elsewhere | None = None,
 ) -> Iterator[RenderableType]:
     """Yield what to print, for a terminal of 100 columns or more.
@@ -152,7 +152,7 @@ def _free(costs: Sequence[Costs]) -> Iterator[RenderableType]:
             )
 
 
-def _held(held: Held) -> Iterator[RenderableType]:
+def _held(held: HoldResult) -> Iterator[RenderableType]:
     arm, shown = held.wanted.arm, _rounded(held.ended.size.max())
     rows = [
         (
@@ -176,7 +176,7 @@ def _held(held: Held) -> Iterator[RenderableType]:
     yield Text(verdict(held))
 
 
-def verdict(held: Held) -> str:
+def verdict(held: HoldResult) -> str:
     """Say how the holding went."""
     names = [name for name, is_there in zip(held.wanted.arm.joints, held.at_limit, strict=True) if is_there]
     reached = f"{', '.join(names)} came to the torque limit" if names else "no drive came to its torque limit"
@@ -234,7 +234,11 @@ def _word(borne: Balance, j: int) -> str:
 
 
 def facts(
-    borne: Balance, costs: Sequence[Costs], length: float, held: Held | None, other: Elsewhere | None = None
+    borne: Balance,
+    costs: Sequence[Costs],
+    length: float,
+    held: HoldResult | None,
+    other: Elsewhere | None = None,
 ) -> dict[str, object]:
     """Return all of it for strict JSON; an infinite number is null.
 
@@ -306,7 +310,7 @@ def facts(
     }
 
 
-def _held_facts(held: Held) -> dict[str, object]:
+def _held_facts(held: HoldResult) -> dict[str, object]:
     return {
         "agrees": held.agrees,
         "still": held.is_still,

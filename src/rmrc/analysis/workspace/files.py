@@ -123,13 +123,13 @@ def summary(found: Workspace) -> dict[str, Any]:
     return {
         "model": arm.path.name, "site": arm.site, "joints": list(arm.joints), "slice": part.name,
         "labels": list(part.labels), "origin": part.origin.tolist(), "axes": list(found.task.axes),
-        "length": found.task.length, "method": "sheet" if part.is_sheet else "samples",
+        "length": found.task.length, "method": "sheet" if part.is_surface else "samples",
         "posture": "worst" if found.worst else "best", "configurations": found.samples,
         "cell": found.free.size,
         "cells": list(found.free.reached.shape), "without_limits": _of(found, found.free),
         "with_limits": _of(found, found.limited),
         "singular": {
-            "curves": len(found.singular) if part.is_sheet else None,
+            "curves": len(found.singular) if part.is_surface else None,
             "configurations": sum(len(curve.q) for curve in found.singular),
             "within_limits": sum(int(curve.within.sum()) for curve in found.singular),
         },
@@ -144,7 +144,7 @@ def _of(found: Workspace, reach: Reach) -> dict[str, Any]:
     accuracy = max((extent.accuracy for extent in reach.extents), default=None)
     for label, extent in zip(found.part.labels, reach.extents or (None, None), strict=True):
         facts[label] = None if extent is None else [extent.low, extent.high]
-    facts["extent_accuracy"], facts["extent_is_at_least"] = accuracy, not found.part.is_sheet
+    facts["extent_accuracy"], facts["extent_is_at_least"] = accuracy, not found.part.is_surface
     for measure in MEASURES:
         ends = reach.ends.get(measure)
         facts[measure] = None if ends is None else [end if np.isfinite(end) else None for end in ends]
