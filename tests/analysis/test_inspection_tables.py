@@ -8,12 +8,12 @@ import pytest
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.inspect.inspection import inspect
-from rmrc.analysis.inspect.tables import sheets
+from rmrc.analysis.inspect.report import report
 from rmrc.show.sheets import number
 
 
 def table(found, title):
-    (sheet,) = [sheet for sheet in sheets(found) if sheet.title.startswith(title)]
+    (sheet,) = [sheet for sheet in report(found).sheets if sheet.title.startswith(title)]
     return {row[0]: row[1:] for row in sheet.rows}
 
 

@@ -17,6 +17,7 @@ from rmrc.analysis.survey import jacobians
 from rmrc.analysis.workspace import files as workspace_files
 from rmrc.analysis.workspace.folds import covering, zero_curves
 from rmrc.analysis.workspace.joint_map import joint_map
+from rmrc.analysis.workspace.report import report
 from rmrc.analysis.workspace.singular_set import curvature, nearest_singular
 from rmrc.analysis.workspace.slices import choose_slice
 from rmrc.analysis.workspace.workspace import workspace
@@ -395,13 +396,13 @@ def test_a_file_has_every_array_with_its_meaning(tmp_path):
 
 
 def test_the_summary_has_the_numbers_of_the_workspace():
-    facts = workspace_files.summary(found("planar_6_3"))
-    assert json.loads(json.dumps(facts, allow_nan=False)) == facts
-    assert facts["without_limits"]["area"] == found("planar_6_3").free.area
-    assert facts["without_limits"]["postures"] == [2] and facts["with_limits"]["postures"] == [1]
-    assert_allclose(facts["without_limits"]["x"], [-9.0, 9.0], atol=facts["cell"])
-    assert facts["singular"]["curves"] == 2 and facts["method"] == "sheet"
-    assert facts["limit_curves"] == ["q1 lower", "q1 upper", "q2 lower", "q2 upper"]
+    values = report(found("planar_6_3")).json
+    assert json.loads(json.dumps(values, allow_nan=False)) == values
+    assert values["without_limits"]["area"] == found("planar_6_3").free.area
+    assert values["without_limits"]["postures"] == [2] and values["with_limits"]["postures"] == [1]
+    assert_allclose(values["without_limits"]["x"], [-9.0, 9.0], atol=values["cell"])
+    assert values["singular"]["curves"] == 2 and values["method"] == "sheet"
+    assert values["limit_curves"] == ["q1 lower", "q1 upper", "q2 lower", "q2 upper"]
 
 
 SLIDES = (

@@ -5,16 +5,10 @@ from typing import Annotated
 
 import typer
 
-from rmrc.cli.console import (
-    EXIT_DIVERGED,
-    EXIT_INTERRUPTED,
-    EXIT_MISSED,
-    complain,
-    output,
-    print_json,
-    progress,
-)
-from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration, wrench_of
+from rmrc.cli.console import EXIT_DIVERGED, EXIT_INTERRUPTED, EXIT_MISSED, complain, progress
+from rmrc.cli.options import AsJson, Keyframe, Length, Model, Positions, Site
+from rmrc.cli.reports import show
+from rmrc.cli.texts import configuration, wrench_of
 
 
 class Frame(StrEnum):
@@ -71,13 +65,13 @@ def statics(
     as_json: AsJson = False,
 ) -> None:
     """Tell what drives and links bear while a wrench acts on an arm, and which wrenches cost nothing."""
-    from rmrc import arm as arms
-    from rmrc.analysis.statics import report
     from rmrc.analysis.statics.hold import most_ticks
+    from rmrc.analysis.statics.report import report
     from rmrc.analysis.statics.statics import statics as ask
+    from rmrc.arm import load
 
     acts = wrench_of(wrench)
-    arm = arms.load(model, site)
+    arm = load(model, site)
     positions = configuration(arm, q, keyframe)
     try:
         with progress("hold", most_ticks(hold or 0.0), as_json or hold is None) as on_ticks:
@@ -88,15 +82,5 @@ def statics(
     except KeyboardInterrupt:
         complain("interrupted" if hold is None else "interrupted while holding")
         raise typer.Exit(EXIT_INTERRUPTED) from None
-    held = found.held
-    if as_json:
-        print_json(report.facts(found.balance, found.costs, length, held, found.elsewhere))
-    else:
-        console = output()
-        for part in report.render(found.balance, found.costs, gravity, held, found.elsewhere):
-            console.print(part, highlight=False)
-    if held is not None and held.run.divergence:
-        complain(f"error: {held.run.divergence}")
-        raise typer.Exit(EXIT_DIVERGED)
-    if held is not None and not held.agrees:
-        raise typer.Exit(EXIT_MISSED)
+    diverged = found.held is not None and found.held.run.divergence
+    show(report(found), as_json, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)

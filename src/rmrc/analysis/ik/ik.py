@@ -50,7 +50,7 @@ class IkResult:
     @property
     def found(self) -> bool:
         """Whether the goal is reached within the tolerance and the limits."""
-        return self.solution.found
+        return self.solution.found if self.postures is None else self.postures.nearest is None
 
     @property
     def q(self) -> Array:

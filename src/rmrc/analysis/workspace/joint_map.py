@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.analysis.subject import Model, subject
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.workspace.folds import zero_curves
+from rmrc.analysis.workspace.footprint import MAPPED, refuse_excess
 from rmrc.arm import Arm
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError, did_you_mean
@@ -80,7 +81,8 @@ def joint_map(
 
     Raises:
         ModelError: The file, the site or the keyframe is missing or will not do.
-        QuestionError: There are not two such joints, or one slides without limits.
+        QuestionError: There are not two such joints, one slides without limits, or so many cells do not fit
+            into memory.
 
     Example:
         >>> found = joint_map("models/planar_2link.xml", ["shoulder", "elbow"], cells=40)
@@ -90,6 +92,7 @@ def joint_map(
     asked = subject(model, q, keyframe, site, axes, length)
     arm, task, positions = asked.arm, asked.task, asked.q
     k, joints = min(len(task.rows), arm.n), _joints(arm, over)
+    refuse_excess(cells, MAPPED * (cells + 1) ** 2)
     one, other = joints
     steps = [_positions(task, joint, cells) for joint in joints]
     shape, is_square = (len(steps[0]), len(steps[1])), len(task.rows) == arm.n

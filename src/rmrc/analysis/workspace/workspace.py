@@ -8,6 +8,7 @@ from numpy.typing import ArrayLike
 from rmrc.analysis.subject import Model, numbers, subject
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.analysis.workspace.folds import covering
+from rmrc.analysis.workspace.footprint import CELL, NODE, refuse_excess
 from rmrc.analysis.workspace.reach import Workspace
 from rmrc.analysis.workspace.search import Search, steps_of_grid
 from rmrc.analysis.workspace.slices import Slice, choose_slice
@@ -55,7 +56,8 @@ def workspace(
 
     Raises:
         ModelError: The file, the site or the keyframe is missing or will not do.
-        QuestionError: The arm has no such slice, or slides without limits.
+        QuestionError: The arm has no such slice, slides without limits, or so many cells do not fit into
+            memory.
 
     Example:
         >>> found = workspace("models/planar_6_3.xml", cells=60)
@@ -66,6 +68,7 @@ def workspace(
     arm, home = asked.arm, asked.q
     point = None if through is None else numbers("through", through, ("x", "y", "z"))
     part = choose_slice(arm, plane, home, point)
+    refuse_excess(cells, NODE * steps_of_grid(cells) ** 2 if part.is_surface else CELL * cells**2)
     task = _task(arm, part, asked.axes, asked.length)
     work = Search(arm, task, part, home, worst, on_samples or (lambda _: None))
     free_range, own_range = _ranges(arm, part)
