@@ -135,18 +135,11 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
     pressed = -np.concatenate([to_tip @ wrench[:3], to_tip @ wrench[3:]])
     reaction = inward_wrenches(links, pressed, np.linalg.inv(frames[-1]) @ tip)
     return Balance(
-        arm=arm,
-        q=q,
-        wrench=wrench,
-        equivalent=joint_torques(J, wrench),
-        equilibrium=equilibrium_torques(J, wrench),
-        bears_weight=gravity,
-        gravity=weight if gravity else np.zeros(arm.n),
-        springs=springs,
-        frames=frames,
-        reaction=reaction,
-        propagated=actuator_torques(reaction, arm.pitch),
-    )
+        arm=arm, q=q, wrench=wrench,
+        equivalent=joint_torques(J, wrench), equilibrium=equilibrium_torques(J, wrench),
+        bears_weight=gravity, gravity=weight if gravity else np.zeros(arm.n), springs=springs,
+        frames=frames, reaction=reaction, propagated=actuator_torques(reaction, arm.pitch),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
