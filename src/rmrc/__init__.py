@@ -19,7 +19,6 @@ the compiled law take a third of a second.
     found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.ik.solve
     postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.ik.postures
     found = rmrc.workspace("models/stanford.xml")                 # rmrc.analysis.workspace.workspace
-    found = rmrc.joint_map(arm, ["theta_2", "theta_5"])           # rmrc.analysis.workspace.joint_map
 """
 
 from importlib import import_module
@@ -45,7 +44,6 @@ _HOMES = {
     "solve_many": "rmrc.analysis.ik.solve",
     "find_postures": "rmrc.analysis.ik.postures",
     "workspace": "rmrc.analysis.workspace.workspace",
-    "joint_map": "rmrc.analysis.workspace.joint_map",
 }
 
 

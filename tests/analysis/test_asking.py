@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import rmrc
 from project import ROOT
 from rmrc import arm as arms
+from rmrc.analysis.workspace.joint_map import joint_map
 from rmrc.scenario import loads
 from rmrc.support.errors import ModelError, QuestionError
 from rmrc.support.spatial import quat_to_matrix
@@ -33,7 +34,7 @@ QUESTIONS = {
         lambda found: (found.home, found.free.values["sigma_min"], found.free.reached),
     ),
     "joint_map": (
-        lambda model, **more: rmrc.joint_map(model, ["shoulder", "elbow"], cells=10, **more),
+        lambda model, **more: joint_map(model, ["shoulder", "elbow"], cells=10, **more),
         lambda found: (found.q, found.values["sigma_min"]),
     ),
 }  # fmt: skip
