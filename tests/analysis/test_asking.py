@@ -66,6 +66,7 @@ def test_what_does_not_fit_is_refused_in_one_line(name):
         ({"q": Q, "keyframe": "home"}, "give q or keyframe, not both"),
         ({"q": [1.0]}, "q must have 2 values, one for each of shoulder, elbow, got shape (1,)"),
         ({"q": [1.0, np.nan]}, "q must be finite, got [1.0, nan]"),
+        ({"q": ["60 deg", 0]}, "q must be numbers, got ['60 deg', 0]"),
         ({"length": -1.0}, "length must be > 0 and finite, got -1"),
         ({"axes": ["x", "v"]}, 'axes: no row "v"; choose from x y z rx ry rz'),
     ):
