@@ -50,8 +50,9 @@ OWNERS = {
         *("rmrc.analysis.inspect.figure", "rmrc.analysis.workspace.figure"),
     ),
     "rich": (
-        *("rmrc.cli", "rmrc.show.tables", "rmrc.show.sheets"),
-        *("rmrc.study.compare_table", "rmrc.analysis.statics.report"),
+        "rmrc.cli",
+        "rmrc.show.tables",
+        "rmrc.show.terminal",
     ),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),

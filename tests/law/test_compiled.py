@@ -13,7 +13,7 @@ from project import ROOT
 from records import Unscaled, blank
 from rmrc.analysis import survey
 from rmrc.analysis.ik import descent
-from rmrc.analysis.workspace import folds as sheet
+from rmrc.analysis.workspace import folds
 from rmrc.arm import load
 from rmrc.law import controller, law
 from rmrc.law import svd as smallmat
@@ -34,7 +34,7 @@ EXAMINES = (
     controller.step,
     survey.examine,
     survey.locate,
-    sheet.scan,
+    folds.scan,
     descent.reach,
     smallmat.svd,
 )
