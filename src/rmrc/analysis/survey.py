@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rmrc.law.jit import Record, entry, machine_code
-from rmrc.law.kinematics import follow_chain, geometric_jacobian
+from rmrc.law.kinematics import chain_jacobian, follow_chain
 from rmrc.law.law import scale_task
 from rmrc.law.svd import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
 from rmrc.law.task import Array, Task
@@ -108,7 +108,7 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
             follow_chain(world, q[first + w])
             for c in range(7):
                 pose[first + w, c] = world.pose[c]
-            geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
+            chain_jacobian(world, world.J)
             scale_task(world)
             scale[w] = put_in_lane(world.A, world.m, world.n, rows, row_norm2, long, w)
         singular_values_of_lanes(long, norm2, k, size)
@@ -130,4 +130,4 @@ def locate(world: Record, q: Array, position: Array, J: Array) -> None:
         follow_chain(world, q[i])
         for c in range(3):
             position[i, c] = world.pose[c]
-        geometric_jacobian(world, world.pose, world.anchor, world.axis, J[i])
+        chain_jacobian(world, J[i])

@@ -146,7 +146,8 @@ def _world_type(c: int) -> np.dtype[np.void]:
             ("pose_ref_2", np.float64, (7,)), ("feedback_2", np.float64), ("priority", np.int64),
             ("damping_2", np.float64),
             # plant
-            ("plant", np.int64), ("bandwidth", np.float64), ("wrench", np.float64, (6,)),
+            ("plant", np.int64), ("qdot_sent", np.float64, (c,)),
+            ("bandwidth", np.float64), ("sent_before", np.float64, (c,)), ("wrench", np.float64, (6,)),
             ("lever", np.float64, (3,)),
             # encoders: whether they are off, and by how much
             ("is_off", np.int64), ("encoder_offset", np.float64, (c,)),

@@ -2,7 +2,7 @@
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, TypeVar
@@ -11,13 +11,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc import arm as arms
-from rmrc.arm import Arm, Change
+from rmrc.arm import Arm
 from rmrc.law.record import world_type
 from rmrc.law.task import structural_rank
-from rmrc.plants.stepping import Plant
+from rmrc.plants.hardware import Hardware
+from rmrc.plants.plant import Plant
+from rmrc.plants.stages import Encoders
 from rmrc.results.scorecard import refuse_unknown
 from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant, angle
-from rmrc.scenario.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
+from rmrc.scenario.choices import PLANTS, AtSingularity, Method, Objective, OnExcess, Priority, Schedule
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import make_reference
 from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
@@ -26,9 +28,6 @@ from rmrc.support.notices import tell
 from rmrc.support.spatial import AXES, exp_rotation, quat_multiply
 
 T = TypeVar("T")
-
-# Ten billion steps of MuJoCo are a day of a small arm on one core: more is a slip of a unit.
-MOST_STEPS = 10_000_000_000
 
 
 class _Recent(Generic[T]):
@@ -121,30 +120,21 @@ class Prepared:
     reference: Reference
     known: Known = field(default_factory=Known, repr=False)
 
+    @cached_property
+    def hardware(self) -> Hardware:
+        """What obeys the law, and what is between them."""
+        return Hardware(self.scenario, self.arm)
+
     @property
-    def substeps(self) -> int:
-        """MuJoCo's steps in a control period; an ideal plant has no timestep, and 1."""
-        plant = self.scenario.plant
-        return 1 if plant.kind == "ideal" else round(self.scenario.control.period / plant.timestep)
+    def plant(self) -> Plant:
+        """What obeys."""
+        return self.hardware.plant
 
     @property
     def most_ticks(self) -> int:
         """Control ticks of the run, at most: where the path is slowed, more than it has."""
         control, ticks = self.scenario.control, self.reference.ticks
         return math.ceil(control.slow.longest * ticks) if control.at_singularity == "slow" else ticks
-
-    @property
-    def kv(self) -> NDArray[np.float64]:
-        """Gains of the rate servos, (n,).
-
-        Without a number of the scenario's it is inertia over timestep: a rate error is then gone after one
-        step. Less tracks worse, and much more makes servos chatter when they reach their torque limits. An
-        ideal plant has no servos, and ones.
-        """
-        plant, n = self.scenario.plant, self.arm.n
-        if plant.kind == "ideal":
-            return np.ones(n)
-        return self.arm.inertia / plant.timestep if plant.kv is None else np.full(n, plant.kv)
 
     @cached_property
     def rows(self) -> NDArray[np.intp]:
@@ -172,17 +162,10 @@ class Prepared:
         """Rank of the task almost everywhere."""
         return self.known.rank(self.arm, self.rows, self.row_scale, self.joint_scale)
 
-    @cached_property
+    @property
     def encoder_offset(self) -> NDArray[np.float64]:
-        """What the encoders say too much, (n,): offset + deviation · z.
-
-        z is `numpy.random.default_rng(seed).standard_normal(n)`, one number a joint.
-        """
-        encoder, n = self.scenario.arm.encoder, self.arm.n
-        offset = np.full(n, encoder.offset)
-        if not np.any(encoder.deviation):
-            return offset
-        return offset + encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
+        """What the encoders say too much, (n,)."""
+        return Encoders(self.scenario, self.arm).offset
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
@@ -193,28 +176,6 @@ class Prepared:
         encoder = self.scenario.arm.encoder.model_copy(update={"seed": seed})
         arm = self.scenario.arm.model_copy(update={"encoder": encoder})
         return replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
-
-    @property
-    def is_loaded(self) -> bool:
-        """Whether there is a payload, which nothing carries in an ideal plant."""
-        plant = self.scenario.plant
-        return plant.kind != "ideal" and plant.payload > 0.0
-
-    @property
-    def change(self) -> Change:
-        """What the world has different from the model that it shares with others of its batch."""
-        plant, stretch = self.scenario.plant, self.scenario.arm.stretch
-        if plant.kind == "ideal":
-            return Change(stretch=stretch)
-        return Change(self.kv if plant.kind == "servo" else None, plant.gravity, plant.payload, stretch)
-
-    @property
-    def batch_key(self) -> object:
-        """What worlds must have in common to be stepped together."""
-        plant = self.scenario.plant
-        physics = (plant.timestep, plant.gravity_compensation, self.substeps, self.is_loaded)
-        kinematics = (plant.kind, self.scenario.arm.model, self.arm.site, self.arm.joints)
-        return kinematics + (physics if plant.kind != "ideal" else ())
 
 
 class Preparation:
@@ -306,16 +267,13 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     qpos = _start(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
     _check_scales(scenario, problems)
-    _check_encoder(scenario, arm, problems)
+    hardware = Hardware(scenario, arm)
+    for stage in hardware.stages:
+        problems.extend(stage.misfits())
     _check_method(scenario, arm, problems)
     _check_second_task(scenario, arm, problems)
     _check_slow(scenario, arm, problems)
-    if scenario.plant.kind == "torque" and arm.travels:
-        hinge = arm.joints[arm.travels[0].hinge]
-        problems.add(
-            "plant.kind",
-            f'"torque" knows no screw joints, and joint "{hinge}" of {arm.path} is one; take "servo"',
-        )
+    problems.extend(hardware.plant.misfits())
     problems.raise_any()
     _doubt_start(scenario, arm)
     try:
@@ -325,7 +283,7 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
         raise ScenarioError([f"{scenario.locate(key)}: {text}"]) from None
     prepared = Prepared(scenario, arm, qpos, reference, known)
     _check_duration(prepared, problems)
-    _check_steps(prepared, problems)
+    problems.extend(hardware.plant.excesses(prepared.most_ticks))
     problems.raise_any()
     return prepared
 
@@ -336,6 +294,10 @@ class _Problems:
 
     def add(self, key: str, message: str) -> None:
         self.lines.append(f"{self.scenario.locate(key)}: {message}")
+
+    def extend(self, found: Iterable[tuple[str, str]]) -> None:
+        for key, message in found:
+            self.add(key, message)
 
     def raise_any(self) -> None:
         if self.lines:
@@ -406,7 +368,7 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
         ("control.limits.rate", control.limits.rate),
         ("control.limits.acceleration", control.limits.acceleration),
         ("control.limits.braking", control.limits.braking),
-        ("plant.kv", scenario.plant.kv),
+        *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
             problems.add(key, _wrong_length(len(values), arm))
@@ -447,32 +409,6 @@ def _check_duration(prepared: Prepared, problems: _Problems) -> None:
             f"takes up to {prepared.most_ticks} control periods of {period:g} s, which is more than "
             f"{_LONGEST:g} s; raise target.limits, lower control.period or control.slow.longest, or shorten "
             "the path",
-        )
-
-
-# No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
-_MOST_OFF = 1e6
-
-
-def _check_encoder(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
-    encoder = scenario.arm.encoder
-    for name, values in (("offset", encoder.offset), ("deviation", encoder.deviation)):
-        most = float(np.max(np.abs(values)))
-        if most > _MOST_OFF:
-            problems.add(f"arm.encoder.{name}", f"must be within ±{_MOST_OFF:g} rad or m, got {most:g}")
-    if not (np.any(encoder.offset) or np.any(encoder.deviation)):
-        return
-    if scenario.control.nullspace.objective == "secondary":
-        problems.add(
-            "arm.encoder",
-            'the objective "secondary" knows its site only where the encoders are right; '
-            "take another control.nullspace.objective, or leave arm.encoder out",
-        )
-    if arm.idle:
-        problems.add(
-            "arm.encoder",
-            f'joint "{arm.idle[0]}" of {arm.path} moves the site and is not driven, so that q + offset does '
-            "not say where the site is; drive it, or leave arm.encoder out",
         )
 
 
@@ -521,22 +457,6 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
         )
 
 
-# So short a step [s] changes no position of an arm by a bit; gains of inertia over timestep are finite.
-_SHORTEST_STEP = 1e-12
-
-
-def _check_steps(prepared: Prepared, problems: _Problems) -> None:
-    plant, steps = prepared.scenario.plant, prepared.most_ticks * float(prepared.substeps)
-    if plant.kind != "ideal" and steps > MOST_STEPS:
-        problems.add(
-            "plant.timestep",
-            f"makes up to {steps:.6g} steps of {plant.timestep:g} s, more than {MOST_STEPS:g}; raise it, "
-            "shorten target.path or lower control.slow.longest",
-        )
-    elif plant.kind != "ideal" and plant.timestep < _SHORTEST_STEP:
-        problems.add("plant.timestep", f"must be >= {_SHORTEST_STEP:g} s, got {plant.timestep:g} s")
-
-
 def _rate_limit(scenario: Scenario, arm: Arm) -> NDArray[np.float64]:
     rate = scenario.control.limits.rate
     return arm.rate_limit if rate is None else np.full(arm.n, rate)
@@ -570,25 +490,18 @@ def _set_world(world: NDArray[np.void], prepared: Prepared, reference: int) -> N
     world["pace"] = world["share"] = 1.0
     world["row"][0, :m], world["row_scale"][0, :m] = prepared.rows, prepared.row_scale
     world["joint_scale"][0, :n], world["rank"] = prepared.joint_scale, prepared.rank
+    chain = prepared.arm.chain
+    world["is_slide"][0, :n], world["pitch"][0, :n] = prepared.arm.is_slide, prepared.arm.pitch
+    world["zero_axis"][0, :n], world["zero_step"][0, :n] = chain.axis, chain.step
+    world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
 
     world["period"], world["feedback"] = control.period, control.feedback
     world["feedforward"] = float(control.feedforward)
-    _set_encoder(world, prepared)
     _set_inverse(world, scenario)
     _set_nullspace(world, prepared)
     _set_limits(world, prepared)
     _set_policy(world, scenario)
-
-    plant = scenario.plant
-    world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
-    world["wrench"] = plant.wrench
-
-
-def _set_encoder(world: NDArray[np.void], prepared: Prepared) -> None:
-    chain, n = prepared.arm.chain, prepared.arm.n
-    world["is_off"], world["encoder_offset"][0, :n] = prepared.encoder_offset.any(), prepared.encoder_offset
-    world["zero_axis"][0, :n], world["zero_step"][0, :n] = chain.axis, chain.step
-    world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
+    prepared.hardware.write(world[0])
 
 
 def _set_inverse(world: NDArray[np.void], scenario: Scenario) -> None:

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.jit import Array, Record, compiled, entry, inlined
-from rmrc.law.kinematics import follow_chain, geometric_jacobian, pose_error
+from rmrc.law.kinematics import chain_jacobian, follow_chain, pose_error
 from rmrc.law.svd import RANK_FLOOR, combine, dot, project, svd_from_scratch
 
 # λ² starts with this share of |e|². Of 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
@@ -195,7 +195,7 @@ def measure(world: Record, goal: Array, q: Array) -> float:
 def linearize(world: Record) -> None:
     """Keep e, and write A = S_x L(φ) J S_q, where the arm was last measured."""
     J, error = world.J, world.error_2
-    geometric_jacobian(world, world.pose, world.anchor, world.axis, J)
+    chain_jacobian(world, J)
     fx, fy, fz = error[3], error[4], error[5]
     turn2 = fx * fx + fy * fy + fz * fz
     half = 0.5 * math.sqrt(turn2)

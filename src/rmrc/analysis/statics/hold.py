@@ -31,6 +31,7 @@ from rmrc.scenario import (
     TargetSection,
     TaskSection,
 )
+from rmrc.scenario.choices import SERVO
 from rmrc.simulation.footprint import footprint
 from rmrc.simulation.prepare import Known, Prepared, prepare
 from rmrc.simulation.simulation import Simulation
@@ -165,7 +166,7 @@ class Holding:
         ended = balance(arm, run["q"][-1], wanted.wrench, self.gravity)
         rate = _rate(run)
         # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
-        moving = self.prepared.kv * rate
+        moving = np.array(self.prepared.scenario.plant.kv) * rate
         share = SHARE_OF_SCREWS if arm.travels else SHARE
         return Held(
             wanted=wanted,
@@ -219,7 +220,7 @@ def _scenario(wanted: Balance, gravity: bool, seconds: float) -> Scenario:
         ),
         target=TargetSection(path=(HoldSegment(hold=Hold(**{"for": seconds})),)),
         plant=PlantSection(
-            kind="servo",
+            kind=SERVO.name,
             kv=tuple(arm.inertia / PERIOD),
             timestep=TIMESTEP,
             gravity_compensation=not gravity,
