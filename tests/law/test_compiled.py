@@ -10,6 +10,7 @@ import pytest
 
 import rmrc
 from project import ROOT
+from records import Unscaled, blank
 from rmrc.analysis import survey
 from rmrc.analysis.ik import descent
 from rmrc.analysis.workspace import folds as sheet
@@ -17,7 +18,7 @@ from rmrc.arm import load
 from rmrc.law import law
 from rmrc.law import svd as smallmat
 from rmrc.law.jit import _kind
-from rmrc.law.record import tick_type, world_type
+from rmrc.law.record import records, tick_type
 from rmrc.law.task import choose
 from rmrc.plants import lockstep, torque
 from rmrc.results import tally
@@ -71,10 +72,10 @@ def test_arguments_that_are_of_one_kind_are_of_one_type():
     shown = table.view()
     shown.flags.writeable = False
     misaligned = np.ndarray((2,), np.float64, np.zeros(17, np.uint8)[1:].data)
-    worlds = np.zeros(2, world_type(2))
+    worlds = records(2, [Unscaled(2, 2)], [Unscaled(2, 2)])
     arguments = [
         0, 2**63, 0.0, False, (1, 2), (1, 2.0), table, table.T, table[::2], table[:, ::2], shown, table[0],
-        misaligned, table.astype(np.float32), worlds, worlds[0], np.zeros(1, world_type(3))[0],
+        misaligned, table.astype(np.float32), worlds, worlds[0], blank(3, 9)[0][0],
         np.zeros(2, tick_type(2)), np.zeros((2, 2), tick_type(2)),
     ]  # fmt: skip
     for one, other in combinations(arguments, 2):

@@ -27,6 +27,16 @@ def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array,
 
 
 @compiled
+def second_jacobian(world: Record, point: Array, anchors: Array, axes: Array) -> None:
+    """Write J_2, as `geometric_jacobian`, of the second task's site; joints behind it do not move it."""
+    geometric_jacobian(world, point, anchors, axes, world.J_2)
+    for j in range(world.n):
+        if not world.moves_2[j]:
+            for i in range(6):
+                world.J_2[i, j] = 0.0
+
+
+@compiled
 def chain_jacobian(world: Record, J: Array) -> None:
     """Write J (6, n), as `geometric_jacobian`, where `follow_chain` was last."""
     for j in range(world.n):

@@ -5,9 +5,13 @@ import numpy as np
 from rmrc.arm import Arm
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.kinds import CLASSES, KINDS
-from rmrc.plants.stages import STAGES
+from rmrc.plants.plant import Plant
+from rmrc.plants.stages import STAGES, Stage
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import PLANTS
+
+# Worlds of all plants, with all stages and with none, have records of one type: so one tick is compiled.
+_PARTS: tuple[type[Plant] | type[Stage], ...] = (*CLASSES, *STAGES)
 
 
 class Hardware:
@@ -16,13 +20,16 @@ class Hardware:
     Attributes:
         plant: What obeys.
         stages: All there are, in order: those that its world does not have do nothing.
+        memory: What compiled functions keep from tick to tick, the rates that were sent last among it.
     """
 
     fields = (
         Field("plant", np.int64),
+        *dict.fromkeys(field for part in _PARTS for field in part.fields),
+    )
+    memory = (
         Field("qdot_sent", size=(JOINTS,)),
-        *dict.fromkeys(field for kind in CLASSES for field in kind.fields),
-        *(field for stage in STAGES for field in stage.fields),
+        *dict.fromkeys(field for part in _PARTS for field in part.memory),
     )
 
     def __init__(self, scenario: Scenario, arm: Arm) -> None:

@@ -1,20 +1,55 @@
 """The compiled tick of all worlds: sense, law, obey. MuJoCo then steps them, and leaves kinematics fresh."""
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.jit import Array, Record, compiled, entry
-from rmrc.law.kinematics import chain_jacobian, follow_chain, geometric_jacobian, pose_error
+from rmrc.law.kinematics import (
+    chain_jacobian,
+    follow_chain,
+    geometric_jacobian,
+    pose_error,
+    second_jacobian,
+)
 from rmrc.law.law import control
+from rmrc.law.record import Field
 from rmrc.plants.kinds import obey, sense
 from rmrc.plants.stages import sensed, sent
 
 # MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
 LARGEST = 1e10
 BAD_FIRST, BAD_LAST = int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a world has before it: it owns the fields of its record that say how far it goes.
+
+    Attributes:
+        reference: Index of its reference in the batch.
+        path_ticks: Ticks of that.
+        ticks: Ticks to run at most.
+    """
+
+    reference: int
+    path_ticks: int
+    ticks: int
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("reference", np.int64), Field("path_ticks", np.int64), Field("ticks", np.int64),
+        # the tick at which it diverged or -1, and the joint
+        Field("diverged", np.int64), Field("diverged_joint", np.int64),
+    )  # fmt: skip
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        world["reference"], world["path_ticks"], world["ticks"] = self.reference, self.path_ticks, self.ticks
+        world["diverged"], world["diverged_joint"] = -1, 0
 
 
 @entry
@@ -100,16 +135,12 @@ def read_joints(world: Record, out: Record, xpos: Array, xquat: Array) -> bool:
 
 @compiled
 def measure_second(world: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) -> None:
-    """Read pose and Jacobian of the second task's site; joints behind it do not move it."""
+    """Read pose and Jacobian of the second task's site."""
     for i in range(3):
         world.pose_2[i] = xpos[world.site_2, i]
     for i in range(4):
         world.pose_2[3 + i] = xquat[world.site_2, i]
-    geometric_jacobian(world, xpos[world.site_2], anchors, axes, world.J_2)
-    for j in range(world.n):
-        if not world.moves_2[j]:
-            for i in range(6):
-                world.J_2[i, j] = 0.0
+    second_jacobian(world, xpos[world.site_2], anchors, axes)
 
 
 @compiled

@@ -59,7 +59,8 @@ class Plant(ABC):
         sense: Compiled, (world, out, state, force): writes `out.q`, `out.qdot` and `out.tau`, from MuJoCo's
             state row and the actuators' forces.
         obey: Compiled, (world, out, state): brings `world.qdot_sent` into MuJoCo's state row.
-        fields: Of the record of a world, those that `write` writes or the compiled functions remember.
+        fields: Of the record of a world, those that `write` writes.
+        memory: Those that the compiled functions keep for themselves, 0 at first.
         stage: How far MuJoCo computes what follows from a new state: all that `sense` reads is fresh.
         batches: How many of MuJoCo's it takes at most.
     """
@@ -68,6 +69,7 @@ class Plant(ABC):
     sense: ClassVar[Callable[..., None]]
     obey: ClassVar[Callable[..., None]]
     fields: ClassVar[tuple[Field, ...]] = ()
+    memory: ClassVar[tuple[Field, ...]] = ()
     stage: ClassVar[mujoco.mjtStage]
     batches: ClassVar[int] = 1
 

@@ -28,13 +28,15 @@ class Stage(ABC):
         slot: Whether it changes what is sensed, before the law, or what is sent, after it.
         uses: The field of a record that says whether its world has it.
         change: Compiled, (world, out): does what it does.
-        fields: All of the record that it writes or remembers; `uses` is one of them.
+        fields: Of the record of a world, those that `write` writes; `uses` is one of them.
+        memory: Those that `change` keeps for itself, 0 at first.
     """
 
     slot: ClassVar[Literal["sensed", "sent"]]
     uses: ClassVar[str]
     change: ClassVar[Callable[..., None]]
     fields: ClassVar[tuple[Field, ...]]
+    memory: ClassVar[tuple[Field, ...]] = ()
 
     def __init__(self, scenario: Scenario, arm: Arm) -> None:
         """Bind it to a world.

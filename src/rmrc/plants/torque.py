@@ -80,13 +80,9 @@ class Torque(Physical):
 
     name = "torque"
     obey = staticmethod(choose_acceleration)
-    fields = (
-        *Physical.fields,
-        Field("bandwidth"),
-        # acceleration that the joints shall have; the rates that were sent before
-        Field("qddot", size=(JOINTS,)),
-        Field("sent_before", size=(JOINTS,)),
-    )
+    fields = (*Physical.fields, Field("bandwidth"))
+    # the acceleration that the joints shall have, and the rates that were sent before
+    memory = (Field("qddot", size=(JOINTS,)), Field("sent_before", size=(JOINTS,)))
     batches = 2
 
     @classmethod

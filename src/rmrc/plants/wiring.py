@@ -10,7 +10,7 @@ from rmrc.arm import Arm, Wiring
 from rmrc.law.jit import Array
 from rmrc.law.record import JOINTS, Field
 
-FIELDS = (
+WIRING = (
     Field("joint", np.int64, (JOINTS,)),
     Field("dof", np.int64, (JOINTS,)),
     Field("actuator", np.int64, (JOINTS,)),

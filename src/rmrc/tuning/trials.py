@@ -13,7 +13,7 @@ from rmrc.plants.batches import Batches
 from rmrc.results.run import Divergence
 from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import inline
-from rmrc.simulation.prepare import Preparation, Prepared, world_record
+from rmrc.simulation.prepare import Preparation, Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.threads import side_by_side
 from rmrc.tuning.copies import Copy
@@ -87,13 +87,9 @@ class Limits:
     @classmethod
     def of(cls, prepared: Prepared) -> "Limits":
         """Return the limits of a scenario, the model's own where it has none."""
-        arm, length, record = prepared.arm, prepared.scenario.task.length, world_record(prepared, 0)
+        arm, length, law = prepared.arm, prepared.task.length, prepared.law
         scale = np.where(arm.is_slide, length, 1.0)
-        rate, acceleration = (
-            record["rate_limit"][: arm.n].copy(),
-            record["acceleration_limit"][: arm.n].copy(),
-        )
-        return cls(arm.joints, tuple(arm.units), scale, length, rate, acceleration)
+        return cls(arm.joints, tuple(arm.units), scale, length, law.rate_limit, law.acceleration_limit)
 
     def measure(self, card: Scorecard, divergence: Divergence | None, longest: float) -> Outcome:
         """Return what a run came to.
