@@ -2,7 +2,8 @@
 
 A stage of the slot `sensed` changes what the law is told of the joints, `world.q` and `world.qdot`: the law
 then takes the arm to be there. One of the slot `sent` changes what the plant is told, `world.qdot_sent`. The
-truth is recorded, and what the law commanded. A stage is a class here, and a compiled function.
+truth is recorded, and what the law commanded. The site of a second task is where MuJoCo has it, so that a
+stage which changes q must refuse one. A stage is a class here, and a compiled function.
 """
 
 from abc import ABC, abstractmethod
