@@ -9,7 +9,7 @@ the compiled law take a third of a second.
     figures = rmrc.results.scorecard.scorecard(run)                       # a module; import it
     swept = rmrc.Sweep(Path("scenarios/x.yaml")).run()             # rmrc.study.sweep
     tuned = rmrc.tune("scenarios/approach_singularity.yaml")      # rmrc.tuning.tune
-    rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.law.law
+    rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.law.controller
     arm = rmrc.arm.load(Path("models/stanford.xml"))              # a module; import it
     found = rmrc.inspect_arm(arm, q)                              # rmrc.analysis.inspect.inspection
     borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics.balance
@@ -32,7 +32,7 @@ _HOMES = {
     "Run": "rmrc.results.run",
     "Sweep": "rmrc.study.sweep",
     "tune": "rmrc.tuning.tune",
-    "resolve_rates": "rmrc.law.law",
+    "resolve_rates": "rmrc.law.controller",
     "inspect_arm": "rmrc.analysis.inspect.inspection",
     "balance": "rmrc.analysis.statics.balance",
     "wrench_costs": "rmrc.analysis.statics.balance",

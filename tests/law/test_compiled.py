@@ -15,7 +15,7 @@ from rmrc.analysis import survey
 from rmrc.analysis.ik import descent
 from rmrc.analysis.workspace import folds as sheet
 from rmrc.arm import load
-from rmrc.law import law
+from rmrc.law import controller, law
 from rmrc.law import svd as smallmat
 from rmrc.law.jit import _kind
 from rmrc.law.record import records, tick_type
@@ -23,12 +23,21 @@ from rmrc.law.task import choose
 from rmrc.plants import lockstep, torque
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
+from rmrc.scenario import ControlSection
 from rmrc.simulation import reference
 
 MOVES = (
     reference.sample, lockstep.tick, torque.computed_torque, tally.add,
 )  # fmt: skip
-EXAMINES = (law.resolve, survey.examine, survey.locate, sheet.scan, descent.reach, smallmat.svd)
+EXAMINES = (
+    law.resolve,
+    controller.step,
+    survey.examine,
+    survey.locate,
+    sheet.scan,
+    descent.reach,
+    smallmat.svd,
+)
 
 
 def kept(function):
@@ -48,6 +57,8 @@ def test_what_moves_a_world_is_kept_on_disk(simulate):
 def test_what_examines_an_arm_is_kept_on_disk():
     arm = load(ROOT / "models/planar_2link.xml")
     task = choose(arm)
+    start = arm.configuration("home")[arm.wiring.qpos]
+    assert controller.Controller(law.Law(task, ControlSection(), start)).command.status == 0
     assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
     assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
     assert rmrc.solve_ik(task, rmrc.goal_pose(task, [1.0, 1.0])).found

@@ -89,12 +89,12 @@ def follow_chain(world: Record, q: Array) -> None:
         else:
             way = world.pitch[j] * q[j]
             c, s = math.cos(0.5 * q[j]), math.sin(0.5 * q[j])
-            turn = _product((c, s * ax, s * ay, s * az), turn)
+            turn = quat_product((c, s * ax, s * ay, s * az), turn)
         x, y, z = x + way * ax, y + way * ay, z + way * az
     dx, dy, dz = _turned(turn, world.tip_step)
     world.pose[0], world.pose[1], world.pose[2] = x + dx, y + dy, z + dz
     tip = world.tip_quat
-    world.pose[3], world.pose[4], world.pose[5], world.pose[6] = _product(
+    world.pose[3], world.pose[4], world.pose[5], world.pose[6] = quat_product(
         turn, (tip[0], tip[1], tip[2], tip[3])
     )
 
@@ -112,7 +112,8 @@ def _turned(turn: Quaternion, v: Array) -> tuple[float, float, float]:
 
 
 @compiled
-def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Return a b, to the bit as MuJoCo multiplies them."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],

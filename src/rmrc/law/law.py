@@ -9,29 +9,41 @@ a number without unit and does not change when the model is drawn in millimeters
 """
 
 import math
-from enum import IntEnum
 from typing import ClassVar
 
 import numpy as np
 
 from rmrc.arm import Arm
-from rmrc.law.inverses import damping, gains, manipulability
-from rmrc.law.jit import Array, Record, compiled, entry, inlined, machine_code
+from rmrc.law.inverses import damping, gains
+from rmrc.law.jit import Array, Record, compiled, entry, inlined
 from rmrc.law.kinematics import pose_error, scale_joints
 from rmrc.law.limits import limit
-from rmrc.law.nullspace import NONE, add_projected, wished_rates
-from rmrc.law.policies import hold, slow_down
-from rmrc.law.record import JOINTS, ROWS, Field, records, tick_type
+from rmrc.law.nullspace import add_projected, wished_rates
+from rmrc.law.policies import near_singularity
+from rmrc.law.record import JOINTS, Field
 from rmrc.law.standstill import stuck
-from rmrc.law.svd import RANK_FLOOR, combine, continue_row, orthonormalize, project, set_identity, svd
+from rmrc.law.svd import (
+    RANK_FLOOR,
+    combine,
+    continue_row,
+    orthonormalize,
+    product,
+    project,
+    set_identity,
+    svd,
+)
 from rmrc.law.task import SecondTask, Task
-from rmrc.scenario import ControlSection, DampingSection, InverseSection, LimitsSection
-from rmrc.scenario.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule, Status
-from rmrc.support.errors import did_you_mean
+from rmrc.scenario import ControlSection, LimitsSection
+from rmrc.scenario.choices import (
+    OBJECTIVES,
+    Status,
+    record_fields,
+    write_choices,
+)
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
-SLOW, STOP = int(AtSingularity.SLOW), int(AtSingularity.STOP)
+NONE = OBJECTIVES.code("none")
 
 # κ ≥ 100 is called SINGULAR: the direction that dies takes a hundred times the joint rates of the best one.
 SINGULAR_BELOW = 0.01
@@ -59,17 +71,14 @@ class Law:
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field("rank", np.int64), Field("period"), Field("feedback"), Field("feedforward"),
-        Field("posture", size=(JOINTS,)), Field("wished", size=(JOINTS,)),
         Field("position_range", size=(2, JOINTS)), *SecondTask.fields,
         Field("rate_limit", size=(JOINTS,)), Field("acceleration_limit", size=(JOINTS,)),
         Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
-        *(Field(name, np.int64) for name in ("method", "schedule", "objective", "priority")),
-        *(Field(name, np.int64) for name in ("on_excess", "at_singularity")),
-        Field("tolerance"), Field("cutoff"), Field("gamma"), Field("rate_bound"),
-        Field("damping_maximum"), Field("damping_below"), Field("manipulability_below"), Field("error_gain"),
-        Field("objective_gain"), Field("feedback_2"), Field("damping_2"),
-        Field("slow_change"), Field("slow_patience"),
-        Field("stop_sigma"), Field("stop_condition"), Field("stop_change"),
+        Field("feedback_2"),
+        *(
+            Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
+            for name, kind, is_each in record_fields()
+        ),
     )  # fmt: skip
 
     def __init__(self, task: Task, control: ControlSection, start: Array) -> None:
@@ -98,43 +107,19 @@ class Law:
         control, n = self._control, self.task.arm.n
         world["rank"], world["period"] = self.task.rank, control.period
         world["feedback"], world["feedforward"] = control.feedback, control.feedforward
-        world["posture"][:n] = self.posture
-        world["wished"][:n] = 0.0 if control.nullspace.rates is None else control.nullspace.rates
         world["position_range"][:, :n] = self.task.arm.position_limit.T
         world["rate_limit"][:n], world["acceleration_limit"][:n] = self.rate_limit, self.acceleration_limit
         world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
         if self.second is not None:
             self.second.write(world)
-        write_inverse(world, control.inverse)
+        world["feedback_2"] = control.nullspace.secondary.feedback
         write_choices(world, control)
+        world["nullspace_posture"][:n] = self.posture
 
 
 def rate_limit(arm: Arm, limits: LimitsSection) -> Array:
     """Return the largest rates of an arm's joints, (n,): the model's own where none are given."""
     return arm.rate_limit if limits.rate is None else np.full(arm.n, limits.rate)
-
-
-def write_inverse(world: np.void, inverse: InverseSection) -> None:
-    """Write what the inverse and its damping take from a scenario."""
-    damping = inverse.damping
-    world["method"], world["tolerance"] = Method[inverse.method.upper()], inverse.tolerance
-    world["cutoff"], world["gamma"], world["rate_bound"] = inverse.cutoff, inverse.gamma, inverse.rate_bound
-    world["schedule"] = Schedule[damping.schedule.upper()]
-    world["damping_maximum"], world["damping_below"] = damping.maximum, damping.below
-    world["manipulability_below"], world["error_gain"] = damping.manipulability_below, damping.error_gain
-
-
-def write_choices(world: np.void, control: ControlSection) -> None:
-    """Write what all else that is chosen takes from a scenario, as it is written there."""
-    nullspace, second, slow, stop = control.nullspace, control.nullspace.secondary, control.slow, control.stop
-    world["objective"], world["objective_gain"] = Objective[nullspace.objective.upper()], nullspace.gain
-    world["priority"] = Priority[second.priority.upper()]
-    world["feedback_2"], world["damping_2"] = second.feedback, second.damping
-    world["on_excess"] = OnExcess[control.limits.on_excess.upper()]
-    world["at_singularity"] = AtSingularity[control.at_singularity.upper()]
-    world["slow_change"], world["slow_patience"] = slow.change, slow.patience
-    world["stop_sigma"], world["stop_change"] = stop.sigma, stop.change
-    world["stop_condition"] = math.inf if stop.condition is None else stop.condition
 
 
 @inlined
@@ -173,15 +158,11 @@ def resolve_twist(world: Record, tick: Record) -> None:
     tick.secondary_error = tick.secondary_sigma = math.nan
     for j in range(world.n):
         world.qdot0[j] = 0.0
-    if world.objective != NONE:
+    if world.nullspace_objective != NONE:
         wished_rates(world, tick, world.qdot0)
         add_projected(world, world.qdot0, tick.qdot_cmd)
     tick.path_rate = 1.0
-    status = singular_status(world, tick)
-    if world.at_singularity == SLOW:
-        status |= slow_down(world, tick)
-    elif world.at_singularity == STOP:
-        status |= hold(world, tick)
+    status = singular_status(world, tick) | near_singularity(world, tick)
     status |= limit(world, tick)
     tick.status = status | stuck(world, tick, status)
     record_measures(world, tick)
@@ -244,7 +225,7 @@ def singular_status(world: Record, tick: Record) -> int:
 def record_measures(world: Record, tick: Record) -> None:
     """Record w = ∏σ, κ = σ_1/σ_k, the dying task direction u_min and the joint motion v_min that it takes."""
     last = world.k - 1
-    tick.manipulability = manipulability(world, tick.sigma)
+    tick.manipulability = product(tick.sigma, world.k)
     tick.condition = tick.sigma[0] / tick.sigma[last] if tick.sigma[last] > 0.0 else math.inf
     for i in range(6):
         tick.u_min[i] = 0.0
@@ -252,91 +233,3 @@ def record_measures(world: Record, tick: Record) -> None:
         tick.u_min[world.row[i]] = world.u[last, i]
     for j in range(world.n):
         tick.v_min[j] = world.v[last, j]
-
-
-def resolve_rates(
-    J: Array,
-    twist: Array,
-    method: str = "damped",
-    *,
-    schedule: str = "constant",
-    damping_maximum: float = 0.1,
-    damping_below: float = 0.3,
-    manipulability_below: float = 0.3,
-    error_gain: float = 1.0,
-    error: float = 0.0,
-    tolerance: float = 1e-6,
-    cutoff: float = 0.01,
-    gamma: float = 0.1,
-    rate_bound: float = 2.0,
-) -> Array:
-    """Return the joint rates that one inverse answers to one twist: the law for a notebook.
-
-    Args:
-        J: Jacobian of the task, (m, n), m <= 6.
-        twist: Commanded task velocity, (m,).
-        method: One of the inverses; `inverse` needs a square J.
-        schedule: How the damping of `damped` is chosen.
-        damping_maximum: λ_max, in the units of σ.
-        damping_below: ε, where `smallest_singular_value` and the method `filtered` start to damp.
-        manipulability_below: w₀, where `manipulability` starts to damp.
-        error_gain: λ of the schedule `error` for an error of 1.
-        error: Norm of the task error, for that schedule.
-        tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
-        cutoff: `truncated` drops σ_i <= cutoff.
-        gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
-        rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
-
-    Returns:
-        Joint rates, (n,).
-
-    Raises:
-        ValueError: A shape or a name that the law does not have.
-
-    >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), damping_maximum=0.1).round(3)
-    array([0.99, 5.  ])
-    >>> resolve_rates(np.diag([1.0, 0.01]), np.array([1.0, 1.0]), "jparse", gamma=0.1).round(3)
-    array([1., 1.])
-    """
-    J, twist = np.atleast_2d(np.asarray(J, np.float64)), np.asarray(twist, np.float64)
-    m, n = J.shape
-    if m > 6 or twist.shape != (m,):
-        raise ValueError(f"J must be (m, n) with m <= 6 and twist (m,), got {J.shape}, {twist.shape}")
-    if method == "inverse" and m != n:
-        raise ValueError(f"method 'inverse' needs a square J, got {J.shape}")
-    if not (np.isfinite(J).all() and np.isfinite(twist).all()):
-        raise ValueError("J and twist must be finite")
-    _refuse_unknown("method", method, Method)
-    _refuse_unknown("schedule", schedule, Schedule)
-    damping = DampingSection.model_construct(
-        schedule=schedule, maximum=damping_maximum, below=damping_below,
-        manipulability_below=manipulability_below, error_gain=error_gain,
-    )  # fmt: skip
-    inverse = InverseSection.model_construct(
-        method=method, tolerance=tolerance, cutoff=cutoff, gamma=gamma, rate_bound=rate_bound, damping=damping
-    )
-    (world,), (tick,) = records(n, [_Bare(m, n, inverse)]), np.zeros(1, tick_type(n))
-    world["J"][:m, :n], world["twist_cmd"][:m], world["error"] = J, twist, error
-    machine_code(resolve, world, tick)(world, tick)
-    return np.array(tick["qdot_cmd"][:n])
-
-
-class _Bare:
-    """A task without an arm, and a law that inverts it and does nothing else."""
-
-    fields: ClassVar[tuple[Field, ...]] = (*Task.fields, *Law.fields)
-
-    def __init__(self, m: int, n: int, inverse: InverseSection) -> None:
-        self._m, self._n, self._inverse = m, n, inverse
-
-    def write(self, world: np.void) -> None:
-        m, n = self._m, self._n
-        world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-        world["row"], world["row_scale"], world["joint_scale"] = np.arange(ROWS), 1.0, 1.0
-        write_inverse(world, self._inverse)
-
-
-def _refuse_unknown(key: str, name: str, kinds: type[IntEnum]) -> None:
-    known = [kind.name.lower() for kind in kinds]
-    if name not in known:
-        raise ValueError(f'{key} must be one of {", ".join(known)}, got "{name}"{did_you_mean(name, known)}')

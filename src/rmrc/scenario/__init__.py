@@ -45,7 +45,6 @@ from rmrc.scenario.sections import (
     ArmSection,
     Check,
     ControlSection,
-    DampingSection,
     EncoderSection,
     InverseSection,
     LimitsSection,
@@ -53,8 +52,6 @@ from rmrc.scenario.sections import (
     PlantSection,
     Scenario,
     SecondarySection,
-    SlowSection,
-    StopSection,
     SweepSection,
     TargetLimitsSection,
     TargetSection,
@@ -66,10 +63,10 @@ from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError
 
 __all__ = [
-    "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Check", "ControlSection", "DampingSection",
+    "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Check", "ControlSection",
     "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment",
     "NullspaceSection", "PlantSection", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment",
-    "SlowSection", "StopSection", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection",
+    "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection",
     "Template", "Turn", "TurnSegment", "Variant", "angle", "block", "inline", "json_schema", "load", "loads",
     "place_of", "schema_rows", "variants",
 ]  # fmt: skip

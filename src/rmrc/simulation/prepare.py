@@ -22,7 +22,7 @@ from rmrc.plants.stages import Encoders
 from rmrc.plants.wiring import WIRING
 from rmrc.results.scorecard import refuse_unknown
 from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant, angle
-from rmrc.scenario.choices import PLANTS
+from rmrc.scenario.choices import INVERSES, PLANTS
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import make_reference
 from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
@@ -405,10 +405,11 @@ def _check_duration(prepared: Prepared, problems: _Problems) -> None:
 
 def _check_method(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
     m = len(scenario.task.axes)
-    if scenario.control.inverse.method == "inverse" and m != arm.n:
+    method = scenario.control.inverse.method
+    if INVERSES[method].needs_square and m != arm.n:
         problems.add(
             "control.inverse.method",
-            f'"inverse" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
+            f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
             'choose other task.axes, or "pseudoinverse" or "damped"',
         )
 

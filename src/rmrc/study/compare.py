@@ -12,7 +12,7 @@ from rmrc.results import facts
 from rmrc.results.leaving import Leaving, refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard, check, scorecard
-from rmrc.scenario import Scenario, Variant
+from rmrc.scenario import Scenario, Variant, choices
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared, prepare_many
 from rmrc.simulation.simulation import Simulation
@@ -23,14 +23,7 @@ from rmrc.support.interruption import interruptible
 # What a scenario chooses by name for its law. It states its expectations for these choices: another inverse
 # is not bound to what the one as written shall do, as where the plain inverse is expected to blow up.
 # Numbers, such as a damping or a limit, are settings of the same law.
-CHOICES = (
-    "control.inverse.method",
-    "control.inverse.damping.schedule",
-    "control.nullspace.objective",
-    "control.nullspace.secondary.priority",
-    "control.limits.on_excess",
-    "control.at_singularity",
-)
+CHOICES = tuple(f"control.{one.key}" for one in choices.CHOICES)
 
 
 @dataclass(frozen=True)

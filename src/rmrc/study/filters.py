@@ -4,17 +4,17 @@ The compiled law itself is asked, so that no method needs its formula written tw
 the tick at which the arm was nearest, with nothing changed but σ of the direction that is lost first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.jit import machine_code
-from rmrc.law.law import Law, resolve
-from rmrc.law.record import records, tick_type
+from rmrc.law.law import resolve
+from rmrc.law.record import tick_type
 from rmrc.results.run import Run
 from rmrc.scenario import LimitsSection, NullspaceSection
-from rmrc.simulation.prepare import Prepared
+from rmrc.simulation.prepare import Prepared, world_records
 from rmrc.support.spatial import pose_error
 
 _Array = NDArray[np.float64]
@@ -75,7 +75,7 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
 def compile_for(prepared: Prepared) -> None:
     """Load the compiled law for one problem alone, or compile it the first time, which takes seconds."""
     n = prepared.arm.n
-    machine_code(resolve, records(n, [prepared.task, prepared.law])[0], np.zeros(1, tick_type(n))[0])
+    machine_code(resolve, world_records([prepared], [0])[0], np.zeros(1, tick_type(n))[0])
 
 
 def _world_at(prepared: Prepared, run: Run, tick: int) -> np.void:
@@ -84,14 +84,10 @@ def _world_at(prepared: Prepared, run: Run, tick: int) -> np.void:
     Limits, policies and the null space come after the gains, and are left out.
     """
     control, arm, task = prepared.scenario.control, prepared.arm, prepared.task
-    alone = control.model_copy(
-        update={
-            "nullspace": NullspaceSection(),
-            "limits": LimitsSection(on_excess="none"),
-            "at_singularity": "damp",
-        }
-    )
-    world: np.void = records(arm.n, [task, Law(task, alone, run["q"][0])])[0]
+    nothing = {"nullspace": NullspaceSection(), "limits": LimitsSection(on_excess="none")}
+    alone = control.model_copy(update={**nothing, "at_singularity": "damp"})
+    scenario = prepared.scenario.model_copy(update={"control": alone})
+    world: np.void = world_records([replace(prepared, scenario=scenario)], [0])[0]
     q = run["q"][tick] + prepared.encoder_offset  # where the law sees the arm
     world["J"][:, : arm.n] = arm.jacobian(q)
     error = pose_error(run["pose_ref"][tick], arm.pose(q))
