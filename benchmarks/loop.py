@@ -68,8 +68,7 @@ def closed_loop(prepared: list[Prepared], threads: int = 1) -> tuple[float, Simu
 
 def floor(prepared: Prepared, controls: np.ndarray) -> float:
     """Return seconds of stepping the same motions open loop, in C; controls are (worlds, ticks, n)."""
-    plant = prepared.scenario.plant
-    model = prepared.arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
+    model = prepared.plant.model([prepared.plant])
     batch = Batch(model, len(controls), 1, persistent=True)
     batch.bind("qpos")[:] = prepared.qpos
     batch.forward()
@@ -169,8 +168,7 @@ def pieces(arm: str) -> dict[str, float]:
     prepared = world(arm)
     seconds, simulation = closed_loop([prepared])
     (run,) = simulation.runs()
-    plant = prepared.scenario.plant
-    model = prepared.arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
+    model = prepared.plant.model([prepared.plant])
     batch = Batch(model, 1, 1, persistent=True)
     batch.bind("qpos")[:] = prepared.qpos
     for field in ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force"):

@@ -166,8 +166,8 @@ def cluster_rows(rounds: int, runs: int = 1000) -> Rows:
 def user_loop(path: Path, damping: float) -> list[float]:
     """Return largest rate and position error and smallest σ of one run, by a loop as one writes it."""
     prepared = prepare(load(path))
-    plant, control, arm = prepared.scenario.plant, prepared.scenario.control, prepared.arm
-    model = arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
+    control, arm = prepared.scenario.control, prepared.arm
+    model = prepared.plant.model([prepared.plant])
     data, site = mujoco.MjData(model), model.site(arm.site).id
     data.qpos[:] = prepared.qpos
     pose, twist, rows = prepared.reference.pose, prepared.reference.twist, prepared.task.rows

@@ -97,7 +97,7 @@ class NumpyLoop:
             prepared.reference,
         )
         plant = self.scenario.plant
-        self.model = self.arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
+        self.model = prepared.plant.model([prepared.plant])
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = prepared.qpos
         self.substeps = round(self.scenario.control.period / plant.timestep)

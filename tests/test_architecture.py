@@ -220,7 +220,7 @@ RULES = {
     ],
     every_module_has_a_layer: [("rmrc.somewhere", "")],
     imports_point_down: [
-        ("rmrc.arm", "from rmrc.plants.stepping import Plant"),
+        ("rmrc.arm", "from rmrc.plants.lockstep import Plant"),
         ("rmrc.arm.arm", "from .. import plants"),
         ("rmrc.law.law", "from rmrc import plants"),
         ("rmrc.law.law", "from ..simulation import prepare"),
@@ -272,7 +272,7 @@ def test_a_planted_fault_breaks_the_rule(rule, module, text):
 
 def test_the_sources_are_there():
     # All rules above hold for an empty folder as well.
-    assert {"rmrc", "rmrc.cli", "rmrc.law.law", "rmrc.plants.stepping", "rmrc.textbook.dh"} <= set(SOURCES)
+    assert {"rmrc", "rmrc.cli", "rmrc.law.law", "rmrc.plants.lockstep", "rmrc.textbook.dh"} <= set(SOURCES)
 
 
 # Of any text: a path that exists on one machine only ---------------------------------------------

@@ -7,10 +7,11 @@ from mujoco.batch import MODEL_FIELDS
 from numpy.testing import assert_array_equal
 
 from project import ROOT
-from rmrc.arm import Change, load
-from rmrc.arm.differences import NEED_CONSTANTS, changed_fields
+from rmrc.arm import load
+from rmrc.arm.differences import NEED_CONSTANTS, loaded_fields, stretched_fields
 from rmrc.plants import batches as module
 from rmrc.plants.batches import Batches
+from rmrc.plants.servo import RateServos
 from rmrc.results.run import COLUMNS
 from rmrc.simulation.prepare import Known, prepare
 from rmrc.simulation.simulation import Simulation
@@ -84,36 +85,41 @@ def test_a_batch_that_is_not_reset_is_caught(worlds, monkeypatch):
         assert_same_bits(run_after(before, after), fresh)
 
 
+def loaded(mass):
+    return lambda model: loaded_fields(model, mass)
+
+
+def stretched(**stretch):
+    return lambda model: stretched_fields(model, stretch)
+
+
+def take(batches, model, worlds):
+    return batches.take(model, [world(model) for world in worlds])
+
+
 CHANGES = {
-    "payload": ([Change(payload=2.0), Change(payload=1.0)], [Change(payload=0.5), Change(payload=3.0)]),
-    "stretch": (
-        [Change(stretch={"link_1": f}) for f in (2.0, 3.0)],
-        [Change(stretch={"link_1": 0.5}), Change()],
-    ),
+    "payload": ([loaded(2.0), loaded(1.0)], [loaded(0.5), loaded(3.0)]),
+    "stretch": ([stretched(link_1=2.0), stretched(link_1=3.0)], [stretched(link_1=0.5), stretched()]),
 }
 
 
 @pytest.fixture
 def two_links():
-    """Return a function: whether a payload has a body -> a model of two links, and the arm's wiring in it."""
+    """Return a function: whether a payload has a body -> a model of two links."""
     arm = load(ROOT / "models/planar_2link.xml")
-
-    def adapted(*, loaded):
-        model = arm.adapted("servo", np.ones(2), 0.001, gravity_compensation=False, loaded=loaded)
-        return model, arm.wire(model)
-
-    return adapted
+    servos = RateServos((1.0, 1.0))
+    return lambda *, loaded: arm.adapted(servos, 0.001, gravity_compensation=False, loaded=loaded)
 
 
 @pytest.fixture
 def models(two_links):
     """Return a function: changes before and after -> models of worlds used again, and of fresh ones."""
-    model, wiring = two_links(loaded=True)
+    model = two_links(loaded=True)
 
     def both(before, after):
         batches = Batches()
-        batches.give_back(batches.take(model, wiring, before))
-        worlds = [each.take(model, wiring, after) for each in (batches, Batches())]
+        batches.give_back(take(batches, model, before))
+        worlds = [take(each, model, after) for each in (batches, Batches())]
         return [[batch.get_model(w) for w in range(len(after))] for batch in worlds]
 
     return both
@@ -145,23 +151,25 @@ def test_constants_that_are_not_computed_anew_are_caught(models, monkeypatch, ki
 def test_a_world_that_is_like_its_model_keeps_the_constants_of_its_model(models):
     # it stands beside one that is stretched, for which all are computed anew
     (_, plain), _ = models(*CHANGES["stretch"])
-    assert_same_models([plain], models([Change()] * 2, [Change()] * 2)[1][1:])
+    assert_same_models([plain], models([stretched()] * 2, [stretched()] * 2)[1][1:])
 
 
 def test_a_last_link_that_is_stretched_has_constants_of_its_own_whoever_stands_beside_it(two_links):
     # without a payload's body there is none whose place is on it, so that no `body_pos` changes
-    model, wiring = two_links(loaded=False)
-    large, beside = Change(stretch={"link_2": 2.0}), Change(stretch={"link_1": 2.0})
-    alone, together = (Batches().take(model, wiring, some) for some in ([large], [large, beside]))
+    model = two_links(loaded=False)
+    large, beside = stretched(link_2=2.0), stretched(link_1=2.0)
+    alone, together = (take(Batches(), model, some) for some in ([large], [large, beside]))
     assert_same_models([alone.get_model(0)], [together.get_model(0)])
     assert not np.allclose(alone.get_model(0).dof_invweight0, model.dof_invweight0)
 
 
-def test_constants_are_computed_anew_after_every_change_that_mujoco_reads_them_from(two_links):
-    model, wiring = two_links(loaded=True)
-    some = Change(np.ones(2), (0.0, 0.0, 1.0), payload=1.0, stretch={"link_1": 2.0})
-    read = set(mujoco.MjModel._setconst_inputs)
-    assert changed_fields(model, wiring, some).keys() & read == NEED_CONSTANTS
+def test_constants_are_computed_anew_after_every_change_that_mujoco_reads_them_from(scenario):
+    overrides = ("plant.gravity=[0, 0, 1]", "plant.payload=1", "arm.stretch.link_1=2", "plant.kv=300")
+    plant = prepare(scenario(*overrides)).plant
+    model = plant.model([plant])
+    changed = plant.difference(model, plant.arm.wire(model)).keys()
+    assert {"opt.gravity", "actuator_gainprm", "body_mass", "geom_size"} <= changed
+    assert changed & set(mujoco.MjModel._setconst_inputs) == NEED_CONSTANTS
 
 
 def test_a_simulation_that_is_released_twice_lends_its_batch_to_one_other_alone(scenario, made):

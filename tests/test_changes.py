@@ -63,7 +63,7 @@ def test_worlds_that_differ_in_their_numbers_share_batches_and_no_bit_depends_on
         (*shared, "arm.stretch={link_2: 1.2}", DOWN, "plant.wrench=[0, 5, 0, 0, 0, 1]"),
     ]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
-    batches = {one.batch_key for one in prepared}
+    batches = {one.plant.shares for one in prepared}
     assert len(batches) == (1 if kind == "ideal" else 2)  # a payload needs a body
     alone = [run([one])[0] for one in prepared]
     for order in (1, -1):
@@ -85,7 +85,7 @@ def test_nor_where_constraints_are_solved(scenario, tmp_path):
     more = [["plant.payload=3"], ["plant.gravity=[0, 5, 5]"], ["arm.stretch={nut: 1.2}"]]
     chosen = [(*screw, "plant.payload=1", "plant.gravity_compensation=false", *own) for own in ([], *more)]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
-    assert len({one.batch_key for one in prepared}) == 1
+    assert len({one.plant.shares for one in prepared}) == 1
     alone = [run([one])[0] for one in prepared]
     for one, want in zip(run(prepared), alone, strict=True):
         assert_same(one, want)
@@ -209,7 +209,7 @@ def test_the_comparison_of_lengths_finds_a_field_that_is_left_out(scenario, tmp_
     def forgetful(model, stretch):
         return {name: values for name, values in stretched_fields(model, stretch).items() if name != field}
 
-    monkeypatch.setattr(rmrc.arm.differences, "stretched_fields", forgetful)
+    monkeypatch.setattr(rmrc.plants.plant, "stretched_fields", forgetful)
     with pytest.raises(AssertionError):
         test_a_run_is_that_of_a_model_with_these_lengths(scenario, tmp_path, "servo")
 

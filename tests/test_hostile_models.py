@@ -12,6 +12,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.arm import numbers
 from rmrc.arm.bounds import bounded_memory
+from rmrc.plants.servo import RateServos
 from rmrc.support.errors import ModelError, ModelWarning
 
 
@@ -344,7 +345,7 @@ def test_a_model_that_no_plant_can_be_made_of_is_one_line(monkeypatch):
         mujoco.MjSpec, "compile", lambda _: (_ for _ in ()).throw(ValueError("Error:\nof MuJoCo"))
     )
     with pytest.raises(ModelError) as caught:
-        arm.adapted("servo", np.ones(2), 0.001, True)
+        arm.adapted(RateServos((1.0, 1.0)), 0.001, True)
     assert str(caught.value) == f"{arm.path}: Error: of MuJoCo"
 
 

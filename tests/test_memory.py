@@ -191,7 +191,7 @@ def test_memory_that_is_out_all_the_same_is_a_line(rmrc, tmp_path, monkeypatch):
     def out_of_memory(*_):
         raise MemoryError("Unable to allocate 55.4 GiB for an array")
 
-    monkeypatch.setattr("rmrc.simulation.simulation.PlantBatch", out_of_memory)
+    monkeypatch.setattr("rmrc.simulation.simulation.Stepper", out_of_memory)
     said = (
         "rmrc: error: there is not enough memory (Unable to allocate 55.4 GiB for an array); "
         "ask for less at a time, or give it more memory\n"

@@ -429,7 +429,7 @@ def compare_random_chain(scenario, tmp_path_factory, seed):
     (run,) = Simulation([prepared]).run()
     assert run.divergence is None
     assume(not amplifies_rounding(control, run))
-    kv = prepared.kv if prepared.scenario.plant.kind == "servo" else 0.0
+    kv = prepared.plant.kv if prepared.scenario.plant.kind == "servo" else 0.0
     assert_same_run(run, NumpyLoop(prepared).run(), 1e-8, kv)
 
 
@@ -569,9 +569,7 @@ def test_a_tick_that_was_lost_is_found(scenario, monkeypatch):
     # Rows that are written over before they were added: the comparison above must not pass.
     prepared = [prepare(scenario(REACH))]
     (want,) = Simulation(prepared).run()
-    monkeypatch.setattr(
-        simulation_module.PlantBatch, "advance", skips_a_tick(simulation_module.PlantBatch.advance)
-    )
+    monkeypatch.setattr(simulation_module.Stepper, "advance", skips_a_tick(simulation_module.Stepper.advance))
     with pytest.raises(AssertionError):
         assert_same_scorecards(step_without_columns(prepared).scorecards(), [scorecard(want)])
 

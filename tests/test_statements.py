@@ -450,7 +450,7 @@ def test_drives_turn_an_outstretched_arm_so_fast(name, sentence, acceleration):
         ("the largest s ≤ 8 with |a_j + s b_j| ≤ 0.95 q̇_max,j", "law.policies.USABLE", 0.95),
         ("or A_F has lost rank (σ_k ≤ 10⁻⁶ σ_1(A))", "law.redistribution.LOST", 1e-6),
         ("`SINGULAR` | σ_k ≤ σ_1 / 100", "law.law.SINGULAR_BELOW", 0.01),
-        ("is not finite, or beyond 10¹⁰, ends its world as diverged", "plants.stepping.LARGEST", 1e10),
+        ("is not finite, or beyond 10¹⁰, ends its world as diverged", "plants.lockstep.LARGEST", 1e10),
         ("J_a is refused there (|s_β| ≤ 10⁻¹²", "textbook.euler.SINGULAR", 1e-12),
         ("σ_i ≤ 10⁻⁹ σ_1 is lost and σ_i ≤ σ_1/100 nearly lost", "law.task.RANK_TOLERANCE", 1e-9),
         ("μ begins with 0.03", "analysis.ik.descent.FIRST_SHARE", 0.03),

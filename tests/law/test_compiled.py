@@ -20,14 +20,14 @@ from rmrc.law import svd as smallmat
 from rmrc.law.jit import _kind
 from rmrc.law.record import records, tick_type
 from rmrc.law.task import choose
-from rmrc.plants import stepping as plant
+from rmrc.plants import lockstep, torque
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import ControlSection
 from rmrc.simulation import reference
 
 MOVES = (
-    reference.sample, plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add,
+    reference.sample, lockstep.tick, torque.computed_torque, tally.add,
 )  # fmt: skip
 EXAMINES = (
     law.resolve,
@@ -48,7 +48,7 @@ def kept(function):
 
 @pytest.mark.compiles
 def test_what_moves_a_world_is_kept_on_disk(simulate):
-    _, run = simulate("arm.encoder.offset=0.01", "plant.kind=torque", "target.path=[{line: {by: [0.01, 0]}}]")
+    _, run = simulate("plant.kind=torque", "target.path=[{line: {by: [0.01, 0]}}]")
     assert scorecard(run)["position_error.end"].value > 0
     assert [entry for entry in MOVES if not kept(entry)] == []
 

@@ -5,18 +5,20 @@ import pytest
 
 from rmrc.analysis.ik.descent import Bounds
 from rmrc.law.record import MEASUREMENT, MEMORY, SCRATCH, Field, records
-from rmrc.plants.stepping import WIRING
+from rmrc.plants.hardware import Hardware
+from rmrc.plants.wiring import WIRING
 from rmrc.simulation.prepare import prepare, world_records, writers
 from rmrc.simulation.simulation import Simulation
 
-# A second task, so that every field is written.
+# A second task, and the plant that has all that others have, so that every field is written.
 OVERRIDES = (
     "arm.model=models/planar_3link.xml",
     "arm.start=home",
+    "plant.kind=torque",
     "control.nullspace={objective: secondary, secondary: {site: wrist, axes: [x]}}",
     "target.path=[{line: {by: [0.01, 0]}}]",
 )
-COMPUTED = {field.name for field in (*MEASUREMENT, *MEMORY, *SCRATCH)}
+COMPUTED = {field.name for field in (*MEASUREMENT, *MEMORY, *SCRATCH, *Hardware.memory)}
 
 
 @pytest.fixture

@@ -5,10 +5,9 @@ and `Arm.adapted` gives each joint of the chain the one actuator that a plant ne
 the physics.
 """
 
-from rmrc.arm.arm import Arm, Chain
-from rmrc.arm.differences import Change
+from rmrc.arm.arm import Arm, Chain, Drive
 from rmrc.arm.loading import files, load
 from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Travel, Wiring
 
-__all__ = ["Arm", "Chain", "Change", "Shape", "Travel", "Wiring", "files", "load"]
+__all__ = ["Arm", "Chain", "Drive", "Shape", "Travel", "Wiring", "files", "load"]

@@ -1,10 +1,11 @@
 """An arm: a chain of joints to a site, with every name resolved once. Nothing here steps the physics."""
 
 import copy
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
+from typing import TypeAlias
 
 import mujoco
 import numpy as np
@@ -19,6 +20,9 @@ from rmrc.support.legible import listed
 from rmrc.support.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
+
+# Makes an actuator what drives a joint, given by its position in the arm; equal ones do the same.
+Drive: TypeAlias = Callable[[mujoco.MjsActuator, int], None]
 
 # Models for plants that an arm keeps, those compiled last: few sweeps ask for more by turns.
 _ADAPTED = 8
@@ -314,9 +318,9 @@ class Arm:
         mujoco.mj_fwdKinematics(self.model, self._data)
 
     def adapted(
-        self, plant: str, kv: Array, timestep: float, gravity_compensation: bool, *, loaded: bool = False
+        self, drive: Drive | None, timestep: float, gravity_compensation: bool, *, loaded: bool = False
     ) -> mujoco.MjModel:
-        """Return the model with one actuator of the plant's kind on each joint of the arm.
+        """Return the model with the actuators of a plant: one on each joint of the arm, or none.
 
         It is compiled once for all who ask for the same, and none of them may write to it.
 
@@ -326,29 +330,32 @@ class Arm:
         author's, whatever is stretched: worlds that are stretched differently share this model.
 
         Args:
-            plant: `ideal`, `servo` or `torque`.
-            kv: Gain of each rate servo, (n,) [N·m·s/rad or N·s/m].
+            drive: What the actuators are; None for a plant without physics, which needs kinematics alone.
             timestep: MuJoCo's step [s].
             gravity_compensation: Whether the arm's bodies float, as with balanced or compensated arms.
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
-        key = plant, kv.tobytes(), timestep, gravity_compensation, loaded
+        key = drive, timestep, gravity_compensation, loaded
         model = self._adapted.get(key)
         if model is None:
-            model = self._compiled(plant, kv, timestep, gravity_compensation, loaded)
+            model = self._compiled(*key)
             while len(self._adapted) >= _ADAPTED:
                 self._adapted.pop(next(iter(self._adapted)), None)
             self._adapted[key] = model
         return model
 
     def _compiled(
-        self, plant: str, kv: Array, timestep: float, gravity_compensation: bool, loaded: bool
+        self, drive: Drive | None, timestep: float, gravity_compensation: bool, loaded: bool
     ) -> mujoco.MjModel:
         spec = self._bare_spec.copy()
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
-        self._replace_actuators(spec, plant, kv)
+        for actuator in list(spec.actuators):
+            if actuator.target in self.joints:
+                spec.delete(actuator)
+        if drive is not None:
+            self._add_actuators(spec, drive)
         if gravity_compensation:
             root = self.model.jnt_bodyid[self.wiring.joint[0]]
             for body in spec.bodies:
@@ -363,22 +370,16 @@ class Arm:
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
-        if plant == "ideal":  # only kinematics are computed
+        if drive is None:
             option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         return compiled(self.path, spec)
 
-    def _replace_actuators(self, spec: mujoco.MjSpec, plant: str, kv: Array) -> None:
-        for actuator in list(spec.actuators):
-            if actuator.target in self.joints:
-                spec.delete(actuator)
-        for joint, gain, limit in zip(self.joints, kv, self.torque_limit, strict=True):
+    def _add_actuators(self, spec: mujoco.MjSpec, drive: Drive) -> None:
+        for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
             actuator = spec.add_actuator(
                 name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
             )
-            if plant == "torque":
-                actuator.set_to_motor()
-            else:
-                actuator.set_to_velocity(kv=gain)
+            drive(actuator, j)
             if np.isfinite(limit):
                 actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
                 actuator.forcerange = [-limit, limit]

@@ -2,14 +2,12 @@
 
 import re
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.wiring import Wiring
 from rmrc.support.errors import ModelError, did_you_mean
 from rmrc.support.legible import listed
 
@@ -29,43 +27,18 @@ NEED_CONSTANTS = frozenset(
 _HOLDS_POINTS = (int(mujoco.mjtEq.mjEQ_CONNECT), int(mujoco.mjtEq.mjEQ_WELD))
 
 
-@dataclass(frozen=True, eq=False)
-class Change:
-    """What a world has different from its model.
-
-    Attributes:
-        kv: Gains of the rate servos, (n,); None where there are none.
-        gravity: Along world axes, (3,) [m/s²]; None for the model's own.
-        payload: Point mass at the controlled site [kg]; only for a model with a body for it.
-        stretch: Factor on all lengths of a body, by its name.
-    """
-
-    kv: Array | None = None
-    gravity: tuple[float, ...] | None = None
-    payload: float = 0.0
-    stretch: Mapping[str, float] = field(default_factory=dict)
-
-
-def changed_fields(model: mujoco.MjModel, wiring: Wiring, change: Change) -> dict[str, Array]:
-    """Return the fields of a model that a world has different, whole, by their names in MuJoCo.
+def loaded_fields(model: mujoco.MjModel, payload: float) -> dict[str, Array]:
+    """Return the fields of a model that carries a payload, whole, by their names in MuJoCo.
 
     Args:
-        model: As `Arm.adapted` compiled it.
-        wiring: Of the arm in it.
-        change: What is different.
+        model: With a body for the payload, unless there is none.
+        payload: Point mass at the controlled site [kg].
     """
-    fields = stretched_fields(model, change.stretch)
-    if change.kv is not None:
-        gain, bias = np.array(model.actuator_gainprm), np.array(model.actuator_biasprm)
-        gain[wiring.actuator, 0], bias[wiring.actuator, 2] = change.kv, -change.kv
-        fields |= {"actuator_gainprm": gain, "actuator_biasprm": bias}
-    if change.gravity is not None:
-        fields["opt.gravity"] = np.array(change.gravity)
-    if change.payload:
-        mass = np.array(model.body_mass)
-        mass[model.body(PAYLOAD).id] = change.payload
-        fields["body_mass"] = mass
-    return fields
+    if not payload:
+        return {}
+    mass = np.array(model.body_mass)
+    mass[model.body(PAYLOAD).id] = payload
+    return {"body_mass": mass}
 
 
 def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dict[str, Array]:

@@ -75,7 +75,7 @@ MEMORY = (
 SCRATCH = (
     Field("axis", size=(JOINTS, 3)), Field("anchor", size=(JOINTS, 3)),
     Field("twist_cmd", size=(6,)), Field("task", size=(ROWS,)), Field("asked", size=(ROWS,)), Field("error"),
-    Field("A", size=(ROWS, JOINTS)), Field("qdot0", size=(JOINTS,)), Field("qddot", size=(JOINTS,)),
+    Field("A", size=(ROWS, JOINTS)), Field("qdot0", size=(JOINTS,)),
     Field("lower", size=(JOINTS,)), Field("upper", size=(JOINTS,)), Field("held", size=(JOINTS,)),
     Field("rest_lower", size=(JOINTS,)), Field("rest_upper", size=(JOINTS,)), Field("fade", size=(JOINTS,)),
     Field("drift", size=(JOINTS,)), Field("best", size=(JOINTS,)),
@@ -99,19 +99,19 @@ TICK = (
 )  # fmt: skip
 
 
-def records(n: int, *worlds: Sequence[Writer], wiring: Sequence[Field] = ()) -> NDArray[np.void]:
+def records(n: int, *worlds: Sequence[Writer], beside: Sequence[Field] = ()) -> NDArray[np.void]:
     """Return the records of worlds with n joints, (w,), as their Writers fill them.
 
     Args:
         n: Number of joints.
         worlds: The Writers of each world: of the same classes, in the same order.
-        wiring: Fields that their owner writes for all worlds at once, when they are wired to each other.
+        beside: Fields that no Writer writes: those of all worlds at once, and the memory of plants.
 
     Raises:
         ValueError: A field has two owners.
     """
     owned = [field for writer in worlds[0] for field in writer.fields]
-    fields = (*owned, *wiring, *MEASUREMENT, *MEMORY, *SCRATCH)
+    fields = (*owned, *beside, *MEASUREMENT, *MEMORY, *SCRATCH)
     made = np.zeros(len(worlds), _type(capacity(n), fields))
     for field in fields:
         if field.start:

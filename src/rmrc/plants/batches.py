@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
-from rmrc.arm import Change, Wiring
-from rmrc.arm.differences import NEED_CONSTANTS, changed_fields
+from rmrc.arm.differences import NEED_CONSTANTS
+from rmrc.plants.plant import Difference
 
 _Kind = tuple[mujoco.MjModel, int, frozenset[str]]
 
@@ -26,7 +26,7 @@ class Batches:
         self._idle: list[Batch] = []
         self._lock = threading.Lock()
 
-    def take(self, model: mujoco.MjModel, wiring: Wiring, changes: Sequence[Change]) -> Batch:
+    def take(self, model: mujoco.MjModel, worlds: Sequence[Difference]) -> Batch:
         """Return a batch of worlds as they are before their first step, of one thread.
 
         What MuJoCo cannot keep for each world, such as the mean inertia that its solver takes for a scale, is
@@ -34,20 +34,18 @@ class Batches:
 
         Args:
             model: As `Arm.adapted` compiled it.
-            wiring: Of the arm in it.
-            changes: What each world has different, one or more.
+            worlds: What each has different, one or more.
         """
-        worlds = [changed_fields(model, wiring, change) for change in changes]
         different = {}
         for name in sorted({name for fields in worlds for name in fields}):
             own = model.opt.gravity if name == "opt.gravity" else getattr(model, name)
             values = np.array([fields.get(name, own) for fields in worlds])
             if (values != own).any():
                 different[name] = values
-        kind = model, len(changes), frozenset(different)
+        kind = model, len(worlds), frozenset(different)
         batch = self._waiting(kind)
         if batch is None:
-            batch = _allocated(model, len(changes))
+            batch = _allocated(model, len(worlds))
             self._kinds[batch] = kind
         else:
             batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)

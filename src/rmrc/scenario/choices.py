@@ -6,7 +6,7 @@ of its name in `rmrc.law`, and its code there is its position in the list.
 """
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import IntFlag
 from functools import cached_property
@@ -94,7 +94,7 @@ class Parameter(Keyed):
         unit: As the schema tells it.
         bounds: On the number.
         null: What the law reads where the key is null; None: it may not be null.
-        kind: A number, or one a joint: positions, which may be angles, or rates.
+        kind: A number, one for all joints or for each, or one a joint: positions (perhaps angles) or rates.
         range: Least and largest value that `tune` tries; None: it leaves the parameter alone.
     """
 
@@ -103,7 +103,7 @@ class Parameter(Keyed):
     unit: str
     bounds: Bounds = POSITIVE
     null: float | None = None
-    kind: Literal["number", "positions", "rates"] = "number"
+    kind: Literal["number", "each", "positions", "rates"] = "number"
     range: Callable[[Scales], tuple[float, float]] | None = None
 
 
@@ -461,3 +461,67 @@ def write_choices(world: Any, control: Any) -> None:
             world[field][..., : len(value)] = value
         else:
             world[field] = null if value is None else value
+
+
+@dataclass(frozen=True)
+class Plant(Choice):
+    """What turns commanded rates into motion, by the class of its name in `rmrc.plants`.
+
+    Attributes:
+        physics: Whether MuJoCo steps it, with gravity, loads and torques; else it has kinematics alone.
+    """
+
+    physics: bool = True
+
+
+@dataclass(frozen=True)
+class Plants:
+    """The plants; the code of each is its position."""
+
+    default: str
+    options: tuple[Plant, ...]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """All of them."""
+        return tuple(one.name for one in self.options)
+
+    def __getitem__(self, name: str) -> Plant:
+        """Return the one with a name."""
+        return self.options[self.names.index(name)]
+
+    @property
+    def meaning(self) -> str:
+        """What each of them does."""
+        *others, last = (one.meaning for one in self.options)
+        return f"{', '.join(others)}, or {last}"
+
+    @property
+    def parameters(self) -> Iterator[Parameter]:
+        """What each has for itself."""
+        return (parameter for one in self.options for parameter in one.parameters)
+
+    @property
+    def physical(self) -> str:
+        """The names of those that MuJoCo steps."""
+        return ", ".join(one.name for one in self.options if one.physics)
+
+
+IDEAL = Plant("ideal", "exact integration of the rates", "Whitney72", physics=False)
+SERVO = Plant(
+    "servo", "joint-rate servos", "",
+    (
+        Parameter(
+            "kv",
+            "servo: torque or force for a given rate error, of all joints or of each; "
+            "null: each joint's inertia at home over the timestep",
+            None, "N·m·s/rad or N·s/m", null=math.nan, kind="each",
+        ),
+    ),
+)  # fmt: skip
+TORQUE = Plant(
+    "torque", "computed torques", "Luh80",
+    (Parameter("bandwidth", "torque: acceleration for a given rate error", 500.0, "1/s"),),
+)  # fmt: skip
+
+PLANTS = Plants("servo", (IDEAL, SERVO, TORQUE))

@@ -16,6 +16,7 @@ from pydantic import (
 )
 
 from rmrc.scenario import choices
+from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.keys import Key, Origin, split
 from rmrc.scenario.path import Segment
 from rmrc.scenario.values import (
@@ -177,7 +178,8 @@ def _model(name: str, base: Any, doc: str | None, fields: dict[str, Any]) -> typ
 def _type_of(parameter: choices.Parameter) -> Any:
     bounds = {name: bound for name, bound in parameter.bounds._asdict().items() if bound is not None}
     kinds: dict[str, Any] = {
-        "number": Annotated[Number, Field(**bounds)], "positions": Positions, "rates": Rates
+        "number": Annotated[Number, Field(**bounds)], "each": OneOrEach,
+        "positions": Positions, "rates": Rates,
     }  # fmt: skip
     return kinds[parameter.kind] if parameter.null is None else kinds[parameter.kind] | None
 
@@ -287,32 +289,43 @@ class TargetSection(Section):
     limits: TargetLimitsSection = key("how fast", TargetLimitsSection())
 
 
-class PlantSection(Section):
+if TYPE_CHECKING:  # a checker knows no keys that are computed
+
+    class _PlantKeys(Section):
+        kind: str
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    _PlantKeys = create_model(
+        "_PlantKeys",
+        __base__=Section,
+        kind=(Literal[PLANTS.names], key(PLANTS.meaning, PLANTS.default)),
+        **{one.key: (_type_of(one), key(one.meaning, one.default, one.unit)) for one in PLANTS.parameters},
+    )
+
+
+class PlantSection(_PlantKeys):
     """What obeys the commanded rates."""
 
-    kind: Literal["ideal", "servo", "torque"] = key(
-        "exact integration of the rates, joint-rate servos, or computed torques", "servo"
-    )
-    kv: OneOrEach | None = key(
-        "servo: torque or force for a given rate error, of all joints or of each; "
-        "null: each joint's inertia at home over the timestep",
-        None,
-        "N·m·s/rad or N·s/m",
-    )
-    bandwidth: Positive = key("torque: acceleration for a given rate error", 500.0, "1/s")
+    if TYPE_CHECKING:
+
+        def __init__(self, **values: Any) -> None: ...  # noqa: D107 - of a model
+
     timestep: Positive = key(
-        "servo, torque: MuJoCo's step; control.period is an integer multiple of it", 0.001, "s"
+        f"{PLANTS.physical}: MuJoCo's step; control.period is an integer multiple of it", 0.001, "s"
     )
     gravity_compensation: Switch = key(
-        "servo, torque: whether gravity is balanced by the arm itself", default=True
+        f"{PLANTS.physical}: whether gravity is balanced by the arm itself", default=True
     )
     payload: NotNegative = key(
-        "servo, torque: point mass at the site, which neither the law nor the gravity compensation knows of",
+        f"{PLANTS.physical}: point mass at the site, which neither the law nor the gravity compensation "
+        "knows of",
         0.0,
         "kg",
     )
     gravity: Gravity | None = key(
-        "servo, torque: gravity along world axes; null: the model's own", None, "m/s²"
+        f"{PLANTS.physical}: gravity along world axes; null: the model's own", None, "m/s²"
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
 
@@ -444,11 +457,11 @@ class Scenario(Section):
 
 
 def uneven(kind: str, period: float, timestep: float) -> str | None:
-    """Return why a control period is not made of whole steps, if so; an ideal plant has none."""
+    """Return why a control period is not made of whole steps, if so; a plant without physics has none."""
     ratio = period / timestep
     # 1e-9: decimal fractions such as 0.003/0.001 are off by some 1e-16, real mistakes by far more.
     whole = 0.5 < ratio < math.inf and abs(ratio - round(ratio)) <= 1e-9 * ratio
-    if kind == "ideal" or whole:
+    if whole or not PLANTS[kind].physics:
         return None
     return f"must be an integer multiple of plant.timestep, got {show(period)} and {show(timestep)}"
 

@@ -58,7 +58,7 @@ def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded:
     """
     alike: dict[object, list[Prepared]] = {}
     for one in prepared:
-        alike.setdefault(one.batch_key, []).append(one)
+        alike.setdefault(one.plant.shares, []).append(one)
     held, reserved = RECORDER * recorded, 0
     for worlds in alike.values():
         references = {id(one.reference): one.reference.ticks for one in worlds}.values()
@@ -69,9 +69,8 @@ def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded:
         held += len(references) * max(references) * SAMPLE
         held += sum(references) * RECORDED * recorded
         for one in worlds:
-            batches = 2 if one.scenario.plant.kind == "torque" else 1
-            held += batches * WORLD
-            reserved += batches * int(one.arm.model.narena)
+            held += one.plant.batches * WORLD
+            reserved += one.plant.batches * int(one.arm.model.narena)
     return Footprint(held, reserved)
 
 

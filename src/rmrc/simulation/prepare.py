@@ -2,23 +2,27 @@
 
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import ClassVar, Generic, TypeVar
+from typing import Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc import arm as arms
-from rmrc.arm import Arm, Change
+from rmrc.arm import Arm
 from rmrc.law.law import Law, rate_limit
-from rmrc.law.record import JOINTS, Field, Writer, records
+from rmrc.law.record import Writer, records
 from rmrc.law.task import Task
-from rmrc.plants.stepping import WIRING, Course, Plant
+from rmrc.plants.hardware import Hardware
+from rmrc.plants.lockstep import Course
+from rmrc.plants.plant import Plant
+from rmrc.plants.stages import Encoders
+from rmrc.plants.wiring import WIRING
 from rmrc.results.scorecard import refuse_unknown
 from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant, angle
-from rmrc.scenario.choices import INVERSES
+from rmrc.scenario.choices import INVERSES, PLANTS
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import make_reference
 from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
@@ -27,9 +31,6 @@ from rmrc.support.notices import tell
 from rmrc.support.spatial import AXES
 
 T = TypeVar("T")
-
-# Ten billion steps of MuJoCo are a day of a small arm on one core: more is a slip of a unit.
-MOST_STEPS = 10_000_000_000
 
 
 class _Recent(Generic[T]):
@@ -126,30 +127,21 @@ class Prepared:
     reference: Reference
     known: Known = field(default_factory=Known, repr=False)
 
+    @cached_property
+    def hardware(self) -> Hardware:
+        """What obeys the law, and what is between them."""
+        return Hardware(self.scenario, self.arm)
+
     @property
-    def substeps(self) -> int:
-        """MuJoCo's steps in a control period; an ideal plant has no timestep, and 1."""
-        plant = self.scenario.plant
-        return 1 if plant.kind == "ideal" else round(self.scenario.control.period / plant.timestep)
+    def plant(self) -> Plant:
+        """What obeys."""
+        return self.hardware.plant
 
     @property
     def most_ticks(self) -> int:
         """Control ticks of the run, at most: where the path is slowed, more than it has."""
         control, ticks = self.scenario.control, self.reference.ticks
         return math.ceil(control.slow.longest * ticks) if control.at_singularity == "slow" else ticks
-
-    @property
-    def kv(self) -> NDArray[np.float64]:
-        """Gains of the rate servos, (n,).
-
-        Without a number of the scenario's it is inertia over timestep: a rate error is then gone after one
-        step. Less tracks worse, and much more makes servos chatter when they reach their torque limits. An
-        ideal plant has no servos, and ones.
-        """
-        plant, n = self.scenario.plant, self.arm.n
-        if plant.kind == "ideal":
-            return np.ones(n)
-        return self.arm.inertia / plant.timestep if plant.kv is None else np.full(n, plant.kv)
 
     @cached_property
     def task(self) -> Task:
@@ -161,17 +153,10 @@ class Prepared:
         """What is asked of the joints."""
         return Law(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos])
 
-    @cached_property
+    @property
     def encoder_offset(self) -> NDArray[np.float64]:
-        """What the encoders say too much, (n,): offset + deviation · z.
-
-        z is `numpy.random.default_rng(seed).standard_normal(n)`, one number a joint.
-        """
-        encoder, n = self.scenario.arm.encoder, self.arm.n
-        offset = np.full(n, encoder.offset)
-        if not np.any(encoder.deviation):
-            return offset
-        return offset + encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
+        """What the encoders say too much, (n,)."""
+        return Encoders(self.scenario, self.arm).offset
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
@@ -182,28 +167,6 @@ class Prepared:
         encoder = self.scenario.arm.encoder.model_copy(update={"seed": seed})
         arm = self.scenario.arm.model_copy(update={"encoder": encoder})
         return replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
-
-    @property
-    def is_loaded(self) -> bool:
-        """Whether there is a payload, which nothing carries in an ideal plant."""
-        plant = self.scenario.plant
-        return plant.kind != "ideal" and plant.payload > 0.0
-
-    @property
-    def change(self) -> Change:
-        """What the world has different from the model that it shares with others of its batch."""
-        plant, stretch = self.scenario.plant, self.scenario.arm.stretch
-        if plant.kind == "ideal":
-            return Change(stretch=stretch)
-        return Change(self.kv if plant.kind == "servo" else None, plant.gravity, plant.payload, stretch)
-
-    @property
-    def batch_key(self) -> object:
-        """What worlds must have in common to be stepped together."""
-        plant = self.scenario.plant
-        physics = (plant.timestep, plant.gravity_compensation, self.substeps, self.is_loaded)
-        kinematics = (plant.kind, self.scenario.arm.model, self.arm.site, self.arm.joints)
-        return kinematics + (physics if plant.kind != "ideal" else ())
 
 
 class Preparation:
@@ -295,16 +258,13 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     qpos = _start(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
     _check_scales(scenario, problems)
-    _check_encoder(scenario, arm, problems)
+    hardware = Hardware(scenario, arm)
+    for stage in hardware.stages:
+        problems.extend(stage.misfits())
     _check_method(scenario, arm, problems)
     _check_second_task(scenario, arm, problems)
     _check_slow(scenario, arm, problems)
-    if scenario.plant.kind == "torque" and arm.travels:
-        hinge = arm.joints[arm.travels[0].hinge]
-        problems.add(
-            "plant.kind",
-            f'"torque" knows no screw joints, and joint "{hinge}" of {arm.path} is one; take "servo"',
-        )
+    problems.extend(hardware.plant.misfits())
     problems.raise_any()
     _doubt_start(scenario, arm)
     try:
@@ -314,7 +274,7 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
         raise ScenarioError([f"{scenario.locate(key)}: {text}"]) from None
     prepared = Prepared(scenario, arm, qpos, reference, known)
     _check_duration(prepared, problems)
-    _check_steps(prepared, problems)
+    problems.extend(hardware.plant.excesses(prepared.most_ticks))
     problems.raise_any()
     return prepared
 
@@ -325,6 +285,10 @@ class _Problems:
 
     def add(self, key: str, message: str) -> None:
         self.lines.append(f"{self.scenario.locate(key)}: {message}")
+
+    def extend(self, found: Iterable[tuple[str, str]]) -> None:
+        for key, message in found:
+            self.add(key, message)
 
     def raise_any(self) -> None:
         if self.lines:
@@ -395,7 +359,7 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
         ("control.limits.rate", control.limits.rate),
         ("control.limits.acceleration", control.limits.acceleration),
         ("control.limits.braking", control.limits.braking),
-        ("plant.kv", scenario.plant.kv),
+        *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
             problems.add(key, _wrong_length(len(values), arm))
@@ -436,32 +400,6 @@ def _check_duration(prepared: Prepared, problems: _Problems) -> None:
             f"takes up to {prepared.most_ticks} control periods of {period:g} s, which is more than "
             f"{_LONGEST:g} s; raise target.limits, lower control.period or control.slow.longest, or shorten "
             "the path",
-        )
-
-
-# No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
-_MOST_OFF = 1e6
-
-
-def _check_encoder(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
-    encoder = scenario.arm.encoder
-    for name, values in (("offset", encoder.offset), ("deviation", encoder.deviation)):
-        most = float(np.max(np.abs(values)))
-        if most > _MOST_OFF:
-            problems.add(f"arm.encoder.{name}", f"must be within ±{_MOST_OFF:g} rad or m, got {most:g}")
-    if not (np.any(encoder.offset) or np.any(encoder.deviation)):
-        return
-    if scenario.control.nullspace.objective == "secondary":
-        problems.add(
-            "arm.encoder",
-            'the objective "secondary" knows its site only where the encoders are right; '
-            "take another control.nullspace.objective, or leave arm.encoder out",
-        )
-    if arm.idle:
-        problems.add(
-            "arm.encoder",
-            f'joint "{arm.idle[0]}" of {arm.path} moves the site and is not driven, so that q + offset does '
-            "not say where the site is; drive it, or leave arm.encoder out",
         )
 
 
@@ -511,41 +449,6 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
         )
 
 
-# So short a step [s] changes no position of an arm by a bit; gains of inertia over timestep are finite.
-_SHORTEST_STEP = 1e-12
-
-
-def _check_steps(prepared: Prepared, problems: _Problems) -> None:
-    plant, steps = prepared.scenario.plant, prepared.most_ticks * float(prepared.substeps)
-    if plant.kind != "ideal" and steps > MOST_STEPS:
-        problems.add(
-            "plant.timestep",
-            f"makes up to {steps:.6g} steps of {plant.timestep:g} s, more than {MOST_STEPS:g}; raise it, "
-            "shorten target.path or lower control.slow.longest",
-        )
-    elif plant.kind != "ideal" and plant.timestep < _SHORTEST_STEP:
-        problems.add("plant.timestep", f"must be >= {_SHORTEST_STEP:g} s, got {plant.timestep:g} s")
-
-
-class _Physics:
-    """What obeys, and what its encoders say: it owns their fields of a world's record."""
-
-    fields: ClassVar[tuple[Field, ...]] = (
-        Field("plant", np.int64), Field("bandwidth"), Field("wrench", size=(6,)),
-        # whether encoders are off, and by how much
-        Field("is_off", np.int64), Field("encoder_offset", size=(JOINTS,)),
-    )  # fmt: skip
-
-    def __init__(self, prepared: Prepared) -> None:
-        self._prepared = prepared
-
-    def write(self, world: np.void) -> None:
-        plant, offset = self._prepared.scenario.plant, self._prepared.encoder_offset
-        world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
-        world["wrench"] = plant.wrench
-        world["is_off"], world["encoder_offset"][: len(offset)] = offset.any(), offset
-
-
 def writers(prepared: Prepared, reference: int) -> tuple[Writer, ...]:
     """Return who fills the record of a world.
 
@@ -554,9 +457,10 @@ def writers(prepared: Prepared, reference: int) -> tuple[Writer, ...]:
         reference: Index of its reference in the batch.
     """
     course = Course(reference, prepared.reference.ticks, prepared.most_ticks)
-    return prepared.task, prepared.law, course, _Physics(prepared)
+    return prepared.task, prepared.law, course, prepared.hardware
 
 
 def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> NDArray[np.void]:
     """Return the records of worlds whose arms have the same joints, (w,): by `writers`, not yet wired."""
-    return records(prepared[0].arm.n, *map(writers, prepared, references), wiring=WIRING)
+    beside = (*WIRING, *Hardware.memory)
+    return records(prepared[0].arm.n, *map(writers, prepared, references), beside=beside)

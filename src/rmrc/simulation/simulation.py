@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from rmrc.law.record import tick_type
 from rmrc.plants.batches import Batches
-from rmrc.plants.stepping import PlantBatch
+from rmrc.plants.stepping import Stepper
 from rmrc.results.run import COLUMNS, Divergence, Run
 from rmrc.results.scorecard import Scorecard, figures, tallies_of
 from rmrc.results.tally import adder
@@ -38,7 +38,7 @@ class _Shard:
 
     members: list[int]
     prepared: list[Prepared]
-    batch: PlantBatch
+    batch: Stepper
     keeps: bool
     wall_time: float = 0.0
 
@@ -99,7 +99,6 @@ class _Shard:
     ) -> Run:
         """Return a run of a world with what is known beside its columns."""
         arm, scenario = prepared.arm, prepared.scenario
-        has_torques = scenario.plant.kind != "ideal"
         return Run(
             name=scenario.name,
             joints=arm.joints,
@@ -112,7 +111,7 @@ class _Shard:
             divergence=divergence,
             wall_time=self.wall_time / len(self.members),
             weights=scenario.task.weights or (),
-            torque_limit=tuple(arm.torque_limit.tolist()) if has_torques else (),
+            torque_limit=tuple(arm.torque_limit.tolist()) if prepared.plant.has_physics else (),
         )
 
     def scorecards(self) -> list[Scorecard]:
@@ -261,7 +260,7 @@ def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
     """Split worlds by what a batch must share, then among the threads."""
     alike: dict[object, list[int]] = {}
     for i, one in enumerate(prepared):
-        alike.setdefault(one.batch_key, []).append(i)
+        alike.setdefault(one.plant.shares, []).append(i)
     return [
         members[part::threads] for members in alike.values() for part in range(min(threads, len(members)))
     ]
@@ -269,7 +268,6 @@ def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
 
 def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batches: Batches) -> _Shard:
     chosen = [prepared[i] for i in members]
-    plant, arm = chosen[0].scenario.plant, chosen[0].arm
     references = {id(one.reference): one.reference for one in chosen}
     order = {key: r for r, key in enumerate(references)}
     longest = max(reference.ticks for reference in references.values())
@@ -281,26 +279,12 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batche
     rows = int(worlds["ticks"].max())
     if not keeps:
         rows = min(rows, max(1, HELD // len(chosen)))
-    batch = PlantBatch(
-        arm,
-        arm.adapted(
-            plant.kind, _gains(chosen), plant.timestep, plant.gravity_compensation, loaded=chosen[0].is_loaded
-        ),
-        chosen[0].substeps,
+    batch = Stepper(
+        [one.plant for one in chosen],
         worlds,
         np.array([one.qpos for one in chosen]),
         wanted,
-        np.empty((rows, len(chosen)), tick_type(arm.n)),
-        [one.change for one in chosen],
+        np.empty((rows, len(chosen)), tick_type(chosen[0].arm.n)),
         batches,
     )
     return _Shard(members, chosen, batch, keeps)
-
-
-def _gains(prepared: Sequence[Prepared]) -> NDArray[np.float64]:
-    """Return the gains of the model that worlds share: their own if all have the same, and else ones.
-
-    So that it need not be compiled anew for other worlds whose gains differ.
-    """
-    gains = np.array([one.kv for one in prepared])
-    return gains[0] if (gains == gains[0]).all() else np.ones_like(gains[0])

@@ -50,9 +50,10 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
         ScenarioError: A payload in an ideal plant, or too many numbers to draw.
     """
     scenario, arm = nominal.scenario, nominal.arm
-    if spread.payload and scenario.plant.kind == "ideal":
+    if spread.payload and not nominal.plant.has_physics:
+        name = scenario.plant.kind
         raise ScenarioError(
-            ["--payload: must be 0 in an ideal plant, which carries nothing; take another plant.kind"]
+            [f"--payload: must be 0 in an {name} plant, which carries nothing; take another plant.kind"]
         )
     axes = [i for i, axis in enumerate("xyz") if axis in scenario.task.axes] if has_points(scenario) else []
     joints = arm.n if spread.start else 0

@@ -17,6 +17,7 @@ from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.law.task import Task
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
+from rmrc.scenario.choices import SERVO
 from rmrc.simulation.footprint import footprint
 from rmrc.simulation.prepare import Known, prepare
 from rmrc.simulation.simulation import Simulation
@@ -119,7 +120,7 @@ def hold_wrench(
         raise DivergenceError(f"cannot hold: {run.divergence}")
     ended, rate = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rate(run)
     # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
-    moving = prepared.kv * rate
+    moving = np.array(prepared.scenario.plant.kv) * rate
     share = SHARE_OF_SCREWS if arm.travels else SHARE
     return HoldResult(
         wanted=wanted, ended=ended, measured=run["tau"][-1],
@@ -184,7 +185,7 @@ def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
         },
         "target": {"path": ({"hold": {"for": seconds}},)},
         "plant": {
-            "kind": "servo", "kv": tuple(arm.inertia / PERIOD), "timestep": TIMESTEP,
+            "kind": SERVO.name, "kv": tuple(arm.inertia / PERIOD), "timestep": TIMESTEP,
             "gravity_compensation": not wanted.bears_weight, "wrench": tuple(wanted.wrench),
         },
     })  # fmt: skip

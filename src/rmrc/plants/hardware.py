@@ -1,0 +1,51 @@
+"""What is between the rates that the law commands and those that it senses: plant and stages of a world."""
+
+import numpy as np
+
+from rmrc.arm import Arm
+from rmrc.law.record import JOINTS, Field
+from rmrc.plants.kinds import CLASSES, KINDS
+from rmrc.plants.plant import Plant
+from rmrc.plants.stages import STAGES, Stage
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import PLANTS
+
+# Worlds of all plants, with all stages and with none, have records of one type: so one tick is compiled.
+_PARTS: tuple[type[Plant] | type[Stage], ...] = (*CLASSES, *STAGES)
+
+
+class Hardware:
+    """Plant and stages of a world; a Writer of their fields, those of other plants among them.
+
+    Attributes:
+        plant: What obeys.
+        stages: All there are, in order: those that its world does not have do nothing.
+        memory: What compiled functions keep from tick to tick, the rates that were sent last among it.
+    """
+
+    fields = (
+        Field("plant", np.int64),
+        *dict.fromkeys(field for part in _PARTS for field in part.fields),
+    )
+    memory = (
+        Field("qdot_sent", size=(JOINTS,)),
+        *dict.fromkeys(field for part in _PARTS for field in part.memory),
+    )
+
+    def __init__(self, scenario: Scenario, arm: Arm) -> None:
+        """Bind them to a world.
+
+        Args:
+            scenario: Of the world.
+            arm: That it names.
+        """
+        section = scenario.plant
+        self.plant = KINDS[section.kind](section, arm, scenario.control.period)
+        self.stages = tuple(stage(scenario, arm) for stage in STAGES)
+
+    def write(self, world: np.void) -> None:
+        """Write which plant it is, and its parameters and those of the stages."""
+        world["plant"] = PLANTS.names.index(self.plant.name)
+        self.plant.write(world)
+        for stage in self.stages:
+            stage.write(world)

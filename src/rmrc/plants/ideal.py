@@ -1,0 +1,43 @@
+"""The ideal plant: Whitney's own arm, which does exactly what it is told; MuJoCo computes its kinematics."""
+
+from collections.abc import Sequence
+from typing import Self
+
+import mujoco
+
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.plants.plant import Plant
+
+
+@compiled
+def read_positions(world: Record, out: Record, state: Array, force: Array) -> None:  # noqa: ARG001 - as all
+    """Read q; the rates are those that were sent last."""
+    for j in range(world.n):
+        out.q[j] = state[world.qpos_column[j]]
+        out.qdot[j] = world.qdot_sent[j]
+        out.tau[j] = 0.0
+
+
+@compiled
+def integrate(world: Record, out: Record, state: Array) -> None:  # noqa: ARG001 - as all
+    """Move each joint, and the slide of a screw with its hinge: q⁺ = q + period · qdot."""
+    for j in range(world.n):
+        rate = world.qdot_sent[j]
+        state[world.qpos_column[j]] += world.period * rate
+        if world.travel_column[j] >= 0:
+            state[world.travel_column[j]] += world.travel_ratio[j] * world.period * rate
+
+
+class Ideal(Plant):
+    """Integrates the rates [Whitney72]: nothing pushes it, and it carries nothing."""
+
+    name = "ideal"
+    sense, obey = staticmethod(read_positions), staticmethod(integrate)
+    stage = mujoco.mjtStage.mjSTAGE_POS
+    substeps = 0
+
+    @classmethod
+    def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
+        """Return a model without actuators of the arm; what kinematics do not need is the first world's."""
+        section = plants[0].section
+        return plants[0].arm.adapted(None, section.timestep, section.gravity_compensation)

@@ -1,0 +1,214 @@
+"""The compiled tick of all worlds: sense, law, obey. MuJoCo then steps them, and leaves kinematics fresh."""
+
+import math
+from dataclasses import dataclass
+from typing import ClassVar
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.law.jit import Array, Record, compiled, entry
+from rmrc.law.kinematics import (
+    chain_jacobian,
+    follow_chain,
+    geometric_jacobian,
+    pose_error,
+    second_jacobian,
+)
+from rmrc.law.law import control
+from rmrc.law.record import Field
+from rmrc.plants.kinds import obey, sense
+from rmrc.plants.stages import sensed, sent
+
+# MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
+LARGEST = 1e10
+BAD_FIRST, BAD_LAST = int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC)
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a world has before it: it owns the fields of its record that say how far it goes.
+
+    Attributes:
+        reference: Index of its reference in the batch.
+        path_ticks: Ticks of that.
+        ticks: Ticks to run at most.
+    """
+
+    reference: int
+    path_ticks: int
+    ticks: int
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("reference", np.int64), Field("path_ticks", np.int64), Field("ticks", np.int64),
+        # the tick at which it diverged or -1, and the joint
+        Field("diverged", np.int64), Field("diverged_joint", np.int64),
+    )  # fmt: skip
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        world["reference"], world["path_ticks"], world["ticks"] = self.reference, self.path_ticks, self.ticks
+        world["diverged"], world["diverged_joint"] = -1, 0
+
+
+@entry
+def tick(
+    worlds: Record,
+    ticks: Record,
+    reference: Array,
+    state: Array,
+    warning: NDArray[np.int32],
+    site_xpos: Array,
+    site_xquat: Array,
+    xanchor: Array,
+    xaxis: Array,
+    actuator_force: Array,
+    t: int,
+) -> int:
+    """Control all worlds for one tick; return how many of them are to be stepped.
+
+    Each argument costs a call as much as a joint costs the law, so they are few.
+
+    Args:
+        worlds: World records, (w,).
+        ticks: Tick records, (rows, w): tick t is written to row t modulo rows.
+        reference: Pose and twist of each reference at each tick, (r, ticks, 13).
+        state: MuJoCo's state rows, (w, nstate); controls and wrenches are written.
+        warning: MuJoCo's warning counters, (w, 7, 2).
+        site_xpos: And the other fields of MjData of the same names: fresh, (w, …).
+        site_xquat: Orientation of each site.
+        xanchor: Joint anchors.
+        xaxis: Joint axes.
+        actuator_force: Forces of the last step.
+        t: Number of the tick.
+    """
+    running, row = 0, t % ticks.shape[0]
+    for w in range(worlds.shape[0]):
+        world, out = worlds[w], ticks[row, w]
+        if world.diverged >= 0 or t >= world.ticks:
+            continue
+        sense(world, out, state[w], actuator_force[w])
+        is_misled = read_joints(world, out, site_xpos[w], site_xquat[w])
+        world.diverged_joint = bad_joint(world, warning[w])
+        if world.diverged_joint >= -1:
+            world.diverged = t
+            continue
+        if is_misled:
+            follow_chain(world, world.q)
+            chain_jacobian(world, world.J)
+        else:
+            geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
+        if world.m_2 > 0:
+            measure_second(world, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
+        out.time = t * world.period
+        read_reference(world, out, reference[world.reference])
+        control(world, out)
+        if is_misled:  # the error is recorded as it is
+            pose_error(out.pose, out.pose_ref, out.pose_error)
+        world.diverged_joint = bad_command(world, out)
+        if world.diverged_joint >= 0:
+            world.diverged = t
+            continue
+        send(world, out)
+        obey(world, out, state[w])
+        proceed(world, t)
+        if t + 1 < world.ticks:
+            running += 1
+    return running
+
+
+@compiled
+def read_joints(world: Record, out: Record, xpos: Array, xquat: Array) -> bool:
+    """Read what is sensed of joints and site; does a stage have the law take the arm to be elsewhere?"""
+    for j in range(world.n):
+        world.q[j] = out.q[j]
+        world.qdot[j] = out.qdot[j]
+    for i in range(3):
+        out.pose[i] = xpos[world.site, i]
+    for i in range(4):
+        out.pose[3 + i] = xquat[world.site, i]
+    for i in range(7):
+        world.pose[i] = out.pose[i]
+    return sensed(world, out)
+
+
+@compiled
+def measure_second(world: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) -> None:
+    """Read pose and Jacobian of the second task's site."""
+    for i in range(3):
+        world.pose_2[i] = xpos[world.site_2, i]
+    for i in range(4):
+        world.pose_2[3 + i] = xquat[world.site_2, i]
+    second_jacobian(world, xpos[world.site_2], anchors, axes)
+
+
+@compiled
+def read_reference(world: Record, out: Record, reference: Array) -> None:
+    """Read pose and twist wanted at the path tick; between two ticks, of a slowed world, interpolate them.
+
+    Quaternions are interpolated linearly and normalized: neighbors are a fraction of a degree apart, where
+    that is as good as the arc.
+    """
+    before = int(world.path_tick)
+    part = world.path_tick - before
+    out.path_time = world.path_tick * world.period
+    if part == 0.0:
+        for i in range(7):
+            out.pose_ref[i] = reference[before, i]
+        for i in range(6):
+            out.twist_ref[i] = reference[before, 7 + i]
+        return
+    first, second = reference[before], reference[before + 1]
+    same = first[3] * second[3] + first[4] * second[4] + first[5] * second[5] + first[6] * second[6] >= 0.0
+    norm = 0.0
+    for i in range(7):
+        end = second[i] if same or i < 3 else -second[i]
+        out.pose_ref[i] = first[i] + part * (end - first[i])
+        if i > 2:
+            norm += out.pose_ref[i] * out.pose_ref[i]
+    for i in range(3, 7):
+        out.pose_ref[i] /= math.sqrt(norm)
+    for i in range(6):
+        out.twist_ref[i] = first[7 + i] + part * (second[7 + i] - first[7 + i])
+
+
+@compiled
+def send(world: Record, out: Record) -> None:
+    """Send what is commanded through the stages after the law."""
+    for j in range(world.n):
+        world.qdot_sent[j] = world.qdot_cmd_last[j] = out.qdot_cmd[j]
+    sent(world, out)
+
+
+@compiled
+def proceed(world: Record, t: int) -> None:
+    """Advance along the path; the world ends with the tick that was at the end of its path."""
+    end = world.path_ticks - 1.0
+    if world.path_tick >= end:
+        world.ticks = t + 1
+    world.path_tick = min(world.path_tick + world.pace, end)
+
+
+@compiled
+def bad_joint(world: Record, warning: NDArray[np.int32]) -> int:
+    """Return the joint whose state is not finite, -1 if it is another's, -2 if all is well."""
+    for j in range(world.n):
+        if not (abs(world.q[j]) <= LARGEST and abs(world.qdot[j]) <= LARGEST):
+            return j
+    for kind in range(BAD_FIRST, BAD_LAST + 1):
+        if warning[kind, 1] > 0:
+            for j in range(world.n):
+                if world.dof[j] == warning[kind, 0]:
+                    return j
+            return -1
+    return -2
+
+
+@compiled
+def bad_command(world: Record, out: Record) -> int:
+    """Return the joint whose command is not finite, or -2: MuJoCo would take it for 0 and go on."""
+    for j in range(world.n):
+        if not abs(out.qdot_cmd[j]) <= LARGEST:
+            return j
+    return -2

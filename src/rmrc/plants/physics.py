@@ -1,0 +1,114 @@
+"""What plants have in common that MuJoCo steps: gravity, a payload, a wrench, and what drives measure."""
+
+from abc import abstractmethod
+from collections.abc import Hashable, Iterator, Sequence
+from typing import ClassVar, Self
+
+import mujoco
+import numpy as np
+
+from rmrc.arm import Drive, Wiring
+from rmrc.arm.differences import loaded_fields
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.record import Field
+from rmrc.plants.plant import Plant
+
+# Ten billion steps of MuJoCo are a day of a small arm on one core: more is a slip of a unit.
+MOST_STEPS = 10_000_000_000
+# So short a step [s] changes no position of an arm by a bit; gains of inertia over timestep are finite.
+_SHORTEST_STEP = 1e-12
+
+
+@compiled
+def read_drives(world: Record, out: Record, state: Array, force: Array) -> None:
+    """Read q, qdot, and tau of the last step."""
+    for j in range(world.n):
+        out.q[j] = state[world.qpos_column[j]]
+        out.qdot[j] = state[world.qvel_column[j]]
+        out.tau[j] = force[world.actuator[j]]
+
+
+@compiled
+def push(world: Record, out: Record, state: Array) -> None:
+    """Apply the site's external wrench [f; n] at its body's center of mass: n' = n + r × f.
+
+    r, from the center to the site, is fixed to the site; v + 2 w (u × v) + 2 u × (u × v) turns it into
+    the world by the quaternion (w, u).
+    """
+    f, r, w, column = world.wrench, world.lever, out.pose[3], world.wrench_column
+    ux, uy, uz = out.pose[4], out.pose[5], out.pose[6]
+    cx, cy, cz = uy * r[2] - uz * r[1], uz * r[0] - ux * r[2], ux * r[1] - uy * r[0]
+    rx = r[0] + 2.0 * (w * cx + uy * cz - uz * cy)
+    ry = r[1] + 2.0 * (w * cy + uz * cx - ux * cz)
+    rz = r[2] + 2.0 * (w * cz + ux * cy - uy * cx)
+    for i in range(6):
+        state[column + i] = f[i]
+    state[column + 3] += ry * f[2] - rz * f[1]
+    state[column + 4] += rz * f[0] - rx * f[2]
+    state[column + 5] += rx * f[1] - ry * f[0]
+
+
+class Physical(Plant):
+    """A plant with actuators, in MuJoCo's physics."""
+
+    sense = staticmethod(read_drives)
+    fields: ClassVar[tuple[Field, ...]] = (Field("wrench", size=(6,)),)
+    stage = mujoco.mjtStage.mjSTAGE_VEL
+
+    @classmethod
+    @abstractmethod
+    def drive(cls, plants: Sequence[Self]) -> Drive:
+        """Return the actuators of the model that worlds share."""
+
+    @property
+    def substeps(self) -> int:
+        """MuJoCo's steps in a control period."""
+        return round(self.period / self.section.timestep)
+
+    @property
+    def is_loaded(self) -> bool:
+        """Whether there is a payload."""
+        return self.section.payload > 0.0
+
+    @property
+    def shares(self) -> Hashable:
+        """What worlds must have in common: besides the arm their steps, and a body where a payload goes."""
+        section = self.section
+        return super().shares, section.timestep, section.gravity_compensation, self.substeps, self.is_loaded
+
+    @classmethod
+    def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
+        """Return the model with the plant's actuators: see `Arm.adapted`."""
+        first = plants[0]
+        return first.arm.adapted(
+            cls.drive(plants),
+            first.section.timestep,
+            first.section.gravity_compensation,
+            loaded=first.is_loaded,
+        )
+
+    def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
+        """Return lengths, gravity and payload of this world."""
+        return self.known(model, wiring) | loaded_fields(model, self.section.payload)
+
+    def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
+        """Return what is different and no secret: all but the payload."""
+        gravity = self.section.gravity
+        fields = super().difference(model, wiring)
+        return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
+
+    def write(self, world: np.void) -> None:
+        """Write the wrench."""
+        world["wrench"] = self.section.wrench
+
+    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
+        """Yield what is wrong with the steps of a run of so many control ticks."""
+        timestep, steps = self.section.timestep, ticks * float(self.substeps)
+        if steps > MOST_STEPS:
+            yield (
+                "plant.timestep",
+                f"makes up to {steps:.6g} steps of {timestep:g} s, more than {MOST_STEPS:g}; raise it, "
+                "shorten target.path or lower control.slow.longest",
+            )
+        elif timestep < _SHORTEST_STEP:
+            yield "plant.timestep", f"must be >= {_SHORTEST_STEP:g} s, got {timestep:g} s"

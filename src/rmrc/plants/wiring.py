@@ -1,0 +1,74 @@
+"""Where the worlds of a batch find their numbers in MuJoCo's arrays: ids, and columns of its state rows."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm import Arm, Wiring
+from rmrc.law.jit import Array
+from rmrc.law.record import JOINTS, Field
+
+WIRING = (
+    Field("joint", np.int64, (JOINTS,)),
+    Field("dof", np.int64, (JOINTS,)),
+    Field("actuator", np.int64, (JOINTS,)),
+    Field("site", np.int64),
+    Field("body", np.int64),
+    # columns of the state row; of the slide of a screw joint, or -1, with what it moves for each radian
+    Field("qpos_column", np.int64, (JOINTS,)),
+    Field("qvel_column", np.int64, (JOINTS,)),
+    Field("ctrl_column", np.int64, (JOINTS,)),
+    Field("wrench_column", np.int64),
+    Field("travel_column", np.int64, (JOINTS,)),
+    Field("travel_ratio", size=(JOINTS,)),
+    # from the center of mass of the body that carries the site to the site, in the site's frame
+    Field("lever", size=(3,)),
+)
+
+
+def write_wiring(
+    worlds: NDArray[np.void], model: mujoco.MjModel, wiring: Wiring, arms: Sequence[Arm]
+) -> None:
+    """Write these fields of the records of a batch.
+
+    Args:
+        worlds: The records, (w,).
+        model: That the worlds share.
+        wiring: Of the arm in it.
+        arms: Of each world: the same arm, but for how it is stretched.
+    """
+    n = arms[0].n
+    worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
+    worlds["actuator"][:, :n] = wiring.actuator
+    worlds["site"], worlds["body"] = wiring.site, wiring.body
+    worlds["qpos_column"][:, :n] = _column(model, "QPOS") + wiring.qpos
+    worlds["qvel_column"][:, :n] = _column(model, "QVEL") + wiring.dof
+    has_drives = (wiring.actuator >= 0).all()  # the ideal plant needs none
+    controls = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
+    worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + controls
+    worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
+    worlds["travel_column"] = -1
+    for address, travel in zip(wiring.travel_qpos, arms[0].travels, strict=True):
+        worlds["travel_column"][:, travel.hinge] = _column(model, "QPOS") + address
+        worlds["travel_ratio"][:, travel.hinge] = travel.ratio
+    carrier = model.body(wiring.body).name
+    stretch = np.array([arm.stretch.get(carrier, 1.0) for arm in arms])
+    worlds["lever"] = _lever(model, wiring) * stretch[:, None]
+
+
+def _column(model: mujoco.MjModel, component: str) -> int:
+    """Return where a component begins in a state row: components are stored in the order of their bits."""
+    bit = int(getattr(mujoco.mjtState, f"mjSTATE_{component}"))
+    return int(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION) & (bit - 1)))
+
+
+def _lever(model: mujoco.MjModel, wiring: Wiring) -> Array:
+    """Return the vector from the body's center of mass to the site, in the site's frame, (3,) [m]."""
+    inverse = np.empty(4)
+    mujoco.mju_negQuat(inverse, model.site_quat[wiring.site])
+    lever = np.empty(3)
+    offset = model.site_pos[wiring.site] - model.body_ipos[wiring.body]
+    mujoco.mju_rotVecQuat(lever, offset, inverse)
+    return lever
