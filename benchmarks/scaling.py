@@ -18,12 +18,12 @@ from pathlib import Path
 
 import pyarrow as pa
 import pyarrow.parquet as pq
+from sweep import DAMPING, SECONDS, scenario_of
 
 from rmrc.study import dask as cluster
 from rmrc.study.bundle import pack
 from rmrc.study.executors import done
 from rmrc.study.sweep import Sweep, batch_size, check_size
-from sweep import DAMPING, SECONDS, scenario_of
 
 RUNS = (1e4, 1e6, 1e9)
 # Of a run.

@@ -28,7 +28,11 @@ if TYPE_CHECKING:
     from rmrc.study.run import Ended, Job
 
 ScenarioFile = Annotated[
-    Path, typer.Argument(help="The scenario, a YAML file.", callback=lambda path: expect(path, SCENARIO))
+    Path,
+    typer.Argument(
+        help="The scenario: a YAML file, or the name of a shipped one.",
+        callback=lambda path: expect(path, SCENARIO),
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,

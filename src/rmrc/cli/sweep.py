@@ -26,7 +26,7 @@ def sweep(
     scenario: Annotated[
         Path,
         typer.Argument(
-            help="The scenario, a YAML file, perhaps with a sweep section.",
+            help="The scenario, perhaps with a sweep section: a YAML file, or the name of a shipped one.",
             callback=lambda path: expect(path, SCENARIO),
         ),
     ],

@@ -16,6 +16,7 @@ import yaml
 from rmrc.scenario.keys import Key, Mark, Mistake, Origin, Place
 from rmrc.scenario.wording import brief, nearby, show
 from rmrc.support.legible import visible
+from rmrc.support.shipped import suggestion
 
 # A scenario is a page of text. The bounds are far above that and far below what takes a second.
 _MAX_BYTES = 2**20
@@ -62,7 +63,9 @@ def read(source: str) -> str:
         with open(source, "rb") as file:
             return file.read(_MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
-        raise TextError(f"no such file{nearby(Path(source), '.yaml', '.yml')}") from None
+        path = Path(source)
+        near = nearby(path, ".yaml", ".yml") or suggestion(path, "scenarios")
+        raise TextError(f"no such file{near}") from None
     except UnicodeDecodeError as error:
         where = f"byte 0x{error.object[error.start]:02x} at offset {error.start}"
         raise TextError(f"is not UTF-8 text: {where}") from None
