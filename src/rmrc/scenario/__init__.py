@@ -64,6 +64,7 @@ from rmrc.scenario.values import Axis, Section, angle
 from rmrc.scenario.variation import Variant, variants
 from rmrc.scenario.wording import show
 from rmrc.support.errors import ScenarioError
+from rmrc.support.shipped import found
 
 __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Check", "ControlSection", "DampingSection",
@@ -94,7 +95,7 @@ def load(
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    return Template(path, overrides).scenario(varied)
+    return Template(found(path, "scenarios"), overrides).scenario(varied)
 
 
 def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> Scenario:

@@ -1,0 +1,62 @@
+"""What `import rmrc` gives: complete under tab, typed, nothing loaded before it is used, no traces in a process."""
+
+import ast
+import importlib
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+import rmrc
+from project import ROOT
+
+TREE = ast.parse((ROOT / "src/rmrc/__init__.py").read_text("utf-8"))
+# As a checker reads them: the names by where they are from.
+(FOR_CHECKERS,) = (
+    node for node in TREE.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+)
+IMPORTED = {alias.name: node.module for node in FOR_CHECKERS.body for alias in node.names}
+
+
+def python(code, cwd=None):
+    """Return what a new process prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], cwd=cwd, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_name_is_there_and_is_what_a_checker_takes_it_for():
+    assert sorted(IMPORTED) == sorted(rmrc.__all__)
+    for name, module in IMPORTED.items():
+        assert getattr(rmrc, name) is getattr(importlib.import_module(module), name)
+
+
+def test_all_names_are_under_tab_before_any_is_loaded():
+    assert set(rmrc.__all__) <= set(dir(rmrc))
+    listed, has_numpy = python(
+        "import rmrc, sys; print(*dir(rmrc)); print('numpy' in sys.modules)"
+    ).splitlines()
+    assert set(rmrc.__all__) <= set(listed.split())
+    assert has_numpy == "False"
+
+
+def test_a_name_that_is_not_there_is_told():
+    with pytest.raises(AttributeError, match=r"^module 'rmrc' has no attribute 'runn'$"):
+        rmrc.runn  # noqa: B018
+    assert not hasattr(rmrc, "simulation_of_nothing")
+
+
+def test_import_takes_nothing_but_the_standard_library():
+    loaded = python("import sys; before = set(sys.modules); import rmrc; print(*(set(sys.modules) - before))")
+    outside = {name.partition(".")[0] for name in loaded.split()} - set(sys.stdlib_module_names)
+    assert outside <= {"rmrc"}
+    assert "rmrc.support" not in loaded
+
+
+def test_a_scenario_is_read_without_the_law():
+    loaded = python("import rmrc, sys; rmrc.load('blow_up'); print(*sys.modules)").split()
+    assert "pydantic" in loaded
+    assert not {"numba", "mujoco", "pyarrow", "rerun", "matplotlib", "typer", "rich"} & set(loaded)
