@@ -10,6 +10,7 @@ import pytest
 
 import rmrc
 from project import ROOT
+from rmrc.results.scorecard import scorecard
 
 TREE = ast.parse((ROOT / "src/rmrc/__init__.py").read_text("utf-8"))
 # As a checker reads them: the names by where they are from.
@@ -60,3 +61,11 @@ def test_a_scenario_is_read_without_the_law():
     loaded = python("import rmrc, sys; rmrc.load('blow_up'); print(*sys.modules)").split()
     assert "pydantic" in loaded
     assert not {"numba", "mujoco", "pyarrow", "rerun", "matplotlib", "typer", "rich"} & set(loaded)
+
+
+def test_a_run_has_columns_and_figures(simulate):
+    _, run = simulate()
+    assert isinstance(run, rmrc.Run)
+    assert run["qdot_cmd"].shape == (len(run), 2)
+    assert repr(dict(run.scorecard)) == repr(dict(scorecard(run)))  # NaN among them
+    assert run.scorecard is run.scorecard

@@ -11,7 +11,7 @@ from rmrc.arm import Change, load
 from rmrc.arm.differences import NEED_CONSTANTS, changed_fields
 from rmrc.plants import batches as module
 from rmrc.plants.batches import Batches
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import Known, prepare
 from rmrc.simulation.simulation import Simulation
 

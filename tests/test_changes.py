@@ -10,7 +10,7 @@ import rmrc
 from project import ROOT
 from rmrc.arm import load
 from rmrc.arm.differences import stretched_fields
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison

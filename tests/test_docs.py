@@ -14,7 +14,7 @@ import pytest
 
 import rmrc.textbook
 from project import ROOT
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import figure_names, scorecard
 from rmrc.scenario import load, loads
 from rmrc.show import sheets

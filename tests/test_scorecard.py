@@ -10,7 +10,8 @@ from hypothesis.extra.numpy import arrays
 
 from oracles import error_parts
 from project import ROOT
-from rmrc.results.run import COLUMNS, Run
+from rmrc.results.columns import COLUMNS
+from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, check, figure_names, refused, scorecard
 from rmrc.scenario import Check, load
 from rmrc.scenario.choices import Status

@@ -34,7 +34,8 @@ def test_pools_that_overlap_leave_the_interpreter_as_the_first_found_it(before):
     assert changed[0] < before[0] and changed[1] > before[1]
 
 
-def test_what_a_caller_froze_stays_frozen(before):
+@pytest.mark.usefixtures("before")
+def test_what_a_caller_froze_stays_frozen():
     gc.freeze()
     count = gc.get_freeze_count()
     with side_by_side(1):

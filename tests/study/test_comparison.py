@@ -7,7 +7,7 @@ import pytest
 
 from project import ROOT
 from rmrc.recording.single import read_columns
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare

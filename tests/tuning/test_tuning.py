@@ -12,7 +12,7 @@ import pytest
 
 import rmrc as package
 from project import ROOT
-from rmrc.results.run import Divergence
+from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Figure, scorecard
 from rmrc.scenario import Template, load
 from rmrc.simulation.prepare import Preparation, prepare

@@ -14,7 +14,7 @@ import numpy as np
 from rmrc.arm import Arm
 from rmrc.plants.batches import Batches
 from rmrc.results import facts
-from rmrc.results.run import Divergence
+from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Scorecard, check
 from rmrc.scenario import Carried, Scenario
 from rmrc.scenario.keys import split

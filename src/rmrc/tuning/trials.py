@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.plants.batches import Batches
-from rmrc.results.run import Divergence
+from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import inline
 from rmrc.simulation.prepare import Preparation, Prepared, world_record
