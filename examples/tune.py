@@ -1,0 +1,18 @@
+"""Have the inverse, its damping and the feedback of a scenario chosen."""
+
+import rmrc
+
+# A short search over the damped inverses alone; without these options it takes all of them and 2000 runs.
+tuned = rmrc.tune(
+    "approach_singularity",
+    only={"control.inverse.method": ["damped", "filtered"], "control.at_singularity": ["damp"]},
+    copies=1,
+    runs=200,
+)
+best = tuned.verdict.recommended
+assert best is not None  # some setting keeps the limits
+print(
+    f"{tuned.runs} runs; {best.worst.error:.2g} m at {best.worst.peak_rate:.3g} rad/s, where the scenario as"
+)
+print(f"written has {tuned.own.worst.error:.2g} m at {tuned.own.worst.peak_rate:.3g} rad/s")
+print(tuned.block)  # the control section, ready to be pasted into a scenario
