@@ -274,10 +274,40 @@ def test_every_test_and_file_that_a_document_names_exists():
     assert [name for name in files if not (ROOT / name).is_file()] == []
 
 
-def test_equations_are_numbered_without_a_gap_and_those_referred_to_exist():
-    numbers = [int(n) for n in re.findall(r"\((\d+)\)$", THEORY, re.MULTILINE)]
+def equations(text):
+    """Return the number of each equation with its name, "" for one that nothing refers to."""
+    return [
+        (int(number), name or "")
+        for number, name in re.findall(r"^    .*\((\d+)\)(?:  (\w.*))?$", text, re.MULTILINE)
+    ]
+
+
+def misnamed(text):
+    """Return the references to equations that do not say the name of the equation with this number before it."""
+    names = dict(equations(text))
+    found = re.finditer(r"(?<![\w⁺])\((\d+)\)(?!  \w.*$|$)", text, re.MULTILINE)
+    flat = [(one, re.sub(r"\s+", " ", text[: one.start()])) for one in found]
+    return [
+        before[-30:] + one[0]
+        for one, before in flat
+        if not names.get(int(one[1])) or not before.endswith(f"{names[int(one[1])]} ")
+    ]
+
+
+def test_equations_are_numbered_without_a_gap_and_referred_to_by_name():
+    numbers = [number for number, _ in equations(THEORY)]
     assert numbers == list(range(1, len(numbers) + 1))
-    assert {int(n) for n in re.findall(r"\((\d+)\)", THEORY)} == set(numbers)
+    names = [name for _, name in equations(THEORY) if name]
+    assert len(set(names)) == len(names) > 30
+    assert misnamed(THEORY) == []
+
+
+def test_a_reference_that_means_another_equation_is_seen():
+    assert "the command (6)" in THEORY
+    assert len(misnamed(THEORY.replace("the command (6)", "the command (5)", 1))) == 1
+    assert len(misnamed(THEORY.replace("the command (6)", "(6)", 1))) == 1
+    inserted = THEORY.replace("(6)  command", "(6)  other", 1)  # as where an equation is put before another
+    assert misnamed(inserted) and all("command (6)" in one for one in misnamed(inserted))
 
 
 def textbook_functions():
