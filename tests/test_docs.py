@@ -16,7 +16,7 @@ import rmrc.textbook
 from project import ROOT
 from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import figure_names, scorecard
-from rmrc.scenario import load, loads
+from rmrc.scenario import load, loads, variants
 from rmrc.show import sheets
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -517,7 +517,7 @@ def test_numbers_of_the_comparison_in_the_readme_are_those_that_its_command_give
     text = section(README, "Compare methods")
     (command,) = fenced(text, "sh")
     _, path, *varied = re.fullmatch(r".*-m rmrc (compare) (\S+) --vary (\S+)\n", command).groups()
-    comparison = Comparison(ROOT / path, varied, folder=tmp_path)
+    comparison = Comparison(ROOT / path, variants(varied), folder=tmp_path)
     runs = Simulation(comparison.prepared).run()
     names = re.findall(r"`([\w.]+)` \[", text)
     table = rows(text)

@@ -9,9 +9,11 @@ import pytest
 
 from project import ROOT
 from rmrc.arm import files
+from rmrc.scenario import draft_of
 from rmrc.study.bundle import Unpacked, pack
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Problem
 
 TEXT = """
 name: quick
@@ -36,16 +38,16 @@ def path(tmp_path):
 
 
 def test_a_model_is_packed_with_all_that_it_includes_and_unpacked_where_it_finds_it(path, tmp_path):
-    parcel = pack(path, ["sweep.vary.control.feedback=[5, 6]"])
+    parcel = pack(draft_of(path, ["sweep.vary.control.feedback=[5, 6]"]))
     assert set(parcel.files) == {"models/arm.xml", "parts/world.xml"}
-    assert parcel.size == len(TEXT) + sum(map(len, parcel.files.values()))
     for one in (path, *tmp_path.glob("*/*.xml")):
         one.unlink()
     (tmp_path / "worker").mkdir()
     there = Unpacked(parcel, str(tmp_path / "worker"))
     assert there.shards.prepare(1).scenario.control.feedback == 6
     assert there.shards.prepare(1).arm.path.is_relative_to(tmp_path / "worker")
-    assert there.told(f"{there.folder}/models/arm.xml: is wrong") == f"{tmp_path}/models/arm.xml: is wrong"
+    told = there.told(Problem((), f"{there.folder}/models/arm.xml: is wrong"))
+    assert str(told) == f"{tmp_path}/models/arm.xml: is wrong"
     del there
     gc.collect()
     assert list((tmp_path / "worker").iterdir()) == []  # removed with what held it
@@ -67,7 +69,7 @@ def test_meshes_textures_and_height_fields_are_among_the_files_of_a_model(tmp_pa
 
 @pytest.mark.parametrize("name", ["../outside.xml", "a/../../outside.xml", "/outside.xml"])
 def test_no_file_of_a_parcel_leaves_its_folder(path, tmp_path, name):
-    parcel = pack(path, ["sweep.vary.control.feedback=[5, 6]"])
+    parcel = pack(draft_of(path, ["sweep.vary.control.feedback=[5, 6]"]))
     (folder := tmp_path / "worker").mkdir()
     with pytest.raises(ValueError, match="must not write outside its folder"):
         Unpacked(replace(parcel, files={name: b"<mujoco/>"}), str(folder))
@@ -78,7 +80,7 @@ def test_no_file_of_a_parcel_leaves_its_folder(path, tmp_path, name):
 def test_a_linked_model_finds_what_lies_beside_its_own_file(path, tmp_path):
     (tmp_path / "scenarios/link.xml").symlink_to(tmp_path / "models/arm.xml")
     overrides = ["sweep.vary.arm.model=[link.xml, ../models/arm.xml]"]
-    parcel = pack(path, overrides)
+    parcel = pack(draft_of(path, overrides))
     assert parcel.models["link.xml"] == parcel.models["../models/arm.xml"]
     assert Unpacked(parcel).shards.prepare(0).arm.joints == ("shoulder", "elbow")
 

@@ -71,7 +71,7 @@ def test_each_row_has_the_bits_of_its_run_alone(swept):
     assert [row["index"] for row in rows] == list(range(RUNS))
     path = sweep.dataset.file.parent.parent / "quick.yaml"
     for row in rows:
-        prepared = prepare(load(path, sweep.plan.overrides(row["index"])))
+        prepared = prepare(load(path, [str(change) for change in sweep.plan.changes(row["index"])]))
         (run,) = Simulation([prepared]).run()
         card = scorecard(run)
         figures = {name: figure.value for name, figure in card.items() if name not in ("wall_time", "speed")}
@@ -260,7 +260,7 @@ def test_what_is_wrong_with_any_run_is_told_at_once_and_nothing_starts(path, tmp
         sweep.check()
     weights = "must have 2 values, one for each joint (shoulder, elbow), got 1"
     vary = "--set sweep.vary"  # of which the keys are a part here
-    assert list(caught.value.problems) == [
+    assert str(caught.value).splitlines() == [
         f"run 1 (control.feedback=5, control.joint_weights=[1.0], task.axes=[x, y]): {vary}: "
         f"sweep.vary.control.joint_weights: {weights}",
         f"2 runs, the first run 2 (control.feedback=-1, control.joint_weights=null, task.axes=[x, y]): {vary}: "
@@ -279,7 +279,7 @@ def test_a_problem_of_the_file_has_its_place_and_many_are_not_all_told(path, tmp
     )
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, folder=tmp_path / "out").check()
-    problems = caught.value.problems
+    problems = str(caught.value).splitlines()
     assert len(problems) == 21
     assert f": {path}:12:28: sweep.draw.control.feedback: must be >= 0, got -8." in problems[0]
     # of 22 samples 20 are told, and each is in 16 runs

@@ -112,7 +112,7 @@ def compare(
     from rmrc.study.compare import Comparison
 
     console = output(quiet)
-    comparison = Comparison(scenario, vary or (), set_ or (), out, record)
+    comparison = Comparison(scenario, scenarios.variants(vary or ()), set_ or (), out, record)
     _compile(comparison)
     with progress(
         f"{comparison.name}: {len(comparison.variants)} variants", comparison.ticks, quiet

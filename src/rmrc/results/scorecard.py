@@ -21,6 +21,7 @@ from rmrc.results.tally import ERRORS, EXTREMES, JOINTS, adder, begin
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.choices import Status
 from rmrc.support.errors import ScenarioError, did_you_mean
+from rmrc.support.problems import Problem
 from rmrc.support.spatial import AXES, pose_error
 
 # How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
@@ -248,7 +249,7 @@ def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
     """
     problems = refused(scenario.expect, joints, scenario.task.axes)
     if problems:
-        raise ScenarioError([f"{scenario.locate(f'expect.{name}')}: {why}" for name, why in problems.items()])
+        raise ScenarioError(scenario.problem(f"expect.{name}", why) for name, why in problems.items())
 
 
 def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
@@ -269,7 +270,7 @@ def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
     """
     problems = _refused(expect, card)
     if problems:
-        raise ScenarioError([f"expect.{name}: {why}" for name, why in problems.items()])
+        raise ScenarioError(Problem(("expect", name), why) for name, why in problems.items())
     return [_outcome(name, card[name], one) for name, one in expect.items()]
 
 

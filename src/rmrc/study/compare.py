@@ -1,22 +1,23 @@
 """Variants of a scenario from file to files: run as one batch, scored, and shown in one picture each way."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial, reduce
 from pathlib import Path
 
-from rmrc import scenario
 from rmrc.recording import unlogged
 from rmrc.results import facts
 from rmrc.results.leaving import Leaving, refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard, check, scorecard
-from rmrc.scenario import Scenario, Variant
+from rmrc.scenario import Draft, Scenario, Variant, draft_of
 from rmrc.simulation.footprint import refuse_excess
-from rmrc.simulation.prepare import Prepared, prepare_many
+from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.filters import compile_for, filter_factor
+from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 
@@ -38,7 +39,7 @@ class Compared:
     """What one variant gave.
 
     Attributes:
-        variant: Its label and overrides.
+        variant: Its label and changes.
         run: As far as it came.
         scorecard: Its figures.
         outcomes: Of the expectations that count.
@@ -79,8 +80,8 @@ class Comparison:
 
     def __init__(
         self,
-        path: Path,
-        varied: Sequence[str],
+        source: str | os.PathLike[str] | Scenario | Draft,
+        variants: Sequence[Variant],
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),
         record: bool = True,
@@ -88,8 +89,8 @@ class Comparison:
         """Check all that can be checked of all variants before anything moves.
 
         Args:
-            path: Of the scenario.
-            varied: `KEY=V1,V2,...` texts; their combinations are the variants.
+            source: The scenario, or its file.
+            variants: What is compared, such as `rmrc.scenario.variants(["control.feedback=5,10"])`.
             overrides: `KEY=VALUE` texts that hold for all.
             folder: Where the files go; made if it is missing.
             record: Whether to write a recording.
@@ -100,11 +101,12 @@ class Comparison:
             OSError: The files cannot be written.
         """
         self.folder, self._record, self._overrides = folder, record, tuple(overrides)
-        self.variants = scenario.variants(varied)
-        self.prepared = prepare_many(path, self._overrides, self.variants)
+        written = draft_of(source)
+        base, self.variants = written.overridden(overrides), tuple(variants)
+        self.prepared = Study(base).prepare_all(self.variants)
         refuse_excess(self.prepared, recorded=record)
         self.name = self.prepared[0].scenario.name
-        self._written = _written(path, self._overrides)
+        self._written = _sound(written, base)
         self._simulation: Simulation | None = None
         refuse_unwritable(self._files())
 
@@ -185,7 +187,7 @@ class Comparison:
         known = [
             {
                 "label": one.variant.label,
-                "overrides": one.variant.overrides,
+                "overrides": [str(change) for change in one.variant.changes],
                 "expected_of_others": one.stated_for,
                 **facts.run_facts(one.status, one.run, one.scorecard, one.outcomes, prepared.scenario),
             }
@@ -212,12 +214,12 @@ class Comparison:
         return Compared(variant, run, card, outcomes, stated_for, facts.status_of(run, interrupted))
 
 
-def _written(path: Path, overrides: Sequence[str]) -> Scenario:
+def _sound(written: Draft, base: Draft) -> Scenario:
     """Return the scenario as its file has it; of a file that is not whole, what `--set` makes of it."""
     try:
-        return scenario.load(path)
+        return written.scenario()
     except ScenarioError:
-        return scenario.load(path, overrides)
+        return base.scenario()
 
 
 def _choices(one: Scenario) -> dict[str, str]:

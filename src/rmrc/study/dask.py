@@ -340,9 +340,9 @@ def _work(indices: range, sent: _Sent, work: Work, shared: object) -> Any:
     try:
         found = getattr(mine.shards, work)(indices, shared, threading.Event())
     except ScenarioError as error:
-        raise ScenarioError([mine.told(problem) for problem in error.problems]) from None
+        raise ScenarioError(map(mine.told, error.problems)) from None
     if isinstance(found, Checked):
-        return found._replace(problems={mine.told(text): many for text, many in found.problems.items()})
+        return found._replace(problems={mine.told(one): many for one, many in found.problems.items()})
     return found
 
 

@@ -165,7 +165,7 @@ class Dataset:
             if isinstance(error, OSError) and error.filename and not isinstance(error, IsADirectoryError):
                 raise
             what = "was altered" if str(error) == "was altered" else "is no sweep's"
-            raise ScenarioError([f"{place}: {what}; move it, or take another --out"]) from None
+            raise ScenarioError.about(place, f"{what}; move it, or take another --out") from None
         if differs:
             what = f"is of another sweep ({', '.join(differs)} differ)"
         elif found.runs != runs:
@@ -175,7 +175,7 @@ class Dataset:
         else:
             return found
         if what:
-            raise ScenarioError([f"{place}: {what}; move it, or take another --out"])
+            raise ScenarioError.about(place, f"{what}; move it, or take another --out")
         return found
 
     def _lack(self, contents: Contents) -> str:
@@ -220,7 +220,7 @@ class Dataset:
                 if path.lstat().st_size:
                     self._table(parts[path.name], contents)
             elif not (path == self._plan or path.name.startswith(".")):
-                raise ScenarioError([f"{path}: is no part of this sweep; move it, or take another --out"])
+                raise ScenarioError.about(path, "is no part of this sweep; move it, or take another --out")
 
     def keep(self, part: int, data: bytes, contents: Contents) -> None:
         """Write one part, whole or not at all.
@@ -319,7 +319,7 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
 
 
 def _spoiled(path: Path, what: str) -> ScenarioError:
-    return ScenarioError([f"{path}: {what}; remove it, and the same command makes it again"])
+    return ScenarioError.about(path, f"{what}; remove it, and the same command makes it again")
 
 
 def _digest(part: int, data: bytes, contents: Contents) -> bytes:

@@ -4,7 +4,6 @@ import hashlib
 import json
 import threading
 from collections.abc import Iterator, Mapping, Sequence
-from pathlib import Path
 from types import MappingProxyType
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
@@ -16,15 +15,17 @@ from rmrc.plants.batches import Batches
 from rmrc.results import facts
 from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Scorecard, check
-from rmrc.scenario import Carried, Scenario
+from rmrc.scenario import Change, Scenario
 from rmrc.scenario.keys import split
 from rmrc.simulation.footprint import Footprint, footprint
-from rmrc.simulation.prepare import Preparation, Prepared
+from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.columns import typed
 from rmrc.study.dataset import Column, as_parquet
 from rmrc.study.plan import SEED, Plan
+from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Problem
 
 # Runs that are kept from their check until they are run: 30 MB. Small sweeps are then prepared once.
 _KEPT = 1000
@@ -47,7 +48,7 @@ class Checked(NamedTuple):
     """
 
     runs: int
-    problems: dict[str, tuple[int, int]]
+    problems: dict[Problem, tuple[int, int]]
     kinds: dict[object, int]
     ticks: int
     longest: int
@@ -61,24 +62,14 @@ class Shards:
     one thread prepares at a time.
     """
 
-    def __init__(
-        self,
-        path: Path,
-        overrides: Sequence[str],
-        base: Scenario,
-        plan: Plan,
-        carried: Carried | None = None,
-    ) -> None:
+    def __init__(self, base: Scenario, plan: Plan) -> None:
         """Keep what all runs share.
 
         Args:
-            path: Of the scenario.
-            overrides: `KEY=VALUE` texts that hold for all runs.
-            base: The scenario with these.
+            base: The scenario.
             plan: What the runs are.
-            carried: What is read instead of the file.
         """
-        self._preparation, self._plan = Preparation(path, overrides, carried), plan
+        self._study, self._plan = Study(base.draft), plan
         self._versions = json.dumps(facts.versions())
         self._prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
         self._lock = threading.Lock()
@@ -86,31 +77,18 @@ class Shards:
         self._batches = Batches()
         vary = {split(key)[0] for key in (*plan.keys, SEED)}
         self._same = {name: _as_json(base, name) for name in _SECTIONS if name not in vary}
-        self._places = {key: base.locate(f"sweep.vary.{key}") for key, _ in plan.vary}
-        self._places |= {key: base.locate(f"sweep.draw.{key}") for key, _, _ in plan.draw}
 
-    def prepare(self, index: int, *more: str) -> Prepared:
+    def prepare(self, index: int, *more: Change) -> Prepared:
         """Return one run, checked whole.
 
         Args:
             index: Of the run.
-            more: `KEY=VALUE` texts on top.
+            more: Changes on top.
 
         Raises:
             ScenarioError: All that is wrong with it.
         """
-        varied = (*self._plan.overrides(index), *more)
-        try:
-            return self._preparation.variant(varied)
-        except ScenarioError as error:
-            raise ScenarioError([self._placed(problem) for problem in error.problems]) from None
-
-    def _placed(self, problem: str) -> str:
-        """Return a problem with the place of its key in the sweep."""
-        for key, place in self._places.items():
-            if problem.startswith((f"--vary {key}:", f"--vary {key}[", f"--vary {key}.")):
-                return place + problem.removeprefix(f"--vary {key}")
-        return problem
+        return self._study.prepare((*self._plan.changes(index), *more))
 
     def check(self, indices: range, _: object, stop: threading.Event) -> Checked | None:
         """Return what is known of some runs before they start, or None if that was interrupted.
@@ -119,7 +97,7 @@ class Shards:
             indices: Of the runs.
             stop: Once it is set, this ends.
         """
-        problems: dict[str, tuple[int, int]] = {}
+        problems: dict[Problem, tuple[int, int]] = {}
         kinds: dict[object, int] = {}
         ticks = longest = 0
         world = Footprint(0, 0)

@@ -12,9 +12,9 @@ from pathlib import Path
 from threading import Event
 from typing import Any, Self, cast
 
-from rmrc import scenario
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
+from rmrc.scenario import Change, Draft, Problems, Scenario, draft_of
 from rmrc.simulation.footprint import Footprint
 from rmrc.simulation.simulation import Simulation
 from rmrc.study import dask as clusters
@@ -30,6 +30,7 @@ from rmrc.study.shards import Checked, Shards, digest
 from rmrc.study.summary import Summary, summarize
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
+from rmrc.support.problems import Problem
 
 # A batch is about two seconds of one core (some 5 us a tick of a small arm, and a run takes as long as some
 # 500 ticks before its first one): the most that a killed process loses, and a hundred times what starting a
@@ -83,7 +84,7 @@ class Sweep:
 
     def __init__(
         self,
-        path: Path,
+        source: str | os.PathLike[str] | Scenario | Draft,
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),
         threads: int | None = None,
@@ -92,7 +93,7 @@ class Sweep:
         """Check the scenario and its plan, and whether the folder has rows of just this sweep.
 
         Args:
-            path: Of the scenario; its `sweep` section says what is run.
+            source: The scenario, or its file; its `sweep` section says what is run.
             overrides: `KEY=VALUE` texts that hold for all runs, of the section `sweep` as well, such as
                 `sweep.vary.control.feedback=[5, 10, 20]`.
             folder: Where the rows go; made if it is missing.
@@ -105,17 +106,17 @@ class Sweep:
             ClusterError: The text of the cluster is none, or Dask is not installed.
             OSError: The folder cannot be written.
         """
-        self.scenario = scenario.load(path, overrides)
+        self.scenario = draft_of(source, overrides).scenario()
         self.plan = plan_of(self.scenario)
-        self.folder, self._path = folder, path
+        self.folder = folder
         self._threads, self._cluster = (
             threads or os.cpu_count() or 1,
             None if cluster is None else clusters.Address.read(cluster),
         )
-        self._overrides, self._users = tuple(overrides), 0
+        self._users = 0
         self._working, self._opened = ExitStack(), cast(Crew | None, None)
         self._refuse_nothing()
-        self._shards = Shards(path, overrides, self.scenario, self.plan)
+        self._shards = Shards(self.scenario, self.plan)
         self._identity = self._identify()
         self.dataset = Dataset(folder, self.scenario.name)
         self._contents = self.dataset.contents(self._identity, len(self.plan))
@@ -123,32 +124,33 @@ class Sweep:
 
     def _refuse_nothing(self) -> None:
         """Refuse a plan of one run, repeats that all give the same, and seeds that no column holds."""
-        problems = []
+        problems = Problems(self.scenario)
         if self.plan.count > _MOST_RUNS:
-            raise ScenarioError(
-                [
-                    f"{self.scenario.locate('sweep')}: must give {_MOST_RUNS} runs or fewer, "
-                    f"got {self.plan.count}; lower sweep.samples or sweep.repeat"
-                ]
+            problems.add(
+                "sweep",
+                f"must give {_MOST_RUNS} runs or fewer, got {self.plan.count}; "
+                "lower sweep.samples or sweep.repeat",
             )
+            problems.raise_any()
         if len(self.plan) < 2:
-            problems.append(
-                f"{self.scenario.locate('sweep')}: must give 2 runs or more, got {len(self.plan)}; "
-                "for example --vary control.inverse.method=damped,pseudoinverse"
+            problems.add(
+                "sweep",
+                f"must give 2 runs or more, got {len(self.plan)}; "
+                "for example --vary control.inverse.method=damped,pseudoinverse",
             )
         encoder = self.scenario.arm.encoder
         has_chance = any(key == "arm" or key.startswith("arm.encoder") for key in self.plan.keys)
         most = _MOST_SEED - self.plan.samples * self.plan.repeat + 1
         if self.plan.seed > most:
             key = "arm.encoder.seed" if self.scenario.sweep.seed is None else "sweep.seed"
-            problems.append(f"{self.scenario.locate(key)}: must be <= {most}, got {self.plan.seed}")
+            problems.add(key, f"must be <= {most}, got {self.plan.seed}")
         if self.plan.repeat > 1 and not (has_chance or any(_each(encoder.deviation))):
-            problems.append(
-                f"{self.scenario.locate('sweep.repeat')}: must be 1 where nothing is left to chance, "
-                f"got {self.plan.repeat}; give arm.encoder.deviation"
+            problems.add(
+                "sweep.repeat",
+                f"must be 1 where nothing is left to chance, got {self.plan.repeat}; "
+                "give arm.encoder.deviation",
             )
-        if problems:
-            raise ScenarioError(problems)
+        problems.raise_any()
 
     def _identify(self) -> dict[str, Any]:
         """Return what decides the rows. What differs names itself in a message."""
@@ -176,7 +178,7 @@ class Sweep:
 
     @cached_property
     def _parcel(self) -> Parcel:
-        return pack(self._path, self._overrides)
+        return pack(self.scenario.draft)
 
     def __enter__(self) -> Self:
         """Keep the threads or the cluster from one call of `check` or `run` to the next."""
@@ -273,8 +275,11 @@ class Sweep:
             fewer = " or lower --threads" if at_once > 1 else ""
             raise ScenarioError(
                 [
-                    f"{self.scenario.locate('target.path')}: has up to {longest} ticks, and the batches that "
-                    f"are run at a time, {at_once}, need {excess}; shorten it, raise control.period{fewer}"
+                    self.scenario.problem(
+                        "target.path",
+                        f"has up to {longest} ticks, and the batches that are run at a time, {at_once}, need "
+                        f"{excess}; shorten it, raise control.period{fewer}",
+                    )
                 ]
             )
 
@@ -326,7 +331,7 @@ class Sweep:
         Args:
             index: Of the run.
         """
-        prepared = self._shards.prepare(index, f"name={self.scenario.name}-{index}")
+        prepared = self._shards.prepare(index, Change(("name",), f"{self.scenario.name}-{index}"))
         return Job(prepared.scenario, self.folder)
 
 
@@ -357,9 +362,9 @@ class _Problems:
     """What is wrong with which runs; what many have in common is told once."""
 
     def __init__(self, plan: Plan) -> None:
-        self.plan, self.found, self.untold = plan, dict[str, list[int]](), 0
+        self.plan, self.found, self.untold = plan, dict[Problem, list[int]](), 0
 
-    def add(self, problems: Mapping[str, tuple[int, int]]) -> None:
+    def add(self, problems: Mapping[Problem, tuple[int, int]]) -> None:
         for problem, (first, count) in problems.items():
             if problem in self.found:
                 self.found[problem][1] += count
@@ -369,14 +374,14 @@ class _Problems:
                 self.untold += count
 
     def raise_any(self) -> None:
-        lines = []
+        told = []
         for problem, (first, count) in self.found.items():
             who = f"{count} runs, the first " * (count > 1) + self.plan.label(first)
-            lines.append(problem if count == len(self.plan) else f"{who}: {problem}")
+            told.append(problem if count == len(self.plan) else problem._replace(who=who))
         if self.untold:
-            lines.append(f"and {self.untold} more problems of other runs")
-        if lines:
-            raise ScenarioError(lines)
+            told.append(Problem((), f"and {self.untold} more problems of other runs"))
+        if told:
+            raise ScenarioError(told)
 
 
 def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:

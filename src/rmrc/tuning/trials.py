@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from rmrc.plants.batches import Batches
 from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Scorecard
-from rmrc.scenario import inline
-from rmrc.simulation.prepare import Preparation, Prepared, world_record
+from rmrc.scenario import Change, Variant, changes_of
+from rmrc.simulation.prepare import Prepared, world_record
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.study import Study
 from rmrc.support.threads import side_by_side
-from rmrc.tuning.copies import Copy
 from rmrc.tuning.front import Point
 from rmrc.tuning.space import Setting
 
@@ -133,8 +133,8 @@ class Trials:
 
     def __init__(
         self,
-        preparation: Preparation,
-        copies: Sequence[Copy],
+        study: Study,
+        copies: Sequence[Variant],
         threads: int,
         stop: threading.Event,
         on_runs: OnRuns | None,
@@ -142,18 +142,18 @@ class Trials:
         """Keep what all trials share; `planned` has the times of the copies' paths [s].
 
         Args:
-            preparation: Of the scenario.
+            study: Of the scenario.
             copies: The scenario itself first; all can be prepared.
             threads: How many batches are run at a time.
             stop: Once it is set, the runs end.
             on_runs: Called with the number of runs of each batch that was done.
         """
-        self._preparation, self._copies, self._threads, self._stop = preparation, copies, threads, stop
+        self._study, self._copies, self._threads, self._stop = study, copies, threads, stop
         self._on_runs, self._lock = on_runs, threading.Lock()
         self._batches = Batches()
-        nominal = preparation.variant()
+        nominal = study.prepare()
         self.limits, self._control = Limits.of(nominal), nominal.scenario.control
-        references = [preparation.variant(copy.overrides).reference for copy in copies]
+        references = [study.prepare(copy.changes).reference for copy in copies]
         self.planned = [one.period * one.ticks for one in references]
         self._longest = [math.inf] * len(copies)
         self._ticks = nominal.reference.ticks
@@ -183,9 +183,7 @@ class Trials:
     def _batch(self, jobs: Sequence[tuple[Setting, int]]) -> Sequence[Outcome | None]:
         # the arms are shared, and asked by one thread at a time
         with self._lock:
-            prepared = [
-                self._preparation.variant(self._texts(*job)) for job in jobs if not self._stop.is_set()
-            ]
+            prepared = [self._study.prepare(self._changes(*job)) for job in jobs if not self._stop.is_set()]
             if self._stop.is_set():
                 return [None] * len(jobs)
             simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
@@ -201,10 +199,11 @@ class Trials:
                 self._on_runs(len(jobs))
         return outcomes
 
-    def _texts(self, setting: Setting, copy: int) -> tuple[str, ...]:
+    def _changes(self, setting: Setting, copy: int) -> tuple[Change, ...]:
         """Return what makes a run; a slow one ends when it has taken longer than allowed."""
-        texts = (*setting.overrides, *self._copies[copy].overrides)
+        changes = (*setting.changes, *self._copies[copy].changes)
         if setting.structure.at_singularity != "slow" or self._longest[copy] == math.inf:
-            return texts
+            return changes
         share = self._longest[copy] / self.planned[copy]
-        return (*texts, f"control.slow.longest={inline(min(max(share, 1.0), self._control.slow.longest))}")
+        longest = min(max(share, 1.0), self._control.slow.longest)
+        return (*changes, *changes_of({"control.slow.longest": longest}))

@@ -8,15 +8,17 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from rmrc.scenario import Template, block
+from rmrc.scenario import Draft, Scenario, Variant, block, changes_of, draft_of
 from rmrc.simulation.footprint import footprint, refuse_excess
-from rmrc.simulation.prepare import Preparation, Prepared
+from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import Column, write_table
+from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
-from rmrc.tuning.copies import Copy, Spread, draw_copies, has_points
+from rmrc.support.problems import Origin, Problem
+from rmrc.tuning.copies import Spread, draw_copies, has_points
 from rmrc.tuning.only import read_only
 from rmrc.tuning.search import Search, Tried
 from rmrc.tuning.space import (
@@ -55,7 +57,7 @@ class Tuned:
     feasible: tuple[Tried, ...]
     verdict: Verdict
     control: Mapping[str, Any] | None
-    copies: tuple[Copy, ...]
+    copies: tuple[Variant, ...]
     limits: Limits
     runs: int
     interrupted: bool
@@ -78,7 +80,7 @@ class Tuning:
 
     def __init__(
         self,
-        path: str | os.PathLike[str],
+        source: str | os.PathLike[str] | Scenario | Draft,
         overrides: Sequence[str] = (),
         *,
         only: Sequence[str] = (),
@@ -92,7 +94,7 @@ class Tuning:
         """Check everything before the first run.
 
         Args:
-            path: Of the scenario.
+            source: The scenario, or its file.
             overrides: `KEY=VALUE` texts.
             only: `KEY=V1,V2,...` texts, what keys are restricted to.
             copies: How many perturbed copies there are.
@@ -107,11 +109,12 @@ class Tuning:
         """
         spread = spread or Spread()
         _check(copies, seed, spread, slower, runs, threads)
-        self._path, self._seed, self.slower, self._runs = Path(path), seed, slower, runs
+        self._seed, self.slower, self._runs = seed, slower, runs
         self._spread = spread
         self._threads = threads or os.cpu_count() or 1
-        self._preparation, self._template = Preparation(path, overrides), Template(path, overrides)
-        self._nominal: Prepared = self._preparation.variant()
+        self._draft = draft_of(source, overrides)
+        self._study = Study(self._draft)
+        self._nominal: Prepared = self._study.prepare()
         self.scenario = self._nominal.scenario
         words, self._only = read_only(only)
         self._check_numbers()
@@ -145,7 +148,7 @@ class Tuning:
             on_runs: Called with the number of runs of each batch that was done.
         """
         with interruptible() as stop:
-            trials = Trials(self._preparation, self.copies, self._threads, stop, on_runs)
+            trials = Trials(self._study, self.copies, self._threads, stop, on_runs)
             (run,) = Simulation([self._nominal]).run(stop=stop)
             if stop.is_set():
                 return None
@@ -195,7 +198,8 @@ class Tuning:
                 arm["model"] = self._seen_from(folder, arm["model"])
         if "arm.model" in vary:
             vary["arm.model"] = [self._seen_from(folder, name) for name in vary["arm.model"]]
-        head = f"# {self._path.name} with the control section that `rmrc tune` recommends."
+        name = Path(self._draft.source).name or self.scenario.name
+        head = f"# {name} with the control section that `rmrc tune` recommends."
         with written_whole(files[0]) as temporary:
             temporary.write_text(f"{head}\n{block(data)}", "utf-8")
         self._draw(tuned, files[1])
@@ -214,7 +218,7 @@ class Tuning:
 
     def _seen_from(self, folder: Path, model: str) -> str:
         """Return a model's file, which is relative to the scenario's folder, relative to another."""
-        return os.path.relpath((self._path.parent / model).resolve(), folder.resolve())
+        return os.path.relpath((self._draft.folder / model).resolve(), folder.resolve())
 
     def _draw(self, tuned: Tuned, path: Path) -> None:
         from rmrc.tuning.figure import Mark, draw_front
@@ -235,7 +239,7 @@ class Tuning:
 
     def _written(self, setting: Setting) -> dict[str, Any]:
         """Return the scenario as it is written, with a setting, and without what that does not read."""
-        data = self._template.written(setting.overrides)
+        data = self._draft.changed(*setting.changes).values()
         if not setting.is_written:
             for key in setting.structure.unread:
                 _remove(data, key.split("."))
@@ -243,31 +247,31 @@ class Tuning:
 
     def _check_numbers(self) -> None:
         """Refuse numbers that no scenario may have."""
-        problems = []
+        problems = list[Problem]()
         for key, values in self._only.items():
             for value in values:
                 try:
-                    self._preparation.variant([f"{key}={value!r}"])
+                    self._study.prepare(changes_of({key: value}, "--only"))
                 except ScenarioError as error:
-                    problems += [problem.replace("--vary", "--only", 1) for problem in error.problems]
+                    problems += error.problems
         if problems:
             raise ScenarioError(problems)
 
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why it cannot have the others."""
-        found, reasons = list[Structure](), dict[str, None]()
+        found, reasons = list[Structure](), dict[Problem, None]()
         for one in all_structures():
             if any(value not in words.get(key, (value,)) for key, value in one.words.items()):
                 continue
             try:
-                self._preparation.variant([f"{key}={value}" for key, value in one.words.items()])
+                self._study.prepare(changes_of(one.words))
             except ScenarioError as error:
-                reasons |= dict.fromkeys(problem.removeprefix("--vary ") for problem in error.problems)
+                reasons |= dict.fromkeys(error.problems)
             else:
                 found.append(one)
         if not found:
-            raise ScenarioError([f"--only {reason}" for reason in reasons])
-        return tuple(found), tuple(reasons)
+            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons)
+        return tuple(found), tuple(map(str, reasons))
 
     def _refuse_excess(self, copies: Sequence[Prepared]) -> None:
         """Refuse what does not fit into memory: the run as written, and batches of its copies."""
@@ -275,31 +279,31 @@ class Tuning:
         batches = footprint(copies, keep_columns=False).times(self._threads)
         excess = (batches + footprint([self._nominal])).excess
         if excess:
-            place = self.scenario.locate("target.path")
-            raise ScenarioError(
-                [
-                    f"{place}: has {self._nominal.reference.ticks} ticks, which on {len(copies)} copies and "
-                    f"{self._threads} threads need {excess}; shorten it, or lower --copies or --threads"
-                ]
+            wrong = (
+                f"has {self._nominal.reference.ticks} ticks, which on {len(copies)} copies and "
+                f"{self._threads} threads need {excess}; shorten it, or lower --copies or --threads"
             )
+            raise ScenarioError([self.scenario.problem("target.path", wrong)])
 
     def _check_copies(self) -> list[Prepared]:
-        prepared, problems = list[Prepared](), []
+        prepared, problems = list[Prepared](), list[Problem]()
         for copy in self.copies:
             try:
-                prepared.append(self._preparation.variant(copy.overrides))
+                prepared.append(self._study.prepare(copy.changes))
             except ScenarioError as error:
-                problems += [f"{copy.label}: {problem}" for problem in error.problems]
+                problems += [problem._replace(who=copy.label) for problem in error.problems]
         if problems:
             raise ScenarioError(problems)
         return prepared
 
 
-def tune(path: str | os.PathLike[str], overrides: Sequence[str] = (), **options: Any) -> Tuned | None:
+def tune(
+    source: str | os.PathLike[str] | Scenario | Draft, overrides: Sequence[str] = (), **options: Any
+) -> Tuned | None:
     """Search for the inverse, damping and feedback with the smallest tracking error within the limits.
 
     Args:
-        path: Of the scenario.
+        source: The scenario, or its file.
         overrides: `KEY=VALUE` texts.
         options: See `Tuning`.
 
@@ -309,7 +313,7 @@ def tune(path: str | os.PathLike[str], overrides: Sequence[str] = (), **options:
     Raises:
         ScenarioError: All that is wrong.
     """
-    return Tuning(path, overrides, **options).run()
+    return Tuning(source, overrides, **options).run()
 
 
 def _check(copies: int, seed: int, spread: Spread, slower: float, runs: int, threads: int | None) -> None:
@@ -319,7 +323,7 @@ def _check(copies: int, seed: int, spread: Spread, slower: float, runs: int, thr
         "threads": (threads or 1, 1),
     }  # fmt: skip
     problems = [
-        f"--{name}: must be finite and >= {low}, got {value:g}"
+        Problem((), f"must be finite and >= {low}, got {value:g}", Origin(f"--{name}"))
         for name, (value, low) in least.items()
         if not low <= value < math.inf
     ]
