@@ -50,8 +50,10 @@ OWNERS = {
         *("rmrc.analysis.inspect.figure", "rmrc.analysis.workspace.figure"),
     ),
     "rich": (
-        *("rmrc.cli", "rmrc.show.tables", "rmrc.show.sheets"),
-        *("rmrc.study.compare_table", "rmrc.analysis.statics.report"),
+        "rmrc.cli",
+        "rmrc.show.tables",
+        "rmrc.show.terminal",
+        "rmrc.study.compare_table",
     ),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),

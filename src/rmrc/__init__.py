@@ -29,6 +29,9 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from rmrc.analysis.ik.ik import ik
+    from rmrc.analysis.inspect.inspection import inspect
+    from rmrc.analysis.statics.statics import statics
     from rmrc.analysis.workspace.workspace import workspace
     from rmrc.law.law import resolve_rates
     from rmrc.results.run import Run
@@ -36,6 +39,8 @@ if TYPE_CHECKING:
     from rmrc.scenario import Scenario, load, loads
     from rmrc.simulation.prepare import Prepared, prepare
     from rmrc.simulation.simulation import Simulation
+    from rmrc.study.study import Study
+    from rmrc.study.verbs import compare, run, sweep
     from rmrc.support.errors import (
         ClusterError,
         DivergenceError,
@@ -50,12 +55,15 @@ if TYPE_CHECKING:
 
 __all__ = [
     "ClusterError", "DivergenceError", "ModelError", "ModelWarning", "Prepared", "QuestionError", "RmrcError",
-    "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "TargetError", "load", "loads", "prepare",
-    "resolve_rates", "tune", "workspace",
+    "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study", "TargetError", "compare", "ik",
+    "inspect", "load", "loads", "prepare", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
     _HOMES = {
+        "rmrc.analysis.ik.ik": ("ik",),
+        "rmrc.analysis.inspect.inspection": ("inspect",),
+        "rmrc.analysis.statics.statics": ("statics",),
         "rmrc.analysis.workspace.workspace": ("workspace",),
         "rmrc.law.law": ("resolve_rates",),
         "rmrc.results.run": ("Run",),
@@ -63,6 +71,8 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.scenario": ("Scenario", "load", "loads"),
         "rmrc.simulation.prepare": ("Prepared", "prepare"),
         "rmrc.simulation.simulation": ("Simulation",),
+        "rmrc.study.study": ("Study",),
+        "rmrc.study.verbs": ("compare", "run", "sweep"),
         "rmrc.support.errors": tuple(name for name in __all__ if name.endswith(("Error", "Warning"))),
         "rmrc.tuning.tune": ("tune",),
     }

@@ -14,7 +14,6 @@ from rmrc.analysis.workspace import figure as workspace_figure
 from rmrc.analysis.workspace.figure import draw_joint_map, draw_workspace
 from rmrc.analysis.workspace.joint_map import joint_map
 from rmrc.analysis.workspace.workspace import workspace
-from rmrc.law.task import choose
 
 
 @functools.cache
@@ -104,7 +103,7 @@ def test_nothing_is_cut_off():
 
 def test_a_map_over_two_joints_has_degrees_and_meters_and_the_determinant(tmp_path):
     arm = arms.load(ROOT / "models/stanford.xml")
-    space = joint_map(choose(arm), ("d_3", "theta_5"), arm.configuration("home")[arm.wiring.qpos], 40)
+    space = joint_map(arm, ("d_3", "theta_5"), cells=40)
     figure = workspace_figure._joint_map(space, "sigma_min")
     axes = figure.axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("d_3 [m]", "theta_5 [°]")

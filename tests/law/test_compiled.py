@@ -12,7 +12,7 @@ import rmrc
 from project import ROOT
 from rmrc.analysis import survey
 from rmrc.analysis.ik import descent
-from rmrc.analysis.workspace import folds as sheet
+from rmrc.analysis.workspace import folds
 from rmrc.arm import load
 from rmrc.law import law
 from rmrc.law import svd as smallmat
@@ -27,7 +27,7 @@ from rmrc.simulation import reference
 MOVES = (
     reference.sample, plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add,
 )  # fmt: skip
-EXAMINES = (law.resolve, survey.examine, survey.locate, sheet.scan, descent.reach, smallmat.svd)
+EXAMINES = (law.resolve, survey.examine, survey.locate, folds.scan, descent.reach, smallmat.svd)
 
 
 def kept(function):

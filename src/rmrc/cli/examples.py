@@ -5,9 +5,9 @@ from typing import Annotated
 
 import typer
 
-from rmrc.cli.console import EXIT_INPUT, complain, output, print_json, print_line
-from rmrc.cli.questions import AsJson
-from rmrc.show import sheets
+from rmrc.cli.console import EXIT_INPUT, complain, output, print_line
+from rmrc.cli.options import AsJson
+from rmrc.cli.reports import show
 from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
@@ -18,6 +18,9 @@ SCENARIO, MODEL = "approach_singularity", "planar_2link"
 
 def examples(as_json: AsJson = False) -> None:
     """List the scenarios and models that come with the program; a verb takes them by their bare names."""
+    from rmrc.show.report import Report
+    from rmrc.show.sheets import Sheet
+
     _refuse_nothing()
     found = {
         folder: [
@@ -26,20 +29,19 @@ def examples(as_json: AsJson = False) -> None:
         ]
         for folder in shipped.SUFFIX
     }
-    if as_json:
-        print_json(found)
-        return
     tables = [
-        sheets.Sheet(
+        Sheet(
             folder.capitalize(),
             ("name", "about"),
             [(one["name"], one["about"]) for one in files],
-            frozenset({0, 1}),
+            left=frozenset({0, 1}),
         )
         for folder, files in found.items()
     ]
+    show(Report(tables, found), as_json)
+    if as_json:
+        return
     console = output()
-    console.print(sheets.render(tables))
     for what, words in {
         "run one": ("run", SCENARIO),
         "ask about one": ("inspect", MODEL),

@@ -21,6 +21,7 @@ from rmrc.cli.console import (
     progress,
 )
 from rmrc.cli.kinds import RECORDING, SCENARIO, expect
+from rmrc.cli.options import Out, Quiet
 from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
@@ -38,9 +39,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the scenario; repeatable."),
 ]
-Out = Annotated[Path, typer.Option(help="Folder for the files.")]
 Record = Annotated[bool, typer.Option(help="Write the .rrd recording.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")]
 
 
 def run(

@@ -50,7 +50,7 @@ from rmrc.scenario.sections import (
     TaskSection,
 )
 from rmrc.scenario.values import Axis, Section, angle
-from rmrc.scenario.variation import variants
+from rmrc.scenario.variation import grid, variants
 from rmrc.scenario.wording import block, inline
 
 __all__ = [
@@ -59,5 +59,6 @@ __all__ = [
     "Line", "LineSegment", "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow",
     "SecondarySection", "Section", "Segment", "SlowSection", "StopSection", "SweepSection",
     "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment", "Variant", "angle", "block",
-    "changes_of", "draft_of", "inline", "json_schema", "load", "loads", "place_of", "schema_rows", "variants",
+    "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows",
+    "variants",
 ]  # fmt: skip

@@ -2,12 +2,13 @@
 
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeAlias
 
-from rmrc.scenario.changes import Change, Variant, read_change
+from rmrc.scenario.changes import Change, Variant, changes_of, read_change
 from rmrc.scenario.reading import TextError, items
 from rmrc.scenario.sections import parse_key
-from rmrc.scenario.wording import brief
+from rmrc.scenario.wording import brief, inline
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem, join
 
@@ -15,6 +16,9 @@ from rmrc.support.problems import Key, Origin, Problem, join
 MOST_VARIANTS = 50
 
 EXAMPLE = "control.inverse.method=inverse,damped"
+
+# Values of a key, each as a label has it and as a change.
+_Axis: TypeAlias = list[tuple[str, Change]]
 
 
 def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
@@ -27,11 +31,7 @@ def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
         ScenarioError: All that is wrong with the texts.
     """
     problems: list[Problem] = []
-    axes: dict[Key, list[tuple[str, Change]]] = {}
-
-    def add(text: str) -> None:
-        problems.append(Problem((), text, Origin("--vary")))
-
+    axes: dict[Key, _Axis] = {}
     for text in texts:
         try:
             key, choices = _axis(text)
@@ -40,26 +40,66 @@ def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
             axes[key] = choices
         except ScenarioError as error:
             problems += error.problems
+    return _combined(axes, problems, "--vary", f"--vary {EXAMPLE}")
+
+
+def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
+    """Return all combinations of the values of some keys, the last key changing fastest.
+
+    Args:
+        values: By dotted key, each as a file would have it.
+
+    Raises:
+        ScenarioError: All that is wrong with them.
+
+    Example:
+        >>> [one.label for one in grid({"control.feedback": [5, 10], "control.inverse.method": ["damped"]})]
+        ['5, damped', '10, damped']
+    """
+    problems: list[Problem] = []
+    axes: dict[Key, _Axis] = {}
+    for name, some in values.items():
+        try:
+            key = parse_key(name)
+        except ValueError as error:
+            problems.append(Problem((), str(error), Origin(f"vary {brief(name)}")))
+            continue
+        if isinstance(some, str | Mapping) or not isinstance(some, Iterable):
+            problems.append(Problem((), f"must be a list of values, got {some!r}", Origin(f"vary {name}")))
+            continue
+        changes = [changes_of({name: value})[0] for value in some]
+        axes[key] = [(_text(change.value), change) for change in changes]
+    return _combined(axes, problems, "vary", '{"control.inverse.method": ["inverse", "damped"]}')
+
+
+def _combined(
+    axes: Mapping[Key, _Axis], problems: list[Problem], option: str, example: str
+) -> tuple[Variant, ...]:
+    """Return all combinations of values; raise what is wrong with them, and what was found before."""
+
+    def add(text: str) -> None:
+        problems.append(Problem((), text, Origin(option)))
+
     count = math.prod(map(len, axes.values())) if axes else 0
     if not problems and count < 2:
-        add(f"must give 2 variants or more, got {count}; for example --vary {EXAMPLE}")
+        add(f"must give 2 variants or more, got {count}; for example {example}")
     if not problems and count > MOST_VARIANTS:
         add(f"must give at most {MOST_VARIANTS} variants, got {count}")
-    grid = () if problems else tuple(map(_variant, itertools.product(*axes.values())))
-    labels = [variant.label for variant in grid]
+    found = () if problems else tuple(map(_variant, itertools.product(*axes.values())))
+    labels = [variant.label for variant in found]
     for label in dict.fromkeys(labels):
         if labels.count(label) > 1:
             add(f"two variants have the same values: {label}")
     if problems:
         raise ScenarioError(problems)
-    return grid
+    return found
 
 
 def _refused(name: str, text: str) -> ScenarioError:
     return ScenarioError.about(f"--vary {name}", text)
 
 
-def _axis(text: str) -> tuple[Key, list[tuple[str, Change]]]:
+def _axis(text: str) -> tuple[Key, _Axis]:
     """Return a key and its values, each as a text has it and as a change."""
     name, equals, rest = text.partition("=")
     try:
@@ -80,5 +120,10 @@ def _variant(chosen: tuple[tuple[str, Change], ...]) -> Variant:
     return Variant(brief(label), tuple(change for _, change in chosen))
 
 
+def _text(value: object) -> str:
+    """Return a value as a label has it: a text as it is, all else as YAML writes it."""
+    return value if isinstance(value, str) else inline(value)
+
+
 def _is_word(read: str, change: Change) -> bool:
-    return read[:1].isalpha() and change.written not in ("true", "false", "null")
+    return read[:1].isalpha() and (change.written or read) not in ("true", "false", "null")

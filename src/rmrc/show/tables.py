@@ -13,7 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from rmrc.scenario import SchemaRow
-from rmrc.show.sheets import UNDEFINED, Fitted, Sheet, as_markdown, as_table, escaped, number
+from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
+from rmrc.show.terminal import Fitted, as_table
 
 if TYPE_CHECKING:  # with numba, which a table of keys does without
     from rmrc.results.scorecard import Figure, Outcome, Scorecard

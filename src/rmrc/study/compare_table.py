@@ -12,7 +12,8 @@ from rich.text import Text
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard, joint_changes
 from rmrc.scenario.choices import Status
-from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, as_table, escaped, number
+from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
+from rmrc.show.terminal import as_table
 
 # A joint that comes back so far from where it started has flipped [rad]; a sliding one by that share of the
 # characteristic length. Tracking errors are a hundred times less, an elbow on its other side is far beyond.

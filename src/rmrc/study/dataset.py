@@ -19,7 +19,7 @@ import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import pyarrow.lib as pa
 import pyarrow.parquet as pq
@@ -38,6 +38,9 @@ _TYPES = {"number": pa.float64(), "count": pa.int64(), "text": pa.string(), "swi
 
 # What pyarrow raises of files that are none of its own, or torn.
 _UNREADABLE = (pa.ArrowException, OSError)
+
+
+Table: TypeAlias = pa.Table
 
 
 class Column(NamedTuple):
@@ -286,6 +289,11 @@ class Dataset:
             for path in (*self.folder.glob("part-*.parquet"), *self.folder.glob(".*"), self._plan):
                 path.unlink(missing_ok=True)
             self.folder.rmdir()
+
+    def table(self) -> Table:
+        """Return all rows, where one file has them all."""
+        with _opened(self.file) as file:
+            return file.read()
 
     def batches(self, columns: Sequence[str]) -> Iterator[Mapping[str, list[Any]]]:
         """Iterate over the rows of what is there, some thousands at a time: values by column.

@@ -217,7 +217,7 @@ def solve_ik(
     trace = np.full((most + 1, arm.n + 2), np.nan)
     q, _, tally = search(task, bound, undamped, AIM * tolerance, most, goals, first, more[:0], trace=trace)
     trace = trace[~np.isnan(trace[:, 0])]
-    solution = _judged(task, limit, unwound(arm, limit, q, begin)[0], goals[0], tolerance)
+    solution = judge(task, limit, unwound(arm, limit, q, begin)[0], goals[0], tolerance)
     return replace(
         solution,
         method=method,
@@ -319,8 +319,16 @@ def _machine_code(size: int) -> Callable[..., None]:
     return machine_code(reach, world, False, 0.0, 0, rows, rows, rows, rows, numbers, tally, rows)
 
 
-def _judged(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> Solution:
-    """Return joint positions as MuJoCo's own kinematics judge them, without what the search can tell."""
+def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> Solution:
+    """Return joint positions as MuJoCo's own kinematics judge them, without what the search can tell.
+
+    Args:
+        task: The arm and the rows that count.
+        limit: Position limits that are kept to, (n, 2); see `kept_limit`.
+        q: Joint positions, (n,).
+        goal: Pose of the site, (7,).
+        tolerance: Of |e|: orientation in rad, position over L.
+    """
     pose = task.arm.pose(q)
     scaled = np.zeros(6)
     scaled[task.rows] = pose_error(goal, pose)[task.rows]

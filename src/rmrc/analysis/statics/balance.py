@@ -37,6 +37,7 @@ class Balance:
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
         equivalent: Jᵀ F, (n,): with it the site presses on the world with F [N·m or N].
         equilibrium: −Jᵀ F, (n,): with it the arm holds still while F acts on it.
+        bears_weight: Whether the drives bear the arm's weight; else it is compensated.
         gravity: What the drives give against gravity, (n,); 0 if gravity is compensated.
         springs: What the drives give against springs of the joints, (n,).
         frames: T_0_i of each link, (n, 4, 4), as `link_frames` has them.
@@ -50,6 +51,7 @@ class Balance:
     wrench: Array
     equivalent: Array
     equilibrium: Array
+    bears_weight: bool
     gravity: Array
     springs: Array
     frames: Array
@@ -138,6 +140,7 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
         wrench=wrench,
         equivalent=joint_torques(J, wrench),
         equilibrium=equilibrium_torques(J, wrench),
+        bears_weight=gravity,
         gravity=weight if gravity else np.zeros(arm.n),
         springs=springs,
         frames=frames,
