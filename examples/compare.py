@@ -5,10 +5,7 @@ import rmrc
 scenario = rmrc.load("blow_up")
 runs = rmrc.compare(
     scenario,
-    {
-        "control.inverse.method": ["inverse", "damped"],
-        "control.inverse.damping.maximum": [0.05, 0.2],
-    },
+    {"control.inverse.method": ["inverse", "damped"], "control.feedback": [5, 20]},
 )
 
 # All worlds were stepped as one batch; each has the bits that it has alone.

@@ -69,3 +69,54 @@ def test_a_run_has_columns_and_figures(simulate):
     assert run["qdot_cmd"].shape == (len(run), 2)
     assert repr(dict(run.scorecard)) == repr(dict(scorecard(run)))  # NaN among them
     assert run.scorecard is run.scorecard
+
+
+# What a process has that a library must leave as it is, before and after each verb.
+LEFT = """
+import gc, logging, os, signal, sys, threading, warnings
+import numpy, numba
+
+def state():
+    return {
+        "signals": [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)],
+        "switch interval": sys.getswitchinterval(),
+        "garbage": (gc.isenabled(), gc.get_threshold(), gc.get_freeze_count() > 10_000),
+        "numba": {name: value for name, value in vars(numba.config).items() if name.isupper()},
+        "numpy": (numpy.geterr(), numpy.get_printoptions(), numpy.random.get_state()[1].tolist()),
+        "warnings": (list(warnings.filters), warnings.showwarning),
+        "logging": (logging.root.level, list(logging.root.handlers)),
+        "hooks": (sys.excepthook, sys.unraisablehook, threading.excepthook),
+        "environment": (dict(os.environ), os.getcwd(), sys.argv, sys.path, sys.stdout, sys.stderr),
+        "threads": threading.enumerate(),
+        "files": os.listdir(),
+    }
+
+def say(what):
+    for name, value in state().items():
+        if value != before[name]:
+            print(what, name)
+
+before = state()
+"""
+VERBS = {
+    "load": "load('line_tracking')",
+    "run": "run('line_tracking')",
+    "compare": "compare('line_tracking', {'control.feedback': [5, 10]})",
+    "sweep": "sweep('line_tracking', {'control.feedback': [5, 10]}, threads=2)",
+    "tune": "tune('line_tracking', {'control.inverse.method': ['damped']}, copies=0, runs=10)",
+    "inspect": "inspect('planar_2link')",
+    "ik": "ik('planar_2link', [1.0, 1.0], every=True)",
+    "statics": "statics('planar_2link', [0.0, -1.0, 0.0], hold=1.0)",
+    "workspace": "workspace('planar_6_3', cells=20)",
+    "resolve_rates": "resolve_rates([[1.0, 0.0], [0.0, 1.0]], [1.0, 1.0])",
+}
+
+
+def test_nothing_in_a_callers_process_is_changed(tmp_path):
+    called = "".join(f"rmrc.{call}\nsay({verb!r})\n" for verb, call in VERBS.items())
+    assert python(f"{LEFT}\nimport rmrc\n{called}", tmp_path) == ""
+
+
+def test_what_a_caller_finds_changed_is_seen(tmp_path):
+    changed = "gc.disable(); sys.setswitchinterval(1.0); open('x', 'w').close(); say('we')"
+    assert python(LEFT + changed, tmp_path).splitlines() == ["we switch interval", "we garbage", "we files"]

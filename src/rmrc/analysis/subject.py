@@ -17,7 +17,7 @@ from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import AXES
 
 Model: TypeAlias = Arm | Scenario | str | os.PathLike[str]
-"""An arm, an MJCF file, the name of a shipped one, or a scenario: its arm, site, joints, start, axes, length."""
+"""An arm, an MJCF file, the name of a shipped one, or a scenario, which also has start, axes and length."""
 
 
 @dataclass(frozen=True, eq=False)

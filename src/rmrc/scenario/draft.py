@@ -258,7 +258,7 @@ def draft_of(source: str | os.PathLike[str] | Scenario | Draft, overrides: Seque
         text = read(name)
     except TextError as error:
         raise ScenarioError([_of_text(error, name)]) from None
-    return Draft(_document(text, name), Carried(Path(name).parent)).overridden(overrides)
+    return Draft(_document(text, name), Carried(_absolute(Path(name).parent))).overridden(overrides)
 
 
 def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Scenario:
@@ -291,7 +291,15 @@ def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> S
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    return Draft(_document(text, source), Carried(Path())).overridden(overrides).scenario()
+    return Draft(_document(text, source), Carried(_absolute(Path()))).overridden(overrides).scenario()
+
+
+def _absolute(folder: Path) -> Path:
+    """Return a folder as it will be found from any other: a scenario is changed long after it was read."""
+    try:
+        return folder.absolute()
+    except OSError:  # the working directory is gone
+        return folder
 
 
 def _document(text: str, source: str) -> Document:

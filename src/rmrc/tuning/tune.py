@@ -8,6 +8,7 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
+from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Draft, Scenario, Variant, block, changes_of, draft_of
 from rmrc.simulation.footprint import footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
@@ -19,7 +20,7 @@ from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
 from rmrc.support.problems import Origin, Problem
 from rmrc.tuning.copies import Spread, draw_copies, has_points
-from rmrc.tuning.only import read_only
+from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.search import Search, Tried
 from rmrc.tuning.space import (
     NUMBERS,
@@ -83,7 +84,7 @@ class Tuning:
         source: str | os.PathLike[str] | Scenario | Draft,
         overrides: Sequence[str] = (),
         *,
-        only: Sequence[str] = (),
+        only: Only = (),
         copies: int = 4,
         seed: int = 0,
         spread: Spread | None = None,
@@ -96,7 +97,7 @@ class Tuning:
         Args:
             source: The scenario, or its file.
             overrides: `KEY=VALUE` texts.
-            only: `KEY=V1,V2,...` texts, what keys are restricted to.
+            only: What keys are restricted to.
             copies: How many perturbed copies there are.
             seed: Of the copies and of the search.
             spread: How far copies are off; None: by the defaults.
@@ -298,22 +299,60 @@ class Tuning:
 
 
 def tune(
-    source: str | os.PathLike[str] | Scenario | Draft, overrides: Sequence[str] = (), **options: Any
-) -> Tuned | None:
+    scenario: str | os.PathLike[str] | Scenario | Draft,
+    only: Only | None = None,
+    *,
+    copies: int = 4,
+    start: float = Spread.start,
+    offset: float = Spread.offset,
+    payload: float = Spread.payload,
+    slower: float = 1.1,
+    runs: int = 2000,
+    seed: int = 0,
+    out: str | os.PathLike[str] | None = None,
+    threads: int | None = None,
+    on_runs: OnRuns | None = None,
+) -> Tuned:
     """Search for the inverse, damping and feedback with the smallest tracking error within the limits.
 
+    The function behind `rmrc tune`.
+
     Args:
-        source: The scenario, or its file.
-        overrides: `KEY=VALUE` texts.
-        options: See `Tuning`.
+        scenario: The scenario, its file, or the name of a shipped one.
+        only: What keys are restricted to, such as `{"control.inverse.method": ["damped", "filtered"]}`.
+        copies: How many perturbed copies of the scenario there are; the worst of all counts.
+        start: How far the joints of a copy start off, to either side [rad]; slides: times `task.length` [m].
+        offset: How far the target of a copy is off along each axis, to either side [m].
+        payload: Most that a copy carries beside [kg].
+        slower: Times the duration with the scenario's own setting that another may take.
+        runs: How many runs are made at most.
+        seed: Of the copies and of the search.
+        out: Folder for NAME.tune.yaml, .png and .parquet; made if it is missing. None: nothing is written.
+        threads: How many batches are run at a time; None: one a core.
+        on_runs: Called with the number of runs of each batch that was done.
 
     Returns:
-        What was found, with `tuned.block` to paste; None if it was interrupted at once.
+        What was found, with `tuned.block`, the control section to paste; Ctrl-C ends the search with what was
+        found so far.
 
     Raises:
-        ScenarioError: All that is wrong.
+        ScenarioError: All that is wrong, before the first run.
+        OSError: A file cannot be written.
+        KeyboardInterrupt: Ctrl-C, before anything was found.
     """
-    return Tuning(source, overrides, **options).run()
+    spread = Spread(start, offset, payload)
+    work = Tuning(
+        scenario, only=only or (), copies=copies, seed=seed, spread=spread, slower=slower, runs=runs,
+        threads=threads,
+    )  # fmt: skip
+    if out is not None:
+        refuse_unwritable(work.files(Path(out)))
+    found = work.run(on_runs)
+    if found is None:
+        raise KeyboardInterrupt
+    if out is not None:
+        work.write(found, Path(out))
+    return found
 
 
 def _check(copies: int, seed: int, spread: Spread, slower: float, runs: int, threads: int | None) -> None:
