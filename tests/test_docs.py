@@ -5,6 +5,7 @@ import importlib
 import inspect
 import pkgutil
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -456,13 +457,33 @@ def test_the_python_examples_of_the_questions_run(monkeypatch, capsys):
         assert capsys.readouterr().out.splitlines() == said
 
 
-def test_the_python_examples_of_the_readme_run(monkeypatch, capsys):
-    monkeypatch.chdir(ROOT)
-    for block in fenced(README, "python"):
-        exec(compile(block, "README.md", "exec"), {})
-    printed = capsys.readouterr().out
-    assert "(5181, 2)" in printed  # ticks of approach_singularity, joints
-    assert "5." in printed
+def test_the_python_example_of_the_readme_runs(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)  # it names what is shipped
+    (block,) = fenced(README, "python")
+    names = {}
+    exec(compile(block, "README.md", "exec"), names)
+    assert list(tmp_path.iterdir()) == []
+    assert names["run"]["qdot_cmd"].shape == (5181, 2)  # ticks of approach_singularity, joints
+    assert list(names["runs"]) == ["inverse", "damped"]
+    assert names["rows"]["control.feedback"].to_pylist() == [5.0, 10.0, 20.0]
+    assert names["tuned"].feasible and names["found"].arm.n == 6
+
+
+def test_the_programs_of_the_readme_print_what_it_says(monkeypatch, tmp_path, capsys):
+    asked = questions(section(README, "Use it from Python"))
+    assert asked
+    monkeypatch.chdir(tmp_path)
+    for command, lines in asked:
+        python, program = shlex.split(command)
+        assert python == ".venv/bin/python"
+        runpy.run_path(str(ROOT / program), run_name="__main__")
+        assert capsys.readouterr().out.splitlines() == lines
+
+
+def test_every_public_name_is_on_its_page():
+    table = [cells[0].strip("`") for cells in rows(section(DOCUMENTS["docs/python.md"], "Names"))]
+    assert sorted(table) == sorted(rmrc.__all__)
+    assert all(getattr(rmrc, name).__doc__ for name in table)
 
 
 def figures_of(name, *overrides):
