@@ -1,5 +1,6 @@
 """What the tests share: scenarios in a line, the runs that they give, and the command line."""
 
+import gc
 import os
 import signal
 import sys
@@ -41,6 +42,12 @@ def pytest_collection_modifyitems(items):
             item.path.parent.name not in ("textbook", "scenario"),
         )
     )
+
+
+def pytest_collection_finish():
+    """Leave what is loaded by now out of all searches for garbage, which would go through it again and again."""
+    gc.collect()
+    gc.freeze()
 
 
 class OneCluster(LoadGroupScheduling):

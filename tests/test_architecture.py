@@ -84,6 +84,9 @@ def is_within(module, package):
     return module == package or module.startswith(f"{package}.")
 
 
+parsed = cache(ast.parse)
+
+
 @cache
 def imports(module, text, modules):
     """Return (imported module, whether inside a function) of a source; rmrc's own by their full names.
@@ -92,17 +95,18 @@ def imports(module, text, modules):
     """
     is_package = any(is_within(other, module) and other != module for other in modules)
     package = module if is_package else module.rpartition(".")[0]
-    tree = ast.parse(text)
-    if module == "rmrc":  # its public names have homes above it: checkers are told where, and tests hold that
-        tree.body = [node for node in tree.body if not is_for_checkers(node)]
-    in_function = {
-        inner
-        for outer in ast.walk(tree)
-        if isinstance(outer, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
-        for inner in ast.walk(outer)
-    }
     found = []
-    for node in ast.walk(tree):
+    waiting = [(parsed(text), False)]
+    while waiting:
+        node, is_late = waiting.pop()
+        is_late = is_late or isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda)
+        waiting += [
+            (child, is_late)
+            for child in ast.iter_child_nodes(node)
+            if isinstance(child, ast.stmt | ast.match_case | ast.excepthandler)
+            # the public names of `rmrc` have homes above it: checkers are told where, and tests hold that
+            and not (module == "rmrc" and is_for_checkers(child))
+        ]
         names = []
         if isinstance(node, ast.Import):
             names = [alias.name for alias in node.names]
@@ -111,7 +115,7 @@ def imports(module, text, modules):
             origin = ".".join([*parents, *([node.module] if node.module else [])])
             members = [f"{origin}.{alias.name}" for alias in node.names]
             names = [member if member in modules else origin for member in members]
-        found += [(name, node in in_function) for name in names]
+        found += [(name, is_late) for name in names]
     return found
 
 
@@ -196,7 +200,7 @@ def names_say_what_a_module_does(sources):
 
 def no_star(sources):
     for module, text in sources.items():
-        for node in ast.walk(ast.parse(text)):
+        for node in parsed(text).body:  # Python allows it nowhere else
             if isinstance(node, ast.ImportFrom) and any(alias.name == "*" for alias in node.names):
                 yield f"{module} imports * from {node.module}"
 

@@ -427,7 +427,7 @@ def test_the_runs_of_the_sweep_that_the_readme_names_are_as_it_says(tmp_path):
     extremes = [line.split() for line in lines if re.match(r"\w+\.\w+ \[", line)]
     for figure, _, *ends in extremes:
         for printed, index in zip(ends[::2], ends[1::2], strict=True):
-            (run,) = Simulation([prepare(load(path, sweep.plan.overrides(int(index))))]).run()
+            (run,) = Simulation([prepare(load(path, map(str, sweep.plan.changes(int(index)))))]).run()
             assert shown(sheets.number(scorecard(run)[figure].value)) == shown(printed)
     assert len(extremes) == len(named) == 2
     assert f"wrote recordings/{sweep.scenario.name}-{extremes[0][-1]}.rrd" in lines

@@ -20,8 +20,8 @@ from .supervisor import TESTS, Bounds, supervise
 
 FROZEN = sorted((Path(__file__).parent / "regressions").glob("*.json"))
 
-# So many inputs of each class: some ten seconds of one core in all.
-FIXED = 75
+# So many inputs of each class: some five seconds of one core in all.
+FIXED = 40
 
 
 def told(result):

@@ -9,8 +9,9 @@ import pytest
 
 from project import ROOT
 from rmrc.arm import files
-from rmrc.scenario import draft_of
+from rmrc.scenario import changes_of, draft_of
 from rmrc.study.bundle import Unpacked, pack
+from rmrc.study.rows import fingerprint
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
@@ -44,8 +45,10 @@ def test_a_model_is_packed_with_all_that_it_includes_and_unpacked_where_it_finds
         one.unlink()
     (tmp_path / "worker").mkdir()
     there = Unpacked(parcel, str(tmp_path / "worker"))
-    assert there.shards.prepare(1).scenario.control.feedback == 6
-    assert there.shards.prepare(1).arm.path.is_relative_to(tmp_path / "worker")
+    assert there.study.prepare(changes_of({"control.feedback": 6})).scenario.control.feedback == 6
+    assert there.study.prepare(changes_of({"control.feedback": 6})).arm.path.is_relative_to(
+        tmp_path / "worker"
+    )
     told = there.told(Problem((), f"{there.folder}/models/arm.xml: is wrong"))
     assert str(told) == f"{tmp_path}/models/arm.xml: is wrong"
     del there
@@ -82,7 +85,10 @@ def test_a_linked_model_finds_what_lies_beside_its_own_file(path, tmp_path):
     overrides = ["sweep.vary.arm.model=[link.xml, ../models/arm.xml]"]
     parcel = pack(draft_of(path, overrides))
     assert parcel.models["link.xml"] == parcel.models["../models/arm.xml"]
-    assert Unpacked(parcel).shards.prepare(0).arm.joints == ("shoulder", "elbow")
+    assert Unpacked(parcel).study.prepare(changes_of({"arm.model": "link.xml"})).arm.joints == (
+        "shoulder",
+        "elbow",
+    )
 
 
 @pytest.mark.parametrize("key", ["arm.model", "arm"])
@@ -115,10 +121,10 @@ def test_a_models_fingerprint_is_of_what_it_is_and_not_of_where_it_lies(path, tm
         text = (ROOT / "models/planar_2link.xml").read_text().replace("common/", f"{ROOT}/models/common/")
         (folder / "arm.xml").write_text(text.replace("</mujoco>", f"{asset}</mujoco>"))
         sweep = Sweep(path, [f"arm.model={folder}/arm.xml", "sweep.vary.control.feedback=[5, 6]"], tmp_path)
-        prints.append(sweep._shards.fingerprint(sweep._shards.prepare(0).arm))
+        prints.append(fingerprint(sweep._prepare(0).arm))
     assert len(set(prints)) == 1
     (folder / "arm.xml").write_text(
         text.replace("</mujoco>", f"{asset}</mujoco>").replace("0 0 -2", "0 0 -3")
     )
     sweep = Sweep(path, [f"arm.model={folder}/arm.xml", "sweep.vary.control.feedback=[5, 6]"], tmp_path)
-    assert sweep._shards.fingerprint(sweep._shards.prepare(0).arm) != prints[0]
+    assert fingerprint(sweep._prepare(0).arm) != prints[0]

@@ -20,6 +20,7 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import as_parquet
 from rmrc.study.executors import threads
 from rmrc.study.picks import Choice
+from rmrc.study.rows import fingerprint
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
@@ -83,7 +84,7 @@ def test_each_row_has_the_bits_of_its_run_alone(swept):
         ] == []
         assert row["met"] == all(one.ok for one in check(card, sweep.scenario.expect))
         whole = prepared.scenario.model_dump(mode="json", exclude={"name", "expect", "sweep"})
-        whole["arm"]["model"] = sweep._shards.fingerprint(prepared.arm)
+        whole["arm"]["model"] = fingerprint(prepared.arm)
         assert sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest().startswith(row["scenario"])
     assert {row["met"] for row in rows} == {True, False}
     assert len({row["position_error.max"] for row in rows}) > 4  # negative control: the rows do differ
@@ -236,7 +237,7 @@ def test_a_second_ctrl_c_while_threads_end_leaves_the_interpreter_as_it_was(monk
 
     monkeypatch.setattr(ThreadPoolExecutor, "shutdown", interrupted)
     before = sys.getswitchinterval()
-    with pytest.raises(KeyboardInterrupt), threads(1, swept[0]._shards):
+    with pytest.raises(KeyboardInterrupt), threads(1, swept[0]._study):
         assert sys.getswitchinterval() != before
     assert sys.getswitchinterval() == before
 

@@ -6,7 +6,7 @@ is checked again as a whole, so that messages have one source.
 
 import copy
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, cached_property, reduce
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -178,7 +178,7 @@ class Draft:
         """Return the draft with other values; later changes win."""
         return Draft(self._written, self.files, (*self._changes, *changes))
 
-    def overridden(self, texts: Sequence[str]) -> "Draft":
+    def overridden(self, texts: Iterable[str]) -> "Draft":
         """Return the draft with `KEY=VALUE` texts of `--set`."""
         return self.changed(*map(read_setting, texts))
 
@@ -238,7 +238,7 @@ class Problems:
             raise ScenarioError(self._found)
 
 
-def draft_of(source: str | os.PathLike[str] | Scenario | Draft, overrides: Sequence[str] = ()) -> Draft:
+def draft_of(source: str | os.PathLike[str] | Scenario | Draft, overrides: Iterable[str] = ()) -> Draft:
     """Return a draft: of a file, of a scenario, or a draft itself.
 
     Args:
@@ -261,7 +261,7 @@ def draft_of(source: str | os.PathLike[str] | Scenario | Draft, overrides: Seque
     return Draft(_document(text, name), Carried(_absolute(Path(name).parent))).overridden(overrides)
 
 
-def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Scenario:
+def load(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scenario:
     """Read a scenario from a file.
 
     Args:
@@ -277,7 +277,7 @@ def load(path: str | os.PathLike[str], overrides: Sequence[str] = ()) -> Scenari
     return draft_of(path, overrides).scenario()
 
 
-def loads(text: str, source: str = "<text>", overrides: Sequence[str] = ()) -> Scenario:
+def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> Scenario:
     """Read a scenario from a text; relative paths start at the working directory.
 
     Args:

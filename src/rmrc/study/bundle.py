@@ -1,4 +1,4 @@
-"""All that the runs of a sweep are made of, as bytes: what is needed where the files are not."""
+"""All that a study is made of, as bytes: what is needed where the files are not."""
 
 import hashlib
 import os
@@ -12,8 +12,7 @@ from pathlib import Path
 
 from rmrc.arm import files
 from rmrc.scenario import Carried, Draft
-from rmrc.study.plan import plan_of
-from rmrc.study.shards import Shards
+from rmrc.study.study import Study
 from rmrc.support.problems import Problem
 
 
@@ -109,8 +108,7 @@ class Unpacked:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(data)
         models = {name: self._inside(model.file) for name, model in parcel.models.items()}
-        base = parcel.draft.carried(Carried(Path(parcel.folder), models)).scenario()
-        self.shards = Shards(base, plan_of(base))
+        self.study = Study(parcel.draft.carried(Carried(Path(parcel.folder), models)))
 
     def _inside(self, name: str) -> Path:
         file = (self.folder / name).resolve()

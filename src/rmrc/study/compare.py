@@ -17,7 +17,7 @@ from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.filters import compile_for, filter_factor
-from rmrc.study.study import Study
+from rmrc.study.study import Listed, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 
@@ -103,7 +103,7 @@ class Comparison:
         self.folder, self._record, self._overrides = folder, record, tuple(overrides)
         written = draft_of(source)
         base, self.variants = written.overridden(overrides), tuple(variants)
-        self.prepared = Study(base).prepare_all(self.variants)
+        self.prepared = Study(base).prepare_all(Listed(self.variants, "variant"))
         refuse_excess(self.prepared, recorded=record)
         self.name = self.prepared[0].scenario.name
         self._written = _sound(written, base)
@@ -211,7 +211,8 @@ class Comparison:
         }
         stated_for = differs if len(expect) < len(one.expect) else {}
         outcomes = tuple(check(card, expect))
-        return Compared(variant, run, card, outcomes, stated_for, facts.status_of(run, interrupted))
+        status = facts.status_of(run.divergence, run.is_complete, interrupted)
+        return Compared(variant, run, card, outcomes, stated_for, status)
 
 
 def _sound(written: Draft, base: Draft) -> Scenario:

@@ -7,7 +7,7 @@ samples and the same seeds: what differs between cells is what varies, and not c
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
 
@@ -20,6 +20,8 @@ from rmrc.support.problems import Key, Origin
 
 SEED = "arm.encoder.seed"
 _SEED_STEPS = parse_key(SEED)
+
+_TOLD = 20
 
 Value = object  # of YAML: a number, a text, a switch, nothing, or a list or a mapping of these
 
@@ -110,6 +112,15 @@ class Plan:
         """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""
         varied = ", ".join(f"{key}={_short(value)}" for key, value in self.values(index).items())
         return f"run {index} ({varied})" if varied else f"run {index}"
+
+    @property
+    def most_told(self) -> int:
+        """How many problems are told, of all that a sweep may have."""
+        return _TOLD
+
+    def named(self, indices: Sequence[int], count: int) -> list[str]:
+        """Return how messages call the runs that have a problem in common: how many, and the first."""
+        return [f"{count} runs, the first " * (count > 1) + self.label(indices[0])]
 
 
 @lru_cache(2000)  # asked for before a run and after it, and by each cell

@@ -41,7 +41,7 @@ class Ended:
     @property
     def status(self) -> str:
         """How the run ended."""
-        return facts.status_of(self.run, self.interrupted)
+        return facts.status_of(self.run.divergence, self.run.is_complete, self.interrupted)
 
 
 class Job:
@@ -108,7 +108,7 @@ class Job:
             outcomes = tuple(check(card, self.scenario.expect))
             part_path = recorder.part_path if recorder is not None and failed else None
             leaving.write(self._file(".npz"), partial(run.save, self._file(".npz")), part_path)
-            status = facts.status_of(run, stop.is_set())
+            status = facts.status_of(run.divergence, run.is_complete, stop.is_set())
             leaving.write(
                 self._file(".json"), partial(self._save_facts, status, run, card, outcomes), part_path
             )

@@ -4,33 +4,32 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from threading import Event
 from typing import Any, Self, cast
 
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Change, Draft, Problems, Scenario, draft_of
 from rmrc.simulation.footprint import Footprint
+from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study import dask as clusters
 from rmrc.study.bundle import Parcel, pack
-from rmrc.study.columns import figure_columns, last_columns, own_columns
 from rmrc.study.dataset import Contents, Dataset
-from rmrc.study.executors import Crew, done
+from rmrc.study.executors import Crew
 from rmrc.study.executors import threads as in_threads
 from rmrc.study.picks import Choice, chosen
-from rmrc.study.plan import Plan, plan_of
+from rmrc.study.plan import plan_of
+from rmrc.study.rows import AsRows, digest, figure_columns, fingerprint, last_columns, own_columns
 from rmrc.study.run import Job
-from rmrc.study.shards import Checked, Shards, digest
+from rmrc.study.study import OnRuns, Study
 from rmrc.study.summary import Summary, summarize
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
-from rmrc.support.problems import Problem
 
 # A batch is about two seconds of one core (some 5 us a tick of a small arm, and a run takes as long as some
 # 500 ticks before its first one): the most that a killed process loses, and a hundred times what starting a
@@ -49,14 +48,6 @@ _MOST_RUNS = 10**9
 # Of a column of 64 bits.
 _MOST_SEED = 2**63 - 1
 
-# Problems that are told, of all that a sweep may have.
-_TOLD = 20
-
-# Runs that are checked as one piece, at first and at most: a tenth of a second, or some.
-_CHECKED, _MOST_CHECKED = 100, 5000
-
-OnRuns = Callable[[int], None]
-
 
 @dataclass(frozen=True)
 class Swept:
@@ -71,6 +62,24 @@ class Swept:
     contents: Contents
     done: int
     interrupted: bool
+
+
+@dataclass(frozen=True)
+class _Parts:
+    """The rows of a study, on disk."""
+
+    dataset: Dataset
+    contents: Contents
+    reduce: AsRows
+    on_runs: OnRuns | None
+
+    def missing(self) -> Iterator[range]:
+        return map(self.contents.indices, self.dataset.missing(self.contents))
+
+    def keep(self, piece: range, payload: bytes) -> None:
+        self.dataset.keep(piece.start // self.contents.batch, payload, self.contents)
+        if self.on_runs is not None:
+            self.on_runs(len(piece))
 
 
 class Sweep:
@@ -116,7 +125,7 @@ class Sweep:
         self._users = 0
         self._working, self._opened = ExitStack(), cast(Crew | None, None)
         self._refuse_nothing()
-        self._shards = Shards(self.scenario, self.plan)
+        self._study = Study(self.scenario.draft)
         self._identity = self._identify()
         self.dataset = Dataset(folder, self.scenario.name)
         self._contents = self.dataset.contents(self._identity, len(self.plan))
@@ -155,7 +164,7 @@ class Sweep:
     def _identify(self) -> dict[str, Any]:
         """Return what decides the rows. What differs names itself in a message."""
         try:
-            arm = self._shards.prepare(0).arm
+            arm = self._prepare(0).arm
         except ScenarioError:  # tell what is wrong with the others as well
             self._contents = None
             self.check()
@@ -167,7 +176,7 @@ class Sweep:
             swept |= {f"model {name}": model.digest for name, model in self._parcel.models.items()}
         # the order of the keys, which sorting hides, decides which run an index is
         text = json.dumps([swept, self.plan.keys, self.plan.seed], sort_keys=True)
-        model = "" if models_vary else self._shards.fingerprint(arm)
+        model = "" if models_vary else fingerprint(arm)
         expect = {name: one.model_dump(mode="json") for name, one in self.scenario.expect.items()}
         return {
             "scenario": digest(self.scenario, model),
@@ -200,7 +209,7 @@ class Sweep:
                     self.compile()  # what workers on this machine load, they need not compile
                 who = clusters.opened(self._cluster, self._parcel)
             else:
-                who = in_threads(self._threads, self._shards)
+                who = in_threads(self._threads, self._study)
             self._opened = self._working.enter_context(who)
         return self._opened
 
@@ -221,9 +230,12 @@ class Sweep:
         lost = sum(len(self._contents.indices(part)) for part in self.dataset.missing(self._contents))
         return len(self) - lost
 
+    def _prepare(self, index: int) -> Prepared:
+        return self._study.prepare(self.plan.changes(index))
+
     def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        Simulation([self._shards.prepare(0)], keep_columns=False)
+        Simulation([self._prepare(0)], keep_columns=False)
 
     def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Check every run before the first one starts, unless that was done before.
@@ -240,29 +252,13 @@ class Sweep:
         """
         if self._contents is not None:
             return self._contents
-        size = check_size(len(self))
-        pieces = (range(first, min(first + size, len(self))) for first in range(0, len(self), size))
-        early: dict[int, Checked] = {}
-        problems, kinds = _Problems(self.plan), dict[object, int]()
-        runs = ticks = longest = 0
-        world = Footprint(0, 0)
-        with self, closing(done(self._crew(), "check", pieces, None, Event())) as found:
-            for piece, some in found:
-                early[piece.start] = some
-                while runs in early:  # in order, so that the first to have a problem is named
-                    one = early.pop(runs)
-                    problems.add(one.problems)
-                    kinds = one.kinds | kinds
-                    runs, ticks, longest = runs + one.runs, ticks + one.ticks, max(longest, one.longest)
-                    world = world.or_more(one.world)
-                if on_runs is not None:
-                    on_runs(len(piece))
-        problems.raise_any()
-        size = batch_size(runs, ticks, longest)
-        self._refuse_excess(world.times(size), longest, math.ceil(runs / size))
-        figures = figure_columns(self._shards.prepare(index) for index in sorted(kinds.values()))
+        with self:
+            found = self._study.check(self.plan, self._crew(), on_runs)
+        size = batch_size(found.runs, found.ticks, found.longest)
+        self._refuse_excess(found.world.times(size), found.longest, math.ceil(found.runs / size))
+        figures = figure_columns(map(self._prepare, sorted(found.kinds.values())))
         columns = [*own_columns(self.plan), *figures, *last_columns()]
-        self._contents = Contents(self._identity, runs, size, columns)
+        self._contents = Contents(self._identity, found.runs, size, columns)
         self.dataset.begin(self._contents)
         return self._contents
 
@@ -296,17 +292,13 @@ class Sweep:
         """
         contents = self.check()
         self.dataset.verify(contents)
-        missing = self.dataset.missing(contents)
+        rows = AsRows(self.plan, self.scenario, contents.columns)
         with self, ExitStack() as stack:
-            crew = self._crew() if missing else None  # Ctrl-C ends the wait for workers by itself
+            # Ctrl-C ends the wait for workers by itself
+            crew = self._crew() if self.dataset.missing(contents) else None
             stop = stack.enter_context(interruptible())
             if crew is not None:
-                pieces = map(contents.indices, missing)
-                with closing(done(crew, "run", pieces, contents.columns, stop)) as found:
-                    for piece, data in found:
-                        self.dataset.keep(piece.start // contents.batch, data, contents)
-                        if on_runs is not None:
-                            on_runs(len(piece))
+                self._study.run(self.plan, crew, _Parts(self.dataset, contents, rows, on_runs), stop)
             if not (stop.is_set() or self.dataset.is_whole):
                 self.dataset.merge(contents)
         self.dataset.clear()
@@ -331,8 +323,8 @@ class Sweep:
         Args:
             index: Of the run.
         """
-        prepared = self._shards.prepare(index, Change(("name",), f"{self.scenario.name}-{index}"))
-        return Job(prepared.scenario, self.folder)
+        name = Change(("name",), f"{self.scenario.name}-{index}")
+        return Job(self._study.prepare((*self.plan.changes(index), name)).scenario, self.folder)
 
 
 def batch_size(runs: int, ticks: int, longest: int) -> int:
@@ -351,37 +343,6 @@ def batch_size(runs: int, ticks: int, longest: int) -> int:
     in_time = int(runs / batches * min(max(1.0, batches / _MANY), _LONGER))
     parts = math.ceil(runs / max(1, min(in_time, _MOST_SAMPLES // longest)))
     return math.ceil(runs / (math.ceil(parts / _PARTS) * _PARTS))
-
-
-def check_size(runs: int) -> int:
-    """Return how many runs of a sweep are checked as one piece."""
-    return min(max(_CHECKED, runs // _MANY), _MOST_CHECKED, math.ceil(runs / _PARTS))
-
-
-class _Problems:
-    """What is wrong with which runs; what many have in common is told once."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan, self.found, self.untold = plan, dict[Problem, list[int]](), 0
-
-    def add(self, problems: Mapping[Problem, tuple[int, int]]) -> None:
-        for problem, (first, count) in problems.items():
-            if problem in self.found:
-                self.found[problem][1] += count
-            elif len(self.found) < _TOLD:
-                self.found[problem] = [first, count]
-            else:
-                self.untold += count
-
-    def raise_any(self) -> None:
-        told = []
-        for problem, (first, count) in self.found.items():
-            who = f"{count} runs, the first " * (count > 1) + self.plan.label(first)
-            told.append(problem if count == len(self.plan) else problem._replace(who=who))
-        if self.untold:
-            told.append(Problem((), f"and {self.untold} more problems of other runs"))
-        if told:
-            raise ScenarioError(told)
 
 
 def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:

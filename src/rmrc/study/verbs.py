@@ -14,7 +14,7 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
 from rmrc.study.dataset import Table
 from rmrc.study.run import Job
-from rmrc.study.study import Study
+from rmrc.study.study import Listed, Study
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
@@ -48,12 +48,11 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
         >>> found.scorecard["position_error.max"].unit
         'm'
     """
-    one = draft_of(scenario).scenario()
     if out is None:
-        prepared = Study(one.draft).prepare()
+        prepared = Study(scenario).prepare()
         refuse_excess([prepared])
         return Simulation([prepared]).run()[0]
-    ended = Job(one, Path(out), record).run()
+    ended = Job(draft_of(scenario).scenario(), Path(out), record).run()
     _raise_any(ended.failures, ended.interrupted)
     return ended.run
 
@@ -85,7 +84,7 @@ def compare(
     """
     variants = grid(vary)
     if out is None:
-        prepared = Study(draft_of(scenario)).prepare_all(variants)
+        prepared = Study(scenario).prepare_all(Listed(variants, "variant"))
         refuse_excess(prepared)
         runs = Simulation(prepared).run()
     else:

@@ -14,7 +14,7 @@ from rmrc.simulation.footprint import footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import Column, write_table
-from rmrc.study.study import Study
+from rmrc.study.study import Listed, OnRuns, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
@@ -33,7 +33,7 @@ from rmrc.tuning.space import (
     own_setting,
     seen,
 )
-from rmrc.tuning.trials import Limits, OnRuns, Trials
+from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.verdict import Verdict, judge
 
 
@@ -123,7 +123,7 @@ class Tuning:
         self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
         self._structures, self.left_out = self._possible(words)
         self.copies = draw_copies(self._nominal, copies, seed, spread)
-        self._refuse_excess(self._check_copies())
+        self._refuse_excess(self._study.prepare_all(Listed(self.copies)))
 
     @property
     def spread_in_words(self) -> str:
@@ -285,17 +285,6 @@ class Tuning:
                 f"{self._threads} threads need {excess}; shorten it, or lower --copies or --threads"
             )
             raise ScenarioError([self.scenario.problem("target.path", wrong)])
-
-    def _check_copies(self) -> list[Prepared]:
-        prepared, problems = list[Prepared](), list[Problem]()
-        for copy in self.copies:
-            try:
-                prepared.append(self._study.prepare(copy.changes))
-            except ScenarioError as error:
-                problems += [problem._replace(who=copy.label) for problem in error.problems]
-        if problems:
-            raise ScenarioError(problems)
-        return prepared
 
 
 def tune(
