@@ -53,7 +53,6 @@ OWNERS = {
         "rmrc.cli",
         "rmrc.show.tables",
         "rmrc.show.terminal",
-        "rmrc.study.compare_table",
     ),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),

@@ -11,7 +11,9 @@ import shutil
 import subprocess
 import tomllib
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import rmrc.textbook
 from project import ROOT
@@ -449,10 +451,13 @@ def test_every_question_has_an_answer_on_its_page():
     assert {"inspect", "ik", "statics"} <= answered
 
 
-def test_the_python_examples_of_the_questions_run(monkeypatch, capsys):
+@pytest.mark.parametrize("name", ["questions", "textbook"])
+def test_the_python_examples_of_a_page_print_what_it_says(monkeypatch, capsys, name):
     monkeypatch.chdir(ROOT)
-    for block in fenced(QUESTIONS, "python"):
-        exec(compile(block, "questions.md", "exec"), {})
+    blocks = fenced(DOCUMENTS[f"docs/{name}.md"], "python")
+    assert blocks
+    for block in blocks:
+        exec(compile(block, f"{name}.md", "exec"), {})
         said = re.findall(r"# (.+)$", block, re.MULTILINE)
         assert capsys.readouterr().out.splitlines() == said
 
@@ -484,6 +489,24 @@ def test_every_public_name_is_on_its_page():
     table = [cells[0].strip("`") for cells in rows(section(DOCUMENTS["docs/python.md"], "Names"))]
     assert sorted(table) == sorted(rmrc.__all__)
     assert all(getattr(rmrc, name).__doc__ for name in table)
+
+
+def test_every_module_of_the_textbook_is_on_its_page_with_a_source_and_an_example_that_gives_what_it_says():
+    homes = {}
+    for module in pkgutil.iter_modules(rmrc.textbook.__path__):
+        home = importlib.import_module(f"rmrc.textbook.{module.name}")
+        own = {name: value for name, value in vars(home).items() if inspect.getmodule(value) is home}
+        homes[module.name] = {name: value for name, value in own.items() if not name.startswith("_")}
+    names = {name: vars(np)[name] for name in ("array", "degrees", "diag", "inf", "pi", "radians")}
+    names |= {name: value for own in homes.values() for name, value in own.items()}
+    table = rows(section(DOCUMENTS["docs/textbook.md"], "Modules"))
+    listed = [re.match(r"\[`(\w+)`\]", cells[0])[1] for cells in table]
+    assert sorted(listed) == sorted(homes)
+    for module, (_, _, source, example, printed) in zip(listed, table, strict=True):
+        assert KEY.search(source) and any(f"{name}(" in example for name in homes[module]), module
+        given, wanted = eval(example.strip("`"), names), ast.literal_eval(printed.strip("`"))
+        assert np.shape(given) == np.shape(wanted), module
+        assert_allclose(given, wanted, rtol=0, atol=0.51e-4, err_msg=module)  # half a unit of four decimals
 
 
 def figures_of(name, *overrides):

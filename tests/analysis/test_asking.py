@@ -7,6 +7,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 import rmrc
 from project import ROOT
 from rmrc import arm as arms
+from rmrc.analysis.workspace.joint_map import joint_map
 from rmrc.scenario import loads
 from rmrc.support.errors import ModelError, QuestionError
 from rmrc.support.spatial import quat_to_matrix
@@ -33,7 +34,7 @@ QUESTIONS = {
         lambda found: (found.home, found.free.values["sigma_min"], found.free.reached),
     ),
     "joint_map": (
-        lambda model, **more: rmrc.joint_map(model, ["shoulder", "elbow"], cells=10, **more),
+        lambda model, **more: joint_map(model, ["shoulder", "elbow"], cells=10, **more),
         lambda found: (found.q, found.values["sigma_min"]),
     ),
 }  # fmt: skip
@@ -65,6 +66,7 @@ def test_what_does_not_fit_is_refused_in_one_line(name):
         ({"q": Q, "keyframe": "home"}, "give q or keyframe, not both"),
         ({"q": [1.0]}, "q must have 2 values, one for each of shoulder, elbow, got shape (1,)"),
         ({"q": [1.0, np.nan]}, "q must be finite, got [1.0, nan]"),
+        ({"q": ["60 deg", 0]}, "q must be numbers, got ['60 deg', 0]"),
         ({"length": -1.0}, "length must be > 0 and finite, got -1"),
         ({"axes": ["x", "v"]}, 'axes: no row "v"; choose from x y z rx ry rz'),
     ):

@@ -18,7 +18,6 @@ from rmrc.law import law
 from rmrc.law import svd as smallmat
 from rmrc.law.jit import _kind
 from rmrc.law.record import tick_type, world_type
-from rmrc.law.task import choose
 from rmrc.plants import stepping as plant
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
@@ -46,10 +45,9 @@ def test_what_moves_a_world_is_kept_on_disk(simulate):
 @pytest.mark.compiles
 def test_what_examines_an_arm_is_kept_on_disk():
     arm = load(ROOT / "models/planar_2link.xml")
-    task = choose(arm)
     assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
     assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
-    assert rmrc.solve_ik(task, rmrc.goal_pose(task, [1.0, 1.0])).found
+    assert rmrc.ik(arm, [1.0, 1.0]).found
     assert smallmat.cold_svd(np.diag([2.0, 1.0]))[1].tolist() == [2.0, 1.0]
     assert [entry for entry in EXAMINES if not kept(entry)] == []
 

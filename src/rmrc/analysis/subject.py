@@ -14,6 +14,7 @@ from rmrc.law.task import Array, Task, choose
 from rmrc.scenario import Scenario
 from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
+from rmrc.support.legible import shortened
 from rmrc.support.spatial import AXES
 
 Model: TypeAlias = Arm | Scenario | str | os.PathLike[str]
@@ -95,9 +96,12 @@ def numbers(what: str, values: ArrayLike, names: Sequence[str]) -> Array:
     """Return finite numbers, one for each name, (len(names),).
 
     Raises:
-        QuestionError: There are more or fewer, or one is not finite.
+        QuestionError: There are more or fewer, or one is no number or not finite.
     """
-    array = np.asarray(values, dtype=np.float64)
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise QuestionError(f"{what} must be numbers, got {shortened(repr(values))}") from None
     if array.shape != (len(names),):
         raise QuestionError(
             f"{what} must have {len(names)} value{'s' * (len(names) != 1)}, "

@@ -29,8 +29,7 @@ Frame = Annotated[str, typer.Option(metavar="world|site|base", help="Along whose
 JointError = Annotated[
     str | None,
     typer.Option(
-        metavar="S | S1,S2,...",
-        help='Standard deviation of the joints, such as "0.1 deg": tell the site\'s.',
+        metavar="S | S1,S2,...", help='Standard deviation of the joints, such as "0.1 deg": tell the site\'s.'
     ),
 ]
 Wrench = Annotated[

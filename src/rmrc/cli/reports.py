@@ -1,4 +1,4 @@
-"""How a verb shows an answer: as a picture, as JSON or as tables, with the exit code that it deserves."""
+"""How a verb shows an answer: as JSON or as tables, with the exit code that it deserves."""
 
 from collections.abc import Sequence
 from pathlib import Path

@@ -107,6 +107,7 @@ def compare(
 
     The exit code is that of the runs, whatever the scenario expects: what was missed is in the table.
     """
+    from rmrc.show import terminal
     from rmrc.study import compare_table as table
     from rmrc.study.compare import Comparison
 
@@ -121,7 +122,7 @@ def compare(
         table.Row(one.variant.label, one.run, one.scorecard, one.outcomes, one.stated_for)
         for one in results.variants
     ]
-    console.print(table.render(results.name, rows))
+    console.print(terminal.render(table.sheets(results.name, rows)))
     _list(console, results.files, record)
     raise typer.Exit(_exit_code_of_all(results))
 

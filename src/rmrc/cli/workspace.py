@@ -8,18 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rmrc.cli.console import EXIT_INTERRUPTED, complain, notice, progress
-from rmrc.cli.options import (
-    AsJson,
-    Keyframe,
-    Length,
-    Model,
-    Out,
-    Positions,
-    Quiet,
-    Site,
-    TaskAxes,
-    drawable,
-)
+from rmrc.cli.options import AsJson, Keyframe, Length, Model, Out, Positions, Quiet, Site, TaskAxes, drawable
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, numbers, task_axes
 from rmrc.support.errors import QuestionError

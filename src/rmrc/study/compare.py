@@ -16,6 +16,7 @@ from rmrc.scenario import Draft, Scenario, Variant, draft_of
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.compare_table import Row, markdown
 from rmrc.study.filters import compile_for, filter_factor
 from rmrc.study.study import Listed, Study
 from rmrc.support.errors import ScenarioError
@@ -129,8 +130,6 @@ class Comparison:
         Args:
             on_ticks: Called with the number of ticks of each block that was finished.
         """
-        from rmrc.study.compare_table import Row, markdown
-
         simulation, leaving = self.compile(), Leaving()
         recorder, failed = None, False
         with interruptible() as stop, ExitStack() as stack:

@@ -53,17 +53,12 @@ def report(found: IkResult, iterates: bool = False) -> Report:
 def _solution_values(task: Task, solution: Solution, iterates: bool) -> dict[str, Any]:
     joints, path = task.arm.joints, solution.iterates
     values: dict[str, Any] = {
-        "found": solution.found,
-        "q": dict(zip(joints, solution.q, strict=True)),
-        "pose": solution.pose,
-        "error": solution.error,
-        "position_error": solution.position_error,
+        "found": solution.found, "q": dict(zip(joints, solution.q, strict=True)), "pose": solution.pose,
+        "error": solution.error, "position_error": solution.position_error,
         "orientation_error": solution.orientation_error,
         "at_limit": {joint: _side(side) for joint, side in _active(task, solution)},
-        "beyond_limit": [joint for joint, is_so in zip(joints, solution.beyond, strict=True) if is_so],
-        "steps": solution.steps,
-        "tries": solution.tries,
-    }
+        "beyond_limit": _beyond(task, solution), "steps": solution.steps, "tries": solution.tries,
+    }  # fmt: skip
     if iterates:
         values["iterates"] = {"q": path.q, "h": path.step, "error": path.error, "damping": path.damping}
     return values
@@ -74,12 +69,8 @@ def _posture_values(task: Task, postures: Postures) -> dict[str, Any]:
     return {
         "found": postures.nearest is None,
         "postures": [
-            {
-                "q": dict(zip(task.arm.joints, q, strict=True)),
-                "starts": hits,
-                "freedom": freedom,
-                "apart": True if decided else None,
-            }
+            {"q": dict(zip(task.arm.joints, q, strict=True)), "starts": hits, "freedom": freedom,
+             "apart": True if decided else None}
             for q, hits, freedom, decided in zip(
                 postures.q, postures.hits, postures.freedom, postures.decided, strict=True
             )
@@ -88,7 +79,7 @@ def _posture_values(task: Task, postures: Postures) -> dict[str, Any]:
         "continua": np.count_nonzero(postures.freedom),
         "starts": postures.starts,
         "nearest": postures.nearest and _solution_values(task, postures.nearest, False),
-    }
+    }  # fmt: skip
 
 
 # Tables -----------------------------------------------------------------------------------------
@@ -195,8 +186,7 @@ def _unit(task: Task, joint: int, position: float) -> tuple[str, ...]:
 
 def _failure(task: Task, solution: Solution) -> str:
     """Return why a goal was not reached, in one line."""
-    joints = task.arm.joints
-    beyond = [joint for joint, is_so in zip(joints, solution.beyond, strict=True) if is_so]
+    beyond = _beyond(task, solution)
     if solution.method == "newton":
         if beyond:
             return (
@@ -222,6 +212,10 @@ def _active(task: Task, solution: Solution) -> Sequence[tuple[str, int]]:
     return [
         (joint, int(side)) for joint, side in zip(task.arm.joints, solution.at_limit, strict=True) if side
     ]
+
+
+def _beyond(task: Task, solution: Solution) -> list[str]:
+    return [joint for joint, is_so in zip(task.arm.joints, solution.beyond, strict=True) if is_so]
 
 
 def _side(side: int) -> str:

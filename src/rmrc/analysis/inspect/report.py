@@ -79,20 +79,23 @@ def _values(found: Inspection) -> dict[str, Any]:
     """Return an inspection by `KEYS`."""
     arm, task = found.arm, found.task
     return {
-        "model": str(arm.path),
-        "site": arm.site,
+        "model": str(arm.path), "site": arm.site,
         "joints": [_joint_values(found, i) for i in range(arm.n)],
         "pose": {"position": found.pose[:3], "quaternion": found.pose[3:], "zyz": found.angles},
         "frame": {"name": found.frame, "rotation": found.R_world_frame},
-        "jacobian": found.jacobian,
-        "disagreement": found.disagreement,
+        "jacobian": found.jacobian, "disagreement": found.disagreement,
         "task": {"rows": task.axes, "why": found.why, "length": task.length},
-        "determinant": found.determinant,
-        "sigma": found.sigma,
+        "determinant": found.determinant, "sigma": found.sigma,
         "rank": {"by_singular_values": found.rank, "by_minors": found.rank_by_minors},
-        "condition": found.condition,
-        "manipulability": found.manipulability,
-        **_directions(found),
+        "condition": found.condition, "manipulability": found.manipulability,
+        "lost": [{"twist": one.twist, "wrench": one.wrench, "words": one.words} for one in found.lost],
+        "nearly_lost": [
+            {"sigma": one.sigma, "joint_motion": one.motion, "twist": one.twist, "words": one.words}
+            for one in found.slow
+        ],
+        "self_motions": [
+            {"joint_motion": one.motion, "twist": one.twist, "words": one.words} for one in found.standing
+        ],
         "ellipsoids": [
             {"rows": one.rows, "directions": one.velocity.axes.T, "velocity": one.velocity.half_axes,
              "force": one.force.half_axes}
@@ -113,19 +116,6 @@ def _joint_values(found: Inspection, i: int) -> dict[str, Any]:
         "name": arm.joints[i], "kind": arm.kinds[i], "unit": arm.units[i], "q": found.q[i],
         "limits": arm.position_limit[i], "room": found.room[i],
     }  # fmt: skip
-
-
-def _directions(found: Inspection) -> dict[str, Any]:
-    return {
-        "lost": [{"twist": one.twist, "wrench": one.wrench, "words": one.words} for one in found.lost],
-        "nearly_lost": [
-            {"sigma": one.sigma, "joint_motion": one.motion, "twist": one.twist, "words": one.words}
-            for one in found.slow
-        ],
-        "self_motions": [
-            {"joint_motion": one.motion, "twist": one.twist, "words": one.words} for one in found.standing
-        ],
-    }
 
 
 def _error_values(error: TipError) -> dict[str, Any]:

@@ -16,20 +16,7 @@ from numpy.typing import NDArray
 from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.law.task import Task
 from rmrc.results.run import Run
-from rmrc.scenario import (
-    ArmSection,
-    Axis,
-    ControlSection,
-    Hold,
-    HoldSegment,
-    InverseSection,
-    LimitsSection,
-    NullspaceSection,
-    PlantSection,
-    Scenario,
-    TargetSection,
-    TaskSection,
-)
+from rmrc.scenario import Scenario
 from rmrc.simulation.footprint import footprint
 from rmrc.simulation.prepare import Known, prepare
 from rmrc.simulation.simulation import Simulation
@@ -135,15 +122,11 @@ def hold_wrench(
     moving = prepared.kv * rate
     share = SHARE_OF_SCREWS if arm.travels else SHARE
     return HoldResult(
-        wanted=wanted,
-        ended=ended,
-        measured=run["tau"][-1],
+        wanted=wanted, ended=ended, measured=run["tau"][-1],
         drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),
         at_limit=np.asarray((np.abs(run["tau"]) >= arm.torque_limit).any(axis=0)),
-        rate=rate,
-        allowed=np.asarray(share * ended.size.max() + moving + arm.friction),
-        run=run,
-    )
+        rate=rate, allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
+    )  # fmt: skip
 
 
 def most_ticks(seconds: float) -> int:
@@ -186,24 +169,22 @@ def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
     arm = wanted.arm
     # The row that moves most: no arm has lost it.
     rows = Task(arm, np.arange(6)).matrix(arm.jacobian(wanted.q))
-    axis: Axis = AXES[int(np.argmax(np.linalg.norm(rows, axis=1)))]  # type: ignore[assignment]
-    return Scenario(
-        name="hold",
-        arm=ArmSection(model=arm.path.resolve(), site=arm.site, start=tuple(wanted.q), joints=arm.joints),
-        task=TaskSection(axes=(axis,)),
-        control=ControlSection(
-            period=PERIOD,
-            inverse=InverseSection(method="pseudoinverse"),
-            feedback=FEEDBACK,
-            nullspace=NullspaceSection(objective="posture", gain=FEEDBACK),
-            limits=LimitsSection(position=False, on_excess="none"),
-        ),
-        target=TargetSection(path=(HoldSegment(hold=Hold(**{"for": seconds})),)),
-        plant=PlantSection(
-            kind="servo",
-            kv=tuple(arm.inertia / PERIOD),
-            timestep=TIMESTEP,
-            gravity_compensation=not wanted.bears_weight,
-            wrench=tuple(wanted.wrench),
-        ),
-    )
+    axis = AXES[int(np.argmax(np.linalg.norm(rows, axis=1)))]
+    return Scenario.model_validate({
+        "name": "hold",
+        "arm": {
+            "model": arm.path.resolve(), "site": arm.site, "start": tuple(wanted.q), "joints": arm.joints,
+        },
+        "task": {"axes": (axis,)},
+        "control": {
+            "period": PERIOD, "feedback": FEEDBACK,
+            "inverse": {"method": "pseudoinverse"},
+            "nullspace": {"objective": "posture", "gain": FEEDBACK},
+            "limits": {"position": False, "on_excess": "none"},
+        },
+        "target": {"path": ({"hold": {"for": seconds}},)},
+        "plant": {
+            "kind": "servo", "kv": tuple(arm.inertia / PERIOD), "timestep": TIMESTEP,
+            "gravity_compensation": not wanted.bears_weight, "wrench": tuple(wanted.wrench),
+        },
+    })  # fmt: skip

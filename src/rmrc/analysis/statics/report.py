@@ -56,86 +56,60 @@ def report(found: Statics) -> Report:
 def _values(found: Statics) -> dict[str, Any]:
     balance, other, held = found.balance, found.elsewhere, found.held
     return {
-        "model": str(balance.arm.path),
-        "site": balance.arm.site,
-        "joints": balance.arm.joints,
-        "q": balance.q,
-        "wrench_on_arm": balance.wrench,
-        "at": other
-        and {
-            "site": other.site,
-            "wrench": other.wrench,
-            "force_transform": other.force_transform,
-            "velocity_transform": other.velocity_transform,
-        },
+        "model": str(balance.arm.path), "site": balance.arm.site, "joints": balance.arm.joints,
+        "q": balance.q, "wrench_on_arm": balance.wrench,
+        "at": other and _elsewhere_values(other),
         "torque": _torque_values(balance),
         "links": [_link_values(balance, j) for j in range(balance.arm.n)],
-        "disagreement": balance.disagreement,
-        "length": found.length,
+        "disagreement": balance.disagreement, "length": found.length,
         "costs": {group.kind: _cost_values(group) for group in found.costs},
         "held": held and _held_values(held),
-    }
+    }  # fmt: skip
+
+
+def _elsewhere_values(other: Elsewhere) -> dict[str, Any]:
+    return {
+        "site": other.site, "wrench": other.wrench, "force_transform": other.force_transform,
+        "velocity_transform": other.velocity_transform,
+    }  # fmt: skip
 
 
 def _torque_values(balance: Balance) -> dict[str, Any]:
-    arm = balance.arm
     return {
-        "unit": [_unit(arm, j) for j in range(arm.n)],
-        "equivalent": balance.equivalent,
-        "equilibrium": balance.equilibrium,
-        "gravity": balance.gravity,
-        "springs": balance.springs,
-        "in_all": balance.torque,
-        "limit": arm.torque_limit,
-        "margin": balance.margin,
+        "unit": [_unit(balance.arm, j) for j in range(balance.arm.n)], "equivalent": balance.equivalent,
+        "equilibrium": balance.equilibrium, "gravity": balance.gravity, "springs": balance.springs,
+        "in_all": balance.torque, "limit": balance.arm.torque_limit, "margin": balance.margin,
         "exceeded": balance.exceeded,
-    }
+    }  # fmt: skip
 
 
 def _link_values(balance: Balance, j: int) -> dict[str, Any]:
     return {
-        "joint": balance.arm.joints[j],
-        "frame": balance.frames[j],
-        "reaction": balance.reaction[j],
-        "reaction_world": balance.reaction_world[j],
-        "drive": balance.propagated[j],
+        "joint": balance.arm.joints[j], "frame": balance.frames[j], "reaction": balance.reaction[j],
+        "reaction_world": balance.reaction_world[j], "drive": balance.propagated[j],
         "structure": balance.structure[j],
-    }
+    }  # fmt: skip
 
 
 def _cost_values(group: Costs) -> dict[str, Any]:
+    directions = [
+        {"wrench": one.wrench, "words": in_words(one.wrench), "sigma": one.sigma,
+         "amplification": one.amplification, "costs": one.cost.value}
+        for one in group.directions
+    ]  # fmt: skip
     return {
-        "free": group.free,
-        "free_anywhere": group.free_anywhere,
-        "free_only_here": group.free_only_here,
-        "directions": [
-            {
-                "wrench": one.wrench,
-                "words": in_words(one.wrench),
-                "sigma": one.sigma,
-                "amplification": one.amplification,
-                "costs": one.cost.value,
-            }
-            for one in group.directions
-        ],
-    }
+        "free": group.free, "free_anywhere": group.free_anywhere, "free_only_here": group.free_only_here,
+        "directions": directions,
+    }  # fmt: skip
 
 
 def _held_values(held: HoldResult) -> dict[str, Any]:
     return {
-        "agrees": held.agrees,
-        "still": held.is_still,
-        "seconds": len(held.run) * held.run.period,
-        "statics": held.wanted.torque,
-        "where_it_rests": held.ended.torque,
-        "measured": held.measured,
-        "difference": held.difference,
-        "allowed": held.allowed,
-        "at_limit": held.at_limit,
-        "drift": held.drift,
-        "rate": held.rate,
-        "verdict": verdict(held),
-    }
+        "agrees": held.agrees, "still": held.is_still, "seconds": len(held.run) * held.run.period,
+        "statics": held.wanted.torque, "where_it_rests": held.ended.torque, "measured": held.measured,
+        "difference": held.difference, "allowed": held.allowed, "at_limit": held.at_limit,
+        "drift": held.drift, "rate": held.rate, "verdict": verdict(held),
+    }  # fmt: skip
 
 
 # Tables of at most 100 columns -------------------------------------------------------------------

@@ -81,8 +81,8 @@ def statics(
         'nothing, anywhere'
     """
     asked = subject(model, q, keyframe, site, length=length)
-    acts = np.asarray(wrench, np.float64)
-    acts = numbers("wrench", np.concatenate([acts, np.zeros(3)]) if acts.shape == (3,) else acts, WRENCH)
+    force_alone = np.shape(wrench) == (3,)
+    acts = numbers("wrench", np.append(wrench, np.zeros(3)) if force_alone else wrench, WRENCH)
     if frame not in FRAMES:
         raise QuestionError(f'frame: no frame "{frame}"; choose from {" ".join(FRAMES)}')
     if frame == "site":

@@ -33,27 +33,21 @@ PALE, DARK = "0.88", "0.70"
 _LEGEND = {"markersize": 6.0}
 
 
-def draw_workspace(found: Workspace, path: Path, measure: str | None = None) -> None:
-    """Draw a slice of a workspace.
+def draw(found: Workspace | JointMap, path: Path, measure: str | None = None) -> None:
+    """Draw a slice of a workspace, or a map over two joints.
 
     Args:
         found: What to draw.
         path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
-        measure: `sigma_min`, `manipulability`, `condition` or `postures` as a map of what is reached within
-            the limits; None for none.
+        measure: `sigma_min`, `manipulability`, `condition`, or of a slice `postures`, as a map of what is
+            reached within the limits; None for none, and over two joints for `sigma_min`.
     """
-    save(_workspace(found, measure), [path])
-
-
-def draw_joint_map(found: JointMap, path: Path, measure: str) -> None:
-    """Draw a map over two joints.
-
-    Args:
-        found: What to draw.
-        path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
-        measure: `sigma_min`, `manipulability` or `condition`.
-    """
-    save(_joint_map(found, measure), [path])
+    figure = (
+        _joint_map(found, measure or "sigma_min")
+        if isinstance(found, JointMap)
+        else _workspace(found, measure)
+    )
+    save(figure, [path])
 
 
 def _workspace(found: Workspace, measure: str | None) -> Figure:

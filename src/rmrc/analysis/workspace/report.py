@@ -11,14 +11,7 @@ from rmrc.analysis.workspace.reach import MEASURES, Reach, Workspace
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 
-MAPS = (*MEASURES, "postures")
-"""What a picture can color: of a slice any of them, over two joints all but the last."""
-
-WORDS = {
-    "sigma_min": "σ_min [1]",
-    "manipulability": "manipulability w [1]",
-    "condition": "condition κ [1]",
-}
+WORDS = {"sigma_min": "σ_min [1]", "manipulability": "manipulability w [1]", "condition": "condition κ [1]"}
 # Where the worst of a workspace was found.
 SOURCES = {"singular": "singular curves", "limits": "limit curves", "cells": "cells"}
 
@@ -35,7 +28,8 @@ def report(found: Workspace | JointMap, measure: str | None = None) -> Report:
 
     Args:
         found: What `workspace` or `joint_map` found.
-        measure: What the picture colors, of `MAPS`; None for nothing, and over two joints for `sigma_min`.
+        measure: What the picture colors: `sigma_min`, `manipulability`, `condition`, or of a slice
+            `postures`; None for nothing, and over two joints for `sigma_min`.
 
     Example:
         >>> from rmrc.analysis.workspace.workspace import workspace
@@ -45,21 +39,15 @@ def report(found: Workspace | JointMap, measure: str | None = None) -> Report:
     """
     if isinstance(found, JointMap):
         values = plain(_joint_values(found))
-        return Report([_joint_table(values)], values, partial(_draw_joints, found, measure or "sigma_min"))
+        return Report([_joint_table(values)], values, partial(_draw, found, measure))
     values = plain(_values(found))
     return Report([_table(values)], values, partial(_draw, found, measure))
 
 
-def _draw(found: Workspace, measure: str | None, path: Path) -> None:
-    from rmrc.analysis.workspace.figure import draw_workspace
+def _draw(found: Workspace | JointMap, measure: str | None, path: Path) -> None:
+    from rmrc.analysis.workspace.figure import draw
 
-    draw_workspace(found, path, measure)
-
-
-def _draw_joints(found: JointMap, measure: str, path: Path) -> None:
-    from rmrc.analysis.workspace.figure import draw_joint_map
-
-    draw_joint_map(found, path, measure)
+    draw(found, path, measure)
 
 
 # JSON -------------------------------------------------------------------------------------------
