@@ -18,7 +18,7 @@ from typing import Generic, Protocol, TypeVar
 from rmrc.plants.batches import Batches
 from rmrc.results.run import Divergence
 from rmrc.results.scorecard import Scorecard, refuse_unknown
-from rmrc.scenario import Change, Draft, Variant
+from rmrc.scenario import Change, Draft, Scenario, Variant
 from rmrc.simulation.footprint import Footprint, footprint
 from rmrc.simulation.prepare import Known, Prepared, prepare
 from rmrc.simulation.simulation import Simulation
@@ -204,18 +204,18 @@ class Study:
     one thread prepares at a time.
     """
 
-    def __init__(self, base: Draft) -> None:
+    def __init__(self, base: Scenario | Draft) -> None:
         """Keep what all variants share.
 
         Args:
-            base: It may be wrong as long as the variants are not.
+            base: A draft may be wrong as long as the variants are not.
         """
-        self.draft, self._known, self._batches = base, Known(), Batches()
+        self._base, self._known, self._batches = base, Known(), Batches()
         self._lock = threading.Lock()
         self._kept: dict[int, Prepared] = {}
-        self._scenario = None
-        with suppress(ScenarioError):  # told of each variant
-            self._scenario = base.scenario()
+        if isinstance(base, Draft):
+            with suppress(ScenarioError):  # told of each variant
+                self._base = base.scenario()
 
     def prepare(self, changes: Sequence[Change] = ()) -> Prepared:
         """Return a variant, with everything checked; for one thread at a time.
@@ -226,28 +226,29 @@ class Study:
         Raises:
             ScenarioError: All that is wrong with it.
         """
-        if self._scenario is None:
-            scenario = self.draft.changed(*changes).scenario()
-        else:
-            scenario = self._scenario.changed(*changes) if changes else self._scenario
-        prepared = prepare(scenario, self._known)
+        base = self._base.changed(*changes) if changes else self._base
+        prepared = prepare(base.scenario() if isinstance(base, Draft) else base, self._known)
         refuse_unknown(prepared.scenario, prepared.arm.joints)
         return prepared
 
-    def prepare_all(self, variants: Variants) -> list[Prepared]:
-        """Return variants, checked and ready to run.
+    def prepare_all(self, variants: Sequence[Variant], kind: str = "variant") -> list[Prepared]:
+        """Return a few variants, checked and ready to run.
+
+        Args:
+            variants: All of them.
+            kind: What messages say before a label.
 
         Raises:
-            ScenarioError: All that is wrong with all of them.
+            ScenarioError: All that is wrong with all of them; what is wrong with each is told once.
         """
         prepared, found = list[Prepared](), Checked()
-        for index in range(len(variants)):
+        for index, variant in enumerate(variants):
             try:
-                prepared.append(self.prepare(variants.changes(index)))
+                prepared.append(self.prepare(variant.changes))
             except ScenarioError as error:
                 for problem in error.problems:
-                    found.refuse(problem, (index,), 1, variants.most_told)
-        found.raise_any(variants)
+                    found.refuse(problem, (index,), 1, sys.maxsize)
+        found.raise_any(Listed(variants, kind))
         return prepared
 
     def check(self, variants: Variants, crew: Crew, on_runs: OnRuns | None = None) -> Checked:
