@@ -11,7 +11,7 @@ from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
 from rmrc.simulation.prepare import prepare, world_record
 from rmrc.study.compare import Comparison
-from rmrc.study.study import Listed, Study
+from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
@@ -30,7 +30,7 @@ def changes(texts):
 
 
 def variants(varied):
-    return Listed([Variant(f"v{i}", changes(texts)) for i, texts in enumerate(varied)], "variant")
+    return [Variant(f"v{i}", changes(texts)) for i, texts in enumerate(varied)]
 
 
 def assert_same(one, other):
@@ -121,13 +121,13 @@ def test_mistakes_are_told_as_of_each_alone(overrides):
 def test_a_mistake_names_its_variants_once(tmp_path):
     path = ROOT / "scenarios" / "approach_singularity.yaml"
     shown = "--set control.feedback: must be >= 0, got -1"
-    (low, high) = variants([["control.feedback=-1"], ["control.feedback=1"]]).variants
+    (low, high) = variants([["control.feedback=-1"], ["control.feedback=1"]])
     study = Study(draft_of(path))
     with pytest.raises(ScenarioError) as caught:
-        study.prepare_all(Listed([low, high], "variant"))
+        study.prepare_all([low, high])
     assert str(caught.value) == f'variant "v0": {shown}'
     with pytest.raises(ScenarioError) as caught:
-        study.prepare_all(Listed([low, low._replace(label="c")], "variant"))
+        study.prepare_all([low, low._replace(label="c")])
     assert str(caught.value) == shown
     with pytest.raises(ScenarioError) as caught:
         Comparison(tmp_path / "none.yaml", [low, high])

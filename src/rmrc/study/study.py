@@ -209,14 +209,15 @@ class Study:
         """Keep what all variants share.
 
         Args:
-            base: The scenario, its file, or a draft; it may be wrong as long as the variants are not.
+            base: The scenario, its file, or a draft, which may be wrong as long as the variants are not.
         """
-        self.draft, self._known, self._batches = draft_of(base), Known(), Batches()
+        self._base = base if isinstance(base, Scenario) else draft_of(base)
+        self._known, self._batches = Known(), Batches()
         self._lock = threading.Lock()
         self._kept: dict[int, Prepared] = {}
-        self._scenario = None
-        with suppress(ScenarioError):  # told of each variant
-            self._scenario = self.draft.scenario()
+        if isinstance(self._base, Draft):
+            with suppress(ScenarioError):  # told of each variant
+                self._base = self._base.scenario()
 
     def prepare(self, changes: Sequence[Change] = ()) -> Prepared:
         """Return a variant, with everything checked; for one thread at a time.
@@ -227,28 +228,29 @@ class Study:
         Raises:
             ScenarioError: All that is wrong with it.
         """
-        if self._scenario is None:
-            scenario = self.draft.changed(*changes).scenario()
-        else:
-            scenario = self._scenario.changed(*changes) if changes else self._scenario
-        prepared = prepare(scenario, self._known)
+        base = self._base.changed(*changes) if changes else self._base
+        prepared = prepare(base.scenario() if isinstance(base, Draft) else base, self._known)
         refuse_unknown(prepared.scenario, prepared.arm.joints)
         return prepared
 
-    def prepare_all(self, variants: Variants) -> list[Prepared]:
-        """Return variants, checked and ready to run.
+    def prepare_all(self, variants: Sequence[Variant], kind: str = "variant") -> list[Prepared]:
+        """Return a few variants, checked and ready to run.
+
+        Args:
+            variants: All of them.
+            kind: What messages say before a label.
 
         Raises:
-            ScenarioError: All that is wrong with all of them.
+            ScenarioError: All that is wrong with all of them; what is wrong with each is told once.
         """
         prepared, found = list[Prepared](), Checked()
-        for index in range(len(variants)):
+        for index, variant in enumerate(variants):
             try:
-                prepared.append(self.prepare(variants.changes(index)))
+                prepared.append(self.prepare(variant.changes))
             except ScenarioError as error:
                 for problem in error.problems:
-                    found.refuse(problem, (index,), 1, variants.most_told)
-        found.raise_any(variants)
+                    found.refuse(problem, (index,), 1, sys.maxsize)
+        found.raise_any(Listed(variants, kind))
         return prepared
 
     def check(self, variants: Variants, crew: Crew, on_runs: OnRuns | None = None) -> Checked:

@@ -125,7 +125,7 @@ class Sweep:
         self._users = 0
         self._working, self._opened = ExitStack(), cast(Crew | None, None)
         self._refuse_nothing()
-        self._study = Study(self.scenario.draft)
+        self._study = Study(self.scenario)
         self._identity = self._identify()
         self.dataset = Dataset(folder, self.scenario.name)
         self._contents = self.dataset.contents(self._identity, len(self.plan))

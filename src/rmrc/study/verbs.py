@@ -14,7 +14,7 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
 from rmrc.study.dataset import Table
 from rmrc.study.run import Job
-from rmrc.study.study import Listed, Study
+from rmrc.study.study import Study
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
@@ -84,7 +84,7 @@ def compare(
     """
     variants = grid(vary)
     if out is None:
-        prepared = Study(scenario).prepare_all(Listed(variants, "variant"))
+        prepared = Study(scenario).prepare_all(variants)
         refuse_excess(prepared)
         runs = Simulation(prepared).run()
     else:

@@ -14,7 +14,7 @@ from rmrc.simulation.footprint import footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import Column, write_table
-from rmrc.study.study import Listed, OnRuns, Study
+from rmrc.study.study import OnRuns, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
@@ -123,7 +123,7 @@ class Tuning:
         self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
         self._structures, self.left_out = self._possible(words)
         self.copies = draw_copies(self._nominal, copies, seed, spread)
-        self._refuse_excess(self._study.prepare_all(Listed(self.copies)))
+        self._refuse_excess(self._study.prepare_all(self.copies, ""))
 
     @property
     def spread_in_words(self) -> str:
