@@ -25,10 +25,10 @@ sys.path.insert(0, str(ROOT / "tests"))  # the plain numpy loop is the tests' or
 from oracles import NumpyLoop  # noqa: E402
 from rmrc.law.jit import Record, entry, machine_code  # noqa: E402
 from rmrc.law.law import resolve  # noqa: E402
-from rmrc.law.record import tick_type  # noqa: E402
+from rmrc.law.record import records, tick_type  # noqa: E402
 from rmrc.results.columns import COLUMNS  # noqa: E402
 from rmrc.scenario import loads  # noqa: E402
-from rmrc.simulation.prepare import Prepared, prepare, world_record  # noqa: E402
+from rmrc.simulation.prepare import Prepared, prepare  # noqa: E402
 from rmrc.simulation.simulation import Simulation  # noqa: E402
 
 SCENARIO = """
@@ -185,7 +185,7 @@ def pieces(arm: str) -> dict[str, float]:
         batch.step(None, 1, int(mujoco.mjtStage.mjSTAGE_VEL))
     step = (time.perf_counter() - started) / calls * 1e6
     floor_us = floor(prepared, run["qdot_cmd"][None].copy()) / len(run) * 1e6
-    record = np.array([world_record(prepared, 0)])
+    record = records(prepared.arm.n, [prepared.task, prepared.law])
     law_args = record[0], np.zeros(1, tick_type(prepared.arm.n))[0]
     record["J"][0, :, : prepared.arm.n] = prepared.arm.jacobian(run["q"][0])
     law = machine_code(law_many, *law_args, calls)

@@ -32,7 +32,7 @@ LAYERS = (
 # Who may import an outside library. A library that is missing here has no owner, and is refused.
 OWNERS = {
     "numpy": ("rmrc",),
-    "mujoco": ("rmrc.arm", "rmrc.plants"),
+    "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller"),
     "numba": ("rmrc.law.jit",),
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),

@@ -12,9 +12,9 @@ from numpy.testing import assert_allclose
 
 from chains import seeds
 from oracle_limits import brake
+from records import blank
 from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
-from rmrc.law.record import tick_type, world_type
 from rmrc.scenario.choices import Method, OnExcess, Schedule, Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -35,10 +35,7 @@ def arm(J, twist, room, rate, **fields):
         fields: Other fields of the record.
     """
     m, n = J.shape
-    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
-    world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-    world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
-    world["pace"] = world["share"] = 1.0
+    world, tick = blank(m, n)
     world["method"], world["schedule"], world["damping_maximum"] = Method.DAMPED, Schedule.CONSTANT, LAMBDA
     world["damping_below"], world["manipulability_below"], world["rate_bound"] = 1.0, 1.0, 1.0
     world["tolerance"], world["cutoff"], world["gamma"] = 1e-9, 0.05, 0.1

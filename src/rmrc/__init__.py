@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     from rmrc.analysis.inspect.inspection import inspect
     from rmrc.analysis.statics.statics import statics
     from rmrc.analysis.workspace.workspace import workspace
-    from rmrc.law.law import resolve_rates
+    from rmrc.law.controller import Controller, resolve_rates
     from rmrc.results.run import Run
     from rmrc.results.scorecard import Scorecard
     from rmrc.scenario import Scenario, load, loads
@@ -54,9 +54,10 @@ if TYPE_CHECKING:
     from rmrc.tuning.tune import tune
 
 __all__ = [
-    "ClusterError", "DivergenceError", "ModelError", "ModelWarning", "Prepared", "QuestionError", "RmrcError",
-    "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study", "TargetError", "compare", "ik",
-    "inspect", "load", "loads", "prepare", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
+    "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
+    "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
+    "TargetError", "compare", "ik", "inspect", "load", "loads", "prepare", "resolve_rates", "run", "statics",
+    "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
@@ -65,7 +66,7 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.analysis.inspect.inspection": ("inspect",),
         "rmrc.analysis.statics.statics": ("statics",),
         "rmrc.analysis.workspace.workspace": ("workspace",),
-        "rmrc.law.law": ("resolve_rates",),
+        "rmrc.law.controller": ("Controller", "resolve_rates"),
         "rmrc.results.run": ("Run",),
         "rmrc.results.scorecard": ("Scorecard",),
         "rmrc.scenario": ("Scenario", "load", "loads"),

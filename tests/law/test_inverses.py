@@ -22,7 +22,8 @@ from worlds import (
     with_sigma,
 )
 
-from rmrc.law.law import resolve, resolve_rates
+from rmrc.law.controller import resolve_rates
+from rmrc.law.law import resolve
 from rmrc.scenario.choices import Method, Schedule
 
 PSEUDOINVERSE, TRUNCATED = Variant(Method.PSEUDOINVERSE), Variant(Method.TRUNCATED)

@@ -20,7 +20,7 @@ from worlds import (
     with_sigma,
 )
 
-from rmrc.law.law import resolve_rates
+from rmrc.law.controller import resolve_rates
 from rmrc.scenario.choices import Method, Objective, OnExcess, Schedule, Status
 
 named = pytest.mark.parametrize("variant", [pytest.param(variant, id=str(variant)) for variant in VARIANTS])

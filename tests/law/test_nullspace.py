@@ -195,7 +195,6 @@ class Chain:
         world["m"], world["k"] = m, min(m, self.n)
         world["rank"] = self.rank if rank is None else rank
         world["row"][0, :m], world["row_scale"][0, :m] = self.rows, self.row_scale
-        world["joint"][0, : self.n] = self.arm.wiring.joint
         resolve(world[0], tick[0])
         return tick["qdot_cmd"][0, : self.n].copy()
 

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 
+from records import blank, put
 from rmrc.law.law import resolve
-from rmrc.law.record import tick_type, world_type
 from rmrc.scenario.choices import Method, Schedule
 
 matrices = arrays(
@@ -65,25 +65,10 @@ def fits(variant, shape):
 def make_world(J, twist, row_scale=1.0, joint_scale=1.0, **parameters):
     """Return the record of a world whose task is all rows of J, and its tick, as arrays of one."""
     m, n = J.shape
-    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
-    world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-    world["row"], world["joint"] = np.arange(6), np.arange(world["joint"].shape[1])
-    world["row_scale"][0, :m], world["joint_scale"][0, :n] = row_scale, joint_scale
-    world["position_limit"][0] = world["position_range"][0] = [[-np.inf], [np.inf]]
-    world["pace"] = world["share"] = 1.0
-    world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
-    set_parameters(world, **DEFAULTS)
-    set_parameters(world, **parameters)
+    world, tick = blank(m, n)
+    put(world, **DEFAULTS, J=J, twist_cmd=twist, row_scale=row_scale, joint_scale=joint_scale)
+    put(world, **parameters)
     return world, tick
-
-
-def set_parameters(world, **parameters):
-    """Set fields of a record; a vector sets as many entries as it has."""
-    for name, value in parameters.items():
-        if np.ndim(value):
-            world[name][0][tuple(slice(size) for size in np.shape(value))] = value
-        else:
-            world[name] = value
 
 
 def one_world(J, twist, wx=1.0, wq=1.0, variant=None, **parameters):

@@ -9,21 +9,23 @@ a number without unit and does not change when the model is drawn in millimeters
 """
 
 import math
-from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
 
+from rmrc.arm import Arm
 from rmrc.law.inverses import damping, gains, manipulability
-from rmrc.law.jit import Array, Record, compiled, entry, inlined, machine_code
+from rmrc.law.jit import Array, Record, compiled, entry, inlined
 from rmrc.law.kinematics import pose_error, scale_joints
 from rmrc.law.limits import limit
 from rmrc.law.nullspace import NONE, add_projected, wished_rates
 from rmrc.law.policies import hold, slow_down
-from rmrc.law.record import tick_type, world_type
+from rmrc.law.record import JOINTS, Field
 from rmrc.law.standstill import stuck
 from rmrc.law.svd import RANK_FLOOR, combine, continue_row, orthonormalize, project, set_identity, svd
-from rmrc.scenario.choices import AtSingularity, Method, OnExcess, Schedule, Status
-from rmrc.support.errors import did_you_mean
+from rmrc.law.task import SecondTask, Task
+from rmrc.scenario import ControlSection, InverseSection, LimitsSection
+from rmrc.scenario.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule, Status
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
@@ -38,6 +40,99 @@ GETS_ALL = 1.0 - 1e-9
 # Rotations accumulate rounding in the warm start; so often it is made orthonormal again. In 64 ticks of
 # some 30 rotations it has lost 1e-13 at the worst.
 REFRESH = 64
+
+
+class Law:
+    """What a scenario asks of the joints of a task: it owns the parameters of the law in a world's record.
+
+    Attributes:
+        task: What is moved.
+        second: What else shall stay where it is, if anything.
+        rate_limit: Largest rates, the model's own where the scenario has none, (n,); infinite for none.
+        acceleration_limit: Largest accelerations, (n,); infinite for none.
+        braking: Decelerations before position limits, (n,).
+        position_limit: Lower and upper, (2, n); infinite where they are not kept.
+        posture: What the objective of this name aims for, (n,).
+    """
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("rank", np.int64), Field("period"), Field("feedback"), Field("feedforward"),
+        Field("posture", size=(JOINTS,)), Field("wished", size=(JOINTS,)),
+        Field("position_range", size=(2, JOINTS)), *SecondTask.fields,
+        Field("rate_limit", size=(JOINTS,)), Field("acceleration_limit", size=(JOINTS,)),
+        Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
+        *(Field(name, np.int64) for name in ("method", "schedule", "objective", "priority")),
+        *(Field(name, np.int64) for name in ("on_excess", "at_singularity")),
+        Field("tolerance"), Field("cutoff"), Field("gamma"), Field("rate_bound"),
+        Field("damping_maximum"), Field("damping_below"), Field("manipulability_below"), Field("error_gain"),
+        Field("objective_gain"), Field("feedback_2"), Field("damping_2"),
+        Field("slow_change"), Field("slow_patience"),
+        Field("stop_sigma"), Field("stop_condition"), Field("stop_change"),
+    )  # fmt: skip
+
+    def __init__(self, task: Task, control: ControlSection, start: Array) -> None:
+        """Bind parameters to joints.
+
+        Args:
+            task: What is moved.
+            control: What the scenario says of the law; what it has one a joint fits the arm.
+            start: Where the arm starts, (n,).
+        """
+        arm, limits, nullspace = task.arm, control.limits, control.nullspace
+        self.task, self._control = task, control
+        self.rate_limit = rate_limit(arm, limits)
+        self.acceleration_limit = np.full(
+            arm.n, math.inf if limits.acceleration is None else limits.acceleration
+        )
+        self.braking = np.minimum(limits.braking, self.acceleration_limit)
+        nowhere = np.array([arm.n * [-math.inf], arm.n * [math.inf]])
+        self.position_limit = arm.position_limit.T if limits.position else nowhere
+        self.posture = start if nullspace.posture is None else np.array(nullspace.posture)
+        is_second = nullspace.objective == "secondary"
+        self.second = SecondTask(task, nullspace.secondary, start) if is_second else None
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        control, n = self._control, self.task.arm.n
+        world["rank"], world["period"] = self.task.rank, control.period
+        world["feedback"], world["feedforward"] = control.feedback, control.feedforward
+        world["posture"][:n] = self.posture
+        world["wished"][:n] = 0.0 if control.nullspace.rates is None else control.nullspace.rates
+        world["position_range"][:, :n] = self.task.arm.position_limit.T
+        world["rate_limit"][:n], world["acceleration_limit"][:n] = self.rate_limit, self.acceleration_limit
+        world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
+        if self.second is not None:
+            self.second.write(world)
+        write_inverse(world, control.inverse)
+        write_choices(world, control)
+
+
+def rate_limit(arm: Arm, limits: LimitsSection) -> Array:
+    """Return the largest rates of an arm's joints, (n,): the model's own where none are given."""
+    return arm.rate_limit if limits.rate is None else np.full(arm.n, limits.rate)
+
+
+def write_inverse(world: np.void, inverse: InverseSection) -> None:
+    """Write what the inverse and its damping take from a scenario."""
+    damping = inverse.damping
+    world["method"], world["tolerance"] = Method[inverse.method.upper()], inverse.tolerance
+    world["cutoff"], world["gamma"], world["rate_bound"] = inverse.cutoff, inverse.gamma, inverse.rate_bound
+    world["schedule"] = Schedule[damping.schedule.upper()]
+    world["damping_maximum"], world["damping_below"] = damping.maximum, damping.below
+    world["manipulability_below"], world["error_gain"] = damping.manipulability_below, damping.error_gain
+
+
+def write_choices(world: np.void, control: ControlSection) -> None:
+    """Write what all else that is chosen takes from a scenario, as it is written there."""
+    nullspace, second, slow, stop = control.nullspace, control.nullspace.secondary, control.slow, control.stop
+    world["objective"], world["objective_gain"] = Objective[nullspace.objective.upper()], nullspace.gain
+    world["priority"] = Priority[second.priority.upper()]
+    world["feedback_2"], world["damping_2"] = second.feedback, second.damping
+    world["on_excess"] = OnExcess[control.limits.on_excess.upper()]
+    world["at_singularity"] = AtSingularity[control.at_singularity.upper()]
+    world["slow_change"], world["slow_patience"] = slow.change, slow.patience
+    world["stop_sigma"], world["stop_change"] = stop.sigma, stop.change
+    world["stop_condition"] = math.inf if stop.condition is None else stop.condition
 
 
 @inlined
@@ -155,78 +250,3 @@ def record_measures(world: Record, tick: Record) -> None:
         tick.u_min[world.row[i]] = world.u[last, i]
     for j in range(world.n):
         tick.v_min[j] = world.v[last, j]
-
-
-def resolve_rates(
-    J: Array,
-    twist: Array,
-    method: str = "damped",
-    *,
-    schedule: str = "constant",
-    damping_maximum: float = 0.1,
-    damping_below: float = 0.3,
-    manipulability_below: float = 0.3,
-    error_gain: float = 1.0,
-    error: float = 0.0,
-    tolerance: float = 1e-6,
-    cutoff: float = 0.01,
-    gamma: float = 0.1,
-    rate_bound: float = 2.0,
-) -> Array:
-    """Return the joint rates that one inverse answers to one twist: the law for a notebook.
-
-    Args:
-        J: Jacobian of the task, (m, n), m <= 6.
-        twist: Commanded task velocity, (m,).
-        method: One of the inverses; `inverse` needs a square J.
-        schedule: How the damping of `damped` is chosen.
-        damping_maximum: λ_max, in the units of σ.
-        damping_below: ε, where `smallest_singular_value` and the method `filtered` start to damp.
-        manipulability_below: w₀, where `manipulability` starts to damp.
-        error_gain: λ of the schedule `error` for an error of 1.
-        error: Norm of the task error, for that schedule.
-        tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
-        cutoff: `truncated` drops σ_i <= cutoff.
-        gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
-        rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
-
-    Returns:
-        Joint rates, (n,).
-
-    Raises:
-        ValueError: A shape or a name that the law does not have.
-
-    >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), damping_maximum=0.1).round(3)
-    array([0.99, 5.  ])
-    >>> resolve_rates(np.diag([1.0, 0.01]), np.array([1.0, 1.0]), "jparse", gamma=0.1).round(3)
-    array([1., 1.])
-    """
-    J, twist = np.atleast_2d(np.asarray(J, np.float64)), np.asarray(twist, np.float64)
-    m, n = J.shape
-    if m > 6 or twist.shape != (m,):
-        raise ValueError(f"J must be (m, n) with m <= 6 and twist (m,), got {J.shape}, {twist.shape}")
-    if method == "inverse" and m != n:
-        raise ValueError(f"method 'inverse' needs a square J, got {J.shape}")
-    if not (np.isfinite(J).all() and np.isfinite(twist).all()):
-        raise ValueError("J and twist must be finite")
-    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
-    world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-    world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
-    world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
-    world["method"] = _choice("method", method, Method)
-    world["schedule"] = _choice("schedule", schedule, Schedule)
-    world["damping_maximum"], world["damping_below"] = damping_maximum, damping_below
-    world["manipulability_below"] = manipulability_below
-    world["error_gain"], world["error"] = error_gain, error
-    world["tolerance"], world["cutoff"], world["gamma"] = tolerance, cutoff, gamma
-    world["rate_bound"], world["on_excess"] = rate_bound, OnExcess.NONE
-    machine_code(resolve, world[0], tick[0])(world[0], tick[0])
-    return np.array(tick["qdot_cmd"][0, :n])
-
-
-def _choice(key: str, name: str, kinds: type[IntEnum]) -> IntEnum:
-    names = {kind.name.lower(): kind for kind in kinds}
-    if name not in names:
-        known, hint = ", ".join(names), did_you_mean(name, names)
-        raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
-    return names[name]

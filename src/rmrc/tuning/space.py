@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rmrc.results.run import Run
 from rmrc.scenario import Change, Scenario, changes_of
 from rmrc.scenario.choices import AtSingularity, Method, Schedule
-from rmrc.simulation.prepare import Prepared, world_record
+from rmrc.simulation.prepare import Prepared
 
 METHOD, SCHEDULE = "control.inverse.method", "control.inverse.damping.schedule"
 AT_SINGULARITY, FEEDBACK = "control.at_singularity", "control.feedback"
@@ -146,10 +146,10 @@ def seen(nominal: Prepared, run: Run) -> Seen:
         nominal: What was run.
         run: As far as it came.
     """
-    wanted: NDArray[np.float64] = nominal.reference.twist[:, nominal.rows] * nominal.row_scale
+    wanted: NDArray[np.float64] = nominal.reference.twist[:, nominal.task.rows] * nominal.task.row_scale
     speed = float(np.linalg.norm(wanted, axis=1).max())
     sigma = _largest(run["sigma"])
-    start = _largest(run["sigma"][:1, nominal.rank - 1])
+    start = _largest(run["sigma"][:1, nominal.task.rank - 1])
     return Seen(sigma or 1.0, _largest(run["manipulability"]) or 1.0, speed, start or sigma or 1.0)
 
 
@@ -172,12 +172,8 @@ def bounds(nominal: Prepared, scales: Seen) -> dict[str, tuple[float, float]]:
     # Below speed/σ₁ no joint rates can follow; 300 times that bounds no drive's rates, and what the limits
     # allow is enough.
     slowest = scales.speed / sigma or 0.01
-    record, n = world_record(nominal, 0), nominal.arm.n
-    allowed = float(
-        np.linalg.norm(
-            record["rate_limit"][:n] / np.where(nominal.arm.is_slide, nominal.scenario.task.length, 1.0)
-        )
-    )
+    length = np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
+    allowed = float(np.linalg.norm(nominal.law.rate_limit / length))
     fastest = max(2.0 * slowest, min(300.0 * slowest, allowed))
     return {
         _MAXIMUM: spectrum,

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.arm import Arm
-from rmrc.law.task import RANK_TOLERANCE, SAMPLES, Task, structural_rank
+from rmrc.law.task import RANK_TOLERANCE, SAMPLES, Task
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.spatial import quat_to_matrix, twist_transform, wrench_transform
 from rmrc.textbook.propagation import actuator_torques, inward_wrenches
@@ -316,7 +316,7 @@ def _costs(task: Task, kind: str, jacobians: Array) -> Costs:
     v, sizes, _ = np.linalg.svd(columns)
     constant, free = v[:, np.count_nonzero(sizes > floor) :], u[:, ~dear]
     other = free - constant @ (constant.T @ free)
-    rank = structural_rank(task.arm, task.rows, task.row_scale, task.joint_scale)
+    rank = task.rank
     more, extra = free.shape[1] - constant.shape[1], free.shape[1] - (len(u) - rank)
     word = Cost.OTHERS if extra == 0 else Cost.SINGULAR if extra == more else Cost.MIXED
     always = [(one, 0.0, Cost.ALWAYS) for one in _readable(constant, constant.shape[1])]
