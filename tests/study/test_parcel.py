@@ -9,7 +9,7 @@ import pytest
 
 from project import ROOT
 from rmrc.arm import files
-from rmrc.scenario import changes_of, draft_of
+from rmrc.scenario import Scenario, changes_of, draft_of, load
 from rmrc.study.bundle import Unpacked, pack
 from rmrc.study.rows import fingerprint
 from rmrc.study.sweep import Sweep
@@ -54,6 +54,17 @@ def test_a_model_is_packed_with_all_that_it_includes_and_unpacked_where_it_finds
     del there
     gc.collect()
     assert list((tmp_path / "worker").iterdir()) == []  # removed with what held it
+
+
+def test_the_parcel_of_a_scenario_made_in_python_finds_its_model_there(path, tmp_path):
+    made = Scenario.model_validate(load(path).model_dump())
+    (tmp_path / "worker").mkdir()
+    there = Unpacked(pack(made.draft), str(tmp_path / "worker"))
+    for one in tmp_path.glob("*/*.xml"):
+        one.unlink()
+    prepared = there.study.prepare(changes_of({"control.feedback": 6}))
+    assert prepared.scenario.control.feedback == 6
+    assert prepared.arm.path.is_relative_to(tmp_path / "worker")
 
 
 def test_meshes_textures_and_height_fields_are_among_the_files_of_a_model(tmp_path):

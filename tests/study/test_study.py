@@ -1,5 +1,7 @@
 """Many variants of one scenario: prepared once, they are to the bit and to the word what each is alone."""
 
+import json
+
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
@@ -11,8 +13,10 @@ from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
 from rmrc.simulation.prepare import prepare, world_records
 from rmrc.study.compare import Comparison
-from rmrc.study.study import Study
+from rmrc.study.plan import Plan
+from rmrc.study.study import Checked, Study
 from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Problem
 
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 # Each key that others are found by is changed, and changed back.
@@ -143,3 +147,45 @@ def test_a_file_is_read_once(tmp_path):
     assert np.array_equal(one.qpos, other.qpos)
     assert one.scenario.locate("control.feedback") == "--set control.feedback"
     assert other.scenario.locate("control.feedback") == f"{path}:11:13: control.feedback"
+
+
+def test_what_many_variants_have_in_common_is_told_once_with_how_many_and_the_first():
+    plan = Plan((("control.feedback", (1, -1, -2, -1.5)),), repeat=2)
+    first, other, rare = (Problem((), text) for text in ("all of them", "some", "rare"))
+    whole = Checked()
+    for start in range(0, 8, 2):
+        piece = Checked(2)
+        for index in range(start, start + 2):
+            piece.refuse(first, (index,), 1, 99)
+        if start >= 4:
+            piece.refuse(other, (start,), 1, 99)
+        whole.extend(piece, 3)
+    whole.refuse(rare, (7,), 1, 3)
+    with pytest.raises(ScenarioError) as caught:
+        whole.raise_any(plan)
+    assert str(caught.value).splitlines() == [
+        "all of them",
+        "2 runs, the first run 4 (control.feedback=-2): some",
+        "run 7 (control.feedback=-1.5): rare",
+    ]
+    whole.refuse(Problem((), "one too many"), (0,), 1, 3)
+    with pytest.raises(ScenarioError) as caught:
+        whole.raise_any(plan)
+    assert str(caught.value).splitlines()[3:] == ["and 1 more problems of other runs"]
+    Checked(8).raise_any(plan)  # negative control
+
+
+def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(Comparison, "_draw", lambda *_: None)
+    path = ROOT / "scenarios" / "approach_singularity.yaml"
+    short, some = (
+        ["target.path=[{hold: {for: 0.05}}]"],
+        variants([["control.feedback=5"], ["plant.payload=1"]]),
+    )
+    by_file = Comparison(path, some, short, tmp_path / "a", record=False).run()
+    by_object = Comparison(load(path), some, short, tmp_path / "b", record=False).run()
+    for one, other in zip(by_file.variants, by_object.variants, strict=True):
+        assert one.run["qdot_cmd"].tobytes() == other.run["qdot_cmd"].tobytes()
+        assert one.outcomes == other.outcomes
+    a, b = (json.loads((tmp_path / name / f"{by_file.name}.compare.json").read_text()) for name in "ab")
+    assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]

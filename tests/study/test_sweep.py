@@ -2,11 +2,14 @@
 
 import json
 import math
+import pickle
 import shutil
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 
+import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
@@ -14,13 +17,14 @@ import pytest
 from project import ROOT
 from rmrc.results.run import Run
 from rmrc.results.scorecard import check, scorecard
-from rmrc.scenario import load
+from rmrc.scenario import Scenario, load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import as_parquet
 from rmrc.study.executors import threads
 from rmrc.study.picks import Choice
-from rmrc.study.rows import fingerprint
+from rmrc.study.rows import AsRows, fingerprint
+from rmrc.study.study import Check, Runs, Study
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
@@ -240,6 +244,30 @@ def test_a_second_ctrl_c_while_threads_end_leaves_the_interpreter_as_it_was(monk
     with pytest.raises(KeyboardInterrupt), threads(1, swept[0]._study):
         assert sys.getswitchinterval() != before
     assert sys.getswitchinterval() == before
+
+
+def test_a_sweep_of_a_scenario_object_has_the_rows_of_its_file(swept, path, tmp_path):
+    assert Sweep(load(path), folder=tmp_path / "a").run().done == RUNS
+    whole = swept[0].dataset.file.read_bytes()
+    assert (tmp_path / "a/quick.sweep.parquet").read_bytes() == whole
+    made = Scenario.model_validate(load(path).model_dump())  # which has no file
+    assert Sweep(made, folder=tmp_path / "b").run().done == RUNS
+    assert (tmp_path / "b/quick.sweep.parquet").read_bytes() == whole
+
+
+def test_what_a_crew_does_survives_the_way_to_another_machine(swept):
+    sweep, _ = swept
+    columns = sweep.check().columns
+    work = Runs(sweep.plan, AsRows(sweep.plan, sweep.scenario, columns))
+    there = pickle.loads(pickle.dumps((work, Check(sweep.plan), sweep.scenario)))
+    study, piece = Study(there[2]), range(3, 7)
+    data = there[0](study, piece, threading.Event())
+    assert data == work(Study(sweep.scenario), piece, threading.Event())
+    assert pq.read_table(pa.BufferReader(data))["index"].to_pylist() == list(piece)
+    found = there[1](study, piece, threading.Event())
+    assert (found.runs, found.problems) == (4, {})
+    (stop := threading.Event()).set()
+    assert (there[0](study, piece, stop), there[1](study, piece, stop)) == (None, None)
 
 
 def test_a_scenario_that_is_edited_meanwhile_changes_no_row(swept, path, tmp_path):

@@ -157,6 +157,15 @@ def test_the_optimum_of_damping_and_feedback_is_that_of_a_fine_grid(path):
     assert found.own.worst.error > 1.1 * least
 
 
+def test_a_search_of_a_scenario_object_is_that_of_its_file(path):
+    only = {"only": ["control.at_singularity=damp"], "copies": 1, "runs": 60}
+    by_file, by_object = Tuning(path, **only).run(), Tuning(load(path), **only).run()
+    assert [(one.setting, one.outcomes) for one in by_file.tried] == [
+        (one.setting, one.outcomes) for one in by_object.tried
+    ]
+    assert by_file.block == by_object.block
+
+
 def test_only_what_is_allowed_is_chosen_and_the_setting_as_written_is_compared(path):
     only = ["control.inverse.method=jparse", "control.feedback=4,8", "control.at_singularity=damp"]
     found = Tuning(path, only=only, copies=0, runs=60).run()
