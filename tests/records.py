@@ -2,10 +2,12 @@
 
 import numpy as np
 
+from codes import field
 from rmrc.law.controller import Sight
 from rmrc.law.law import Law
 from rmrc.law.record import records, tick_type
 from rmrc.law.task import Task
+from rmrc.scenario.choices import LIMITS
 
 
 class Unscaled:
@@ -22,6 +24,7 @@ class Unscaled:
         world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
         world["position_limit"], world["position_range"] = 2 * [[[-np.inf], [np.inf]]]
         world["rate_limit"] = world["acceleration_limit"] = np.inf
+        world[LIMITS.field] = LIMITS.code("none")
 
 
 def blank(m, n):
@@ -30,9 +33,9 @@ def blank(m, n):
 
 
 def put(world, **fields):
-    """Write fields of a record; a vector fills as many entries as it has."""
+    """Write fields of a record, by names that `codes.field` knows; a vector fills as many entries as it has."""
     for name, value in fields.items():
         if np.ndim(value):
-            world[name][0][tuple(slice(size) for size in np.shape(value))] = value
+            world[field(name)][0][tuple(slice(size) for size in np.shape(value))] = value
         else:
-            world[name] = value
+            world[field(name)] = value

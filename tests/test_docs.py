@@ -20,6 +20,7 @@ from project import ROOT
 from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import figure_names, scorecard
 from rmrc.scenario import load, loads, variants
+from rmrc.scenario.choices import CHOICES, INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES
 from rmrc.show import sheets
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -337,6 +338,55 @@ def test_every_column_is_in_the_theory_with_its_width():
         cells[0].strip("`"): cells[3].partition(";")[0] for cells in rows(section(THEORY, "Columns of a run"))
     }
     assert table == {name: column.width for name, column in COLUMNS.items()}
+
+
+# What the README says of a choice besides what it does.
+BESIDE = {INVERSES: lambda one: ("as many task axes as joints" if one.needs_square else "any",)}
+
+
+def table_of(choices):
+    """Return the rows of the README's table of what a key chooses from."""
+    return [
+        [f"`{one.name}`", one.meaning, *(BESIDE[choices](one) if choices in BESIDE else ())]
+        for one in choices.options
+    ]
+
+
+@pytest.mark.parametrize(
+    "choices", [one for one in CHOICES if one is not PRIORITIES], ids=lambda choices: choices.field
+)
+def test_the_tables_of_the_readme_are_what_is_declared(choices):
+    heading = f"\n| `control.{choices.key}` | "
+    assert README.count(heading) == 1
+    table = README.partition(heading)[2].partition("\n\n")[0]
+    wanted = table_of(choices)
+    # as it is to be written, should it differ
+    assert rows(f"\n{heading}{table}") == wanted, "\n".join(f"| {' | '.join(cells)} |" for cells in wanted)
+
+
+# Where the theory lists them: the start of the block, which ends with an empty line.
+LISTED = {
+    INVERSES: "    inverse             ", SCHEDULES: "    constant            ", OBJECTIVES: "    posture         ",
+    PRIORITIES: "    classical   ", LIMITS: "    scale         ",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("choices", LISTED, ids=lambda choices: choices.field)
+def test_the_theory_lists_every_choice_with_its_source(choices):
+    (start,) = re.findall(rf"^{LISTED[choices]}.*", THEORY, re.MULTILINE)
+    block = start + THEORY.partition(start)[2].partition("\n\n")[0]
+    entries = re.split(r"^    (?=\w)", block, flags=re.MULTILINE)[1:]
+    listed = {entry.split()[0]: entry for entry in entries}
+    wanted = [one for one in choices.options if not (choices is OBJECTIVES and not one.acts)]
+    assert list(listed) == [one.name for one in wanted]
+    for one in wanted:
+        if choices is not LIMITS and one.source:  # where sources are in the text below
+            assert f"[{one.source}]" in listed[one.name], one.name
+
+
+def test_every_policy_at_a_singularity_is_in_the_theory():
+    text = section(THEORY, "At a singularity")
+    assert [name for name in POLICIES.names if f"`{name}`" not in text] == []
 
 
 def test_every_group_of_figures_is_in_the_theory():

@@ -10,10 +10,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linprog
 
 from chains import random_chain, seeds
+from codes import Method, OnExcess
 from records import blank, put
 from rmrc.arm import load
 from rmrc.law.law import resolve
-from rmrc.scenario.choices import Method, OnExcess, Status
+from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 

@@ -22,9 +22,9 @@ from worlds import (
     with_sigma,
 )
 
+from codes import Method, Schedule
 from rmrc.law.controller import resolve_rates
 from rmrc.law.law import resolve
-from rmrc.scenario.choices import Method, Schedule
 
 PSEUDOINVERSE, TRUNCATED = Variant(Method.PSEUDOINVERSE), Variant(Method.TRUNCATED)
 TRANSPOSE, JPARSE = Variant(Method.TRANSPOSE), Variant(Method.JPARSE)

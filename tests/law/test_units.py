@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 from worlds import NAMES, VARIANT, chain_text
 
+from codes import Method, Objective, OnExcess
 from records import put
 from rmrc.law.law import resolve
 from rmrc.law.record import records, tick_type
 from rmrc.scenario import loads
-from rmrc.scenario.choices import Method, Objective, OnExcess
 from rmrc.simulation.prepare import prepare
 
 MILLIMETERS = 1000.0
@@ -60,9 +60,9 @@ def drawn(folder, chain, scale, objective=Objective.NONE, length=True):
     J = arm.jacobian(q)
     put(
         world, on_excess=OnExcess.NONE, J=J, q=q, twist_cmd=lengths * rng.normal(size=6), objective=objective,
-        objective_gain=0.8, posture=factor * rng.normal(size=n), wished=factor * rng.normal(size=n), error=0.2,
+        nullspace_gain=0.8, posture=factor * rng.normal(size=n), nullspace_rates=factor * rng.normal(size=n), error=0.2,
         m_2=2, row_2=np.arange(6), row_scale_2=np.ones(2) / (0.37 * scale), moves_2=np.ones(n, int), J_2=lengths[:, None] * rng.normal(size=(6, n)) / factor,
-        pose_2=pose, pose_ref_2=pose_ref, feedback_2=2.0, damping_2=0.05,
+        pose_2=pose, pose_ref_2=pose_ref, feedback_2=2.0, nullspace_secondary_damping=0.05,
     )  # fmt: skip
     return World(world, tick, factor, arm)
 
@@ -114,7 +114,7 @@ def test_rates_of_every_objective_are_the_same_in_millimeters(tmp_path, objectiv
         worlds = [drawn(tmp_path, chain, scale, objective) for scale in (1.0, MILLIMETERS)]
         compare(*worlds)
         moved = worlds[0].tick[0]["qdot_cmd"].copy()
-        worlds[0].world["objective"] = Objective.NONE
+        worlds[0].world["nullspace_objective"] = Objective.NONE
         resolve(worlds[0].world[0], worlds[0].tick[0])
         parts.append(np.abs(moved - worlds[0].tick[0]["qdot_cmd"]).max())
     assert objective == Objective.NONE or max(parts) > 1e-3  # it had a part in what was compared

@@ -11,9 +11,9 @@ one type, so that who needs both compiles most of it once.
 """
 
 import math
-from enum import IntEnum
+from collections.abc import Mapping
 from functools import partial
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
@@ -27,11 +27,10 @@ from rmrc.law.kinematics import (
     quat_product,
     second_jacobian,
 )
-from rmrc.law.law import Law, control, resolve, write_inverse
+from rmrc.law.law import Law, control, resolve
 from rmrc.law.record import JOINTS, MEMORY, ROWS, Field, records, tick_type
 from rmrc.law.task import Task
-from rmrc.scenario import DampingSection, InverseSection
-from rmrc.scenario.choices import Method, Schedule, Status
+from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, SCHEDULES, Choice, Choices, Status
 from rmrc.support.errors import ModelError, did_you_mean
 
 STOPPED = int(Status.STOPPED)
@@ -181,6 +180,7 @@ def resolve_rates(
     cutoff: float = 0.01,
     gamma: float = 0.1,
     rate_bound: float = 2.0,
+    **others: float,
 ) -> Array:
     """Return the joint rates that one inverse answers to one twist: the law for a notebook.
 
@@ -198,6 +198,7 @@ def resolve_rates(
         cutoff: `truncated` drops σ_i <= cutoff.
         gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
         rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
+        others: Parameters without a name here, by their key below `control.inverse`, with `_` for the dots.
 
     Returns:
         Joint rates, (n,).
@@ -214,20 +215,24 @@ def resolve_rates(
     m, n = J.shape
     if m > 6 or twist.shape != (m,):
         raise ValueError(f"J must be (m, n) with m <= 6 and twist (m,), got {J.shape}, {twist.shape}")
-    if method == "inverse" and m != n:
-        raise ValueError(f"method 'inverse' needs a square J, got {J.shape}")
+    code = _code("method", method, INVERSES)
+    if INVERSES[method].needs_square and m != n:
+        raise ValueError(f"method '{method}' needs a square J, got {J.shape}")
     if not (np.isfinite(J).all() and np.isfinite(twist).all()):
         raise ValueError("J and twist must be finite")
-    _refuse_unknown("method", method, Method)
-    _refuse_unknown("schedule", schedule, Schedule)
-    damping = DampingSection.model_construct(
-        schedule=schedule, maximum=damping_maximum, below=damping_below,
-        manipulability_below=manipulability_below, error_gain=error_gain,
-    )  # fmt: skip
-    inverse = InverseSection.model_construct(
-        method=method, tolerance=tolerance, cutoff=cutoff, gamma=gamma, rate_bound=rate_bound, damping=damping
-    )
-    (world,), (tick,) = records(n, [_Bare(m, n, inverse)]), np.zeros(1, tick_type(n))
+    given = {
+        "damping_maximum": damping_maximum, "damping_below": damping_below,
+        "damping_manipulability_below": manipulability_below, "damping_error_gain": error_gain,
+        "tolerance": tolerance, "cutoff": cutoff, "gamma": gamma, "rate_bound": rate_bound, **others,
+    }  # fmt: skip
+    known = {one.field.removeprefix("inverse_"): one for one in (*INVERSES.parameters, *SCHEDULES.parameters)}
+    for name in given:
+        if name not in known:
+            raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
+    defaults = {name: one.null if one.default is None else one.default for name, one in known.items()}
+    chosen = {one.field: (defaults | given)[name] for name, one in known.items()}
+    chosen |= {INVERSES.field: code, SCHEDULES.field: _code("schedule", schedule, SCHEDULES)}
+    (world,), (tick,) = records(n, [_Bare(m, n, chosen)]), np.zeros(1, tick_type(n))
     world["J"][:m, :n], world["twist_cmd"][:m], world["error"] = J, twist, error
     machine_code(resolve, world, tick)(world, tick)
     return np.array(tick["qdot_cmd"][:n])
@@ -238,20 +243,24 @@ class _Bare:
 
     fields: ClassVar[tuple[Field, ...]] = (*Task.fields, *Law.fields, *Sight.fields)
 
-    def __init__(self, m: int, n: int, inverse: InverseSection) -> None:
-        self._m, self._n, self._inverse = m, n, inverse
+    def __init__(self, m: int, n: int, chosen: Mapping[str, Any]) -> None:
+        self._m, self._n, self._chosen = m, n, chosen
 
     def write(self, world: np.void) -> None:
         m, n = self._m, self._n
         world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
         world["row"], world["row_scale"], world["joint_scale"] = np.arange(ROWS), 1.0, 1.0
-        write_inverse(world, self._inverse)
+        for choices, nothing in ((OBJECTIVES, "none"), (LIMITS, "none"), (POLICIES, "damp")):
+            world[choices.field] = choices.code(nothing)
+        for field, value in self._chosen.items():
+            world[field] = value
 
 
-def _refuse_unknown(key: str, name: str, kinds: type[IntEnum]) -> None:
-    known = [kind.name.lower() for kind in kinds]
-    if name not in known:
-        raise ValueError(f'{key} must be one of {", ".join(known)}, got "{name}"{did_you_mean(name, known)}')
+def _code(key: str, name: str, choices: Choices[Choice]) -> int:
+    if name not in choices.names:
+        known, hint = ", ".join(choices.names), did_you_mean(name, choices.names)
+        raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
+    return choices.code(name)
 
 
 @entry

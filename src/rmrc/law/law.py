@@ -14,22 +14,36 @@ from typing import ClassVar
 import numpy as np
 
 from rmrc.arm import Arm
-from rmrc.law.inverses import damping, gains, manipulability
+from rmrc.law.inverses import damping, gains
 from rmrc.law.jit import Array, Record, compiled, entry, inlined
 from rmrc.law.kinematics import pose_error, scale_joints
 from rmrc.law.limits import limit
-from rmrc.law.nullspace import NONE, add_projected, wished_rates
-from rmrc.law.policies import hold, slow_down
+from rmrc.law.nullspace import add_projected, wished_rates
+from rmrc.law.policies import near_singularity
 from rmrc.law.record import JOINTS, Field
 from rmrc.law.standstill import stuck
-from rmrc.law.svd import RANK_FLOOR, combine, continue_row, orthonormalize, project, set_identity, svd
+from rmrc.law.svd import (
+    RANK_FLOOR,
+    combine,
+    continue_row,
+    orthonormalize,
+    product,
+    project,
+    set_identity,
+    svd,
+)
 from rmrc.law.task import SecondTask, Task
-from rmrc.scenario import ControlSection, InverseSection, LimitsSection
-from rmrc.scenario.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule, Status
+from rmrc.scenario import ControlSection, LimitsSection
+from rmrc.scenario.choices import (
+    OBJECTIVES,
+    Status,
+    record_fields,
+    write_choices,
+)
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
-SLOW, STOP = int(AtSingularity.SLOW), int(AtSingularity.STOP)
+NONE = OBJECTIVES.code("none")
 
 # κ ≥ 100 is called SINGULAR: the direction that dies takes a hundred times the joint rates of the best one.
 SINGULAR_BELOW = 0.01
@@ -57,17 +71,14 @@ class Law:
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field("rank", np.int64), Field("period"), Field("feedback"), Field("feedforward"),
-        Field("posture", size=(JOINTS,)), Field("wished", size=(JOINTS,)),
         Field("position_range", size=(2, JOINTS)), *SecondTask.fields,
         Field("rate_limit", size=(JOINTS,)), Field("acceleration_limit", size=(JOINTS,)),
         Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
-        *(Field(name, np.int64) for name in ("method", "schedule", "objective", "priority")),
-        *(Field(name, np.int64) for name in ("on_excess", "at_singularity")),
-        Field("tolerance"), Field("cutoff"), Field("gamma"), Field("rate_bound"),
-        Field("damping_maximum"), Field("damping_below"), Field("manipulability_below"), Field("error_gain"),
-        Field("objective_gain"), Field("feedback_2"), Field("damping_2"),
-        Field("slow_change"), Field("slow_patience"),
-        Field("stop_sigma"), Field("stop_condition"), Field("stop_change"),
+        Field("feedback_2"),
+        *(
+            Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
+            for name, kind, is_each in record_fields()
+        ),
     )  # fmt: skip
 
     def __init__(self, task: Task, control: ControlSection, start: Array) -> None:
@@ -96,43 +107,19 @@ class Law:
         control, n = self._control, self.task.arm.n
         world["rank"], world["period"] = self.task.rank, control.period
         world["feedback"], world["feedforward"] = control.feedback, control.feedforward
-        world["posture"][:n] = self.posture
-        world["wished"][:n] = 0.0 if control.nullspace.rates is None else control.nullspace.rates
         world["position_range"][:, :n] = self.task.arm.position_limit.T
         world["rate_limit"][:n], world["acceleration_limit"][:n] = self.rate_limit, self.acceleration_limit
         world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
         if self.second is not None:
             self.second.write(world)
-        write_inverse(world, control.inverse)
+        world["feedback_2"] = control.nullspace.secondary.feedback
         write_choices(world, control)
+        world["nullspace_posture"][:n] = self.posture
 
 
 def rate_limit(arm: Arm, limits: LimitsSection) -> Array:
     """Return the largest rates of an arm's joints, (n,): the model's own where none are given."""
     return arm.rate_limit if limits.rate is None else np.full(arm.n, limits.rate)
-
-
-def write_inverse(world: np.void, inverse: InverseSection) -> None:
-    """Write what the inverse and its damping take from a scenario."""
-    damping = inverse.damping
-    world["method"], world["tolerance"] = Method[inverse.method.upper()], inverse.tolerance
-    world["cutoff"], world["gamma"], world["rate_bound"] = inverse.cutoff, inverse.gamma, inverse.rate_bound
-    world["schedule"] = Schedule[damping.schedule.upper()]
-    world["damping_maximum"], world["damping_below"] = damping.maximum, damping.below
-    world["manipulability_below"], world["error_gain"] = damping.manipulability_below, damping.error_gain
-
-
-def write_choices(world: np.void, control: ControlSection) -> None:
-    """Write what all else that is chosen takes from a scenario, as it is written there."""
-    nullspace, second, slow, stop = control.nullspace, control.nullspace.secondary, control.slow, control.stop
-    world["objective"], world["objective_gain"] = Objective[nullspace.objective.upper()], nullspace.gain
-    world["priority"] = Priority[second.priority.upper()]
-    world["feedback_2"], world["damping_2"] = second.feedback, second.damping
-    world["on_excess"] = OnExcess[control.limits.on_excess.upper()]
-    world["at_singularity"] = AtSingularity[control.at_singularity.upper()]
-    world["slow_change"], world["slow_patience"] = slow.change, slow.patience
-    world["stop_sigma"], world["stop_change"] = stop.sigma, stop.change
-    world["stop_condition"] = math.inf if stop.condition is None else stop.condition
 
 
 @inlined
@@ -171,15 +158,11 @@ def resolve_twist(world: Record, tick: Record) -> None:
     tick.secondary_error = tick.secondary_sigma = math.nan
     for j in range(world.n):
         world.qdot0[j] = 0.0
-    if world.objective != NONE:
+    if world.nullspace_objective != NONE:
         wished_rates(world, tick, world.qdot0)
         add_projected(world, world.qdot0, tick.qdot_cmd)
     tick.path_rate = 1.0
-    status = singular_status(world, tick)
-    if world.at_singularity == SLOW:
-        status |= slow_down(world, tick)
-    elif world.at_singularity == STOP:
-        status |= hold(world, tick)
+    status = singular_status(world, tick) | near_singularity(world, tick)
     status |= limit(world, tick)
     tick.status = status | stuck(world, tick, status)
     record_measures(world, tick)
@@ -242,7 +225,7 @@ def singular_status(world: Record, tick: Record) -> int:
 def record_measures(world: Record, tick: Record) -> None:
     """Record w = ∏σ, κ = σ_1/σ_k, the dying task direction u_min and the joint motion v_min that it takes."""
     last = world.k - 1
-    tick.manipulability = manipulability(world, tick.sigma)
+    tick.manipulability = product(tick.sigma, world.k)
     tick.condition = tick.sigma[0] / tick.sigma[last] if tick.sigma[last] > 0.0 else math.inf
     for i in range(6):
         tick.u_min[i] = 0.0

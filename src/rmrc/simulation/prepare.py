@@ -16,6 +16,7 @@ from rmrc.law.record import JOINTS, Field, Writer, records
 from rmrc.law.task import Task
 from rmrc.plants.stepping import WIRING, Course, Plant
 from rmrc.scenario import ArmSection, Problems, Scenario, angle
+from rmrc.scenario.choices import INVERSES
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import make_reference
 from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
@@ -382,10 +383,11 @@ def _check_encoder(scenario: Scenario, arm: Arm, problems: Problems) -> None:
 
 def _check_method(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     m = len(scenario.task.axes)
-    if scenario.control.inverse.method == "inverse" and m != arm.n:
+    method = scenario.control.inverse.method
+    if INVERSES[method].needs_square and m != arm.n:
         problems.add(
             "control.inverse.method",
-            f'"inverse" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
+            f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
             'choose other task.axes, or "pseudoinverse" or "damped"',
         )
 

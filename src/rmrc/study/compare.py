@@ -10,7 +10,7 @@ from rmrc.recording import unlogged
 from rmrc.results import facts
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard, check, scorecard
-from rmrc.scenario import Draft, Scenario, Variant, draft_of
+from rmrc.scenario import Draft, Scenario, Variant, choices, draft_of
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.batch import Batch, OnTicks, Recording
@@ -22,14 +22,7 @@ from rmrc.support.errors import ScenarioError
 # What a scenario chooses by name for its law. It states its expectations for these choices: another inverse
 # is not bound to what the one as written shall do, as where the plain inverse is expected to blow up.
 # Numbers, such as a damping or a limit, are settings of the same law.
-CHOICES = (
-    "control.inverse.method",
-    "control.inverse.damping.schedule",
-    "control.nullspace.objective",
-    "control.nullspace.secondary.priority",
-    "control.limits.on_excess",
-    "control.at_singularity",
-)
+CHOICES = tuple(f"control.{one.key}" for one in choices.CHOICES)
 
 
 @dataclass(frozen=True)
