@@ -26,7 +26,7 @@ from oracles import NumpyLoop  # noqa: E402
 from rmrc.law.jit import Record, entry, machine_code  # noqa: E402
 from rmrc.law.law import resolve  # noqa: E402
 from rmrc.law.record import records, tick_type  # noqa: E402
-from rmrc.results.run import COLUMNS  # noqa: E402
+from rmrc.results.columns import COLUMNS  # noqa: E402
 from rmrc.scenario import loads  # noqa: E402
 from rmrc.scenario.choices import INVERSES, SCHEDULES  # noqa: E402
 from rmrc.simulation.prepare import Prepared, prepare  # noqa: E402

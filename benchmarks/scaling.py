@@ -20,10 +20,13 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 from sweep import DAMPING, SECONDS, scenario_of
 
+from rmrc.scenario import draft_of
 from rmrc.study import dask as cluster
 from rmrc.study.bundle import pack
 from rmrc.study.executors import done
-from rmrc.study.sweep import Sweep, batch_size, check_size
+from rmrc.study.rows import AsRows
+from rmrc.study.study import Check, Listed, check_size
+from rmrc.study.sweep import Sweep, batch_size
 
 RUNS = (1e4, 1e6, 1e9)
 # Of a run.
@@ -58,7 +61,8 @@ def of_files(rows: int = 100_000) -> dict[str, float]:
     with scenario_of("stanford") as path, tempfile.TemporaryDirectory() as folder:
         sweep = Sweep(path, [DAMPING, "sweep.samples=44"], Path(folder), 1)
         contents = sweep.check()._replace(batch=44)
-        data = sweep._shards.run(range(44), contents.columns, threading.Event())
+        results = sweep._study.results(sweep.plan, range(44), threading.Event())
+        data = AsRows(sweep.plan, sweep.scenario, contents.columns)(results)
         many = contents._replace(runs=44 * (rows // 44))
         rows = pq.read_table(pa.BufferReader(data))
         for part in range(many.parts):
@@ -82,14 +86,14 @@ def of_the_scheduler(tasks: int) -> dict[str, float]:
     Beside it stands what Dask's own `map` and `gather` take for some tasks of nothing, all under way at once.
     """
     with scenario_of("stanford") as path:
-        parcel = pack(path, [DAMPING])
+        parcel, nothing_to_do = pack(draft_of(path, [DAMPING])), Check(Listed([]))
         with cluster.opened(cluster.Address.read("local:2"), parcel) as crew:
             nothing = (range(i, i) for i in range(tasks))
-            for _ in done(crew, "check", iter([range(0)] * 4), None, threading.Event()):
+            for _ in done(crew, nothing_to_do, iter([range(0)] * 4), threading.Event()):
                 pass  # unpacks the parcel
             type(crew).room = ROOM
             started = time.perf_counter()
-            count = sum(1 for _ in done(crew, "check", nothing, None, threading.Event()))
+            count = sum(1 for _ in done(crew, nothing_to_do, nothing, threading.Event()))
             seconds = time.perf_counter() - started
             assert count == tasks
             some, started = range(min(tasks, MOST_ALONE)), time.perf_counter()

@@ -12,7 +12,7 @@ from rmrc.arm.differences import NEED_CONSTANTS, loaded_fields, stretched_fields
 from rmrc.plants import batches as module
 from rmrc.plants.batches import Batches
 from rmrc.plants.servo import RateServos
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import Known, prepare
 from rmrc.simulation.simulation import Simulation
 

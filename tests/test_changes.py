@@ -10,7 +10,8 @@ import rmrc
 from project import ROOT
 from rmrc.arm import load
 from rmrc.arm.differences import stretched_fields
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
+from rmrc.scenario import variants
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
@@ -297,7 +298,9 @@ def test_what_has_sizes_of_its_own_is_refused(tmp_path):
 def test_they_can_be_compared(tmp_path):
     varied = ["plant.payload=0,2", "arm.stretch.link_2=0.9,1.1"]
     path = ROOT / "scenarios" / "approach_singularity.yaml"
-    comparison = Comparison(path, varied, ["target.path=[{hold: {for: 0.05}}]"], tmp_path, record=False)
+    comparison = Comparison(
+        path, variants(varied), ["target.path=[{hold: {for: 0.05}}]"], tmp_path, record=False
+    )
     assert [one.variant.label for one in comparison.run().variants] == [
         "0, 0.9",
         "0, 1.1",

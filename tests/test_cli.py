@@ -12,7 +12,8 @@ import numpy as np
 import pytest
 
 from project import ROOT
-from rmrc.results.run import COLUMNS, Run
+from rmrc.results.columns import COLUMNS
+from rmrc.results.run import Run
 from rmrc.scenario import InverseSection
 from rmrc.study.run import Job
 

@@ -5,6 +5,7 @@ import importlib
 import inspect
 import pkgutil
 import re
+import runpy
 import shlex
 import shutil
 import subprocess
@@ -16,9 +17,9 @@ from numpy.testing import assert_allclose
 
 import rmrc.textbook
 from project import ROOT
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import figure_names, scorecard
-from rmrc.scenario import load, loads
+from rmrc.scenario import load, loads, variants
 from rmrc.scenario.choices import CHOICES, INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES
 from rmrc.show import sheets
 from rmrc.simulation.prepare import prepare
@@ -478,7 +479,7 @@ def test_the_runs_of_the_sweep_that_the_readme_names_are_as_it_says(tmp_path):
     extremes = [line.split() for line in lines if re.match(r"\w+\.\w+ \[", line)]
     for figure, _, *ends in extremes:
         for printed, index in zip(ends[::2], ends[1::2], strict=True):
-            (run,) = Simulation([prepare(load(path, sweep.plan.overrides(int(index))))]).run()
+            (run,) = Simulation([prepare(load(path, map(str, sweep.plan.changes(int(index)))))]).run()
             assert shown(sheets.number(scorecard(run)[figure].value)) == shown(printed)
     assert len(extremes) == len(named) == 2
     assert f"wrote recordings/{sweep.scenario.name}-{extremes[0][-1]}.rrd" in lines
@@ -511,6 +512,36 @@ def test_the_python_examples_of_a_page_print_what_it_says(monkeypatch, capsys, n
         assert capsys.readouterr().out.splitlines() == said
 
 
+def test_the_python_examples_of_the_readme_run(monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)  # it names what is shipped
+    block, *others = fenced(README, "python")
+    names = {}
+    for one in (*others, block):
+        exec(compile(one, "README.md", "exec"), names)
+    assert list(tmp_path.iterdir()) == []
+    assert names["run"]["qdot_cmd"].shape == (5181, 2)  # ticks of approach_singularity, joints
+    assert list(names["runs"]) == ["inverse", "damped"]
+    assert names["rows"]["control.feedback"].to_pylist() == [5.0, 10.0, 20.0]
+    assert names["tuned"].feasible and names["found"].arm.n == 6
+
+
+def test_the_programs_of_the_readme_print_what_it_says(monkeypatch, tmp_path, capsys):
+    asked = questions(section(README, "Use it from Python"))
+    assert asked
+    monkeypatch.chdir(tmp_path)
+    for command, lines in asked:
+        python, program = shlex.split(command)
+        assert python == ".venv/bin/python"
+        runpy.run_path(str(ROOT / program), run_name="__main__")
+        assert capsys.readouterr().out.splitlines() == lines
+
+
+def test_every_public_name_is_on_its_page():
+    table = [cells[0].strip("`") for cells in rows(section(DOCUMENTS["docs/python.md"], "Names"))]
+    assert sorted(table) == sorted(rmrc.__all__)
+    assert all(getattr(rmrc, name).__doc__ for name in table)
+
+
 def test_every_module_of_the_textbook_is_on_its_page_with_a_source_and_an_example_that_gives_what_it_says():
     homes = {}
     for module in pkgutil.iter_modules(rmrc.textbook.__path__):
@@ -527,15 +558,6 @@ def test_every_module_of_the_textbook_is_on_its_page_with_a_source_and_an_exampl
         given, wanted = eval(example.strip("`"), names), ast.literal_eval(printed.strip("`"))
         assert np.shape(given) == np.shape(wanted), module
         assert_allclose(given, wanted, rtol=0, atol=0.51e-4, err_msg=module)  # half a unit of four decimals
-
-
-def test_the_python_examples_of_the_readme_run(monkeypatch, capsys):
-    monkeypatch.chdir(ROOT)
-    for block in fenced(README, "python"):
-        exec(compile(block, "README.md", "exec"), {})
-    printed = capsys.readouterr().out
-    assert "(5181, 2)" in printed  # ticks of approach_singularity, joints
-    assert "5." in printed
 
 
 def figures_of(name, *overrides):
@@ -590,7 +612,7 @@ def test_numbers_of_the_comparison_in_the_readme_are_those_that_its_command_give
     text = section(README, "Compare methods")
     (command,) = fenced(text, "sh")
     _, path, *varied = re.fullmatch(r".*-m rmrc (compare) (\S+) --vary (\S+)\n", command).groups()
-    comparison = Comparison(ROOT / path, varied, folder=tmp_path)
+    comparison = Comparison(ROOT / path, variants(varied), folder=tmp_path)
     runs = Simulation(comparison.prepared).run()
     names = re.findall(r"`([\w.]+)` \[", text)
     table = rows(text)

@@ -7,7 +7,7 @@ from scipy.stats import chi2
 
 from project import ROOT
 from rmrc.arm import load
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation

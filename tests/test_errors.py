@@ -3,6 +3,7 @@ import pickle
 import pytest
 
 from rmrc.support import errors
+from rmrc.support.problems import Origin, Problem
 
 
 @pytest.mark.parametrize(
@@ -29,14 +30,19 @@ def test_the_tree_in_the_docstring_is_the_whole_tree():
 
 
 def test_a_scenario_error_is_its_problems_one_a_line():
-    error = errors.ScenarioError(["x.yaml:1:1: a: is wrong", "x.yaml:2:1: b: is wrong"])
-    assert error.problems == ("x.yaml:1:1: a: is wrong", "x.yaml:2:1: b: is wrong")
-    assert str(error) == "x.yaml:1:1: a: is wrong\nx.yaml:2:1: b: is wrong"
+    problems = [
+        Problem(("a", 0), "is wrong", Origin("x.yaml", 1, 2)),
+        Problem(("b", "c"), "is wrong", Origin("--set b.c", key="b.c"), who="run 3"),
+    ]
+    error = errors.ScenarioError(problems)
+    assert error.problems == tuple(problems)
+    assert str(error) == "x.yaml:1:2: a[0]: is wrong\nrun 3: --set b.c: is wrong"
+    assert str(errors.ScenarioError.about("x.sweep", "is gone")) == "x.sweep: is gone"
 
 
 @pytest.mark.parametrize(
     "error",
-    [errors.ScenarioError(["a", "b"]), errors.ModelError("no site"), errors.DivergenceError("t")],
+    [errors.ScenarioError.about("a", "b"), errors.ModelError("no site"), errors.DivergenceError("t")],
 )
 def test_errors_survive_the_way_back_from_a_worker_process(error):
     back = pickle.loads(pickle.dumps(error))

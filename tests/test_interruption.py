@@ -74,8 +74,14 @@ def test_each_signal_sets_the_event_and_only_in_a_process_that_it_ends(number):
         # the next one is the system's, which ends the process
         assert {signal.getsignal(one) for one in ALL} == {signal.SIG_DFL}
     assert {one: signal.getsignal(one) for one in ALL} == before
-    with interruptible():  # of a library: only Ctrl-C is its own to handle
+    with interruptible() as stop:  # of a library: only Ctrl-C is its own to handle, and only once
         assert [signal.getsignal(one) == before[one] for one in ALL] == [False, True, True]
+        signal.raise_signal(signal.SIGINT)
+        assert stop.is_set()
+        assert {one: signal.getsignal(one) for one in ALL} == before
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    assert {one: signal.getsignal(one) for one in ALL} == before
 
 
 @pytest.mark.parametrize("number", ALL)

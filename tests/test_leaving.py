@@ -13,8 +13,9 @@ from numpy.testing import assert_array_equal
 
 from project import ROOT
 from rmrc.recording.stream import RecordingError, Stream
+from rmrc.results.columns import COLUMNS
 from rmrc.results.leaving import array_size
-from rmrc.results.run import COLUMNS, Run
+from rmrc.results.run import Run
 
 SCENARIO = f"""
 name: quick

@@ -230,7 +230,7 @@ print(peak() - before, LIBRARIES + footprint({prepared}, recorded={recorded}).he
 RUN = 'from rmrc.study.run import Job; work = Job(scenario.load(Path("long.yaml"), {overrides}), Path("out"), {recorded})'
 COMPARE = (
     "from rmrc.study.compare import Comparison; "
-    'work = Comparison(Path("long.yaml"), ["control.feedback=1,2,3"], {overrides}, Path("out"), {recorded})'
+    'work = Comparison(Path("long.yaml"), scenario.variants(["control.feedback=1,2,3"]), {overrides}, Path("out"), {recorded})'
 )
 
 

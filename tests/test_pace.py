@@ -8,7 +8,7 @@ import pytest
 from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_array_equal
 
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support import pace

@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from rmrc.results.run import COLUMNS, Divergence, Run
+from rmrc.results.columns import COLUMNS, Divergence
+from rmrc.results.run import Run
 from rmrc.support.files import written_whole
 
 

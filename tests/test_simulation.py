@@ -15,7 +15,7 @@ import rmrc.simulation.simulation as simulation_module
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
 from rmrc.arm import load
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES, Status
 from rmrc.simulation.prepare import prepare

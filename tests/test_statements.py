@@ -287,7 +287,9 @@ def test_mistakes_of_a_text_come_all_at_once_and_those_of_its_model_after_them()
     wrong = wrong.replace("site: tip", "site: none")
     with pytest.raises(ScenarioError) as raised:
         loads(wrong, "x.yaml")
-    assert [re.match(r"x\.yaml:\d+:\d+: ([\w.]+): ", line)[1] for line in raised.value.problems] == [
+    assert [
+        re.match(r"x\.yaml:\d+:\d+: ([\w.]+): ", line)[1] for line in map(str, raised.value.problems)
+    ] == [
         "control.feedback",
         "plant.kw",
     ]

@@ -32,3 +32,12 @@ def test_pools_that_overlap_leave_the_interpreter_as_the_first_found_it(before):
     second.__exit__(None, None, None)
     assert settings() == before
     assert changed[0] < before[0] and changed[1] > before[1]
+
+
+@pytest.mark.usefixtures("before")
+def test_what_a_caller_froze_stays_frozen():
+    gc.freeze()
+    count = gc.get_freeze_count()
+    with side_by_side(1):
+        assert gc.get_freeze_count() == count
+    assert gc.get_freeze_count() == count

@@ -1,54 +1,90 @@
 """Resolved motion rate control in MuJoCo.
 
-The names below are all that a notebook needs; each is loaded when it is first used, because MuJoCo and
-the compiled law take a third of a second.
+A scenario names an arm, a control law, a path and what is expected; run it, compare variants of it, sweep
+thousands of them, or have its law chosen:
 
-    scenario = rmrc.load("scenarios/approach_singularity.yaml")   # rmrc.scenario
-    prepared = rmrc.prepare(scenario)                             # rmrc.simulation.prepare
-    (run,) = rmrc.Simulation([prepared]).run()                    # rmrc.simulation.simulation
-    figures = rmrc.results.scorecard.scorecard(run)                       # a module; import it
-    swept = rmrc.Sweep(Path("scenarios/x.yaml")).run()             # rmrc.study.sweep
-    tuned = rmrc.tune("scenarios/approach_singularity.yaml")      # rmrc.tuning.tune
-    rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.law.controller
-    arm = rmrc.arm.load(Path("models/stanford.xml"))              # a module; import it
-    found = rmrc.inspect("models/stanford.xml")                   # rmrc.analysis.inspect.inspection
-    found = rmrc.ik("models/stanford.xml", to_q=q)                # rmrc.analysis.ik.ik
-    found = rmrc.statics("models/stanford.xml", wrench, hold=2)   # rmrc.analysis.statics.statics
-    borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics.balance
-    costs = rmrc.wrench_costs(arm, q)                             # the same
-    found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.ik.solve
-    postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.ik.postures
-    found = rmrc.workspace("models/stanford.xml")                 # rmrc.analysis.workspace.workspace
+    import rmrc
+
+    run = rmrc.run("approach_singularity")         # a file, the name of a shipped one, or a Scenario
+    run["qdot_cmd"]                                # a column: joint rates that were sent, (T, n)
+    run.scorecard["position_error.max"].value      # a figure
+
+    one = rmrc.load("approach_singularity").set({"control.feedback": 40})
+    runs = rmrc.compare(one, {"control.inverse.method": ["damped", "inverse"]})
+    rows = rmrc.sweep(one, {"control.feedback": [5, 10, 20]}).to_pandas()
+    tuned = rmrc.tune(one)
+
+Or ask about an arm, by its MJCF file or the name of a shipped one:
+
+    rmrc.inspect("puma560")
+    rmrc.ik("planar_2link", [1.0, 1.0]).q
+
+Nothing is written unless a folder is given. Each name is loaded when it is first used, because MuJoCo and the
+compiled law take a third of a second.
 """
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "load": "rmrc.scenario",
-    "loads": "rmrc.scenario",
-    "prepare": "rmrc.simulation.prepare",
-    "Simulation": "rmrc.simulation.simulation",
-    "Run": "rmrc.results.run",
-    "Sweep": "rmrc.study.sweep",
-    "tune": "rmrc.tuning.tune",
-    "resolve_rates": "rmrc.law.controller",
-    "inspect": "rmrc.analysis.inspect.inspection",
-    "ik": "rmrc.analysis.ik.ik",
-    "statics": "rmrc.analysis.statics.statics",
-    "balance": "rmrc.analysis.statics.balance",
-    "wrench_costs": "rmrc.analysis.statics.balance",
-    "goal_pose": "rmrc.analysis.ik.solve",
-    "solve_ik": "rmrc.analysis.ik.solve",
-    "solve_many": "rmrc.analysis.ik.solve",
-    "find_postures": "rmrc.analysis.ik.postures",
-    "workspace": "rmrc.analysis.workspace.workspace",
-}
+if TYPE_CHECKING:
+    from rmrc.analysis.ik.ik import ik
+    from rmrc.analysis.inspect.inspection import inspect
+    from rmrc.analysis.statics.statics import statics
+    from rmrc.analysis.workspace.workspace import workspace
+    from rmrc.law.controller import Controller, resolve_rates
+    from rmrc.results.run import Run
+    from rmrc.results.scorecard import Scorecard
+    from rmrc.scenario import Scenario, load, loads
+    from rmrc.simulation.prepare import Prepared, prepare
+    from rmrc.simulation.simulation import Simulation
+    from rmrc.study.study import Study
+    from rmrc.study.verbs import compare, run, sweep
+    from rmrc.support.errors import (
+        ClusterError,
+        DivergenceError,
+        ModelError,
+        ModelWarning,
+        QuestionError,
+        RmrcError,
+        ScenarioError,
+        TargetError,
+    )
+    from rmrc.tuning.tune import tune
 
+__all__ = [
+    "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
+    "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
+    "TargetError", "compare", "ik", "inspect", "load", "loads", "prepare", "resolve_rates", "run", "statics",
+    "sweep", "tune", "workspace",
+]  # fmt: skip
 
-def __getattr__(name: str) -> object:
-    """Load a public name from the module that it lives in."""
-    if name not in _HOMES:
+if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
+    _HOMES = {
+        "rmrc.analysis.ik.ik": ("ik",),
+        "rmrc.analysis.inspect.inspection": ("inspect",),
+        "rmrc.analysis.statics.statics": ("statics",),
+        "rmrc.analysis.workspace.workspace": ("workspace",),
+        "rmrc.law.controller": ("Controller", "resolve_rates"),
+        "rmrc.results.run": ("Run",),
+        "rmrc.results.scorecard": ("Scorecard",),
+        "rmrc.scenario": ("Scenario", "load", "loads"),
+        "rmrc.simulation.prepare": ("Prepared", "prepare"),
+        "rmrc.simulation.simulation": ("Simulation",),
+        "rmrc.study.study": ("Study",),
+        "rmrc.study.verbs": ("compare", "run", "sweep"),
+        "rmrc.support.errors": tuple(name for name in __all__ if name.endswith(("Error", "Warning"))),
+        "rmrc.tuning.tune": ("tune",),
+    }
+
+    def __getattr__(name):
+        """Load a public name from the module that it lives in."""
+        for module, names in _HOMES.items():
+            if name in names:
+                return globals().setdefault(name, getattr(import_module(module), name))
         raise AttributeError(f"module 'rmrc' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
+
+    def __dir__():
+        """Return all names, those that are not loaded yet as well."""
+        return sorted({*globals(), *__all__} - {"TYPE_CHECKING", "import_module"})

@@ -9,7 +9,6 @@ import pytest
 from hypothesis import given, settings
 from numpy.testing import assert_allclose
 
-import rmrc
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
@@ -393,10 +392,6 @@ def test_what_does_not_fit_is_refused():
     with pytest.raises(QuestionError) as caught:
         balance(arm, [0], np.zeros(6))
     assert str(caught.value) == "q must have 2 values, one for each joint, got shape (1,)"
-
-
-def test_a_notebook_finds_them():
-    assert (rmrc.balance, rmrc.wrench_costs) == (balance, wrench_costs)
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,6 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import least_squares
 from scipy.spatial.transform import Rotation
 
-import rmrc
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
@@ -156,10 +155,6 @@ def test_more_rows_than_joints_are_met_where_they_can_be(method):
     assert not nearest.found
     assert_allclose(nearest.error, 0.3, atol=1e-12)
     assert_allclose(nearest.q, q, atol=1e-6)
-
-
-def test_the_names_of_a_notebook():
-    assert (rmrc.solve_ik, rmrc.solve_many, rmrc.goal_pose) == (solve_ik, solve_many, goal_pose)
 
 
 # Limits -----------------------------------------------------------------------------------------

@@ -61,7 +61,7 @@ def test_what_examines_an_arm_is_kept_on_disk():
     assert controller.Controller(law.Law(task, ControlSection(), start)).command.status == 0
     assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
     assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
-    assert rmrc.solve_ik(task, rmrc.goal_pose(task, [1.0, 1.0])).found
+    assert rmrc.ik(arm, [1.0, 1.0]).found
     assert smallmat.cold_svd(np.diag([2.0, 1.0]))[1].tolist() == [2.0, 1.0]
     assert [entry for entry in EXAMINES if not kept(entry)] == []
 

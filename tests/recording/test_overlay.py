@@ -11,7 +11,7 @@ from rerun.chunk import RrdReader
 from project import ROOT
 from rmrc.recording.comparison import THINNEST, Overlay
 from rmrc.recording.single import RecordingError, read_columns
-from rmrc.results.run import COLUMNS, Divergence
+from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.scenario import loads
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import distinct

@@ -18,7 +18,8 @@ from rmrc.recording import stream
 from rmrc.recording.layout import geometry, ramp
 from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
 from rmrc.recording.single import Recorder, RecordingError, read_columns
-from rmrc.results.run import COLUMNS, Divergence, Run
+from rmrc.results.columns import COLUMNS, Divergence
+from rmrc.results.run import Run
 from rmrc.scenario import loads
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import mix

@@ -86,7 +86,7 @@ sweep:
 def problems(text, *overrides):
     with pytest.raises(ScenarioError) as caught:
         loads(text, "x.yaml", overrides)
-    return list(caught.value.problems)
+    return str(caught.value).splitlines()
 
 
 def number_keys(value, key=""):

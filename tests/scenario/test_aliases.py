@@ -9,7 +9,7 @@ from scenario_texts import MINIMAL, problems
 
 from rmrc.scenario import aliases, loads
 from rmrc.scenario.path import SEGMENTS
-from rmrc.scenario.sections import Check, Scenario
+from rmrc.scenario.sections import Check, Sections
 from rmrc.scenario.units import UNITS, instead
 from rmrc.scenario.values import Section
 
@@ -21,7 +21,7 @@ def kinds(annotation):
     return [kind for inner in get_args(annotation) for kind in kinds(inner)]
 
 
-def every_field(section=Scenario, above=""):
+def every_field(section=Sections, above=""):
     """Yield every key with its field, walked from the sections: another way than the schema's rows."""
     for name, field in section.model_fields.items():
         key = f"{above}.{field.alias or name}".removeprefix(".")

@@ -1,7 +1,7 @@
 import pytest
 from scenario_texts import MINIMAL
 
-from rmrc.scenario import load, variants
+from rmrc.scenario import draft_of, load, variants
 from rmrc.support.errors import ScenarioError
 
 METHOD, MAXIMUM = "control.inverse.method", "control.inverse.damping.maximum"
@@ -12,7 +12,7 @@ def labels(*texts):
 
 
 def overrides(*texts):
-    return [variant.overrides for variant in variants(texts)]
+    return [tuple(map(str, variant.changes)) for variant in variants(texts)]
 
 
 def test_the_values_of_one_key_in_order():
@@ -52,10 +52,11 @@ def test_a_variant_is_the_scenario_with_its_overrides_on_top(tmp_path, monkeypat
     for variant, posture in zip(
         variants(["control.nullspace.posture=[1, 2],[3, 4]"]), ((1, 2), (3, 4)), strict=True
     ):
-        got = load("x.yaml", given, variant.overrides)
+        got = draft_of("x.yaml", given).changed(*variant.changes).scenario()
         assert got == load("x.yaml", [*given, f"control.nullspace.posture={list(posture)}"])
         assert got.control.nullspace.posture == posture
-    top = load("x.yaml", given, [f"{METHOD}=damped"])
+    damped, _ = variants([f"{METHOD}=damped,inverse"])
+    top = load("x.yaml", given).changed(*damped.changes)
     assert (top.control.inverse.method, top.control.feedback) == ("damped", 3.0)
     assert top.locate(METHOD) == f"--vary {METHOD}"
     assert top.locate("control.feedback") == "--set control.feedback"
@@ -66,14 +67,14 @@ def test_a_wrong_value_is_told_by_its_option(tmp_path, monkeypatch):
     (tmp_path / "arm.xml").write_text("<mujoco/>")
     (tmp_path / "x.yaml").write_text(MINIMAL)
     with pytest.raises(ScenarioError) as caught:
-        load("x.yaml", ["plant.kv=-1"], [f"{MAXIMUM}=-2"])
-    assert set(caught.value.problems) == {
+        draft_of("x.yaml", ["plant.kv=-1"]).changed(*variants([f"{MAXIMUM}=-2,-3"])[0].changes).scenario()
+    assert set(map(str, caught.value.problems)) == {
         "--set plant.kv: must be > 0, got -1",
         f"--vary {MAXIMUM}: must be > 0, got -2",
     }
     with pytest.raises(ScenarioError) as caught:
-        load("x.yaml", varied=["control={invers: 1}"])
-    assert caught.value.problems == ('--vary control: control.invers: unknown key; did you mean "inverse"?',)
+        load("x.yaml").changed(*variants(["control={invers: 1},{}"])[0].changes)
+    assert str(caught.value) == '--vary control: control.invers: unknown key; did you mean "inverse"?'
 
 
 EXAMPLE = "control.inverse.method=inverse,damped"
@@ -100,7 +101,7 @@ EXAMPLE = "control.inverse.method=inverse,damped"
 def test_what_cannot_be_varied_is_said_at_once(texts, lines):
     with pytest.raises(ScenarioError) as caught:
         variants(texts)
-    assert list(caught.value.problems) == lines
+    assert str(caught.value).splitlines() == lines
 
 
 def test_fifty_variants_are_not_too_many():

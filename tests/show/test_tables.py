@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.console import Console
 
-from rmrc.results.run import COLUMNS, Run
+from rmrc.results.columns import COLUMNS
+from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, check, scorecard
 from rmrc.scenario import Check, SchemaRow, schema_rows
 from rmrc.scenario.choices import Status

@@ -13,6 +13,7 @@ from distributed import Client, LocalCluster
 
 from project import ROOT
 from rmrc.results import facts
+from rmrc.scenario import draft_of
 from rmrc.study import dask as cluster
 from rmrc.study.bundle import pack
 from rmrc.study.sweep import Sweep
@@ -121,7 +122,7 @@ def test_the_check_finds_the_same_on_the_workers_and_says_it_in_the_same_words(p
         for name, where in (("here", here), ("there", there)):
             with pytest.raises(ScenarioError) as caught:
                 Sweep(path, overrides, tmp_path / name, **where).check()
-            found.append(caught.value.problems)
+            found.append(str(caught.value).splitlines())
         assert found[0] == found[1]
         assert len(found[0]) <= told
         if overrides is few:
@@ -241,8 +242,8 @@ def test_what_ended_beside_a_piece_that_failed_comes_before_the_failure(path, wo
     monkeypatch.setattr(cluster, "_work", _first_fails)
     address = cluster.Address.read(workers.scheduler_address)
     pieces = [range(i, i + 1) for i in range(4)]
-    with cluster.opened(address, pack(path, ())) as crew:
-        running = dict(zip(crew.submit("check", pieces, None, threading.Event()), pieces, strict=True))
+    with cluster.opened(address, pack(draft_of(path))) as crew:
+        running = dict(zip(crew.submit("check", pieces, threading.Event()), pieces, strict=True))
         while not all(one.done() for one in running):
             time.sleep(0.01)
         ended = crew.ended(running)
@@ -265,7 +266,7 @@ def test_what_a_worker_took_with_it_is_not_waited_for_and_comes_once(monkeypatch
     ):
         crew = cluster._Cluster(client, cluster.Address(here.scheduler_address, 0))
         crew._sent = crew.shared(None)
-        running = dict(zip(crew.submit("check", pieces, None, threading.Event()), pieces, strict=True))
+        running = dict(zip(crew.submit("check", pieces, threading.Event()), pieces, strict=True))
         while not all(one.done() for one in running):
             time.sleep(0.01)
         gather, (worker,) = client.gather, here.workers.values()

@@ -7,9 +7,9 @@ import pytest
 
 from project import ROOT
 from rmrc.recording.single import read_columns
-from rmrc.results.run import COLUMNS
+from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import scorecard
-from rmrc.scenario import load
+from rmrc.scenario import load, variants
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
@@ -34,7 +34,7 @@ def compared(tmp_path_factory):
     folder = tmp_path_factory.mktemp("compared")
     (folder / "quick.yaml").write_text(TEXT)
     counted = []
-    comparison = Comparison(folder / "quick.yaml", GRID, SET, folder / "new" / "out")
+    comparison = Comparison(folder / "quick.yaml", variants(GRID), SET, folder / "new" / "out")
     results = comparison.run(counted.append)
     assert sum(counted) == comparison.ticks
     return folder / "quick.yaml", results
@@ -43,7 +43,7 @@ def compared(tmp_path_factory):
 def test_each_variant_has_the_bits_of_its_scenario_run_alone(compared):
     path, results = compared
     for one in results.variants:
-        (alone,) = Simulation([prepare(load(path, [*SET, *one.variant.overrides]))]).run()
+        (alone,) = Simulation([prepare(load(path, [*SET, *map(str, one.variant.changes)]))]).run()
         for name in COLUMNS:
             np.testing.assert_array_equal(one.run[name], alone[name], strict=True)
     assert len({one.run["q"].tobytes() for one in results.variants}) == 3  # the inverse knows no damping
@@ -84,13 +84,13 @@ def test_the_facts_are_those_of_each_variant(compared):
     assert {"python", "rmrc", "mujoco", "matplotlib"} < set(facts["versions"])
     for known, one in zip(facts["variants"], results.variants, strict=True):
         assert known["label"] == one.variant.label
-        assert known["overrides"] == list(one.variant.overrides)
+        assert known["overrides"] == [str(change) for change in one.variant.changes]
         assert (known["status"], known["divergence"]) == ("complete", None)
         figures = scorecard(one.run)
         assert known["scorecard"]["joint_rate"]["peak"] == np.abs(one.run["qdot"]).max()
         assert known["scorecard"]["return"]["joint_change"] == figures["return.joint_change"].value
         assert [outcome["ok"] for outcome in known["expect"]] == [outcome.ok for outcome in one.outcomes]
-        expected = load(path, [*SET, *one.variant.overrides])
+        expected = load(path, [*SET, *map(str, one.variant.changes)])
         assert known["scenario"] == expected.model_dump(mode="json")
 
 
@@ -98,7 +98,7 @@ def test_variants_may_have_different_arms_and_be_of_different_length(tmp_path):
     (tmp_path / "quick.yaml").write_text(TEXT.replace("start: [60 deg, -120 deg]", "start: home"))
     models = f"arm.model={ROOT}/models/planar_2link.xml,{ROOT}/models/planar_3link.xml"
     varied = [models, "target.limits.velocity=0.25,0.05"]
-    results = Comparison(tmp_path / "quick.yaml", varied, folder=tmp_path, record=False).run()
+    results = Comparison(tmp_path / "quick.yaml", variants(varied), folder=tmp_path, record=False).run()
     assert [one.run["q"].shape[1] for one in results.variants] == [2, 2, 3, 3]
     assert len({len(one.run) for one in results.variants}) > 1
     assert [path.suffix for path in results.files] == [".json", ".png", ".svg"]
@@ -112,7 +112,7 @@ def without_pictures(monkeypatch):
 
 def counted(path, varied, overrides=()):
     """Return of each variant the names of the expectations that count, and what the others were stated for."""
-    results = Comparison(path, varied, overrides, path.parent, record=False).run()
+    results = Comparison(path, variants(varied), overrides, path.parent, record=False).run()
     return {
         one.variant.label: ([outcome.name for outcome in one.outcomes], dict(one.stated_for))
         for one in results.variants

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 from rich.console import Console
 
-from rmrc.results.run import COLUMNS, Divergence, Run
+from rmrc.results.columns import COLUMNS, Divergence
+from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, check, scorecard
 from rmrc.scenario import Check
 from rmrc.scenario.choices import Status

@@ -9,9 +9,12 @@ import pytest
 
 from project import ROOT
 from rmrc.arm import files
+from rmrc.scenario import Scenario, changes_of, draft_of, load
 from rmrc.study.bundle import Unpacked, pack
+from rmrc.study.rows import fingerprint
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Problem
 
 TEXT = """
 name: quick
@@ -36,19 +39,32 @@ def path(tmp_path):
 
 
 def test_a_model_is_packed_with_all_that_it_includes_and_unpacked_where_it_finds_it(path, tmp_path):
-    parcel = pack(path, ["sweep.vary.control.feedback=[5, 6]"])
+    parcel = pack(draft_of(path, ["sweep.vary.control.feedback=[5, 6]"]))
     assert set(parcel.files) == {"models/arm.xml", "parts/world.xml"}
-    assert parcel.size == len(TEXT) + sum(map(len, parcel.files.values()))
     for one in (path, *tmp_path.glob("*/*.xml")):
         one.unlink()
     (tmp_path / "worker").mkdir()
     there = Unpacked(parcel, str(tmp_path / "worker"))
-    assert there.shards.prepare(1).scenario.control.feedback == 6
-    assert there.shards.prepare(1).arm.path.is_relative_to(tmp_path / "worker")
-    assert there.told(f"{there.folder}/models/arm.xml: is wrong") == f"{tmp_path}/models/arm.xml: is wrong"
+    assert there.study.prepare(changes_of({"control.feedback": 6})).scenario.control.feedback == 6
+    assert there.study.prepare(changes_of({"control.feedback": 6})).arm.path.is_relative_to(
+        tmp_path / "worker"
+    )
+    told = there.told(Problem((), f"{there.folder}/models/arm.xml: is wrong"))
+    assert str(told) == f"{tmp_path}/models/arm.xml: is wrong"
     del there
     gc.collect()
     assert list((tmp_path / "worker").iterdir()) == []  # removed with what held it
+
+
+def test_the_parcel_of_a_scenario_made_in_python_finds_its_model_there(path, tmp_path):
+    made = Scenario.model_validate(load(path).model_dump())
+    (tmp_path / "worker").mkdir()
+    there = Unpacked(pack(made.draft), str(tmp_path / "worker"))
+    for one in tmp_path.glob("*/*.xml"):
+        one.unlink()
+    prepared = there.study.prepare(changes_of({"control.feedback": 6}))
+    assert prepared.scenario.control.feedback == 6
+    assert prepared.arm.path.is_relative_to(tmp_path / "worker")
 
 
 def test_meshes_textures_and_height_fields_are_among_the_files_of_a_model(tmp_path):
@@ -67,7 +83,7 @@ def test_meshes_textures_and_height_fields_are_among_the_files_of_a_model(tmp_pa
 
 @pytest.mark.parametrize("name", ["../outside.xml", "a/../../outside.xml", "/outside.xml"])
 def test_no_file_of_a_parcel_leaves_its_folder(path, tmp_path, name):
-    parcel = pack(path, ["sweep.vary.control.feedback=[5, 6]"])
+    parcel = pack(draft_of(path, ["sweep.vary.control.feedback=[5, 6]"]))
     (folder := tmp_path / "worker").mkdir()
     with pytest.raises(ValueError, match="must not write outside its folder"):
         Unpacked(replace(parcel, files={name: b"<mujoco/>"}), str(folder))
@@ -78,9 +94,12 @@ def test_no_file_of_a_parcel_leaves_its_folder(path, tmp_path, name):
 def test_a_linked_model_finds_what_lies_beside_its_own_file(path, tmp_path):
     (tmp_path / "scenarios/link.xml").symlink_to(tmp_path / "models/arm.xml")
     overrides = ["sweep.vary.arm.model=[link.xml, ../models/arm.xml]"]
-    parcel = pack(path, overrides)
+    parcel = pack(draft_of(path, overrides))
     assert parcel.models["link.xml"] == parcel.models["../models/arm.xml"]
-    assert Unpacked(parcel).shards.prepare(0).arm.joints == ("shoulder", "elbow")
+    assert Unpacked(parcel).study.prepare(changes_of({"arm.model": "link.xml"})).arm.joints == (
+        "shoulder",
+        "elbow",
+    )
 
 
 @pytest.mark.parametrize("key", ["arm.model", "arm"])
@@ -113,10 +132,10 @@ def test_a_models_fingerprint_is_of_what_it_is_and_not_of_where_it_lies(path, tm
         text = (ROOT / "models/planar_2link.xml").read_text().replace("common/", f"{ROOT}/models/common/")
         (folder / "arm.xml").write_text(text.replace("</mujoco>", f"{asset}</mujoco>"))
         sweep = Sweep(path, [f"arm.model={folder}/arm.xml", "sweep.vary.control.feedback=[5, 6]"], tmp_path)
-        prints.append(sweep._shards.fingerprint(sweep._shards.prepare(0).arm))
+        prints.append(fingerprint(sweep._prepare(0).arm))
     assert len(set(prints)) == 1
     (folder / "arm.xml").write_text(
         text.replace("</mujoco>", f"{asset}</mujoco>").replace("0 0 -2", "0 0 -3")
     )
     sweep = Sweep(path, [f"arm.model={folder}/arm.xml", "sweep.vary.control.feedback=[5, 6]"], tmp_path)
-    assert sweep._shards.fingerprint(sweep._shards.prepare(0).arm) != prints[0]
+    assert fingerprint(sweep._prepare(0).arm) != prints[0]

@@ -104,13 +104,13 @@ def test_the_plan_of_a_scenario(scenario):
     assert plan.draw == (("arm.start[0]", np.radians(30), np.radians(60)),)
     assert (plan.sampler, plan.samples, plan.repeat, plan.seed, len(plan)) == ("random", 2, 1, 4, 4)
     # 1e-5 would be a text in YAML 1.1
-    assert plan.overrides(2)[0] == "control.feedback=1.0e-05"
-    assert plan.overrides(3)[-1] == "arm.encoder.seed=5"
+    assert str(plan.changes(2)[0]) == "control.feedback=1.0e-05"
+    assert str(plan.changes(3)[-1]) == "arm.encoder.seed=5"
     assert plan_of(scenario("sweep={seed: 9}")).seed == 9
 
 
 def test_what_is_deeper_is_set_later_and_a_run_has_a_name():
     plan = Plan((("arm.start[0]", (0.25,)), ("arm.start", ("home",))))
-    assert plan.overrides(0) == ("arm.start=home", "arm.start[0]=0.25", "arm.encoder.seed=0")
+    assert [*map(str, plan.changes(0))] == ["arm.start=home", "arm.start[0]=0.25", "arm.encoder.seed=0"]
     assert plan.label(0) == "run 0 (arm.start[0]=0.25, arm.start=home)"
     assert Plan(repeat=2).label(1) == "run 1"

@@ -2,11 +2,14 @@
 
 import json
 import math
+import pickle
 import shutil
 import sys
+import threading
 from concurrent.futures import ThreadPoolExecutor
 from hashlib import sha256
 
+import pyarrow as pa
 import pyarrow.dataset as ds
 import pyarrow.parquet as pq
 import pytest
@@ -14,12 +17,14 @@ import pytest
 from project import ROOT
 from rmrc.results.run import Run
 from rmrc.results.scorecard import check, scorecard
-from rmrc.scenario import load
+from rmrc.scenario import Scenario, load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import as_parquet
 from rmrc.study.executors import threads
 from rmrc.study.picks import Choice
+from rmrc.study.rows import AsRows, fingerprint
+from rmrc.study.study import Check, Runs, Study
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
@@ -71,7 +76,7 @@ def test_each_row_has_the_bits_of_its_run_alone(swept):
     assert [row["index"] for row in rows] == list(range(RUNS))
     path = sweep.dataset.file.parent.parent / "quick.yaml"
     for row in rows:
-        prepared = prepare(load(path, sweep.plan.overrides(row["index"])))
+        prepared = prepare(load(path, [str(change) for change in sweep.plan.changes(row["index"])]))
         (run,) = Simulation([prepared]).run()
         card = scorecard(run)
         figures = {name: figure.value for name, figure in card.items() if name not in ("wall_time", "speed")}
@@ -83,7 +88,7 @@ def test_each_row_has_the_bits_of_its_run_alone(swept):
         ] == []
         assert row["met"] == all(one.ok for one in check(card, sweep.scenario.expect))
         whole = prepared.scenario.model_dump(mode="json", exclude={"name", "expect", "sweep"})
-        whole["arm"]["model"] = sweep._shards.fingerprint(prepared.arm)
+        whole["arm"]["model"] = fingerprint(prepared.arm)
         assert sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest().startswith(row["scenario"])
     assert {row["met"] for row in rows} == {True, False}
     assert len({row["position_error.max"] for row in rows}) > 4  # negative control: the rows do differ
@@ -236,9 +241,33 @@ def test_a_second_ctrl_c_while_threads_end_leaves_the_interpreter_as_it_was(monk
 
     monkeypatch.setattr(ThreadPoolExecutor, "shutdown", interrupted)
     before = sys.getswitchinterval()
-    with pytest.raises(KeyboardInterrupt), threads(1, swept[0]._shards):
+    with pytest.raises(KeyboardInterrupt), threads(1, swept[0]._study):
         assert sys.getswitchinterval() != before
     assert sys.getswitchinterval() == before
+
+
+def test_a_sweep_of_a_scenario_object_has_the_rows_of_its_file(swept, path, tmp_path):
+    assert Sweep(load(path), folder=tmp_path / "a").run().done == RUNS
+    whole = swept[0].dataset.file.read_bytes()
+    assert (tmp_path / "a/quick.sweep.parquet").read_bytes() == whole
+    made = Scenario.model_validate(load(path).model_dump())  # which has no file
+    assert Sweep(made, folder=tmp_path / "b").run().done == RUNS
+    assert (tmp_path / "b/quick.sweep.parquet").read_bytes() == whole
+
+
+def test_what_a_crew_does_survives_the_way_to_another_machine(swept):
+    sweep, _ = swept
+    columns = sweep.check().columns
+    work = Runs(sweep.plan, AsRows(sweep.plan, sweep.scenario, columns))
+    there = pickle.loads(pickle.dumps((work, Check(sweep.plan), sweep.scenario)))
+    study, piece = Study(there[2]), range(3, 7)
+    data = there[0](study, piece, threading.Event())
+    assert data == work(Study(sweep.scenario), piece, threading.Event())
+    assert pq.read_table(pa.BufferReader(data))["index"].to_pylist() == list(piece)
+    found = there[1](study, piece, threading.Event())
+    assert (found.runs, found.problems) == (4, {})
+    (stop := threading.Event()).set()
+    assert (there[0](study, piece, stop), there[1](study, piece, stop)) == (None, None)
 
 
 def test_a_scenario_that_is_edited_meanwhile_changes_no_row(swept, path, tmp_path):
@@ -260,7 +289,7 @@ def test_what_is_wrong_with_any_run_is_told_at_once_and_nothing_starts(path, tmp
         sweep.check()
     weights = "must have 2 values, one for each joint (shoulder, elbow), got 1"
     vary = "--set sweep.vary"  # of which the keys are a part here
-    assert list(caught.value.problems) == [
+    assert str(caught.value).splitlines() == [
         f"run 1 (control.feedback=5, control.joint_weights=[1.0], task.axes=[x, y]): {vary}: "
         f"sweep.vary.control.joint_weights: {weights}",
         f"2 runs, the first run 2 (control.feedback=-1, control.joint_weights=null, task.axes=[x, y]): {vary}: "
@@ -279,7 +308,7 @@ def test_a_problem_of_the_file_has_its_place_and_many_are_not_all_told(path, tmp
     )
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, folder=tmp_path / "out").check()
-    problems = caught.value.problems
+    problems = str(caught.value).splitlines()
     assert len(problems) == 21
     assert f": {path}:12:28: sweep.draw.control.feedback: must be >= 0, got -8." in problems[0]
     # of 22 samples 20 are told, and each is in 16 runs

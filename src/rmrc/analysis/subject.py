@@ -3,7 +3,6 @@
 import os
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -13,12 +12,13 @@ from rmrc import arm as arms
 from rmrc.arm import Arm
 from rmrc.law.task import Array, Task, choose
 from rmrc.scenario import Scenario
+from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import shortened
 from rmrc.support.spatial import AXES
 
 Model: TypeAlias = Arm | Scenario | str | os.PathLike[str]
-"""An arm, an MJCF file, or a scenario: its arm, site, joints, start, axes and length."""
+"""An arm, an MJCF file, the name of a shipped one, or a scenario, which also has start, axes and length."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,7 +81,7 @@ def subject(
         start, axes = section.start, task.axes if axes is None else axes
         length = task.length if length is None else length
     else:
-        arm = model if isinstance(model, Arm) else arms.load(Path(model), site)
+        arm = model if isinstance(model, Arm) else arms.load(shipped.found(model, "models"), site)
     if site not in (None, arm.site):
         raise QuestionError(f'the arm has the site "{arm.site}", got site "{site}"; load it with that site')
     if q is None:

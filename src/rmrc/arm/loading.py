@@ -15,6 +15,7 @@ from rmrc.arm.limits import position_limit, rate_limit, torque_limit
 from rmrc.arm.scan import check_file
 from rmrc.arm.wiring import SLIDE, find_chain, find_site, find_travels
 from rmrc.support.errors import ModelError, did_you_mean
+from rmrc.support.shipped import suggestion
 
 
 def load(path: Path, site: str | None = None, joints: Sequence[str] | None = None) -> Arm:
@@ -30,7 +31,8 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
         ModelError: The file, the site or a joint is missing or will not do.
     """
     if not path.is_file():
-        raise ModelError(f"{path}: no such model file{did_you_mean(path.name, _siblings(path))}")
+        near = did_you_mean(path.name, _siblings(path)) or suggestion(path, "models")
+        raise ModelError(f"{path}: no such model file{near}")
     spec, model = read(path)
     site = find_site(path, model, site)
     chain = find_chain(path, model, site)

@@ -17,7 +17,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import ik, inspect, scenarios, statics, streams, sweep, tune, workspace
+from rmrc.cli import examples, ik, inspect, scenarios, statics, streams, sweep, tune, workspace
 from rmrc.cli.console import (
     EXIT_INPUT,
     EXIT_INTERNAL,
@@ -68,6 +68,8 @@ for verb in (
     statics.statics,
     ik.ik,
     workspace.workspace,
+    examples.examples,
+    examples.init,
 ):
     # The first paragraph, which the list of verbs would cut off else.
     app.command(short_help=" ".join((verb.__doc__ or "").split("\n\n")[0].split()))(verb)

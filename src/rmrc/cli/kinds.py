@@ -6,6 +6,7 @@ from typing import NamedTuple
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
 from rmrc.support.legible import listed, visible
+from rmrc.support.shipped import Folder, found
 
 
 class Kind(NamedTuple):
@@ -17,6 +18,7 @@ class Kind(NamedTuple):
         begins: How such a file begins, or nothing if that tells little.
         verb: That takes it, or "".
         library: That reads it in Python, where there is no verb.
+        shipped: The folder of those that come with the program, if any do.
     """
 
     name: str
@@ -24,10 +26,11 @@ class Kind(NamedTuple):
     begins: bytes = b""
     verb: str = ""
     library: str = ""
+    shipped: Folder | None = None
 
 
-SCENARIO = Kind("a scenario", (".yaml", ".yml"), verb="run")
-MODEL = Kind("a model", (".xml", ".mjcf", ".urdf"), b"<", "inspect")
+SCENARIO = Kind("a scenario", (".yaml", ".yml"), verb="run", shipped="scenarios")
+MODEL = Kind("a model", (".xml", ".mjcf", ".urdf"), b"<", "inspect", shipped="models")
 RECORDING = Kind("a recording", (".rrd", ".part"), b"RRF", "replay")
 KINDS = (
     SCENARIO,
@@ -42,15 +45,17 @@ KINDS = (
 
 
 def expect(path: Path, wanted: Kind) -> Path:
-    """Return a path that a verb was given, unless there is a file of another kind, or a folder.
+    """Return the file that a verb was given, unless it is of another kind, or a folder.
 
     Args:
-        path: Perhaps of nothing: what reads it tells that best.
+        path: Or the bare name of a shipped file. Perhaps of nothing: what reads it tells that best.
         wanted: What the verb takes.
 
     Raises:
         QuestionError: It is something else; the message names the verb for it.
     """
+    if wanted.shipped is not None:
+        path = found(path, wanted.shipped)
     if path.is_dir():
         inside = sorted(str(entry) for suffix in wanted.suffixes for entry in path.glob(f"*{suffix}"))
         some = f"; it has {listed(inside, 5)}" if inside else ""

@@ -27,7 +27,9 @@ def within(option: str, least: float, most: float) -> Callable[[float], float]:
 Model = Annotated[
     Path,
     typer.Argument(
-        help="The arm, an MJCF file.", show_default=False, callback=lambda path: expect(path, MODEL)
+        help="The arm: an MJCF file, or the name of a shipped one.",
+        show_default=False,
+        callback=lambda path: expect(path, MODEL),
     ),
 ]
 Site = Annotated[

@@ -29,7 +29,11 @@ if TYPE_CHECKING:
     from rmrc.study.run import Ended, Job
 
 ScenarioFile = Annotated[
-    Path, typer.Argument(help="The scenario, a YAML file.", callback=lambda path: expect(path, SCENARIO))
+    Path,
+    typer.Argument(
+        help="The scenario: a YAML file, or the name of a shipped one.",
+        callback=lambda path: expect(path, SCENARIO),
+    ),
 ]
 Overrides = Annotated[
     list[str] | None,
@@ -108,7 +112,7 @@ def compare(
     from rmrc.study.compare import Comparison
 
     console = output(quiet)
-    comparison = Comparison(scenario, vary or (), set_ or (), out, record)
+    comparison = Comparison(scenario, scenarios.variants(vary or ()), set_ or (), out, record)
     _compile(comparison)
     with progress(
         f"{comparison.name}: {len(comparison.variants)} variants", comparison.ticks, quiet

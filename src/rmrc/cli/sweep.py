@@ -1,7 +1,7 @@
 """The verb `sweep`: thousands of variants of a scenario."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,8 +12,10 @@ from rmrc.cli.console import EXIT_INPUT, EXIT_INTERRUPTED, complain, output, pri
 from rmrc.cli.kinds import SCENARIO, expect
 from rmrc.cli.options import Out, Quiet
 from rmrc.cli.scenarios import Overrides
+from rmrc.scenario import draft_of
 from rmrc.support.errors import ClusterError, ScenarioError
 from rmrc.support.legible import shortened
+from rmrc.support.problems import Origin, Problem
 
 if TYPE_CHECKING:
     from rmrc.study.dataset import Contents
@@ -27,7 +29,7 @@ def sweep(
     scenario: Annotated[
         Path,
         typer.Argument(
-            help="The scenario, a YAML file, perhaps with a sweep section.",
+            help="The scenario, perhaps with a sweep section: a YAML file, or the name of a shipped one.",
             callback=lambda path: expect(path, SCENARIO),
         ),
     ],
@@ -70,21 +72,16 @@ def sweep(
     from rmrc.study.sweep import Sweep
 
     options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
-    overrides = [*(set_ or ()), *options.values()]
     choice = Choice.read(record) if record else None
     if cluster is not None and threads:
         raise ClusterError(
             "--threads: must not be given with --cluster, whose workers have their own threads"
         )
-    try:
-        work = Sweep(scenario, overrides, out, threads, cluster)
-    except ScenarioError as error:
-        raise _in_options(error, options) from None
-    with work:
-        try:
-            contents = _check(work, quiet)
-        except ScenarioError as error:
-            raise _in_options(error, options) from None
+    base = draft_of(scenario, set_ or ())
+    for option, (key, value) in options.items():
+        base = base.given(key, value, option)
+    with Sweep(base, (), out, threads, cluster) as work:
+        contents = _check(work, quiet)
         choice = choice and choice.settled(work.scenario, contents.columns)
         name, before = work.scenario.name, work.done
         with progress(f"{name}: {len(work)} runs", len(work), quiet, before, "runs") as on_runs:
@@ -115,46 +112,34 @@ def _check(work: "Sweep", quiet: bool) -> "Contents":
 
 def _options(
     vary: Sequence[str], random: Sequence[str], sobol: Sequence[str], numbers: Sequence[int | None]
-) -> dict[str, str]:
-    """Return the options as overrides of the section `sweep`, by what a message calls them."""
-    problems = ["--sobol: must not be given with --random: all keys are drawn alike"] * bool(random and sobol)
-    options: dict[str, str] = {}
+) -> dict[str, tuple[str, str]]:
+    """Return what options set in the section `sweep`, key and value, by what messages call it."""
+    problems = list[Problem]()
+
+    def refuse(option: str, text: str) -> None:
+        problems.append(Problem((), text, Origin(option)))
+
+    if random and sobol:
+        refuse("--sobol", "must not be given with --random: all keys are drawn alike")
+    options: dict[str, tuple[str, str]] = {}
     for text in vary:
         key, values = (part.strip() for part in text.split("=", 1)) if "=" in text else ("", "")
         if not key:
-            problems.append(
-                f"--vary {shortened(text)}: must be KEY=V1,V2,..., for example control.feedback=5,10,20"
-            )
-        options[f"--vary {key}"] = f"sweep.vary.{key}=[{values}]"
+            refuse(f"--vary {shortened(text)}", "must be KEY=V1,V2,..., for example control.feedback=5,10,20")
+        options[f"--vary {key}"] = f"sweep.vary.{key}", f"[{values}]"
     for option, text in (*(("--random", text) for text in random), *(("--sobol", text) for text in sobol)):
         match = re.fullmatch(r"\s*([^=\s]+)\s*=(.+?)\.\.(.+)", text)
         if match is None:
-            problems.append(
-                f"{option} {shortened(text)}: must be KEY=LOW..HIGH, for example control.feedback=5..20"
-            )
+            refuse(f"{option} {shortened(text)}", "must be KEY=LOW..HIGH, for example control.feedback=5..20")
             continue
         key, low, high = match.groups()
-        options[f"{option} {key}"] = f"sweep.draw.{key}=[{low}, {high}]"
-        options[option] = f"sweep.sampler={option.removeprefix('--')}"
+        options[f"{option} {key}"] = f"sweep.draw.{key}", f"[{low}, {high}]"
+        options[option] = "sweep.sampler", option.removeprefix("--")
     for name, number in zip(("samples", "repeat", "seed"), numbers, strict=True):
-        options |= {} if number is None else {f"--{name}": f"sweep.{name}={number}"}
+        options |= {} if number is None else {f"--{name}": (f"sweep.{name}", str(number))}
     if problems:
         raise ScenarioError(problems)
     return options
-
-
-def _in_options(error: ScenarioError, options: Mapping[str, str]) -> ScenarioError:
-    return ScenarioError([_told(problem, options) for problem in error.problems])
-
-
-def _told(problem: str, options: Mapping[str, str]) -> str:
-    """Return a problem with the options as they were given, and not as what they override."""
-    for option, override in options.items():
-        key = override.partition("=")[0]
-        place = f"--set {key}"
-        if problem.startswith((f"{place}:", f"{place}[", f"{place}.")) or f": {place}:" in problem:
-            return problem.replace(place, option, 1).replace(f"{option}: {key}", option, 1)
-    return problem
 
 
 def _summarize(console: Console, work: "Sweep") -> None:

@@ -64,7 +64,7 @@ def tune(
     try:
         off = angle(start)
     except ValueError as error:
-        raise ScenarioError([f"--start: {error}"]) from None
+        raise ScenarioError.about("--start", str(error)) from None
     spread = Spread(off, offset, payload)
     found = None
     try:

@@ -42,7 +42,8 @@ from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import repair
-from rmrc.results.run import COLUMNS, Run
+from rmrc.results.columns import COLUMNS
+from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import Prepared
 
@@ -186,8 +187,8 @@ def read_columns(path: Path, variant: str | None = None) -> dict[str, NDArray[np
         variant: Label of a variant, of the recording of a comparison.
 
     Returns:
-        Arrays by the names of `rmrc.results.run.COLUMNS`, sorted by tick: (T,) or (T, width). A block that
-        was torn is left out.
+        Arrays by the names of `rmrc.results.columns.COLUMNS`, sorted by tick: (T,) or (T, width). A block
+        that was torn is left out.
 
     Raises:
         RecordingError: The file is missing, damaged, or no recording of a run or of that variant.

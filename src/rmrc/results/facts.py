@@ -8,6 +8,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
+from rmrc.results.columns import Divergence
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard
 from rmrc.scenario import Scenario
@@ -17,11 +18,11 @@ from rmrc.support.files import written_whole
 LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
 
 
-def status_of(run: Run, interrupted: bool) -> str:
+def status_of(divergence: Divergence | None, is_complete: bool, interrupted: bool = False) -> str:
     """Return `complete`, `diverged`, `interrupted`, or `unfinished` for a run whose time was up."""
-    if run.divergence:
+    if divergence:
         return "diverged"
-    if run.is_complete:
+    if is_complete:
         return "complete"
     return "interrupted" if interrupted else "unfinished"
 

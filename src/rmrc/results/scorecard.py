@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.record import tick_type
-from rmrc.results.run import COLUMNS, Run
+from rmrc.results.columns import COLUMNS, Recorded
 from rmrc.results.tally import ERRORS, EXTREMES, JOINTS, adder, begin
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.choices import Status
 from rmrc.support.errors import ScenarioError, did_you_mean
+from rmrc.support.problems import Problem
 from rmrc.support.spatial import AXES, pose_error
 
 # How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
@@ -130,7 +131,7 @@ class Outcome:
         return {**values, "text": str(self)}
 
 
-def scorecard(run: Run) -> Scorecard:
+def scorecard(run: Recorded) -> Scorecard:
     """Return the figures of a run of any length, none included.
 
     It adds up the columns as `rmrc.results.tally` adds up the ticks of a run whose columns are not kept: both
@@ -149,7 +150,7 @@ def scorecard(run: Run) -> Scorecard:
     return figures([run], tally)[0]
 
 
-def tallies_of(runs: Sequence[Run]) -> NDArray[np.void]:
+def tallies_of(runs: Sequence[Recorded]) -> NDArray[np.void]:
     """Return the tallies of runs of one arm before their first ticks, (w,).
 
     Args:
@@ -164,7 +165,7 @@ def tallies_of(runs: Sequence[Run]) -> NDArray[np.void]:
     )
 
 
-def figures(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[Scorecard]:
+def figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorecard]:
     """Return the figures that tallies come to.
 
     Args:
@@ -180,7 +181,7 @@ def figures(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[Scorecard]:
     return [cards[w] for w in range(len(runs))]
 
 
-def _figures(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[Scorecard]:
+def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorecard]:
     """Return the figures of runs that have the same ones."""
     arm = runs[0]
     rate_units = tuple(f"{arm.joint_unit(j)}/s" for j in range(len(arm.joints)))
@@ -248,7 +249,7 @@ def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
     """
     problems = refused(scenario.expect, joints, scenario.task.axes)
     if problems:
-        raise ScenarioError([f"{scenario.locate(f'expect.{name}')}: {why}" for name, why in problems.items()])
+        raise ScenarioError(scenario.problem(f"expect.{name}", why) for name, why in problems.items())
 
 
 def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
@@ -269,11 +270,11 @@ def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
     """
     problems = _refused(expect, card)
     if problems:
-        raise ScenarioError([f"expect.{name}: {why}" for name, why in problems.items()])
+        raise ScenarioError(Problem(("expect", name), why) for name, why in problems.items())
     return [_outcome(name, card[name], one) for name, one in expect.items()]
 
 
-def joint_changes(run: Run) -> _Array:
+def joint_changes(run: Recorded) -> _Array:
     """Return how far each joint is from where it started, after a path that ends where it began.
 
     Revolute joints by the shortest angle, so that a full turn is no change.
@@ -291,7 +292,7 @@ def joint_changes(run: Run) -> _Array:
     return changes
 
 
-def _changes(run: Run, complete: NDArray[np.bool_], q: _Array, pose_ref: _Array) -> _Array:
+def _changes(run: Recorded, complete: NDArray[np.bool_], q: _Array, pose_ref: _Array) -> _Array:
     """Return `joint_changes` of runs, (w, n), from the first and the last row of both columns, (2, w, …)."""
     gap = pose_error(pose_ref[1, complete], pose_ref[0, complete]) * [axis in run.axes for axis in AXES]
     closed = complete.copy()
@@ -307,7 +308,7 @@ def _changes(run: Run, complete: NDArray[np.bool_], q: _Array, pose_ref: _Array)
 
 
 def _joints(
-    arm: Run,
+    arm: Recorded,
     tallies: NDArray[np.void],
     group: str,
     what: str,
@@ -338,12 +339,12 @@ def _joints(
             yield f"{group}.{name}.rms", rms[:, j].tolist(), unit, f"{what} of {name}, rms over time"
 
 
-def _named(arm: Run, joints: NDArray[np.intp], values: Sequence[float]) -> list[str]:
+def _named(arm: Recorded, joints: NDArray[np.intp], values: Sequence[float]) -> list[str]:
     """Return the names of joints, and none where the value is undefined."""
     return ["" if math.isnan(value) else arm.joints[j] for j, value in zip(joints, values, strict=True)]
 
 
-def _share(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+def _share(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     """Yield the largest share of its limit that a joint's torque took, of the joints that have a limit."""
     n = len(runs[0].joints)
     peaks = tallies["peak"][:, JOINTS.index("tau"), :n]
@@ -355,7 +356,7 @@ def _share(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
     yield "tau.share", shares.tolist(), "1", what
 
 
-def _errors(arm: Run, tallies: NDArray[np.void]) -> _Figures:
+def _errors(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
     """Yield the position and orientation errors, and what of both is along u_min and across it.
 
     u_min is the direction of the scaled rows that the arm is losing at that tick. With the error e of the
@@ -389,7 +390,7 @@ def _error(tallies: NDArray[np.void], group: str, unit: str, what: str) -> _Figu
     yield f"{group}.end", end, unit, f"{what}, at the last tick"
 
 
-def _return(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+def _return(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     """Yield how far the joints are from the start, where the path leads back to it."""
     arm, n = runs[0], len(runs[0].joints)
     complete = np.array(_completed(runs, tallies)) == 1.0
@@ -431,7 +432,7 @@ def _status_times(tallies: NDArray[np.void]) -> _Figures:
     yield "stuck.share", share.tolist(), "1", "share of the ticks in which it is stuck"
 
 
-def _effort(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
+def _effort(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     durations = (tallies["ticks"] * tallies["period"]).tolist()
     walls = [run.wall_time for run in runs]
     speeds = [time / wall if wall > 0.0 else math.nan for time, wall in zip(durations, walls, strict=True)]
@@ -442,7 +443,7 @@ def _effort(runs: Sequence[Run], tallies: NDArray[np.void]) -> _Figures:
     yield "speed", speeds, "1", "simulated time over wall time"
 
 
-def _completed(runs: Sequence[Run], tallies: NDArray[np.void]) -> list[float]:
+def _completed(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[float]:
     """Return the share of each path that was run; NaN for no path."""
     ended = zip(runs, tallies["ticks"].tolist(), tallies["path_time"].tolist(), strict=True)
     return [run.share(time) if ticks else 0.0 if run.planned else math.nan for run, ticks, time in ended]
@@ -460,7 +461,7 @@ def _rms(squares: _Array, tallies: NDArray[np.void]) -> _Array:
 @lru_cache(maxsize=16)  # asked for each of thousands of variants
 def _blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
     """Return the scorecard of a run without ticks: all its figures, none of its values."""
-    run = Run("", joints, (False,) * len(joints), axes, 1.0, 1.0, {}, 0)
+    run = Recorded("", joints, (False,) * len(joints), axes, 1.0, 1.0, {}, 0)
     return figures([run], tallies_of([run]))[0]
 
 

@@ -8,9 +8,9 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
-from rmrc.scenario.keys import Key, join
 from rmrc.scenario.schema import schema_rows
 from rmrc.scenario.wording import show
+from rmrc.support.problems import Key, join
 
 # Of a choice: what else it is called, by key.
 CHOICES: dict[str, dict[str, str]] = {

@@ -9,44 +9,48 @@ from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
 from rmrc.scenario import aliases
-from rmrc.scenario.keys import Key, Mistake, Origin
+from rmrc.scenario.keys import SourceMap
 from rmrc.scenario.path import SEGMENTS
 from rmrc.scenario.reading import Document
-from rmrc.scenario.sections import ControlSection, PlantSection, Scenario, uneven
+from rmrc.scenario.sections import ControlSection, PlantSection, Sections, uneven
 from rmrc.scenario.units import instead
 from rmrc.scenario.values import Section, is_spelled_as_number
 from rmrc.scenario.wording import brief, listed, show
 from rmrc.support.errors import did_you_mean
+from rmrc.support.problems import Key, Problem
 
 # Pydantic names the option of a union that it chose; files do not.
 _TAGS = {"<text>", "<list>", "<one>", *(f"<{name}>" for name in SEGMENTS)}
 
 
-def translate(error: ValidationError, document: Document) -> list[Mistake]:
-    """Return what pydantic found, but for what only follows from mistakes already known."""
-    hidden = {mistake.key for mistake in document.mistakes if mistake.hides}
-    found = [_mistake(detail, document.origin) for detail in error.errors(include_url=False)]
-    found = [m for m in found if not any(m.key[:depth] in hidden for depth in range(len(m.key) + 1))]
-    return found + _uneven_period(document.value, hidden | {mistake.key for mistake in found})
+def translate(error: ValidationError, document: Document) -> list[Problem]:
+    """Return what pydantic found, but for what only follows from problems already known."""
+    hidden = document.hidden
+    found = [_problem(detail, document.sources) for detail in error.errors(include_url=False)]
+    found = [one for one in found if not any(one.key[:depth] in hidden for depth in range(len(one.key) + 1))]
+    return found + _uneven_period(document, hidden | {one.key for one in found})
 
 
-def _mistake(detail: ErrorDetails, origin: Origin) -> Mistake:
+def _problem(detail: ErrorDetails, sources: SourceMap) -> Problem:
     loc, is_unknown = detail["loc"], detail["type"] == "extra_forbidden"
     # An unknown key or a figure may be spelled like a tag; no tag is that high up, or that deep down.
     end = len(loc) - is_unknown
     key: Key = tuple(step for i, step in enumerate(loc) if i not in range(2, end) or step not in _TAGS)
     key = detail.get("ctx", {}).get("key") or key
-    return Mistake(key, _message(detail, key), origin.find(key).key if is_unknown else ())
+    problem = sources.problem(key, _message(detail, key))
+    place = sources.find(key).key if is_unknown else None
+    return problem._replace(origin=place) if place else problem
 
 
-def _uneven_period(data: dict[str, Any], wrong: set[Key]) -> list[Mistake]:
+def _uneven_period(document: Document, wrong: frozenset[Key]) -> list[Problem]:
     """Hold the period against the timestep, which pydantic does only if all sections are sound."""
     keys = (("plant", "kind"), ("control", "period"), ("plant", "timestep"))
     if any(key[:depth] in wrong for key in keys for depth in (1, 2)):
         return []
     defaults = {"plant": PlantSection(), "control": ControlSection()}
+    data = document.value
     problem = uneven(*(data.get(a, {}).get(b, getattr(defaults[a], b)) for a, b in keys))
-    return [Mistake(("control", "period"), problem)] if problem else []
+    return [document.sources.problem(("control", "period"), problem)] if problem else []
 
 
 def _message(detail: ErrorDetails, key: Key) -> str:
@@ -83,7 +87,7 @@ def _has_texts(key: Key) -> bool:
 
 def _fields_at(key: Key) -> dict[str, FieldInfo]:
     """Return what may stand below a key, by name."""
-    fields = _fields(Scenario)
+    fields = _fields(Sections)
     for above, step in zip(("", *key), key, strict=False):
         if isinstance(step, str) and above != "expect":  # neither an item nor a figure
             fields = _fields(fields[step].annotation)

@@ -7,24 +7,22 @@ counted as often as they are used) are bounded.
 import os
 import re
 import stat
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 import yaml
 
-from rmrc.scenario.keys import Key, Mark, Mistake, Origin, Place
+from rmrc.scenario.keys import Place, SourceMap
 from rmrc.scenario.wording import brief, nearby, show
 from rmrc.support.legible import visible
+from rmrc.support.problems import Key, Origin, Problem
+from rmrc.support.shipped import suggestion
 
 # A scenario is a page of text. The bounds are far above that and far below what takes a second.
 _MAX_BYTES = 2**20
 _MAX_VALUES = 10_000
 _MAX_DEPTH = 50
-
-# of few digits, so that an integer is not refused for its length
-_INTEGER = re.compile(r"-?(?:0|[1-9][0-9]{,17})")
-_DECIMAL = re.compile(r"-?[0-9]{1,17}\.[0-9]+(?:e[-+][0-9]{1,3})?")
 
 _MERGE = "tag:yaml.org,2002:merge"
 _Mapping = tuple[dict[str, Any], dict[str | int, Place]]  # the values and their places
@@ -33,19 +31,27 @@ _Mapping = tuple[dict[str, Any], dict[str | int, Place]]  # the values and their
 class TextError(Exception):
     """A text that cannot be used at all: why, and where in it."""
 
-    def __init__(self, problem: str, mark: Mark = ()) -> None:
-        """Keep the problem and its mark."""
+    def __init__(self, problem: str, mark: tuple[int, int] = (0, 0)) -> None:
+        """Keep the problem, and the line and column where it is."""
         super().__init__(problem)
         self.mark = mark
 
 
 @dataclass
 class Document:
-    """Plain values, where they come from, and what is wrong with them so far."""
+    """Plain values, where each was given, and what is wrong with them so far.
+
+    Attributes:
+        value: All of them.
+        sources: Where each was given.
+        problems: In the order in which they were found.
+        hidden: Keys that have no value to judge: what else is wrong at one of them only follows.
+    """
 
     value: Any
-    origin: Origin
-    mistakes: list[Mistake]
+    sources: SourceMap
+    problems: list[Problem] = field(default_factory=list)
+    hidden: frozenset[Key] = frozenset()
 
 
 def read(source: str) -> str:
@@ -62,7 +68,9 @@ def read(source: str) -> str:
         with open(source, "rb") as file:
             return file.read(_MAX_BYTES).decode("utf-8-sig")
     except FileNotFoundError:
-        raise TextError(f"no such file{nearby(Path(source), '.yaml', '.yml')}") from None
+        path = Path(source)
+        near = nearby(path, ".yaml", ".yml") or suggestion(path, "scenarios")
+        raise TextError(f"no such file{near}") from None
     except UnicodeDecodeError as error:
         where = f"byte 0x{error.object[error.start]:02x} at offset {error.start}"
         raise TextError(f"is not UTF-8 text: {where}") from None
@@ -78,7 +86,7 @@ def _check_size(size: int) -> None:
 def parse(text: str, source: str = "", key: Key = ()) -> Document:
     """Parse one YAML document; `key` is where its value will stand.
 
-    Mistakes of single values are kept in the document.
+    What is wrong with single values is kept in the document.
 
     Raises:
         TextError: If the text as a whole cannot be used.
@@ -89,7 +97,7 @@ def parse(text: str, source: str = "", key: Key = ()) -> Document:
         root = loader.get_single_node()
         if root is None:
             raise TextError("is empty")
-        builder = _Builder(loader)
+        builder = _Builder(loader, source)
         value, place = builder.build(root, key)
     except yaml.reader.ReaderError as error:
         before = text[: error.position]
@@ -98,17 +106,7 @@ def parse(text: str, source: str = "", key: Key = ()) -> Document:
         raise TextError(f"is not a text file: {what}", mark) from None
     except yaml.MarkedYAMLError as error:
         raise TextError(_problem(error), _at(error.problem_mark or error.context_mark)) from None
-    return Document(value, Origin(source, place), builder.mistakes)
-
-
-def plain_number(text: str) -> int | float | None:
-    """Return the number that a text is, as YAML reads it; None for all that takes a parser to tell.
-
-    Sweeps give numbers by the million, and the parser takes twenty times as long.
-    """
-    if _INTEGER.fullmatch(text):
-        return int(text)
-    return float(text) if _DECIMAL.fullmatch(text) else None
+    return Document(value, SourceMap(source, place), builder.problems, frozenset(builder.hidden))
 
 
 def items(text: str) -> list[tuple[str, str]]:
@@ -173,18 +171,25 @@ def _check_bounds(depth: int, count: int, mark: yaml.Mark | None) -> None:
 class _Builder:
     """Nodes to plain values and their places.
 
-    Aliases are built anew wherever they are used, so that an override changes one place only.
+    Aliases are built anew wherever they are used, so that a change is one of one place only.
     """
 
-    def __init__(self, loader: _Loader) -> None:
-        self.loader = loader
-        self.mistakes: list[Mistake] = []
+    def __init__(self, loader: _Loader, source: str) -> None:
+        self.loader, self.source = loader, source
+        self.problems: list[Problem] = []
+        self.hidden: set[Key] = set()
         self.count = 0
+
+    def origin(self, node: yaml.Node) -> Origin:
+        return Origin(self.source, *_at(node.start_mark))
+
+    def add(self, key: Key, text: str, node: yaml.Node) -> None:
+        self.problems.append(Problem(key, text, self.origin(node)))
 
     def build(self, node: yaml.Node, key: Key, depth: int = 1) -> tuple[Any, Place]:
         self.count += 1
         _check_bounds(depth, self.count, node.start_mark)
-        place = Place(_at(node.start_mark))
+        place = Place(self.origin(node))
         if isinstance(node, yaml.MappingNode) and node.tag == "tag:yaml.org,2002:map":
             value, place.below = self._mapping(node, key, depth)
             return value, place
@@ -204,16 +209,15 @@ class _Builder:
                 merged, below = self._merged(inner, key, depth)
                 values, places = merged | values, below | places
                 continue
-            at = _at(name.start_mark)
             if not _is_text(name):
-                self.mistakes.append(Mistake(key, f"a key must be text, got {_written(name)}", at))
+                self.add(key, f"a key must be text, got {_written(name)}", name)
                 continue
             full = (*key, name.value)
             if name.value in lines:
-                self.mistakes.append(Mistake(full, f"is given twice, first in line {lines[name.value]}", at))
-            lines.setdefault(name.value, at[0])
+                self.add(full, f"is given twice, first in line {lines[name.value]}", name)
+            lines.setdefault(name.value, self.origin(name).line)
             values[name.value], place = self.build(inner, full, depth + 1)
-            places[name.value] = Place(place.mark, place.below, at)
+            places[name.value] = Place(place.origin, place.below, self.origin(name))
         return values, places
 
     def _merged(self, node: yaml.Node, key: Key, depth: int) -> _Mapping:
@@ -226,7 +230,7 @@ class _Builder:
                 values |= value
                 places |= place.below
             else:
-                self.mistakes.append(Mistake(key, f"<< must name a mapping, got {show(value)}", place.mark))
+                self.add(key, f"<< must name a mapping, got {show(value)}", source)
         return values, places
 
     def _scalar(self, node: yaml.Node, key: Key) -> Any:
@@ -241,7 +245,8 @@ class _Builder:
             text = f"the tag {brief(node.tag if kind == node.tag else f'!!{kind}')} is not supported"
         except (ValueError, KeyError, ArithmeticError):
             text = f"cannot be read as !!{kind}, got {_written(node)}"
-        self.mistakes.append(Mistake(key, text, _at(node.start_mark), hides=True))
+        self.add(key, text, node)
+        self.hidden.add(key)
         return None
 
 

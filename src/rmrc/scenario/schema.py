@@ -1,16 +1,12 @@
 """The keys of a scenario for people (rows of a table) and for editors (JSON Schema)."""
 
-import math
 import re
 from collections.abc import Iterator
 from functools import cache
 from typing import Any, NamedTuple
 
-import yaml
-
-from rmrc.scenario.reading import plain_number
-from rmrc.scenario.sections import Scenario
-from rmrc.scenario.wording import show
+from rmrc.scenario.sections import Sections
+from rmrc.scenario.wording import inline, show
 
 # Mappings whose keys are names: what they name, and what holds for one that is absent.
 _ABSENT: dict[str, tuple[str, object]] = {
@@ -33,7 +29,7 @@ class SchemaRow(NamedTuple):
 
 def json_schema() -> dict[str, Any]:
     """Return the JSON Schema (draft 2020-12) of a scenario, with units, for editors."""
-    schema = Scenario.model_json_schema(by_alias=True, mode="validation")
+    schema = Sections.model_json_schema(by_alias=True, mode="validation")
     return {"$schema": "https://json-schema.org/draft/2020-12/schema", **schema}
 
 
@@ -76,19 +72,6 @@ def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
             resolved: dict[str, Any] = kinds[option["$ref"].rpartition("/")[2]]
             return resolved
     return schema
-
-
-def inline(value: object) -> str:
-    """Return a value as YAML on one line, which is read back to an equal value."""
-    if type(value) in (int, float) and plain_number(repr(value)) is not None:  # what YAML writes as well
-        return repr(value)
-    text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
-    return text.strip().removesuffix("...").strip()
-
-
-def block(value: object) -> str:
-    """Return a value as YAML to be read: a line a key, with what is innermost on one line."""
-    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, default_flow_style=None, width=100)
 
 
 def _type(schema: dict[str, Any]) -> str:

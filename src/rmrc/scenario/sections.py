@@ -4,20 +4,11 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
-import yaml
-from pydantic import (
-    ConfigDict,
-    Field,
-    PrivateAttr,
-    ValidationInfo,
-    create_model,
-    field_validator,
-    model_validator,
-)
+from pydantic import ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
 
 from rmrc.scenario import choices
 from rmrc.scenario.choices import PLANTS
-from rmrc.scenario.keys import Key, Origin, split
+from rmrc.scenario.keys import split
 from rmrc.scenario.path import Segment
 from rmrc.scenario.values import (
     AngleOrEach,
@@ -50,6 +41,7 @@ from rmrc.scenario.values import (
     rule,
 )
 from rmrc.scenario.wording import show
+from rmrc.support.problems import Key
 
 
 def sort_axes(section: "Section | Derived", beside: str) -> None:
@@ -413,9 +405,10 @@ class SweepSection(Section):
         return self
 
 
-class Scenario(Section):
+class Sections(Section):
     """Everything that one run depends on."""
 
+    model_config = ConfigDict(title="Scenario")
     name: Name = key("names the run and its files")
     arm: ArmSection = key("the arm")
     task: TaskSection = key("what of the site's motion counts", TaskSection())
@@ -424,7 +417,6 @@ class Scenario(Section):
     plant: PlantSection = key("what obeys the commanded rates", PlantSection())
     expect: dict[str, Check] = key("what is expected, by figure of the scorecard", {})
     sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
-    _origin: Origin = PrivateAttr(default_factory=Origin)
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Self:
@@ -432,28 +424,6 @@ class Scenario(Section):
         if problem:
             raise rule(problem, key=("control", "period"))
         return self
-
-    def locate(self, key: str) -> str:
-        """Return where a key was given, to begin a message with.
-
-        Args:
-            key: A dotted key, such as `control.inverse.damping.maximum`, `arm.start[1]` or
-                `expect.joint_rate.peak`.
-
-        Returns:
-            `scenarios/x.yaml:7:13: control.inverse.damping.maximum`, where its value starts,
-            counted from 1, or its nearest parent if it is absent; `--set KEY` if it was set so;
-            the key alone if the scenario was made in Python.
-        """
-        return self._origin.locate(parse_key(key))
-
-    def to_yaml(self) -> str:
-        """Return the complete scenario as it runs: all defaults, SI numbers, an absolute path.
-
-        `rmrc.scenario.loads` reads it back to an equal scenario.
-        """
-        data = self.model_dump(mode="json")
-        return yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None)
 
 
 def uneven(kind: str, period: float, timestep: float) -> str | None:
@@ -468,7 +438,7 @@ def uneven(kind: str, period: float, timestep: float) -> str | None:
 
 def listed_default(key: Key) -> list[object] | None:
     """Return the default of a key that has a list for one, else None."""
-    fields = Scenario.model_fields
+    fields = Sections.model_fields
     for step in key[:-1]:
         section = fields[step].annotation if step in fields else None
         if not (isinstance(section, type) and issubclass(section, Section)):

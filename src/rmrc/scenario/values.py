@@ -24,10 +24,10 @@ from pydantic import (
 from pydantic.config import JsonDict
 from pydantic_core import PydanticCustomError, core_schema
 
-from rmrc.scenario.keys import Key
 from rmrc.scenario.units import UNSIGNED, instead
 from rmrc.scenario.wording import nearby, show
 from rmrc.support.legible import visible
+from rmrc.support.problems import Key
 
 # A direction is normalized by its user; below this length its squares would vanish or be noise.
 _SHORTEST = 1e-9

@@ -1,33 +1,24 @@
-"""`--vary KEY=V1,V2,...`: the variants of a scenario that are compared, as overrides with a label each."""
+"""`--vary KEY=V1,V2,...`: the variants of a scenario that are compared, as changes with a label each."""
 
 import itertools
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeAlias
 
-from rmrc.scenario.keys import Key, join
+from rmrc.scenario.changes import Change, Variant, changes_of, read_change
 from rmrc.scenario.reading import TextError, items
 from rmrc.scenario.sections import parse_key
-from rmrc.scenario.wording import brief
+from rmrc.scenario.wording import brief, inline
 from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Key, Origin, Problem, join
 
 # Curves can be told apart up to a dozen; a table of more rows than this is not read any more, but swept.
 MOST_VARIANTS = 50
 
 EXAMPLE = "control.inverse.method=inverse,damped"
 
-
-@dataclass(frozen=True)
-class Variant:
-    """One of the scenarios that are compared.
-
-    Attributes:
-        label: Its values, short: `damped`, `maximum=0.05`, or `damped, 0.1` of several keys.
-        overrides: `KEY=VALUE` texts that make it from the scenario.
-    """
-
-    label: str
-    overrides: tuple[str, ...]
+# Values of a key, each as a label has it and as a change.
+_Axis: TypeAlias = list[tuple[str, Change]]
 
 
 def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
@@ -39,51 +30,100 @@ def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
     Raises:
         ScenarioError: All that is wrong with the texts.
     """
-    problems: list[str] = []
-    axes: dict[Key, list[tuple[str, str]]] = {}
+    problems: list[Problem] = []
+    axes: dict[Key, _Axis] = {}
     for text in texts:
         try:
             key, choices = _axis(text)
             if key in axes:
-                raise TextError(f"{join(key)}: is varied twice")
+                raise _refused(join(key), "is varied twice")
             axes[key] = choices
-        except TextError as error:
-            problems.append(f"--vary {error}")
+        except ScenarioError as error:
+            problems += error.problems
+    return _combined(axes, problems, "--vary", f"--vary {EXAMPLE}")
+
+
+def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
+    """Return all combinations of the values of some keys, the last key changing fastest.
+
+    Args:
+        values: By dotted key, each as a file would have it.
+
+    Raises:
+        ScenarioError: All that is wrong with them.
+
+    Example:
+        >>> [one.label for one in grid({"control.feedback": [5, 10], "control.inverse.method": ["damped"]})]
+        ['5, damped', '10, damped']
+    """
+    problems: list[Problem] = []
+    axes: dict[Key, _Axis] = {}
+    for name, some in values.items():
+        try:
+            key = parse_key(name)
+        except ValueError as error:
+            problems.append(Problem((), str(error), Origin(f"vary {brief(name)}")))
+            continue
+        if isinstance(some, str | Mapping) or not isinstance(some, Iterable):
+            problems.append(Problem((), f"must be a list of values, got {some!r}", Origin(f"vary {name}")))
+            continue
+        changes = [changes_of({name: value})[0] for value in some]
+        axes[key] = [(_text(change.value), change) for change in changes]
+    return _combined(axes, problems, "vary", '{"control.inverse.method": ["inverse", "damped"]}')
+
+
+def _combined(
+    axes: Mapping[Key, _Axis], problems: list[Problem], option: str, example: str
+) -> tuple[Variant, ...]:
+    """Return all combinations of values; raise what is wrong with them, and what was found before."""
+
+    def add(text: str) -> None:
+        problems.append(Problem((), text, Origin(option)))
+
     count = math.prod(map(len, axes.values())) if axes else 0
     if not problems and count < 2:
-        problems = [f"--vary: must give 2 variants or more, got {count}; for example --vary {EXAMPLE}"]
+        add(f"must give 2 variants or more, got {count}; for example {example}")
     if not problems and count > MOST_VARIANTS:
-        problems = [f"--vary: must give at most {MOST_VARIANTS} variants, got {count}"]
-    if not problems:
-        grid = [_variant(tuple(axes), chosen) for chosen in itertools.product(*axes.values())]
-        labels = [variant.label for variant in grid]
-        alike = [label for label in dict.fromkeys(labels) if labels.count(label) > 1]
-        problems = [f"--vary: two variants have the same values: {label}" for label in alike]
+        add(f"must give at most {MOST_VARIANTS} variants, got {count}")
+    found = () if problems else tuple(map(_variant, itertools.product(*axes.values())))
+    labels = [variant.label for variant in found]
+    for label in dict.fromkeys(labels):
+        if labels.count(label) > 1:
+            add(f"two variants have the same values: {label}")
     if problems:
         raise ScenarioError(problems)
-    return tuple(grid)
+    return found
 
 
-def _axis(text: str) -> tuple[Key, list[tuple[str, str]]]:
-    """Return a key and its values, each as it is read and as it is written."""
+def _refused(name: str, text: str) -> ScenarioError:
+    return ScenarioError.about(f"--vary {name}", text)
+
+
+def _axis(text: str) -> tuple[Key, _Axis]:
+    """Return a key and its values, each as a text has it and as a change."""
     name, equals, rest = text.partition("=")
     try:
         key = parse_key(name.strip() if equals else "")
     except ValueError:
-        raise TextError(f"{brief(text)}: must be KEY=V1,V2,..., for example {EXAMPLE}") from None
+        raise _refused(brief(text), f"must be KEY=V1,V2,..., for example {EXAMPLE}") from None
+    origin = Origin(f"--vary {join(key)}", key=join(key))
     try:
-        return key, items(rest)
+        return key, [(read, read_change(key, written, origin)) for read, written in items(rest)]
     except TextError as error:
-        raise TextError(f"{join(key)}: {error}") from None
+        raise _refused(join(key), str(error)) from None
 
 
-def _variant(keys: tuple[Key, ...], chosen: tuple[tuple[str, str], ...]) -> Variant:
+def _variant(chosen: tuple[tuple[str, Change], ...]) -> Variant:
     label = ", ".join(read for read, _ in chosen)
-    if len(keys) == 1 and not _is_word(*chosen[0]):  # a lone word says what it is, a lone number does not
-        label = f"{join(keys[0]).rpartition('.')[2]}={label}"
-    overrides = (f"{join(key)}={written}" for key, (_, written) in zip(keys, chosen, strict=True))
-    return Variant(brief(label), tuple(overrides))
+    if len(chosen) == 1 and not _is_word(*chosen[0]):  # a lone word says what it is, a lone number does not
+        label = f"{join(chosen[0][1].key).rpartition('.')[2]}={label}"
+    return Variant(brief(label), tuple(change for _, change in chosen))
 
 
-def _is_word(read: str, written: str) -> bool:
-    return read[:1].isalpha() and written not in ("true", "false", "null")
+def _text(value: object) -> str:
+    """Return a value as a label has it: a text as it is, all else as YAML writes it."""
+    return value if isinstance(value, str) else inline(value)
+
+
+def _is_word(read: str, change: Change) -> bool:
+    return read[:1].isalpha() and (change.written or read) not in ("true", "false", "null")

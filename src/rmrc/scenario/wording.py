@@ -5,6 +5,8 @@ import math
 from collections.abc import Sequence
 from pathlib import Path
 
+import yaml
+
 from rmrc.support.errors import did_you_mean
 from rmrc.support.legible import shortened, visible
 
@@ -23,6 +25,17 @@ def show(value: object) -> str:
     if isinstance(value, int) and abs(value) >= 10**80:  # Python writes 4300 digits at most
         return "a huge integer"
     return brief(json.dumps(value, ensure_ascii=False))
+
+
+def inline(value: object) -> str:
+    """Return a value as YAML on one line, which is read back to an equal value."""
+    text = yaml.safe_dump(value, default_flow_style=True, width=math.inf, allow_unicode=True)
+    return text.strip().removesuffix("...").strip()
+
+
+def block(value: object, width: int = 100) -> str:
+    """Return a value as YAML to be read: a line a key, with what is innermost on one line."""
+    return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, default_flow_style=None, width=width)
 
 
 def brief(text: str) -> str:

@@ -98,7 +98,8 @@ def refuse_excess(prepared: Sequence[Prepared], keep_columns: bool = True, recor
         key, way_out = "target.path", "shorten it or raise control.period"
     raise ScenarioError(
         [
-            f"{longest.scenario.locate(key)}: makes up to {ticks} ticks{others}, "
-            f"which need {excess}; {way_out}{fewer}"
+            longest.scenario.problem(
+                key, f"makes up to {ticks} ticks{others}, which need {excess}; {way_out}{fewer}"
+            )
         ]
     )

@@ -1,8 +1,7 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
 import math
-import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, TypeVar
@@ -20,8 +19,7 @@ from rmrc.plants.lockstep import Course
 from rmrc.plants.plant import Plant
 from rmrc.plants.stages import Encoders
 from rmrc.plants.wiring import WIRING
-from rmrc.results.scorecard import refuse_unknown
-from rmrc.scenario import ArmSection, Carried, Scenario, Template, Variant, angle
+from rmrc.scenario import ArmSection, Problems, Scenario, angle
 from rmrc.scenario.choices import INVERSES, PLANTS
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import make_reference
@@ -169,76 +167,6 @@ class Prepared:
         return replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
 
 
-class Preparation:
-    """A scenario's file, of which any number of variants are prepared, as fast as they come.
-
-    What is prepared is to the bit what `prepare` makes of the scenario that `rmrc.scenario.load` reads.
-    """
-
-    def __init__(
-        self,
-        path: str | os.PathLike[str],
-        overrides: Sequence[str] = (),
-        carried: Carried | None = None,
-    ) -> None:
-        """Read the file.
-
-        Args:
-            path: Of the scenario.
-            overrides: `KEY=VALUE` texts that hold for all variants.
-            carried: What is read instead of the file.
-
-        Raises:
-            ScenarioError: There is no such file, or its text cannot be used.
-        """
-        self._template, self._known = Template(path, overrides, carried), Known()
-
-    def variant(self, varied: Sequence[str] = ()) -> Prepared:
-        """Return a variant, with everything checked.
-
-        Args:
-            varied: `KEY=VALUE` texts that make it.
-
-        Raises:
-            ScenarioError: All that is wrong, with file, line and key, or `--vary` and key.
-        """
-        prepared = prepare(self._template.scenario(varied), self._known)
-        refuse_unknown(prepared.scenario, prepared.arm.joints)
-        return prepared
-
-
-def prepare_many(
-    path: str | os.PathLike[str], overrides: Sequence[str], variants: Sequence[Variant]
-) -> list[Prepared]:
-    """Return variants of a scenario, checked and ready to run.
-
-    Args:
-        path: Of the scenario.
-        overrides: `KEY=VALUE` texts that hold for all.
-        variants: As `rmrc.scenario.variants` makes them.
-
-    Raises:
-        ScenarioError: All that is wrong with all variants, a line each, which names the variant; what is
-            wrong with every one of them is said once.
-    """
-    preparation = Preparation(path, overrides)
-    prepared: list[Prepared] = []
-    problems: dict[str, list[str]] = {}  # who has it, by what it is
-    for variant in variants:
-        try:
-            prepared.append(preparation.variant(variant.overrides))
-        except ScenarioError as error:
-            for problem in error.problems:
-                problems.setdefault(problem, []).append(variant.label)
-    lines: list[str] = []
-    for problem, labels in problems.items():
-        everyone = len(labels) == len(variants)
-        lines += [problem] if everyone else [f'variant "{label}": {problem}' for label in labels]
-    if lines:
-        raise ScenarioError(lines)
-    return prepared
-
-
 def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     """Load the arm, check everything that needs it, and time the target.
 
@@ -253,8 +181,8 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     try:
         arm = known.arm(scenario.arm)
     except ModelError as error:
-        raise ScenarioError([f"{scenario.locate(f'arm.{error.about}')}: {error}"]) from None
-    problems = _Problems(scenario)
+        raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
+    problems = Problems(scenario)
     qpos = _start(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
     _check_scales(scenario, problems)
@@ -271,7 +199,7 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
         reference = known.reference(scenario, arm, qpos[arm.wiring.qpos])
     except TargetError as error:
         key, _, text = str(error).partition(": ")
-        raise ScenarioError([f"{scenario.locate(key)}: {text}"]) from None
+        raise ScenarioError([scenario.problem(key, text)]) from None
     prepared = Prepared(scenario, arm, qpos, reference, known)
     _check_duration(prepared, problems)
     problems.extend(hardware.plant.excesses(prepared.most_ticks))
@@ -279,23 +207,7 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     return prepared
 
 
-class _Problems:
-    def __init__(self, scenario: Scenario) -> None:
-        self.scenario, self.lines = scenario, list[str]()
-
-    def add(self, key: str, message: str) -> None:
-        self.lines.append(f"{self.scenario.locate(key)}: {message}")
-
-    def extend(self, found: Iterable[tuple[str, str]]) -> None:
-        for key, message in found:
-            self.add(key, message)
-
-    def raise_any(self) -> None:
-        if self.lines:
-            raise ScenarioError(self.lines)
-
-
-def _start(scenario: Scenario, arm: Arm, problems: _Problems) -> NDArray[np.float64]:
+def _start(scenario: Scenario, arm: Arm, problems: Problems) -> NDArray[np.float64]:
     start = scenario.arm.start
     if not isinstance(start, str) and len(start) != arm.n:
         problems.add("arm.start", _wrong_length(len(start), arm))
@@ -348,7 +260,7 @@ def _positions_instead(start: object, arm: Arm) -> str:
     return f"; write [{', '.join([start.strip()] * arm.n)}], a position for each joint"
 
 
-def _check_lengths(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     control = scenario.control
     for key, values in (
         ("arm.encoder.offset", scenario.arm.encoder.offset),
@@ -373,7 +285,7 @@ def _wrong_length(got: int, arm: Arm) -> str:
 _LARGEST_SCALE = 1e30
 
 
-def _check_scales(scenario: Scenario, problems: _Problems) -> None:
+def _check_scales(scenario: Scenario, problems: Problems) -> None:
     for key, values in (
         ("task.length", (scenario.task.length,)),
         ("task.weights", scenario.task.weights or ()),
@@ -391,7 +303,7 @@ def _check_scales(scenario: Scenario, problems: _Problems) -> None:
 _LONGEST = 9e9
 
 
-def _check_duration(prepared: Prepared, problems: _Problems) -> None:
+def _check_duration(prepared: Prepared, problems: Problems) -> None:
     """Refuse a run that is longer than recordings count time, which they do in 64 bits of nanoseconds."""
     period = prepared.scenario.control.period
     if not prepared.most_ticks * period < _LONGEST:
@@ -403,7 +315,7 @@ def _check_duration(prepared: Prepared, problems: _Problems) -> None:
         )
 
 
-def _check_method(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+def _check_method(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     m = len(scenario.task.axes)
     method = scenario.control.inverse.method
     if INVERSES[method].needs_square and m != arm.n:
@@ -414,7 +326,7 @@ def _check_method(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
         )
 
 
-def _check_second_task(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+def _check_second_task(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     nullspace = scenario.control.nullspace
     site = nullspace.secondary.site
     if nullspace.objective != "secondary" or site is None:
@@ -432,7 +344,7 @@ def _check_second_task(scenario: Scenario, arm: Arm, problems: _Problems) -> Non
         )
 
 
-def _check_slow(scenario: Scenario, arm: Arm, problems: _Problems) -> None:
+def _check_slow(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     control = scenario.control
     if control.at_singularity != "slow":
         return

@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from rmrc.law.record import tick_type
 from rmrc.plants.batches import Batches
 from rmrc.plants.stepping import Stepper
-from rmrc.results.run import COLUMNS, Divergence, Run
+from rmrc.results.columns import COLUMNS, Divergence
+from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, figures, tallies_of
 from rmrc.results.tally import adder
 from rmrc.simulation.footprint import HELD, refuse_excess

@@ -1,4 +1,4 @@
-"""All that the runs of a sweep are made of, as bytes: what is needed where the files are not."""
+"""All that a study is made of, as bytes: what is needed where the files are not."""
 
 import hashlib
 import os
@@ -11,9 +11,9 @@ from functools import cached_property
 from pathlib import Path
 
 from rmrc.arm import files
-from rmrc.scenario import Carried, Template
-from rmrc.study.plan import plan_of
-from rmrc.study.shards import Shards
+from rmrc.scenario import Carried, Draft
+from rmrc.study.study import Study
+from rmrc.support.problems import Problem
 
 
 @dataclass(frozen=True)
@@ -34,19 +34,15 @@ class Parcel:
     """A scenario with its models.
 
     Attributes:
-        source: What messages call the scenario.
-        text: Of the scenario.
+        draft: Of the scenario.
         folder: Where the scenario was.
-        overrides: `KEY=VALUE` texts that hold for all runs.
         root: Where all files of models were.
         models: By the names that the scenario has for them; those that are no files are not here.
         files: Of models and what they depend on, by their paths from the root.
     """
 
-    source: str
-    text: str
+    draft: Draft
     folder: str
-    overrides: tuple[str, ...]
     root: str
     models: Mapping[str, Model]
     files: Mapping[str, bytes]
@@ -54,28 +50,21 @@ class Parcel:
     @cached_property
     def digest(self) -> str:
         """Tells one parcel from another."""
-        facts = [self.source, self.text, self.folder, self.overrides, self.root, sorted(self.models.items())]
+        facts = [self.draft.document, self.folder, self.root, sorted(self.models.items())]
         return hashlib.sha256(repr(facts).encode()).hexdigest()
 
-    @property
-    def size(self) -> int:
-        """How many bytes the files have."""
-        return len(self.text) + sum(map(len, self.files.values()))
 
-
-def pack(path: Path, overrides: Sequence[str]) -> Parcel:
-    """Return the parcel of a scenario that was read without a mistake.
+def pack(draft: Draft) -> Parcel:
+    """Return the parcel of a scenario without mistakes.
 
     Args:
-        path: Of the scenario.
-        overrides: `KEY=VALUE` texts that hold for all runs.
+        draft: Of the scenario.
 
     Raises:
-        ScenarioError: It cannot be read any more.
         OSError: A file cannot be read.
     """
-    template, folder = Template(path, overrides), path.parent.resolve()
-    named = {name: (folder / name).resolve() for name in template.models}
+    folder = draft.folder.resolve()
+    named = {name: (folder / name).resolve() for name in draft.models}
     needed = {name: files(file) for name, file in named.items() if file.is_file()}
     everything = sorted({file for some in needed.values() for file in some})
     contents = {file: file.read_bytes() for file in everything}
@@ -84,10 +73,8 @@ def pack(path: Path, overrides: Sequence[str]) -> Parcel:
     models = {name: Model(places[named[name]], _digest(named[name], some, contents))
               for name, some in needed.items()}  # fmt: skip
     return Parcel(
-        os.fspath(path),
-        template.text,
+        draft,
         str(folder),
-        tuple(overrides),
         root,
         models,
         {places[file]: data for file, data in contents.items()},
@@ -121,9 +108,7 @@ class Unpacked:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(data)
         models = {name: self._inside(model.file) for name, model in parcel.models.items()}
-        carried = Carried(parcel.text, Path(parcel.folder), models)
-        base = Template(parcel.source, parcel.overrides, carried).scenario()
-        self.shards = Shards(Path(parcel.source), parcel.overrides, base, plan_of(base), carried)
+        self.study = Study(parcel.draft.carried(Carried(Path(parcel.folder), models)))
 
     def _inside(self, name: str) -> Path:
         file = (self.folder / name).resolve()
@@ -131,6 +116,6 @@ class Unpacked:
             raise ValueError(f"a parcel must not write outside its folder, got {name}")
         return file
 
-    def told(self, text: str) -> str:
-        """Return a message with the paths that the files had where they come from."""
-        return text.replace(str(self.folder), self._root.rstrip(os.sep))
+    def told(self, problem: Problem) -> Problem:
+        """Return a problem with the paths that the files had where they come from."""
+        return problem._replace(text=problem.text.replace(str(self.folder), self._root.rstrip(os.sep)))

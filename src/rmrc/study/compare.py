@@ -1,25 +1,23 @@
 """Variants of a scenario from file to files: run as one batch, scored, and shown in one picture each way."""
 
+import os
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack
 from dataclasses import dataclass
-from functools import partial, reduce
+from functools import reduce
 from pathlib import Path
 
-from rmrc import scenario
 from rmrc.recording import unlogged
 from rmrc.results import facts
-from rmrc.results.leaving import Leaving, refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard, check, scorecard
-from rmrc.scenario import Scenario, Variant, choices
-from rmrc.simulation.footprint import refuse_excess
-from rmrc.simulation.prepare import Prepared, prepare_many
+from rmrc.scenario import Draft, Scenario, Variant, choices, draft_of
+from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.batch import Batch, OnTicks, Recording
 from rmrc.study.compare_table import Row, markdown
 from rmrc.study.filters import compile_for, filter_factor
+from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
-from rmrc.support.interruption import interruptible
 
 # What a scenario chooses by name for its law. It states its expectations for these choices: another inverse
 # is not bound to what the one as written shall do, as where the plain inverse is expected to blow up.
@@ -32,7 +30,7 @@ class Compared:
     """What one variant gave.
 
     Attributes:
-        variant: Its label and overrides.
+        variant: Its label and changes.
         run: As far as it came.
         scorecard: Its figures.
         outcomes: Of the expectations that count.
@@ -68,13 +66,16 @@ class Results:
     failures: tuple[str, ...] = ()
 
 
-class Comparison:
+class Comparison(Batch):
     """Variants of a scenario that were checked and are ready to run."""
+
+    kinds = (".rrd", ".json", ".png", ".svg")
+    suffix = ".compare"
 
     def __init__(
         self,
-        path: Path,
-        varied: Sequence[str],
+        source: str | os.PathLike[str] | Scenario | Draft,
+        variants: Sequence[Variant],
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),
         record: bool = True,
@@ -82,8 +83,8 @@ class Comparison:
         """Check all that can be checked of all variants before anything moves.
 
         Args:
-            path: Of the scenario.
-            varied: `KEY=V1,V2,...` texts; their combinations are the variants.
+            source: The scenario, or its file.
+            variants: What is compared, such as `rmrc.scenario.variants(["control.feedback=5,10"])`.
             overrides: `KEY=VALUE` texts that hold for all.
             folder: Where the files go; made if it is missing.
             record: Whether to write a recording.
@@ -93,73 +94,44 @@ class Comparison:
                 wrong with every one of them is said once.
             OSError: The files cannot be written.
         """
-        self.folder, self._record, self._overrides = folder, record, tuple(overrides)
-        self.variants = scenario.variants(varied)
-        self.prepared = prepare_many(path, self._overrides, self.variants)
-        refuse_excess(self.prepared, recorded=record)
-        self.name = self.prepared[0].scenario.name
-        self._written = _written(path, self._overrides)
-        self._simulation: Simulation | None = None
-        refuse_unwritable(self._files())
-
-    @property
-    def ticks(self) -> int:
-        """How many control ticks all variants take together."""
-        return sum(one.reference.ticks for one in self.prepared)
+        self._overrides = tuple(overrides)
+        written = draft_of(source)
+        base, self.variants = written.overridden(overrides), tuple(variants)
+        self.prepared = Study(base).prepare_all(self.variants)
+        self._written = _sound(written, base)
+        super().__init__(self.prepared[0].scenario.name, self.prepared, folder, record)
 
     def compile(self) -> Simulation:
         """Load the compiled law, or compile it the first time, which takes seconds."""
         if self._simulation is None:
-            self._simulation = Simulation(self.prepared)
             for one in self.prepared:
                 compile_for(one)
-        return self._simulation
+        return super().compile()
 
-    def run(self, on_ticks: Callable[[int], None] | None = None) -> Results:
+    def _recording(self) -> tuple[Recording, Callable[[int, Run], None]]:
+        with unlogged():
+            from rmrc.recording.comparison import Overlay  # with rerun, a third of a second
+
+        worlds = [(v.label, one) for v, one in zip(self.variants, self.prepared, strict=True)]
+        overlay = Overlay(self.file(".rrd"), self.name, worlds)
+        return overlay, overlay.write
+
+    def run(self, on_ticks: OnTicks | None = None) -> Results:
         """Run all variants to the end, to divergence or to Ctrl-C, and write the files whichever it was.
 
         Args:
             on_ticks: Called with the number of ticks of each block that was finished.
         """
-        simulation, leaving = self.compile(), Leaving()
-        recorder, failed = None, False
-        with interruptible() as stop, ExitStack() as stack:
-            if self._record:
-                with unlogged():
-                    from rmrc.recording.comparison import Overlay  # with rerun, a third of a second
-
-                worlds = [(v.label, one) for v, one in zip(self.variants, self.prepared, strict=True)]
-                recorder = stack.enter_context(Overlay(self._file(".rrd"), self.name, worlds))
-
-            def on_block(variant: int, part: Run) -> None:
-                nonlocal failed
-                if recorder is not None and not failed:
-                    failed = not leaving.attempt(partial(recorder.write, variant, part))
-                if on_ticks is not None:
-                    on_ticks(len(part))
-
-            runs = simulation.run(on_block, stop)
-            compared = tuple(
-                self._scored(*one, stop.is_set())
-                for one in zip(self.variants, self.prepared, runs, strict=True)
-            )
-            part_path = recorder.part_path if recorder is not None and failed else None
-            leaving.write(self._file(".json"), partial(self._save_facts, compared), part_path)
-            # which takes longer than one waits after Ctrl-C
-            if not stop.is_set() and leaving.attempt(partial(self._draw, runs)) and any(map(len, runs)):
-                leaving.files += [self._file(".png"), self._file(".svg")]
-            if recorder is not None and not failed:
-                rows = [Row(c.variant.label, c.run, c.scorecard, c.outcomes, c.stated_for) for c in compared]
-                leaving.write(self._file(".rrd"), partial(recorder.finish, markdown(rows)))
-        files = tuple(path for path in self._files() if path in leaving.files)
-        return Results(self.name, compared, files, stop.is_set(), tuple(leaving.failures))
-
-    def _files(self) -> list[Path]:
-        kinds = [".rrd"] * self._record + [".json", ".png", ".svg"]
-        return [self._file(kind) for kind in kinds]
-
-    def _file(self, suffix: str) -> Path:
-        return self.folder / f"{self.name}.compare{suffix}"
+        with self._ran(on_ticks) as ran:
+            triples = zip(self.variants, self.prepared, ran.runs, strict=True)
+            found = tuple(self._scored(*one, ran.interrupted) for one in triples)
+            ran.write(".json", lambda path: self._save_facts(path, found))
+            if not ran.interrupted:  # which takes longer than one waits after Ctrl-C
+                is_drawn = ran.leaving.attempt(lambda: self._draw(ran.runs)) and any(map(len, ran.runs))
+                ran.leaving.files += [self.file(kind) for kind in (".png", ".svg") if is_drawn]
+            rows = [Row(c.variant.label, c.run, c.scorecard, c.outcomes, c.stated_for) for c in found]
+            ran.finish(lambda: markdown(rows))
+        return Results(self.name, found, ran.files, ran.interrupted, ran.failures)
 
     def _draw(self, runs: Sequence[Run]) -> None:
         """Draw the filters; without a tick of any run there is nothing to draw."""
@@ -171,20 +143,20 @@ class Comparison:
             if len(run)
         ]
         if curves:
-            filter_factors(self.name, curves, [self._file(".png"), self._file(".svg")])
+            filter_factors(self.name, curves, [self.file(".png"), self.file(".svg")])
 
-    def _save_facts(self, compared: Sequence[Compared]) -> None:
+    def _save_facts(self, path: Path, compared: Sequence[Compared]) -> None:
         known = [
             {
                 "label": one.variant.label,
-                "overrides": one.variant.overrides,
+                "overrides": [str(change) for change in one.variant.changes],
                 "expected_of_others": one.stated_for,
                 **facts.run_facts(one.status, one.run, one.scorecard, one.outcomes, prepared.scenario),
             }
             for one, prepared in zip(compared, self.prepared, strict=True)
         ]
         about = {"name": self.name, "overrides": self._overrides, "variants": known}
-        facts.save(self._file(".json"), about, "matplotlib")
+        facts.save(path, about, "matplotlib")
 
     def _scored(self, variant: Variant, prepared: Prepared, run: Run, interrupted: bool) -> Compared:
         card, one = scorecard(run), prepared.scenario
@@ -201,15 +173,16 @@ class Comparison:
         }
         stated_for = differs if len(expect) < len(one.expect) else {}
         outcomes = tuple(check(card, expect))
-        return Compared(variant, run, card, outcomes, stated_for, facts.status_of(run, interrupted))
+        status = facts.status_of(run.divergence, run.is_complete, interrupted)
+        return Compared(variant, run, card, outcomes, stated_for, status)
 
 
-def _written(path: Path, overrides: Sequence[str]) -> Scenario:
+def _sound(written: Draft, base: Draft) -> Scenario:
     """Return the scenario as its file has it; of a file that is not whole, what `--set` makes of it."""
     try:
-        return scenario.load(path)
+        return written.scenario()
     except ScenarioError:
-        return scenario.load(path, overrides)
+        return base.scenario()
 
 
 def _choices(one: Scenario) -> dict[str, str]:

@@ -1,4 +1,4 @@
-"""The pieces of a sweep on Dask distributed: `--cluster tcp://HOST:PORT`, or `local:N` worker processes here.
+"""The pieces of a study on Dask distributed: `--cluster tcp://HOST:PORT`, or `local:N` worker processes here.
 
 What travels to each worker once is the parcel, with every piece a few hundred bytes, and back come the rows
 as Parquet. Scheduling, and running again what a lost worker had, is Dask's part.
@@ -27,7 +27,7 @@ from rmrc.results import facts
 from rmrc.scenario import inline
 from rmrc.study.bundle import Parcel, Unpacked
 from rmrc.study.executors import Crew, Work
-from rmrc.study.shards import Checked
+from rmrc.study.study import Checked
 from rmrc.support.errors import ClusterError, RmrcError, ScenarioError
 
 # Seconds: to reach a scheduler; until there are workers; until all of them are given up.
@@ -202,13 +202,9 @@ class _Cluster:
         # A task, and not scattered data, which is lost with the only worker that has it.
         return self._client.submit(_same, value, pure=False)
 
-    def submit(
-        self, work: Work, pieces: Sequence[range], shared: object, _: threading.Event
-    ) -> Iterable[Any]:
+    def submit(self, work: object, pieces: Sequence[range], _: threading.Event) -> Iterable[Any]:
         try:
-            futures: list[Any] = self._client.map(
-                _work, pieces, sent=self._sent, work=work, shared=shared, pure=False
-            )
+            futures: list[Any] = self._client.map(_work, pieces, sent=self._sent, work=work, pure=False)
         except (OSError, RuntimeError):
             raise self._lost() from None
         return futures
@@ -322,7 +318,7 @@ def _same(value: object) -> object:
     return value
 
 
-def _work(indices: range, sent: _Sent, work: Work, shared: object) -> Any:
+def _work(indices: range, sent: _Sent, work: Work[Any]) -> Any:
     """Do a piece, with the models that this process has compiled before."""
     from distributed import get_worker
 
@@ -338,11 +334,11 @@ def _work(indices: range, sent: _Sent, work: Work, shared: object) -> Any:
         _unpacked.move_to_end(sent.parcel.digest)
         mine = _unpacked[sent.parcel.digest]
     try:
-        found = getattr(mine.shards, work)(indices, shared, threading.Event())
+        found = work(mine.study, indices, threading.Event())
     except ScenarioError as error:
-        raise ScenarioError([mine.told(problem) for problem in error.problems]) from None
+        raise ScenarioError(map(mine.told, error.problems)) from None
     if isinstance(found, Checked):
-        return found._replace(problems={mine.told(text): many for text, many in found.problems.items()})
+        found.problems = {mine.told(one): many for one, many in found.problems.items()}
     return found
 
 

@@ -19,7 +19,7 @@ import stat
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import pyarrow.lib as pa
 import pyarrow.parquet as pq
@@ -38,6 +38,9 @@ _TYPES = {"number": pa.float64(), "count": pa.int64(), "text": pa.string(), "swi
 
 # What pyarrow raises of files that are none of its own, or torn.
 _UNREADABLE = (pa.ArrowException, OSError)
+
+
+Table: TypeAlias = pa.Table
 
 
 class Column(NamedTuple):
@@ -165,7 +168,7 @@ class Dataset:
             if isinstance(error, OSError) and error.filename and not isinstance(error, IsADirectoryError):
                 raise
             what = "was altered" if str(error) == "was altered" else "is no sweep's"
-            raise ScenarioError([f"{place}: {what}; move it, or take another --out"]) from None
+            raise ScenarioError.about(place, f"{what}; move it, or take another --out") from None
         if differs:
             what = f"is of another sweep ({', '.join(differs)} differ)"
         elif found.runs != runs:
@@ -175,7 +178,7 @@ class Dataset:
         else:
             return found
         if what:
-            raise ScenarioError([f"{place}: {what}; move it, or take another --out"])
+            raise ScenarioError.about(place, f"{what}; move it, or take another --out")
         return found
 
     def _lack(self, contents: Contents) -> str:
@@ -220,7 +223,7 @@ class Dataset:
                 if path.lstat().st_size:
                     self._table(parts[path.name], contents)
             elif not (path == self._plan or path.name.startswith(".")):
-                raise ScenarioError([f"{path}: is no part of this sweep; move it, or take another --out"])
+                raise ScenarioError.about(path, "is no part of this sweep; move it, or take another --out")
 
     def keep(self, part: int, data: bytes, contents: Contents) -> None:
         """Write one part, whole or not at all.
@@ -287,6 +290,11 @@ class Dataset:
                 path.unlink(missing_ok=True)
             self.folder.rmdir()
 
+    def table(self) -> Table:
+        """Return all rows, where one file has them all."""
+        with _opened(self.file) as file:
+            return file.read()
+
     def batches(self, columns: Sequence[str]) -> Iterator[Mapping[str, list[Any]]]:
         """Iterate over the rows of what is there, some thousands at a time: values by column.
 
@@ -319,7 +327,7 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
 
 
 def _spoiled(path: Path, what: str) -> ScenarioError:
-    return ScenarioError([f"{path}: {what}; remove it, and the same command makes it again"])
+    return ScenarioError.about(path, f"{what}; remove it, and the same command makes it again")
 
 
 def _digest(part: int, data: bytes, contents: Contents) -> bytes:

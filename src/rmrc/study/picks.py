@@ -38,7 +38,7 @@ class Choice(NamedTuple):
         count, _, figure = rest.partition(":")
         if which not in ("worst", "best") or not count.isdecimal() or not 0 < int(count) <= 100:
             wanted = "must be worst:N or best:N, with N from 1 to 100, and perhaps :FIGURE"
-            raise ScenarioError([f"--record: {wanted}, got {scenario.inline(text)}"])
+            raise ScenarioError.about("--record", f"{wanted}, got {scenario.inline(text)}")
         return cls(which == "worst", int(count), figure)
 
     def settled(self, one: Scenario, columns: Sequence[Column]) -> "Choice":
@@ -56,7 +56,7 @@ class Choice(NamedTuple):
         numbers = [c.name for c in columns if c.kind == "number"]
         if figure not in numbers:
             near = did_you_mean(figure, numbers) or "; take one such as joint_rate.peak"
-            raise ScenarioError([f"--record: no row has a number {scenario.inline(figure)}{near}"])
+            raise ScenarioError.about("--record", f"no row has a number {scenario.inline(figure)}{near}")
         return self._replace(figure=figure)
 
 

@@ -7,16 +7,21 @@ samples and the same seeds: what differs between cells is what varies, and not c
 """
 
 import math
-from dataclasses import dataclass
-from functools import lru_cache
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property, lru_cache
 
 import numpy as np
 
-from rmrc.scenario import Scenario, inline
-from rmrc.scenario.keys import split
+from rmrc.scenario import Change, Scenario, inline
+from rmrc.scenario.sections import parse_key
 from rmrc.study.sobol import sobol_point
+from rmrc.support.problems import Key, Origin
 
 SEED = "arm.encoder.seed"
+_SEED_STEPS = parse_key(SEED)
+
+_TOLD = 20
 
 Value = object  # of YAML: a number, a text, a switch, nothing, or a list or a mapping of these
 
@@ -32,6 +37,7 @@ class Plan:
         samples: Of each cell.
         repeat: How often each sample is run.
         seed: Of the samples, and of the first run's encoders.
+        origins: Where the values or bounds of a key were given, for messages.
     """
 
     vary: tuple[tuple[str, tuple[Value, ...]], ...] = ()
@@ -40,6 +46,7 @@ class Plan:
     samples: int = 1
     repeat: int = 1
     seed: int = 0
+    origins: Mapping[str, Origin] = field(default_factory=dict, compare=False)
 
     def __len__(self) -> int:
         """Return the number of runs, which fits into 63 bits where `rmrc.study.sweep.Sweep` took the plan."""
@@ -88,16 +95,32 @@ class Plan:
         """Return the seed of one run's encoders: the same sample and repeat have the same in every cell."""
         return self.seed + index % (self.samples * self.repeat)
 
-    def overrides(self, index: int) -> tuple[str, ...]:
-        """Return the `KEY=VALUE` texts that make one run of the scenario; what is deeper comes later."""
-        texts = [f"{key}={inline(value)}" for key, value in self.values(index).items()]
-        depth = {text: len(split(text.partition("=")[0])) for text in texts}
-        return (*sorted(texts, key=depth.__getitem__), f"{SEED}={self.run_seed(index)}")
+    @cached_property
+    def _steps(self) -> list[tuple[str, Key, Origin | None]]:
+        """The keys, their steps and origins; what is deeper comes later."""
+        return sorted(
+            ((key, parse_key(key), self.origins.get(key)) for key in self.keys), key=lambda one: len(one[1])
+        )
+
+    def changes(self, index: int) -> tuple[Change, ...]:
+        """Return what makes one run of the scenario; what is deeper comes later."""
+        values = self.values(index)
+        varied = [Change(steps, values[key], origin) for key, steps, origin in self._steps]
+        return (*varied, Change(_SEED_STEPS, self.run_seed(index)))
 
     def label(self, index: int) -> str:
         """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""
         varied = ", ".join(f"{key}={_short(value)}" for key, value in self.values(index).items())
         return f"run {index} ({varied})" if varied else f"run {index}"
+
+    @property
+    def most_told(self) -> int:
+        """How many problems are told, of all that a sweep may have."""
+        return _TOLD
+
+    def named(self, indices: Sequence[int], count: int) -> list[str]:
+        """Return how messages call the runs that have a problem in common: how many, and the first."""
+        return [f"{count} runs, the first " * (count > 1) + self.label(indices[0])]
 
 
 @lru_cache(2000)  # asked for before a run and after it, and by each cell
@@ -117,6 +140,9 @@ def plan_of(scenario: Scenario) -> Plan:
     Without a seed of its own, the sweep takes that of the arm's encoders.
     """
     sweep = scenario.sweep
+    places = {key: f"sweep.vary.{key}" for key in sweep.vary} | {
+        key: f"sweep.draw.{key}" for key in sweep.draw
+    }
     return Plan(
         tuple(sweep.vary.items()),
         tuple((key, low, high) for key, (low, high) in sweep.draw.items()),
@@ -124,4 +150,5 @@ def plan_of(scenario: Scenario) -> Plan:
         sweep.samples if sweep.draw else 1,
         sweep.repeat,
         scenario.arm.encoder.seed if sweep.seed is None else sweep.seed,
+        {key: Origin(scenario.locate(place), key=key) for key, place in places.items()},
     )

@@ -4,29 +4,29 @@ import hashlib
 import json
 import math
 import os
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, closing, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from threading import Event
 from typing import Any, Self, cast
 
-from rmrc import scenario
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
+from rmrc.scenario import Change, Draft, Problems, Scenario, draft_of
 from rmrc.simulation.footprint import Footprint
+from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study import dask as clusters
 from rmrc.study.bundle import Parcel, pack
-from rmrc.study.columns import figure_columns, last_columns, own_columns
 from rmrc.study.dataset import Contents, Dataset
-from rmrc.study.executors import Crew, done
+from rmrc.study.executors import Crew
 from rmrc.study.executors import threads as in_threads
 from rmrc.study.picks import Choice, chosen
-from rmrc.study.plan import Plan, plan_of
+from rmrc.study.plan import plan_of
+from rmrc.study.rows import AsRows, digest, figure_columns, fingerprint, last_columns, own_columns
 from rmrc.study.run import Job
-from rmrc.study.shards import Checked, Shards, digest
+from rmrc.study.study import OnRuns, Study
 from rmrc.study.summary import Summary, summarize
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
@@ -48,14 +48,6 @@ _MOST_RUNS = 10**9
 # Of a column of 64 bits.
 _MOST_SEED = 2**63 - 1
 
-# Problems that are told, of all that a sweep may have.
-_TOLD = 20
-
-# Runs that are checked as one piece, at first and at most: a tenth of a second, or some.
-_CHECKED, _MOST_CHECKED = 100, 5000
-
-OnRuns = Callable[[int], None]
-
 
 @dataclass(frozen=True)
 class Swept:
@@ -72,6 +64,24 @@ class Swept:
     interrupted: bool
 
 
+@dataclass(frozen=True)
+class _Parts:
+    """The rows of a study, on disk."""
+
+    dataset: Dataset
+    contents: Contents
+    reduce: AsRows
+    on_runs: OnRuns | None
+
+    def missing(self) -> Iterator[range]:
+        return map(self.contents.indices, self.dataset.missing(self.contents))
+
+    def keep(self, piece: range, payload: bytes) -> None:
+        self.dataset.keep(piece.start // self.contents.batch, payload, self.contents)
+        if self.on_runs is not None:
+            self.on_runs(len(piece))
+
+
 class Sweep:
     """Variants of a scenario, known by index, that are run in batches.
 
@@ -83,7 +93,7 @@ class Sweep:
 
     def __init__(
         self,
-        path: Path,
+        source: str | os.PathLike[str] | Scenario | Draft,
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),
         threads: int | None = None,
@@ -92,7 +102,7 @@ class Sweep:
         """Check the scenario and its plan, and whether the folder has rows of just this sweep.
 
         Args:
-            path: Of the scenario; its `sweep` section says what is run.
+            source: The scenario, or its file; its `sweep` section says what is run.
             overrides: `KEY=VALUE` texts that hold for all runs, of the section `sweep` as well, such as
                 `sweep.vary.control.feedback=[5, 10, 20]`.
             folder: Where the rows go; made if it is missing.
@@ -105,17 +115,17 @@ class Sweep:
             ClusterError: The text of the cluster is none, or Dask is not installed.
             OSError: The folder cannot be written.
         """
-        self.scenario = scenario.load(path, overrides)
+        self.scenario = draft_of(source, overrides).scenario()
         self.plan = plan_of(self.scenario)
-        self.folder, self._path = folder, path
+        self.folder = folder
         self._threads, self._cluster = (
             threads or os.cpu_count() or 1,
             None if cluster is None else clusters.Address.read(cluster),
         )
-        self._overrides, self._users = tuple(overrides), 0
+        self._users = 0
         self._working, self._opened = ExitStack(), cast(Crew | None, None)
         self._refuse_nothing()
-        self._shards = Shards(path, overrides, self.scenario, self.plan)
+        self._study = Study(self.scenario)
         self._identity = self._identify()
         self.dataset = Dataset(folder, self.scenario.name)
         self._contents = self.dataset.contents(self._identity, len(self.plan))
@@ -123,37 +133,38 @@ class Sweep:
 
     def _refuse_nothing(self) -> None:
         """Refuse a plan of one run, repeats that all give the same, and seeds that no column holds."""
-        problems = []
+        problems = Problems(self.scenario)
         if self.plan.count > _MOST_RUNS:
-            raise ScenarioError(
-                [
-                    f"{self.scenario.locate('sweep')}: must give {_MOST_RUNS} runs or fewer, "
-                    f"got {self.plan.count}; lower sweep.samples or sweep.repeat"
-                ]
+            problems.add(
+                "sweep",
+                f"must give {_MOST_RUNS} runs or fewer, got {self.plan.count}; "
+                "lower sweep.samples or sweep.repeat",
             )
+            problems.raise_any()
         if len(self.plan) < 2:
-            problems.append(
-                f"{self.scenario.locate('sweep')}: must give 2 runs or more, got {len(self.plan)}; "
-                "for example --vary control.inverse.method=damped,pseudoinverse"
+            problems.add(
+                "sweep",
+                f"must give 2 runs or more, got {len(self.plan)}; "
+                "for example --vary control.inverse.method=damped,pseudoinverse",
             )
         encoder = self.scenario.arm.encoder
         has_chance = any(key == "arm" or key.startswith("arm.encoder") for key in self.plan.keys)
         most = _MOST_SEED - self.plan.samples * self.plan.repeat + 1
         if self.plan.seed > most:
             key = "arm.encoder.seed" if self.scenario.sweep.seed is None else "sweep.seed"
-            problems.append(f"{self.scenario.locate(key)}: must be <= {most}, got {self.plan.seed}")
+            problems.add(key, f"must be <= {most}, got {self.plan.seed}")
         if self.plan.repeat > 1 and not (has_chance or any(_each(encoder.deviation))):
-            problems.append(
-                f"{self.scenario.locate('sweep.repeat')}: must be 1 where nothing is left to chance, "
-                f"got {self.plan.repeat}; give arm.encoder.deviation"
+            problems.add(
+                "sweep.repeat",
+                f"must be 1 where nothing is left to chance, got {self.plan.repeat}; "
+                "give arm.encoder.deviation",
             )
-        if problems:
-            raise ScenarioError(problems)
+        problems.raise_any()
 
     def _identify(self) -> dict[str, Any]:
         """Return what decides the rows. What differs names itself in a message."""
         try:
-            arm = self._shards.prepare(0).arm
+            arm = self._prepare(0).arm
         except ScenarioError:  # tell what is wrong with the others as well
             self._contents = None
             self.check()
@@ -165,7 +176,7 @@ class Sweep:
             swept |= {f"model {name}": model.digest for name, model in self._parcel.models.items()}
         # the order of the keys, which sorting hides, decides which run an index is
         text = json.dumps([swept, self.plan.keys, self.plan.seed], sort_keys=True)
-        model = "" if models_vary else self._shards.fingerprint(arm)
+        model = "" if models_vary else fingerprint(arm)
         expect = {name: one.model_dump(mode="json") for name, one in self.scenario.expect.items()}
         return {
             "scenario": digest(self.scenario, model),
@@ -176,7 +187,7 @@ class Sweep:
 
     @cached_property
     def _parcel(self) -> Parcel:
-        return pack(self._path, self._overrides)
+        return pack(self.scenario.draft)
 
     def __enter__(self) -> Self:
         """Keep the threads or the cluster from one call of `check` or `run` to the next."""
@@ -198,7 +209,7 @@ class Sweep:
                     self.compile()  # what workers on this machine load, they need not compile
                 who = clusters.opened(self._cluster, self._parcel)
             else:
-                who = in_threads(self._threads, self._shards)
+                who = in_threads(self._threads, self._study)
             self._opened = self._working.enter_context(who)
         return self._opened
 
@@ -219,9 +230,12 @@ class Sweep:
         lost = sum(len(self._contents.indices(part)) for part in self.dataset.missing(self._contents))
         return len(self) - lost
 
+    def _prepare(self, index: int) -> Prepared:
+        return self._study.prepare(self.plan.changes(index))
+
     def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        Simulation([self._shards.prepare(0)], keep_columns=False)
+        Simulation([self._prepare(0)], keep_columns=False)
 
     def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Check every run before the first one starts, unless that was done before.
@@ -238,29 +252,13 @@ class Sweep:
         """
         if self._contents is not None:
             return self._contents
-        size = check_size(len(self))
-        pieces = (range(first, min(first + size, len(self))) for first in range(0, len(self), size))
-        early: dict[int, Checked] = {}
-        problems, kinds = _Problems(self.plan), dict[object, int]()
-        runs = ticks = longest = 0
-        world = Footprint(0, 0)
-        with self, closing(done(self._crew(), "check", pieces, None, Event())) as found:
-            for piece, some in found:
-                early[piece.start] = some
-                while runs in early:  # in order, so that the first to have a problem is named
-                    one = early.pop(runs)
-                    problems.add(one.problems)
-                    kinds = one.kinds | kinds
-                    runs, ticks, longest = runs + one.runs, ticks + one.ticks, max(longest, one.longest)
-                    world = world.or_more(one.world)
-                if on_runs is not None:
-                    on_runs(len(piece))
-        problems.raise_any()
-        size = batch_size(runs, ticks, longest)
-        self._refuse_excess(world.times(size), longest, math.ceil(runs / size))
-        figures = figure_columns(self._shards.prepare(index) for index in sorted(kinds.values()))
+        with self:
+            found = self._study.check(self.plan, self._crew(), on_runs)
+        size = batch_size(found.runs, found.ticks, found.longest)
+        self._refuse_excess(found.world.times(size), found.longest, math.ceil(found.runs / size))
+        figures = figure_columns(map(self._prepare, sorted(found.kinds.values())))
         columns = [*own_columns(self.plan), *figures, *last_columns()]
-        self._contents = Contents(self._identity, runs, size, columns)
+        self._contents = Contents(self._identity, found.runs, size, columns)
         self.dataset.begin(self._contents)
         return self._contents
 
@@ -273,8 +271,11 @@ class Sweep:
             fewer = " or lower --threads" if at_once > 1 else ""
             raise ScenarioError(
                 [
-                    f"{self.scenario.locate('target.path')}: has up to {longest} ticks, and the batches that "
-                    f"are run at a time, {at_once}, need {excess}; shorten it, raise control.period{fewer}"
+                    self.scenario.problem(
+                        "target.path",
+                        f"has up to {longest} ticks, and the batches that are run at a time, {at_once}, need "
+                        f"{excess}; shorten it, raise control.period{fewer}",
+                    )
                 ]
             )
 
@@ -291,17 +292,13 @@ class Sweep:
         """
         contents = self.check()
         self.dataset.verify(contents)
-        missing = self.dataset.missing(contents)
+        rows = AsRows(self.plan, self.scenario, contents.columns)
         with self, ExitStack() as stack:
-            crew = self._crew() if missing else None  # Ctrl-C ends the wait for workers by itself
+            # Ctrl-C ends the wait for workers by itself
+            crew = self._crew() if self.dataset.missing(contents) else None
             stop = stack.enter_context(interruptible())
             if crew is not None:
-                pieces = map(contents.indices, missing)
-                with closing(done(crew, "run", pieces, contents.columns, stop)) as found:
-                    for piece, data in found:
-                        self.dataset.keep(piece.start // contents.batch, data, contents)
-                        if on_runs is not None:
-                            on_runs(len(piece))
+                self._study.run(self.plan, crew, _Parts(self.dataset, contents, rows, on_runs), stop)
             if not (stop.is_set() or self.dataset.is_whole):
                 self.dataset.merge(contents)
         self.dataset.clear()
@@ -326,8 +323,8 @@ class Sweep:
         Args:
             index: Of the run.
         """
-        prepared = self._shards.prepare(index, f"name={self.scenario.name}-{index}")
-        return Job(prepared.scenario, self.folder)
+        name = Change(("name",), f"{self.scenario.name}-{index}")
+        return Job(self._study.prepare((*self.plan.changes(index), name)).scenario, self.folder)
 
 
 def batch_size(runs: int, ticks: int, longest: int) -> int:
@@ -346,37 +343,6 @@ def batch_size(runs: int, ticks: int, longest: int) -> int:
     in_time = int(runs / batches * min(max(1.0, batches / _MANY), _LONGER))
     parts = math.ceil(runs / max(1, min(in_time, _MOST_SAMPLES // longest)))
     return math.ceil(runs / (math.ceil(parts / _PARTS) * _PARTS))
-
-
-def check_size(runs: int) -> int:
-    """Return how many runs of a sweep are checked as one piece."""
-    return min(max(_CHECKED, runs // _MANY), _MOST_CHECKED, math.ceil(runs / _PARTS))
-
-
-class _Problems:
-    """What is wrong with which runs; what many have in common is told once."""
-
-    def __init__(self, plan: Plan) -> None:
-        self.plan, self.found, self.untold = plan, dict[str, list[int]](), 0
-
-    def add(self, problems: Mapping[str, tuple[int, int]]) -> None:
-        for problem, (first, count) in problems.items():
-            if problem in self.found:
-                self.found[problem][1] += count
-            elif len(self.found) < _TOLD:
-                self.found[problem] = [first, count]
-            else:
-                self.untold += count
-
-    def raise_any(self) -> None:
-        lines = []
-        for problem, (first, count) in self.found.items():
-            who = f"{count} runs, the first " * (count > 1) + self.plan.label(first)
-            lines.append(problem if count == len(self.plan) else f"{who}: {problem}")
-        if self.untold:
-            lines.append(f"and {self.untold} more problems of other runs")
-        if lines:
-            raise ScenarioError(lines)
 
 
 def _each(values: float | tuple[float, ...]) -> tuple[float, ...]:

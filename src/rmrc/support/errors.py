@@ -16,7 +16,9 @@ Messages are one line: the thing, the value, the bound and the way out.
 from __future__ import annotations
 
 import difflib
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
+
+from rmrc.support.problems import Origin, Problem
 
 
 class RmrcError(Exception):
@@ -27,17 +29,27 @@ class ScenarioError(RmrcError, ValueError):
     """A scenario cannot be used; `str()` is all its problems, one a line.
 
     Attributes:
-        problems: One line for each problem, with file, line and key where they are known.
+        problems: Each with its key, what is wrong, and where the value was given.
     """
 
-    def __init__(self, problems: Sequence[str]) -> None:
-        """Keep the problems, a line each."""
-        self.problems: tuple[str, ...] = tuple(problems)
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        """Keep the problems."""
+        self.problems: tuple[Problem, ...] = tuple(problems)
         super().__init__(self.problems)
+
+    @classmethod
+    def about(cls, source: object, text: str) -> ScenarioError:
+        """Return an error of one problem, with a file or an option as a whole.
+
+        Args:
+            source: What it is called.
+            text: What is wrong with it.
+        """
+        return cls([Problem((), text, Origin(str(source)))])
 
     def __str__(self) -> str:
         """Return all problems, one a line."""
-        return "\n".join(self.problems)
+        return "\n".join(map(str, self.problems))
 
 
 class ModelError(RmrcError, ValueError):

@@ -1,7 +1,8 @@
 """Ctrl-C, SIGTERM and SIGHUP as an event, so that nothing is torn out of a block or of a file being written.
 
-The first of them stops what goes on, and what is there is kept; the second one ends the process at once. A
-signal that the process was started deaf to, as by `nohup`, stays without effect.
+The first of them stops what goes on, and what is there is kept. The second one ends the process of a command
+at once; in another's process it does what it did before. A signal that the process was started deaf to, as by
+`nohup`, stays without effect.
 """
 
 import os
@@ -58,10 +59,14 @@ def stops_like_ctrl_c() -> Iterator[None]:
 def interruptible() -> Iterator[threading.Event]:
     """Yield an event that Ctrl-C sets, and so do the signals that `stops_like_ctrl_c` made like it."""
     stop = threading.Event()
+    before = {number: signal.getsignal(number) for number in _SIGNALS}
 
     def end(number: int, _: FrameType | None) -> None:
-        _next_one_ends(number)
         stop.set()
+        if getattr(before[number], "is_ours", False):
+            _next_one_ends(number)
+        else:  # somebody's notebook
+            signal.signal(number, before[number])
 
     def is_like_ctrl_c(number: int) -> bool:
         return number == signal.SIGINT or getattr(signal.getsignal(number), "is_ours", False)

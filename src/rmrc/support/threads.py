@@ -11,6 +11,9 @@ from contextlib import contextmanager
 # itself it would wait for 5 ms for one that prepares runs.
 _SWITCH = 5e-5
 
+# Objects that somebody else has frozen, who wants them to stay so; Python itself freezes some hundred.
+_FROZEN = 10_000
+
 
 @contextmanager
 def side_by_side(count: int) -> Iterator[ThreadPoolExecutor]:
@@ -34,7 +37,7 @@ class _Interpreter:
     """Its settings, which all pools of a process share: the first changes them, the last puts them back."""
 
     def __init__(self) -> None:
-        self._pools, self._before, self._lock = 0, 0.0, threading.Lock()
+        self._pools, self._before, self._freezes, self._lock = 0, 0.0, False, threading.Lock()
 
     def enter(self) -> None:
         with self._lock:
@@ -42,13 +45,16 @@ class _Interpreter:
             if self._pools == 1:
                 self._before = sys.getswitchinterval()
                 sys.setswitchinterval(_SWITCH)
-                gc.freeze()  # what is loaded stays, and to look through it for garbage would stop all threads
+                self._freezes = gc.get_freeze_count() < _FROZEN
+                if self._freezes:  # what is loaded stays, and to look through it would stop all threads
+                    gc.freeze()
 
     def leave(self) -> None:
         with self._lock:
             self._pools -= 1
             if self._pools == 0:
-                gc.unfreeze()
+                if self._freezes:
+                    gc.unfreeze()
                 sys.setswitchinterval(self._before)
 
 

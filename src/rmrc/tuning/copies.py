@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.scenario import ArcSegment, LineSegment, Scenario, inline
+from rmrc.scenario import ArcSegment, LineSegment, Scenario, Variant, changes_of
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.sobol import sobol_point
 from rmrc.support.errors import ScenarioError
@@ -28,15 +28,7 @@ class Spread:
     payload: float = 0.0
 
 
-@dataclass(frozen=True)
-class Copy:
-    """One copy: how messages call it, and the `KEY=VALUE` texts that make it."""
-
-    label: str
-    overrides: tuple[str, ...] = ()
-
-
-def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tuple[Copy, ...]:
+def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tuple[Variant, ...]:
     """Return the scenario itself and copies of it, drawn evenly by Sobol's sequence.
 
     Args:
@@ -52,30 +44,29 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
     scenario, arm = nominal.scenario, nominal.arm
     if spread.payload and not nominal.plant.has_physics:
         name = scenario.plant.kind
-        raise ScenarioError(
-            [f"--payload: must be 0 in an {name} plant, which carries nothing; take another plant.kind"]
+        raise ScenarioError.about(
+            "--payload", f"must be 0 in an {name} plant, which carries nothing; take another plant.kind"
         )
     axes = [i for i, axis in enumerate("xyz") if axis in scenario.task.axes] if has_points(scenario) else []
     joints = arm.n if spread.start else 0
     axes = axes if spread.offset else []
     drawn = joints + len(axes) + bool(spread.payload)
     if drawn > _MOST_DRAWN:
-        raise ScenarioError(
-            [f"--copies: at most {_MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"]
+        raise ScenarioError.about(
+            "--copies", f"at most {_MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"
         )
     # positions place the joints that are not driven as in `home`, which must be where the keyframe has them
     placed = arm.configuration(nominal.qpos[arm.wiring.qpos])
     if joints and count and not np.array_equal(placed, nominal.qpos):
-        raise ScenarioError(
-            [
-                f'--start: must be 0 with arm.start "{scenario.arm.start}", which has joints that are not '
-                "driven elsewhere than home"
-            ]
+        raise ScenarioError.about(
+            "--start",
+            f'must be 0 with arm.start "{scenario.arm.start}", which has joints that are not driven '
+            "elsewhere than home",
         )
-    copies = [Copy("the scenario itself")]
+    copies = [Variant("the scenario itself")]
     for index in range(count if drawn else 0):
         point = sobol_point(index, drawn, seed)
-        texts = []
+        values: dict[str, object] = {}
         if joints:
             off = (
                 spread.start
@@ -83,17 +74,16 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
                 * (2.0 * point[:joints] - 1.0)
             )
             start = np.clip(nominal.qpos[arm.wiring.qpos] + off, *arm.position_limit.T)
-            texts.append(f"arm.start={inline(start.tolist())}")
+            values["arm.start"] = start
         if axes:
             moved = np.zeros(3)
             moved[: len(scenario.target.offset)] = scenario.target.offset
             moved[axes] += spread.offset * (2.0 * point[joints : joints + len(axes)] - 1.0)
-            texts.append(f"target.offset={inline(moved.tolist())}")
+            values["target.offset"] = moved
         if spread.payload:
-            texts.append(
-                f"plant.payload={inline(scenario.plant.payload + spread.payload * float(point[-1]))}"
-            )
-        copies.append(Copy(f"copy {index + 1} ({', '.join(texts)})", tuple(texts)))
+            values["plant.payload"] = scenario.plant.payload + spread.payload * float(point[-1])
+        changes = changes_of(values, "--vary")
+        copies.append(Variant(f"copy {index + 1} ({', '.join(map(str, changes))})", changes))
     return tuple(copies)
 
 

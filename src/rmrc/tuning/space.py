@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.results.run import Run
-from rmrc.scenario import Scenario, inline
+from rmrc.scenario import Change, Scenario, changes_of
 from rmrc.scenario.choices import INVERSES, POLICIES, SCHEDULES, Choice, Parameter, Scales
 from rmrc.simulation.prepare import Prepared
 
@@ -101,9 +101,9 @@ class Setting(NamedTuple):
         return {**self.structure.words, **dict(zip(self.structure.keys, self.numbers, strict=True))}
 
     @property
-    def overrides(self) -> tuple[str, ...]:
-        """The `KEY=VALUE` texts that make it of the scenario."""
-        return () if self.is_written else tuple(f"{key}={inline(v)}" for key, v in self.values.items())
+    def changes(self) -> tuple[Change, ...]:
+        """What makes it of the scenario."""
+        return () if self.is_written else changes_of(self.values)
 
 
 def own_setting(scenario: Scenario) -> Setting:

@@ -2,21 +2,19 @@
 
 import math
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.plants.batches import Batches
-from rmrc.results.run import Divergence
+from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Scorecard
-from rmrc.scenario import inline
-from rmrc.simulation.prepare import Preparation, Prepared
-from rmrc.simulation.simulation import Simulation
-from rmrc.support.threads import side_by_side
-from rmrc.tuning.copies import Copy
+from rmrc.scenario import Change, Variant, changes_of
+from rmrc.simulation.prepare import Prepared
+from rmrc.study.executors import threads
+from rmrc.study.study import Listed, OnRuns, Result, Study
 from rmrc.tuning.front import Point
 from rmrc.tuning.space import Setting
 
@@ -27,8 +25,6 @@ TOLERANCE = 0.01
 _TICKS = 200_000
 # Of the jobs that are run together, each thread has so many batches, so that none waits long for another.
 _PARTS = 4
-
-OnRuns = Callable[[int], None]
 
 
 class Outcome(NamedTuple):
@@ -124,13 +120,44 @@ class Limits:
         return Outcome(error, float((rates / self.scale).max()), time, completed, excess, missed)
 
 
+@dataclass
+class _Outcomes:
+    """What runs of a study come to.
+
+    Attributes:
+        pieces: Of the runs.
+        limits: What is allowed.
+        longest: Time that each may take [s].
+        on_runs: Called with the number of runs of each piece that was done.
+        found: By index; None for a run that was interrupted.
+    """
+
+    pieces: Sequence[range]
+    limits: Limits
+    longest: Sequence[float]
+    on_runs: OnRuns
+    found: list[Outcome | None]
+
+    def reduce(self, results: Sequence[Result]) -> list[Outcome]:
+        return [
+            self.limits.measure(one.scorecard, one.divergence, self.longest[one.index]) for one in results
+        ]
+
+    def missing(self) -> Sequence[range]:
+        return self.pieces
+
+    def keep(self, piece: range, payload: list[Outcome]) -> None:
+        self.found[piece.start : piece.stop] = payload
+        self.on_runs(len(piece))
+
+
 class Trials:
     """What runs settings on copies; what comes out depends on neither the threads nor the batches."""
 
     def __init__(
         self,
-        preparation: Preparation,
-        copies: Sequence[Copy],
+        study: Study,
+        copies: Sequence[Variant],
         threads: int,
         stop: threading.Event,
         on_runs: OnRuns | None,
@@ -138,18 +165,17 @@ class Trials:
         """Keep what all trials share; `planned` has the times of the copies' paths [s].
 
         Args:
-            preparation: Of the scenario.
+            study: Of the scenario.
             copies: The scenario itself first; all can be prepared.
             threads: How many batches are run at a time.
             stop: Once it is set, the runs end.
             on_runs: Called with the number of runs of each batch that was done.
         """
-        self._preparation, self._copies, self._threads, self._stop = preparation, copies, threads, stop
-        self._on_runs, self._lock = on_runs, threading.Lock()
-        self._batches = Batches()
-        nominal = preparation.variant()
+        self._study, self._copies, self._threads, self._stop = study, copies, threads, stop
+        self._on_runs = on_runs
+        nominal = study.prepare()
         self.limits, self._control = Limits.of(nominal), nominal.scenario.control
-        references = [preparation.variant(copy.overrides).reference for copy in copies]
+        references = [study.prepare(copy.changes).reference for copy in copies]
         self.planned = [one.period * one.ticks for one in references]
         self._longest = [math.inf] * len(copies)
         self._ticks = nominal.reference.ticks
@@ -172,35 +198,24 @@ class Trials:
         """
         most = max(1, _TICKS // self._ticks)
         size = max(1, min(most, -(-len(jobs) // (_PARTS * self._threads))))
-        batches = [jobs[first : first + size] for first in range(0, len(jobs), size)]
-        with side_by_side(self._threads) as pool:
-            return [one for batch in pool.map(self._batch, batches) for one in batch]
+        pieces = [range(first, min(first + size, len(jobs))) for first in range(0, len(jobs), size)]
+        longest = [self._longest[copy] for _, copy in jobs]
+        into = _Outcomes(pieces, self.limits, longest, self._count, [None] * len(jobs))
+        variants = Listed([Variant("", self._changes(*job)) for job in jobs])
+        with threads(self._threads, self._study) as crew:
+            self._study.run(variants, crew, into, self._stop)
+        return into.found
 
-    def _batch(self, jobs: Sequence[tuple[Setting, int]]) -> Sequence[Outcome | None]:
-        # the arms are shared, and asked by one thread at a time
-        with self._lock:
-            prepared = [
-                self._preparation.variant(self._texts(*job)) for job in jobs if not self._stop.is_set()
-            ]
-            if self._stop.is_set():
-                return [None] * len(jobs)
-            simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
-        simulation.step(stop=self._stop)
-        simulation.release()
-        if self._stop.is_set():
-            return [None] * len(jobs)
-        ended = zip(jobs, simulation.scorecards(), simulation.divergences(), strict=True)
-        outcomes = [self.limits.measure(card, where, self._longest[copy]) for (_, copy), card, where in ended]
-        with self._lock:
-            self.done += len(jobs)
-            if self._on_runs is not None:
-                self._on_runs(len(jobs))
-        return outcomes
+    def _count(self, runs: int) -> None:
+        self.done += runs
+        if self._on_runs is not None:
+            self._on_runs(runs)
 
-    def _texts(self, setting: Setting, copy: int) -> tuple[str, ...]:
+    def _changes(self, setting: Setting, copy: int) -> tuple[Change, ...]:
         """Return what makes a run; a slow one ends when it has taken longer than allowed."""
-        texts = (*setting.overrides, *self._copies[copy].overrides)
+        changes = (*setting.changes, *self._copies[copy].changes)
         if setting.structure.at_singularity != "slow" or self._longest[copy] == math.inf:
-            return texts
+            return changes
         share = self._longest[copy] / self.planned[copy]
-        return (*texts, f"control.slow.longest={inline(min(max(share, 1.0), self._control.slow.longest))}")
+        longest = min(max(share, 1.0), self._control.slow.longest)
+        return (*changes, *changes_of({"control.slow.longest": longest}))

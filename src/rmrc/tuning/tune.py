@@ -8,16 +8,19 @@ from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
-from rmrc.scenario import Template, block
+from rmrc.results.leaving import refuse_unwritable
+from rmrc.scenario import Draft, Scenario, Variant, block, changes_of, draft_of
 from rmrc.simulation.footprint import footprint, refuse_excess
-from rmrc.simulation.prepare import Preparation, Prepared
+from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import Column, write_table
+from rmrc.study.study import OnRuns, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
-from rmrc.tuning.copies import Copy, Spread, draw_copies, has_points
-from rmrc.tuning.only import read_only
+from rmrc.support.problems import Origin, Problem
+from rmrc.tuning.copies import Spread, draw_copies, has_points
+from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.search import Search, Tried
 from rmrc.tuning.space import (
     NUMBERS,
@@ -29,7 +32,7 @@ from rmrc.tuning.space import (
     bounds,
     own_setting,
 )
-from rmrc.tuning.trials import Limits, OnRuns, Trials
+from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.verdict import Verdict, judge
 
 
@@ -54,7 +57,7 @@ class Tuned:
     feasible: tuple[Tried, ...]
     verdict: Verdict
     control: Mapping[str, Any] | None
-    copies: tuple[Copy, ...]
+    copies: tuple[Variant, ...]
     limits: Limits
     runs: int
     interrupted: bool
@@ -77,10 +80,10 @@ class Tuning:
 
     def __init__(
         self,
-        path: str | os.PathLike[str],
+        source: str | os.PathLike[str] | Scenario | Draft,
         overrides: Sequence[str] = (),
         *,
-        only: Sequence[str] = (),
+        only: Only = (),
         copies: int = 4,
         seed: int = 0,
         spread: Spread | None = None,
@@ -91,9 +94,9 @@ class Tuning:
         """Check everything before the first run.
 
         Args:
-            path: Of the scenario.
+            source: The scenario, or its file.
             overrides: `KEY=VALUE` texts.
-            only: `KEY=V1,V2,...` texts, what keys are restricted to.
+            only: What keys are restricted to.
             copies: How many perturbed copies there are.
             seed: Of the copies and of the search.
             spread: How far copies are off; None: by the defaults.
@@ -106,11 +109,12 @@ class Tuning:
         """
         spread = spread or Spread()
         _check(copies, seed, spread, slower, runs, threads)
-        self._path, self._seed, self.slower, self._runs = Path(path), seed, slower, runs
+        self._seed, self.slower, self._runs = seed, slower, runs
         self._spread = spread
         self._threads = threads or os.cpu_count() or 1
-        self._preparation, self._template = Preparation(path, overrides), Template(path, overrides)
-        self._nominal: Prepared = self._preparation.variant()
+        self._draft = draft_of(source, overrides)
+        self._study = Study(self._draft)
+        self._nominal: Prepared = self._study.prepare()
         self.scenario = self._nominal.scenario
         words, self._only = read_only(only)
         self._check_numbers()
@@ -118,7 +122,7 @@ class Tuning:
         self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
         self._structures, self.left_out = self._possible(words)
         self.copies = draw_copies(self._nominal, copies, seed, spread)
-        self._refuse_excess(self._check_copies())
+        self._refuse_excess(self._study.prepare_all(self.copies, ""))
 
     @property
     def spread_in_words(self) -> str:
@@ -144,7 +148,7 @@ class Tuning:
             on_runs: Called with the number of runs of each batch that was done.
         """
         with interruptible() as stop:
-            trials = Trials(self._preparation, self.copies, self._threads, stop, on_runs)
+            trials = Trials(self._study, self.copies, self._threads, stop, on_runs)
             (run,) = Simulation([self._nominal]).run(stop=stop)
             if stop.is_set():
                 return None
@@ -194,7 +198,8 @@ class Tuning:
                 arm["model"] = self._seen_from(folder, arm["model"])
         if "arm.model" in vary:
             vary["arm.model"] = [self._seen_from(folder, name) for name in vary["arm.model"]]
-        head = f"# {self._path.name} with the control section that `rmrc tune` recommends."
+        name = Path(self._draft.source).name or self.scenario.name
+        head = f"# {name} with the control section that `rmrc tune` recommends."
         with written_whole(files[0]) as temporary:
             temporary.write_text(f"{head}\n{block(data)}", "utf-8")
         self._draw(tuned, files[1])
@@ -213,7 +218,7 @@ class Tuning:
 
     def _seen_from(self, folder: Path, model: str) -> str:
         """Return a model's file, which is relative to the scenario's folder, relative to another."""
-        return os.path.relpath((self._path.parent / model).resolve(), folder.resolve())
+        return os.path.relpath((self._draft.folder / model).resolve(), folder.resolve())
 
     def _draw(self, tuned: Tuned, path: Path) -> None:
         from rmrc.tuning.figure import Mark, draw_front
@@ -234,7 +239,7 @@ class Tuning:
 
     def _written(self, setting: Setting) -> dict[str, Any]:
         """Return the scenario as it is written, with a setting, and without what that does not read."""
-        data = self._template.written(setting.overrides)
+        data = self._draft.changed(*setting.changes).values()
         if not setting.is_written:
             for key in setting.structure.unread:
                 _remove(data, key.split("."))
@@ -242,31 +247,31 @@ class Tuning:
 
     def _check_numbers(self) -> None:
         """Refuse numbers that no scenario may have."""
-        problems = []
+        problems = list[Problem]()
         for key, values in self._only.items():
             for value in values:
                 try:
-                    self._preparation.variant([f"{key}={value!r}"])
+                    self._study.prepare(changes_of({key: value}, "--only"))
                 except ScenarioError as error:
-                    problems += [problem.replace("--vary", "--only", 1) for problem in error.problems]
+                    problems += error.problems
         if problems:
             raise ScenarioError(problems)
 
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why it cannot have the others."""
-        found, reasons = list[Structure](), dict[str, None]()
+        found, reasons = list[Structure](), dict[Problem, None]()
         for one in all_structures():
             if any(value not in words.get(key, (value,)) for key, value in one.words.items()):
                 continue
             try:
-                self._preparation.variant([f"{key}={value}" for key, value in one.words.items()])
+                self._study.prepare(changes_of(one.words))
             except ScenarioError as error:
-                reasons |= dict.fromkeys(problem.removeprefix("--vary ") for problem in error.problems)
+                reasons |= dict.fromkeys(error.problems)
             else:
                 found.append(one)
         if not found:
-            raise ScenarioError([f"--only {reason}" for reason in reasons])
-        return tuple(found), tuple(reasons)
+            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons)
+        return tuple(found), tuple(map(str, reasons))
 
     def _refuse_excess(self, copies: Sequence[Prepared]) -> None:
         """Refuse what does not fit into memory: the run as written, and batches of its copies."""
@@ -274,41 +279,68 @@ class Tuning:
         batches = footprint(copies, keep_columns=False).times(self._threads)
         excess = (batches + footprint([self._nominal])).excess
         if excess:
-            place = self.scenario.locate("target.path")
-            raise ScenarioError(
-                [
-                    f"{place}: has {self._nominal.reference.ticks} ticks, which on {len(copies)} copies and "
-                    f"{self._threads} threads need {excess}; shorten it, or lower --copies or --threads"
-                ]
+            wrong = (
+                f"has {self._nominal.reference.ticks} ticks, which on {len(copies)} copies and "
+                f"{self._threads} threads need {excess}; shorten it, or lower --copies or --threads"
             )
-
-    def _check_copies(self) -> list[Prepared]:
-        prepared, problems = list[Prepared](), []
-        for copy in self.copies:
-            try:
-                prepared.append(self._preparation.variant(copy.overrides))
-            except ScenarioError as error:
-                problems += [f"{copy.label}: {problem}" for problem in error.problems]
-        if problems:
-            raise ScenarioError(problems)
-        return prepared
+            raise ScenarioError([self.scenario.problem("target.path", wrong)])
 
 
-def tune(path: str | os.PathLike[str], overrides: Sequence[str] = (), **options: Any) -> Tuned | None:
+def tune(
+    scenario: str | os.PathLike[str] | Scenario | Draft,
+    only: Only | None = None,
+    *,
+    copies: int = 4,
+    start: float = Spread.start,
+    offset: float = Spread.offset,
+    payload: float = Spread.payload,
+    slower: float = 1.1,
+    runs: int = 2000,
+    seed: int = 0,
+    out: str | os.PathLike[str] | None = None,
+    threads: int | None = None,
+    on_runs: OnRuns | None = None,
+) -> Tuned:
     """Search for the inverse, damping and feedback with the smallest tracking error within the limits.
 
+    The function behind `rmrc tune`.
+
     Args:
-        path: Of the scenario.
-        overrides: `KEY=VALUE` texts.
-        options: See `Tuning`.
+        scenario: The scenario, its file, or the name of a shipped one.
+        only: What keys are restricted to, such as `{"control.inverse.method": ["damped", "filtered"]}`.
+        copies: How many perturbed copies of the scenario there are; the worst of all counts.
+        start: How far the joints of a copy start off, to either side [rad]; slides: times `task.length` [m].
+        offset: How far the target of a copy is off along each axis, to either side [m].
+        payload: Most that a copy carries beside [kg].
+        slower: Times the duration with the scenario's own setting that another may take.
+        runs: How many runs are made at most.
+        seed: Of the copies and of the search.
+        out: Folder for NAME.tune.yaml, .png and .parquet; made if it is missing. None: nothing is written.
+        threads: How many batches are run at a time; None: one a core.
+        on_runs: Called with the number of runs of each batch that was done.
 
     Returns:
-        What was found, with `tuned.block` to paste; None if it was interrupted at once.
+        What was found, with `tuned.block`, the control section to paste; Ctrl-C ends the search with what was
+        found so far.
 
     Raises:
-        ScenarioError: All that is wrong.
+        ScenarioError: All that is wrong, before the first run.
+        OSError: A file cannot be written.
+        KeyboardInterrupt: Ctrl-C, before anything was found.
     """
-    return Tuning(path, overrides, **options).run()
+    spread = Spread(start, offset, payload)
+    work = Tuning(
+        scenario, only=only or (), copies=copies, seed=seed, spread=spread, slower=slower, runs=runs,
+        threads=threads,
+    )  # fmt: skip
+    if out is not None:
+        refuse_unwritable(work.files(Path(out)))
+    found = work.run(on_runs)
+    if found is None:
+        raise KeyboardInterrupt
+    if out is not None:
+        work.write(found, Path(out))
+    return found
 
 
 def _check(copies: int, seed: int, spread: Spread, slower: float, runs: int, threads: int | None) -> None:
@@ -318,7 +350,7 @@ def _check(copies: int, seed: int, spread: Spread, slower: float, runs: int, thr
         "threads": (threads or 1, 1),
     }  # fmt: skip
     problems = [
-        f"--{name}: must be finite and >= {low}, got {value:g}"
+        Problem((), f"must be finite and >= {low}, got {value:g}", Origin(f"--{name}"))
         for name, (value, low) in least.items()
         if not low <= value < math.inf
     ]

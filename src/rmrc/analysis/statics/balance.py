@@ -109,8 +109,7 @@ class Balance:
 def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) -> Balance:
     """Return what drives and links of an arm bear at rest while a wrench acts on it.
 
-    τ = −Jᵀ F by MuJoCo's Jacobian, and by forces from link to link [Craig05, §5.9, §5.10]; `rmrc.balance`
-    in a notebook.
+    τ = −Jᵀ F by MuJoCo's Jacobian, and by forces from link to link [Craig05, §5.9, §5.10].
 
     Args:
         arm: The arm.
@@ -290,7 +289,7 @@ def wrench_costs(arm: Arm, q: ArrayLike, length: float = 1.0) -> tuple[Costs, ..
 
     |S_q Jᵀ F| = σ_i for S_x⁻¹ F = u_i, the left singular vectors of A = S_x J S_q: a force along a direction
     that is lost is borne by the links alone, and one along a direction that is nearly lost 1/σ times as well
-    as a unit of torque [Khatib08] [Yoshikawa85]. `rmrc.wrench_costs` in a notebook.
+    as a unit of torque [Khatib08] [Yoshikawa85].
 
     What is free at almost every configuration, as the arm has not joints enough, is told from what is free
     here alone by the rank that J has almost everywhere.

@@ -1,6 +1,6 @@
 """Many variants of one scenario: prepared once, they are to the bit and to the word what each is alone."""
 
-import dataclasses
+import json
 
 import numpy as np
 import pytest
@@ -8,11 +8,15 @@ from numpy.testing import assert_array_equal
 
 from project import ROOT
 from rmrc.results.scorecard import refuse_unknown
-from rmrc.scenario import Variant, load
+from rmrc.scenario import Variant, draft_of, load
+from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
-from rmrc.simulation.prepare import Preparation, prepare, prepare_many, world_records
+from rmrc.simulation.prepare import prepare, world_records
 from rmrc.study.compare import Comparison
+from rmrc.study.plan import Plan
+from rmrc.study.study import Checked, Study
 from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Problem
 
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 # Each key that others are found by is changed, and changed back.
@@ -25,8 +29,12 @@ SHARED = ["control.feedback=12"]
 FIELDS = ("time", "pose", "twist", "acceleration", "segment")
 
 
+def changes(texts):
+    return tuple(map(read_setting, texts))
+
+
 def variants(varied):
-    return [Variant(f"v{i}", tuple(texts)) for i, texts in enumerate(varied)]
+    return [Variant(f"v{i}", changes(texts)) for i, texts in enumerate(varied)]
 
 
 def assert_same(one, other):
@@ -44,7 +52,7 @@ def assert_same(one, other):
 
 
 def alone(path, overrides, varied):
-    prepared = prepare(load(path, overrides, varied))
+    prepared = prepare(load(path, [*overrides, *varied]))
     refuse_unknown(prepared.scenario, prepared.arm.joints)
     return prepared
 
@@ -61,7 +69,7 @@ def test_each_variant_is_what_it_is_alone(path):
         except ScenarioError:  # not every change fits every scenario
             assert texts
     assert len(fitting) > 8
-    for one, want in zip(prepare_many(path, SHARED, variants(fitting)), wanted, strict=True):
+    for one, want in zip(Study(draft_of(path, SHARED)).prepare_all(variants(fitting)), wanted, strict=True):
         assert_same(one, want)
 
 
@@ -73,22 +81,21 @@ def test_what_they_have_in_common_is_found_once(monkeypatch):
             preparation, name, lambda *args, name=name, find=find: asked.append(name) or find(*args)
         )
     many = [[f"control.feedback={i}"] for i in range(1, 50)]
-    prepared = prepare_many(SCENARIOS[1], (), variants(many))
+    prepared = Study(draft_of(SCENARIOS[1])).prepare_all(variants(many))
     for of in ("arm", "reference", "task"):
         assert len({id(getattr(one, of)) for one in prepared}) == 1
     assert sorted(asked) == ["Task", "make_reference"]
 
 
 def test_what_is_kept_does_not_grow():
-    preparation = Preparation(
-        ROOT / "scenarios" / "approach_singularity.yaml", ["target.path=[{hold: {for: 0.01}}]"]
-    )
+    path = ROOT / "scenarios" / "approach_singularity.yaml"
+    study = Study(draft_of(path, ["target.path=[{hold: {for: 0.01}}]"]))
     for i in range(100):
-        preparation.variant([f"arm.start=[1, -1.{i:03}]", f"arm.stretch.link_2=1.{i:03}"])
-    kept = preparation._known
+        study.prepare(changes([f"arm.start=[1, -1.{i:03}]", f"arm.stretch.link_2=1.{i:03}"]))
+    kept = study._known
     assert [len(recent._found) for recent in (kept._arms, kept._references)] == [32, 32]
-    first = preparation.variant(["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"])
-    assert_same(first, alone(ROOT / "scenarios/approach_singularity.yaml", ["target.path=[{hold: {for: 0.01}}]"],
+    first = study.prepare(changes(["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"]))
+    assert_same(first, alone(path, ["target.path=[{hold: {for: 0.01}}]"],
                              ["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"]))  # fmt: skip
 
 
@@ -103,10 +110,10 @@ WRONG = [
 @pytest.mark.parametrize("overrides", [(), ("control.period=0",), ("plant.kvv=1", "arm.start=nowhere")])
 def test_mistakes_are_told_as_of_each_alone(overrides):
     path = ROOT / "scenarios" / "approach_singularity.yaml"
-    preparation = Preparation(path, overrides)
+    study = Study(draft_of(path, overrides))
     for varied in [*WRONG, []]:
         told = []
-        for ask in (lambda v=varied: preparation.variant(v), lambda v=varied: alone(path, overrides, v)):
+        for ask in (lambda v=varied: study.prepare(changes(v)), lambda v=varied: alone(path, overrides, v)):
             try:
                 ask()
                 told.append(None)
@@ -118,27 +125,70 @@ def test_mistakes_are_told_as_of_each_alone(overrides):
 
 def test_a_mistake_names_its_variants_once(tmp_path):
     path = ROOT / "scenarios" / "approach_singularity.yaml"
-    shown = "--vary control.feedback: must be >= 0, got -1"
-    both = [Variant("a", ("control.feedback=-1",)), Variant("b", ("control.feedback=1",))]
+    shown = "--set control.feedback: must be >= 0, got -1"
+    (low, high) = variants([["control.feedback=-1"], ["control.feedback=1"]])
+    study = Study(draft_of(path))
     with pytest.raises(ScenarioError) as caught:
-        prepare_many(path, (), both)
-    assert caught.value.problems == (f'variant "a": {shown}',)
+        study.prepare_all([low, high])
+    assert str(caught.value) == f'variant "v0": {shown}'
     with pytest.raises(ScenarioError) as caught:
-        prepare_many(path, (), [both[0], dataclasses.replace(both[0], label="c")])
-    assert caught.value.problems == (shown,)
+        study.prepare_all([low, low._replace(label="c")])
+    assert str(caught.value) == shown
     with pytest.raises(ScenarioError) as caught:
-        Comparison(tmp_path / "none.yaml", ["control.feedback=1,2"])
-    assert caught.value.problems == (f"{tmp_path}/none.yaml: no such file",)
+        Comparison(tmp_path / "none.yaml", [low, high])
+    assert str(caught.value) == f"{tmp_path}/none.yaml: no such file"
 
 
 def test_a_file_is_read_once(tmp_path):
     path = tmp_path / "x.yaml"
     text = (ROOT / "scenarios" / "approach_singularity.yaml").read_text()
     path.write_text(text.replace("../models", f"{ROOT}/models"))
-    preparation = Preparation(path)
+    study = Study(draft_of(path))
     path.unlink()
-    one, other = preparation.variant(["control.feedback=7"]), preparation.variant()
+    one, other = study.prepare(changes(["control.feedback=7"])), study.prepare()
     assert (one.scenario.control.feedback, other.scenario.control.feedback) == (7.0, 20.0)
     assert np.array_equal(one.qpos, other.qpos)
-    assert one.scenario.locate("control.feedback") == "--vary control.feedback"
+    assert one.scenario.locate("control.feedback") == "--set control.feedback"
     assert other.scenario.locate("control.feedback") == f"{path}:11:13: control.feedback"
+
+
+def test_what_many_variants_have_in_common_is_told_once_with_how_many_and_the_first():
+    plan = Plan((("control.feedback", (1, -1, -2, -1.5)),), repeat=2)
+    first, other, rare = (Problem((), text) for text in ("all of them", "some", "rare"))
+    whole = Checked()
+    for start in range(0, 8, 2):
+        piece = Checked(2)
+        for index in range(start, start + 2):
+            piece.refuse(first, (index,), 1, 99)
+        if start >= 4:
+            piece.refuse(other, (start,), 1, 99)
+        whole.extend(piece, 3)
+    whole.refuse(rare, (7,), 1, 3)
+    with pytest.raises(ScenarioError) as caught:
+        whole.raise_any(plan)
+    assert str(caught.value).splitlines() == [
+        "all of them",
+        "2 runs, the first run 4 (control.feedback=-2): some",
+        "run 7 (control.feedback=-1.5): rare",
+    ]
+    whole.refuse(Problem((), "one too many"), (0,), 1, 3)
+    with pytest.raises(ScenarioError) as caught:
+        whole.raise_any(plan)
+    assert str(caught.value).splitlines()[3:] == ["and 1 more problems of other runs"]
+    Checked(8).raise_any(plan)  # negative control
+
+
+def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeypatch):
+    monkeypatch.setattr(Comparison, "_draw", lambda *_: None)
+    path = ROOT / "scenarios" / "approach_singularity.yaml"
+    short, some = (
+        ["target.path=[{hold: {for: 0.05}}]"],
+        variants([["control.feedback=5"], ["plant.payload=1"]]),
+    )
+    by_file = Comparison(path, some, short, tmp_path / "a", record=False).run()
+    by_object = Comparison(load(path), some, short, tmp_path / "b", record=False).run()
+    for one, other in zip(by_file.variants, by_object.variants, strict=True):
+        assert one.run["qdot_cmd"].tobytes() == other.run["qdot_cmd"].tobytes()
+        assert one.outcomes == other.outcomes
+    a, b = (json.loads((tmp_path / name / f"{by_file.name}.compare.json").read_text()) for name in "ab")
+    assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]

@@ -1,0 +1,17 @@
+"""Have the inverse, its damping and the feedback of a scenario chosen."""
+
+import rmrc
+
+# A short search over the damped inverses alone; without these options it takes all of them and 2000 runs.
+tuned = rmrc.tune(
+    "approach_singularity",
+    only={"control.inverse.method": ["damped", "filtered"], "control.at_singularity": ["damp"]},
+    copies=1,
+    runs=60,
+)
+best = tuned.verdict.recommended
+assert best is not None  # some setting keeps the limits
+print(f"{tuned.runs} runs")
+for name, one in {"recommended": best, "as written": tuned.own}.items():
+    print(f"{name}: {one.worst.error:.2g} m off at most, at up to {one.worst.peak_rate:.3g} rad/s")
+print(tuned.block)  # the control section, ready to be pasted into a scenario

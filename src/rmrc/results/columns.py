@@ -1,0 +1,132 @@
+"""What a run recorded: named columns over time, with unit and meaning, and how it ended."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.scenario.choices import Status
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column holds.
+
+    Attributes:
+        unit: SI; `joint` stands for rad or m, by the kind of each joint.
+        meaning: In a few words.
+        width: `n` joints, `k` = min(m, n) singular values, a number of rows, or "" for a scalar.
+    """
+
+    unit: str
+    meaning: str
+    width: str = ""
+
+
+COLUMNS: Mapping[str, Column] = {
+    "time": Column("s", "simulated time of the control tick"),
+    "q": Column("joint", "joint positions, the true ones where encoders are off", "n"),
+    "qdot": Column("joint/s", "joint rates, measured", "n"),
+    "qdot_cmd": Column("joint/s", "joint rates, sent", "n"),
+    "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
+    "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
+    "twist_ref": Column("m/s, rad/s", "twist wanted, [v; ω] along world axes", "6"),
+    "pose_error": Column("m, rad", "[p_ref − p; log(R_ref Rᵀ)] of the true pose", "6"),
+    "sigma": Column("1", "singular values of the scaled task Jacobian, falling", "k"),
+    "gain": Column("1", "filter g(σ) that the inverse used", "k"),
+    "damping": Column("1", "λ, in the units of σ"),
+    "manipulability": Column("1", "w, the product of the singular values"),
+    "condition": Column("1", "κ, the largest over the smallest singular value"),
+    "u_min": Column("1", "task direction of the smallest singular value, scaled", "6"),
+    "v_min": Column("1", "joint motion of the smallest singular value, scaled", "n"),
+    "tau": Column("N·m or N", "actuator torques of the last step; 0 for the ideal plant", "n"),
+    "path_time": Column("s", "time along the path; behind `time` where it is slowed"),
+    "path_rate": Column("1", "ṡ, the pace along the path"),
+    "secondary_error": Column("m, rad", "norm of the second task's error; NaN without one"),
+    "secondary_sigma": Column(
+        "1", "smallest singular value that the first task leaves to the second; or NaN"
+    ),
+    "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in Status if s)),
+}
+
+
+@dataclass(frozen=True)
+class Divergence:
+    """Where a state stopped being finite.
+
+    Attributes:
+        tick: First control tick that could not be recorded.
+        time: Its time [s].
+        joint: Name of the joint, or "" if it is not known.
+        reason: What was seen.
+    """
+
+    tick: int
+    time: float
+    joint: str
+    reason: str
+
+    def __str__(self) -> str:
+        """Return one line for a message."""
+        where = f' at joint "{self.joint}"' if self.joint else ""
+        return f"diverged at tick {self.tick} ({self.time:.4f} s){where}: {self.reason}"
+
+
+@dataclass(frozen=True, eq=False)
+class Recorded:
+    """What of a run is known beside its figures.
+
+    Attributes:
+        name: Of the scenario.
+        joints: Names, n of them.
+        is_slide: Which joints slide, (n,).
+        axes: Task axes that counted.
+        length: Characteristic length L of the task [m].
+        period: Control period [s].
+        columns: Arrays by the names of COLUMNS, time first: (T,) or (T, width).
+        planned: Ticks of the path; T is smaller if the run was cut short, and larger if it was slowed.
+        divergence: Where it diverged, or None.
+        wall_time: Seconds that the stepping took; worlds stepped together share it equally.
+        weights: Task weights, one an axis; none: all 1.
+        torque_limit: Of each joint [N·m or N], infinite where it has none; none: no joint has one.
+    """
+
+    name: str
+    joints: tuple[str, ...]
+    is_slide: tuple[bool, ...]
+    axes: tuple[str, ...]
+    length: float
+    period: float
+    columns: Mapping[str, NDArray[np.generic]]
+    planned: int
+    divergence: Divergence | None = None
+    wall_time: float = 0.0
+    weights: tuple[float, ...] = ()
+    torque_limit: tuple[float, ...] = ()
+
+    def __getitem__(self, column: str) -> NDArray[np.float64]:
+        """Return a column by name."""
+        return self.columns[column]  # type: ignore[return-value]
+
+    def __len__(self) -> int:
+        """Return the number of ticks recorded."""
+        return len(self.columns["time"])
+
+    @property
+    def completed(self) -> float:
+        """Share of the path that was recorded; 1: all of it."""
+        return self.share(float(self["path_time"][-1])) if len(self) else 0.0
+
+    def share(self, path_time: float) -> float:
+        """Return the share of the path that a tick at a time along it ends."""
+        return (round(path_time / self.period, 6) + 1.0) / self.planned
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the path was recorded to its end."""
+        return self.completed == 1.0
+
+    def joint_unit(self, j: int) -> str:
+        """Return `m` for a sliding joint, else `rad`."""
+        return "m" if self.is_slide[j] else "rad"

@@ -1,0 +1,388 @@
+"""A scenario and what it was made of: plain values that a file, options or Python gave, checked as a whole.
+
+A change is checked where it is: only the sections on the way to its value are made anew. What is refused so
+is checked again as a whole, so that messages have one source.
+"""
+
+import copy
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from functools import cache, cached_property, reduce
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from pydantic import PrivateAttr, ValidationError
+
+from rmrc.scenario.changes import Change, Unread, applied, changes_of, put, read_change, read_setting
+from rmrc.scenario.keys import SourceMap, in_order
+from rmrc.scenario.messages import translate
+from rmrc.scenario.reading import Document, TextError, parse, read
+from rmrc.scenario.sections import SecondarySection, Sections, TaskSection, parse_key
+from rmrc.scenario.values import Section
+from rmrc.scenario.wording import block, show
+from rmrc.support import shipped
+from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Origin, Problem, join
+
+
+class Scenario(Sections):
+    """Everything that one run depends on: frozen, checked, SI and radians.
+
+    >>> one = load("scenarios/line_tracking.yaml")
+    >>> [one.set({"plant.payload": mass}).plant.payload for mass in (0.5, 2)]
+    [0.5, 2.0]
+    """
+
+    _draft: "Draft" = PrivateAttr(default_factory=lambda: Draft(Document({}, SourceMap())))
+
+    @property
+    def draft(self) -> "Draft":
+        """What it was made of; of one that was made in Python, its own values."""
+        if not self._draft.is_something:
+            self._draft = Draft(Document(self.model_dump(mode="json"), SourceMap()))
+        return self._draft
+
+    def locate(self, key: str) -> str:
+        """Return where a key was given, to begin a message with.
+
+        Args:
+            key: A dotted key, such as `control.inverse.damping.maximum`, `arm.start[1]` or
+                `expect.joint_rate.peak`.
+
+        Returns:
+            `scenarios/x.yaml:7:13: control.inverse.damping.maximum`, where its value starts,
+            counted from 1, or its nearest parent if it is absent; `--set KEY` if it was set so;
+            the key alone if the scenario was made in Python.
+        """
+        return self._draft.document.sources.locate(parse_key(key))
+
+    def problem(self, key: str, text: str) -> Problem:
+        """Return what is wrong with a value, with the place where it was given.
+
+        Args:
+            key: Of the value, dotted.
+            text: What is wrong.
+        """
+        return self._draft.document.sources.problem(parse_key(key), text)
+
+    def changed(self, *changes: Change) -> "Scenario":
+        """Return the scenario with other values; later changes win.
+
+        Raises:
+            ScenarioError: With all that is wrong at once.
+        """
+        draft = self.draft.changed(*changes)
+        try:
+            found: Scenario = _changed(self, _tree(changes), draft.context)
+        except (_RefusedError, TextError, ValidationError):
+            return draft.scenario()
+        found._draft = draft
+        return found
+
+    def set(self, values: Mapping[str, object]) -> "Scenario":
+        """Return the scenario with other values: `scenario.set({"control.feedback": 40})`.
+
+        Args:
+            values: By dotted key, such as `arm.start[1]`, each as a file would have it.
+
+        Raises:
+            ScenarioError: With all that is wrong at once.
+            ValueError: What should be a key is none.
+        """
+        return self.changed(*changes_of(values))
+
+    def to_yaml(self) -> str:
+        """Return the complete scenario as it runs: all defaults, SI numbers, an absolute path.
+
+        `rmrc.scenario.loads` reads it back to an equal scenario.
+        """
+        return block(self.model_dump(mode="json"), width=80)
+
+
+class Carried(NamedTuple):
+    """What stands for the files of a scenario where these are not.
+
+    Attributes:
+        folder: Where its file was.
+        models: Files that stand for the models, by the names that the scenario has for them.
+    """
+
+    folder: Path
+    models: Mapping[str, Path] = {}
+
+
+class Draft:
+    """Values of a scenario and where they were given; they may be wrong, and changes may mend them.
+
+    Any two are equal: what a scenario was made of is no part of what it says.
+    """
+
+    def __init__(
+        self, document: Document, files: Carried | None = None, changes: Sequence[Change] = ()
+    ) -> None:
+        """Keep the values.
+
+        Args:
+            document: What was written.
+            files: Where its files are; None: paths start at the working directory, and files are not asked
+                for before they are used.
+            changes: On top of it.
+        """
+        self._written, self.files, self._changes = document, files, tuple(changes)
+
+    def __eq__(self, other: object) -> bool:
+        """Say whether the other is a draft as well."""
+        return isinstance(other, Draft)
+
+    __hash__ = None  # type: ignore[assignment]
+
+    @cached_property
+    def document(self) -> Document:
+        """The values with all changes."""
+        return reduce(applied, self._changes, self._written)
+
+    @property
+    def is_something(self) -> bool:
+        """Whether there are any values."""
+        return bool(self._written.value or self._changes)
+
+    @property
+    def source(self) -> str:
+        """What messages call the file; "" without one."""
+        return self._written.sources.source
+
+    @property
+    def folder(self) -> Path:
+        """Where relative paths start."""
+        return self.files.folder if self.files else Path()
+
+    @property
+    def context(self) -> Mapping[str, Any] | None:
+        """What the sections need to know of files."""
+        return self.files and self.files._asdict()
+
+    @property
+    def models(self) -> list[str]:
+        """The names of all models that the draft and its sweep have; it is one without mistakes."""
+        data = self.document.value
+        vary = (data.get("sweep") or {}).get("vary") or {}
+        arms = [data["arm"], *vary.get("arm", ())]
+        names = [*(arm["model"] for arm in arms if "model" in arm), *vary.get("arm.model", ())]
+        return list(dict.fromkeys(map(str, names)))
+
+    def carried(self, files: Carried) -> "Draft":
+        """Return the draft with files that lie elsewhere."""
+        return Draft(self._written, files, self._changes)
+
+    def changed(self, *changes: Change) -> "Draft":
+        """Return the draft with other values; later changes win."""
+        return Draft(self._written, self.files, (*self._changes, *changes))
+
+    def overridden(self, texts: Iterable[str]) -> "Draft":
+        """Return the draft with `KEY=VALUE` texts of `--set`."""
+        return self.changed(*map(read_setting, texts))
+
+    def given(self, key: str, text: str, option: str) -> "Draft":
+        """Return the draft with the value of an option that has a key of its own.
+
+        Args:
+            key: What the option changes, such as `sweep.vary.control.feedback`.
+            text: The value as YAML.
+            option: What messages call the key instead, such as `--vary control.feedback`.
+        """
+        steps = parse_key(key)
+        return self.changed(read_change(steps, text, Origin(option, key=join(steps))))
+
+    def values(self) -> dict[str, Any]:
+        """Return a copy of the values: plain data, unchecked."""
+        return dict(copy.deepcopy(self.document.value))
+
+    def scenario(self) -> Scenario:
+        """Return the scenario.
+
+        Raises:
+            ScenarioError: With all that is wrong at once.
+        """
+        document = self.document
+        problems = document.problems
+        try:
+            found = Scenario.model_validate(
+                document.value, context=self.context, by_alias=True, by_name=False
+            )
+        except ValidationError as error:
+            problems = problems + translate(error, document)
+        if problems:
+            raise ScenarioError(in_order(problems))
+        found._draft = self
+        return found
+
+
+class Problems:
+    """What is wrong with a scenario, collected so that all of it is told at once."""
+
+    def __init__(self, scenario: Scenario) -> None:
+        """Begin with none."""
+        self._scenario, self._found = scenario, list[Problem]()
+
+    def add(self, key: str, text: str) -> None:
+        """Keep what is wrong with a value; the key is dotted."""
+        self._found.append(self._scenario.problem(key, text))
+
+    def extend(self, found: Iterable[tuple[str, str]]) -> None:
+        """Keep what is wrong with several values: a dotted key and a text each."""
+        for key, text in found:
+            self.add(key, text)
+
+    def raise_any(self) -> None:
+        """Raise what was found, if anything.
+
+        Raises:
+            ScenarioError: With all of it.
+        """
+        if self._found:
+            raise ScenarioError(self._found)
+
+
+def draft_of(source: str | os.PathLike[str] | Scenario | Draft, overrides: Iterable[str] = ()) -> Draft:
+    """Return a draft: of a file, of a scenario, or a draft itself.
+
+    Args:
+        source: The YAML file, which messages show as it is given; or what is there already.
+        overrides: `KEY=VALUE` texts that replace values, such as `control.inverse.method=inverse` or
+            `arm.start[1]=10 deg`; VALUE is YAML.
+
+    Raises:
+        ScenarioError: There is no such file, or its text cannot be used.
+    """
+    if isinstance(source, Draft):
+        return source.overridden(overrides)
+    if isinstance(source, Scenario):
+        return source.draft.overridden(overrides)
+    name = os.fspath(shipped.found(source, "scenarios"))
+    try:
+        text = read(name)
+    except TextError as error:
+        raise ScenarioError([_of_text(error, name)]) from None
+    return Draft(_document(text, name), Carried(_absolute(Path(name).parent))).overridden(overrides)
+
+
+def load(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scenario:
+    """Read a scenario from a file.
+
+    Args:
+        path: The YAML file; messages show it as it is given.
+        overrides: As in `draft_of`.
+
+    Returns:
+        The checked scenario; `arm.model` is absolute.
+
+    Raises:
+        ScenarioError: With all mistakes at once.
+    """
+    return draft_of(path, overrides).scenario()
+
+
+def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> Scenario:
+    """Read a scenario from a text; relative paths start at the working directory.
+
+    Args:
+        text: The YAML text.
+        source: What messages call it.
+        overrides: As in `draft_of`.
+
+    Returns:
+        The checked scenario.
+
+    Raises:
+        ScenarioError: With all mistakes at once.
+    """
+    return Draft(_document(text, source), Carried(_absolute(Path()))).overridden(overrides).scenario()
+
+
+def _absolute(folder: Path) -> Path:
+    """Return a folder as it will be found from any other: a scenario is changed long after it was read."""
+    try:
+        return folder.absolute()
+    except OSError:  # the working directory is gone
+        return folder
+
+
+def _document(text: str, source: str) -> Document:
+    try:
+        document = parse(text, source)
+    except TextError as error:
+        raise ScenarioError([_of_text(error, source)]) from None
+    if not isinstance(document.value, dict):
+        wrong = document.sources.problem((), f"must be a mapping of keys, got {show(document.value)}")
+        raise ScenarioError(in_order(document.problems) or [wrong])
+    return document
+
+
+def _of_text(error: TextError, source: str) -> Problem:
+    return Problem((), str(error), Origin(source, *error.mark))
+
+
+# Changes of sections that are there ----------------------------------------------------------------
+
+
+class _RefusedError(Exception):
+    """A change cannot be made of the sections alone."""
+
+
+class _Tree(dict[str | int, Any]):
+    """New values below a section: each is a value, or another tree."""
+
+
+# What a section sorts together, so that one of them cannot be told without the other as it was written.
+_TOGETHER: Mapping[type, frozenset[str]] = {
+    TaskSection: frozenset(("axes", "weights")),
+    SecondarySection: frozenset(("axes", "to")),
+}
+
+
+def _tree(changes: Sequence[Change]) -> _Tree:
+    root = _Tree()
+    for key, value, _, _ in changes:
+        if isinstance(value, Unread):
+            raise _RefusedError
+        at = root
+        for depth, step in enumerate(key[:-1], 1):
+            below = at.setdefault(step, _Tree())
+            if not isinstance(below, _Tree):  # a key within one that was changed before
+                at[step] = put(below, key, value, depth)
+                break
+            at = below
+        else:
+            if isinstance(at.get(key[-1]), _Tree):  # what it takes the place of may be refused all the same
+                raise _RefusedError
+            at[key[-1]] = value
+    return root
+
+
+def _changed(node: Any, tree: _Tree, context: Mapping[str, Any] | None) -> Any:
+    """Return a node with new values in it; sections on the way are checked again, others stay as they are."""
+    items: Any
+    if isinstance(node, Section):
+        if not _TOGETHER.get(type(node), frozenset()).isdisjoint(tree):
+            raise _RefusedError
+        items = {alias: node.__dict__[name] for alias, name in _names(type(node))}
+        items = {alias: value for alias, value in items.items() if value is not None}
+    elif isinstance(node, tuple):
+        items = dict(enumerate(node))
+        if not items.keys() >= tree.keys():
+            raise _RefusedError
+    elif isinstance(node, dict | None):
+        items = dict(node or {})
+    else:
+        raise _RefusedError
+    for step, below in tree.items():
+        items[step] = _changed(items.get(step), below, context) if isinstance(below, _Tree) else below
+    if isinstance(node, Section):
+        return type(node).model_validate(items, context=context, by_alias=True, by_name=False)
+    return list(items.values()) if isinstance(node, tuple) else items
+
+
+@cache
+def _names(kind: type[Section]) -> tuple[tuple[str, str], ...]:
+    """Return the keys of a section and the names of their fields."""
+    return tuple((field.alias or name, name) for name, field in kind.model_fields.items())

@@ -1,0 +1,187 @@
+"""Result -> row of a sweep: the keys that vary, every figure of the scorecard, and how the run ended."""
+
+import hashlib
+import json
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from types import MappingProxyType
+from typing import Any
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from rmrc.arm import Arm
+from rmrc.results import facts
+from rmrc.results.scorecard import Figure, check
+from rmrc.scenario import Scenario, angle, inline, schema_rows
+from rmrc.scenario.keys import split
+from rmrc.simulation.prepare import Prepared
+from rmrc.simulation.simulation import Simulation
+from rmrc.study.dataset import Column, as_parquet
+from rmrc.study.plan import SEED, Plan, Value
+from rmrc.study.study import Result
+
+# What a run depends on, of its scenario.
+_SECTIONS = sorted(Scenario.model_fields.keys() - {"name", "expect", "sweep"})
+_SORTED = json.JSONEncoder(sort_keys=True)
+
+_prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
+
+# They differ from one execution to the next, and rows do not.
+NOT_KEPT = frozenset({"wall_time", "speed"})
+
+
+def own_columns(plan: Plan) -> list[Column]:
+    """Return the columns before the figures: index, keys, seed, and how the run ended."""
+    known = {row.key: row for row in schema_rows()}
+    columns = [Column("index", "count", "1", "number of the run in the sweep, from 0 on")]
+    for key in plan.keys:
+        general = re.sub(r"\[\d+\]", "[]", key)
+        row = known.get(general) or known.get(general.removesuffix("[]"))
+        kind = _kind(dict(plan.vary).get(key, (0.0,)))
+        about = (row.unit, row.meaning) if row else ("", "a key of the scenario")
+        columns.append(Column(key, kind, *about))
+    return [
+        *columns,
+        Column("seed", "count", "1", "arm.encoder.seed of the run"),
+        Column("status", "text", "", "how the run ended: complete, unfinished (its time was up) or diverged"),
+        Column("divergence", "text", "", "where it diverged and why; null if it did not"),
+        Column("met", "switch", "", "whether all that is expected was met; null if nothing is expected"),
+    ]
+
+
+def last_columns() -> list[Column]:
+    """Return the columns behind the figures: what a row was made of."""
+    return [
+        Column("scenario", "text", "", "hash of the scenario and its model, without name and expectations"),
+        Column("versions", "text", "", "of what decides the bits, as JSON"),
+    ]
+
+
+def figure_columns(runs: Iterable[Prepared]) -> list[Column]:
+    """Return the figures of all runs; which there are depends on joints and axes alone, so on few of them."""
+    units: dict[str, dict[str, None]] = {}
+    figures: dict[str, Figure] = {}
+    for one in runs:
+        (blank,) = Simulation([one], keep_columns=False).scorecards()
+        for name, figure in blank.items():
+            figures.setdefault(name, figure)
+            units.setdefault(name, {}).update(dict.fromkeys(figure.unit.split(" or ")))
+    return [
+        Column(name, "text" if figure.value == "" else "number", " or ".join(units[name]), figure.meaning)
+        for name, figure in figures.items()
+        if name not in NOT_KEPT
+    ]
+
+
+def _kind(values: Sequence[Value]) -> str:
+    """Return the type of a column that holds these values and perhaps nothing."""
+    given = [value for value in values if value is not None]
+    if all(isinstance(value, bool) for value in given):
+        return "switch"
+    if all(_number(value) is not None for value in given):
+        return "number"
+    return "text"
+
+
+def _number(value: Value) -> float | None:
+    """Return a number, or an angle in radians; None for what is neither."""
+    if isinstance(value, int | float) and not isinstance(value, bool):
+        return float(value)
+    try:
+        return angle(value) if isinstance(value, str) else None
+    except ValueError:
+        return None
+
+
+class AsRows:
+    """Makes the rows of some results, as the Parquet file of a part."""
+
+    def __init__(self, plan: Plan, base: Scenario, columns: Sequence[Column]) -> None:
+        """Keep what all rows share.
+
+        Args:
+            plan: Of the sweep.
+            base: Its scenario.
+            columns: Of a row.
+        """
+        self._plan, self._columns, self._versions = plan, columns, json.dumps(facts.versions())
+        self._own = [column for column in columns if column.name in plan.keys]  # others have their type
+        vary = {split(key)[0] for key in (*plan.keys, SEED)}
+        self._same = {name: _as_json(base, name) for name in _SECTIONS if name not in vary}
+
+    def __call__(self, results: Sequence[Result]) -> bytes:
+        """Return the rows of some results."""
+        return as_parquet(self._columns, [typed(self.row(one), self._own) for one in results])
+
+    def row(self, one: Result) -> dict[str, Any]:
+        """Return the row of a result, with the values of its keys as they were given."""
+        expect = one.prepared.scenario.expect
+        values = {name: figure.value for name, figure in one.scorecard.figures.items()}
+        met = all(outcome.ok for outcome in check(one.scorecard, expect)) if expect else None
+        return {
+            "index": one.index,
+            **self._plan.values(one.index),
+            "seed": self._plan.run_seed(one.index),
+            "status": facts.status_of(one.divergence, values["completed"] == 1.0),
+            "divergence": one.divergence and str(one.divergence),
+            "met": met,
+            # an undefined name is none
+            **{name: None if value == "" else value for name, value in values.items()},
+            "scenario": digest(one.prepared.scenario, fingerprint(one.prepared.arm), self._same),
+            "versions": self._versions,
+        }
+
+
+def fingerprint(arm: Arm) -> str:
+    """Return what tells one compiled model from another, wherever its files lie."""
+    if arm not in _prints:
+        found = hashlib.sha256()
+        for name, data in _numbers(arm.model):
+            found.update(f"{name} {len(data)} ".encode() + data)
+        _prints[arm] = found.hexdigest()
+    return _prints[arm]
+
+
+def _numbers(model: Any) -> Iterator[tuple[str, bytes]]:
+    """Iterate over all that a compiled model holds, but for the paths of its files and how long these are."""
+    for name in dir(model):
+        hidden = name.startswith("_") or "path" in name or name == "nbuffer"
+        value = None if hidden else getattr(model, name)
+        if isinstance(value, np.ndarray):
+            yield name, value.tobytes()
+        elif isinstance(value, int | float | bytes):
+            yield name, repr(value).encode()
+        elif type(value).__module__.startswith("mujoco."):  # options, statistics, looks
+            yield from ((f"{name}.{inner}", data) for inner, data in _numbers(value))
+
+
+def digest(one: Scenario, model: str, same: Mapping[str, str] = MappingProxyType({})) -> str:
+    """Return a hash of what a run depends on: of its scenario but for name, expectations and sweep.
+
+    Args:
+        one: The scenario.
+        model: Stands for the model's file, which may lie anywhere.
+        same: Sections as JSON that are known to be these.
+    """
+    texts = {name: same[name] if name in same else _as_json(one, name, model) for name in _SECTIONS}
+    text = ", ".join(f'"{name}": {section}' for name, section in texts.items())
+    return hashlib.sha256(f"{{{text}}}".encode()).hexdigest()[:16]
+
+
+def _as_json(one: Scenario, name: str, model: str = "") -> str:
+    """Return a section of a scenario as JSON, with something for the model's file."""
+    data: dict[str, Any] = getattr(one, name).model_dump(mode="json")
+    return _SORTED.encode(data | {"model": model} if name == "arm" else data)
+
+
+def typed(row: dict[str, Any], columns: Sequence[Column]) -> dict[str, Any]:
+    """Return a row with its values as the columns have them: angles as numbers, lists as YAML."""
+    result = dict(row)
+    for name, kind, _, _ in columns:
+        value = result.get(name)
+        if kind == "number" and name in result and value is not None:
+            result[name] = _number(value)
+        elif kind == "text" and value is not None and not isinstance(value, str):
+            result[name] = inline(value)
+    return result

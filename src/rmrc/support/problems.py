@@ -1,0 +1,76 @@
+"""What is wrong with a value: at which key, what, where the value was given, and who has it."""
+
+from typing import NamedTuple
+
+from rmrc.support.legible import shortened, visible
+
+Key = tuple[str | int, ...]  # the steps from the root of a scenario to a value
+
+
+class Origin(NamedTuple):
+    """Where a value was given; all empty for one that was given in Python.
+
+    Attributes:
+        source: A file, or an option such as `--set control.feedback`.
+        line: Of the file, from 1; 0 for none.
+        column: Of the line, from 1.
+        key: The key that the source stands for, which messages do not repeat.
+    """
+
+    source: str = ""
+    line: int = 0
+    column: int = 0
+    key: str = ""
+
+    def of(self, name: str) -> str:
+        """Return how messages about a key begin: source, line, column, and the key where it is not told yet.
+
+        Args:
+            name: The key, by `join`.
+
+        >>> Origin("x.yaml", 7, 13).of("control.feedback")
+        'x.yaml:7:13: control.feedback'
+        >>> Origin("--set control", key="control").of("control.feedback")
+        '--set control: control.feedback'
+        >>> Origin("--vary arm.start", key="sweep.vary.arm.start").of("sweep.vary.arm.start[1]")
+        '--vary arm.start[1]'
+        """
+        place = [self.line, self.column] if self.line else []
+        where = ":".join([visible(self.source), *map(str, place)])
+        rest = name.removeprefix(self.key)
+        is_below = name != rest and rest[:1] in ("[", ".") and self._has_other_name
+        if self.key and (name == self.key or is_below):
+            return f"{where}{rest}"
+        return ": ".join(part for part in (where, name) if part)
+
+    @property
+    def _has_other_name(self) -> bool:
+        """Whether the source calls its key otherwise than a scenario does."""
+        return not self.source.endswith(self.key)
+
+
+class Problem(NamedTuple):
+    """One thing that is wrong; `str()` is the line that tells it.
+
+    Attributes:
+        key: Of the value; () for what is wrong with all of it.
+        text: What it must be, what it is and the way out.
+        origin: Where the value was given, if that is known.
+        who: Which of several scenarios has it; "" for the only one, or all.
+    """
+
+    key: Key
+    text: str
+    origin: Origin | None = None
+    who: str = ""
+
+    def __str__(self) -> str:
+        """Return `WHO: ORIGIN: KEY: TEXT`, without what there is not."""
+        place = (self.origin or Origin()).of(join(self.key))
+        return ": ".join(part for part in (self.who, place, self.text) if part)
+
+
+def join(key: Key) -> str:
+    """Return a key as it is written: `arm.start[1]`."""
+    parts = (f"[{step}]" if isinstance(step, int) else f".{shortened(visible(step))}" for step in key)
+    return "".join(parts).removeprefix(".")

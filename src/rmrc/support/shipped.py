@@ -1,0 +1,120 @@
+"""The scenarios and models that come with the package, known by their bare names."""
+
+import errno
+import os
+import re
+import secrets
+import shutil
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+from typing import Literal
+
+from rmrc.support.errors import did_you_mean
+
+Folder = Literal["scenarios", "models"]
+SUFFIX: Mapping[Folder, str] = {"scenarios": ".yaml", "models": ".xml"}
+
+# Characters of what a file is about, at least: less says nothing.
+_LEAST = 40
+
+
+@cache
+def root() -> Path | None:
+    """Return the folder that has `scenarios` and `models`: in the package, or the clone that it is in."""
+    package = Path(__file__).resolve().parents[1]
+    clone = package.parents[1]
+    if (package / "_examples").is_dir():
+        return package / "_examples"
+    return clone if package.parent.name == "src" and (clone / "scenarios").is_dir() else None
+
+
+def shipped(folder: Folder) -> dict[str, Path]:
+    """Return the files of a kind by their bare names, sorted; none where the package came without them."""
+    top = root()
+    files = () if top is None else sorted((top / folder).glob(f"*{SUFFIX[folder]}"))
+    return {file.stem: file for file in files}
+
+
+def found(path: str | os.PathLike[str], folder: Folder) -> Path:
+    """Return what a path names: a bare name that no file has here is that of a shipped one.
+
+    Args:
+        path: Such as `blow_up`; a path with a folder or a suffix stays as it is.
+        folder: What it should be.
+    """
+    name = os.fspath(path)
+    if os.sep in name or Path(name).suffix or os.path.lexists(name):
+        return Path(name)
+    return shipped(folder).get(name, Path(name))
+
+
+def suggestion(path: Path, folder: Folder) -> str:
+    """Suggest the bare name of a shipped file for a path of none, to append to a message, or nothing.
+
+    Args:
+        path: Where nothing is. In another folder a file's own name must be that of a shipped one.
+        folder: What it should be.
+    """
+    names = shipped(folder)
+    if path.parent != Path() and (path.suffix != SUFFIX[folder] or path.stem not in names):
+        return ""
+    return did_you_mean(path.stem, names)
+
+
+def about(file: Path) -> str:
+    """Return how the first comment of a shipped file begins: a clause, or several if the first is short."""
+    end = "-->" if file.suffix == ".xml" else "\nname:"
+    lines = file.read_text("utf-8").partition(end)[0].removeprefix("<!--").splitlines()
+    text = " ".join(line.strip("# ") for line in lines).strip()
+    clause = re.match(rf".{{{_LEAST},}}?[^A-Z](?=[.:;] |[.]$)", text)
+    return re.sub(r" \([^)]*$", "", clause[0] if clause else text.rstrip("."))
+
+
+def copy_out(folder: Path) -> list[Path]:
+    """Copy the shipped scenarios and models into a folder: both whole, or nothing.
+
+    Args:
+        folder: Made if it is missing.
+
+    Returns:
+        The two folders that were made in it.
+
+    Raises:
+        OSError: One of them is there already, or cannot be written.
+    """
+    wanted = [folder / name for name in SUFFIX]
+    for path in wanted:
+        if path.exists():
+            raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
+    missing = [one for one in (folder, *folder.parents) if not one.exists()]
+    partial = folder / f".examples-{secrets.token_hex(8)}"
+    made = list[Path]()
+    try:
+        _copy(partial)
+        for path in wanted:
+            (partial / path.name).rename(path)
+            made.append(path)
+        return made
+    except BaseException as error:
+        for path in made:
+            shutil.rmtree(path, ignore_errors=True)
+        if isinstance(error, OSError):  # of a file that nobody asked for
+            raise OSError(error.errno, error.strerror, str(folder)) from None
+        raise
+    finally:
+        shutil.rmtree(partial, ignore_errors=True)
+        with suppress(OSError):  # they hold something
+            for one in missing:
+                one.rmdir()
+
+
+def _copy(folder: Path) -> None:
+    """Copy all shipped files into a folder, with the modes of new files."""
+    for name, suffix in SUFFIX.items():
+        source = (root() or Path()) / name
+        for file in sorted(source.rglob(f"*{suffix}")):
+            copy = folder / name / file.relative_to(source)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(file, copy)

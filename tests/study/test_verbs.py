@@ -1,0 +1,227 @@
+"""`rmrc.run`, `rmrc.compare`, `rmrc.sweep`: of a path, a name or an object, and nothing is written unless asked."""
+
+import json
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+
+import rmrc
+from project import ROOT
+from rmrc.results.run import Run
+from rmrc.scenario import variants
+from rmrc.study.compare import Comparison
+from rmrc.study.run import Job
+from rmrc.study.sweep import Sweep
+
+LINE = ROOT / "scenarios/line_tracking.yaml"
+SHORT = """
+name: short
+arm: {model: models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}
+task: {axes: [x, y]}
+target: {path: [{line: {by: [0.05, 0.0]}}]}
+"""
+VARY = {"control.inverse.method": ["inverse", "damped"], "control.feedback": np.array([5.0, 20.0])}
+LABELS = ["inverse, 5.0", "inverse, 20.0", "damped, 5.0", "damped, 20.0"]
+
+
+@pytest.fixture(autouse=True)
+def here(tmp_path, monkeypatch):
+    """Be in an empty folder, and see that nothing is left in it unless a test says so."""
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    yield tmp_path / "here"
+    assert list((tmp_path / "here").iterdir()) == []
+
+
+@pytest.fixture
+def short(monkeypatch):
+    with monkeypatch.context() as patched:
+        patched.chdir(ROOT)
+        return rmrc.loads(SHORT)
+
+
+def same(one, other):
+    return all(one[name].tobytes() == other[name].tobytes() for name in one.columns)
+
+
+def test_a_path_a_name_and_an_object_give_the_same_run_which_is_that_of_the_verb(tmp_path):
+    runs = [rmrc.run(one) for one in (LINE, str(LINE), "line_tracking", rmrc.load(LINE))]
+    assert all(same(one, runs[0]) for one in runs[1:])
+    assert same(runs[0], Job(rmrc.load(LINE), tmp_path / "out", record=False).run().run)
+    assert not same(runs[0], rmrc.run(rmrc.load(LINE).set({"control.feedback": 21})))
+
+
+def test_run_writes_what_the_verb_writes_if_it_is_asked_to(short, tmp_path):
+    found = rmrc.run(short, out=tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "short.json",
+        "short.npz",
+        "short.rrd",
+    ]
+    assert same(Run.read(tmp_path / "out/short.npz"), found)
+    rmrc.run(short, out=str(tmp_path / "less"), record=False)
+    assert sorted(path.name for path in (tmp_path / "less").iterdir()) == ["short.json", "short.npz"]
+
+
+def test_compare_gives_runs_by_label_each_as_it_is_alone(short):
+    runs = rmrc.compare(short, VARY)
+    assert list(runs) == LABELS
+    for label, found in runs.items():
+        method, feedback = label.split(", ")
+        alone = rmrc.run(short.set({"control.inverse.method": method, "control.feedback": float(feedback)}))
+        assert same(found, alone)
+    assert not same(*list(runs.values())[:2])
+
+
+@pytest.mark.parametrize(
+    ("vary", "texts"),
+    [
+        ({"control.inverse.method": ["inverse", "damped"]}, ["control.inverse.method=inverse,damped"]),
+        ({"control.feedback": [5, 20.5]}, ["control.feedback=5,20.5"]),
+        ({"control.limits.rate": [None, 3]}, ["control.limits.rate=null,3"]),
+        ({"arm.start": [[0, 1], ["10 deg", 1]]}, ["arm.start=[0, 1],[10 deg, 1]"]),
+        ({"plant.kind": ["ideal", "servo"], "task.length": (1, 2)}, ["plant.kind=ideal,servo", "task.length=1,2"]),
+    ],
+)  # fmt: skip
+def test_variants_have_the_labels_and_values_of_the_command_line(vary, texts):
+    ours, theirs = rmrc.scenario.grid(vary), variants(texts)
+    assert [one.label for one in ours] == [one.label for one in theirs]
+    values = [[[change[:2] for change in one.changes] for one in some] for some in (ours, theirs)]
+    assert values[0] == values[1]
+
+
+def test_compare_writes_what_the_verb_writes_if_it_is_asked_to(short, tmp_path):
+    runs = rmrc.compare(short, {"control.feedback": [5, 20]}, out=tmp_path / "out", record=False)
+    Comparison(short, variants(["control.feedback=5,20"]), (), tmp_path / "verb", record=False).run()
+    facts = [json.loads((tmp_path / name / "short.compare.json").read_text()) for name in ("out", "verb")]
+    assert [one["label"] for one in facts[0]["variants"]] == list(runs) == ["feedback=5", "feedback=20"]
+    for one in (one for some in facts for one in some["variants"]):
+        del one["scorecard"]["wall_time"], one["scorecard"]["speed"]
+    assert facts[0] == facts[1]
+
+
+@pytest.mark.parametrize(
+    "drawn", [{}, {"random": {"control.feedback": (5, 40)}}, {"sobol": {"control.feedback": [5, 40]}}]
+)
+def test_sweep_gives_the_rows_of_the_verb(short, tmp_path, drawn):
+    samples = 3 if drawn else None
+    rows = rmrc.sweep(
+        short, {"control.inverse.method": ["inverse", "damped"]}, **drawn, samples=samples, seed=7
+    )
+    drawing = (
+        ["sweep.draw.control.feedback=[5, 40]", f"sweep.sampler={next(iter(drawn))}", "sweep.samples=3"]
+        if drawn
+        else []
+    )
+    texts = ["sweep.vary.control.inverse.method=[inverse, damped]", "sweep.seed=7", *drawing]
+    with Sweep(short, texts, tmp_path / "verb") as work:
+        work.run()
+    theirs = pq.read_table(work.dataset.file)
+    assert rows.num_rows == (6 if drawn else 2)
+    assert repr(rows.to_pylist()) == repr(theirs.to_pylist())  # NaN among them
+    assert rows.schema.equals(theirs.schema)
+    assert rows.schema.field("tau.peak").metadata == {
+        b"unit": b"N\xc2\xb7m",
+        b"meaning": theirs.schema.field("tau.peak").metadata[b"meaning"],
+    }
+
+
+def test_sweep_keeps_its_rows_where_it_is_asked_to(short, tmp_path):
+    rows = rmrc.sweep(short, {"control.feedback": [5, 20]}, out=tmp_path / "out")
+    (file,) = (tmp_path / "out").iterdir()
+    assert file.name == "short.sweep.parquet"
+    assert repr(pq.read_table(file).to_pylist()) == repr(rows.to_pylist())
+
+
+def test_sweep_shows_how_far_it_is(short):
+    done = []
+    rmrc.sweep(short, {"control.feedback": [5, 10, 20]}, on_runs=done.append)
+    assert sum(done) == 3
+
+
+WRONG = {
+    "no file": (lambda _: rmrc.run("line_trackin"), 'line_trackin: no such file; did you mean "line_tracking"?'),
+    "value": (lambda one: rmrc.run(one.set({"control.feedback": -1})), "control.feedback: must be >= 0, got -1"),
+    "start": (lambda one: rmrc.run(one.set({"arm.start": [9, 0]})), "arm.start[0]"),
+    "figure": (lambda one: rmrc.run(one.set({"expect": {"tau.peek": {"below": 1}}})), 'did you mean "tau.peak"?'),
+    "one variant": (lambda one: rmrc.compare(one, {"control.feedback": [5]}), "vary: must give 2 variants or more, got 1; for example {"),
+    "a variant": (lambda one: rmrc.compare(one, {"control.feedback": [5, -5]}), 'variant "feedback=-5": control.feedback: must be >= 0, got -5'),
+    "a text": (lambda one: rmrc.compare(one, {"control.inverse.method": "damped"}), "vary control.inverse.method: must be a list of values, got 'damped'"),
+    "no key": (lambda one: rmrc.compare(one, {"control..feedback": [5, 6]}), "vary control..feedback: "),
+    "twice": (lambda one: rmrc.compare(one, {"control.feedback": [5, 5]}), "vary: two variants have the same values: feedback=5"),
+    "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "control.feedback: must be >= 0, got -5"),
+    "no plan": (rmrc.sweep, "sweep: must give 2 runs or more, got 1"),
+    "both": (lambda one: rmrc.sweep(one, random={"plant.payload": (0, 1)}, sobol={"plant.payload": (0, 1)}), "sobol: must not be given with random"),
+    "only": (lambda one: rmrc.tune(one, {"control.inverse.method": ["dampd"]}), 'got dampd; did you mean "damped"?'),
+    "too few": (lambda one: rmrc.tune(one, runs=3), "runs: must be finite and >= 10, got 3"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_what_is_wrong_is_told_before_anything_moves(short, case):
+    call, said = WRONG[case]
+    with pytest.raises(rmrc.ScenarioError) as caught:
+        call(short)
+    assert said in str(caught.value)
+
+
+@pytest.mark.parametrize("call", [
+    lambda one, out: rmrc.run(one, out=out),
+    lambda one, out: rmrc.compare(one, {"control.feedback": [5, 20]}, out=out),
+    lambda one, out: rmrc.sweep(one, {"control.feedback": [5, 20]}, out=out),
+    lambda one, out: rmrc.tune(one, {"control.inverse.method": ["damped"]}, copies=0, runs=10, out=out),
+])  # fmt: skip
+def test_a_folder_that_cannot_be_made_is_told_before_anything_moves(short, tmp_path, call):
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match="file"):
+        call(short, tmp_path / "file/out")
+
+
+@pytest.mark.parametrize("of", [Job, Comparison, Sweep])
+def test_an_interrupt_is_raised_once_the_files_are_there(short, tmp_path, monkeypatch, of):
+    real = of.run
+
+    def interrupted(work, *arguments):
+        ended = real(work, *arguments)
+        object.__setattr__(ended, "interrupted", True)
+        return ended
+
+    monkeypatch.setattr(of, "run", interrupted)
+    vary = {"control.feedback": [5, 20]}
+    call = {
+        Job: lambda: rmrc.run(short, out=tmp_path / "out"),
+        Comparison: lambda: rmrc.compare(short, vary, out=tmp_path / "out"),
+        Sweep: lambda: rmrc.sweep(short, vary, out=tmp_path / "out"),
+    }[of]
+    with pytest.raises(KeyboardInterrupt):
+        call()
+    assert list((tmp_path / "out").iterdir())
+
+
+def test_a_file_that_cannot_be_written_in_the_end_is_an_error(short, tmp_path, monkeypatch):
+    def full(_, path):
+        raise OSError(28, "No space left on device", str(path))
+
+    monkeypatch.setattr(Run, "save", full)
+    with pytest.raises(OSError, match=r"short.npz: no space left on device$"):
+        rmrc.run(short, out=tmp_path / "out", record=False)
+
+
+def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_path):
+    only = {
+        "control.inverse.method": ["damped"],
+        "control.inverse.damping.schedule": ["constant"],
+        "control.feedback": [10, 20.0],
+    }
+    found = rmrc.tune(short, only, copies=0, runs=10, out=tmp_path / "out")
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        "short.tune.parquet",
+        "short.tune.png",
+        "short.tune.yaml",
+    ]
+    assert found.control["inverse"]["method"] == "damped" and found.control["feedback"] in (10.0, 20.0)
+    again = rmrc.tune(
+        short, [f"{key}={','.join(map(str, values))}" for key, values in only.items()], copies=0, runs=10
+    )
+    assert again.block == found.block

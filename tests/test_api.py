@@ -1,0 +1,122 @@
+"""What `import rmrc` gives: complete under tab, typed, nothing loaded before it is used, no traces in a process."""
+
+import ast
+import importlib
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+import rmrc
+from project import ROOT
+from rmrc.results.scorecard import scorecard
+
+TREE = ast.parse((ROOT / "src/rmrc/__init__.py").read_text("utf-8"))
+# As a checker reads them: the names by where they are from.
+(FOR_CHECKERS,) = (
+    node for node in TREE.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+)
+IMPORTED = {alias.name: node.module for node in FOR_CHECKERS.body for alias in node.names}
+
+
+def python(code, cwd=None):
+    """Return what a new process prints."""
+    done = subprocess.run(
+        [sys.executable, "-c", textwrap.dedent(code)], cwd=cwd, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    return done.stdout
+
+
+def test_every_name_is_there_and_is_what_a_checker_takes_it_for():
+    assert sorted(IMPORTED) == sorted(rmrc.__all__)
+    for name, module in IMPORTED.items():
+        assert getattr(rmrc, name) is getattr(importlib.import_module(module), name)
+
+
+def test_all_names_are_under_tab_before_any_is_loaded():
+    assert set(rmrc.__all__) <= set(dir(rmrc))
+    listed, has_numpy = python(
+        "import rmrc, sys; print(*dir(rmrc)); print('numpy' in sys.modules)"
+    ).splitlines()
+    assert set(rmrc.__all__) <= set(listed.split())
+    assert has_numpy == "False"
+
+
+def test_a_name_that_is_not_there_is_told():
+    with pytest.raises(AttributeError, match=r"^module 'rmrc' has no attribute 'runn'$"):
+        rmrc.runn  # noqa: B018
+    assert not hasattr(rmrc, "simulation_of_nothing")
+
+
+def test_import_takes_nothing_but_the_standard_library():
+    loaded = python("import sys; before = set(sys.modules); import rmrc; print(*(set(sys.modules) - before))")
+    outside = {name.partition(".")[0] for name in loaded.split()} - set(sys.stdlib_module_names)
+    assert outside <= {"rmrc"}
+    assert "rmrc.support" not in loaded
+
+
+def test_a_scenario_is_read_without_the_law():
+    loaded = python("import rmrc, sys; rmrc.load('blow_up'); print(*sys.modules)").split()
+    assert "pydantic" in loaded
+    assert not {"numba", "mujoco", "pyarrow", "rerun", "matplotlib", "typer", "rich"} & set(loaded)
+
+
+def test_a_run_has_columns_and_figures(simulate):
+    _, run = simulate()
+    assert isinstance(run, rmrc.Run)
+    assert run["qdot_cmd"].shape == (len(run), 2)
+    assert repr(dict(run.scorecard)) == repr(dict(scorecard(run)))  # NaN among them
+    assert run.scorecard is run.scorecard
+
+
+# What a process has that a library must leave as it is, before and after each verb.
+LEFT = """
+import gc, logging, os, signal, sys, threading, warnings
+import numpy, numba
+
+def state():
+    return {
+        "signals": [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)],
+        "switch interval": sys.getswitchinterval(),
+        "garbage": (gc.isenabled(), gc.get_threshold(), gc.get_freeze_count() > 10_000),
+        "numba": {name: value for name, value in vars(numba.config).items() if name.isupper()},
+        "numpy": (numpy.geterr(), numpy.get_printoptions(), numpy.random.get_state()[1].tolist()),
+        "warnings": (list(warnings.filters), warnings.showwarning),
+        "logging": (logging.root.level, list(logging.root.handlers)),
+        "hooks": (sys.excepthook, sys.unraisablehook, threading.excepthook),
+        "environment": (dict(os.environ), os.getcwd(), sys.argv, sys.path, sys.stdout, sys.stderr),
+        "threads": threading.enumerate(),
+        "files": os.listdir(),
+    }
+
+def say(what):
+    for name, value in state().items():
+        if value != before[name]:
+            print(what, name)
+
+before = state()
+"""
+VERBS = {
+    "load": "load('line_tracking')",
+    "run": "run('line_tracking')",
+    "compare": "compare('line_tracking', {'control.feedback': [5, 10]})",
+    "sweep": "sweep('line_tracking', {'control.feedback': [5, 10]}, threads=2)",
+    "tune": "tune('line_tracking', {'control.inverse.method': ['damped']}, copies=0, runs=10)",
+    "inspect": "inspect('planar_2link')",
+    "ik": "ik('planar_2link', [1.0, 1.0], every=True)",
+    "statics": "statics('planar_2link', [0.0, -1.0, 0.0], hold=1.0)",
+    "workspace": "workspace('planar_6_3', cells=20)",
+    "resolve_rates": "resolve_rates([[1.0, 0.0], [0.0, 1.0]], [1.0, 1.0])",
+}
+
+
+def test_nothing_in_a_callers_process_is_changed(tmp_path):
+    called = "".join(f"rmrc.{call}\nsay({verb!r})\n" for verb, call in VERBS.items())
+    assert python(f"{LEFT}\nimport rmrc\n{called}", tmp_path) == ""
+
+
+def test_what_a_caller_finds_changed_is_seen(tmp_path):
+    changed = "gc.disable(); sys.setswitchinterval(1.0); open('x', 'w').close(); say('we')"
+    assert python(LEFT + changed, tmp_path).splitlines() == ["we switch interval", "we garbage", "we files"]

@@ -1,0 +1,37 @@
+"""The programs in `examples`: each runs from anywhere, says what its page says, and leaves nothing."""
+
+import re
+import runpy
+
+import pytest
+
+from project import ROOT
+
+EXAMPLES = sorted((ROOT / "examples").glob("*.py"))
+
+# What each says: figures of scenarios/README.md; statics and areas by hand, 10 N times 1 + cos(1 rad) and cos(1 rad),
+# 72 pi and (9^2 - 27) 135 deg / 2.
+SAYS = {
+    "run": ["least singular value: 0.0638"],
+    "compare": [r"inverse, 20\s+1265\d rad/s", r"damped, 20\s+3.1\d+ rad/s"],
+    "sweep_to_pandas": ["40 runs, .* all complete: {'complete'}"],
+    "tune": ["recommended: ", "method: (damped|filtered)"],
+    "inspect_arm": [
+        "rank 5",
+        "cannot turn about",
+        r"\[ 90. -90.\]",
+        r"\[15.403  5.403\]",
+        "6[34] of 22[56] m²",
+    ],
+    "own_loop": ["5181 ticks, at most 3.[89]", "least singular value: 0.063", "DAMPED, OK"],
+}
+
+
+@pytest.mark.parametrize("path", EXAMPLES, ids=lambda path: path.stem)
+def test_an_example_runs_and_says_what_it_should(path, capsys, monkeypatch, tmp_path):
+    monkeypatch.chdir(tmp_path)
+    runpy.run_path(str(path), run_name="__main__")
+    out, err = capsys.readouterr()
+    assert [text for text in SAYS[path.stem] if not re.search(text, out)] == []
+    assert err == ""
+    assert list(tmp_path.iterdir()) == []
