@@ -25,10 +25,11 @@ sys.path.insert(0, str(ROOT / "tests"))  # the plain numpy loop is the tests' or
 from oracles import NumpyLoop  # noqa: E402
 from rmrc.law.jit import Record, entry, machine_code  # noqa: E402
 from rmrc.law.law import resolve  # noqa: E402
-from rmrc.law.record import tick_type  # noqa: E402
+from rmrc.law.record import records, tick_type  # noqa: E402
 from rmrc.results.run import COLUMNS  # noqa: E402
 from rmrc.scenario import loads  # noqa: E402
-from rmrc.simulation.prepare import Prepared, prepare, world_record  # noqa: E402
+from rmrc.scenario.choices import INVERSES, SCHEDULES  # noqa: E402
+from rmrc.simulation.prepare import Prepared, prepare  # noqa: E402
 from rmrc.simulation.simulation import Simulation  # noqa: E402
 
 SCENARIO = """
@@ -46,11 +47,6 @@ ARMS = {
     "planar_3link": ("tip", "x, y", "0.3, 0.3, 0", "-0.3, -0.3, 0"),
     "stanford": ("wrist", "x, y, z, rx, ry, rz", "0.2, 0.2, 0.2", "-0.2, -0.2, -0.2"),
 }
-# Every inverse and every schedule, on the 6-joint arm: none may cost much more than another.
-METHODS = {
-    "inverse": (), "pseudoinverse": (), "truncated": (), "transpose": (), "filtered": (),
-    "selectively_damped": (), "jparse": (), "damped": ("constant", "manipulability", "error", "rate_bound"),
-}  # fmt: skip
 # Seconds of stepping that go into one ratio.
 TIMING = 0.5
 
@@ -123,13 +119,14 @@ def arm_rows(rounds: int) -> dict[str, dict[str, float]]:
 def method_rows(rounds: int) -> dict[str, dict[str, float]]:
     """Closed loop over floor for each inverse and schedule, and for worlds of all of them in one batch."""
     rows, every = {}, []
-    for method, schedules in METHODS.items():
-        for schedule in schedules or ("",):
-            overrides = [f"control.inverse.method={method}"]
+    schedules = [name for name in SCHEDULES.names if name != SCHEDULES.default]  # which the other rows have
+    for method in INVERSES.options:
+        for schedule in schedules if method.is_scheduled else ("",):
+            overrides = [f"control.inverse.method={method.name}"]
             overrides += [f"control.inverse.damping.schedule={schedule}"] if schedule else []
             one = world("stanford", *overrides)
             every.append(one)
-            rows[f"closed loop / C floor, 64 worlds, {method} {schedule}".rstrip()] = over_floor(
+            rows[f"closed loop / C floor, 64 worlds, {method.name} {schedule}".rstrip()] = over_floor(
                 [one] * 64, rounds
             )
     mixed = (every * 64)[:64]
@@ -185,7 +182,7 @@ def pieces(arm: str) -> dict[str, float]:
         batch.step(None, 1, int(mujoco.mjtStage.mjSTAGE_VEL))
     step = (time.perf_counter() - started) / calls * 1e6
     floor_us = floor(prepared, run["qdot_cmd"][None].copy()) / len(run) * 1e6
-    record = np.array([world_record(prepared, 0)])
+    record = records(prepared.arm.n, [prepared.task, prepared.law])
     law_args = record[0], np.zeros(1, tick_type(prepared.arm.n))[0]
     record["J"][0, :, : prepared.arm.n] = prepared.arm.jacobian(run["q"][0])
     law = machine_code(law_many, *law_args, calls)

@@ -170,7 +170,7 @@ def user_loop(path: Path, damping: float) -> list[float]:
     model = arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
     data, site = mujoco.MjData(model), model.site(arm.site).id
     data.qpos[:] = prepared.qpos
-    pose, twist, rows = prepared.reference.pose, prepared.reference.twist, prepared.rows
+    pose, twist, rows = prepared.reference.pose, prepared.reference.twist, prepared.task.rows
     J, quat, turn = np.zeros((6, model.nv)), np.zeros(4), np.zeros(3)
     gain, limit = control.feedback, arm.rate_limit
     rates, errors = np.zeros((len(pose), model.nv)), np.zeros((len(pose), 6))

@@ -4,7 +4,7 @@
 
 1. Position and singular values at a million random configurations of the six-joint arm, all cores, over a
    Python loop of mj_fwdKinematics, mj_jacSite and numpy's svd over fewer of them, scaled; one core beside it.
-2. Whole workspaces: seconds for an arm that is a sheet, and for one that is sampled.
+2. Whole workspaces: seconds for an arm that is a surface, and for one that is sampled.
 Machines are noisy: both take turns, and each ratio is given as min, median and max over the rounds.
 """
 

@@ -46,6 +46,7 @@ def damping(
         return error_gain * error
     if schedule == "rate_bound":
         return np.sqrt(least_square_damping(A, t, bound))
+    assert schedule == "smallest_singular_value", f"no oracle for the schedule {schedule}: write it here"
     return np.sqrt(max(0.0, 1 - (sigma_min / below) ** 2) * maximum**2)
 
 
@@ -88,6 +89,7 @@ def generalized_inverse(
     elif method == "jparse":
         G = jparse_inverse(A, gamma)
     else:
+        assert method in ("inverse", "pseudoinverse"), f"no oracle for the inverse {method}: write it here"
         G = np.linalg.pinv(A, rcond=tolerance if method == "pseudoinverse" else ROUNDING)
     return G / np.sqrt(wq)[:, None] * np.sqrt(wx)
 

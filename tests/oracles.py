@@ -212,6 +212,7 @@ class NumpyLoop:
         G = self.inverse(J, v, lam)
         drift, row = self.drift(q, J, G @ v)
         rates = G @ v + drift
+        assert control.at_singularity in ("damp", "slow", "stop"), "no oracle for this policy: write it here"
         if control.at_singularity == "slow":
             change = self.choose_pace(rates, G @ forward)
             rates, v = rates + change * (G @ forward), v + change * forward
@@ -306,7 +307,8 @@ class NumpyLoop:
             wished = nullspace.gain * self.kinematics.gradient(w, q, self.site) / self.wq
         elif nullspace.objective == "rates":
             wished = np.array(nullspace.rates)
-        elif nullspace.objective == "secondary":
+        else:
+            assert nullspace.objective == "secondary", f"no oracle for {nullspace.objective}: write it here"
             wished, row = self.second_task(q, N, resolved)
         return N @ wished, row
 
@@ -323,6 +325,7 @@ class NumpyLoop:
         if second.priority == "classical":
             y = second_inverse(AP, np.linalg.norm(A), second.damping) @ (t - A @ (resolved / S_q))
         else:
+            assert second.priority == "robust", f"no oracle for {second.priority}: write it here"
             y = second_inverse(A, np.linalg.norm(A), second.damping) @ t
         left = np.linalg.svd(AP, compute_uv=False)[-1]
         return S_q * y, {"secondary_error": np.linalg.norm(error), "secondary_sigma": left}
@@ -383,6 +386,9 @@ class NumpyLoop:
         limited |= Status.POSITION_LIMITED * near_stop
         if limits.on_excess == "clamp":
             return np.clip(rates, lower, upper), limited
+        assert limits.on_excess in ("scale", "redistribute"), (
+            f"no oracle for {limits.on_excess}: write it here"
+        )
         share = min(1.0, np.min(self.rate[rates != 0] / np.abs(rates[rates != 0]), initial=1.0))
         cmd, wish, low, up = share * rates, share * drift, rest_lo, rest_up
         if redistributes:

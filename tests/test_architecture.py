@@ -32,7 +32,7 @@ LAYERS = (
 # Who may import an outside library. A library that is missing here has no owner, and is refused.
 OWNERS = {
     "numpy": ("rmrc",),
-    "mujoco": ("rmrc.arm", "rmrc.plants"),
+    "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller"),
     "numba": ("rmrc.law.jit",),
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
@@ -50,8 +50,9 @@ OWNERS = {
         *("rmrc.analysis.inspect.figure", "rmrc.analysis.workspace.figure"),
     ),
     "rich": (
-        *("rmrc.cli", "rmrc.show.tables", "rmrc.show.sheets"),
-        *("rmrc.study.compare_table", "rmrc.analysis.statics.report"),
+        "rmrc.cli",
+        "rmrc.show.tables",
+        "rmrc.show.terminal",
     ),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),

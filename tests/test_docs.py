@@ -10,13 +10,16 @@ import shutil
 import subprocess
 import tomllib
 
+import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 import rmrc.textbook
 from project import ROOT
 from rmrc.results.run import COLUMNS
 from rmrc.results.scorecard import figure_names, scorecard
 from rmrc.scenario import load, loads, variants
+from rmrc.scenario.choices import CHOICES, INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES
 from rmrc.show import sheets
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -336,6 +339,55 @@ def test_every_column_is_in_the_theory_with_its_width():
     assert table == {name: column.width for name, column in COLUMNS.items()}
 
 
+# What the README says of a choice besides what it does.
+BESIDE = {INVERSES: lambda one: ("as many task axes as joints" if one.needs_square else "any",)}
+
+
+def table_of(choices):
+    """Return the rows of the README's table of what a key chooses from."""
+    return [
+        [f"`{one.name}`", one.meaning, *(BESIDE[choices](one) if choices in BESIDE else ())]
+        for one in choices.options
+    ]
+
+
+@pytest.mark.parametrize(
+    "choices", [one for one in CHOICES if one is not PRIORITIES], ids=lambda choices: choices.field
+)
+def test_the_tables_of_the_readme_are_what_is_declared(choices):
+    heading = f"\n| `control.{choices.key}` | "
+    assert README.count(heading) == 1
+    table = README.partition(heading)[2].partition("\n\n")[0]
+    wanted = table_of(choices)
+    # as it is to be written, should it differ
+    assert rows(f"\n{heading}{table}") == wanted, "\n".join(f"| {' | '.join(cells)} |" for cells in wanted)
+
+
+# Where the theory lists them: the start of the block, which ends with an empty line.
+LISTED = {
+    INVERSES: "    inverse             ", SCHEDULES: "    constant            ", OBJECTIVES: "    posture         ",
+    PRIORITIES: "    classical   ", LIMITS: "    scale         ",
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("choices", LISTED, ids=lambda choices: choices.field)
+def test_the_theory_lists_every_choice_with_its_source(choices):
+    (start,) = re.findall(rf"^{LISTED[choices]}.*", THEORY, re.MULTILINE)
+    block = start + THEORY.partition(start)[2].partition("\n\n")[0]
+    entries = re.split(r"^    (?=\w)", block, flags=re.MULTILINE)[1:]
+    listed = {entry.split()[0]: entry for entry in entries}
+    wanted = [one for one in choices.options if not (choices is OBJECTIVES and not one.acts)]
+    assert list(listed) == [one.name for one in wanted]
+    for one in wanted:
+        if choices is not LIMITS and one.source:  # where sources are in the text below
+            assert f"[{one.source}]" in listed[one.name], one.name
+
+
+def test_every_policy_at_a_singularity_is_in_the_theory():
+    text = section(THEORY, "At a singularity")
+    assert [name for name in POLICIES.names if f"`{name}`" not in text] == []
+
+
 def test_every_group_of_figures_is_in_the_theory():
     text = section(THEORY, "Figures of the scorecard")
     groups = {name.partition(".")[0] for name in figure_names(["a"], ["x", "rz"])}
@@ -448,12 +500,33 @@ def test_every_question_has_an_answer_on_its_page():
     assert {"inspect", "ik", "statics"} <= answered
 
 
-def test_the_python_examples_of_the_questions_run(monkeypatch, capsys):
+@pytest.mark.parametrize("name", ["questions", "textbook"])
+def test_the_python_examples_of_a_page_print_what_it_says(monkeypatch, capsys, name):
     monkeypatch.chdir(ROOT)
-    for block in fenced(QUESTIONS, "python"):
-        exec(compile(block, "questions.md", "exec"), {})
+    blocks = fenced(DOCUMENTS[f"docs/{name}.md"], "python")
+    assert blocks
+    for block in blocks:
+        exec(compile(block, f"{name}.md", "exec"), {})
         said = re.findall(r"# (.+)$", block, re.MULTILINE)
         assert capsys.readouterr().out.splitlines() == said
+
+
+def test_every_module_of_the_textbook_is_on_its_page_with_a_source_and_an_example_that_gives_what_it_says():
+    homes = {}
+    for module in pkgutil.iter_modules(rmrc.textbook.__path__):
+        home = importlib.import_module(f"rmrc.textbook.{module.name}")
+        own = {name: value for name, value in vars(home).items() if inspect.getmodule(value) is home}
+        homes[module.name] = {name: value for name, value in own.items() if not name.startswith("_")}
+    names = {name: vars(np)[name] for name in ("array", "degrees", "diag", "inf", "pi", "radians")}
+    names |= {name: value for own in homes.values() for name, value in own.items()}
+    table = rows(section(DOCUMENTS["docs/textbook.md"], "Modules"))
+    listed = [re.match(r"\[`(\w+)`\]", cells[0])[1] for cells in table]
+    assert sorted(listed) == sorted(homes)
+    for module, (_, _, source, example, printed) in zip(listed, table, strict=True):
+        assert KEY.search(source) and any(f"{name}(" in example for name in homes[module]), module
+        given, wanted = eval(example.strip("`"), names), ast.literal_eval(printed.strip("`"))
+        assert np.shape(given) == np.shape(wanted), module
+        assert_allclose(given, wanted, rtol=0, atol=0.51e-4, err_msg=module)  # half a unit of four decimals
 
 
 def test_the_python_examples_of_the_readme_run(monkeypatch, capsys):

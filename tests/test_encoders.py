@@ -78,7 +78,7 @@ def test_offsets_are_drawn_as_documented_and_again_the_same(scenario):
     assert_array_equal(
         other.encoder_offset, np.random.default_rng(6).normal(0.1, first.scenario.arm.encoder.deviation)
     )
-    assert (other.arm, other.reference, other.rank) == (first.arm, first.reference, first.rank)
+    assert (other.arm, other.reference, other.task) == (first.arm, first.reference, first.task)
     assert first.scenario.arm.encoder.seed == 5
 
 

@@ -10,10 +10,11 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.optimize import linprog
 
 from chains import random_chain, seeds
+from codes import Method, OnExcess
+from records import blank, put
 from rmrc.arm import load
 from rmrc.law.law import resolve
-from rmrc.law.record import tick_type, world_type
-from rmrc.scenario.choices import Method, OnExcess, Status
+from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
@@ -193,20 +194,9 @@ def one_joint(**fields):
 def joints(J, **fields):
     """Return the records of a world and its tick, with Jacobian J and no limits but those given."""
     m, n = J.shape
-    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
-    world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-    world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
-    world["pace"] = world["share"] = 1.0
-    world["method"], world["tolerance"] = Method.PSEUDOINVERSE, 1e-9
-    world["J"][0, :m, :n], world["period"] = J, 1e-3
-    world["position_limit"][0] = [[-np.inf], [np.inf]]
-    world["rate_limit"], world["acceleration_limit"], world["braking"] = np.inf, np.inf, 10.0
-    for name, value in fields.items():
-        size = tuple(slice(length) for length in np.shape(value))
-        if size:
-            world[name][0][size] = value
-        else:
-            world[name] = value
+    world, tick = blank(m, n)
+    put(world, method=Method.PSEUDOINVERSE, tolerance=1e-9, J=J, period=1e-3, braking=np.full(n, 10.0))
+    put(world, **fields)
     return world, tick
 
 

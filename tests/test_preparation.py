@@ -5,8 +5,8 @@ import pytest
 
 from chains import random_chain
 from rmrc.arm import load
-from rmrc.law.task import structural_rank
-from rmrc.simulation.prepare import prepare, world_record
+from rmrc.law.task import Task
+from rmrc.simulation.prepare import prepare, world_records
 from rmrc.support.errors import ScenarioError
 from screws import screw_chain
 
@@ -31,15 +31,15 @@ def refusal(scenario, *overrides):
     ],
 )  # fmt: skip
 def test_the_rank_of_a_task_is_that_of_almost_all_configurations(scenario, overrides, rank):
-    assert world_record(prepare(scenario(*overrides)), 0)["rank"] == rank
+    assert prepare(scenario(*overrides)).task.rank == rank
 
 
 def test_a_singular_start_does_not_lower_the_rank(scenario):
     arm = prepare(scenario()).arm
     assert np.linalg.matrix_rank(arm.jacobian([0.3, 0.0])[:2]) == 1  # the arm is stretched
-    assert structural_rank(arm, np.array([0, 1]), np.ones(2), np.ones(2)) == 2
+    assert Task(arm, np.array([0, 1])).rank == 2
     stretched = prepare(scenario("arm.start=[0.3, 0]", "target.path=[{hold: {for: 0.1}}]"))
-    assert world_record(stretched, 0)["rank"] == 2
+    assert world_records([stretched], [0])["rank"] == 2
 
 
 @pytest.mark.parametrize("seed", range(8))
@@ -58,7 +58,7 @@ def test_a_site_is_moved_by_the_joints_whose_turning_changes_its_pose(tmp_path, 
 def test_a_second_task_finds_its_site_in_the_model_that_is_stepped(scenario):
     # Site numbers are those of the author's model; adapting it must not change them.
     prepared = prepare(scenario(*SECOND, "control.nullspace.secondary={site: wrist, axes: [y], to: [0.3]}"))
-    world, plant = world_record(prepared, 0), prepared.scenario.plant
+    world, plant = world_records([prepared], [0])[0], prepared.scenario.plant
     adapted = prepared.arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
     assert adapted.site(int(world["site_2"])).name == "wrist"
     assert world["pose_ref_2"][1] == 0.3
@@ -138,13 +138,9 @@ def test_scales_whose_squares_are_not_finite_are_refused(scenario, key, value, s
     )
     for bound in ("1.0e-30", "1.0e+30"):
         prepared = prepare(scenario(override.format(bound)))
-        scaled = (
-            prepared.row_scale[:, None]
-            * prepared.arm.jacobian([0.3, 0.4])[prepared.rows]
-            * prepared.joint_scale
-        )
+        scaled = prepared.task.matrix(prepared.arm.jacobian([0.3, 0.4]))
         assert np.isfinite(scaled**2).all()
-        assert prepared.rank in (1, 2)
+        assert prepared.task.rank in (1, 2)
 
 
 def test_an_ideal_plant_has_any_period(scenario):

@@ -17,7 +17,7 @@ from oracles import AXES, NumpyLoop
 from rmrc.arm import load
 from rmrc.results.run import COLUMNS
 from rmrc.results.scorecard import scorecard
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES, Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import BLOCK, HELD, Simulation
 from screws import screw_chain
@@ -347,10 +347,10 @@ def draw_law(rng, arm, start, axes):
     n, m = arm.n, len(axes)
     choose = lambda *names: str(rng.choice(names))  # noqa: E731
     vector = lambda low, high, size: rng.uniform(low, high, size).tolist()  # noqa: E731
-    methods = ["pseudoinverse", "truncated", "transpose", "filtered", "selectively_damped", "jparse"]
-    methods += ["damped"] * 5 + ["inverse"] * (m == n)
-    schedules = ["constant", "manipulability", "smallest_singular_value", "error", "rate_bound"]
-    objectives = ["none", "posture", "joint_limits", "manipulability", "rates", "secondary"]
+    schedules = SCHEDULES.names
+    methods = [one.name for one in INVERSES.options if not (one.is_scheduled or one.needs_square)]
+    methods += [one.name for one in INVERSES.options if one.is_scheduled] * len(schedules)
+    methods += [one.name for one in INVERSES.options if one.needs_square] * (m == n)
     axes_2 = [axis for axis in AXES if rng.random() < 0.3] or ["z"]
     acceleration = [None, float(rng.uniform(1, 10))][rng.integers(2)]
     return {
@@ -364,18 +364,18 @@ def draw_law(rng, arm, start, axes):
         },
         "joint_weights": vector(0.3, 3, n),
         "nullspace": {
-            "objective": choose(*objectives), "gain": rng.uniform(0.5, 5), "posture": (start + 0.2).tolist(),
+            "objective": choose(*OBJECTIVES.names), "gain": rng.uniform(0.5, 5), "posture": (start + 0.2).tolist(),
             "rates": vector(-1, 1, n),
             "secondary": {
                 "site": choose("tip", "middle"), "axes": axes_2, "to": vector(-0.5, 0.5, len(axes_2)),
-                "priority": choose("classical", "robust"), "damping": rng.uniform(0.02, 0.2),
+                "priority": choose(*PRIORITIES.names), "damping": rng.uniform(0.02, 0.2),
             },
         },
         "limits": {
             "rate": rng.uniform(0.3, 3), "acceleration": acceleration, "braking": rng.uniform(0.5, 5),
-            "on_excess": choose("scale", "clamp", "redistribute", "none"),
+            "on_excess": choose(*LIMITS.names),
         },
-        "at_singularity": choose("damp", "slow", "stop"),
+        "at_singularity": choose(*POLICIES.names),
         "slow": {"change": rng.uniform(2, 20), "longest": 1.5},
         "stop": {"sigma": rng.uniform(0.05, 0.5), "condition": rng.uniform(5, 50), "change": rng.uniform(2, 20)},
     }  # fmt: skip

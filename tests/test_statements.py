@@ -494,7 +494,7 @@ def test_neighboring_ticks_need_two_sweeps_rarely_one_or_three():
     near = np.argmin(run["sigma"][:, -1])  # where the hand passes its singularity
     for t in range(near - 200, near + 200):
         jacobian = prepared.arm.jacobian(run["q"][t])
-        counts.append(sweeps(prepared.row_scale[:, None] * jacobian * prepared.joint_scale, basis))
+        counts.append(sweeps(prepared.task.matrix(jacobian), basis))
     assert set(counts[1:]) <= {1, 2, 3} and np.mean(np.array(counts[1:]) == 2) > 0.6
 
 

@@ -9,15 +9,16 @@ the compiled law take a third of a second.
     figures = rmrc.results.scorecard.scorecard(run)                       # a module; import it
     swept = rmrc.Sweep(Path("scenarios/x.yaml")).run()             # rmrc.study.sweep
     tuned = rmrc.tune("scenarios/approach_singularity.yaml")      # rmrc.tuning.tune
-    rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.law.law
+    rates = rmrc.resolve_rates(J, twist, "damped")                # rmrc.law.controller
     arm = rmrc.arm.load(Path("models/stanford.xml"))              # a module; import it
-    found = rmrc.inspect_arm(arm, q)                              # rmrc.analysis.inspect.inspection
+    found = rmrc.inspect("models/stanford.xml")                   # rmrc.analysis.inspect.inspection
+    found = rmrc.ik("models/stanford.xml", to_q=q)                # rmrc.analysis.ik.ik
+    found = rmrc.statics("models/stanford.xml", wrench, hold=2)   # rmrc.analysis.statics.statics
     borne = rmrc.balance(arm, q, wrench)                          # rmrc.analysis.statics.balance
     costs = rmrc.wrench_costs(arm, q)                             # the same
-    held = rmrc.hold(arm, q, wrench)                              # rmrc.analysis.statics.hold
     found = rmrc.solve_ik(task, rmrc.goal_pose(task, values))     # rmrc.analysis.ik.solve
     postures = rmrc.find_postures(task, goal)                     # rmrc.analysis.ik.postures
-    found = rmrc.workspace(arm)                                   # rmrc.analysis.workspace.workspace
+    found = rmrc.workspace("models/stanford.xml")                 # rmrc.analysis.workspace.workspace
 """
 
 from importlib import import_module
@@ -32,11 +33,12 @@ _HOMES = {
     "Run": "rmrc.results.run",
     "Sweep": "rmrc.study.sweep",
     "tune": "rmrc.tuning.tune",
-    "resolve_rates": "rmrc.law.law",
-    "inspect_arm": "rmrc.analysis.inspect.inspection",
+    "resolve_rates": "rmrc.law.controller",
+    "inspect": "rmrc.analysis.inspect.inspection",
+    "ik": "rmrc.analysis.ik.ik",
+    "statics": "rmrc.analysis.statics.statics",
     "balance": "rmrc.analysis.statics.balance",
     "wrench_costs": "rmrc.analysis.statics.balance",
-    "hold": "rmrc.analysis.statics.hold",
     "goal_pose": "rmrc.analysis.ik.solve",
     "solve_ik": "rmrc.analysis.ik.solve",
     "solve_many": "rmrc.analysis.ik.solve",

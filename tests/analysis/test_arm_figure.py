@@ -11,12 +11,12 @@ from numpy.testing import assert_allclose
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.inspect.figure import MARKS, draw_arm, ellipses, figure, moving_planes, skeleton
-from rmrc.analysis.inspect.inspection import inspect_arm
+from rmrc.analysis.inspect.inspection import inspect
 
 
 def found(name, *configurations, site=None):
     arm = arms.load(ROOT / f"models/{name}.xml", site)
-    return [inspect_arm(arm, q) for q in configurations]
+    return [inspect(arm, q) for q in configurations]
 
 
 def lines(axes, style):

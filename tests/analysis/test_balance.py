@@ -14,7 +14,8 @@ from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.statics.balance import Cost, balance, elsewhere, link_frames, wrench_costs
-from rmrc.analysis.statics.hold import FEEDBACK, Holding, hold
+from rmrc.analysis.statics.hold import FEEDBACK
+from rmrc.analysis.statics.statics import statics
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import pose_error, quat_to_matrix
 from screws import screw_chain
@@ -73,6 +74,10 @@ def all_arms(made):
     for order in ("hinge first", "slide first"):
         arm = made(screw_chain(order=order, ratio=-0.07))
         yield arm, *at_random(arm, 5)
+
+
+def hold(arm, q, wrench, gravity=False, seconds=10.0):
+    return statics(arm, wrench, q, gravity=gravity, hold=seconds).held
 
 
 def forward(arm, q):
@@ -373,7 +378,7 @@ def test_springs_are_held_too(made):
 def test_an_arm_is_not_held_beyond_its_limits():
     arm = shipped("planar_2link")
     with pytest.raises(QuestionError) as caught:
-        Holding(balance(arm, [0.0, 3.0], np.zeros(6)))
+        hold(arm, [0.0, 3.0], np.zeros(6))
     assert str(caught.value) == (
         'cannot hold: joint "elbow" must be within its limits [-2.79253, 2.79253] rad, got 3; '
         "choose other joint positions"
@@ -391,7 +396,7 @@ def test_what_does_not_fit_is_refused():
 
 
 def test_a_notebook_finds_them():
-    assert (rmrc.balance, rmrc.wrench_costs, rmrc.hold) == (balance, wrench_costs, hold)
+    assert (rmrc.balance, rmrc.wrench_costs) == (balance, wrench_costs)
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,6 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.workspace.joint_map import joint_map
 from rmrc.analysis.workspace.workspace import workspace
-from rmrc.law.task import choose
 
 # What the search promises: Newton's method ends at rounding.
 REACHED = 1e-9
@@ -168,7 +167,7 @@ def test_extents_and_worst_points_of_any_two_links_within_any_limits(tmp_path_fa
 def test_a_map_over_two_joints_is_searched_between_its_steps():
     arm = arms.load(ROOT / "models/planar_2link.xml")
     # 37 steps have no node at 0, where det J = sin q2 is 0.
-    space = joint_map(choose(arm), ("shoulder", "elbow"), np.zeros(2), 37)
+    space = joint_map(arm, ("shoulder", "elbow"), np.zeros(2), cells=37)
     assert space.values["sigma_min"].min() > 1e-3
     assert space.ends["sigma_min"][0] == space.ends["manipulability"][0] == 0.0
     assert space.ends["condition"][1] == np.inf
@@ -177,5 +176,5 @@ def test_a_map_over_two_joints_is_searched_between_its_steps():
     assert_allclose(space.ends["manipulability"][1], 1.0, atol=REACHED)
     assert_allclose(space.ends["condition"][0], (np.sqrt(5.0) + 1.0) / 2.0, atol=REACHED)
     # On the side of its range where the arm of 6 and 3 is straight, and nowhere else.
-    side = joint_map(choose(arms.load(ROOT / "models/planar_6_3.xml")), ("q1", "q2"), np.zeros(2), 20)
+    side = joint_map(ROOT / "models/planar_6_3.xml", ("q1", "q2"), np.zeros(2), cells=20)
     assert len(side.singular) == 1 and (side.singular[0][:, 1] == 0.0).all()

@@ -15,7 +15,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.inspect import directions as singular_directions
 from rmrc.analysis.inspect import inspection
-from rmrc.analysis.inspect.inspection import inspect_arm
+from rmrc.analysis.inspect.inspection import inspect
 from rmrc.law.law import SINGULAR_BELOW
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import AXES, quat_to_matrix
@@ -49,14 +49,14 @@ def test_determinant_of_the_stanford_arm_is_the_notes_at_both_sites_and_in_all_f
     for q in arm.sampled(5):
         closed = q[2] ** 2 * np.sin(q[1]) * np.sin(q[4])
         for frame in ("world", "site", "base"):
-            found = inspect_arm(arm, q, frame=frame)
+            found = inspect(arm, q, frame=frame)
             assert found.determinant == pytest.approx(closed, abs=ROUNDING)
             assert np.linalg.det(found.jacobian) == pytest.approx(closed, abs=ROUNDING)
 
 
 def test_the_wrist_of_the_notes():
     s1, c1, s2, c2 = np.sin(0.4), np.cos(0.4), np.sin(0.9), np.cos(0.9)
-    found = inspect_arm(model("spherical_wrist", "center"), [0.4, 0.9, -0.3])
+    found = inspect(model("spherical_wrist", "center"), [0.4, 0.9, -0.3])
     assert found.task.axes == ("rx", "ry", "rz")
     assert_allclose(found.jacobian[3:].T, [(0, 0, 1), (-s1, c1, 0), (c1 * s2, s1 * s2, c2)], atol=ROUNDING)
     assert found.determinant == pytest.approx(-s2, abs=ROUNDING)
@@ -67,9 +67,9 @@ def test_the_wrist_of_the_notes():
 
 def test_errors_of_the_notes_planar_arm():
     # l = (1, 0.8, 0.6): at home no error along x, and 0.1 rad at the second joint gives 0.1 (l2 + l3) along y.
-    found = inspect_arm(model("planar_3link"), [0, 0, 0], joint_error=[0, 0.1, 0])
+    found = inspect(model("planar_3link"), [0, 0, 0], joint_error=[0, 0.1, 0])
     assert_allclose(found.tip_error.deviation, [0, 0.14, 0, 0, 0, 0.1], atol=ROUNDING)
-    found = inspect_arm(model("planar_3link"), [0, np.pi / 2, 0], joint_error=[0, 0.1, 0])
+    found = inspect(model("planar_3link"), [0, np.pi / 2, 0], joint_error=[0, 0.1, 0])
     assert_allclose(found.tip_error.deviation, [0.14, 0, 0, 0, 0, 0.1], atol=ROUNDING)
     assert_allclose(found.tip_error.worst_translation, [0.14, 0, 0], atol=ROUNDING)
     assert_allclose(found.tip_error.worst_rotation, [0, 0, 0.1], atol=ROUNDING)
@@ -142,14 +142,14 @@ WORDS = {
 @pytest.mark.parametrize("case", WORDS)
 def test_words_at_singularities(case):
     (name, site, q), lost, standing = WORDS[case]
-    found = inspect_arm(model(name, site), q)
+    found = inspect(model(name, site), q)
     assert [one.words for one in found.lost] == lost
     assert [one.words for one in found.standing] == standing
 
 
 def test_words_are_along_the_axes_of_the_frame():
     # Half a turn to the left, the site's x is the world's -x, and the arm's direction.
-    found = inspect_arm(model("planar_2link"), [np.pi / 3, 0], frame="site")
+    found = inspect(model("planar_2link"), [np.pi / 3, 0], frame="site")
     assert found.lost[0].words == "cannot move along x; a force along x asks for no torque (axes of the site)"
     assert found.standing[0].words.endswith("which turns about -z (axes of the site)")
 
@@ -158,7 +158,7 @@ def test_words_are_along_the_axes_of_the_frame():
 @settings(max_examples=40, deadline=None)
 def test_what_is_lost_and_what_stands_still_for_any_chain(tmp_path_factory, seed, length, axes):
     arm = chain_of(tmp_path_factory, seed)
-    found = inspect_arm(arm, arm.sampled(1, seed)[0], axes=axes, length=length)
+    found = inspect(arm, arm.sampled(1, seed)[0], axes=axes, length=length)
     check_spaces(found, arm.jacobian(found.q))
     assert (
         found.rank_by_minors
@@ -171,7 +171,7 @@ def test_what_is_lost_and_what_stands_still_for_any_chain(tmp_path_factory, seed
 @settings(max_examples=20, deadline=None)
 def test_the_words_name_the_directions_that_are_found(tmp_path_factory, seed):
     arm = chain_of(tmp_path_factory, seed)
-    found = inspect_arm(arm, arm.sampled(1, seed)[0], axes=AXES, frame="site")
+    found = inspect(arm, arm.sampled(1, seed)[0], axes=AXES, frame="site")
     R = found.R_world_frame
     for one in found.lost:
         said = directions(one.words.partition("; ")[2])
@@ -228,14 +228,14 @@ def test_what_is_lost_at_singularities(case):
     (name, site, q), *_ = WORDS[case]
     arm = model(name, site)
     for length in (0.5, 1.0):
-        found = inspect_arm(arm, q, length=length)
+        found = inspect(arm, q, length=length)
         assert found.lost and found.standing and found.condition == np.inf
         check_spaces(found, arm.jacobian(found.q))
         assert found.rank_by_minors == found.rank
 
 
 def test_a_fault_in_the_lost_direction_would_be_seen():
-    found = inspect_arm(model("stanford", "wrist"), [0.3, 1.0, 0.6, 0.7, 0.0, 0.2])
+    found = inspect(model("stanford", "wrist"), [0.3, 1.0, 0.6, 0.7, 0.0, 0.2])
     J = found.arm.jacobian(found.q)
     J[:, 4] += 1e-6
     with pytest.raises(AssertionError):
@@ -245,7 +245,7 @@ def test_a_fault_in_the_lost_direction_would_be_seen():
 def test_nothing_is_lost_at_home():
     for path in sorted((ROOT / "models").glob("planar*.xml")):
         arm = arms.load(path)
-        found = inspect_arm(arm, arm.configuration("home")[arm.wiring.qpos])
+        found = inspect(arm, arm.configuration("home")[arm.wiring.qpos])
         assert (found.lost, found.slow) == ((), ())
         assert found.rank == len(found.task.rows)
 
@@ -257,7 +257,7 @@ def test_nearly_lost_begins_where_the_law_says_singular(factor):
     elbow = np.linspace(0.01, 0.1, 100_001)
     share = np.sin(elbow) / (3 + 2 * np.cos(elbow))  # = ratio/(1 + ratio²)
     q = [0.3, np.interp(ratio / (1 + ratio**2), share, elbow)]
-    found = inspect_arm(model("planar_2link"), q)
+    found = inspect(model("planar_2link"), q)
     assert 1.0 / found.condition == pytest.approx(ratio, rel=1e-6)
     assert len(found.slow) == (factor < 1.0) and not found.lost
 
@@ -278,7 +278,7 @@ def test_nearly_lost_begins_where_the_law_says_singular(factor):
     ],
 )  # fmt: skip
 def test_words_near_singularities(name, q, words):
-    found = inspect_arm(model(name, "center" if name == "spherical_wrist" else None), q)
+    found = inspect(model(name, "center" if name == "spherical_wrist" else None), q)
     assert [one.words for one in found.slow] == words
 
 
@@ -286,18 +286,18 @@ def test_a_slow_motion_is_what_its_joints_give():
     for name, q in (("planar_2link", [0.4, 0.002]), ("stanford", [0.3, 1.0, 0.6, 0.7, 1e-3, 0.2]),
                     ("helical", [0.5, 0.7, 1.682])):  # fmt: skip
         arm = model(name)
-        (one,) = (found := inspect_arm(arm, q, length=0.7)).slow
+        (one,) = (found := inspect(arm, q, length=0.7)).slow
         task = found.task
         assert_allclose(one.twist[task.rows], arm.jacobian(q)[task.rows] @ one.motion, atol=ROUNDING)
         assert np.linalg.norm(task.row_scale * one.twist[task.rows]) == pytest.approx(one.sigma, abs=ROUNDING)
         assert np.linalg.norm(one.motion / task.joint_scale) == pytest.approx(1.0, abs=ROUNDING)
         assert one.sigma == found.sigma[-1] < SINGULAR_BELOW * found.sigma[0]
-    assert "while turning by" in inspect_arm(model("stanford"), [0.3, 1.0, 0.6, 0.7, 1e-3, 0.2]).slow[0].words
+    assert "while turning by" in inspect(model("stanford"), [0.3, 1.0, 0.6, 0.7, 1e-3, 0.2]).slow[0].words
 
 
 def test_joints_that_hardly_move_are_left_out_and_that_is_said():
     # 4 of the 6 joints make nearly all of the motion, the others less than a tenth of the largest.
-    found = inspect_arm(model("stanford"), [0.3, 1.5, 0.6, 1.5, 1e-3, 0.2])
+    found = inspect(model("stanford"), [0.3, 1.5, 0.6, 1.5, 1e-3, 0.2])
     (one,) = found.slow
     left_out = np.abs(one.motion) < 0.1 * np.abs(one.motion).max()
     said = one.words.partition(" for ")[2]
@@ -307,7 +307,7 @@ def test_joints_that_hardly_move_are_left_out_and_that_is_said():
 
 
 def test_no_row_moves_at_all():
-    found = inspect_arm(model("planar_2link"), [0.3, 0.5], axes=["z"])
+    found = inspect(model("planar_2link"), [0.3, 0.5], axes=["z"])
     assert (found.rank, found.rank_by_minors, found.condition) == (0, 0, np.inf)
     assert found.lost[0].words == "cannot move along z; a force along z asks for no torque"
     assert [one.words for one in found.standing] == [
@@ -327,14 +327,14 @@ def test_the_frame_of_the_base_is_that_of_the_body_which_carries_the_arm(tmp_pat
     path = tmp_path / "tilted.xml"
     path.write_text(TILTED)
     arm = arms.load(path)
-    found = inspect_arm(arm, [0.4, 0.7], frame="base")
+    found = inspect(arm, [0.4, 0.7], frame="base")
     s1, c1, s12, c12 = np.sin(0.4), np.cos(0.4), np.sin(1.1), np.cos(1.1)
     closed = [[-s1 - s12, c1 + c12, 0, 0, 0, 1], [-s12, c12, 0, 0, 0, 1]]
     assert_allclose(found.jacobian.T, closed, atol=ROUNDING)
     # In the site's frame, which is {2} of the notes; and in the world it is another.
-    site = inspect_arm(arm, [0.4, 0.7], frame="site").jacobian
+    site = inspect(arm, [0.4, 0.7], frame="site").jacobian
     assert_allclose(site.T[:, :2], [[np.sin(0.7), 1 + np.cos(0.7)], [0, 1]], atol=ROUNDING)
-    world = inspect_arm(arm, [0.4, 0.7]).jacobian
+    world = inspect(arm, [0.4, 0.7]).jacobian
     assert_allclose(world, arm.jacobian([0.4, 0.7]), atol=0.0)
     assert np.abs(world[2]).max() > 0.1
 
@@ -357,13 +357,13 @@ def test_the_frame_of_the_base_is_that_of_the_body_which_carries_the_arm(tmp_pat
 def test_why_these_rows(name, why):
     arm = model(name)
     q = arm.sampled(1)[0]
-    assert inspect_arm(arm, q).why == why
-    assert inspect_arm(arm, q, axes=["x"]).why == "as asked for"
+    assert inspect(arm, q).why == why
+    assert inspect(arm, q, axes=["x"]).why == "as asked for"
 
 
 def test_too_many_minors_are_not_counted(monkeypatch):
     monkeypatch.setattr(inspection, "MOST_MINORS", 4)
-    assert inspect_arm(model("planar_2link"), [0, 1]).rank_by_minors is None
+    assert inspect(model("planar_2link"), [0, 1]).rank_by_minors is None
 
 
 # Ellipsoids, angles, errors, statics -------------------------------------------------------------
@@ -373,7 +373,7 @@ def test_too_many_minors_are_not_counted(monkeypatch):
 @settings(max_examples=10, deadline=None)
 def test_ellipsoids_hold_what_unit_rates_and_torques_can(tmp_path_factory, seed):
     arm = chain_of(tmp_path_factory, seed)
-    found, rng = inspect_arm(arm, arm.sampled(1, seed)[0], axes=AXES, length=0.6), np.random.default_rng(seed)
+    found, rng = inspect(arm, arm.sampled(1, seed)[0], axes=AXES, length=0.6), np.random.default_rng(seed)
     J = arm.jacobian(found.q)
     assert [one.rows for one in found.ellipsoids] == [("x", "y", "z"), ("rx", "ry", "rz")]
     for one, rows in zip(found.ellipsoids, (slice(3), slice(3, 6)), strict=True):
@@ -391,7 +391,7 @@ def test_ellipsoids_hold_what_unit_rates_and_torques_can(tmp_path_factory, seed)
 
 def test_analytic_jacobian_is_the_derivative_of_position_and_angles():
     arm, q, step = model("stanford"), np.array([0.3, 1.0, 0.6, 0.7, 0.5, 0.2]), 1e-6
-    found = inspect_arm(arm, q)
+    found = inspect(arm, q)
 
     def coordinates(q):
         pose = arm.pose(q)
@@ -419,7 +419,7 @@ def test_analytic_jacobian_is_the_derivative_of_position_and_angles():
     ],
 )
 def test_the_angles_singularity_in_words(beta, words):
-    found = inspect_arm(model("spherical_wrist", "center"), [0.4, beta, 0.3])
+    found = inspect(model("spherical_wrist", "center"), [0.4, beta, 0.3])
     assert found.angles_in_words == words
     assert (found.analytic_jacobian is None) == (beta == 0.0)
 
@@ -430,7 +430,7 @@ def test_errors_of_single_joints_add_in_squares_and_none_is_worse_than_the_worst
     arm = chain_of(tmp_path_factory, seed)
     q, rng = arm.sampled(1, seed)[0], np.random.default_rng(seed)
     deviations = rng.uniform(0.0, 0.01, arm.n)
-    error = inspect_arm(arm, q, joint_error=deviations).tip_error
+    error = inspect(arm, q, joint_error=deviations).tip_error
     assert_allclose(error.deviation**2, (arm.jacobian(q) * deviations) ** 2 @ np.ones(arm.n), atol=1e-15)
     for worst, part in ((error.worst_translation, slice(3)), (error.worst_rotation, slice(3, 6))):
         some = rng.normal(size=(200, 3))
@@ -444,7 +444,7 @@ def test_errors_of_single_joints_add_in_squares_and_none_is_worse_than_the_worst
 def test_a_wrench_is_held_by_what_mujoco_and_the_equilibrium_of_links_say(tmp_path_factory, seed):
     arm = chain_of(tmp_path_factory, seed)
     q = arm.sampled(1, seed)[0]
-    held = inspect_arm(arm, q, wrench=WRENCH).balance
+    held = inspect(arm, q, wrench=WRENCH).balance
     data = mujoco.MjData(arm.model)
     data.qpos[:] = arm.configuration(q)
     mujoco.mj_forward(arm.model, data)
@@ -462,9 +462,9 @@ def test_a_wrench_is_held_by_what_mujoco_and_the_equilibrium_of_links_say(tmp_pa
 
 def test_torques_of_the_notes():
     # l = 1 m, theta = (0, 60 deg): pressing down with 1 N is what (-3/2, -1/2) N m do.
-    held = inspect_arm(model("planar_2link"), np.radians([0, 60]), wrench=[0, -1, 0, 0, 0, 0]).balance
+    held = inspect(model("planar_2link"), np.radians([0, 60]), wrench=[0, -1, 0, 0, 0, 0]).balance
     assert_allclose(held.equivalent, [-1.5, -0.5], atol=ROUNDING)
-    held = inspect_arm(model("planar_2link"), np.radians([90, 0]), wrench=[0, -1000, 0, 0, 0, 0]).balance
+    held = inspect(model("planar_2link"), np.radians([90, 0]), wrench=[0, -1000, 0, 0, 0, 0]).balance
     assert_allclose(held.equilibrium, [0, 0], atol=1e-9)  # rounding of 1000 N
 
 
@@ -472,7 +472,7 @@ def test_torques_of_the_notes():
 
 
 def test_it_is_public():
-    assert rmrc.inspect_arm is inspect_arm
+    assert rmrc.inspect is inspect
 
 
 @pytest.mark.parametrize(
@@ -498,20 +498,20 @@ def test_it_is_public():
 )
 def test_what_does_not_fit_is_refused_in_one_line(question, message):
     with pytest.raises(QuestionError) as caught:
-        inspect_arm(model("planar_2link"), **{"q": [0, 1], **question})
+        inspect(model("planar_2link"), **{"q": [0, 1], **question})
     assert str(caught.value) == message
 
 
 def test_outside_of_limits_is_a_warning():
-    found = inspect_arm(model("planar_2link"), [-3.1, 3.0])
+    found = inspect(model("planar_2link"), [-3.1, 3.0])
     assert found.warnings == (
         "shoulder = -3.1 is outside of its limits: the lower one is -2.967",
         "elbow = 3 is outside of its limits: the upper one is 2.793",
     )
     assert_allclose(found.room, [2.9670597 - 3.1, 2.7925268 - 3.0], atol=ROUNDING)
-    assert inspect_arm(model("planar_2link"), np.radians([170, -160])).warnings == ()
+    assert inspect(model("planar_2link"), np.radians([170, -160])).warnings == ()
     # A limit of eight digits is not passed by its ninth, but by a thousandth of a degree.
-    (warning,) = inspect_arm(model("planar_2link"), np.radians([170.001, -160])).warnings
+    (warning,) = inspect(model("planar_2link"), np.radians([170.001, -160])).warnings
     assert warning == "shoulder = 2.967 is outside of its limits: the upper one is 2.967"
 
 

@@ -7,20 +7,20 @@ import pytest
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.inspect.inspection import inspect_arm
-from rmrc.analysis.inspect.tables import sheets
+from rmrc.analysis.inspect.inspection import inspect
+from rmrc.analysis.inspect.report import report
 from rmrc.show.sheets import number
 
 
 def table(found, title):
-    (sheet,) = [sheet for sheet in sheets(found) if sheet.title.startswith(title)]
+    (sheet,) = [sheet for sheet in report(found).sheets if sheet.title.startswith(title)]
     return {row[0]: row[1:] for row in sheet.rows}
 
 
 @pytest.fixture
 def stanford():
     arm = arms.load(ROOT / "models/stanford.xml")
-    return inspect_arm(arm, arm.configuration("home")[arm.wiring.qpos], wrench=[1, 2, 3, 0, 0, 0])
+    return inspect(arm, arm.configuration("home")[arm.wiring.qpos], wrench=[1, 2, 3, 0, 0, 0])
 
 
 def test_ranks_that_disagree_are_told(stanford):
@@ -57,14 +57,13 @@ def test_slides_are_told_from_hinges(stanford):
 def test_a_joint_is_near_its_limit_within_a_twentieth_of_its_range():
     arm = arms.load(ROOT / "models/planar_2link.xml")  # the elbow has 160 deg to either side
     notes = [
-        table(inspect_arm(arm, [0, np.radians(160 - way)]), "planar_2link.xml")["elbow"][6]
-        for way in (15, 17)
+        table(inspect(arm, [0, np.radians(160 - way)]), "planar_2link.xml")["elbow"][6] for way in (15, 17)
     ]
     assert notes == ["only 0.2618 rad to its limit", ""]
 
 
 def test_a_lost_direction_holds_any_force():
-    found = inspect_arm(arms.load(ROOT / "models/planar_2link.xml"), [0, 0])
+    found = inspect(arms.load(ROOT / "models/planar_2link.xml"), [0, 0])
     assert table(found, "Half axes") == {
         "along y": ("2.236 m/s", "0.4472 N"),
         "along x": ("0 m/s", "any"),

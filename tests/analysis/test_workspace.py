@@ -17,10 +17,11 @@ from rmrc.analysis.survey import jacobians
 from rmrc.analysis.workspace import files as workspace_files
 from rmrc.analysis.workspace.folds import covering, zero_curves
 from rmrc.analysis.workspace.joint_map import joint_map
+from rmrc.analysis.workspace.report import report
 from rmrc.analysis.workspace.singular_set import curvature, nearest_singular
 from rmrc.analysis.workspace.slices import choose_slice
 from rmrc.analysis.workspace.workspace import workspace
-from rmrc.law.task import Task, choose
+from rmrc.law.task import Task
 from rmrc.support.errors import QuestionError
 from rmrc.textbook.torus import torus_postures, torus_tube
 from rmrc.textbook.two_link_workspace import two_link_boundary, two_link_free_area
@@ -224,7 +225,7 @@ def test_every_tip_within_the_limits_lies_in_the_reachable_set(name, site, plane
     cell = np.floor((part.coordinates(position) - [space.a[0], space.b[0]]) / space.free.size).astype(int)
     assert near(space.limited.reached)[tuple(cell.T)].all()
     assert near(space.free.reached)[tuple(cell.T)].all()
-    around = near(space.free.reached) if part.is_sheet else space.free.reached
+    around = near(space.free.reached) if part.is_surface else space.free.reached
     assert (space.limited.reached <= around).all()
     smaller = space.limited.reached & (
         middles(space)[..., 0] < np.median(middles(space)[space.limited.reached][:, 0])
@@ -243,7 +244,7 @@ def test_the_value_of_a_cell_is_that_of_a_posture_that_reaches_it(name, site, pl
             position = arm.pose(q)[:3]
             assert abs(part.offset(position)) < 1e-9
             middle = middles(space)[i, j]
-            # On a sheet it is the middle but for a chord of a degree, else anywhere in the cell.
+            # On a surface it is the middle but for a chord of a degree, else anywhere in the cell.
             assert np.abs(part.coordinates(position) - middle).max() < 0.51 * reach.size
             A = space.task.matrix(arm.jacobian(q))
             assert_allclose(reach.values["sigma_min"][i, j], np.linalg.svd(A)[1][-1], atol=1e-12)
@@ -300,7 +301,7 @@ def test_curvature_of_any_chain_is_the_derivative_of_its_linear_velocities(tmp_p
     assert_allclose(curvature(u[None], J[None, :3], J[None, 3:])[0], along, atol=1e-8)
 
 
-# The sheet ------------------------------------------------------------------------------------------
+# The surface ----------------------------------------------------------------------------------------
 
 
 def test_middles_on_borders_of_triangles_count_once():
@@ -346,7 +347,7 @@ def test_zero_curves_of_circles_are_closed_and_on_them():
 def test_map_over_two_joints_is_mujocos_and_singular_where_the_determinant_is():
     arm = arm_of("stanford")
     q = arm.configuration("home")[arm.wiring.qpos]
-    space = joint_map(choose(arm), ("theta_2", "theta_5"), q, cells=40)
+    space = joint_map(arm, ("theta_2", "theta_5"), q, cells=40)
     for i, j in ((0, 0), (3, 30), (40, 17)):
         one = q.copy()
         one[1], one[4] = space.first[i], space.second[j]
@@ -357,7 +358,7 @@ def test_map_over_two_joints_is_mujocos_and_singular_where_the_determinant_is():
     points = np.concatenate(space.singular)
     assert np.abs(points).min(axis=1).max() < 1e-12
     assert (np.abs(points[:, 0]) < 1e-12).sum() > 30 and (np.abs(points[:, 1]) < 1e-12).sum() > 30
-    assert joint_map(choose(arm, ["x", "y"]), ("theta_1", "theta_2"), q, 10).singular == ()
+    assert joint_map(arm, ("theta_1", "theta_2"), q, axes=["x", "y"], cells=10).singular == ()
 
 
 def test_map_goes_through_the_range_of_a_joint_or_through_a_turn(tmp_path):
@@ -369,7 +370,7 @@ def test_map_goes_through_the_range_of_a_joint_or_through_a_turn(tmp_path):
     )
     path.write_text(re.sub(r'(<joint name="elbow"[^>]*?) range="[^"]*"', r"\1", text))
     for arm, ends in ((arm_of("planar_2link"), np.radians([-160, 160])), (arms.load(path), [-np.pi, np.pi])):
-        space = joint_map(choose(arm), ("shoulder", "elbow"), np.zeros(2), 4)
+        space = joint_map(arm, ("shoulder", "elbow"), np.zeros(2), cells=4)
         assert_allclose(
             space.first, np.radians(np.linspace(-170, 170, 5)), atol=1e-7
         )  # eight digits of a file
@@ -395,13 +396,13 @@ def test_a_file_has_every_array_with_its_meaning(tmp_path):
 
 
 def test_the_summary_has_the_numbers_of_the_workspace():
-    facts = workspace_files.summary(found("planar_6_3"))
-    assert json.loads(json.dumps(facts, allow_nan=False)) == facts
-    assert facts["without_limits"]["area"] == found("planar_6_3").free.area
-    assert facts["without_limits"]["postures"] == [2] and facts["with_limits"]["postures"] == [1]
-    assert_allclose(facts["without_limits"]["x"], [-9.0, 9.0], atol=facts["cell"])
-    assert facts["singular"]["curves"] == 2 and facts["method"] == "sheet"
-    assert facts["limit_curves"] == ["q1 lower", "q1 upper", "q2 lower", "q2 upper"]
+    values = report(found("planar_6_3")).json
+    assert json.loads(json.dumps(values, allow_nan=False)) == values
+    assert values["without_limits"]["area"] == found("planar_6_3").free.area
+    assert values["without_limits"]["postures"] == [2] and values["with_limits"]["postures"] == [1]
+    assert_allclose(values["without_limits"]["x"], [-9.0, 9.0], atol=values["cell"])
+    assert values["singular"]["curves"] == 2 and values["method"] == "sheet"
+    assert values["limit_curves"] == ["q1 lower", "q1 upper", "q2 lower", "q2 upper"]
 
 
 SLIDES = (

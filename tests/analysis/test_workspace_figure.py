@@ -11,10 +11,9 @@ from numpy.testing import assert_allclose
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.workspace import figure as workspace_figure
-from rmrc.analysis.workspace.figure import draw_joint_map, draw_workspace
+from rmrc.analysis.workspace.figure import draw
 from rmrc.analysis.workspace.joint_map import joint_map
 from rmrc.analysis.workspace.workspace import workspace
-from rmrc.law.task import choose
 
 
 @functools.cache
@@ -87,7 +86,7 @@ def test_a_half_plane_and_a_plane_through_a_point_say_what_they_are():
 def test_equal_pictures_have_equal_bytes(tmp_path, suffix):
     paths = [tmp_path / f"{i}{suffix}" for i in range(2)]
     for path in paths:
-        draw_workspace(found("planar_6_3"), path, "sigma_min")
+        draw(found("planar_6_3"), path, "sigma_min")
     assert paths[0].read_bytes() == paths[1].read_bytes()
     assert suffix != ".png" or paths[0].stat().st_size < 300_000
 
@@ -104,11 +103,11 @@ def test_nothing_is_cut_off():
 
 def test_a_map_over_two_joints_has_degrees_and_meters_and_the_determinant(tmp_path):
     arm = arms.load(ROOT / "models/stanford.xml")
-    space = joint_map(choose(arm), ("d_3", "theta_5"), arm.configuration("home")[arm.wiring.qpos], 40)
+    space = joint_map(arm, ("d_3", "theta_5"), cells=40)
     figure = workspace_figure._joint_map(space, "sigma_min")
     axes = figure.axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("d_3 [m]", "theta_5 [°]")
     line = next(line for line in axes.lines if line.get_label() == "singular: det J = 0")
     assert_allclose(line.get_ydata(), 0.0, atol=1e-9)
-    draw_joint_map(space, tmp_path / "map.png", "condition")
+    draw(space, tmp_path / "map.png", "condition")
     assert imread(tmp_path / "map.png").shape[1] > 800

@@ -179,6 +179,6 @@ def test_what_diverges_exits_3_and_ctrl_c_130(rmrc, monkeypatch):
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("rmrc.analysis.statics.hold.Holding.run", interrupted)
+    monkeypatch.setattr("rmrc.analysis.statics.statics.hold_wrench", interrupted)
     code, _, err = rmrc("statics", TWO, "--wrench", "0,1,0", "--hold", "1")
     assert (code, err) == (130, "rmrc: interrupted while holding\n")

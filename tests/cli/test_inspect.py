@@ -7,8 +7,8 @@ import pytest
 
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.inspect.inspection import inspect_arm
-from rmrc.analysis.inspect.json import KEYS, facts
+from rmrc.analysis.inspect.inspection import inspect
+from rmrc.analysis.inspect.report import KEYS, report
 
 TWO, STANFORD = str(ROOT / "models/planar_2link.xml"), str(ROOT / "models/stanford.xml")
 
@@ -70,9 +70,9 @@ def test_json_is_what_the_function_finds_with_the_keys_that_are_documented(rmrc)
     )  # fmt: skip
     assert (code, err) == (0, "")
     printed = json.loads(out)
-    found = inspect_arm(arm, q, length=0.5, frame="site", wrench=wrench,
+    found = inspect(arm, q, length=0.5, frame="site", wrench=wrench,
                         joint_error=[0.001, 0.001, 0.002, 0.001, 0.001, 0.001])  # fmt: skip
-    assert printed == json.loads(json.dumps(facts(found), allow_nan=False))
+    assert printed == json.loads(json.dumps(report(found).json, allow_nan=False))
     assert set(printed) == set(KEYS)
     np.testing.assert_array_equal(printed["jacobian"], found.jacobian)
     assert printed["condition"] is None and printed["rank"] == {"by_singular_values": 5, "by_minors": 5}

@@ -9,6 +9,7 @@ import sys
 import pytest
 
 from project import ROOT
+from rmrc.scenario.choices import INVERSES
 from rmrc.tuning.tune import Tuning
 
 TEXT = f"""
@@ -105,8 +106,7 @@ def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
          "--payload: must be 0 in an ideal plant, which carries nothing; take another plant.kind"),
         (["--copies", "-1"], "--copies: must be finite and >= 0, got -1"),
         (["--only", "control.inverse.method=dampd"],
-         "--only control.inverse.method: must be of inverse, pseudoinverse, truncated, transpose, damped, filtered, "
-         'selectively_damped, jparse, got dampd; did you mean "damped"?'),
+         f'--only control.inverse.method: must be of {", ".join(INVERSES.names)}, got dampd; did you mean "damped"?'),
         (["--set", "control.feedback=-1"], "--set control.feedback: must be >= 0, got -1"),
     ],
 )  # fmt: skip

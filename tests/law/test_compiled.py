@@ -10,24 +10,34 @@ import pytest
 
 import rmrc
 from project import ROOT
+from records import Unscaled, blank
 from rmrc.analysis import survey
 from rmrc.analysis.ik import descent
-from rmrc.analysis.workspace import folds as sheet
+from rmrc.analysis.workspace import folds
 from rmrc.arm import load
-from rmrc.law import law
+from rmrc.law import controller, law
 from rmrc.law import svd as smallmat
 from rmrc.law.jit import _kind
-from rmrc.law.record import tick_type, world_type
+from rmrc.law.record import records, tick_type
 from rmrc.law.task import choose
 from rmrc.plants import stepping as plant
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
+from rmrc.scenario import ControlSection
 from rmrc.simulation import reference
 
 MOVES = (
     reference.sample, plant.tick, plant.believe_encoders, plant.return_to_truth, plant.computed_torque, tally.add,
 )  # fmt: skip
-EXAMINES = (law.resolve, survey.examine, survey.locate, sheet.scan, descent.reach, smallmat.svd)
+EXAMINES = (
+    law.resolve,
+    controller.step,
+    survey.examine,
+    survey.locate,
+    folds.scan,
+    descent.reach,
+    smallmat.svd,
+)
 
 
 def kept(function):
@@ -47,6 +57,8 @@ def test_what_moves_a_world_is_kept_on_disk(simulate):
 def test_what_examines_an_arm_is_kept_on_disk():
     arm = load(ROOT / "models/planar_2link.xml")
     task = choose(arm)
+    start = arm.configuration("home")[arm.wiring.qpos]
+    assert controller.Controller(law.Law(task, ControlSection(), start)).command.status == 0
     assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
     assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
     assert rmrc.solve_ik(task, rmrc.goal_pose(task, [1.0, 1.0])).found
@@ -71,10 +83,10 @@ def test_arguments_that_are_of_one_kind_are_of_one_type():
     shown = table.view()
     shown.flags.writeable = False
     misaligned = np.ndarray((2,), np.float64, np.zeros(17, np.uint8)[1:].data)
-    worlds = np.zeros(2, world_type(2))
+    worlds = records(2, [Unscaled(2, 2)], [Unscaled(2, 2)])
     arguments = [
         0, 2**63, 0.0, False, (1, 2), (1, 2.0), table, table.T, table[::2], table[:, ::2], shown, table[0],
-        misaligned, table.astype(np.float32), worlds, worlds[0], np.zeros(1, world_type(3))[0],
+        misaligned, table.astype(np.float32), worlds, worlds[0], blank(3, 9)[0][0],
         np.zeros(2, tick_type(2)), np.zeros((2, 2), tick_type(2)),
     ]  # fmt: skip
     for one, other in combinations(arguments, 2):

@@ -11,9 +11,9 @@ import numpy as np
 import pytest
 from worlds import DEFAULTS, NAMES, VARIANT, fits, formula, make_world, with_sigma
 
+from codes import Method, Objective, Schedule
 from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
-from rmrc.scenario.choices import Method, Objective, Schedule
 
 # What docs/theory.md promises, for every method and schedule. Those in BOUNDED have a derivative that is known.
 BOUNDED = {
@@ -177,6 +177,8 @@ def lipschitz(name, p):
 
 
 def test_every_method_and_schedule_has_a_promise():
+    without = set(NAMES) - CONTINUOUS - DISCONTINUOUS
+    assert not without, f"say above, and in docs/theory.md, whether these are continuous: {without}"
     assert {*CONTINUOUS, *DISCONTINUOUS} == set(NAMES)
     assert not CONTINUOUS & DISCONTINUOUS
 
@@ -274,7 +276,7 @@ def projected(p, cold=False):
     n = p.J.shape[2]
     return along(
         p.J, np.zeros(p.J.shape[1]), cold, method=Method.DAMPED, damping_maximum=0.1,
-        objective=Objective.RATES, objective_gain=1.0, wished=np.arange(1.0, n + 1),
+        objective=Objective.RATES, nullspace_gain=1.0, nullspace_rates=np.arange(1.0, n + 1),
     )  # fmt: skip
 
 

@@ -7,8 +7,8 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from worlds import SHAPES, Variant, formula, matrices, one_world, rates_of, seeds, with_sigma
 
-from rmrc.law.law import resolve_rates
-from rmrc.scenario.choices import Method, Schedule
+from codes import Method, Schedule
+from rmrc.law.controller import resolve_rates
 
 SCHEDULES = [Variant(Method.DAMPED, schedule) for schedule in Schedule]
 FILTERED = Variant(Method.FILTERED)

@@ -22,8 +22,9 @@ from worlds import (
     with_sigma,
 )
 
-from rmrc.law.law import resolve, resolve_rates
-from rmrc.scenario.choices import Method, Schedule
+from codes import Method, Schedule
+from rmrc.law.controller import resolve_rates
+from rmrc.law.law import resolve
 
 PSEUDOINVERSE, TRUNCATED = Variant(Method.PSEUDOINVERSE), Variant(Method.TRUNCATED)
 TRANSPOSE, JPARSE = Variant(Method.TRANSPOSE), Variant(Method.JPARSE)

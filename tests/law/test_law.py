@@ -20,8 +20,9 @@ from worlds import (
     with_sigma,
 )
 
-from rmrc.law.law import resolve_rates
-from rmrc.scenario.choices import Method, Objective, OnExcess, Schedule, Status
+from codes import Method, Objective, OnExcess, Schedule
+from rmrc.law.controller import resolve_rates
+from rmrc.scenario.choices import Status
 
 named = pytest.mark.parametrize("variant", [pytest.param(variant, id=str(variant)) for variant in VARIANTS])
 
@@ -103,10 +104,10 @@ def test_objectives_give_numbers_for_entries_of_any_size(objective):
         n = J.shape[1]
         rng = np.random.default_rng(seed)
         _, tick = one_world(
-            J, twist, variant=DAMPED, objective=objective, objective_gain=1.0, posture=rng.normal(size=n),
-            wished=rng.normal(size=n), position_range=np.array([-np.ones(n), np.ones(n)]), m_2=1, row_scale_2=[1.0],
+            J, twist, variant=DAMPED, objective=objective, nullspace_gain=1.0, posture=rng.normal(size=n),
+            nullspace_rates=rng.normal(size=n), position_range=np.array([-np.ones(n), np.ones(n)]), m_2=1, row_scale_2=[1.0],
             moves_2=np.ones(n, int), J_2=rng.normal(size=(1, n)), pose_2=[0, 0, 0, 1, 0, 0, 0],
-            pose_ref_2=[1, 0, 0, 1, 0, 0, 0], feedback_2=1.0, damping_2=0.1,
+            pose_ref_2=[1, 0, 0, 1, 0, 0, 0], feedback_2=1.0, nullspace_secondary_damping=0.1,
         )  # fmt: skip
         assert_numbers(tick, seed)
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from worlds import Variant, chain_text, make_world, matrices, one_world, seeds
 
+from codes import Method, Objective, Priority
 from rmrc.arm import load
 from rmrc.law.law import resolve
-from rmrc.scenario.choices import Method, Objective, Priority
 
 DAMPED, PSEUDOINVERSE = Variant(Method.DAMPED), Variant(Method.PSEUDOINVERSE)
 
@@ -24,10 +24,10 @@ def wishes(objective, rng, n):
     """Return the parameters of an objective with random wishes, for a world with any J."""
     parameters = {
         "objective": objective,
-        "objective_gain": rng.uniform(0.5, 2),
+        "nullspace_gain": rng.uniform(0.5, 2),
         "q": rng.normal(size=n),
         "posture": rng.normal(size=n),
-        "wished": rng.normal(size=n),
+        "nullspace_rates": rng.normal(size=n),
         "position_range": np.array([rng.uniform(-3, -2, n), rng.uniform(2, 3, n)]),
     }
     if objective == Objective.SECONDARY:
@@ -36,7 +36,7 @@ def wishes(objective, rng, n):
             "m_2": rows, "row_2": np.arange(6), "row_scale_2": rng.uniform(0.5, 2, rows), "moves_2": np.ones(n, int),
             "J_2": rng.normal(size=(6, n)), "pose_2": [*rng.normal(size=3), 1, 0, 0, 0],
             "pose_ref_2": [*rng.normal(size=3), 1, 0, 0, 0], "feedback_2": 2.0,
-            "priority": int(rng.integers(2)), "damping_2": rng.choice([0.0, 0.1]),
+            "priority": int(rng.integers(2)), "nullspace_secondary_damping": rng.choice([0.0, 0.1]),
         }  # fmt: skip
     return parameters
 
@@ -88,7 +88,7 @@ def test_null_space_motion_is_the_whole_projection_of_the_wish(damping_maximum, 
     wq, parameters = rng.uniform(0.2, 5, n), wishes(Objective.RATES, rng, n)
     parameters["damping_maximum"] = damping_maximum
     added, _ = extra(J, np.zeros(m), np.ones(m), wq, DAMPED, parameters)
-    want = free_directions(J, wq, min(m, n)) @ (np.sqrt(wq) * parameters["wished"]) / np.sqrt(wq)
+    want = free_directions(J, wq, min(m, n)) @ (np.sqrt(wq) * parameters["nullspace_rates"]) / np.sqrt(wq)
     # LAPACK and the law turn the null space by rounding times κ < 1e4
     assert_allclose(added, want, rtol=0, atol=1e-10)
 
@@ -109,9 +109,9 @@ def test_task_rows_that_never_move_take_nothing_from_the_null_space(objective, s
     assert_allclose(J @ added, 0.0, rtol=0, atol=1e-10)
     if objective in (Objective.RATES, Objective.POSTURE):
         wish = (
-            parameters["wished"]
+            parameters["nullspace_rates"]
             if objective == Objective.RATES
-            else parameters["objective_gain"] * (parameters["posture"] - parameters["q"])
+            else parameters["nullspace_gain"] * (parameters["posture"] - parameters["q"])
         )
         want = free_directions(J, wq, rank) @ (np.sqrt(wq) * wish) / np.sqrt(wq)
         assert_allclose(added, want, rtol=0, atol=1e-10)
@@ -133,8 +133,8 @@ def test_a_structural_rank_below_k_leaves_what_dies_beyond_it_to_the_objective(J
         variant=DAMPED,
         rank=rank,
         objective=Objective.RATES,
-        objective_gain=1.0,
-        wished=wished,
+        nullspace_gain=1.0,
+        nullspace_rates=wished,
     )
     assert_allclose(tick["qdot_cmd"][:n], free_directions(J, np.ones(n), rank) @ wished, rtol=0, atol=1e-10)
 
@@ -150,7 +150,7 @@ def test_the_check_finds_the_classical_wrong_projector():
     unweighted = free_directions(J, np.ones(3), 1) @ wished
     added, _ = extra(
         J, np.zeros(1), np.ones(1), wq, DAMPED,
-        {"objective": Objective.RATES, "objective_gain": 1.0, "wished": wished},
+        {"objective": Objective.RATES, "nullspace_gain": 1.0, "nullspace_rates": wished},
     )  # fmt: skip
     assert np.abs(J @ unweighted).max() < 1e-12 and np.abs(added - unweighted).max() > 0.1
 
@@ -188,14 +188,13 @@ class Chain:
         """Return the rates at q with a zero twist: N qdot0."""
         world, tick = make_world(
             self.arm.jacobian(q), np.zeros(6), 1.0, self.joint_scale, method=Method.DAMPED, objective=objective,
-            objective_gain=gain, q=q, posture=self.posture, wished=self.wished, position_range=self.limit,
+            nullspace_gain=gain, q=q, posture=self.posture, nullspace_rates=self.wished, position_range=self.limit,
             is_slide=self.arm.is_slide.astype(int),
         )  # fmt: skip
         m = len(self.rows)
         world["m"], world["k"] = m, min(m, self.n)
         world["rank"] = self.rank if rank is None else rank
         world["row"][0, :m], world["row_scale"][0, :m] = self.rows, self.row_scale
-        world["joint"][0, : self.n] = self.arm.wiring.joint
         resolve(world[0], tick[0])
         return tick["qdot_cmd"][0, : self.n].copy()
 
@@ -321,7 +320,12 @@ def test_the_second_task_is_solved_in_what_the_first_leaves(priority, damping_2,
     J, t, wx, wq = rng.normal(size=(m, n)), rng.normal(size=m), rng.uniform(0.2, 5, m), rng.uniform(0.2, 5, n)
     parameters = wishes(Objective.SECONDARY, rng, n)
     row_scale = rng.uniform(0.5, 2, rows)
-    parameters |= {"m_2": rows, "row_scale_2": row_scale, "priority": int(priority), "damping_2": damping_2}
+    parameters |= {
+        "m_2": rows,
+        "row_scale_2": row_scale,
+        "priority": int(priority),
+        "nullspace_secondary_damping": damping_2,
+    }
     A_2 = row_scale[:, None] * parameters["J_2"][:rows] / np.sqrt(wq)
     P = free_directions(np.sqrt(wx)[:, None] * J, wq, m)
     sigma = np.linalg.svd(A_2 @ P, compute_uv=False)

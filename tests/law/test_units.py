@@ -5,13 +5,14 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
-from worlds import NAMES, VARIANT, chain_text, set_parameters
+from worlds import NAMES, VARIANT, chain_text
 
+from codes import Method, Objective, OnExcess
+from records import put
 from rmrc.law.law import resolve
-from rmrc.law.record import tick_type
+from rmrc.law.record import records, tick_type
 from rmrc.scenario import loads
-from rmrc.scenario.choices import Method, Objective, OnExcess
-from rmrc.simulation.prepare import prepare, world_record
+from rmrc.simulation.prepare import prepare
 
 MILLIMETERS = 1000.0
 CHAINS = [(0, 2, 2), (1, 4, 2), (2, 6, 6), (3, 7, 6), (4, 8, 3), (5, 3, 5)]
@@ -48,7 +49,7 @@ def drawn(folder, chain, scale, objective=Objective.NONE, length=True):
     )
     prepared = prepare(scenario)
     arm = prepared.arm
-    world, tick = np.array([world_record(prepared, 0)]), np.zeros(1, tick_type(n))
+    world, tick = records(n, [prepared.task, prepared.law]), np.zeros(1, tick_type(n))
     factor = np.where(arm.is_slide, scale, 1.0)
     lengths = np.repeat([scale, 1.0], 3)
     low, high = arm.model.jnt_range[arm.wiring.joint].T
@@ -57,11 +58,11 @@ def drawn(folder, chain, scale, objective=Objective.NONE, length=True):
     for p in (pose, pose_ref):
         p[:3] *= scale
     J = arm.jacobian(q)
-    set_parameters(
+    put(
         world, on_excess=OnExcess.NONE, J=J, q=q, twist_cmd=lengths * rng.normal(size=6), objective=objective,
-        objective_gain=0.8, posture=factor * rng.normal(size=n), wished=factor * rng.normal(size=n), error=0.2,
+        nullspace_gain=0.8, posture=factor * rng.normal(size=n), nullspace_rates=factor * rng.normal(size=n), error=0.2,
         m_2=2, row_2=np.arange(6), row_scale_2=np.ones(2) / (0.37 * scale), moves_2=np.ones(n, int), J_2=lengths[:, None] * rng.normal(size=(6, n)) / factor,
-        pose_2=pose, pose_ref_2=pose_ref, feedback_2=2.0, damping_2=0.05,
+        pose_2=pose, pose_ref_2=pose_ref, feedback_2=2.0, nullspace_secondary_damping=0.05,
     )  # fmt: skip
     return World(world, tick, factor, arm)
 
@@ -99,7 +100,7 @@ def test_measures_and_rates_of_every_method_are_the_same_in_millimeters(tmp_path
         worlds = [drawn(tmp_path, chain, scale) for scale in (1.0, MILLIMETERS)]
         for each in worlds:
             # thresholds and bounds so that they act at some of the chains
-            set_parameters(
+            put(
                 each.world, method=variant.method, schedule=variant.schedule, damping_maximum=0.1, damping_below=0.3,
                 manipulability_below=0.3, error_gain=0.5, tolerance=0.05, cutoff=0.2, gamma=0.2, rate_bound=1.0,
             )  # fmt: skip
@@ -113,7 +114,7 @@ def test_rates_of_every_objective_are_the_same_in_millimeters(tmp_path, objectiv
         worlds = [drawn(tmp_path, chain, scale, objective) for scale in (1.0, MILLIMETERS)]
         compare(*worlds)
         moved = worlds[0].tick[0]["qdot_cmd"].copy()
-        worlds[0].world["objective"] = Objective.NONE
+        worlds[0].world["nullspace_objective"] = Objective.NONE
         resolve(worlds[0].world[0], worlds[0].tick[0])
         parts.append(np.abs(moved - worlds[0].tick[0]["qdot_cmd"]).max())
     assert objective == Objective.NONE or max(parts) > 1e-3  # it had a part in what was compared

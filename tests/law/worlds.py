@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from scipy.optimize import brentq
 
+from codes import Method, Schedule
+from records import blank, put
 from rmrc.law.law import resolve
-from rmrc.law.record import tick_type, world_type
-from rmrc.scenario.choices import Method, Schedule
+from rmrc.scenario.choices import INVERSES, PARAMETERS
 
 matrices = arrays(
     np.float64, st.tuples(st.integers(1, 6), st.integers(1, 8)), elements=st.floats(-2, 2, width=16)
@@ -22,18 +23,14 @@ seeds = st.integers(0, 2**32 - 1)
 # One shape of each kind, and those of the arms that there are.
 SHAPES = [(1, 1), (2, 2), (2, 4), (3, 7), (4, 2), (6, 3), (6, 6), (6, 7)]
 
-# The defaults of a scenario, as far as the law has them, and some error.
+# What inverses and schedules read, as `resolve_rates` calls it: the defaults of a scenario, and some error.
+SHORT = {"damping_manipulability_below": "manipulability_below", "damping_error_gain": "error_gain"}
 DEFAULTS = {
-    "tolerance": 1e-6,
-    "cutoff": 0.01,
-    "gamma": 0.1,
-    "rate_bound": 2.0,
-    "damping_maximum": 0.1,
-    "damping_below": 0.3,
-    "manipulability_below": 0.3,
-    "error_gain": 1.0,
-    "error": 0.1,
-}
+    SHORT.get(name, name): one.default
+    for one in PARAMETERS
+    if one.field.startswith("inverse_")
+    for name in [one.field.removeprefix("inverse_")]
+} | {"error": 0.1}
 
 ROUNDING = 1e-14  # of σ_1: at or below it a σ is rounding, whatever the method
 
@@ -46,44 +43,34 @@ class Variant(NamedTuple):
 
     def __str__(self):
         return self.method.name.lower() + (
-            f"-{self.schedule.name.lower()}" if self.method == Method.DAMPED else ""
+            f"-{self.schedule.name.lower()}" if INVERSES.options[self.method].is_scheduled else ""
         )
 
 
-# Made from the enums, so that a method or schedule that is added runs in every test here.
-VARIANTS = [Variant(method) for method in Method if method != Method.DAMPED]
-VARIANTS += [Variant(Method.DAMPED, schedule) for schedule in Schedule]
+# Made from the declarations, so that a method or schedule that is added runs in every test here.
+VARIANTS = [Variant(method) for method in Method if not INVERSES.options[method].is_scheduled]
+VARIANTS += [
+    Variant(method, schedule)
+    for method in Method
+    if INVERSES.options[method].is_scheduled
+    for schedule in Schedule
+]
 NAMES = [str(variant) for variant in VARIANTS]
 VARIANT = dict(zip(NAMES, VARIANTS, strict=True))
 
 
 def fits(variant, shape):
-    """Return whether a variant is for matrices of that shape: `inverse` is for square ones."""
-    return variant.method != Method.INVERSE or shape[0] == shape[1]
+    """Return whether a variant is for matrices of that shape."""
+    return not INVERSES.options[variant.method].needs_square or shape[0] == shape[1]
 
 
 def make_world(J, twist, row_scale=1.0, joint_scale=1.0, **parameters):
     """Return the record of a world whose task is all rows of J, and its tick, as arrays of one."""
     m, n = J.shape
-    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
-    world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-    world["row"], world["joint"] = np.arange(6), np.arange(world["joint"].shape[1])
-    world["row_scale"][0, :m], world["joint_scale"][0, :n] = row_scale, joint_scale
-    world["position_limit"][0] = world["position_range"][0] = [[-np.inf], [np.inf]]
-    world["pace"] = world["share"] = 1.0
-    world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
-    set_parameters(world, **DEFAULTS)
-    set_parameters(world, **parameters)
+    world, tick = blank(m, n)
+    put(world, **DEFAULTS, J=J, twist_cmd=twist, row_scale=row_scale, joint_scale=joint_scale)
+    put(world, **parameters)
     return world, tick
-
-
-def set_parameters(world, **parameters):
-    """Set fields of a record; a vector sets as many entries as it has."""
-    for name, value in parameters.items():
-        if np.ndim(value):
-            world[name][0][tuple(slice(size) for size in np.shape(value))] = value
-        else:
-            world[name] = value
 
 
 def one_world(J, twist, wx=1.0, wq=1.0, variant=None, **parameters):
@@ -134,6 +121,8 @@ def formula(variant, A, t, **parameters):
     elif method == Method.DAMPED:
         lam = scheduled(variant.schedule, sigma, c, alive, p)
         gain = sigma / np.where(alive, sigma**2 + lam**2, 1.0)
+    else:
+        assert method == Method.INVERSE, f"no formula for {variant}: write it here, from docs/theory.md"
     gain = np.where(alive, gain, 0.0)
     return vt.T @ (gain * c), gain, lam
 
@@ -153,7 +142,7 @@ def scheduled(schedule, sigma, c, alive, p):
         return float(np.sqrt(fading(sigma[-1], p["damping_below"], p["damping_maximum"])))
     if schedule == Schedule.MANIPULABILITY:
         return p["damping_maximum"] * max(0.0, 1 - np.prod(sigma) / p["manipulability_below"])
-    assert schedule == Schedule.RATE_BOUND
+    assert schedule == Schedule.RATE_BOUND, f"no formula for {schedule}: write it here, from docs/theory.md"
     s, c, bound = sigma[alive], c[alive], p["rate_bound"]
     excess = lambda mu: np.linalg.norm(s * c / (s**2 + mu)) - bound  # noqa: E731
     if len(s) == 0 or excess(0.0) <= 0:

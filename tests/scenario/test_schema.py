@@ -6,6 +6,8 @@ from scenario_texts import EXAMPLE, FULL, MINIMAL, full_number_keys
 
 from rmrc import scenario as package
 from rmrc.scenario import json_schema, loads, schema_rows
+from rmrc.scenario.choices import INVERSES
+from rmrc.scenario.sections import DERIVED
 from rmrc.support.errors import ScenarioError
 
 
@@ -48,7 +50,7 @@ def test_the_full_scenario_of_these_tests_uses_every_field():
         kind
         for kind in vars(package).values()
         if isinstance(kind, type) and issubclass(kind, package.Section)
-    }
+    } | set(DERIVED.values())
     seen = {kind: set() for kind in sections}
 
     def visit(value):
@@ -85,8 +87,7 @@ def test_rows_of_the_schema_read_as_a_table():
         "arm.encoder.deviation": "angle >= 0 or list of angles >= 0",
         "arm.encoder.seed": "integer >= 0",
         "task.axes": "list of (x | y | z | rx | ry | rz)",
-        "control.inverse.method": "inverse | pseudoinverse | truncated | transpose | damped | filtered"
-        " | selectively_damped | jparse",
+        "control.inverse.method": " | ".join(INVERSES.names),
         "control.slow.longest": "number >= 1, <= 1000",
         "control.inverse.tolerance": "number > 0, < 1",
         "control.feedforward": "true | false",

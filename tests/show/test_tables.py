@@ -13,7 +13,8 @@ from rmrc.results.scorecard import Figure, Scorecard, check, scorecard
 from rmrc.scenario import Check, SchemaRow, schema_rows
 from rmrc.scenario.choices import Status
 from rmrc.show import tables
-from rmrc.show.sheets import Sheet, as_table, number
+from rmrc.show.sheets import Sheet, number
+from rmrc.show.terminal import as_table
 
 SPACE = ("x", "y", "z", "rx", "ry", "rz")
 NUMBER = r"(?<![\w.])-?(?:\d+(?:\.\d+)?(?:e-?\d+)?|inf)(?![\w.])"

@@ -11,7 +11,9 @@ from rmrc.results.scorecard import Figure, Scorecard, check, scorecard
 from rmrc.scenario import Check
 from rmrc.scenario.choices import Status
 from rmrc.show import sheets
-from rmrc.study.compare_table import Row, flipped, markdown, render
+from rmrc.show.terminal import render
+from rmrc.study import compare_table
+from rmrc.study.compare_table import Row, flipped, markdown
 
 PLANE, SPACE = ("x", "y"), ("x", "y", "z", "rx", "ry", "rz")
 
@@ -43,7 +45,7 @@ def row(label="inverse", run=None, expect=None, stated_for=None, **values):
 
 def printed(rows, width=100):
     console = Console(file=io.StringIO(), width=width)
-    console.print(render("case", rows))
+    console.print(render(compare_table.sheets("case", rows)))
     return [line.rstrip() for line in console.file.getvalue().splitlines()]
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rmrc.scenario.choices import Method, Schedule
+from codes import Method, Schedule
 from rmrc.study.filters import NEAREST, filter_factor
 
 CONSTANT = "control.inverse.damping.schedule=constant"

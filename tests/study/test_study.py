@@ -11,7 +11,7 @@ from rmrc.results.scorecard import refuse_unknown
 from rmrc.scenario import Variant, draft_of, load
 from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
-from rmrc.simulation.prepare import prepare, world_record
+from rmrc.simulation.prepare import prepare, world_records
 from rmrc.study.compare import Comparison
 from rmrc.study.plan import Plan
 from rmrc.study.study import Checked, Study
@@ -43,7 +43,7 @@ def assert_same(one, other):
     assert_array_equal(one.qpos, other.qpos)
     for name in FIELDS:
         assert getattr(one.reference, name).tobytes() == getattr(other.reference, name).tobytes()
-    assert world_record(one, 0).tobytes() == world_record(other, 0).tobytes()
+    assert world_records([one], [0]).tobytes() == world_records([other], [0]).tobytes()
     assert (one.change.payload, one.change.gravity) == (other.change.payload, other.change.gravity)
     assert_array_equal(one.kv, other.kv)
 
@@ -72,18 +72,16 @@ def test_each_variant_is_what_it_is_alone(path):
 
 def test_what_they_have_in_common_is_found_once(monkeypatch):
     asked = []
-    for name in ("make_reference", "structural_rank"):
+    for name in ("make_reference", "Task"):
         find = getattr(preparation, name)
         monkeypatch.setattr(
             preparation, name, lambda *args, name=name, find=find: asked.append(name) or find(*args)
         )
     many = [[f"control.feedback={i}"] for i in range(1, 50)]
     prepared = Study(draft_of(SCENARIOS[1])).prepare_all(variants(many))
-    ranks = {one.rank for one in prepared}
-    assert (
-        len({id(one.arm) for one in prepared}) == len({id(one.reference) for one in prepared}) == len(ranks)
-    )
-    assert sorted(asked) == ["make_reference", "structural_rank"]
+    for of in ("arm", "reference", "task"):
+        assert len({id(getattr(one, of)) for one in prepared}) == 1
+    assert sorted(asked) == ["Task", "make_reference"]
 
 
 def test_what_is_kept_does_not_grow():

@@ -12,8 +12,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from rmrc.law.jit import Record, entry, machine_code
-from rmrc.law.kinematics import follow_chain, geometric_jacobian
+from rmrc.law.kinematics import chain_jacobian, follow_chain
 from rmrc.law.law import scale_task
+from rmrc.law.record import records
 from rmrc.law.svd import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
 from rmrc.law.task import Array, Task
 
@@ -80,10 +81,11 @@ def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, 
 
 def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *arrays: Array) -> None:
     """Let threads work on the rows of arrays, SHARE at a time."""
-    compiled = machine_code(kernel, task.record(), *arrays)
+    record = records(task.arm.n, [task])
+    compiled = machine_code(kernel, record[0], *arrays)
 
     def share(first: int) -> None:
-        compiled(task.record(), *(array[first : first + SHARE] for array in arrays))
+        compiled(record.copy()[0], *(array[first : first + SHARE] for array in arrays))
 
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
         list(pool.map(share, range(0, len(arrays[0]), SHARE)))
@@ -108,7 +110,7 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
             follow_chain(world, q[first + w])
             for c in range(7):
                 pose[first + w, c] = world.pose[c]
-            geometric_jacobian(world, world.pose, world.anchor, world.axis, world.J)
+            chain_jacobian(world, world.J)
             scale_task(world)
             scale[w] = put_in_lane(world.A, world.m, world.n, rows, row_norm2, long, w)
         singular_values_of_lanes(long, norm2, k, size)
@@ -130,4 +132,4 @@ def locate(world: Record, q: Array, position: Array, J: Array) -> None:
         follow_chain(world, q[i])
         for c in range(3):
             position[i, c] = world.pose[c]
-        geometric_jacobian(world, world.pose, world.anchor, world.axis, J[i])
+        chain_jacobian(world, J[i])

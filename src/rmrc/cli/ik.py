@@ -5,20 +5,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rmrc.cli.console import EXIT_MISSED, complain, notice, output, print_json
-from rmrc.cli.questions import (
-    AsJson,
-    Keyframe,
-    Length,
-    Model,
-    Positions,
-    Site,
-    TaskAxes,
-    configuration,
-    numbers,
-    task_axes,
-    within,
-)
+from rmrc.cli.console import notice
+from rmrc.cli.options import AsJson, Keyframe, Length, Model, Positions, Site, TaskAxes, within
+from rmrc.cli.reports import show
+from rmrc.cli.texts import configuration, numbers, task_axes
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
 
@@ -89,44 +79,24 @@ def ik(
     as_json: AsJson = False,
 ) -> None:
     """Find joint positions that bring a site to a pose; begin at --q or --keyframe."""
-    from rmrc.arm import load
-
     if every and (iterates or method is Method.NEWTON):
         option = "--iterates" if iterates else "--method newton"
         raise QuestionError(f"give --all or {option}, not both: all postures are searched from many starts")
     rows = task_axes(axes)
     with notice("reading the model ..."):
-        from rmrc.analysis.ik import report as tables
-        from rmrc.analysis.ik.postures import find_postures
-        from rmrc.analysis.ik.solve import solve_ik
+        from rmrc.analysis.ik.ik import ik as ask
+        from rmrc.analysis.ik.report import report
+        from rmrc.arm import load
         from rmrc.law.task import choose
-        from rmrc.show.sheets import render
 
     arm = load(model, site)
     task = choose(arm, rows, length)
     goal, start = _goal(task, to, quat, to_q), configuration(arm, q, keyframe)
-    facts: dict[str, object] = {
-        "model": str(model), "site": arm.site, "axes": list(task.axes), "length": length,
-        "limits": limits, "tolerance": tolerance, "goal": goal.tolist(), "start": start.tolist(),
-    }  # fmt: skip
-    if every:
-        postures = find_postures(task, goal, start, limits=limits, tolerance=tolerance)
-        failed = postures.nearest
-        facts |= tables.posture_facts(task, postures)
-        sheets = tables.posture_sheets(task, postures, limits)
-    else:
-        solution = solve_ik(task, goal, start, method=method.value, limits=limits, tolerance=tolerance)
-        failed = None if solution.found else solution
-        steps = iterates or method is Method.NEWTON
-        facts |= {"method": method.value, **tables.solution_facts(task, solution, steps)}
-        sheets = tables.solution_sheets(task, solution, limits, steps)
-    if as_json:
-        print_json(facts, allow_nan=False)
-    else:
-        output().print(render(sheets))
-    if failed is not None:
-        complain(tables.failure(task, failed))
-        raise typer.Exit(EXIT_MISSED)
+    found = ask(
+        arm, q=start, pose=goal, axes=task.axes, length=length, method=method.value, limits=limits,
+        every=every, tolerance=tolerance,
+    )  # fmt: skip
+    show(report(found, iterates), as_json)
 
 
 def _goal(task: "Task", to: str | None, quat: str | None, to_q: str | None) -> "Array":

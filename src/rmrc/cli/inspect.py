@@ -7,99 +7,83 @@ import numpy as np
 import typer
 from numpy.typing import NDArray
 
-from rmrc.cli.console import notice, output, print_json, warn
-from rmrc.cli.questions import (
-    AsJson,
-    Length,
-    Model,
-    Site,
-    TaskAxes,
-    check_picture,
-    configuration,
-    numbers,
-    task_axes,
-    wrench_of,
-)
+from rmrc.cli.console import notice, warn
+from rmrc.cli.options import AsJson, Length, Model, Site, TaskAxes, drawable
+from rmrc.cli.reports import show
+from rmrc.cli.texts import configuration, numbers, task_axes, wrench_of
 from rmrc.support.errors import QuestionError
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
 
+AllPositions = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--q", metavar="Q1,Q2,...", help='Joint positions: rad, m, or angles such as "60 deg"; repeatable.'
+    ),
+]
+Keyframes = Annotated[
+    list[str] | None, typer.Option(help="Joint positions by name; repeatable; default: home.")
+]
+Frame = Annotated[str, typer.Option(metavar="world|site|base", help="Along whose axes J and the words are.")]
+JointError = Annotated[
+    str | None,
+    typer.Option(
+        metavar="S | S1,S2,...", help='Standard deviation of the joints, such as "0.1 deg": tell the site\'s.'
+    ),
+]
+Wrench = Annotated[
+    str | None,
+    typer.Option(
+        metavar="FX,...,NZ",
+        help="Force in N, or force and moment in N m, on the arm at the site, in the world: tell what "
+        "holds it.",
+    ),
+]
+Picture = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="Draw the arm with its ellipses: .png, .svg or .pdf.", callback=drawable
+    ),
+]
+
 
 def inspect(
     model: Model,
     site: Site = None,
-    q: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--q",
-            metavar="Q1,Q2,...",
-            help='Joint positions: rad, m, or angles such as "60 deg"; repeatable.',
-        ),
-    ] = None,
-    keyframe: Annotated[
-        list[str] | None, typer.Option(help="Joint positions by name; repeatable; default: home.")
-    ] = None,
+    q: AllPositions = None,
+    keyframe: Keyframes = None,
     axes: TaskAxes = None,
     length: Length = 1.0,
-    frame: Annotated[
-        str, typer.Option(metavar="world|site|base", help="Along whose axes J and the words are.")
-    ] = "world",
-    joint_error: Annotated[
-        str | None,
-        typer.Option(
-            metavar="S | S1,S2,...",
-            help='Standard deviation of the joints, such as "0.1 deg": tell the site\'s.',
-        ),
-    ] = None,
-    wrench: Annotated[
-        str | None,
-        typer.Option(
-            metavar="FX,...,NZ",
-            help="Force in N, or force and moment in N m, on the arm at the site, in the world: tell what "
-            "holds it.",
-        ),
-    ] = None,
-    picture: Annotated[
-        Path | None, typer.Option(metavar="FILE", help="Draw the arm with its ellipses: .png, .svg or .pdf.")
-    ] = None,
+    frame: Frame = "world",
+    joint_error: JointError = None,
+    wrench: Wrench = None,
+    picture: Picture = None,
     as_json: AsJson = False,
 ) -> None:
     """Tell what an arm can and cannot do at a configuration: pose, J, singularity, ellipsoids, statics."""
-    check_picture(picture)
     if q and keyframe:
         raise QuestionError("give --q or --keyframe, not both")
     rows = task_axes(axes)
     with notice("reading the model ..."):
-        from rmrc.analysis.inspect import json as inspection_json
-        from rmrc.analysis.inspect import tables as inspection_tables
-        from rmrc.analysis.inspect.inspection import inspect_arm
+        from rmrc.analysis.inspect.inspection import inspect as ask
+        from rmrc.analysis.inspect.report import report
         from rmrc.arm import load
-        from rmrc.show.sheets import render
 
     arm = load(model, site)
     positions = [configuration(arm, text, None) for text in q or ()]
     positions += [configuration(arm, None, name) for name in keyframe or ()]
     errors = None if joint_error is None else _joint_errors(arm, joint_error)
-    load_on_site = None if wrench is None else wrench_of(wrench)
+    acts = None if wrench is None else wrench_of(wrench)
     found = [
-        inspect_arm(
-            arm, one, axes=rows, length=length, frame=frame, joint_error=errors, wrench=load_on_site
-        )
+        ask(arm, one, axes=rows, length=length, frame=frame, joint_error=errors, wrench=acts)
         for one in positions or [configuration(arm, None, None)]
-    ]  # fmt: skip
+    ]
     warn(warning for one in found for warning in one.warnings)
-    if picture is not None:
-        from rmrc.analysis.inspect.figure import draw_arm
-
-        draw_arm(found, picture)
-    if as_json:
-        facts = [inspection_json.facts(one) for one in found]
-        print_json(facts[0] if len(facts) == 1 else facts, allow_nan=False)
-        return
-    console = output()
-    for one in found:
-        console.print(render(inspection_tables.sheets(one)))
+    answer = report(*found)
+    if picture is not None and answer.draw is not None:
+        answer.draw(picture)
+    show(answer, as_json)
 
 
 def _joint_errors(arm: "Arm", text: str) -> NDArray[np.float64]:

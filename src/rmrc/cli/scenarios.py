@@ -21,6 +21,7 @@ from rmrc.cli.console import (
     progress,
 )
 from rmrc.cli.kinds import RECORDING, SCENARIO, expect
+from rmrc.cli.options import Out, Quiet
 from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
@@ -34,9 +35,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the scenario; repeatable."),
 ]
-Out = Annotated[Path, typer.Option(help="Folder for the files.")]
 Record = Annotated[bool, typer.Option(help="Write the .rrd recording.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")]
 
 
 def run(
@@ -104,6 +103,7 @@ def compare(
 
     The exit code is that of the runs, whatever the scenario expects: what was missed is in the table.
     """
+    from rmrc.show import terminal
     from rmrc.study import compare_table as table
     from rmrc.study.compare import Comparison
 
@@ -118,7 +118,7 @@ def compare(
         table.Row(one.variant.label, one.run, one.scorecard, one.outcomes, one.stated_for)
         for one in results.variants
     ]
-    console.print(table.render(results.name, rows))
+    console.print(terminal.render(table.sheets(results.name, rows)))
     _list(console, results.files, record)
     raise typer.Exit(_exit_code_of_all(results))
 

@@ -5,16 +5,10 @@ from typing import Annotated
 
 import typer
 
-from rmrc.cli.console import (
-    EXIT_DIVERGED,
-    EXIT_INTERRUPTED,
-    EXIT_MISSED,
-    complain,
-    output,
-    print_json,
-    progress,
-)
-from rmrc.cli.questions import AsJson, Keyframe, Length, Model, Positions, Site, configuration, wrench_of
+from rmrc.cli.console import EXIT_DIVERGED, EXIT_INTERRUPTED, EXIT_MISSED, complain, progress
+from rmrc.cli.options import AsJson, Keyframe, Length, Model, Positions, Site
+from rmrc.cli.reports import show
+from rmrc.cli.texts import configuration, wrench_of
 
 
 class Frame(StrEnum):
@@ -71,39 +65,22 @@ def statics(
     as_json: AsJson = False,
 ) -> None:
     """Tell what drives and links bear while a wrench acts on an arm, and which wrenches cost nothing."""
-    from rmrc import arm as arms
-    from rmrc.analysis.statics import report as bearing
-    from rmrc.analysis.statics.balance import balance, elsewhere, wrench_costs
-    from rmrc.support.spatial import rotate
+    from rmrc.analysis.statics.hold import most_ticks
+    from rmrc.analysis.statics.report import report
+    from rmrc.analysis.statics.statics import statics as ask
+    from rmrc.arm import load
 
     acts = wrench_of(wrench)
-    arm = arms.load(model, site)
+    arm = load(model, site)
     positions = configuration(arm, q, keyframe)
-    if frame is Frame.SITE:
-        acts = rotate(arm.pose(positions)[3:], acts.reshape(2, 3)).ravel()
-    borne = balance(arm, positions, acts, gravity)
-    costs = wrench_costs(arm, positions, length)
-    other = None if at is None else elsewhere(arm, positions, acts, at)
-    held = None
-    if hold is not None:
-        from rmrc.analysis.statics.hold import Holding
-
-        holding = Holding(borne, gravity, hold)
-        try:
-            holding.compile()
-            with progress("hold", holding.ticks, as_json) as on_ticks:
-                held = holding.run(on_ticks)
-        except KeyboardInterrupt:
-            complain("interrupted while holding")
-            raise typer.Exit(EXIT_INTERRUPTED) from None
-    if as_json:
-        print_json(bearing.facts(borne, costs, length, held, other))
-    else:
-        console = output()
-        for part in bearing.render(borne, costs, gravity, held, other):
-            console.print(part, highlight=False)
-    if held is not None and held.run.divergence:
-        complain(f"error: {held.run.divergence}")
-        raise typer.Exit(EXIT_DIVERGED)
-    if held is not None and not held.agrees:
-        raise typer.Exit(EXIT_MISSED)
+    try:
+        with progress("hold", most_ticks(hold or 0.0), as_json or hold is None) as on_ticks:
+            found = ask(
+                arm, acts, positions, frame=frame.value, at=at, gravity=gravity, hold=hold, length=length,
+                on_ticks=on_ticks,
+            )  # fmt: skip
+    except KeyboardInterrupt:
+        complain("interrupted" if hold is None else "interrupted while holding")
+        raise typer.Exit(EXIT_INTERRUPTED) from None
+    diverged = found.held is not None and found.held.run.divergence
+    show(report(found), as_json, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)

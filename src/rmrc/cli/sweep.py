@@ -10,7 +10,8 @@ from rich.console import Console
 
 from rmrc.cli.console import EXIT_INPUT, EXIT_INTERRUPTED, complain, output, print_line, progress
 from rmrc.cli.kinds import SCENARIO, expect
-from rmrc.cli.scenarios import Out, Overrides, Quiet
+from rmrc.cli.options import Out, Quiet
+from rmrc.cli.scenarios import Overrides
 from rmrc.scenario import draft_of
 from rmrc.support.errors import ClusterError, ScenarioError
 from rmrc.support.legible import shortened
@@ -142,7 +143,7 @@ def _options(
 
 
 def _summarize(console: Console, work: "Sweep") -> None:
-    from rmrc.show import sheets
+    from rmrc.show import terminal
     from rmrc.study import sweep_table
 
     found = work.summary()
@@ -150,7 +151,7 @@ def _summarize(console: Console, work: "Sweep") -> None:
     extremes = [(one.column.name, one.column.unit, one.least, one.most) for one in found.extremes]
     labels = [work.plan.label(run) for run in named]
     parts = sweep_table.sheets(work.scenario.name, found.statuses, found.met, extremes, labels)
-    console.print(sheets.render(parts))
+    console.print(terminal.render(parts))
 
 
 def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> None:

@@ -13,8 +13,8 @@ from rmrc.cli.console import (
     print_line,
     progress,
 )
-from rmrc.cli.questions import check_picture
-from rmrc.cli.scenarios import Out, Overrides, Quiet, ScenarioFile
+from rmrc.cli.options import Out, Quiet, drawable
+from rmrc.cli.scenarios import Overrides, ScenarioFile
 from rmrc.support.errors import ScenarioError
 
 if TYPE_CHECKING:
@@ -60,7 +60,7 @@ def tune(
     from rmrc.tuning.copies import Spread
     from rmrc.tuning.tune import Tuning
 
-    check_picture(picture)
+    drawable(picture)
     try:
         off = angle(start)
     except ValueError as error:
@@ -96,17 +96,17 @@ def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned | 
 
 
 def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
-    from rmrc.show import sheets
+    from rmrc.show import sheets, terminal
     from rmrc.tuning import report
     from rmrc.tuning import tables as tuning_table
 
     console, nearest = output(quiet), found.verdict.nearest
     title, facts = report.title(work, found), report.facts(work, found)
     if nearest:
-        console.print(sheets.render([sheets.Sheet(title, ("", ""), facts, frozenset({0, 1}))]))
+        console.print(terminal.render([sheets.Sheet(title, ("", ""), facts, frozenset({0, 1}))]))
     else:
         named = report.named(found)
-        console.print(sheets.render(tuning_table.sheets(title, facts, report.front(found), named)))
+        console.print(terminal.render(tuning_table.sheets(title, facts, report.front(found), named)))
         for line in (report.as_written(found), *report.alike(found)):
             console.print(line, highlight=False)
         console.print(f"\n{found.block}", highlight=False, soft_wrap=True)

@@ -14,7 +14,7 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
     The columns of sliding joints have ω = 0, so the same terms serve them.
 
     Args:
-        world: Reads J, the decomposition, the scales, and MuJoCo's joint ids, which grow along a chain.
+        world: Reads J, the decomposition and the scales.
         i: Which singular value.
         gradient: Written, (n,) [1/rad or 1/m].
     """
@@ -25,7 +25,7 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
         for l in range(n):  # noqa: E741  the index of (15)
             x = world.joint_scale[l] * world.v[i, l]
             ox, oy, oz = x * J[3, l], x * J[4, l], x * J[5, l]
-            if world.joint[l] > world.joint[j]:
+            if l > j:  # the joints of an arm are in this order
                 vx, vy, vz = x * J[0, l], x * J[1, l], x * J[2, l]
                 ax += vy * fz - vz * fy + oy * mz - oz * my
                 ay += vz * fx - vx * fz + oz * mx - ox * mz

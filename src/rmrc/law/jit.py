@@ -1,7 +1,8 @@
-"""How this package compiles: three decorators, so that every function has the same flags."""
+"""How this package compiles: decorators, so that every function has the same flags, and dispatch by name."""
 
 import gc
 import hashlib
+import inspect
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
@@ -15,6 +16,7 @@ from numba.core import event
 from numpy.typing import NDArray
 
 from rmrc.law.keeping import Forgiving, known_home, notice, own_folder
+from rmrc.scenario.choices import Choice, Choices
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
 
 Array: TypeAlias = NDArray[np.float64]
@@ -64,6 +66,41 @@ def inlined(function: Function) -> Function:
     Each level of calls would otherwise optimize all levels below once more, which takes most of the time.
     """
     return cast(Function, _compile_inner(inline="always")(function))
+
+
+def dispatch(choices: Choices[Choice], like: Function) -> Function:
+    """Compile a function that calls the one with the name of what a world chooses.
+
+    It is a chain of comparisons that is written here: as fast as one that is written by hand, where numba's
+    own ways, a tuple of functions or a function that is made of others, take a third longer.
+
+    Args:
+        choices: For each that acts there is a compiled function of its name in the module of `like`. For
+            others nothing is done, and 0 returned.
+        like: One of these functions; all take its arguments, of which the first is the world.
+
+    Raises:
+        ImportError: There is no such function, or it takes other arguments.
+    """
+    of_like = cast(Any, like).py_func
+    module, signature = of_like.__globals__, inspect.signature(of_like)
+    arguments, of_chain = ", ".join(signature.parameters), {"__name__": module["__name__"]}
+    lines = [f"def chosen({arguments}):"]
+    for code, one in enumerate(choices.options):
+        if not one.acts:
+            continue
+        function = of_chain[f"do_{one.name}"] = module.get(one.name)
+        found = getattr(function, "py_func", None)
+        if found is None or ", ".join(inspect.signature(found).parameters) != arguments:
+            raise ImportError(
+                f"{module['__name__']} must have a compiled function {one.name}({arguments}), which "
+                f"control.{choices.key}: {one.name} stands for"
+            )
+        lines.append(f"    if {next(iter(signature.parameters))}.{choices.field} == {code}:")
+        lines.append(f"        return do_{one.name}({arguments})")
+    lines.append(f"    return {signature.return_annotation and signature.return_annotation(0)}")
+    exec(compile("\n".join(lines), f"<control.{choices.key}>", "exec"), of_chain)
+    return cast(Function, of_chain["chosen"])
 
 
 def entry(function: Function) -> Function:

@@ -12,36 +12,57 @@ Quaternion: TypeAlias = tuple[float, float, float, float]
 def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array, J: Array) -> None:
     """Write J (6, n), rows [v; ω], along world axes, at a point fixed to the last link.
 
-    A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
-    [Whitney72], one with a screw of pitch h [z × (p − o) + h z; z] [Selig92]. The axes come from
-    MuJoCo's fresh kinematics or from `follow_chain`, so nothing is differentiated.
+    The axes come from MuJoCo's fresh kinematics, so nothing is differentiated.
 
     Args:
-        world: Reads the joints' rows in `anchors` and `axes`, kind and pitch.
+        world: Reads the joints' ids, kinds and pitches.
         point: The site's origin, (3,) [m].
-        anchors: A point on each joint axis, (njnt, 3) [m].
+        anchors: A point on each of MuJoCo's joint axes, (njnt, 3) [m].
         axes: Unit vector of each joint axis, (njnt, 3).
         J: Written, (6, n).
     """
     for j in range(world.n):
         joint = world.joint[j]
-        zx, zy, zz = axes[joint, 0], axes[joint, 1], axes[joint, 2]
-        if world.is_slide[j]:
-            J[0, j], J[1, j], J[2, j] = zx, zy, zz
-            J[3, j] = J[4, j] = J[5, j] = 0.0
-        else:
-            rx, ry, rz = (
-                point[0] - anchors[joint, 0],
-                point[1] - anchors[joint, 1],
-                point[2] - anchors[joint, 2],
-            )
-            h = world.pitch[j]
-            J[0, j], J[1, j], J[2, j] = (
-                zy * rz - zz * ry + h * zx,
-                zz * rx - zx * rz + h * zy,
-                (zx * ry - zy * rx + h * zz),
-            )
-            J[3, j], J[4, j], J[5, j] = zx, zy, zz
+        write_column(world, j, point, anchors[joint], axes[joint], J)
+
+
+@compiled
+def second_jacobian(world: Record, point: Array, anchors: Array, axes: Array) -> None:
+    """Write J_2, as `geometric_jacobian`, of the second task's site; joints behind it do not move it."""
+    geometric_jacobian(world, point, anchors, axes, world.J_2)
+    for j in range(world.n):
+        if not world.moves_2[j]:
+            for i in range(6):
+                world.J_2[i, j] = 0.0
+
+
+@compiled
+def chain_jacobian(world: Record, J: Array) -> None:
+    """Write J (6, n), as `geometric_jacobian`, where `follow_chain` was last."""
+    for j in range(world.n):
+        write_column(world, j, world.pose, world.anchor[j], world.axis[j], J)
+
+
+@compiled
+def write_column(world: Record, j: int, point: Array, anchor: Array, axis: Array, J: Array) -> None:
+    """Write what joint j contributes to the twist of a point.
+
+    A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
+    [Whitney72], one with a screw of pitch h [z × (p − o) + h z; z] [Selig92].
+    """
+    zx, zy, zz = axis[0], axis[1], axis[2]
+    if world.is_slide[j]:
+        J[0, j], J[1, j], J[2, j] = zx, zy, zz
+        J[3, j] = J[4, j] = J[5, j] = 0.0
+    else:
+        rx, ry, rz = point[0] - anchor[0], point[1] - anchor[1], point[2] - anchor[2]
+        h = world.pitch[j]
+        J[0, j], J[1, j], J[2, j] = (
+            zy * rz - zz * ry + h * zx,
+            zz * rx - zx * rz + h * zy,
+            (zx * ry - zy * rx + h * zz),
+        )
+        J[3, j], J[4, j], J[5, j] = zx, zy, zz
 
 
 @compiled
@@ -68,12 +89,12 @@ def follow_chain(world: Record, q: Array) -> None:
         else:
             way = world.pitch[j] * q[j]
             c, s = math.cos(0.5 * q[j]), math.sin(0.5 * q[j])
-            turn = _product((c, s * ax, s * ay, s * az), turn)
+            turn = quat_product((c, s * ax, s * ay, s * az), turn)
         x, y, z = x + way * ax, y + way * ay, z + way * az
     dx, dy, dz = _turned(turn, world.tip_step)
     world.pose[0], world.pose[1], world.pose[2] = x + dx, y + dy, z + dz
     tip = world.tip_quat
-    world.pose[3], world.pose[4], world.pose[5], world.pose[6] = _product(
+    world.pose[3], world.pose[4], world.pose[5], world.pose[6] = quat_product(
         turn, (tip[0], tip[1], tip[2], tip[3])
     )
 
@@ -91,7 +112,8 @@ def _turned(turn: Quaternion, v: Array) -> tuple[float, float, float]:
 
 
 @compiled
-def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """Return a b, to the bit as MuJoCo multiplies them."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],

@@ -9,25 +9,41 @@ a number without unit and does not change when the model is drawn in millimeters
 """
 
 import math
-from enum import IntEnum
+from typing import ClassVar
 
 import numpy as np
 
-from rmrc.law.inverses import damping, gains, manipulability
-from rmrc.law.jit import Array, Record, compiled, entry, inlined, machine_code
+from rmrc.arm import Arm
+from rmrc.law.inverses import damping, gains
+from rmrc.law.jit import Array, Record, compiled, entry, inlined
 from rmrc.law.kinematics import pose_error, scale_joints
 from rmrc.law.limits import limit
-from rmrc.law.nullspace import NONE, add_projected, wished_rates
-from rmrc.law.policies import hold, slow_down
-from rmrc.law.record import tick_type, world_type
+from rmrc.law.nullspace import add_projected, wished_rates
+from rmrc.law.policies import near_singularity
+from rmrc.law.record import JOINTS, Field
 from rmrc.law.standstill import stuck
-from rmrc.law.svd import RANK_FLOOR, combine, continue_row, orthonormalize, project, set_identity, svd
-from rmrc.scenario.choices import AtSingularity, Method, OnExcess, Schedule, Status
-from rmrc.support.errors import did_you_mean
+from rmrc.law.svd import (
+    RANK_FLOOR,
+    combine,
+    continue_row,
+    orthonormalize,
+    product,
+    project,
+    set_identity,
+    svd,
+)
+from rmrc.law.task import SecondTask, Task
+from rmrc.scenario import ControlSection, LimitsSection
+from rmrc.scenario.choices import (
+    OBJECTIVES,
+    Status,
+    record_fields,
+    write_choices,
+)
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
-SLOW, STOP = int(AtSingularity.SLOW), int(AtSingularity.STOP)
+NONE = OBJECTIVES.code("none")
 
 # κ ≥ 100 is called SINGULAR: the direction that dies takes a hundred times the joint rates of the best one.
 SINGULAR_BELOW = 0.01
@@ -38,6 +54,72 @@ GETS_ALL = 1.0 - 1e-9
 # Rotations accumulate rounding in the warm start; so often it is made orthonormal again. In 64 ticks of
 # some 30 rotations it has lost 1e-13 at the worst.
 REFRESH = 64
+
+
+class Law:
+    """What a scenario asks of the joints of a task: it owns the parameters of the law in a world's record.
+
+    Attributes:
+        task: What is moved.
+        second: What else shall stay where it is, if anything.
+        rate_limit: Largest rates, the model's own where the scenario has none, (n,); infinite for none.
+        acceleration_limit: Largest accelerations, (n,); infinite for none.
+        braking: Decelerations before position limits, (n,).
+        position_limit: Lower and upper, (2, n); infinite where they are not kept.
+        posture: What the objective of this name aims for, (n,).
+    """
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("rank", np.int64), Field("period"), Field("feedback"), Field("feedforward"),
+        Field("position_range", size=(2, JOINTS)), *SecondTask.fields,
+        Field("rate_limit", size=(JOINTS,)), Field("acceleration_limit", size=(JOINTS,)),
+        Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
+        Field("feedback_2"),
+        *(
+            Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
+            for name, kind, is_each in record_fields()
+        ),
+    )  # fmt: skip
+
+    def __init__(self, task: Task, control: ControlSection, start: Array) -> None:
+        """Bind parameters to joints.
+
+        Args:
+            task: What is moved.
+            control: What the scenario says of the law; what it has one a joint fits the arm.
+            start: Where the arm starts, (n,).
+        """
+        arm, limits, nullspace = task.arm, control.limits, control.nullspace
+        self.task, self._control = task, control
+        self.rate_limit = rate_limit(arm, limits)
+        self.acceleration_limit = np.full(
+            arm.n, math.inf if limits.acceleration is None else limits.acceleration
+        )
+        self.braking = np.minimum(limits.braking, self.acceleration_limit)
+        nowhere = np.array([arm.n * [-math.inf], arm.n * [math.inf]])
+        self.position_limit = arm.position_limit.T if limits.position else nowhere
+        self.posture = start if nullspace.posture is None else np.array(nullspace.posture)
+        is_second = nullspace.objective == "secondary"
+        self.second = SecondTask(task, nullspace.secondary, start) if is_second else None
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        control, n = self._control, self.task.arm.n
+        world["rank"], world["period"] = self.task.rank, control.period
+        world["feedback"], world["feedforward"] = control.feedback, control.feedforward
+        world["position_range"][:, :n] = self.task.arm.position_limit.T
+        world["rate_limit"][:n], world["acceleration_limit"][:n] = self.rate_limit, self.acceleration_limit
+        world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
+        if self.second is not None:
+            self.second.write(world)
+        world["feedback_2"] = control.nullspace.secondary.feedback
+        write_choices(world, control)
+        world["nullspace_posture"][:n] = self.posture
+
+
+def rate_limit(arm: Arm, limits: LimitsSection) -> Array:
+    """Return the largest rates of an arm's joints, (n,): the model's own where none are given."""
+    return arm.rate_limit if limits.rate is None else np.full(arm.n, limits.rate)
 
 
 @inlined
@@ -76,15 +158,11 @@ def resolve_twist(world: Record, tick: Record) -> None:
     tick.secondary_error = tick.secondary_sigma = math.nan
     for j in range(world.n):
         world.qdot0[j] = 0.0
-    if world.objective != NONE:
+    if world.nullspace_objective != NONE:
         wished_rates(world, tick, world.qdot0)
         add_projected(world, world.qdot0, tick.qdot_cmd)
     tick.path_rate = 1.0
-    status = singular_status(world, tick)
-    if world.at_singularity == SLOW:
-        status |= slow_down(world, tick)
-    elif world.at_singularity == STOP:
-        status |= hold(world, tick)
+    status = singular_status(world, tick) | near_singularity(world, tick)
     status |= limit(world, tick)
     tick.status = status | stuck(world, tick, status)
     record_measures(world, tick)
@@ -147,7 +225,7 @@ def singular_status(world: Record, tick: Record) -> int:
 def record_measures(world: Record, tick: Record) -> None:
     """Record w = ∏σ, κ = σ_1/σ_k, the dying task direction u_min and the joint motion v_min that it takes."""
     last = world.k - 1
-    tick.manipulability = manipulability(world, tick.sigma)
+    tick.manipulability = product(tick.sigma, world.k)
     tick.condition = tick.sigma[0] / tick.sigma[last] if tick.sigma[last] > 0.0 else math.inf
     for i in range(6):
         tick.u_min[i] = 0.0
@@ -155,78 +233,3 @@ def record_measures(world: Record, tick: Record) -> None:
         tick.u_min[world.row[i]] = world.u[last, i]
     for j in range(world.n):
         tick.v_min[j] = world.v[last, j]
-
-
-def resolve_rates(
-    J: Array,
-    twist: Array,
-    method: str = "damped",
-    *,
-    schedule: str = "constant",
-    damping_maximum: float = 0.1,
-    damping_below: float = 0.3,
-    manipulability_below: float = 0.3,
-    error_gain: float = 1.0,
-    error: float = 0.0,
-    tolerance: float = 1e-6,
-    cutoff: float = 0.01,
-    gamma: float = 0.1,
-    rate_bound: float = 2.0,
-) -> Array:
-    """Return the joint rates that one inverse answers to one twist: the law for a notebook.
-
-    Args:
-        J: Jacobian of the task, (m, n), m <= 6.
-        twist: Commanded task velocity, (m,).
-        method: One of the inverses; `inverse` needs a square J.
-        schedule: How the damping of `damped` is chosen.
-        damping_maximum: λ_max, in the units of σ.
-        damping_below: ε, where `smallest_singular_value` and the method `filtered` start to damp.
-        manipulability_below: w₀, where `manipulability` starts to damp.
-        error_gain: λ of the schedule `error` for an error of 1.
-        error: Norm of the task error, for that schedule.
-        tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
-        cutoff: `truncated` drops σ_i <= cutoff.
-        gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
-        rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
-
-    Returns:
-        Joint rates, (n,).
-
-    Raises:
-        ValueError: A shape or a name that the law does not have.
-
-    >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), damping_maximum=0.1).round(3)
-    array([0.99, 5.  ])
-    >>> resolve_rates(np.diag([1.0, 0.01]), np.array([1.0, 1.0]), "jparse", gamma=0.1).round(3)
-    array([1., 1.])
-    """
-    J, twist = np.atleast_2d(np.asarray(J, np.float64)), np.asarray(twist, np.float64)
-    m, n = J.shape
-    if m > 6 or twist.shape != (m,):
-        raise ValueError(f"J must be (m, n) with m <= 6 and twist (m,), got {J.shape}, {twist.shape}")
-    if method == "inverse" and m != n:
-        raise ValueError(f"method 'inverse' needs a square J, got {J.shape}")
-    if not (np.isfinite(J).all() and np.isfinite(twist).all()):
-        raise ValueError("J and twist must be finite")
-    world, tick = np.zeros(1, world_type(n)), np.zeros(1, tick_type(n))
-    world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-    world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
-    world["J"][0, :m, :n], world["twist_cmd"][0, :m] = J, twist
-    world["method"] = _choice("method", method, Method)
-    world["schedule"] = _choice("schedule", schedule, Schedule)
-    world["damping_maximum"], world["damping_below"] = damping_maximum, damping_below
-    world["manipulability_below"] = manipulability_below
-    world["error_gain"], world["error"] = error_gain, error
-    world["tolerance"], world["cutoff"], world["gamma"] = tolerance, cutoff, gamma
-    world["rate_bound"], world["on_excess"] = rate_bound, OnExcess.NONE
-    machine_code(resolve, world[0], tick[0])(world[0], tick[0])
-    return np.array(tick["qdot_cmd"][0, :n])
-
-
-def _choice(key: str, name: str, kinds: type[IntEnum]) -> IntEnum:
-    names = {kind.name.lower(): kind for kind in kinds}
-    if name not in names:
-        known, hint = ", ".join(names), did_you_mean(name, names)
-        raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
-    return names[name]

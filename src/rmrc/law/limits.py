@@ -2,53 +2,15 @@
 
 import math
 
-from rmrc.law.jit import Array, Record, compiled
-from rmrc.law.redistribution import ROUNDING, redistribute
+from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
+from rmrc.law.redistribution import ROUNDING, saturate
 from rmrc.law.stops import give_way, given_back, is_beyond
-from rmrc.scenario.choices import OnExcess, Status
+from rmrc.scenario.choices import LIMITS, Status
 
-NONE, CLAMP, REDISTRIBUTE = int(OnExcess.NONE), int(OnExcess.CLAMP), int(OnExcess.REDISTRIBUTE)
+NONE = LIMITS.code("none")
 RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
     int, (Status.RATE_LIMITED, Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED)
 )
-
-
-@compiled
-def limit(world: Record, tick: Record) -> int:
-    """Bring the rates within the bounds of every joint; return the status bits of the limits that act.
-
-    scale         all rates by one factor: the direction of motion is kept, the tip gets slower
-    clamp         each on its own: the tip leaves its direction, here as the contrast
-    redistribute  what a saturated joint cannot do, the others take over               [Flacco15]
-
-    That is for rate and acceleration limits. A joint at its position limit holds, and does not slow the
-    others down: they do what they can of the task, in a direction that may be another.
-    """
-    rates = tick.qdot_cmd
-    if world.on_excess == NONE or is_within(world, rates):
-        return 0
-    bounds(world)
-    acting = exceeded(world, rates)
-    if world.on_excess == CLAMP:
-        confine(world, rates)
-        return acting
-    for j in range(world.n):
-        world.drift[j] = world.qdot0[j]
-    if world.on_excess == REDISTRIBUTE:
-        forget_stops(world)
-        share = redistribute(world, tick)
-        for j in range(world.n):
-            if share >= 0.0 and world.held[j] > 0.0 and rates[j] == world.qdot0[j]:
-                acting |= kind(world, j, 1 if rates[j] == world.upper[j] else -1)
-        bounds(world)
-        if share >= 0.0:
-            if exceeded(world, rates) != 0:
-                share = given_back(world, rates, share, world.lower, world.upper)
-                give_way(world, tick, share, world.lower, world.upper)
-                acting |= held_by(world)
-            confine(world, rates)
-            return acting
-    return scale(world, tick)
 
 
 @compiled
@@ -163,8 +125,28 @@ def confine(world: Record, rates: Array) -> None:
 
 
 @compiled
-def scale(world: Record, tick: Record) -> int:
-    """Scale all rates, let stops have their way, scale the change; return the bits of what acted."""
+def scale_change(world: Record, rates: Array) -> int:
+    """Scale the change of all rates by one factor; return the bits of the limits that acted.
+
+    That may leave a joint without the braking that it needs, which is then given to it alone.
+    """
+    bits, part = 0, 1.0
+    for j in range(world.n):
+        change, most = abs(rates[j] - world.qdot_cmd_last[j]), world.acceleration_limit[j] * world.period
+        if change > most * (1.0 + ROUNDING):
+            bits |= ACCELERATION_LIMITED
+            part = min(part, most / change)
+    if part < 1.0:
+        for j in range(world.n):
+            rates[j] = world.qdot_cmd_last[j] + part * (rates[j] - world.qdot_cmd_last[j])
+        bits |= exceeded(world, rates)
+    confine(world, rates)
+    return bits
+
+
+@compiled
+def scale(world: Record, tick: Record, acting: int) -> int:
+    """Scale all rates, let stops have their way, scale the change: the tip keeps its way, but at stops."""
     rates, bits, factor, stopped = tick.qdot_cmd, 0, 1.0, False
     for j in range(world.n):
         if abs(rates[j]) > world.rate_limit[j] * (1.0 + ROUNDING):
@@ -186,21 +168,47 @@ def scale(world: Record, tick: Record) -> int:
     return bits | scale_change(world, rates)
 
 
-@compiled
-def scale_change(world: Record, rates: Array) -> int:
-    """Scale the change of all rates by one factor; return the bits of the limits that acted.
+@inlined
+def clamp(world: Record, tick: Record, acting: int) -> int:
+    """Bring each rate within its own bounds: the tip leaves its direction, here as the contrast."""
+    confine(world, tick.qdot_cmd)
+    return acting
 
-    That may leave a joint without the braking that it needs, which is then given to it alone.
-    """
-    bits, part = 0, 1.0
+
+@inlined
+def redistribute(world: Record, tick: Record, acting: int) -> int:
+    """Let the other joints take over what a saturated joint cannot do [Flacco15]; scale where they cannot."""
+    rates = tick.qdot_cmd
+    forget_stops(world)
+    share = saturate(world, tick)
     for j in range(world.n):
-        change, most = abs(rates[j] - world.qdot_cmd_last[j]), world.acceleration_limit[j] * world.period
-        if change > most * (1.0 + ROUNDING):
-            bits |= ACCELERATION_LIMITED
-            part = min(part, most / change)
-    if part < 1.0:
-        for j in range(world.n):
-            rates[j] = world.qdot_cmd_last[j] + part * (rates[j] - world.qdot_cmd_last[j])
-        bits |= exceeded(world, rates)
+        if share >= 0.0 and world.held[j] > 0.0 and rates[j] == world.qdot0[j]:
+            acting |= kind(world, j, 1 if rates[j] == world.upper[j] else -1)
+    bounds(world)
+    if share < 0.0:
+        return scale(world, tick, acting)
+    if exceeded(world, rates) != 0:
+        share = given_back(world, rates, share, world.lower, world.upper)
+        give_way(world, tick, share, world.lower, world.upper)
+        acting |= held_by(world)
     confine(world, rates)
-    return bits
+    return acting
+
+
+# Brings rates that exceed a bound within what each choice makes of the bounds.
+confine_by_choice = inlined(dispatch(LIMITS, like=scale))
+
+
+@compiled
+def limit(world: Record, tick: Record) -> int:
+    """Bring the rates within the bounds of every joint; return the status bits of the limits that act.
+
+    What is chosen is for rate and acceleration limits. A joint at its position limit holds, and does not slow
+    the others down: they do what they can of the task, in a direction that may be another.
+    """
+    if world.limits_on_excess == NONE or is_within(world, tick.qdot_cmd):
+        return 0
+    bounds(world)
+    for j in range(world.n):
+        world.drift[j] = world.qdot0[j]
+    return confine_by_choice(world, tick, exceeded(world, tick.qdot_cmd))

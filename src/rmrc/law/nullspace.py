@@ -3,58 +3,38 @@
 import math
 
 from rmrc.law.gradient import sigma_gradient
-from rmrc.law.jit import Array, Record, compiled
-from rmrc.law.priority import secondary_rates
+from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
+from rmrc.law.priority import secondary  # noqa: F401 - one of the objectives
 from rmrc.law.svd import dot
-from rmrc.scenario.choices import Objective
-
-NONE, POSTURE, JOINT_LIMITS, MANIPULABILITY, RATES = map(
-    int,
-    (Objective.NONE, Objective.POSTURE, Objective.JOINT_LIMITS, Objective.MANIPULABILITY, Objective.RATES),
-)
+from rmrc.scenario.choices import OBJECTIVES
 
 
-@compiled
-def wished_rates(world: Record, tick: Record, qdot0: Array) -> None:
-    """Write qdot0, the rates that the objective would choose if there were no task.
+@inlined
+def posture(world: Record, tick: Record, qdot0: Array) -> None:
+    """Write gain · (posture − q) [Liegeois77]."""
+    for j in range(world.n):
+        qdot0[j] = world.nullspace_gain * (world.nullspace_posture[j] - world.q[j])
 
-    posture         qdot0 = gain · (posture − q)                             [Liegeois77]
-    joint_limits    qdot0 = −gain · S_q² ∇H, H the distance function         [Liegeois77]
-    manipulability  qdot0 = gain · S_q² ∇w                                   [Yoshikawa85]
-    rates           as the user says
-    secondary       what a second task needs, see `priority`
+
+@inlined
+def joint_limits(world: Record, tick: Record, qdot0: Array) -> None:
+    """Write −gain · S_q² ∇H [Liegeois77], H = 1/(2n) Σ ((q − middle)/range)².
+
+    A joint without limits has no wish.
     """
-    objective = world.objective
-    if objective == POSTURE:
-        for j in range(world.n):
-            qdot0[j] = world.objective_gain * (world.posture[j] - world.q[j])
-    elif objective == JOINT_LIMITS:
-        to_middle(world, qdot0)
-    elif objective == MANIPULABILITY:
-        uphill(world, tick.sigma, qdot0)
-    elif objective == RATES:
-        for j in range(world.n):
-            qdot0[j] = world.wished[j]
-    else:
-        secondary_rates(world, tick, qdot0)
-
-
-@compiled
-def to_middle(world: Record, qdot0: Array) -> None:
-    """Write −gain · S_q² ∇H with H = 1/(2n) Σ ((q − middle)/range)²; a joint without limits has no wish."""
     n = world.n
     for j in range(n):
         lower, upper = world.position_range[0, j], world.position_range[1, j]
         slope = 0.0
         if upper - lower < math.inf:
             slope = (world.q[j] - 0.5 * (lower + upper)) / ((upper - lower) * (upper - lower) * n)
-        qdot0[j] = -world.objective_gain * world.joint_scale[j] * world.joint_scale[j] * slope
+        qdot0[j] = -world.nullspace_gain * world.joint_scale[j] * world.joint_scale[j] * slope
 
 
-@compiled
-def uphill(world: Record, sigma: Array, qdot0: Array) -> None:
-    """Write gain · S_q² ∇w with ∇w = Σ_i (Π_{l≠i} σ_l) ∇σ_i, which needs no division by σ."""
-    n = world.n
+@inlined
+def manipulability(world: Record, tick: Record, qdot0: Array) -> None:
+    """Write gain · S_q² ∇w [Yoshikawa85], ∇w = Σ_i (Π_{l≠i} σ_l) ∇σ_i, which needs no division by σ."""
+    n, sigma = world.n, tick.sigma
     for j in range(n):
         qdot0[j] = 0.0
     for i in range(world.k):
@@ -68,7 +48,18 @@ def uphill(world: Record, sigma: Array, qdot0: Array) -> None:
         for j in range(n):
             qdot0[j] += others * world.work[j]
     for j in range(n):
-        qdot0[j] *= world.objective_gain * world.joint_scale[j] * world.joint_scale[j]
+        qdot0[j] *= world.nullspace_gain * world.joint_scale[j] * world.joint_scale[j]
+
+
+@inlined
+def rates(world: Record, tick: Record, qdot0: Array) -> None:
+    """Write what the user says."""
+    for j in range(world.n):
+        qdot0[j] = world.nullspace_rates[j]
+
+
+# Writes qdot0, the rates that the objective would choose if there were no task.
+wished_rates = inlined(dispatch(OBJECTIVES, like=posture))
 
 
 @compiled

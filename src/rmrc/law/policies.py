@@ -3,10 +3,10 @@
 import math
 
 from rmrc.law.gradient import sigma_gradient
-from rmrc.law.jit import Record, compiled
+from rmrc.law.jit import Record, compiled, dispatch, inlined
 from rmrc.law.kinematics import scale_joints
 from rmrc.law.svd import RANK_FLOOR, combine, dot, project
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import POLICIES, Status
 
 SLOWED, STOPPED = int(Status.SLOWED), int(Status.STOPPED)
 
@@ -19,8 +19,8 @@ FASTEST = 8.0
 ADVANCED = 1e-3
 
 
-@compiled
-def slow_down(world: Record, tick: Record) -> int:
+@inlined
+def slow(world: Record, tick: Record) -> int:
     """Choose the pace ṡ that keeps the rates within their limits; return SLOWED if it is below 1.
 
     The rates a + ṡ b depend linearly on the pace. What b is now is known; to fall in time for what it will
@@ -85,8 +85,8 @@ def reachable(fastest: float, falling: float, change: float) -> float:
     return math.sqrt(x * (2.0 * fastest - x))
 
 
-@compiled
-def hold(world: Record, tick: Record) -> int:
+@inlined
+def stop(world: Record, tick: Record) -> int:
     """Take the rates away while they keep the arm too near a singularity; return STOPPED if any is gone.
 
     Rates that raise the smallest singular value lead out, and are let pass. From zero it can only rise.
@@ -107,3 +107,7 @@ def hold(world: Record, tick: Record) -> int:
     for i in range(world.m):
         world.task[i] *= share
     return STOPPED if share < 1.0 else 0
+
+
+# What is done near a singularity; it returns the bits of the status.
+near_singularity = inlined(dispatch(POLICIES, like=slow))

@@ -2,50 +2,13 @@
 
 import math
 
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
 from rmrc.law.kinematics import pose_error, scale_joints
 from rmrc.law.svd import combine, dot, project, svd_from_scratch
-from rmrc.scenario.choices import Priority
-
-CLASSICAL = int(Priority.CLASSICAL)
+from rmrc.scenario.choices import PRIORITIES
 
 # Without damping, directions in which the second task reaches less than this share of its size are given up.
 TOLERANCE = 1e-6
-
-
-@compiled
-def secondary_rates(world: Record, tick: Record, qdot0: Array) -> None:
-    """Write the rates that a second task asks for, of which `add_projected` lets pass what the first allows.
-
-    classical   S_q (A_2 P)* (t_2 − A_2 S_q⁻¹ qdot_1)   what is missing, within what is left    [Nakamura87]
-    robust      S_q A_2* t_2                            alone: no inverse of A_2 P is needed    [Chiaverini97]
-
-    P = I − Σ v_i v_iᵀ. Where both tasks can be done but not together, A_2 P loses rank: an algorithmic
-    singularity. Its smallest singular value is recorded either way.
-
-    Args:
-        world: Reads pose_2, J_2, and the decomposition of the first task.
-        tick: Reads qdot_cmd, the rates of the first task; writes secondary_error and secondary_sigma.
-        qdot0: Written, (n,).
-    """
-    n, m = world.n, world.m_2
-    k = min(m, n)
-    tick.secondary_error = second_task(world)
-    size = scale_second(world)
-    if world.priority == CLASSICAL:
-        for i in range(m):
-            for j in range(n):
-                world.task_B[i] -= world.B[i, j] * tick.qdot_cmd[j] / world.joint_scale[j]
-        leave_first(world)
-        svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
-        tick.secondary_sigma = world.sigma_B[k - 1]
-        solve_second(world, size, qdot0)
-    else:
-        svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
-        solve_second(world, size, qdot0)
-        leave_first(world)
-        svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
-        tick.secondary_sigma = world.sigma_B[k - 1]
 
 
 @compiled
@@ -86,7 +49,7 @@ def leave_first(world: Record) -> None:
 @compiled
 def solve_second(world: Record, size: float, rates: Array) -> None:
     """Write S_q V g(Σ) Uᵀ t_2 with the second task's own constant damping."""
-    n, damped, floor = world.n, world.damping_2, TOLERANCE * size
+    n, damped, floor = world.n, world.nullspace_secondary_damping, TOLERANCE * size
     k = min(world.m_2, n)
     for i in range(k):
         s = world.sigma_B[i]
@@ -95,3 +58,46 @@ def solve_second(world: Record, size: float, rates: Array) -> None:
     project(world.u_B, world.task_B, k, world.m_2, world.asked_B)
     combine(world.gain_B, world.asked_B, world.v_B, k, n, rates)
     scale_joints(world, rates)
+
+
+@inlined
+def classical(world: Record, tick: Record, size: float, qdot0: Array) -> None:
+    """Write S_q (A_2 P)* (t_2 − A_2 S_q⁻¹ qdot_1): what is missing, within what is left [Nakamura87]."""
+    n, m = world.n, world.m_2
+    for i in range(m):
+        for j in range(n):
+            world.task_B[i] -= world.B[i, j] * tick.qdot_cmd[j] / world.joint_scale[j]
+    leave_first(world)
+    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    tick.secondary_sigma = world.sigma_B[min(m, n) - 1]
+    solve_second(world, size, qdot0)
+
+
+@inlined
+def robust(world: Record, tick: Record, size: float, qdot0: Array) -> None:
+    """Write S_q A_2* t_2: the second task alone, which needs no inverse of A_2 P [Chiaverini97]."""
+    n, m = world.n, world.m_2
+    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    solve_second(world, size, qdot0)
+    leave_first(world)
+    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    tick.secondary_sigma = world.sigma_B[min(m, n) - 1]
+
+
+solve_by_priority = inlined(dispatch(PRIORITIES, like=classical))
+
+
+@compiled
+def secondary(world: Record, tick: Record, qdot0: Array) -> None:
+    """Write the rates that a second task asks for, of which `add_projected` lets pass what the first allows.
+
+    P = I − Σ v_i v_iᵀ. Where both tasks can be done but not together, A_2 P loses rank: an algorithmic
+    singularity. Its smallest singular value is recorded whatever the priority.
+
+    Args:
+        world: Reads pose_2, J_2, and the decomposition of the first task.
+        tick: Reads qdot_cmd, the rates of the first task; writes secondary_error and secondary_sigma.
+        qdot0: Written, (n,).
+    """
+    tick.secondary_error = second_task(world)
+    solve_by_priority(world, tick, scale_second(world), qdot0)

@@ -14,7 +14,7 @@ LOST = 1e-6
 
 
 @inlined
-def redistribute(world: Record, tick: Record) -> float:
+def saturate(world: Record, tick: Record) -> float:
     """Fix joints at their bounds, the most critical first, and let the free ones do what they can.
 
     With all joints free the rates are those that came in. The largest share of the task that fits decides

@@ -1,13 +1,13 @@
 """A joint at its stop holds, and the others do what they still can of the task."""
 
-from rmrc.law.inverses import damping, gains
+from rmrc.law.inverses import SCHEDULED, damping, gains
 from rmrc.law.jit import Array, Record, compiled, inlined
 from rmrc.law.redistribution import ROUNDING
 from rmrc.law.svd import combine, project, svd_from_scratch
-from rmrc.scenario.choices import Method, Schedule
+from rmrc.scenario.choices import SCHEDULES
 
-DAMPED, RATE_BOUND = int(Method.DAMPED), int(Schedule.RATE_BOUND)
-SMALLEST_SINGULAR_VALUE, MANIPULABILITY = int(Schedule.SMALLEST_SINGULAR_VALUE), int(Schedule.MANIPULABILITY)
+FOLLOWS_ARM = SCHEDULES.codes(lambda one: one.follows == "arm")
+FOLLOWS_COMMAND = SCHEDULES.codes(lambda one: one.follows == "command")
 
 
 @inlined
@@ -30,7 +30,7 @@ def give_way(world: Record, tick: Record, share: float, lower: Array, upper: Arr
         lower: Smallest rate of each joint, (n,).
         upper: Largest, (n,).
     """
-    n, damped = world.n, tick.damping if world.method == DAMPED else 0.0
+    n, damped = world.n, tick.damping if world.inverse_method in SCHEDULED else 0.0
     for j in range(n):
         rate = tick.qdot_cmd[j]
         world.best[j] = min(max(rate, lower[j]), upper[j])
@@ -101,8 +101,8 @@ def resolve_free(world: Record, share: float, damped: float) -> float:
     n, m, k, free = world.n, world.m, world.k, 0
     for j in range(n):
         free += world.held[j] == 0.0
-    follows = world.method == DAMPED and world.schedule in (SMALLEST_SINGULAR_VALUE, MANIPULABILITY)
-    if follows and m <= free < n:
+    is_scheduled, schedule = world.inverse_method in SCHEDULED, world.inverse_damping_schedule
+    if is_scheduled and schedule in FOLLOWS_ARM and m <= free < n:
         for r in range(m):
             for j in range(n):
                 world.B[r, j] = world.A[r, j] * world.fade[j]
@@ -118,7 +118,7 @@ def resolve_free(world: Record, share: float, damped: float) -> float:
         world.task_B[r] = left
     svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
     project(world.u_B, world.task_B, k, m, world.asked_B)
-    if world.method == DAMPED and world.schedule == RATE_BOUND:
+    if is_scheduled and schedule in FOLLOWS_COMMAND:
         damped = max(damped, damping(world, world.asked_B, world.sigma_B))
     gains(world, world.asked_B, world.sigma_B, world.v_B, damped, world.gain_B)
     combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_b)

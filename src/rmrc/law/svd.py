@@ -46,6 +46,18 @@ def project(basis: Array, vector: Array, k: int, size: int, along: Array) -> Non
 
 
 @compiled
+def product(values: Array, count: int) -> float:
+    """Return the product of the first values, the last first.
+
+    Of singular values it meets a zero before it can overflow.
+    """
+    found = 1.0
+    for i in range(count - 1, -1, -1):
+        found *= values[i]
+    return found
+
+
+@compiled
 def combine(gain: Array, along: Array, basis: Array, k: int, size: int, total: Array) -> None:
     """Write the sum of the k rows, each times its gain and its amount."""
     for j in range(size):

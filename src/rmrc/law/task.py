@@ -2,13 +2,16 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm
-from rmrc.law.record import world_type
-from rmrc.support.spatial import AXES
+from rmrc.law.record import JOINTS, ROWS, Field
+from rmrc.scenario import SecondarySection
+from rmrc.support.spatial import AXES, exp_rotation, quat_multiply
 
 Array = NDArray[np.float64]
 
@@ -21,53 +24,116 @@ RANK_TOLERANCE = 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """Rows of an arm's Jacobian, made comparable by a characteristic length.
+    """Rows of an arm's Jacobian, weighted and made comparable by a characteristic length.
+
+    It owns the fields of a world's record that say what is moved: sizes, scales and the geometry of the arm.
 
     Attributes:
         arm: The arm.
         rows: Rows of the twist that count, (m,), rising.
         length: Characteristic length L, which makes meters and radians comparable [m].
+        weights: Task weights W_x, (m,); None: all 1.
+        joint_weights: Joint weights W_q, (n,): a heavier joint moves less; None: all 1.
     """
 
     arm: Arm
     rows: NDArray[np.intp]
     length: float = 1.0
+    weights: Sequence[float] | None = None
+    joint_weights: Sequence[float] | None = None
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        # joints, task rows, singular values
+        Field("n", np.int64), Field("m", np.int64), Field("k", np.int64),
+        # rows of the twist that count, S_x and S_q
+        Field("row", np.int64, (ROWS,)), Field("row_scale", size=(ROWS,)),
+        Field("joint_scale", size=(JOINTS,)),
+        # geometry of the arm at 0
+        Field("is_slide", np.int64, (JOINTS,)), Field("pitch", size=(JOINTS,)),
+        Field("zero_axis", size=(JOINTS, 3)), Field("zero_step", size=(JOINTS, 3)),
+        Field("tip_step", size=(3,)), Field("tip_quat", size=(4,)),
+    )  # fmt: skip
 
     @property
     def axes(self) -> tuple[str, ...]:
         """Names of the rows: of x y z rx ry rz."""
         return tuple(AXES[row] for row in self.rows)
 
-    @property
+    @cached_property
     def row_scale(self) -> Array:
-        """Diagonal of S_x, (m,): linear rows over L."""
-        return np.where(self.rows < 3, 1.0 / self.length, 1.0)
+        """Diagonal of S_x = W_x^½, linear rows over L, (m,)."""
+        weight = np.sqrt(1.0 if self.weights is None else self.weights)
+        return np.asarray(weight / np.where(self.rows < 3, self.length, 1.0))
 
-    @property
+    @cached_property
     def joint_scale(self) -> Array:
-        """Diagonal of S_q, (n,): sliding joints times L."""
-        return np.where(self.arm.is_slide, self.length, 1.0)
+        """Diagonal of S_q = W_q^-½, sliding joints times L, (n,)."""
+        weight = np.sqrt(1.0 if self.joint_weights is None else self.joint_weights)
+        return np.asarray(np.where(self.arm.is_slide, self.length, 1.0) / weight)
+
+    @cached_property
+    def rank(self) -> int:
+        """Rank of A almost everywhere: the largest at random but always equal configurations."""
+        ranks = []
+        for q in self.arm.sampled(SAMPLES):
+            sigma = np.linalg.svd(self.matrix(self.arm.jacobian(q)), compute_uv=False)
+            ranks.append(int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[0])))
+        return max(ranks)
 
     def matrix(self, jacobian: Array) -> Array:
         """Return A = S_x J S_q, (..., m, n), of a Jacobian (..., 6, n): what the law decomposes."""
         return self.row_scale[:, None] * jacobian[..., self.rows, :] * self.joint_scale
 
-    def record(self) -> np.void:
-        """Return the law's record of a world with this arm and task, for compiled kernels.
-
-        Its joints are rows of its own `axis` and `anchor`, which `follow_chain` writes.
-        """
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
         arm, chain, m, n = self.arm, self.arm.chain, len(self.rows), self.arm.n
-        world = np.zeros(1, world_type(n))
         world["n"], world["m"], world["k"] = n, m, min(m, n)
-        world["joint"][0, :n] = np.arange(n)
-        world["is_slide"][0, :n], world["pitch"][0, :n] = arm.is_slide, arm.pitch
-        world["zero_axis"][0, :n], world["zero_step"][0, :n] = chain.axis, chain.step
+        world["row"][:m], world["row_scale"][:m] = self.rows, self.row_scale
+        world["joint_scale"][:n] = self.joint_scale
+        world["is_slide"][:n], world["pitch"][:n] = arm.is_slide, arm.pitch
+        world["zero_axis"][:n], world["zero_step"][:n] = chain.axis, chain.step
         world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
-        world["row"][0, :m], world["row_scale"][0, :m] = self.rows, self.row_scale
-        world["joint_scale"][0, :n] = self.joint_scale
-        world["position_limit"][0, :, :n] = arm.position_limit.T
-        return world[0]  # type: ignore[no-any-return]
+
+
+class SecondTask:
+    """A pose that a site of the arm shall keep, as far as the first task leaves room for it.
+
+    Attributes:
+        site: Name of the site.
+    """
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        # rows, scales, the site and the joints that move it, and where it shall be
+        Field("m_2", np.int64), Field("row_2", np.int64, (ROWS,)), Field("row_scale_2", size=(ROWS,)),
+        Field("site_2", np.int64), Field("moves_2", np.int64, (JOINTS,)), Field("pose_ref_2", size=(7,)),
+    )  # fmt: skip
+
+    def __init__(self, first: Task, section: SecondarySection, start: Array) -> None:
+        """Bind it to an arm.
+
+        Args:
+            first: The first task, whose arm and length are its own as well.
+            section: What the scenario says of it.
+            start: Where the arm starts, (n,).
+        """
+        arm = first.arm
+        self.site = section.site or arm.site
+        self._rows = np.array([AXES.index(axis) for axis in section.axes])
+        self._row_scale = 1.0 / np.where(self._rows < 3, first.length, 1.0)
+        # what `Arm.adapted` adds are actuators, so a site keeps its number
+        self._id, self._moves = arm.model.site(self.site).id, arm.moves(self.site)
+        self._pose = arm.pose(start, self.site)
+        if section.to is not None:
+            wanted = np.concatenate([self._pose[:3], np.zeros(3)])
+            wanted[self._rows] = section.to
+            self._pose = np.concatenate([wanted[:3], quat_multiply(exp_rotation(wanted[3:]), self._pose[3:])])
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        m = len(self._rows)
+        world["m_2"], world["row_2"][:m], world["row_scale_2"][:m] = m, self._rows, self._row_scale
+        world["site_2"] = self._id
+        world["moves_2"][: len(self._moves)], world["pose_ref_2"] = self._moves, self._pose
 
 
 def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> Task:
@@ -90,8 +156,7 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> 
         return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length)
 
     def rank(rows: Sequence[int]) -> int:
-        task = Task(arm, np.array(rows), length)
-        return structural_rank(arm, task.rows, task.row_scale, task.joint_scale)
+        return Task(arm, np.array(rows), length).rank
 
     turns_first = rank([3, 4, 5]) == arm.n > rank([0, 1, 2])
     rows: list[int] = []
@@ -99,19 +164,3 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> 
         if rank([*rows, row]) > len(rows):
             rows.append(row)
     return Task(arm, np.sort(rows), length)
-
-
-def structural_rank(arm: Arm, rows: NDArray[np.intp], row_scale: Array, joint_scale: Array) -> int:
-    """Return the rank of S_x J S_q almost everywhere: the largest at random but always equal configurations.
-
-    Args:
-        arm: The arm.
-        rows: Rows of the twist that count, (m,).
-        row_scale: Diagonal of S_x, (m,).
-        joint_scale: Diagonal of S_q, (n,).
-    """
-    ranks = []
-    for q in arm.sampled(SAMPLES):
-        sigma = np.linalg.svd(row_scale[:, None] * arm.jacobian(q)[rows] * joint_scale, compute_uv=False)
-        ranks.append(int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[0])))
-    return max(ranks)

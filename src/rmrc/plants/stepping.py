@@ -7,10 +7,10 @@ sets the plant's input. MuJoCo then steps all worlds and leaves their kinematics
 import math
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import partial
-from typing import Any, NamedTuple, cast
+from typing import Any, ClassVar, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Change, Wiring
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
-from rmrc.law.kinematics import follow_chain, geometric_jacobian, pose_error
+from rmrc.law.kinematics import follow_chain, geometric_jacobian, pose_error, second_jacobian
 from rmrc.law.law import control
+from rmrc.law.record import JOINTS, Field
 from rmrc.plants.batches import Batches
 from rmrc.support.pace import Pace
 
@@ -38,6 +39,43 @@ class Plant(IntEnum):
 
 
 IDEAL, TORQUE = int(Plant.IDEAL), int(Plant.TORQUE)
+
+# MuJoCo's ids, and columns of the state row; of the slide of a screw joint, or -1, with what it moves for
+# each radian; from the center of mass of the body that carries the site to the site, in the site's frame.
+WIRING = (
+    Field("joint", np.int64, (JOINTS,)), Field("dof", np.int64, (JOINTS,)),
+    Field("actuator", np.int64, (JOINTS,)), Field("site", np.int64), Field("body", np.int64),
+    Field("qpos_column", np.int64, (JOINTS,)), Field("qvel_column", np.int64, (JOINTS,)),
+    Field("ctrl_column", np.int64, (JOINTS,)), Field("wrench_column", np.int64),
+    Field("travel_column", np.int64, (JOINTS,)), Field("travel_ratio", size=(JOINTS,)),
+    Field("lever", size=(3,)),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Course:
+    """What a world has before it: it owns the fields of its record that say how far it goes.
+
+    Attributes:
+        reference: Index of its reference in the batch.
+        path_ticks: Ticks of that.
+        ticks: Ticks to run at most.
+    """
+
+    reference: int
+    path_ticks: int
+    ticks: int
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("reference", np.int64), Field("path_ticks", np.int64), Field("ticks", np.int64),
+        # the tick at which it diverged or -1, and the joint
+        Field("diverged", np.int64), Field("diverged_joint", np.int64),
+    )  # fmt: skip
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        world["reference"], world["path_ticks"], world["ticks"] = self.reference, self.path_ticks, self.ticks
+        world["diverged"], world["diverged_joint"] = -1, 0
 
 
 @entry
@@ -123,16 +161,12 @@ def measure(
 
 @compiled
 def measure_second(world: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) -> None:
-    """Read pose and Jacobian of the second task's site; joints behind it do not move it."""
+    """Read pose and Jacobian of the second task's site."""
     for i in range(3):
         world.pose_2[i] = xpos[world.site_2, i]
     for i in range(4):
         world.pose_2[3 + i] = xquat[world.site_2, i]
-    geometric_jacobian(world, xpos[world.site_2], anchors, axes, world.J_2)
-    for j in range(world.n):
-        if not world.moves_2[j]:
-            for i in range(6):
-                world.J_2[i, j] = 0.0
+    second_jacobian(world, xpos[world.site_2], anchors, axes)
 
 
 @compiled
@@ -416,7 +450,6 @@ class PlantBatch:
         worlds, n = self.worlds, arm.n
         worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
         worlds["actuator"][:, :n] = wiring.actuator
-        worlds["is_slide"][:, :n], worlds["pitch"][:, :n] = arm.is_slide, arm.pitch
         worlds["travel_column"] = -1
         for address, travel in zip(wiring.travel_qpos, arm.travels, strict=True):
             worlds["travel_column"][:, travel.hinge] = _column(model, "QPOS") + address

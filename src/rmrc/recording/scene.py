@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Shape
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
-from rmrc.support.spatial import AXES, matrix_to_quat, quat_to_matrix
+from rmrc.support.spatial import matrix_to_quat, quat_to_matrix
 
 Array = NDArray[np.float64]
 
@@ -78,10 +78,9 @@ class Scene:
         """Look at the arm where it starts."""
         arm = prepared.arm
         self._arm = arm
-        self._joint_scale = prepared.joint_scale
-        rows = [AXES.index(axis) for axis in prepared.scenario.task.axes]
-        self._rows = np.array([row for row in rows if row < 3], int)
-        self._held = np.array([row for row in rows if row > 2], int)
+        self._joint_scale = prepared.task.joint_scale
+        rows = prepared.task.rows
+        self._rows, self._held = rows[rows < 3], rows[rows > 2]
         self._below = prepared.scenario.control.inverse.damping.below
         self.shapes = arm.shapes()
         self.body_names, self.is_fixed = arm.body_names, arm.is_fixed

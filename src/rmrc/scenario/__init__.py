@@ -35,15 +35,12 @@ from rmrc.scenario.sections import (
     ArmSection,
     Check,
     ControlSection,
-    DampingSection,
     EncoderSection,
     InverseSection,
     LimitsSection,
     NullspaceSection,
     PlantSection,
     SecondarySection,
-    SlowSection,
-    StopSection,
     SweepSection,
     TargetLimitsSection,
     TargetSection,
@@ -54,10 +51,10 @@ from rmrc.scenario.variation import variants
 from rmrc.scenario.wording import block, inline
 
 __all__ = [
-    "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ControlSection",
-    "DampingSection", "Draft", "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection",
-    "Line", "LineSegment", "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow",
-    "SecondarySection", "Section", "Segment", "SlowSection", "StopSection", "SweepSection",
-    "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment", "Variant", "angle", "block",
-    "changes_of", "draft_of", "inline", "json_schema", "load", "loads", "place_of", "schema_rows", "variants",
+    "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ControlSection", "Draft",
+    "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment",
+    "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Section",
+    "Segment", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment",
+    "Variant", "angle", "block", "changes_of", "draft_of", "inline", "json_schema", "load", "loads",
+    "place_of", "schema_rows", "variants",
 ]  # fmt: skip

@@ -1,6 +1,17 @@
-"""What can be chosen, by name: the schema of a scenario, the law and the tables take the names from here."""
+"""What a control law can choose: each choice with its source and its parameters, declared once.
 
-from enum import IntEnum, IntFlag
+Sections and schema, fields of the world's record, the dispatch of the compiled law, the space that `tune`
+searches and the tables of the README follow from the lists below. A choice is done by the compiled function
+of its name in `rmrc.law`, and its code there is its position in the list.
+"""
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntFlag
+from functools import cached_property
+from operator import attrgetter
+from typing import Any, Generic, Literal, NamedTuple, TypeVar
 
 
 class Status(IntFlag):
@@ -17,59 +28,436 @@ class Status(IntFlag):
     STUCK = 128
 
 
-class Method(IntEnum):
-    """The inverses: each a filter g(sigma), in `inverse`."""
+class Scales(NamedTuple):
+    """What a scenario's own run tells about the sizes of its numbers: what is worth trying depends on them.
 
-    INVERSE = 0
-    PSEUDOINVERSE = 1
-    TRUNCATED = 2
-    TRANSPOSE = 3
-    DAMPED = 4
-    FILTERED = 5
-    SELECTIVELY_DAMPED = 6
-    JPARSE = 7
+    Attributes:
+        sigma: Largest singular value.
+        manipulability: Largest w.
+        start: Smallest singular value at the start.
+        slowest: Norm of the scaled joint rates without which nothing can follow.
+        fastest: The largest that is worth a bound.
+    """
 
-
-class Schedule(IntEnum):
-    """How the damping lambda of the method `damped` follows the arm, in `inverse`."""
-
-    CONSTANT = 0
-    MANIPULABILITY = 1
-    SMALLEST_SINGULAR_VALUE = 2
-    ERROR = 3
-    RATE_BOUND = 4
+    sigma: float
+    manipulability: float
+    start: float
+    slowest: float
+    fastest: float
 
 
-class Objective(IntEnum):
-    """What the null space is used for."""
+class Bounds(NamedTuple):
+    """What a number must be: `gt` greater than, `ge` at least, `lt` less than, `le` at most."""
 
-    NONE = 0
-    POSTURE = 1
-    JOINT_LIMITS = 2
-    MANIPULABILITY = 3
-    RATES = 4
-    SECONDARY = 5
+    gt: int | None = None
+    ge: int | None = None
+    lt: int | None = None
+    le: int | None = None
 
 
-class Priority(IntEnum):
-    """How a second task is kept out of the first."""
-
-    CLASSICAL = 0
-    ROBUST = 1
+POSITIVE, NOT_NEGATIVE, SHARE = Bounds(gt=0), Bounds(ge=0), Bounds(gt=0, lt=1)
 
 
-class OnExcess(IntEnum):
-    """What happens to rates beyond their limits."""
+@dataclass(frozen=True)
+class Keyed:
+    """What has a key of a scenario.
 
-    NONE = 0
-    SCALE = 1
-    CLAMP = 2
-    REDISTRIBUTE = 3
+    Attributes:
+        key: Below `control`.
+    """
+
+    key: str
+
+    @property
+    def field(self) -> str:
+        """The field of a world's record that holds it."""
+        return self.key.replace(".", "_")
+
+    @property
+    def place(self) -> str:
+        """The section that has it, below `control`; "" for `control` itself."""
+        return self.key.rpartition(".")[0]
+
+    @property
+    def name(self) -> str:
+        """Its key in that section."""
+        return self.key.rpartition(".")[2]
 
 
-class AtSingularity(IntEnum):
-    """What happens near a singularity."""
+@dataclass(frozen=True)
+class Parameter(Keyed):
+    """A number that choices read: a key of a scenario, a field of the record, a side of the search space.
 
-    DAMP = 0
-    SLOW = 1
-    STOP = 2
+    Attributes:
+        meaning: As the schema tells it.
+        default: None: null.
+        unit: As the schema tells it.
+        bounds: On the number.
+        null: What the law reads where the key is null; None: it may not be null.
+        kind: A number, or one a joint: positions, which may be angles, or rates.
+        range: Least and largest value that `tune` tries; None: it leaves the parameter alone.
+    """
+
+    meaning: str
+    default: float | None
+    unit: str
+    bounds: Bounds = POSITIVE
+    null: float | None = None
+    kind: Literal["number", "positions", "rates"] = "number"
+    range: Callable[[Scales], tuple[float, float]] | None = None
+
+
+# In the order in which a section has its keys.
+PARAMETERS = (
+    DAMPING_MAXIMUM := Parameter(
+        "inverse.damping.maximum", "λ_max, the largest damping (λ, not λ²)", 0.1, "as σ",
+        # λ = σ₁/2 takes a fifth of even the best direction's gain, as 1/(1 + λ²/σ²) says; σ₁/1000 lets rates
+        # grow 500-fold.
+        range=lambda seen: (1e-3 * seen.sigma, 0.5 * seen.sigma),
+    ),
+    DAMPING_BELOW := Parameter(
+        "inverse.damping.below",
+        "ε: smallest_singular_value starts to damp when σ_min is below it, filtered each σ that is",
+        0.3, "as σ",
+        # Damping that begins at σ₁ never ends.
+        range=lambda seen: (5e-3 * seen.sigma, seen.sigma),
+    ),
+    MANIPULABILITY_BELOW := Parameter(
+        "inverse.damping.manipulability_below",
+        "w₀: manipulability starts to damp when w is below it", 0.3, "as w",
+        range=lambda seen: (1e-3 * seen.manipulability, seen.manipulability),
+    ),
+    ERROR_GAIN := Parameter(
+        "inverse.damping.error_gain",
+        "error: λ for a given task error, linear rows over task.length", 1.0, "as σ",
+        # λ = σ₁/10 at a task error from 1 mm to 1 (m over the length, or rad).
+        range=lambda seen: (0.1 * seen.sigma, 100.0 * seen.sigma),
+    ),
+    TOLERANCE := Parameter(  # `truncated` is the same with a threshold that is searched
+        "inverse.tolerance",
+        "pseudoinverse: singular values up to this share of the largest are dropped", 1e-6, "1", SHARE,
+    ),
+    CUTOFF := Parameter(
+        "inverse.cutoff", "truncated: singular values up to it are dropped", 0.01, "as σ",
+        range=lambda seen: (1e-3 * seen.sigma, 0.5 * seen.sigma),
+    ),
+    GAMMA := Parameter(
+        "inverse.gamma",
+        "jparse: directions fade whose σ is below this share of the largest", 0.1, "1", SHARE,
+        range=lambda seen: (1e-3, 0.5),  # noqa: ARG005 - as the others are called
+    ),
+    RATE_BOUND := Parameter(
+        "inverse.rate_bound",
+        "selectively_damped: largest rate of a joint; schedule rate_bound: largest norm of the rates; "
+        "sliding joints over task.length", 2.0, "rad/s",
+        range=lambda seen: (seen.slowest, seen.fastest),
+    ),
+    GAIN := Parameter(
+        "nullspace.gain",
+        "posture: rate for a given distance; joint_limits, manipulability: rate for a given slope",
+        1.0, "1/s", NOT_NEGATIVE,
+    ),
+    POSTURE := Parameter(
+        "nullspace.posture",
+        "posture: the joint positions aimed for; null: those of the start", None, "rad or m",
+        null=math.nan, kind="positions",  # the start is known to the arm alone
+    ),
+    RATES := Parameter(
+        "nullspace.rates", "rates: the joint rates wished for, one a joint", None, "rad/s or m/s",
+        null=0.0, kind="rates",
+    ),
+    SECONDARY_DAMPING := Parameter(
+        "nullspace.secondary.damping", "λ of the second task's inverse, constant", 0.05, "as σ", NOT_NEGATIVE,
+    ),
+    SLOW_CHANGE := Parameter(
+        "slow.change", "largest change of the pace, which is 1 where nothing is slowed", 10.0, "1/s",
+    ),
+    SLOW_PATIENCE := Parameter(
+        "slow.patience",
+        "how long to wait where the arm cannot follow at any pace before the path goes on all the same",
+        1.0, "s",
+    ),
+    SLOW_LONGEST := Parameter(
+        "slow.longest", "times the planned duration after which the run ends, wherever it is on the path",
+        10.0, "1", Bounds(ge=1, le=1000),
+    ),
+    STOP_SIGMA := Parameter(
+        "stop.sigma", "hold where σ_min is at or below it", 0.1, "as σ",
+        # An arm that is held where it starts, or soon after, does nothing wrong and nothing right.
+        range=lambda seen: (min(1e-3 * seen.sigma, 0.1 * seen.start), 0.5 * seen.start),
+    ),
+    STOP_CONDITION := Parameter(
+        "stop.condition", "hold where κ is at or above it as well; null: whatever κ is", None, "1",
+        Bounds(gt=1), null=math.inf,
+    ),
+    STOP_CHANGE := Parameter(
+        "stop.change", "share of the rates that is taken away, or given back, in a second", 20.0, "1/s",
+    ),
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One of the values of a key.
+
+    Attributes:
+        name: Its value in a scenario, and its function in the law.
+        meaning: What it does, as the README's table says.
+        source: Keys of `docs/references.md`.
+        parameters: That it reads.
+        acts: Whether the law has a function for it; without one, it leaves things as they are.
+    """
+
+    name: str
+    meaning: str
+    source: str = ""
+    parameters: tuple[Parameter, ...] = ()
+    acts: bool = True
+
+
+@dataclass(frozen=True)
+class Inverse(Choice):
+    """A way to invert the Jacobian: a filter g(σ).
+
+    Attributes:
+        needs_square: Whether it needs as many task axes as joints.
+        is_scheduled: Whether its damping follows a schedule.
+        preference: Of settings that come to the same, `tune` takes the inverse with the least: first those
+            whose gain stays bounded at a singularity, should the arm come nearer to one than it did.
+    """
+
+    needs_square: bool = False
+    is_scheduled: bool = False
+    preference: int = 0
+
+
+@dataclass(frozen=True)
+class Schedule(Choice):
+    """How damping follows what happens.
+
+    Attributes:
+        follows: What λ depends on: the arm, so that it is raised where joints are held at their stops and
+            what is left of the arm is nearer to a singularity; the command, so that it is found anew for what
+            is left of that; or "" for neither.
+    """
+
+    follows: Literal["", "arm", "command"] = ""
+
+
+C_co = TypeVar("C_co", bound=Choice, covariant=True)
+
+
+@dataclass(frozen=True)
+class Choices(Keyed, Generic[C_co]):
+    """What a key chooses from.
+
+    Attributes:
+        meaning: As the schema tells it.
+        default: A name.
+        options: In the order of the schema; the code of each is its position.
+    """
+
+    meaning: str
+    default: str
+    options: tuple[C_co, ...]
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """All of them."""
+        return tuple(one.name for one in self.options)
+
+    @cached_property
+    def parameters(self) -> tuple[Parameter, ...]:
+        """What they read, each once."""
+        return tuple(one for one in PARAMETERS if any(one in option.parameters for option in self.options))
+
+    def code(self, name: str) -> int:
+        """Return the number that compiled code knows a name by.
+
+        Raises:
+            ValueError: There is no such name.
+        """
+        return self.names.index(name)
+
+    def codes(self, are: Callable[[C_co], bool]) -> tuple[int, ...]:
+        """Return the numbers of those that something holds for."""
+        return tuple(code for code, one in enumerate(self.options) if are(one))
+
+    def __getitem__(self, name: str) -> C_co:
+        """Return the one with a name.
+
+        Raises:
+            ValueError: There is none.
+        """
+        return self.options[self.code(name)]
+
+
+INVERSES = Choices(
+    "inverse.method", "the filter g(σ) that stands for 1/σ", "damped",
+    (
+        Inverse("inverse", "1/σ", needs_square=True, preference=7),
+        Inverse(
+            "pseudoinverse", "1/σ where σ > tolerance · σ₁, else 0", "Whitney69", (TOLERANCE,), preference=6
+        ),
+        Inverse("truncated", "1/σ where σ > cutoff, else 0", "Golub13, §5.5", (CUTOFF,), preference=4),
+        Inverse("transpose", "α σ with the best α", "Wolovich84", preference=5),
+        Inverse("damped", "σ/(σ² + λ²)", "Nakamura86", is_scheduled=True),
+        Inverse(
+            "filtered", "σ/(σ² + λ(σ)²), each direction by its own λ", "Maciejewski88",
+            (DAMPING_MAXIMUM, DAMPING_BELOW), preference=1,
+        ),
+        Inverse(
+            "selectively_damped", "1/σ, clamped by what a direction may ask of the joints", "Buss05",
+            (RATE_BOUND,), preference=2,
+        ),
+        Inverse("jparse", "1/σ where σ ≥ γ σ₁, else σ/(γ σ₁)²", "Guptasarma25", (GAMMA,), preference=3),
+    ),
+)  # fmt: skip
+
+SCHEDULES = Choices(
+    "inverse.damping.schedule",
+    "how λ follows the arm: always `maximum`; rising to it as w falls below `manipulability_below`, or as "
+    "σ_min falls below `below`; `error_gain` times the error; or the least that keeps the rates within "
+    "`rate_bound`",
+    "smallest_singular_value",
+    (
+        Schedule("constant", "λ_max", "Wampler86", (DAMPING_MAXIMUM,)),
+        Schedule(
+            "manipulability", "λ_max (1 − w/w₀) where w < w₀, else 0", "Nakamura86",
+            (DAMPING_MAXIMUM, MANIPULABILITY_BELOW), follows="arm",
+        ),
+        Schedule(
+            "smallest_singular_value", "λ² = (1 − (σ_min/ε)²) λ_max² where σ_min < ε, else 0", "Chiaverini94",
+            (DAMPING_MAXIMUM, DAMPING_BELOW), follows="arm",
+        ),
+        Schedule(
+            "error", "error_gain · the task error: the contrast, it vanishes when tracking is good",
+            "Levenberg44", (ERROR_GAIN,),
+        ),
+        Schedule(
+            "rate_bound", "the least that keeps the norm of the joint rates within a bound", "Deo92",
+            (RATE_BOUND,), follows="command",
+        ),
+    ),
+)  # fmt: skip
+
+OBJECTIVES = Choices(
+    "nullspace.objective",
+    "what to aim for with the motion that is left over: nothing, a posture, the middle of the joints' "
+    "ranges, a larger w, constant rates, or a second task",
+    "none",
+    (
+        Choice("none", "0", acts=False),
+        Choice("posture", "gain · (posture − q)", "Liegeois77", (GAIN, POSTURE)),
+        Choice("joint_limits", "towards the middle of the joints' ranges", "Liegeois77", (GAIN,)),
+        Choice("manipulability", "towards a larger w, by the derivative of J", "Yoshikawa85", (GAIN,)),
+        Choice("rates", "constant, as given", "", (RATES,)),
+        Choice(
+            "secondary",
+            "what a second task needs: another site, or other rows; `classical` or `robust` priority",
+        ),
+    ),
+)  # fmt: skip
+
+PRIORITIES = Choices(
+    "nullspace.secondary.priority",
+    "classical: solved in what the first task leaves; robust: solved alone, then projected",
+    "robust",
+    (
+        Choice("classical", "solved in what the first task leaves", "Nakamura87", (SECONDARY_DAMPING,)),
+        Choice("robust", "solved alone, then projected", "Chiaverini97", (SECONDARY_DAMPING,)),
+    ),
+)
+
+LIMITS = Choices(
+    "limits.on_excess",
+    "beyond a limit: scale all joints alike (keeps direction, unless a joint is at its position limit), "
+    "clamp each, let the others take over what a saturated joint cannot do, or limit nothing",
+    "scale",
+    (
+        Choice(
+            "scale",
+            "all are scaled by one factor: the tip keeps its direction while no joint is at its position "
+            "limit",
+        ),
+        Choice("clamp", "each is cut by itself: the tip does not"),
+        Choice("redistribute", "what a saturated joint cannot do, the others take over", "Flacco15"),
+        Choice("none", "nothing", acts=False),
+    ),
+)
+
+POLICIES = Choices(
+    "at_singularity",
+    "near a singularity: leave it to the inverse, slow down along the path, or stop and wait for a way out",
+    "damp",
+    (
+        Choice("damp", "what the inverse does", acts=False),
+        Choice(
+            "slow",
+            "time along the path is slowed, so that rates stay within their limits and the tip on its path",
+            "", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST),
+        ),
+        Choice(
+            "stop", "the arm holds where σ_min or κ passes its bound, and goes on when the command leads out",
+            "", (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE),
+        ),
+    ),
+)  # fmt: skip
+
+CHOICES: tuple[Choices[Choice], ...] = (INVERSES, SCHEDULES, OBJECTIVES, PRIORITIES, LIMITS, POLICIES)
+
+
+@dataclass(frozen=True)
+class Group(Keyed):
+    """A section that comes behind the choices of the section that has it.
+
+    Attributes:
+        meaning: As the schema tells it.
+        title: What it is, in a sentence; "" where its class in `sections` says so.
+    """
+
+    meaning: str
+    title: str = ""
+
+
+GROUPS = (
+    Group(
+        "inverse.damping",
+        "damped, filtered: the damping λ",
+        "How much damping λ the method `damped` uses, and when.",
+    ),
+    Group("nullspace.secondary", "secondary: the second task"),
+    Group("slow", "at_singularity slow: how", "How `at_singularity: slow` scales the time along the path."),
+    Group("stop", "at_singularity stop: when", "When `at_singularity: stop` holds the arm."),
+)
+
+
+def record_fields() -> tuple[tuple[str, type[int] | type[float], bool], ...]:
+    """Return the fields of a world's record that hold choices and parameters.
+
+    Returns:
+        Of each, its name, the type of its values, and whether it has one a joint.
+    """
+    codes = [(one.field, int, False) for one in CHOICES]
+    return (*codes, *((one.field, float, one.kind != "number") for one in PARAMETERS))
+
+
+_CODES = tuple((one.field, attrgetter(one.key), one.code) for one in CHOICES)
+_NUMBERS = tuple((one.field, attrgetter(one.key), one.null) for one in PARAMETERS)
+
+
+def write_choices(world: Any, control: Any) -> None:
+    """Write the fields of `record_fields` into the record of a world, or an array of one.
+
+    Args:
+        world: Of a type that has these fields.
+        control: The section `control` of a scenario.
+    """
+    for field, read, code in _CODES:
+        world[field] = code(read(control))
+    for field, read, null in _NUMBERS:
+        value = read(control)
+        if isinstance(value, tuple):
+            world[field][..., : len(value)] = value
+        else:
+            world[field] = null if value is None else value

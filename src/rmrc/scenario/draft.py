@@ -335,7 +335,7 @@ class _Tree(dict[str | int, Any]):
 
 
 # What a section sorts together, so that one of them cannot be told without the other as it was written.
-_TOGETHER: Mapping[type[Section], frozenset[str]] = {
+_TOGETHER: Mapping[type, frozenset[str]] = {
     TaskSection: frozenset(("axes", "weights")),
     SecondarySection: frozenset(("axes", "to")),
 }

@@ -1,11 +1,12 @@
 """The sections of a scenario: their fields are the keys of a file, with unit, default and meaning."""
 
 import math
-from typing import TYPE_CHECKING, Annotated, Literal, Self, TypeAlias, get_args
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import ConfigDict, Field, ValidationInfo, field_validator, model_validator
+from pydantic import ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
 
-from rmrc.scenario.choices import Method, Objective, Schedule
+from rmrc.scenario import choices
 from rmrc.scenario.keys import split
 from rmrc.scenario.path import Segment
 from rmrc.scenario.values import (
@@ -41,17 +42,8 @@ from rmrc.scenario.values import (
 from rmrc.scenario.wording import show
 from rmrc.support.problems import Key
 
-if TYPE_CHECKING:  # a checker knows no types that are computed
-    MethodName: TypeAlias = str
-    ScheduleName: TypeAlias = str
-    ObjectiveName: TypeAlias = str
-else:
-    MethodName, ScheduleName, ObjectiveName = (
-        Literal[tuple(kind.name.lower() for kind in kinds)] for kinds in (Method, Schedule, Objective)
-    )
 
-
-def sort_axes(section: Section, beside: str) -> None:
+def sort_axes(section: "Section | Derived", beside: str) -> None:
     """Sort the axes of a section as the rows of a twist, and what has one value for each of them along."""
     axes: Axes = section.__dict__["axes"]
     order = sorted(range(len(axes)), key=lambda i: get_args(Axis).index(axes[i]))
@@ -118,46 +110,77 @@ class TaskSection(Section):
         return self
 
 
-class DampingSection(Section):
-    """How much damping λ the method `damped` uses, and when."""
+if TYPE_CHECKING:
 
-    schedule: ScheduleName = key(
-        "how λ follows the arm: always `maximum`; rising to it as w falls below `manipulability_below`, or "
-        "as σ_min falls below `below`; `error_gain` times the error; or the least that keeps the rates "
-        "within `rate_bound`",
-        "smallest_singular_value",
-    )
-    maximum: Positive = key("λ_max, the largest damping (λ, not λ²)", 0.1, "as σ")
-    below: Positive = key(
-        "ε: smallest_singular_value starts to damp when σ_min is below it, filtered each σ that is",
-        0.3,
-        "as σ",
-    )
-    manipulability_below: Positive = key("w₀: manipulability starts to damp when w is below it", 0.3, "as w")
-    error_gain: Positive = key("error: λ for a given task error, linear rows over task.length", 1.0, "as σ")
+    class _Computed:  # a checker knows no fields that are computed
+        model_fields: ClassVar[dict[str, Any]]
+
+        def __init__(self, **values: Any) -> None: ...
+
+        def __getattr__(self, name: str) -> Any: ...
+
+else:
+    _Computed = Section
 
 
-class InverseSection(Section):
+class Derived(_Computed):
+    """A section that has choices and parameters as `rmrc.scenario.choices` declares them."""
+
+
+# By their keys below `control`, but for `control` itself.
+DERIVED: dict[str, type[Derived]] = {}
+
+
+def derived(place: str) -> Callable[[type[Derived]], type[Derived]]:
+    """Give a section the choices and parameters that are declared for its place, and the sections of both.
+
+    Fields that the class has itself come first.
+
+    Args:
+        place: Its key below `control`, or "" for `control` itself.
+    """
+
+    def complete(base: type[Derived]) -> type[Derived]:
+        fields: dict[str, Any] = {}
+        for choice in (one for one in choices.CHOICES if one.place == place):
+            fields[choice.name] = (Literal[choice.names], key(choice.meaning, choice.default))
+        for one in (one for one in choices.PARAMETERS if one.place == place):
+            fields[one.name] = (_type_of(one), key(one.meaning, one.default, one.unit))
+        for group in (one for one in choices.GROUPS if one.place == place):
+            section = DERIVED.get(group.key) or _made(group)
+            fields[group.name] = (section, key(group.meaning, section()))
+        DERIVED[place] = _model(base.__name__, base, base.__doc__, fields)
+        return DERIVED[place]
+
+    return complete
+
+
+def _made(group: choices.Group) -> type[Derived]:
+    name = f"{group.name.capitalize()}Section"
+    globals()[name] = derived(group.key)(_model(name, Derived, group.title, {}))  # where pickle looks for it
+    return DERIVED[group.key]
+
+
+def _model(name: str, base: Any, doc: str | None, fields: dict[str, Any]) -> type[Derived]:
+    made: type[Derived] = create_model(name, __base__=base, __doc__=doc, __module__=__name__, **fields)
+    return made
+
+
+def _type_of(parameter: choices.Parameter) -> Any:
+    bounds = {name: bound for name, bound in parameter.bounds._asdict().items() if bound is not None}
+    kinds: dict[str, Any] = {
+        "number": Annotated[Number, Field(**bounds)], "positions": Positions, "rates": Rates
+    }  # fmt: skip
+    return kinds[parameter.kind] if parameter.null is None else kinds[parameter.kind] | None
+
+
+@derived("inverse")
+class InverseSection(Derived):
     """How the Jacobian is inverted."""
 
-    method: MethodName = key("the filter g(σ) that stands for 1/σ", "damped")
-    tolerance: Annotated[Number, Field(gt=0, lt=1)] = key(
-        "pseudoinverse: singular values up to this share of the largest are dropped", 1e-6, "1"
-    )
-    cutoff: Positive = key("truncated: singular values up to it are dropped", 0.01, "as σ")
-    gamma: Annotated[Number, Field(gt=0, lt=1)] = key(
-        "jparse: directions fade whose σ is below this share of the largest", 0.1, "1"
-    )
-    rate_bound: Positive = key(
-        "selectively_damped: largest rate of a joint; schedule rate_bound: largest norm of the rates; "
-        "sliding joints over task.length",
-        2.0,
-        "rad/s",
-    )
-    damping: DampingSection = key("damped, filtered: the damping λ", DampingSection())
 
-
-class SecondarySection(Section):
+@derived("nullspace.secondary")
+class SecondarySection(Derived):
     """A second task, done as far as the first leaves room for it: a site that shall stay somewhere."""
 
     site: Text | None = key("the site of the second task; null: that of the first", None)
@@ -169,10 +192,6 @@ class SecondarySection(Section):
         "m or rad",
     )
     feedback: NotNegative = key("K of the second task: twist for a given error", 5.0, "1/s")
-    priority: Literal["classical", "robust"] = key(
-        "classical: solved in what the first task leaves; robust: solved alone, then projected", "robust"
-    )
-    damping: NotNegative = key("λ of the second task's inverse, constant", 0.05, "as σ")
 
     @field_validator("to")
     @classmethod
@@ -189,22 +208,9 @@ class SecondarySection(Section):
         return self
 
 
-class NullspaceSection(Section):
+@derived("nullspace")
+class NullspaceSection(Derived):
     """What the joints do that the task does not feel."""
-
-    objective: ObjectiveName = key(
-        "what to aim for with the motion that is left over: nothing, a posture, the middle of the joints' "
-        "ranges, a larger w, constant rates, or a second task",
-        "none",
-    )
-    gain: NotNegative = key(
-        "posture: rate for a given distance; joint_limits, manipulability: rate for a given slope", 1.0, "1/s"
-    )
-    posture: Positions | None = key(
-        "posture: the joint positions aimed for; null: those of the start", None, "rad or m"
-    )
-    rates: Rates | None = key("rates: the joint rates wished for, one a joint", None, "rad/s or m/s")
-    secondary: SecondarySection = key("secondary: the second task", SecondarySection())
 
     @model_validator(mode="after")
     def _has_rates(self) -> Self:
@@ -216,7 +222,8 @@ class NullspaceSection(Section):
         return self
 
 
-class LimitsSection(Section):
+@derived("limits")
+class LimitsSection(Derived):
     """The bounds on joint positions, rates and accelerations."""
 
     rate: OneOrEach | None = key(
@@ -232,38 +239,10 @@ class LimitsSection(Section):
         10.0,
         "rad/s² or m/s²",
     )
-    on_excess: Literal["scale", "clamp", "redistribute", "none"] = key(
-        "beyond a limit: scale all joints alike (keeps direction, unless a joint is at its position limit), "
-        "clamp each, let the others take over what a saturated joint cannot do, or limit nothing",
-        "scale",
-    )
 
 
-class SlowSection(Section):
-    """How `at_singularity: slow` scales the time along the path."""
-
-    change: Positive = key("largest change of the pace, which is 1 where nothing is slowed", 10.0, "1/s")
-    patience: Positive = key(
-        "how long to wait where the arm cannot follow at any pace before the path goes on all the same",
-        1.0,
-        "s",
-    )
-    longest: Annotated[Number, Field(ge=1, le=1000)] = key(
-        "times the planned duration after which the run ends, wherever it is on the path", 10.0, "1"
-    )
-
-
-class StopSection(Section):
-    """When `at_singularity: stop` holds the arm."""
-
-    sigma: Positive = key("hold where σ_min is at or below it", 0.1, "as σ")
-    condition: Annotated[Number, Field(gt=1)] | None = key(
-        "hold where κ is at or above it as well; null: whatever κ is", None, "1"
-    )
-    change: Positive = key("share of the rates that is taken away, or given back, in a second", 20.0, "1/s")
-
-
-class ControlSection(Section):
+@derived("")
+class ControlSection(Derived):
     """The control law."""
 
     period: Positive = key("time between two control ticks", 0.001, "s")
@@ -275,13 +254,6 @@ class ControlSection(Section):
     )
     nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
     limits: LimitsSection = key("bounds on joint positions, rates and accelerations", LimitsSection())
-    at_singularity: Literal["damp", "slow", "stop"] = key(
-        "near a singularity: leave it to the inverse, slow down along the path, or stop and wait for a way "
-        "out",
-        "damp",
-    )
-    slow: SlowSection = key("at_singularity slow: how", SlowSection())
-    stop: StopSection = key("at_singularity stop: when", StopSection())
 
 
 class TargetLimitsSection(Section):

@@ -13,7 +13,8 @@ from rich.table import Table
 from rich.text import Text
 
 from rmrc.scenario import SchemaRow
-from rmrc.show.sheets import UNDEFINED, Fitted, Sheet, as_markdown, as_table, escaped, number
+from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
+from rmrc.show.terminal import Fitted, as_table
 
 if TYPE_CHECKING:  # with numba, which a table of keys does without
     from rmrc.results.scorecard import Figure, Outcome, Scorecard
@@ -121,6 +122,10 @@ class _Figures:
         figure = self.left.pop(name, None)
         return "" if figure is None else _text(figure)
 
+    def texts(self, group: str, *names: str) -> tuple[str, ...]:
+        """Return some figures of a group."""
+        return tuple(self.text(f"{group}.{name}") for name in names)
+
     def unit(self, name: str) -> str:
         """Return the unit of a figure that this card has."""
         return _unit(self.card[name])
@@ -142,32 +147,20 @@ def _outcomes(outcomes: Sequence["Outcome"]) -> Sheet:
 
 
 def _peaks(figures: _Figures) -> Sheet:
-    rows = [
-        (
-            group,
-            figures.text(f"{group}.peak"),
-            figures.unit(f"{group}.peak"),
-            figures.text(f"{group}.peak_joint"),
-            figures.text(f"{group}.peak_time"),
-            figures.text(f"{group}.rms"),
-        )
-        for group in _PEAKS
-    ]
+    rows = []
+    for group in _PEAKS:
+        peak, joint, time, rms = figures.texts(group, "peak", "peak_joint", "peak_time", "rms")
+        rows.append((group, peak, figures.unit(f"{group}.peak"), joint, time, rms))
     return Sheet("Peaks", ("", "peak", "unit", "joint", "at [s]", "rms"), rows, frozenset({0, 2, 3}))
 
 
 def _joints(figures: _Figures) -> Sheet:
     """Return one row per joint; units stand in the headings, or beside the joint where they differ."""
     columns = (
-        ("rate", "joint_rate", "peak"),
-        ("", "joint_rate", "peak_time"),
-        ("", "joint_rate", "rms"),
-        ("command", "joint_rate_cmd", "peak"),
-        ("", "joint_rate_cmd", "peak_time"),
-        ("", "joint_rate_cmd", "rms"),
-        ("accel.", "joint_acceleration", "peak"),
-        ("torque", "tau", "peak"),
-    )
+        ("rate", "joint_rate", "peak"), ("", "joint_rate", "peak_time"), ("", "joint_rate", "rms"),
+        ("command", "joint_rate_cmd", "peak"), ("", "joint_rate_cmd", "peak_time"),
+        ("", "joint_rate_cmd", "rms"), ("accel.", "joint_acceleration", "peak"), ("torque", "tau", "peak"),
+    )  # fmt: skip
     words = {"peak": "peak", "peak_time": "at", "rms": "rms"}
     joints = figures.card.joints
     kinds = [figures.unit(f"joint_rate.{joint}.peak").removesuffix("/s") for joint in joints]
@@ -189,14 +182,7 @@ def _joints(figures: _Figures) -> Sheet:
 
 def _errors(figures: _Figures) -> Sheet:
     rows = [
-        (
-            group,
-            figures.text(f"{group}.rms"),
-            figures.text(f"{group}.max"),
-            figures.text(f"{group}.max_time"),
-            figures.text(f"{group}.end"),
-            figures.unit(f"{group}.rms"),
-        )
+        (group, *figures.texts(group, "rms", "max", "max_time", "end"), figures.unit(f"{group}.rms"))
         for group in _ERRORS
         if f"{group}.rms" in figures.card
     ]

@@ -4,24 +4,25 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm, Change
-from rmrc.law.record import world_type
-from rmrc.law.task import structural_rank
-from rmrc.plants.stepping import Plant
+from rmrc.law.law import Law, rate_limit
+from rmrc.law.record import JOINTS, Field, Writer, records
+from rmrc.law.task import Task
+from rmrc.plants.stepping import WIRING, Course, Plant
 from rmrc.scenario import ArmSection, Problems, Scenario, angle
-from rmrc.scenario.choices import AtSingularity, Method, Objective, OnExcess, Priority, Schedule
+from rmrc.scenario.choices import INVERSES
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.trajectory import make_reference
 from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.support.legible import listed
 from rmrc.support.notices import tell
-from rmrc.support.spatial import AXES, exp_rotation, quat_multiply
+from rmrc.support.spatial import AXES
 
 T = TypeVar("T")
 
@@ -60,7 +61,7 @@ class Known:
         """
         # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
         self._arms = _Recent[Arm](32, {(arm.path.resolve(), arm.site, arm.joints): arm for arm in arms})
-        self._references, self._ranks = _Recent[Reference](32), _Recent[int](256)
+        self._references, self._tasks = _Recent[Reference](32), _Recent[Task](256)
 
     def arm(self, section: ArmSection) -> Arm:
         """Return the arm of a section, loaded and stretched as it says.
@@ -89,16 +90,20 @@ class Known:
             key, lambda: make_reference(target.path, target.limits, arm.pose(q), period, target.offset)
         )
 
-    def rank(
-        self,
-        arm: Arm,
-        rows: NDArray[np.intp],
-        row_scale: NDArray[np.float64],
-        joint_scale: NDArray[np.float64],
-    ) -> int:
-        """Return the rank almost everywhere: see `rmrc.law.task.structural_rank`."""
-        key = (arm, rows.tobytes(), row_scale.tobytes(), joint_scale.tobytes())
-        return self._ranks.get(key, lambda: structural_rank(arm, rows, row_scale, joint_scale))
+    def task(self, scenario: Scenario, arm: Arm) -> Task:
+        """Return the task of a scenario, whose rank takes a millisecond to find."""
+        section, joint_weights = scenario.task, scenario.control.joint_weights
+        key = (arm, section.axes, section.length, section.weights, joint_weights)
+        return self._tasks.get(
+            key,
+            lambda: Task(
+                arm,
+                np.array([AXES.index(axis) for axis in section.axes]),
+                section.length,
+                section.weights,
+                joint_weights,
+            ),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,30 +150,14 @@ class Prepared:
         return self.arm.inertia / plant.timestep if plant.kv is None else np.full(n, plant.kv)
 
     @cached_property
-    def rows(self) -> NDArray[np.intp]:
-        """Rows of the twist that count, (m,)."""
-        return np.array([AXES.index(axis) for axis in self.scenario.task.axes])
+    def task(self) -> Task:
+        """What is moved."""
+        return self.known.task(self.scenario, self.arm)
 
     @cached_property
-    def row_scale(self) -> NDArray[np.float64]:
-        """Diagonal of S_x = W_x^½, linear rows over the characteristic length, (m,)."""
-        task = self.scenario.task
-        weight = np.sqrt(1.0 if task.weights is None else task.weights)
-        scale: NDArray[np.float64] = weight / np.where(self.rows < 3, task.length, 1.0)
-        return scale
-
-    @cached_property
-    def joint_scale(self) -> NDArray[np.float64]:
-        """Diagonal of S_q = W_q^-½, sliding joints times the characteristic length, (n,)."""
-        weights = self.scenario.control.joint_weights
-        weight = np.sqrt(1.0 if weights is None else weights)
-        scale: NDArray[np.float64] = np.where(self.arm.is_slide, self.scenario.task.length, 1.0) / weight
-        return scale
-
-    @cached_property
-    def rank(self) -> int:
-        """Rank of the task almost everywhere."""
-        return self.known.rank(self.arm, self.rows, self.row_scale, self.joint_scale)
+    def law(self) -> Law:
+        """What is asked of the joints."""
+        return Law(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos])
 
     @cached_property
     def encoder_offset(self) -> NDArray[np.float64]:
@@ -392,10 +381,11 @@ def _check_encoder(scenario: Scenario, arm: Arm, problems: Problems) -> None:
 
 def _check_method(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     m = len(scenario.task.axes)
-    if scenario.control.inverse.method == "inverse" and m != arm.n:
+    method = scenario.control.inverse.method
+    if INVERSES[method].needs_square and m != arm.n:
         problems.add(
             "control.inverse.method",
-            f'"inverse" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
+            f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
             'choose other task.axes, or "pseudoinverse" or "damped"',
         )
 
@@ -427,7 +417,7 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: Problems) -> None:
             "control.at_singularity",
             '"slow" scales the feed-forward, so it needs control.feedforward: true, got false',
         )
-    if not np.isfinite(_rate_limit(scenario, arm)).all():
+    if not np.isfinite(rate_limit(arm, control.limits)).all():
         problems.add(
             "control.at_singularity",
             f'"slow" keeps rates within their limits, and {arm.path} has none for every joint; '
@@ -451,112 +441,36 @@ def _check_steps(prepared: Prepared, problems: Problems) -> None:
         problems.add("plant.timestep", f"must be >= {_SHORTEST_STEP:g} s, got {plant.timestep:g} s")
 
 
-def _rate_limit(scenario: Scenario, arm: Arm) -> NDArray[np.float64]:
-    rate = scenario.control.limits.rate
-    return arm.rate_limit if rate is None else np.full(arm.n, rate)
+class _Physics:
+    """What obeys, and what its encoders say: it owns their fields of a world's record."""
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("plant", np.int64), Field("bandwidth"), Field("wrench", size=(6,)),
+        # whether encoders are off, and by how much
+        Field("is_off", np.int64), Field("encoder_offset", size=(JOINTS,)),
+    )  # fmt: skip
+
+    def __init__(self, prepared: Prepared) -> None:
+        self._prepared = prepared
+
+    def write(self, world: np.void) -> None:
+        plant, offset = self._prepared.scenario.plant, self._prepared.encoder_offset
+        world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
+        world["wrench"] = plant.wrench
+        world["is_off"], world["encoder_offset"][: len(offset)] = offset.any(), offset
 
 
-def world_record(prepared: Prepared, reference: int) -> np.void:
-    """Return the record of one world with every parameter of its scenario.
+def writers(prepared: Prepared, reference: int) -> tuple[Writer, ...]:
+    """Return who fills the record of a world.
 
     Args:
         prepared: The world.
         reference: Index of its reference in the batch.
     """
-    return world_records([prepared], [reference])[0]  # type: ignore[no-any-return]
+    course = Course(reference, prepared.reference.ticks, prepared.most_ticks)
+    return prepared.task, prepared.law, course, _Physics(prepared)
 
 
 def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> NDArray[np.void]:
-    """Return the records of worlds whose arms have the same joints, (w,): see `world_record`."""
-    worlds = np.zeros(len(prepared), world_type(prepared[0].arm.n))
-    for w, (one, reference) in enumerate(zip(prepared, references, strict=True)):
-        _set_world(worlds[w : w + 1], one, reference)
-    return worlds
-
-
-def _set_world(world: NDArray[np.void], prepared: Prepared, reference: int) -> None:
-    scenario, n, m = prepared.scenario, prepared.arm.n, len(prepared.rows)
-    control = scenario.control
-    world["n"], world["m"], world["k"] = n, m, min(m, n)
-    world["reference"], world["path_ticks"] = reference, prepared.reference.ticks
-    world["ticks"] = prepared.most_ticks
-    world["diverged"] = -1
-    world["pace"] = world["share"] = 1.0
-    world["row"][0, :m], world["row_scale"][0, :m] = prepared.rows, prepared.row_scale
-    world["joint_scale"][0, :n], world["rank"] = prepared.joint_scale, prepared.rank
-
-    world["period"], world["feedback"] = control.period, control.feedback
-    world["feedforward"] = float(control.feedforward)
-    _set_encoder(world, prepared)
-    _set_inverse(world, scenario)
-    _set_nullspace(world, prepared)
-    _set_limits(world, prepared)
-    _set_policy(world, scenario)
-
-    plant = scenario.plant
-    world["plant"], world["bandwidth"] = Plant[plant.kind.upper()], plant.bandwidth
-    world["wrench"] = plant.wrench
-
-
-def _set_encoder(world: NDArray[np.void], prepared: Prepared) -> None:
-    chain, n = prepared.arm.chain, prepared.arm.n
-    world["is_off"], world["encoder_offset"][0, :n] = prepared.encoder_offset.any(), prepared.encoder_offset
-    world["zero_axis"][0, :n], world["zero_step"][0, :n] = chain.axis, chain.step
-    world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
-
-
-def _set_inverse(world: NDArray[np.void], scenario: Scenario) -> None:
-    inverse, damping = scenario.control.inverse, scenario.control.inverse.damping
-    world["method"], world["tolerance"] = Method[inverse.method.upper()], inverse.tolerance
-    world["cutoff"], world["gamma"], world["rate_bound"] = inverse.cutoff, inverse.gamma, inverse.rate_bound
-    world["schedule"] = Schedule[damping.schedule.upper()]
-    world["damping_maximum"], world["damping_below"] = damping.maximum, damping.below
-    world["manipulability_below"], world["error_gain"] = damping.manipulability_below, damping.error_gain
-
-
-def _set_nullspace(world: NDArray[np.void], prepared: Prepared) -> None:
-    nullspace, arm, n = prepared.scenario.control.nullspace, prepared.arm, prepared.arm.n
-    world["objective"] = Objective[nullspace.objective.upper()]
-    world["objective_gain"] = nullspace.gain
-    start = prepared.qpos[arm.wiring.qpos]
-    world["posture"][0, :n] = start if nullspace.posture is None else nullspace.posture
-    world["wished"][0, :n] = 0.0 if nullspace.rates is None else nullspace.rates
-    world["position_range"][0, :, :n] = arm.position_limit.T
-    if nullspace.objective == "secondary":
-        _set_second_task(world, prepared, start)
-
-
-def _set_second_task(world: NDArray[np.void], prepared: Prepared, start: NDArray[np.float64]) -> None:
-    arm, second = prepared.arm, prepared.scenario.control.nullspace.secondary
-    site, rows = second.site or arm.site, np.array([AXES.index(axis) for axis in second.axes])
-    m = len(rows)
-    world["m_2"], world["row_2"][0, :m] = m, rows
-    world["row_scale_2"][0, :m] = 1.0 / np.where(rows < 3, prepared.scenario.task.length, 1.0)
-    # what `Arm.adapted` adds are actuators, so a site keeps its number
-    world["site_2"], world["moves_2"][0, : arm.n] = arm.model.site(site).id, arm.moves(site)
-    pose = arm.pose(start, site)
-    if second.to is not None:
-        wanted = np.concatenate([pose[:3], np.zeros(3)])
-        wanted[rows] = second.to
-        pose = np.concatenate([wanted[:3], quat_multiply(exp_rotation(wanted[3:]), pose[3:])])
-    world["pose_ref_2"], world["feedback_2"] = pose, second.feedback
-    world["priority"], world["damping_2"] = Priority[second.priority.upper()], second.damping
-
-
-def _set_limits(world: NDArray[np.void], prepared: Prepared) -> None:
-    limits, arm, n = prepared.scenario.control.limits, prepared.arm, prepared.arm.n
-    world["on_excess"] = OnExcess[limits.on_excess.upper()]
-    world["rate_limit"][0, :n] = _rate_limit(prepared.scenario, arm)
-    acceleration = math.inf if limits.acceleration is None else limits.acceleration
-    world["acceleration_limit"][0, :n] = acceleration
-    world["braking"][0, :n] = np.minimum(limits.braking, acceleration)
-    world["position_limit"][0, :, :n] = arm.position_limit.T if limits.position else [[-math.inf], [math.inf]]
-
-
-def _set_policy(world: NDArray[np.void], scenario: Scenario) -> None:
-    control = scenario.control
-    world["at_singularity"] = AtSingularity[control.at_singularity.upper()]
-    world["slow_change"], world["slow_patience"] = control.slow.change, control.slow.patience
-    world["stop_change"] = control.stop.change
-    world["stop_sigma"] = control.stop.sigma
-    world["stop_condition"] = math.inf if control.stop.condition is None else control.stop.condition
+    """Return the records of worlds whose arms have the same joints, (w,): by `writers`, not yet wired."""
+    return records(prepared[0].arm.n, *map(writers, prepared, references), wiring=WIRING)

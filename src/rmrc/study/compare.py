@@ -10,10 +10,11 @@ from rmrc.recording import unlogged
 from rmrc.results import facts
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard, check, scorecard
-from rmrc.scenario import Draft, Scenario, Variant, draft_of
+from rmrc.scenario import Draft, Scenario, Variant, choices, draft_of
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.batch import Batch, OnTicks, Recording
+from rmrc.study.compare_table import Row, markdown
 from rmrc.study.filters import compile_for, filter_factor
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
@@ -21,14 +22,7 @@ from rmrc.support.errors import ScenarioError
 # What a scenario chooses by name for its law. It states its expectations for these choices: another inverse
 # is not bound to what the one as written shall do, as where the plain inverse is expected to blow up.
 # Numbers, such as a damping or a limit, are settings of the same law.
-CHOICES = (
-    "control.inverse.method",
-    "control.inverse.damping.schedule",
-    "control.nullspace.objective",
-    "control.nullspace.secondary.priority",
-    "control.limits.on_excess",
-    "control.at_singularity",
-)
+CHOICES = tuple(f"control.{one.key}" for one in choices.CHOICES)
 
 
 @dataclass(frozen=True)
@@ -128,8 +122,6 @@ class Comparison(Batch):
         Args:
             on_ticks: Called with the number of ticks of each block that was finished.
         """
-        from rmrc.study.compare_table import Row, markdown
-
         with self._ran(on_ticks) as ran:
             triples = zip(self.variants, self.prepared, ran.runs, strict=True)
             found = tuple(self._scored(*one, ran.interrupted) for one in triples)

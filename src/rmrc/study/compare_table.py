@@ -6,13 +6,11 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from rich.console import Group, RenderableType
-from rich.text import Text
 
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard, joint_changes
 from rmrc.scenario.choices import Status
-from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, as_table, escaped, number
+from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
 
 # A joint that comes back so far from where it started has flipped [rad]; a sliding one by that share of the
 # characteristic length. Tracking errors are a hundred times less, an elbow on its other side is far beyond.
@@ -59,8 +57,8 @@ class Row(NamedTuple):
     stated_for: Mapping[str, str] = {}
 
 
-def render(name: str, rows: Sequence[Row]) -> RenderableType:
-    """Return the table for a terminal; where it does not fit, it goes on below.
+def sheets(name: str, rows: Sequence[Row]) -> list[Sheet]:
+    """Return the table for a terminal, below the name and above what there is to note.
 
     Args:
         name: Of the scenario.
@@ -68,9 +66,10 @@ def render(name: str, rows: Sequence[Row]) -> RenderableType:
     """
     variants, groups = _columns(rows)
     columns = [variants, *(column for group in groups for column in group)]
-    table = as_table(_sheet(columns, tuple(map(_over, columns)), tuple(map(len, groups))))
-    notes = [part for note in _notes(rows) for part in (Text(), Text(note))]
-    return Group(Text(name, style="bold"), Text(), table, *notes)
+    table = _sheet(columns, tuple(map(_over, columns)), tuple(map(len, groups)))
+    parts = [Sheet(name), table]
+    parts += [Sheet("", notes=(note,)) for note in _notes(rows)]
+    return [*parts[:-1], replace(parts[-1], is_spaced=False)]
 
 
 def _over(column: "_Column") -> str:

@@ -4,17 +4,17 @@ The compiled law itself is asked, so that no method needs its formula written tw
 the tick at which the arm was nearest, with nothing changed but σ of the direction that is lost first.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
-from rmrc.law.record import tick_type, world_type
+from rmrc.law.record import tick_type
 from rmrc.results.run import Run
-from rmrc.scenario.choices import AtSingularity, Objective, OnExcess
-from rmrc.simulation.prepare import Prepared, world_record
+from rmrc.scenario import LimitsSection, NullspaceSection
+from rmrc.simulation.prepare import Prepared, world_records
 from rmrc.support.spatial import pose_error
 
 _Array = NDArray[np.float64]
@@ -54,17 +54,18 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
         run: What it did, one tick or more.
     """
     tick = int(np.argmin(run["sigma"][:, -1]))
-    world, scale = _world_at(prepared, run, tick)
-    m, n, k = (int(world[size][0]) for size in ("m", "n", "k"))
-    u, sigmas, v = np.linalg.svd(scale * world["J"][0, world["row"][0, :m], :n], full_matrices=False)
+    task, n = prepared.task, prepared.arm.n
+    at, k = _world_at(prepared, run, tick), min(len(task.rows), n)
+    scale = np.outer(task.row_scale, task.joint_scale)
+    u, sigmas, v = np.linalg.svd(scale * at["J"][task.rows, :n], full_matrices=False)
     largest = float(sigmas[0] if k > 1 else run["sigma"].max())
     end = float(sigmas[-2]) if k > 1 else 1.2 * largest
 
     def gain(sigma: float) -> float:
-        worlds, ticks = world.copy(), np.zeros(1, tick_type(n))
-        worlds["J"][0, world["row"][0, :m], :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
-        resolve(worlds[0], ticks[0])
-        return float(ticks["gain"][0, k - 1])
+        world, (out,) = at.copy(), np.zeros(1, tick_type(n))
+        world["J"][task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
+        resolve(world, out)
+        return float(out["gain"][k - 1])
 
     sigma = np.geomspace(min(NEAREST * largest, 0.1 * end), end, POINTS)
     sigma_min = float(run["sigma"][tick, -1])
@@ -74,23 +75,22 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
 def compile_for(prepared: Prepared) -> None:
     """Load the compiled law for one problem alone, or compile it the first time, which takes seconds."""
     n = prepared.arm.n
-    machine_code(resolve, np.zeros(1, world_type(n))[0], np.zeros(1, tick_type(n))[0])
+    machine_code(resolve, world_records([prepared], [0])[0], np.zeros(1, tick_type(n))[0])
 
 
-def _world_at(prepared: Prepared, run: Run, tick: int) -> tuple[NDArray[np.void], _Array]:
-    """Return the record of a world as the law finds it at a tick, and S_x J S_q over J by element, (m, n).
+def _world_at(prepared: Prepared, run: Run, tick: int) -> np.void:
+    """Return the record of a world as the law finds it at a tick.
 
     Limits, policies and the null space come after the gains, and are left out.
     """
-    control, arm = prepared.scenario.control, prepared.arm
-    world = np.array([world_record(prepared, 0)])
-    world["objective"], world["on_excess"] = Objective.NONE, OnExcess.NONE
-    world["at_singularity"] = AtSingularity.DAMP
+    control, arm, task = prepared.scenario.control, prepared.arm, prepared.task
+    nothing = {"nullspace": NullspaceSection(), "limits": LimitsSection(on_excess="none")}
+    alone = control.model_copy(update={**nothing, "at_singularity": "damp"})
+    scenario = prepared.scenario.model_copy(update={"control": alone})
+    world: np.void = world_records([replace(prepared, scenario=scenario)], [0])[0]
     q = run["q"][tick] + prepared.encoder_offset  # where the law sees the arm
-    world["J"][0, :, : arm.n] = arm.jacobian(q)
+    world["J"][:, : arm.n] = arm.jacobian(q)
     error = pose_error(run["pose_ref"][tick], arm.pose(q))
     world["twist_cmd"] = control.feedforward * run["twist_ref"][tick] + control.feedback * error
-    m = int(world["m"][0])
-    row_scale = world["row_scale"][0, :m]
-    world["error"] = np.linalg.norm(row_scale * error[world["row"][0, :m]])
-    return world, np.outer(row_scale, world["joint_scale"][0, : arm.n])
+    world["error"] = np.linalg.norm(task.row_scale * error[task.rows])
+    return world

@@ -1,7 +1,7 @@
 """What can be chosen in a control law, and between which bounds."""
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from operator import attrgetter
 from typing import NamedTuple
@@ -11,37 +11,25 @@ from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.scenario import Change, Scenario, changes_of
-from rmrc.scenario.choices import AtSingularity, Method, Schedule
-from rmrc.simulation.prepare import Prepared, world_record
+from rmrc.scenario.choices import INVERSES, POLICIES, SCHEDULES, Choice, Parameter, Scales
+from rmrc.simulation.prepare import Prepared
 
-METHOD, SCHEDULE = "control.inverse.method", "control.inverse.damping.schedule"
-AT_SINGULARITY, FEEDBACK = "control.at_singularity", "control.feedback"
-_MAXIMUM, _BELOW = "control.inverse.damping.maximum", "control.inverse.damping.below"
-_W_BELOW, _ERROR_GAIN = "control.inverse.damping.manipulability_below", "control.inverse.damping.error_gain"
-_RATE_BOUND, _CUTOFF, _GAMMA = (f"control.inverse.{name}" for name in ("rate_bound", "cutoff", "gamma"))
-_STOP = "control.stop.sigma"
+METHOD, SCHEDULE, AT_SINGULARITY = (f"control.{one.key}" for one in (INVERSES, SCHEDULES, POLICIES))
+FEEDBACK = "control.feedback"
 
 WORDS: Mapping[str, tuple[str, ...]] = {
-    key: tuple(one.name.lower() for one in kind)
-    for key, kind in ((METHOD, Method), (SCHEDULE, Schedule), (AT_SINGULARITY, AtSingularity))
-}
-NUMBERS = (_MAXIMUM, _BELOW, _W_BELOW, _ERROR_GAIN, _RATE_BOUND, _CUTOFF, _GAMMA, FEEDBACK, _STOP)
+    METHOD: INVERSES.names, SCHEDULE: SCHEDULES.names, AT_SINGULARITY: POLICIES.names
+}  # fmt: skip
 
-# `gains` and `damping` of `rmrc.law.inverses` read these. The tolerance of `pseudoinverse` is left alone:
-# `truncated` is the same with a threshold that is searched.
-_OF_METHOD = {
-    "filtered": (_MAXIMUM, _BELOW),
-    "truncated": (_CUTOFF,),
-    "selectively_damped": (_RATE_BOUND,),
-    "jparse": (_GAMMA,),
-}
-_OF_SCHEDULE = {
-    "constant": (_MAXIMUM,),
-    "manipulability": (_MAXIMUM, _W_BELOW),
-    "smallest_singular_value": (_MAXIMUM, _BELOW),
-    "error": (_ERROR_GAIN,),
-    "rate_bound": (_RATE_BOUND,),
-}
+
+def _searched(parameters: Iterable[Parameter]) -> dict[str, Parameter]:
+    """Return by their keys the parameters that a search changes."""
+    return {f"control.{one.key}": one for one in parameters if one.range is not None}
+
+
+_SEARCHED = _searched((*SCHEDULES.parameters, *INVERSES.parameters, *POLICIES.parameters))
+_OF_INVERSES = tuple(_searched((*SCHEDULES.parameters, *INVERSES.parameters)))
+NUMBERS = (*_OF_INVERSES, FEEDBACK, *(key for key in _SEARCHED if key not in _OF_INVERSES))
 
 Values = tuple[float, ...]
 
@@ -67,8 +55,12 @@ class Structure(NamedTuple):
     @property
     def keys(self) -> tuple[str, ...]:
         """The numbers that it reads."""
-        own = _OF_SCHEDULE[self.schedule] if self.schedule else _OF_METHOD.get(self.method, ())
-        return (*own, FEEDBACK, *((_STOP,) if self.at_singularity == "stop" else ()))
+        inverse: list[Choice] = [
+            INVERSES[self.method],
+            *([SCHEDULES[self.schedule]] if self.schedule else ()),
+        ]
+        read = _searched(parameter for one in inverse for parameter in one.parameters)
+        return tuple(dict.fromkeys((*read, FEEDBACK, *_searched(POLICIES[self.at_singularity].parameters))))
 
     @property
     def words(self) -> dict[str, str]:
@@ -86,7 +78,7 @@ def all_structures() -> Iterator[Structure]:
     """Iterate over all structures; what does the least beside inverting comes first."""
     for policy in WORDS[AT_SINGULARITY]:
         for method in WORDS[METHOD]:
-            for schedule in WORDS[SCHEDULE] if method == "damped" else ("",):
+            for schedule in WORDS[SCHEDULE] if INVERSES[method].is_scheduled else ("",):
                 yield Structure(method, schedule, policy)
 
 
@@ -117,40 +109,32 @@ class Setting(NamedTuple):
 def own_setting(scenario: Scenario) -> Setting:
     """Return the setting of a scenario as it is written."""
     inverse = scenario.control.inverse
-    schedule = inverse.damping.schedule if inverse.method == "damped" else ""
+    schedule = inverse.damping.schedule if INVERSES[inverse.method].is_scheduled else ""
     structure = Structure(inverse.method, schedule, scenario.control.at_singularity)
     return Setting(structure, tuple(float(attrgetter(key)(scenario)) for key in structure.keys), True)
 
 
-@dataclass(frozen=True)
-class Seen:
-    """What the scenario's own run tells about the scales of its numbers.
-
-    Attributes:
-        sigma: Largest singular value.
-        manipulability: Largest w.
-        speed: Largest norm of the scaled task velocity that is wanted.
-        start: Smallest singular value at the start.
-    """
-
-    sigma: float
-    manipulability: float
-    speed: float
-    start: float
-
-
-def seen(nominal: Prepared, run: Run) -> Seen:
-    """Return the scales of a run.
+def scales(nominal: Prepared, run: Run) -> Scales:
+    """Return what a run tells about the sizes of numbers.
 
     Args:
         nominal: What was run.
         run: As far as it came.
     """
-    wanted: NDArray[np.float64] = nominal.reference.twist[:, nominal.rows] * nominal.row_scale
-    speed = float(np.linalg.norm(wanted, axis=1).max())
-    sigma = _largest(run["sigma"])
-    start = _largest(run["sigma"][:1, nominal.rank - 1])
-    return Seen(sigma or 1.0, _largest(run["manipulability"]) or 1.0, speed, start or sigma or 1.0)
+    wanted: NDArray[np.float64] = nominal.reference.twist[:, nominal.task.rows] * nominal.task.row_scale
+    sigma = _largest(run["sigma"]) or 1.0
+    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no drive's rates, and what the limits
+    # allow is enough.
+    slowest = float(np.linalg.norm(wanted, axis=1).max()) / sigma or 0.01
+    lengths = np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
+    allowed = float(np.linalg.norm(nominal.law.rate_limit / lengths))
+    return Scales(
+        sigma=sigma,
+        manipulability=_largest(run["manipulability"]) or 1.0,
+        start=_largest(run["sigma"][:1, nominal.task.rank - 1]) or sigma,
+        slowest=slowest,
+        fastest=max(2.0 * slowest, min(300.0 * slowest, allowed)),
+    )
 
 
 def _largest(values: NDArray[np.float64]) -> float:
@@ -158,43 +142,18 @@ def _largest(values: NDArray[np.float64]) -> float:
     return float(values[np.isfinite(values)].max(initial=0.0))
 
 
-def bounds(nominal: Prepared, scales: Seen) -> dict[str, tuple[float, float]]:
+def bounds(nominal: Prepared, run: Run) -> dict[str, tuple[float, float]]:
     """Return the least and the largest value of each number that is worth trying.
 
     Args:
         nominal: The scenario.
-        scales: Of its own run.
+        run: Its own, as far as it came.
     """
-    sigma, period = scales.sigma, nominal.scenario.control.period
-    # λ = σ₁/2 takes a fifth of even the best direction's gain, as 1/(1 + λ²/σ²) says; σ₁/1000 lets rates grow
-    # 500-fold.
-    spectrum = (1e-3 * sigma, 0.5 * sigma)
-    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no drive's rates, and what the limits
-    # allow is enough.
-    slowest = scales.speed / sigma or 0.01
-    record, n = world_record(nominal, 0), nominal.arm.n
-    allowed = float(
-        np.linalg.norm(
-            record["rate_limit"][:n] / np.where(nominal.arm.is_slide, nominal.scenario.task.length, 1.0)
-        )
-    )
-    fastest = max(2.0 * slowest, min(300.0 * slowest, allowed))
-    return {
-        _MAXIMUM: spectrum,
-        # Damping that begins at σ₁ never ends.
-        _BELOW: (5e-3 * sigma, sigma),
-        _W_BELOW: (1e-3 * scales.manipulability, scales.manipulability),
-        # λ = σ₁/10 at a task error from 1 mm to 1 (m over the length, or rad).
-        _ERROR_GAIN: (0.1 * sigma, 100.0 * sigma),
-        _RATE_BOUND: (slowest, fastest),
-        _CUTOFF: spectrum,
-        _GAMMA: (1e-3, 0.5),
-        # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two; one that
-        # takes more than 1 s is hardly fed back.
-        FEEDBACK: (min(1.0, 0.02 / period), 0.2 / period),
-        # An arm that is held where it starts, or soon after, does nothing wrong and nothing right.
-        _STOP: (min(1e-3 * sigma, 0.1 * scales.start), 0.5 * scales.start),
-    }  # fmt: skip
+    seen, period = scales(nominal, run), nominal.scenario.control.period
+    # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two; one that takes
+    # more than 1 s is hardly fed back.
+    limits = {FEEDBACK: (min(1.0, 0.02 / period), 0.2 / period)}
+    return limits | {key: one.range(seen) for key, one in _SEARCHED.items() if one.range is not None}
 
 
 @dataclass(frozen=True)

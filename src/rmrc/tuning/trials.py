@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rmrc.results.run import Divergence
 from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import Change, Variant, changes_of
-from rmrc.simulation.prepare import Prepared, world_record
+from rmrc.simulation.prepare import Prepared
 from rmrc.study.executors import threads
 from rmrc.study.study import Listed, OnRuns, Result, Study
 from rmrc.tuning.front import Point
@@ -83,13 +83,9 @@ class Limits:
     @classmethod
     def of(cls, prepared: Prepared) -> "Limits":
         """Return the limits of a scenario, the model's own where it has none."""
-        arm, length, record = prepared.arm, prepared.scenario.task.length, world_record(prepared, 0)
+        arm, length, law = prepared.arm, prepared.task.length, prepared.law
         scale = np.where(arm.is_slide, length, 1.0)
-        rate, acceleration = (
-            record["rate_limit"][: arm.n].copy(),
-            record["acceleration_limit"][: arm.n].copy(),
-        )
-        return cls(arm.joints, tuple(arm.units), scale, length, rate, acceleration)
+        return cls(arm.joints, tuple(arm.units), scale, length, law.rate_limit, law.acceleration_limit)
 
     def measure(self, card: Scorecard, divergence: Divergence | None, longest: float) -> Outcome:
         """Return what a run came to.

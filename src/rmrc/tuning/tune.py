@@ -30,7 +30,6 @@ from rmrc.tuning.space import (
     all_structures,
     bounds,
     own_setting,
-    seen,
 )
 from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.verdict import Verdict, judge
@@ -152,7 +151,7 @@ class Tuning:
             (run,) = Simulation([self._nominal]).run(stop=stop)
             if stop.is_set():
                 return None
-            limits = bounds(self._nominal, seen(self._nominal, run))
+            limits = bounds(self._nominal, run)
             space = Space(self._structures, limits, self._only, self._values)
             search = Search(space, trials, len(self.copies), self._runs, self._seed)
             if not search.begin(self._own, self.slower):

@@ -3,17 +3,11 @@
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from rmrc.scenario.choices import INVERSES
 from rmrc.tuning.front import dominates, front
 from rmrc.tuning.search import ALIKE, SAME, Tried, is_same
 from rmrc.tuning.space import AT_SINGULARITY, WORDS
 from rmrc.tuning.trials import Outcome
-
-# Of settings that come to the same, the first is taken: one whose gain stays bounded at a singularity, should
-# the arm come nearer to one than it did here.
-_METHODS = (
-    "damped", "filtered", "selectively_damped", "jparse", "truncated", "transpose", "pseudoinverse",
-    "inverse",
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -97,7 +91,7 @@ def _preference(one: Tried) -> tuple[bool, int, int, float, tuple[float, ...]]:
     return (
         not one.setting.is_written,
         policy,
-        _METHODS.index(structure.method),
+        INVERSES[structure.method].preference,
         out.error,
         one.setting.numbers,
     )

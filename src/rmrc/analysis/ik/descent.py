@@ -7,12 +7,15 @@ is. Where only some count, φ need not vanish at the goal, and without L(φ) no 
 """
 
 import math
+from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.jit import Array, Record, compiled, entry, inlined
-from rmrc.law.kinematics import follow_chain, geometric_jacobian, pose_error
+from rmrc.law.kinematics import chain_jacobian, follow_chain, pose_error
+from rmrc.law.record import JOINTS, Field
 from rmrc.law.svd import RANK_FLOOR, combine, dot, project, svd_from_scratch
 
 # λ² starts with this share of |e|². Of 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
@@ -29,6 +32,23 @@ PATIENCE = 8
 LOSS = 0.9
 # Below, 1/12 + θ²/720 is the factor of L(φ) to rounding; the closed form would lose digits.
 SMALL_TURN = 1e-2
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What joint positions are kept to: it owns this field of a world's record.
+
+    Attributes:
+        limit: Lower and upper of each joint, (n, 2); may be infinite.
+    """
+
+    limit: Array
+
+    fields: ClassVar[tuple[Field, ...]] = (Field("position_limit", size=(2, JOINTS)),)
+
+    def write(self, world: np.void) -> None:
+        """Write its field of a world's record."""
+        world["position_limit"][:, : len(self.limit)] = self.limit.T
 
 
 @entry
@@ -195,7 +215,7 @@ def measure(world: Record, goal: Array, q: Array) -> float:
 def linearize(world: Record) -> None:
     """Keep e, and write A = S_x L(φ) J S_q, where the arm was last measured."""
     J, error = world.J, world.error_2
-    geometric_jacobian(world, world.pose, world.anchor, world.axis, J)
+    chain_jacobian(world, J)
     fx, fy, fz = error[3], error[4], error[5]
     turn2 = fx * fx + fy * fy + fz * fz
     half = 0.5 * math.sqrt(turn2)

@@ -1,27 +1,92 @@
-"""What inverse kinematics found, as sheets of at most 100 columns and as plain values for JSON."""
+"""What inverse kinematics found, as tables of at most 100 columns and as JSON."""
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 import numpy as np
 
+from rmrc.analysis.ik.ik import IkResult
 from rmrc.analysis.ik.postures import Postures
 from rmrc.analysis.ik.solve import Solution
 from rmrc.law.task import Task
+from rmrc.show.report import Report, plain
 from rmrc.show.sheets import Sheet, number
 
 # Columns of numbers that fit beside the names of joints.
 BESIDE = 8
 
 
-def solution_sheets(task: Task, solution: Solution, limits: bool, iterates: bool) -> list[Sheet]:
-    """Return the joints, the errors, and the steps if they are wanted.
+def report(found: IkResult, iterates: bool = False) -> Report:
+    """Return what there is to show of a goal and the joint positions for it; met if they reach it.
 
     Args:
-        task: The arm and the rows that count.
-        solution: What was found.
-        limits: Whether the joints' limits were kept to; they are shown then.
-        iterates: Whether to show the steps.
+        found: What `ik` found.
+        iterates: Whether to show every step; those of Newton's method are shown anyway.
+
+    Example:
+        >>> from rmrc.analysis.ik.ik import ik
+        >>> shown = report(ik("models/planar_2link.xml", [3.0, 0.0]))
+        >>> shown.met, shown.problem
+        (False, 'not reached: 1 m and 0 rad are left at the nearest of 201 starts')
     """
+    task, solution, postures = found.task, found.solution, found.postures
+    values: dict[str, Any] = {
+        "model": str(task.arm.path), "site": task.arm.site, "axes": task.axes, "length": task.length,
+        "limits": found.limits, "tolerance": found.tolerance, "goal": found.goal, "start": found.start,
+    }  # fmt: skip
+    if postures is None:
+        iterates = iterates or solution.method == "newton"
+        values |= {"method": solution.method, **_solution_values(task, solution, iterates)}
+    else:
+        values |= _posture_values(task, postures)
+    if postures is None or not found.found:
+        sheets = _solution_sheets(task, solution, found.limits, iterates)
+    else:
+        sheets = _posture_sheets(task, postures)
+    problem = "" if found.found else _failure(task, solution)
+    return Report(sheets, plain(values), met=found.found, problem=problem)
+
+
+# JSON -------------------------------------------------------------------------------------------
+
+
+def _solution_values(task: Task, solution: Solution, iterates: bool) -> dict[str, Any]:
+    joints, path = task.arm.joints, solution.iterates
+    values: dict[str, Any] = {
+        "found": solution.found, "q": dict(zip(joints, solution.q, strict=True)), "pose": solution.pose,
+        "error": solution.error, "position_error": solution.position_error,
+        "orientation_error": solution.orientation_error,
+        "at_limit": {joint: _side(side) for joint, side in _active(task, solution)},
+        "beyond_limit": _beyond(task, solution), "steps": solution.steps, "tries": solution.tries,
+    }  # fmt: skip
+    if iterates:
+        values["iterates"] = {"q": path.q, "h": path.step, "error": path.error, "damping": path.damping}
+    return values
+
+
+def _posture_values(task: Task, postures: Postures) -> dict[str, Any]:
+    """Return all postures; `apart` is null where a continuum may be a part of another."""
+    return {
+        "found": postures.nearest is None,
+        "postures": [
+            {"q": dict(zip(task.arm.joints, q, strict=True)), "starts": hits, "freedom": freedom,
+             "apart": True if decided else None}
+            for q, hits, freedom, decided in zip(
+                postures.q, postures.hits, postures.freedom, postures.decided, strict=True
+            )
+        ],
+        "continuum": postures.is_continuum,
+        "continua": np.count_nonzero(postures.freedom),
+        "starts": postures.starts,
+        "nearest": postures.nearest and _solution_values(task, postures.nearest, False),
+    }  # fmt: skip
+
+
+# Tables -----------------------------------------------------------------------------------------
+
+
+def _solution_sheets(task: Task, solution: Solution, limits: bool, iterates: bool) -> list[Sheet]:
+    """Return the joints, the errors, and the steps if they are wanted; limits that were kept to are shown."""
     arm = task.arm
     rows = []
     for j, (joint, position) in enumerate(zip(arm.joints, solution.q, strict=True)):
@@ -56,10 +121,8 @@ def solution_sheets(task: Task, solution: Solution, limits: bool, iterates: bool
     return [*(_iterates(solution) if iterates else ()), joints, site, rest]
 
 
-def posture_sheets(task: Task, postures: Postures, limits: bool) -> list[Sheet]:
-    """Return the postures side by side, or the nearest configuration if there is none."""
-    if postures.nearest is not None:
-        return solution_sheets(task, postures.nearest, limits, False)
+def _posture_sheets(task: Task, postures: Postures) -> list[Sheet]:
+    """Return the postures side by side."""
     count = len(postures.q)
     continua = int(np.count_nonzero(postures.freedom))
     isolated = count - continua
@@ -84,74 +147,6 @@ def posture_sheets(task: Task, postures: Postures, limits: bool) -> list[Sheet]:
         headings = ("joint", "", *(str(p + 1) for p in part))
         sheets.append(Sheet("" if first else title, headings, rows, frozenset({0, 1})))
     return sheets
-
-
-def failure(task: Task, solution: Solution) -> str:
-    """Return why a goal was not reached, in one line."""
-    joints = task.arm.joints
-    beyond = [joint for joint, is_so in zip(joints, solution.beyond, strict=True) if is_so]
-    if solution.method == "newton":
-        if beyond:
-            return (
-                f"not reached: Newton's method ends beyond the limits of {', '.join(beyond)}; "
-                "try --method damped, or --no-limits"
-            )
-        return (
-            f"not reached: {_distance(solution)} left after {solution.steps} of Newton's steps; "
-            "try another start or --method damped"
-        )
-    active = [f"{joint} at its {_side(side)} limit" for joint, side in _active(task, solution)]
-    return (
-        f"not reached: {_distance(solution)} left at the nearest of {solution.tries} starts"
-        f"{'; ' * bool(active)}{', '.join(active)}"
-    )
-
-
-def solution_facts(task: Task, solution: Solution, iterates: bool) -> dict[str, object]:
-    """Return a solution as plain values."""
-    facts: dict[str, object] = {
-        "found": solution.found,
-        "q": dict(zip(task.arm.joints, solution.q.tolist(), strict=True)),
-        "pose": solution.pose.tolist(),
-        "error": solution.error,
-        "position_error": solution.position_error,
-        "orientation_error": solution.orientation_error,
-        "at_limit": {joint: _side(side) for joint, side in _active(task, solution)},
-        "beyond_limit": [
-            joint for joint, is_so in zip(task.arm.joints, solution.beyond, strict=True) if is_so
-        ],
-        "steps": solution.steps,
-        "tries": solution.tries,
-    }
-    if iterates:
-        path = solution.iterates
-        facts["iterates"] = {
-            "q": path.q.tolist(), "h": path.step.tolist(), "error": path.error.tolist(),
-            "damping": path.damping.tolist(),
-        }  # fmt: skip
-    return facts
-
-
-def posture_facts(task: Task, postures: Postures) -> dict[str, object]:
-    """Return all postures as plain values; `apart` is None where a continuum may be a part of another."""
-    return {
-        "found": postures.nearest is None,
-        "postures": [
-            {
-                "q": dict(zip(task.arm.joints, q.tolist(), strict=True)),
-                "starts": int(hits),
-                "freedom": int(freedom),
-                "apart": True if decided else None,
-            }
-            for q, hits, freedom, decided in zip(
-                postures.q, postures.hits, postures.freedom, postures.decided, strict=True
-            )
-        ],
-        "continuum": postures.is_continuum,
-        "continua": int(np.count_nonzero(postures.freedom)),
-        "starts": postures.starts,
-        "nearest": None if postures.nearest is None else solution_facts(task, postures.nearest, False),
-    }
 
 
 def _iterates(solution: Solution) -> list[Sheet]:
@@ -186,6 +181,29 @@ def _unit(task: Task, joint: int, position: float) -> tuple[str, ...]:
     return ("m", "") if task.arm.is_slide[joint] else ("rad", *_decimals([np.degrees(position)], 3))
 
 
+# Words ------------------------------------------------------------------------------------------
+
+
+def _failure(task: Task, solution: Solution) -> str:
+    """Return why a goal was not reached, in one line."""
+    beyond = _beyond(task, solution)
+    if solution.method == "newton":
+        if beyond:
+            return (
+                f"not reached: Newton's method ends beyond the limits of {', '.join(beyond)}; "
+                "try --method damped, or --no-limits"
+            )
+        return (
+            f"not reached: {_distance(solution)} left after {solution.steps} of Newton's steps; "
+            "try another start or --method damped"
+        )
+    active = [f"{joint} at its {_side(side)} limit" for joint, side in _active(task, solution)]
+    return (
+        f"not reached: {_distance(solution)} left at the nearest of {solution.tries} starts"
+        f"{'; ' * bool(active)}{', '.join(active)}"
+    )
+
+
 def _distance(solution: Solution) -> str:
     return f"{solution.position_error:.6g} m and {solution.orientation_error:.6g} rad are"
 
@@ -194,6 +212,10 @@ def _active(task: Task, solution: Solution) -> Sequence[tuple[str, int]]:
     return [
         (joint, int(side)) for joint, side in zip(task.arm.joints, solution.at_limit, strict=True) if side
     ]
+
+
+def _beyond(task: Task, solution: Solution) -> list[str]:
+    return [joint for joint, is_so in zip(task.arm.joints, solution.beyond, strict=True) if is_so]
 
 
 def _side(side: int) -> str:

@@ -5,19 +5,17 @@ finds is proven by forward kinematics, what it does not find may still exist.
 """
 
 import os
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from functools import cache
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.analysis.ik.descent import reach
+from rmrc.analysis.ik.descent import Bounds, reach
 from rmrc.arm import Arm
 from rmrc.law.jit import machine_code
-from rmrc.law.record import capacity, world_type
+from rmrc.law.record import records
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import exp_rotation, normalize, pose_error, quat_multiply
@@ -217,7 +215,7 @@ def solve_ik(
     trace = np.full((most + 1, arm.n + 2), np.nan)
     q, _, tally = search(task, bound, undamped, AIM * tolerance, most, goals, first, more[:0], trace=trace)
     trace = trace[~np.isnan(trace[:, 0])]
-    solution = _judged(task, limit, unwound(arm, limit, q, begin)[0], goals[0], tolerance)
+    solution = judge(task, limit, unwound(arm, limit, q, begin)[0], goals[0], tolerance)
     return replace(
         solution,
         method=method,
@@ -288,39 +286,41 @@ def search(
     more: Array, threads: int | None = None, trace: Array | None = None,
 ) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
     """Return q (N, n), |e| (N,) and tally (N, 3) of `rmrc.analysis.ik.descent.reach`, on all cores."""
-    n, kernel = task.arm.n, _machine_code(capacity(task.arm.n))
+    n = task.arm.n
+    record = records(n, [task, Bounds(limit)])
     # Machine code does not look at the layout of what it is given.
     goals, first, more = (np.ascontiguousarray(one) for one in (goals, first, more))
     q, error, tally = np.empty((len(goals), n)), np.empty(len(goals)), np.zeros((len(goals), 3), np.int64)
     trace = np.empty((0, n + 2)) if trace is None else trace
+    kernel = machine_code(
+        reach, record[0], undamped, tolerance, most, goals, first, more, q, error, tally, trace
+    )
 
-    def share(begin: int) -> None:
+    def share(begin: int, world: np.void) -> None:
         part = slice(begin, begin + SHARE)
-        world = task.record()
-        world["position_limit"][:, :n] = limit.T
         kernel(
             world, undamped, tolerance, most, goals[part], first[part], more, q[part], error[part],
             tally[part], trace,
         )  # fmt: skip
 
     if len(goals) <= SHARE:
-        share(0)
+        share(0, record[0])
     else:
         with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-            list(pool.map(share, range(0, len(goals), SHARE)))
+            list(pool.map(lambda begin: share(begin, record.copy()[0]), range(0, len(goals), SHARE)))
     return q, error, tally
 
 
-@cache
-def _machine_code(size: int) -> Callable[..., None]:
-    """Return the compiled search for records of so many joints, whose types take milliseconds to compare."""
-    world, rows, numbers = np.zeros(1, world_type(size))[0], np.empty((0, 1)), np.empty(0)
-    tally = np.zeros((0, 3), np.int64)
-    return machine_code(reach, world, False, 0.0, 0, rows, rows, rows, rows, numbers, tally, rows)
+def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> Solution:
+    """Return joint positions as MuJoCo's own kinematics judge them, without what the search can tell.
 
-
-def _judged(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> Solution:
-    """Return joint positions as MuJoCo's own kinematics judge them, without what the search can tell."""
+    Args:
+        task: The arm and the rows that count.
+        limit: Position limits that are kept to, (n, 2); see `kept_limit`.
+        q: Joint positions, (n,).
+        goal: Pose of the site, (7,).
+        tolerance: Of |e|: orientation in rad, position over L.
+    """
     pose = task.arm.pose(q)
     scaled = np.zeros(6)
     scaled[task.rows] = pose_error(goal, pose)[task.rows]

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.analysis.inspect import wording
+from rmrc.analysis.inspect import words as in_words
 from rmrc.law.law import SINGULAR_BELOW
 from rmrc.law.task import RANK_TOLERANCE, Array, Task
 
@@ -103,20 +103,20 @@ def examine(
     lost = []
     for direction in _simple(u[:, rank:]):
         twist, wrench = embedded(direction / task.row_scale), embedded(direction * task.row_scale)
-        lost.append(Lost(twist, wrench, wording.lost(seen(twist), seen(wrench)) + of_frame))
+        lost.append(Lost(twist, wrench, in_words.lost(seen(twist), seen(wrench)) + of_frame))
     slow = []
     for i in np.flatnonzero(sigma[:rank] <= SLOW * sigma[0]):
         sign = np.sign(u[np.argmax(np.abs(u[:, i])), i])
         twist, motion = embedded(sign * sigma[i] * u[:, i] / task.row_scale), sign * task.joint_scale * vt[i]
-        words = wording.nearly_lost(seen(twist), motion, arm.joints, arm.units) + of_frame
+        words = in_words.nearly_lost(seen(twist), motion, arm.joints, arm.units) + of_frame
         slow.append(Slow(float(sigma[i]), twist, motion, words))
     standing = []
     for still in _simple(vt[rank:].T):
-        first = wording.main_joints(still)[0]
+        first = in_words.main_joints(still)[0]
         motion = task.joint_scale * still * np.sign(still[first])
         twist = J @ motion
-        words = wording.standing_still(motion, seen(twist), task.axes, arm.joints, arm.units)
-        words += of_frame if np.linalg.norm(twist) > wording.STANDS_STILL else ""
+        words = in_words.standing_still(motion, seen(twist), task.axes, arm.joints, arm.units)
+        words += of_frame if np.linalg.norm(twist) > in_words.STANDS_STILL else ""
         standing.append(Motion(motion, twist, words))
     return sigma, tuple(lost), tuple(slow), tuple(standing)
 

@@ -5,13 +5,15 @@ from dataclasses import dataclass
 from math import comb
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from rmrc.analysis.inspect.directions import LOST, SLOW, Lost, Motion, Slow, examine, rank_of
 from rmrc.analysis.inspect.routes import Array, jacobians
-from rmrc.analysis.inspect.wording import amount, direction, listed
+from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
+from rmrc.analysis.subject import Model, numbers, subject
 from rmrc.arm import Arm
-from rmrc.law.task import SAMPLES, Task, choose
+from rmrc.law.task import SAMPLES, Task
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.spatial import AXES, quat_to_matrix
 from rmrc.textbook.displacement import tip_covariance
@@ -143,45 +145,52 @@ class Inspection:
         return np.asarray(np.minimum(self.q - lower, upper - self.q))
 
 
-def inspect_arm(
-    arm: Arm,
-    q: Sequence[float] | Array,
+def inspect(
+    model: Model,
+    q: ArrayLike | None = None,
     *,
+    keyframe: str | None = None,
+    site: str | None = None,
     axes: Sequence[str] | None = None,
-    length: float = 1.0,
+    length: float | None = None,
     frame: str = "world",
-    joint_error: Sequence[float] | Array | None = None,
-    wrench: Sequence[float] | Array | None = None,
+    joint_error: ArrayLike | None = None,
+    wrench: ArrayLike | None = None,
 ) -> Inspection:
     """Return what an arm is and can do at one configuration; the function behind `rmrc inspect`.
 
     Args:
-        arm: The arm, with the site in question.
-        q: Joint positions, (n,) [rad or m]; outside of limits is a warning.
-        axes: Rows that count, of x y z rx ry rz along world axes; None for those that the arm can move
-            independently, see `rmrc.law.task.choose`.
-        length: Characteristic length, which makes meters and radians comparable [m].
+        model: An arm, an MJCF file, or a scenario.
+        q: Joint positions, (n,) [rad or m]; outside of limits is a warning. None for the keyframe.
+        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
+        site: The point in question; None for that of the arm or scenario, else the one that the most joints
+            move.
+        axes: Rows that count, of x y z rx ry rz along world axes; None for those of a scenario, else those
+            that the arm can move independently, see `rmrc.law.task.choose`.
+        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
+            scenario, else 1.
         frame: Along whose axes J and the words are: `world`, `site` or `base`, the body that carries the arm.
         joint_error: Standard deviation of each joint, (n,) [rad or m].
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
 
     Raises:
-        QuestionError: Any of these does not fit the arm.
+        ModelError: The file, the site or the keyframe is missing or will not do.
+        QuestionError: Any of the others does not fit the arm.
 
     Example:
-        >>> import rmrc.arm
-        >>> from pathlib import Path
-        >>> arm = rmrc.arm.load(Path("models/planar_2link.xml"))
-        >>> found = inspect_arm(arm, [0.0, 0.0])
+        >>> found = inspect("models/planar_2link.xml", [0.0, 0.0])
         >>> found.rank, found.lost[0].words
         (1, 'cannot move along x; a force along x asks for no torque')
         >>> found.standing[0].words
         'shoulder and elbow turn against each other, 1 : -2, without moving x and y of the site, \
 which turns about -z'
     """
-    q = _numbers("q", q, arm.joints)
-    _check(axes, length, frame)
-    pose, routes, task = arm.pose(q), jacobians(arm, q), choose(arm, axes, length)
+    asked = subject(model, q, keyframe, site, axes, length)
+    arm, q, task = asked.arm, asked.q, asked.task
+    if frame not in FRAMES:
+        hint = did_you_mean(frame, FRAMES)
+        raise QuestionError(f'frame: no frame "{frame}"{hint}; choose from {" ".join(FRAMES)}')
+    pose, routes = arm.pose(q), jacobians(arm, q)
     J, R, turned = routes["mujoco"], quat_to_matrix(pose[3:]), _frame_rotation(arm, q, pose, frame)
     A, angles = task.matrix(J), zyz_angles(R)
     sigma, lost, slow, standing = examine(task, J, turned, frame)
@@ -192,7 +201,7 @@ which turns about -z'
         disagreement={
             name: float(np.abs(other - J).max()) for name, other in routes.items() if name != "mujoco"
         },
-        task=task, why=_why(task, asked=axes is not None),
+        task=task, why=_why(task, asked=asked.axes is not None),
         determinant=float(np.linalg.det(J[task.rows])) if A.shape[0] == A.shape[1] else None,
         sigma=sigma, rank=rank_of(sigma),
         rank_by_minors=int(rank_by_minors(A, LOST)) if minors <= MOST_MINORS else None,
@@ -201,34 +210,9 @@ which turns about -z'
         analytic_jacobian=None if zyz_is_singular(angles) else analytic_jacobian(J, angles),
         angles_in_words=_angles_in_words(angles),
         tip_error=None if joint_error is None else _tip_error(arm, J, joint_error),
-        balance=None if wrench is None else balance(arm, q, _numbers("wrench", wrench, WRENCH)),
+        balance=None if wrench is None else balance(arm, q, numbers("wrench", wrench, WRENCH)),
         warnings=_warnings(arm, q),
     )  # fmt: skip
-
-
-def _check(axes: Sequence[str] | None, length: float, frame: str) -> None:
-    for axis in axes or ():
-        if axis not in AXES:
-            raise QuestionError(f'axes: no row "{axis}"; choose from {" ".join(AXES)}')
-    if axes is not None and not len(axes):
-        raise QuestionError(f"axes must name one row or more of {' '.join(AXES)}")
-    if not (np.isfinite(length) and length > 0.0):
-        raise QuestionError(f"length must be > 0 and finite, got {length:g}")
-    if frame not in FRAMES:
-        hint = did_you_mean(frame, FRAMES)
-        raise QuestionError(f'frame: no frame "{frame}"{hint}; choose from {" ".join(FRAMES)}')
-
-
-def _numbers(what: str, values: Sequence[float] | Array, names: Sequence[str]) -> Array:
-    array = np.asarray(values, dtype=np.float64)
-    if array.shape != (len(names),):
-        raise QuestionError(
-            f"{what} must have {len(names)} value{'s' * (len(names) != 1)}, "
-            f"one for each of {', '.join(names)}, got shape {array.shape}"
-        )
-    if not np.isfinite(array).all():
-        raise QuestionError(f"{what} must be finite, got {array.tolist()}")
-    return array
 
 
 def _frame_rotation(arm: Arm, q: Array, pose: Array, frame: str) -> Array:
@@ -286,8 +270,8 @@ def _angles_in_words(angles: Array) -> str:
     return "the angles are regular here: the analytic Jacobian is singular where J is, and nowhere else"
 
 
-def _tip_error(arm: Arm, J: Array, deviations: Sequence[float] | Array) -> TipError:
-    joints = _numbers("joint error", deviations, arm.joints)
+def _tip_error(arm: Arm, J: Array, deviations: ArrayLike) -> TipError:
+    joints = numbers("joint error", deviations, arm.joints)
     if (joints < 0.0).any():
         worst = int(np.argmin(joints))
         raise QuestionError(

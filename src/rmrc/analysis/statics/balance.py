@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.arm import Arm
-from rmrc.law.task import RANK_TOLERANCE, SAMPLES, Task, structural_rank
+from rmrc.law.task import RANK_TOLERANCE, SAMPLES, Task
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.spatial import quat_to_matrix, twist_transform, wrench_transform
 from rmrc.textbook.propagation import actuator_torques, inward_wrenches
@@ -37,6 +37,7 @@ class Balance:
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
         equivalent: Jᵀ F, (n,): with it the site presses on the world with F [N·m or N].
         equilibrium: −Jᵀ F, (n,): with it the arm holds still while F acts on it.
+        bears_weight: Whether the drives bear the arm's weight; else it is compensated.
         gravity: What the drives give against gravity, (n,); 0 if gravity is compensated.
         springs: What the drives give against springs of the joints, (n,).
         frames: T_0_i of each link, (n, 4, 4), as `link_frames` has them.
@@ -50,6 +51,7 @@ class Balance:
     wrench: Array
     equivalent: Array
     equilibrium: Array
+    bears_weight: bool
     gravity: Array
     springs: Array
     frames: Array
@@ -133,17 +135,11 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
     pressed = -np.concatenate([to_tip @ wrench[:3], to_tip @ wrench[3:]])
     reaction = inward_wrenches(links, pressed, np.linalg.inv(frames[-1]) @ tip)
     return Balance(
-        arm=arm,
-        q=q,
-        wrench=wrench,
-        equivalent=joint_torques(J, wrench),
-        equilibrium=equilibrium_torques(J, wrench),
-        gravity=weight if gravity else np.zeros(arm.n),
-        springs=springs,
-        frames=frames,
-        reaction=reaction,
-        propagated=actuator_torques(reaction, arm.pitch),
-    )
+        arm=arm, q=q, wrench=wrench,
+        equivalent=joint_torques(J, wrench), equilibrium=equilibrium_torques(J, wrench),
+        bears_weight=gravity, gravity=weight if gravity else np.zeros(arm.n), springs=springs,
+        frames=frames, reaction=reaction, propagated=actuator_torques(reaction, arm.pitch),
+    )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -321,7 +317,7 @@ def _costs(task: Task, kind: str, jacobians: Array) -> Costs:
     v, sizes, _ = np.linalg.svd(columns)
     constant, free = v[:, np.count_nonzero(sizes > floor) :], u[:, ~dear]
     other = free - constant @ (constant.T @ free)
-    rank = structural_rank(task.arm, task.rows, task.row_scale, task.joint_scale)
+    rank = task.rank
     more, extra = free.shape[1] - constant.shape[1], free.shape[1] - (len(u) - rank)
     word = Cost.OTHERS if extra == 0 else Cost.SINGULAR if extra == more else Cost.MIXED
     always = [(one, 0.0, Cost.ALWAYS) for one in _readable(constant, constant.shape[1])]

@@ -11,28 +11,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
 from rmrc.analysis.statics.balance import Balance, balance
-from rmrc.arm import Arm
 from rmrc.law.task import Task
 from rmrc.results.run import Run
-from rmrc.scenario import (
-    ArmSection,
-    Axis,
-    ControlSection,
-    Hold,
-    HoldSegment,
-    InverseSection,
-    LimitsSection,
-    NullspaceSection,
-    PlantSection,
-    Scenario,
-    TargetSection,
-    TaskSection,
-)
+from rmrc.scenario import Scenario
 from rmrc.simulation.footprint import footprint
-from rmrc.simulation.prepare import Known, Prepared, prepare
+from rmrc.simulation.prepare import Known, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import DivergenceError, QuestionError
 from rmrc.support.spatial import AXES, pose_error
@@ -54,7 +40,7 @@ SHARE, SHARE_OF_SCREWS = 1e-6, 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Held:
+class HoldResult:
     """What it took to hold a wrench.
 
     Attributes:
@@ -93,106 +79,78 @@ class Held:
         return self.is_still and bool((np.abs(self.difference) <= self.allowed).all())
 
 
-class Holding:
-    """A wrench that is to be held: checked, and ready to run."""
-
-    def __init__(self, wanted: Balance, gravity: bool = False, seconds: float = 10.0) -> None:
-        """Check that the arm may stay there.
-
-        Args:
-            wanted: Where, and which wrench.
-            gravity: Whether the drives bear the arm's weight; else it is compensated.
-            seconds: For how long at most; it ends as soon as the arm is still.
-
-        Raises:
-            QuestionError: A joint is beyond its limits or feels no inertia, or so long a run does not fit
-                into memory.
-        """
-        arm = wanted.arm
-        for name, position, (lower, upper), unit in zip(
-            arm.joints, wanted.q, arm.position_limit, arm.units, strict=True
-        ):
-            if not lower <= position <= upper:
-                raise QuestionError(
-                    f'cannot hold: joint "{name}" must be within its limits [{lower:.6g}, {upper:.6g}] '
-                    f"{unit}, got {position:.6g}; choose other joint positions"
-                )
-        for name, inertia in zip(arm.joints, arm.inertia, strict=True):
-            if not inertia > 0.0:  # of which the servos' gains are made
-                raise QuestionError(
-                    f'cannot hold: joint "{name}" must feel an inertia > 0 at home, got {inertia:.6g}; '
-                    "mend masses, inertias and armature of the model"
-                )
-        self.wanted, self.gravity = wanted, gravity
-        self.prepared: Prepared = prepare(_scenario(wanted, gravity, seconds), Known(arm))
-        self._simulation: Simulation | None = None
-        excess = footprint([self.prepared]).excess
-        if excess:
-            raise QuestionError(f"--hold: {self.ticks} ticks need {excess}; hold for a shorter time")
-
-    @property
-    def ticks(self) -> int:
-        """How many control ticks it will take at most."""
-        return self.prepared.reference.ticks
-
-    def compile(self) -> Simulation:
-        """Load the compiled law, or compile it the first time, which takes seconds."""
-        if self._simulation is None:
-            self._simulation = Simulation([self.prepared])
-        return self._simulation
-
-    def run(self, on_ticks: Callable[[int], None] | None = None) -> Held:
-        """Hold until the arm is still or the time is over.
-
-        Args:
-            on_ticks: Called with the number of ticks of each block that was finished.
-
-        Raises:
-            DivergenceError: The state was not finite after the first step.
-        """
-        stop = threading.Event()
-
-        def on_block(_: int, part: Run) -> None:
-            if on_ticks is not None:
-                on_ticks(len(part))
-            if _rate(part) <= STILL:
-                stop.set()
-
-        (run,) = self.compile().run(on_block, stop)
-        arm, wanted = self.wanted.arm, self.wanted
-        if not len(run):
-            raise DivergenceError(f"cannot hold: {run.divergence}")
-        ended = balance(arm, run["q"][-1], wanted.wrench, self.gravity)
-        rate = _rate(run)
-        # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
-        moving = self.prepared.kv * rate
-        share = SHARE_OF_SCREWS if arm.travels else SHARE
-        return Held(
-            wanted=wanted,
-            ended=ended,
-            measured=run["tau"][-1],
-            drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),
-            at_limit=np.asarray((np.abs(run["tau"]) >= arm.torque_limit).any(axis=0)),
-            rate=rate,
-            allowed=np.asarray(share * ended.size.max() + moving + arm.friction),
-            run=run,
-        )
-
-
-def hold(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False, seconds: float = 10.0) -> Held:
-    """Hold a wrench in the physics and return what it took; `rmrc.hold` in a notebook.
+def hold_wrench(
+    wanted: Balance, seconds: float = 10.0, on_ticks: Callable[[int], None] | None = None
+) -> HoldResult:
+    """Hold a wrench in the physics until the arm is still or the time is over.
 
     Args:
-        arm: The arm.
-        q: Joint positions, (n,) [rad or m].
-        wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
-        gravity: Whether the drives bear the arm's weight; else it is compensated.
+        wanted: Where, and which wrench.
         seconds: For how long at most.
+        on_ticks: Called with the number of ticks of each block that was finished.
 
     Raises:
-        QuestionError: The wrench or q will not do, or a joint is beyond its limits.
+        QuestionError: A joint is beyond its limits or feels no inertia, or so long a run does not fit into
+            memory.
+        DivergenceError: The state was not finite after the first step.
+
+    Example:
+        >>> from rmrc.analysis.subject import subject
+        >>> arm = subject("models/planar_2link.xml").arm
+        >>> hold_wrench(balance(arm, [0.0, 1.0], [0, -1, 0, 0, 0, 0]), 2.0).agrees
+        True
     """
-    return Holding(balance(arm, q, wrench, gravity), gravity, seconds).run()
+    arm = wanted.arm
+    _check(wanted)
+    prepared = prepare(hold_scenario(wanted, seconds), Known(arm))
+    ticks, excess = prepared.reference.ticks, footprint([prepared]).excess
+    if excess:
+        raise QuestionError(f"--hold: {ticks} ticks need {excess}; hold for a shorter time")
+    stop = threading.Event()
+
+    def on_block(_: int, part: Run) -> None:
+        if on_ticks is not None:
+            on_ticks(len(part))
+        if _rate(part) <= STILL:
+            stop.set()
+
+    (run,) = Simulation([prepared]).run(on_block, stop)
+    if not len(run):
+        raise DivergenceError(f"cannot hold: {run.divergence}")
+    ended, rate = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rate(run)
+    # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
+    moving = prepared.kv * rate
+    share = SHARE_OF_SCREWS if arm.travels else SHARE
+    return HoldResult(
+        wanted=wanted, ended=ended, measured=run["tau"][-1],
+        drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),
+        at_limit=np.asarray((np.abs(run["tau"]) >= arm.torque_limit).any(axis=0)),
+        rate=rate, allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
+    )  # fmt: skip
+
+
+def most_ticks(seconds: float) -> int:
+    """Return how many ticks `hold_wrench` takes at most, for a progress bar."""
+    return round(seconds / PERIOD) + 1
+
+
+def _check(wanted: Balance) -> None:
+    """Refuse an arm that may not stay where it is, or whose servos cannot be made."""
+    arm = wanted.arm
+    for name, position, (lower, upper), unit in zip(
+        arm.joints, wanted.q, arm.position_limit, arm.units, strict=True
+    ):
+        if not lower <= position <= upper:
+            raise QuestionError(
+                f'cannot hold: joint "{name}" must be within its limits [{lower:.6g}, {upper:.6g}] '
+                f"{unit}, got {position:.6g}; choose other joint positions"
+            )
+    for name, inertia in zip(arm.joints, arm.inertia, strict=True):
+        if not inertia > 0.0:  # of which the servos' gains are made
+            raise QuestionError(
+                f'cannot hold: joint "{name}" must feel an inertia > 0 at home, got {inertia:.6g}; '
+                "mend masses, inertias and armature of the model"
+            )
 
 
 def _rate(run: Run) -> float:
@@ -201,28 +159,32 @@ def _rate(run: Run) -> float:
     return float(np.abs(run["qdot"][-last:]).max()) if len(run) >= last else np.inf
 
 
-def _scenario(wanted: Balance, gravity: bool, seconds: float) -> Scenario:
+def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
+    """Return the scenario of an arm that holds a wrench where it is.
+
+    Args:
+        wanted: Where, and which wrench.
+        seconds: For how long.
+    """
     arm = wanted.arm
     # The row that moves most: no arm has lost it.
     rows = Task(arm, np.arange(6)).matrix(arm.jacobian(wanted.q))
-    axis: Axis = AXES[int(np.argmax(np.linalg.norm(rows, axis=1)))]  # type: ignore[assignment]
-    return Scenario(
-        name="hold",
-        arm=ArmSection(model=arm.path.resolve(), site=arm.site, start=tuple(wanted.q), joints=arm.joints),
-        task=TaskSection(axes=(axis,)),
-        control=ControlSection(
-            period=PERIOD,
-            inverse=InverseSection(method="pseudoinverse"),
-            feedback=FEEDBACK,
-            nullspace=NullspaceSection(objective="posture", gain=FEEDBACK),
-            limits=LimitsSection(position=False, on_excess="none"),
-        ),
-        target=TargetSection(path=(HoldSegment(hold=Hold(**{"for": seconds})),)),
-        plant=PlantSection(
-            kind="servo",
-            kv=tuple(arm.inertia / PERIOD),
-            timestep=TIMESTEP,
-            gravity_compensation=not gravity,
-            wrench=tuple(wanted.wrench),
-        ),
-    )
+    axis = AXES[int(np.argmax(np.linalg.norm(rows, axis=1)))]
+    return Scenario.model_validate({
+        "name": "hold",
+        "arm": {
+            "model": arm.path.resolve(), "site": arm.site, "start": tuple(wanted.q), "joints": arm.joints,
+        },
+        "task": {"axes": (axis,)},
+        "control": {
+            "period": PERIOD, "feedback": FEEDBACK,
+            "inverse": {"method": "pseudoinverse"},
+            "nullspace": {"objective": "posture", "gain": FEEDBACK},
+            "limits": {"position": False, "on_excess": "none"},
+        },
+        "target": {"path": ({"hold": {"for": seconds}},)},
+        "plant": {
+            "kind": "servo", "kv": tuple(arm.inertia / PERIOD), "timestep": TIMESTEP,
+            "gravity_compensation": not wanted.bears_weight, "wrench": tuple(wanted.wrench),
+        },
+    })  # fmt: skip

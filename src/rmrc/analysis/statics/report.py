@@ -1,158 +1,231 @@
-"""What drives and links bear, which wrenches cost nothing, and what the physics says: tables and facts."""
+"""What drives and links bear, which wrenches cost nothing, and what the physics says: tables and JSON."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.console import RenderableType
-from rich.text import Text
 
 from rmrc.analysis.statics.balance import ROUNDING, Balance, Costs, Elsewhere
-from rmrc.analysis.statics.hold import Held
+from rmrc.analysis.statics.hold import HoldResult
+from rmrc.analysis.statics.statics import WRENCH, Statics
 from rmrc.arm import Arm
-from rmrc.show.sheets import Sheet, as_table, number
-from rmrc.support.legible import visible
+from rmrc.show.report import Report, plain
+from rmrc.show.sheets import Sheet, number
 
 Array = NDArray[np.float64]
 
 PLURALS = {"wrench": "wrenches", "force": "forces alone", "moment": "moments alone"}
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
-ROWS = ("fx", "fy", "fz", "nx", "ny", "nz")
 
 
-def render(
-    borne: Balance,
-    costs: Sequence[Costs],
-    gravity: bool,
-    held: Held | None = None,
-    other: Elsewhere | None = None,
-) -> Iterator[RenderableType]:
-    """Yield what to print, for a terminal of 100 columns or more.
+def report(found: Statics) -> Report:
+    """Return what there is to show of an arm under a wrench; met unless it was held and did not agree.
 
     Args:
-        borne: What drives and links bear.
-        costs: What wrenches cost.
-        gravity: Whether the drives bear the arm's weight.
-        held: What it took to hold the wrench in the physics, if that was asked.
-        other: The wrench at another site, if that was asked.
+        found: What `statics` found.
+
+    Example:
+        >>> from rmrc.analysis.statics.statics import statics
+        >>> shown = report(statics("models/planar_2link.xml", [0, -1, 0], [0.0, np.pi / 3]))
+        >>> shown.sheets[1].title, shown.sheets[1].rows[0][:3], shown.json["torque"]["exceeded"]
+        ('Drives', ('shoulder [N·m]', '-1.500', '1.500'), [])
     """
-    arm = borne.arm
-    place = ", ".join(f"{name} {number(at)}" for name, at in zip(arm.joints, borne.q, strict=True))
-    yield Text(
-        f"{visible(arm.path.name)}: site {arm.site} at {_vector(arm.pose(borne.q)[:3])} m; {place}", "bold"
+    balance, other, held = found.balance, found.elsewhere, found.held
+    sheets = [
+        _place(balance),
+        *(() if other is None else _elsewhere(other, balance.arm.site)),
+        _drives(balance),
+        *_links(balance),
+        _free(found.costs),
+        *(() if held is None else [_held(held)]),
+    ]
+    diverged = None if held is None else held.run.divergence
+    return Report(
+        sheets=[*sheets[:-1], replace(sheets[-1], is_spaced=False)],
+        json=plain(_values(found)),
+        met=held is None or held.agrees,
+        problem=f"error: {diverged}" if diverged else "",
     )
-    force, moment = borne.wrench[:3], borne.wrench[3:]
-    yield Text(
-        f"The wrench acts on the arm: force {_vector(force)} N, moment {_vector(moment)} N·m, world axes."
-    )
-    yield Text("The drives bear the arm's weight as well." if gravity else "The arm's weight is compensated.")
-    if other is not None:
-        yield from _elsewhere(other, arm.site)
-    yield from _drives(borne, gravity)
-    yield from _links(borne)
-    yield from _free(costs)
-    if held is not None:
-        yield from _held(held)
 
 
-def _elsewhere(other: Elsewhere, site: str) -> Iterator[RenderableType]:
+# JSON -------------------------------------------------------------------------------------------
+
+
+def _values(found: Statics) -> dict[str, Any]:
+    balance, other, held = found.balance, found.elsewhere, found.held
+    return {
+        "model": str(balance.arm.path), "site": balance.arm.site, "joints": balance.arm.joints,
+        "q": balance.q, "wrench_on_arm": balance.wrench,
+        "at": other and _elsewhere_values(other),
+        "torque": _torque_values(balance),
+        "links": [_link_values(balance, j) for j in range(balance.arm.n)],
+        "disagreement": balance.disagreement, "length": found.length,
+        "costs": {group.kind: _cost_values(group) for group in found.costs},
+        "held": held and _held_values(held),
+    }  # fmt: skip
+
+
+def _elsewhere_values(other: Elsewhere) -> dict[str, Any]:
+    return {
+        "site": other.site, "wrench": other.wrench, "force_transform": other.force_transform,
+        "velocity_transform": other.velocity_transform,
+    }  # fmt: skip
+
+
+def _torque_values(balance: Balance) -> dict[str, Any]:
+    return {
+        "unit": [_unit(balance.arm, j) for j in range(balance.arm.n)], "equivalent": balance.equivalent,
+        "equilibrium": balance.equilibrium, "gravity": balance.gravity, "springs": balance.springs,
+        "in_all": balance.torque, "limit": balance.arm.torque_limit, "margin": balance.margin,
+        "exceeded": balance.exceeded,
+    }  # fmt: skip
+
+
+def _link_values(balance: Balance, j: int) -> dict[str, Any]:
+    return {
+        "joint": balance.arm.joints[j], "frame": balance.frames[j], "reaction": balance.reaction[j],
+        "reaction_world": balance.reaction_world[j], "drive": balance.propagated[j],
+        "structure": balance.structure[j],
+    }  # fmt: skip
+
+
+def _cost_values(group: Costs) -> dict[str, Any]:
+    directions = [
+        {"wrench": one.wrench, "words": in_words(one.wrench), "sigma": one.sigma,
+         "amplification": one.amplification, "costs": one.cost.value}
+        for one in group.directions
+    ]  # fmt: skip
+    return {
+        "free": group.free, "free_anywhere": group.free_anywhere, "free_only_here": group.free_only_here,
+        "directions": directions,
+    }  # fmt: skip
+
+
+def _held_values(held: HoldResult) -> dict[str, Any]:
+    return {
+        "agrees": held.agrees, "still": held.is_still, "seconds": len(held.run) * held.run.period,
+        "statics": held.wanted.torque, "where_it_rests": held.ended.torque, "measured": held.measured,
+        "difference": held.difference, "allowed": held.allowed, "at_limit": held.at_limit,
+        "drift": held.drift, "rate": held.rate, "verdict": verdict(held),
+    }  # fmt: skip
+
+
+# Tables of at most 100 columns -------------------------------------------------------------------
+
+
+def _place(balance: Balance) -> Sheet:
+    arm, (force, moment) = balance.arm, balance.wrench.reshape(2, 3)
+    place = ", ".join(f"{name} {number(at)}" for name, at in zip(arm.joints, balance.q, strict=True))
+    title = f"{arm.path.name}: site {arm.site} at {_vector(arm.pose(balance.q)[:3])} m; {place}"
+    wrench = f"force {_vector(force)} N, moment {_vector(moment)} N·m"
+    weight = "The drives bear the arm's weight as well."
+    return Sheet(
+        title,
+        notes=(
+            f"The wrench acts on the arm: {wrench}, world axes.",
+            weight if balance.bears_weight else "The arm's weight is compensated.",
+        ),
+    )
+
+
+def _elsewhere(other: Elsewhere, site: str) -> list[Sheet]:
     shown = _rounded(max(1.0, np.abs(other.wrench).max()))
-    yield Text()
-    yield Text(f"The same wrench at {other.site} {{A}}, along its axes, from {site} {{B}}", "bold")
-    for name, inputs, transform in (
-        ("force transform", ROWS, other.force_transform),
-        ("velocity transform", TWIST, other.velocity_transform),
-    ):
-        result = [shown(value) for value in other.wrench] if inputs is ROWS else [""] * 6
+    sheets = []
+    for title, name, inputs, transform, last, result in (
+        (
+            f"The same wrench at {other.site} {{A}}, along its axes, from {site} {{B}}",
+            "force transform", WRENCH, other.force_transform, "wrench at A", [*map(shown, other.wrench)],
+        ),
+        ("", "velocity transform", TWIST, other.velocity_transform, "", [""] * 6),
+    ):  # fmt: skip
         rows = [
             (row, *map(shown, values), value)
             for row, values, value in zip(inputs, transform, result, strict=True)
         ]
-        last = "wrench at A" if inputs is ROWS else ""
-        yield as_table(Sheet("", (name, *(f"{one} of B" for one in inputs), last), rows))
-        yield Text()
-    yield Text("The force transform is the inverse transpose of the velocity transform: power is the same.")
+        sheets.append(Sheet(title, (name, *(f"{one} of B" for one in inputs), last), rows))
+    note = "The force transform is the inverse transpose of the velocity transform: power is the same."
+    return [*sheets, Sheet("", notes=(note,))]
 
 
-def _drives(borne: Balance, gravity: bool) -> Iterator[RenderableType]:
-    arm, shown = borne.arm, _rounded(borne.size.max())
-    columns = {"equivalent": borne.equivalent, "balancing": borne.equilibrium}
-    if gravity:
-        columns["gravity"] = borne.gravity
-    if borne.springs.any():
-        columns["springs"] = borne.springs
+def _drives(balance: Balance) -> Sheet:
+    arm, shown = balance.arm, _rounded(balance.size.max())
+    columns = {"equivalent": balance.equivalent, "balancing": balance.equilibrium}
+    if balance.bears_weight:
+        columns["gravity"] = balance.gravity
+    if balance.springs.any():
+        columns["springs"] = balance.springs
     if len(columns) > 2:
-        columns["in all"] = borne.torque
+        columns["in all"] = balance.torque
     rows = [
         (
             _with_unit(arm, j),
             *(shown(column[j]) for column in columns.values()),
             number(arm.torque_limit[j]),
-            shown(borne.margin[j]),
-            _word(borne, j),
+            shown(balance.margin[j]),
+            _word(balance, j),
         )
         for j in range(arm.n)
     ]
     headings = ("drive", *columns, "limit", "margin", "")
-    yield Text()
-    yield Text("Drives", "bold")
-    yield as_table(Sheet("", headings, rows, frozenset({0, len(headings) - 1})))
-    yield Text("Equivalent, Jᵀ F: what they give for the site to press on the world with this wrench.")
-    yield Text("Balancing, −Jᵀ F: what they give to hold still while this wrench acts on the arm.")
-    for name in borne.exceeded:
+    notes = [
+        "Equivalent, Jᵀ F: what they give for the site to press on the world with this wrench.",
+        "Balancing, −Jᵀ F: what they give to hold still while this wrench acts on the arm.",
+    ]
+    for name in balance.exceeded:
         j = arm.joints.index(name)
         need, over, limit = (
             f"{number(abs(x))} {_unit(arm, j)}"
-            for x in (borne.torque[j], borne.margin[j], arm.torque_limit[j])
+            for x in (balance.torque[j], balance.margin[j], arm.torque_limit[j])
         )
-        yield Text(f"{name} needs {need}: {over} more than its limit of {limit}.")
+        notes.append(f"{name} needs {need}: {over} more than its limit of {limit}.")
+    return Sheet("Drives", headings, rows, frozenset({0, len(headings) - 1}), notes=tuple(notes))
 
 
-def _links(borne: Balance) -> Iterator[RenderableType]:
-    arm, shown = borne.arm, _rounded(np.abs(borne.reaction).max())
-    units = [f"{name} [{'N' if i < 3 else 'N·m'}]" for i, name in enumerate(ROWS)]
-    for title, table in (
-        ("along its own axes, z along the joint", borne.reaction),
-        ("along world axes", borne.reaction_world),
+def _links(balance: Balance) -> list[Sheet]:
+    arm, shown = balance.arm, _rounded(np.abs(balance.reaction).max())
+    units = [f"{name} [{'N' if i < 3 else 'N·m'}]" for i, name in enumerate(WRENCH)]
+    sheets = []
+    for axes, table in (
+        ("along its own axes, z along the joint", balance.reaction),
+        ("along world axes", balance.reaction_world),
     ):
-        yield Text()
-        yield Text(f"What each link takes from the one before, at its joint; {title}", "bold")
         rows = [(name, *map(shown, row)) for name, row in zip(arm.joints, table, strict=True)]
-        yield as_table(Sheet("", ("joint", *units), rows))
-    yield Text()
-    yield Text("Of that the drive gives one component, and bearings and links the rest", "bold")
+        title = f"What each link takes from the one before, at its joint; {axes}"
+        sheets.append(Sheet(title, ("joint", *units), rows))
     rows = []
-    for j, (fx, fy, fz, nx, ny, nz) in enumerate(borne.structure):
+    for j, (fx, fy, fz, nx, ny, nz) in enumerate(balance.structure):
         taken = (fz, np.hypot(fx, fy), nz, np.hypot(nx, ny))
-        rows.append((_with_unit(arm, j), shown(borne.propagated[j]), *map(shown, taken)))
+        rows.append((_with_unit(arm, j), shown(balance.propagated[j]), *map(shown, taken)))
+    title = "Of that the drive gives one component, and bearings and links the rest"
     headings = ("joint", "drive", "thrust [N]", "radial force [N]", "moment about [N·m]", "bending [N·m]")
-    yield as_table(Sheet("", headings, rows))
-    yield Text(
+    note = (
         f"Of the wrench alone. From link to link and by −Jᵀ F the drives give the same, to "
-        f"{number(borne.disagreement)}."
+        f"{number(balance.disagreement)}."
     )
+    return [*sheets, Sheet(title, headings, rows, notes=(note,))]
 
 
-def _free(costs: Sequence[Costs]) -> Iterator[RenderableType]:
-    yield Text()
-    yield Text("What a wrench, a force or a moment of size 1 costs the drives", "bold")
+def _free(costs: Sequence[Costs]) -> Sheet:
     rows = []
     for group in costs:
         for i, one in enumerate(group.directions):
             kind = PLURALS[group.kind] if i == 0 else ""
-            free = np.isinf(one.amplification)
-            gain = "" if free else number(one.amplification)
+            gain = "" if np.isinf(one.amplification) else number(one.amplification)
             rows.append((kind, in_words(one.wrench), number(one.sigma), gain, one.cost.value))
-    yield as_table(Sheet("", ("of all", "", "torque σ", "1/σ", "costs"), rows, frozenset({0, 1, 4})))
-    for group in costs:
-        if group.free_only_here:
-            yield Text(
-                f"Of {PLURALS[group.kind]}, {group.free} cost{'s' * (group.free == 1)} no torque here and "
-                f"{group.free_anywhere} at almost every configuration: the arm is singular."
-            )
+    notes = tuple(
+        f"Of {PLURALS[group.kind]}, {group.free} cost{'s' * (group.free == 1)} no torque here and "
+        f"{group.free_anywhere} at almost every configuration: the arm is singular."
+        for group in costs
+        if group.free_only_here
+    )
+    title = "What a wrench, a force or a moment of size 1 costs the drives"
+    headings = ("of all", "", "torque σ", "1/σ", "costs")
+    return Sheet(title, headings, rows, frozenset({0, 1, 4}), notes=notes)
 
 
-def _held(held: Held) -> Iterator[RenderableType]:
+def _held(held: HoldResult) -> Sheet:
     arm, shown = held.wanted.arm, _rounded(held.ended.size.max())
     rows = [
         (
@@ -165,18 +238,18 @@ def _held(held: Held) -> Iterator[RenderableType]:
         for j in range(arm.n)
     ]
     headings = ("drive", "statics", "where it rests", "measured", "difference", "allowed", "")
-    yield Text()
-    yield Text("Held in the physics", "bold")
-    yield as_table(Sheet("", headings, rows, frozenset({0, 6})))
     way, turn = map(float, np.linalg.norm(held.drift.reshape(2, 3), axis=1))
-    yield Text(
+    where = (
         f"After {number(len(held.run) * held.run.period)} s the site is {number(1e3 * way)} mm and "
         f"{number(np.degrees(turn))} deg from where it should stay."
     )
-    yield Text(verdict(held))
+    return Sheet("Held in the physics", headings, rows, frozenset({0, 6}), notes=(where, verdict(held)))
 
 
-def verdict(held: Held) -> str:
+# Words ------------------------------------------------------------------------------------------
+
+
+def verdict(held: HoldResult) -> str:
     """Say how the holding went."""
     names = [name for name, is_there in zip(held.wanted.arm.joints, held.at_limit, strict=True) if is_there]
     reached = f"{', '.join(names)} came to the torque limit" if names else "no drive came to its torque limit"
@@ -227,105 +300,7 @@ def _with_unit(arm: Arm, j: int) -> str:
     return f"{arm.joints[j]} [{_unit(arm, j)}]"
 
 
-def _word(borne: Balance, j: int) -> str:
-    if np.isinf(borne.arm.torque_limit[j]):
+def _word(balance: Balance, j: int) -> str:
+    if np.isinf(balance.arm.torque_limit[j]):
         return "no limit"
-    return "EXCEEDED" if borne.arm.joints[j] in borne.exceeded else "ok"
-
-
-def facts(
-    borne: Balance, costs: Sequence[Costs], length: float, held: Held | None, other: Elsewhere | None = None
-) -> dict[str, object]:
-    """Return all of it for strict JSON; an infinite number is null.
-
-    Args:
-        borne: What drives and links bear.
-        costs: What wrenches cost.
-        length: That made meters and radians comparable in `costs` [m].
-        held: What it took to hold the wrench in the physics, or None.
-        other: The wrench at another site, or None.
-    """
-    arm = borne.arm
-    return {
-        "model": str(arm.path),
-        "site": arm.site,
-        "joints": list(arm.joints),
-        "q": _list(borne.q),
-        "wrench_on_arm": _list(borne.wrench),
-        "at": None
-        if other is None
-        else {
-            "site": other.site,
-            "wrench": _list(other.wrench),
-            "force_transform": other.force_transform.tolist(),
-            "velocity_transform": other.velocity_transform.tolist(),
-        },
-        "torque": {
-            "unit": [_unit(arm, j) for j in range(arm.n)],
-            "equivalent": _list(borne.equivalent),
-            "equilibrium": _list(borne.equilibrium),
-            "gravity": _list(borne.gravity),
-            "springs": _list(borne.springs),
-            "in_all": _list(borne.torque),
-            "limit": _list(arm.torque_limit),
-            "margin": _list(borne.margin),
-            "exceeded": list(borne.exceeded),
-        },
-        "links": [
-            {
-                "joint": name,
-                "frame": borne.frames[j].tolist(),
-                "reaction": _list(borne.reaction[j]),
-                "reaction_world": _list(borne.reaction_world[j]),
-                "drive": float(borne.propagated[j]),
-                "structure": _list(borne.structure[j]),
-            }
-            for j, name in enumerate(arm.joints)
-        ],
-        "disagreement": borne.disagreement,
-        "length": length,
-        "costs": {
-            group.kind: {
-                "free": group.free,
-                "free_anywhere": group.free_anywhere,
-                "free_only_here": group.free_only_here,
-                "directions": [
-                    {
-                        "wrench": _list(one.wrench),
-                        "words": in_words(one.wrench),
-                        "sigma": one.sigma,
-                        "amplification": _finite(one.amplification),
-                        "costs": one.cost.value,
-                    }
-                    for one in group.directions
-                ],
-            }
-            for group in costs
-        },
-        "held": None if held is None else _held_facts(held),
-    }
-
-
-def _held_facts(held: Held) -> dict[str, object]:
-    return {
-        "agrees": held.agrees,
-        "still": held.is_still,
-        "seconds": len(held.run) * held.run.period,
-        "statics": _list(held.wanted.torque),
-        "where_it_rests": _list(held.ended.torque),
-        "measured": _list(held.measured),
-        "difference": _list(held.difference),
-        "allowed": _list(held.allowed),
-        "at_limit": [bool(one) for one in held.at_limit],
-        "drift": _list(held.drift),
-        "rate": _finite(held.rate),
-        "verdict": verdict(held),
-    }
-
-
-def _finite(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
-
-
-def _list(values: Array) -> list[float | None]:
-    return [_finite(value) for value in values]
+    return "EXCEEDED" if balance.arm.joints[j] in balance.exceeded else "ok"

@@ -33,27 +33,21 @@ PALE, DARK = "0.88", "0.70"
 _LEGEND = {"markersize": 6.0}
 
 
-def draw_workspace(found: Workspace, path: Path, measure: str | None = None) -> None:
-    """Draw a slice of a workspace.
+def draw(found: Workspace | JointMap, path: Path, measure: str | None = None) -> None:
+    """Draw a slice of a workspace, or a map over two joints.
 
     Args:
         found: What to draw.
         path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
-        measure: `sigma_min`, `manipulability`, `condition` or `postures` as a map of what is reached within
-            the limits; None for none.
+        measure: `sigma_min`, `manipulability`, `condition`, or of a slice `postures`, as a map of what is
+            reached within the limits; None for none, and over two joints for `sigma_min`.
     """
-    save(_workspace(found, measure), [path])
-
-
-def draw_joint_map(found: JointMap, path: Path, measure: str) -> None:
-    """Draw a map over two joints.
-
-    Args:
-        found: What to draw.
-        path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
-        measure: `sigma_min`, `manipulability` or `condition`.
-    """
-    save(_joint_map(found, measure), [path])
+    figure = (
+        _joint_map(found, measure or "sigma_min")
+        if isinstance(found, JointMap)
+        else _workspace(found, measure)
+    )
+    save(figure, [path])
 
 
 def _workspace(found: Workspace, measure: str | None) -> Figure:
@@ -132,13 +126,13 @@ def _singular(axes: Axes, found: Workspace) -> list[Line2D]:
         style: dict[str, Any] = {"color": "black", "linewidth": 2.8, "linestyle": "-"}
         if not within:
             style = {"color": "black", "linewidth": 1.4, "linestyle": (0, (7, 4))}
-        if not found.part.is_sheet:
+        if not found.part.is_surface:
             style = {"linestyle": "", "marker": "o" if within else "x", "markersize": 2.2 if within else 2.8}
             style["color"] = "black" if within else "0.35"
         curves = [curve for curve in found.singular if (curve.within == within).any()]
         for curve in curves:
             shown = curve.within == within
-            if found.part.is_sheet and not within:  # up to the limit
+            if found.part.is_surface and not within:  # up to the limit
                 shown = shown | np.roll(shown, 1) | np.roll(shown, -1)
             axes.plot(*np.where(shown[:, None], curve.points, np.nan).T, zorder=4, **style)
         if curves:
@@ -151,7 +145,7 @@ def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
     arm, handles, taken = found.task.arm, [], [*found.links]
     for i, joint in enumerate(found.part.joints):
         style: dict[str, Any] = {"linestyle": DASHES[i % len(DASHES)], "color": "black", "linewidth": 2.2}
-        if not found.part.is_sheet:
+        if not found.part.is_surface:
             style = {
                 "linestyle": "",
                 "marker": MARKERS[i % len(MARKERS)],
@@ -162,12 +156,12 @@ def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
         curves = [c for c in found.limits if c.label.rpartition(" ")[0] == arm.joints[joint] and len(c.q)]
         for curve in curves:
             shown = curve.points
-            if found.part.is_sheet and curve is not curves[0]:
+            if found.part.is_surface and curve is not curves[0]:
                 # Where two curves are one, as at ±160°, the dashes of both would make a solid line.
                 gap = np.linalg.norm(shown[:, None] - curves[0].points, axis=-1).min(axis=1)
                 shown = np.where(gap[:, None] < found.free.size, np.nan, shown)
             axes.plot(*shown.T, zorder=3, **style)
-            if found.part.is_sheet:
+            if found.part.is_surface:
                 low, high = arm.position_limit[joint]
                 value = high if curve.label.endswith("upper") else low
                 text = f"{value:.3g} m" if arm.is_slide[joint] else f"{np.degrees(value):.4g}°"

@@ -1,4 +1,4 @@
-"""A workspace for others: as arrays in a file, and as a summary for machines."""
+"""A workspace for others, as arrays in a file."""
 
 import json
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from rmrc.analysis.workspace.joint_map import JointMap
-from rmrc.analysis.workspace.reach import MEASURES, Reach, Workspace
+from rmrc.analysis.workspace.reach import Workspace
 from rmrc.support.files import written_whole
 
 # What the arrays of a file mean, in order: (key, meaning).
@@ -39,13 +39,21 @@ ARRAYS = {
 }
 
 
-def save(found: Workspace, path: Path) -> None:
+def save(found: Workspace | JointMap, path: Path) -> None:
     """Write everything that was found as arrays, whole or not at all; `meaning` says what each is.
 
     Args:
-        found: What to write.
+        found: What `workspace` or `joint_map` found.
         path: An `.npz` file.
     """
+    arrays, meaning, about = _joint_map(found) if isinstance(found, JointMap) else _workspace(found)
+    texts: dict[str, Any] = {"meaning": json.dumps(meaning), "about": json.dumps(about)}
+    with written_whole(path) as temporary, temporary.open("wb") as file:
+        np.savez_compressed(file, **{name: arrays[name] for name in meaning}, **texts)
+
+
+def _workspace(found: Workspace) -> tuple[dict[str, Any], dict[str, str], dict[str, Any]]:
+    """Return the arrays, what each means, and what they are of."""
     arm, part = found.task.arm, found.part
     arrays: dict[str, Any] = {"a": found.a, "b": found.b, "home": found.home}
     for word, reach in (("free", found.free), ("limited", found.limited)):
@@ -70,18 +78,11 @@ def save(found: Workspace, path: Path) -> None:
         "origin": part.origin.tolist(), "normal": part.normal.tolist(), "axes": found.task.axes,
         "length": found.task.length, "posture": "worst" if found.worst else "best",
     }  # fmt: skip
-    texts: dict[str, Any] = {"meaning": json.dumps(ARRAYS), "about": json.dumps(about)}
-    with written_whole(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **{name: arrays[name] for name in ARRAYS}, **texts)
+    return arrays, ARRAYS, about
 
 
-def save_joint_map(found: JointMap, path: Path) -> None:
-    """Write a map over two joints as arrays, whole or not at all; `meaning` says what each is.
-
-    Args:
-        found: What to write.
-        path: An `.npz` file.
-    """
+def _joint_map(found: JointMap) -> tuple[dict[str, Any], dict[str, str], dict[str, Any]]:
+    """Return the arrays, what each means, and what they are of."""
     arm = found.task.arm
     meaning = {
         "first": "positions of the first joint, (A,) [rad or m]",
@@ -101,73 +102,4 @@ def save_joint_map(found: JointMap, path: Path) -> None:
     arrays: dict[str, Any] = {"first": found.first, "second": found.second, "q": found.q, **found.values}
     arrays["singular"] = np.concatenate([np.empty((0, 2)), *found.singular])
     arrays["singular_curve"] = np.repeat(np.arange(len(found.singular)), [len(c) for c in found.singular])
-    texts: dict[str, Any] = {"meaning": json.dumps(meaning), "about": json.dumps(about)}
-    with written_whole(path) as temporary, temporary.open("wb") as file:
-        np.savez_compressed(file, **{name: arrays[name] for name in meaning}, **texts)
-
-
-def summary(found: Workspace) -> dict[str, Any]:
-    """Return the numbers of a workspace, ready for strict JSON.
-
-    Args:
-        found: What to tell of.
-
-    Returns:
-        Slice and cells; of both reachable sets area (and volume, of a slice about an axis), how far they can
-        be off, extents with their accuracy, the extremes of σ_min, w and κ, and in `worst_from` where the
-        worse of both was found: on `singular` curves, on those of `limits`, or in the middles of `cells`,
-        as the better always are; counts of singular configurations. Of samples an extent is reached to its
-        accuracy, but is only the largest that was found: `extent_is_at_least`.
-    """
-    arm, part = found.task.arm, found.part
-    return {
-        "model": arm.path.name, "site": arm.site, "joints": list(arm.joints), "slice": part.name,
-        "labels": list(part.labels), "origin": part.origin.tolist(), "axes": list(found.task.axes),
-        "length": found.task.length, "method": "sheet" if part.is_sheet else "samples",
-        "posture": "worst" if found.worst else "best", "configurations": found.samples,
-        "cell": found.free.size,
-        "cells": list(found.free.reached.shape), "without_limits": _of(found, found.free),
-        "with_limits": _of(found, found.limited),
-        "singular": {
-            "curves": len(found.singular) if part.is_sheet else None,
-            "configurations": sum(len(curve.q) for curve in found.singular),
-            "within_limits": sum(int(curve.within.sum()) for curve in found.singular),
-        },
-        "limit_curves": [curve.label for curve in found.limits],
-    }  # fmt: skip
-
-
-def _of(found: Workspace, reach: Reach) -> dict[str, Any]:
-    facts: dict[str, Any] = {"area": reach.area, "area_accuracy": reach.accuracy}
-    if found.part.is_round:
-        facts["volume_if_first_joint_turns_fully"] = found.volume(reach)
-    accuracy = max((extent.accuracy for extent in reach.extents), default=None)
-    for label, extent in zip(found.part.labels, reach.extents or (None, None), strict=True):
-        facts[label] = None if extent is None else [extent.low, extent.high]
-    facts["extent_accuracy"], facts["extent_is_at_least"] = accuracy, not found.part.is_sheet
-    for measure in MEASURES:
-        ends = reach.ends.get(measure)
-        facts[measure] = None if ends is None else [end if np.isfinite(end) else None for end in ends]
-    facts["worst_from"] = {measure: reach.source[measure] for measure in MEASURES if measure in reach.source}
-    counted = reach.postures[reach.postures > 0]
-    facts["postures"] = sorted({int(count) for count in np.unique(counted)}) or None
-    return facts
-
-
-def joint_summary(found: JointMap) -> dict[str, Any]:
-    """Return the numbers of a map over two joints, ready for strict JSON; an infinite κ is None.
-
-    The ends of σ_min, w and κ are searched between the positions of the map, to 1e-9 and less.
-    """
-    arm = found.task.arm
-    facts: dict[str, Any] = {
-        "model": arm.path.name, "site": arm.site, "over": [arm.joints[joint] for joint in found.joints],
-        "q": found.q.tolist(), "axes": list(found.task.axes), "length": found.task.length,
-        "cells": [len(found.first) - 1, len(found.second) - 1],
-        "configurations": found.values["sigma_min"].size,
-        # det J is of as many rows as joints
-        "singular_curves": len(found.singular) if len(found.task.rows) == arm.n else None,
-    }  # fmt: skip
-    return facts | {
-        measure: [end if np.isfinite(end) else None for end in found.ends[measure]] for measure in MEASURES
-    }
+    return arrays, meaning, about

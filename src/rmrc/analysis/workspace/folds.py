@@ -13,7 +13,7 @@ def covering(
     """Return which centers of cells the image of a grid covers, each as often as it does.
 
     Each square of the grid is cut into two triangles, which are mapped to triangles; a center on a border
-    that two triangles share belongs to one of them. So every sheet of the image counts once.
+    that two triangles share belongs to one of them. So every layer of the image counts once.
 
     Args:
         at: Images of the grid's nodes, (A, B, 2).

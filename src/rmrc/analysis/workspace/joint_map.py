@@ -1,15 +1,19 @@
 """How near to singular an arm is over two of its joints, the others at rest."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
+from rmrc.analysis.subject import Model, subject
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.workspace.folds import zero_curves
+from rmrc.analysis.workspace.footprint import MAPPED, refuse_excess
+from rmrc.arm import Arm
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError, did_you_mean
+from rmrc.support.legible import quoted
 
 # Below this share of σ_1, σ_min is 0: a place is known to 1e-10 or so.
 SINGULAR = 1e-8
@@ -46,43 +50,57 @@ class JointMap:
 
 
 def joint_map(
-    task: Task,
-    names: tuple[str, str],
-    q: Array,
+    model: Model,
+    over: Sequence[str],
+    q: ArrayLike | None = None,
+    *,
+    keyframe: str | None = None,
+    site: str | None = None,
+    axes: Sequence[str] | None = None,
+    length: float | None = None,
     cells: int = 200,
     on_samples: Callable[[int], None] | None = None,
 ) -> JointMap:
-    """Find σ_min, w and κ over two joints.
+    """Find σ_min, w and κ over two joints; the function behind `rmrc workspace --over`.
 
     Each joint goes through its range, or through a turn if it has none.
 
     Args:
-        task: The arm and the rows that count.
-        names: Two of its joints.
-        q: Positions of the others, (n,).
+        model: An arm, an MJCF file, or a scenario.
+        over: Names of two of its joints.
+        q: Positions of the others, (n,) [rad or m]; those of the two do not matter. None for the keyframe.
+        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
+        site: The point in question; None for that of the arm or scenario, else the one that the most joints
+            move.
+        axes: Rows of the twist whose singular values are taken; None for those of a scenario, else those that
+            the arm can move independently.
+        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
+            scenario, else 1.
         cells: Steps over the range of each.
         on_samples: Called with the number of configurations that were looked at since the last call.
 
     Raises:
-        QuestionError: There is no such joint, or it slides without limits.
+        ModelError: The file, the site or the keyframe is missing or will not do.
+        QuestionError: There are not two such joints, one slides without limits, or so many cells do not fit
+            into memory.
+
+    Example:
+        >>> found = joint_map("models/planar_2link.xml", ["shoulder", "elbow"], cells=40)
+        >>> found.ends["sigma_min"][0], len(found.singular)  # stretched: theta_2 = 0
+        (0.0, 1)
     """
-    arm, k = task.arm, min(len(task.rows), task.arm.n)
-    for name in names:
-        if name not in arm.joints:
-            raise QuestionError(
-                f'--over: no joint "{name}"{did_you_mean(name, arm.joints)}; '
-                f"its joints: {', '.join(arm.joints)}"
-            )
-    if names[0] == names[1]:
-        raise QuestionError(f'--over needs two different joints, got "{names[0]}" twice')
-    one, other = joints = (arm.joints.index(names[0]), arm.joints.index(names[1]))
+    asked = subject(model, q, keyframe, site, axes, length)
+    arm, task, positions = asked.arm, asked.task, asked.q
+    k, joints = min(len(task.rows), arm.n), _joints(arm, over)
+    refuse_excess(cells, MAPPED * (cells + 1) ** 2)
+    one, other = joints
     steps = [_positions(task, joint, cells) for joint in joints]
     shape, is_square = (len(steps[0]), len(steps[1])), len(task.rows) == arm.n
     sigma, value = np.empty((*shape, k)), np.empty(shape)
     rows = max(1, BLOCK // shape[1])
     for begin in range(0, shape[0], rows):
         some = slice(begin, begin + rows)
-        every = np.tile(q, (*value[some].shape, 1))
+        every = np.tile(positions, (*value[some].shape, 1))
         every[..., one], every[..., other] = steps[0][some, None], steps[1]
         flat = every.reshape(-1, arm.n)
         sigma[some] = survey(task, flat).sigma.reshape(*value[some].shape, k)
@@ -101,9 +119,26 @@ def joint_map(
     singular = tuple(
         np.stack([np.interp(curve[:, c], grid[c], steps[c]) for c in range(2)], axis=1) for curve in curves
     )
-    return JointMap(
-        task, joints, steps[0], steps[1], q, values, _ends(task, joints, q, steps, values), singular
-    )
+    ends = _ends(task, joints, positions, steps, values)
+    return JointMap(task, joints, steps[0], steps[1], positions, values, ends, singular)
+
+
+def _joints(arm: Arm, names: Sequence[str]) -> tuple[int, int]:
+    """Return the numbers of two joints."""
+    if len(names) != 2:
+        raise QuestionError(
+            f"--over must name two joints, such as {','.join(arm.joints[:2])}, got {quoted(','.join(names))}"
+        )
+    names = [name.strip() for name in names]
+    for name in names:
+        if name not in arm.joints:
+            raise QuestionError(
+                f'--over: no joint "{name}"{did_you_mean(name, arm.joints)}; '
+                f"its joints: {', '.join(arm.joints)}"
+            )
+    if names[0] == names[1]:
+        raise QuestionError(f'--over needs two different joints, got "{names[0]}" twice')
+    return arm.joints.index(names[0]), arm.joints.index(names[1])
 
 
 def _singular_curves(value: Array) -> list[Array]:

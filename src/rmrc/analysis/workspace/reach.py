@@ -40,7 +40,7 @@ class Reach:
         size: Side of a cell [m].
         reached: (A, B).
         postures: Number of postures that put the site into the middle of a cell, (A, B); -1 where the arm
-            has infinitely many, or the slice is not a sheet.
+            has infinitely many, or the slice is not a surface.
         values: σ_min, w and κ of the best, or the worst, of the postures found, each (A, B); nan elsewhere.
         q: The posture of the best, or the worst, σ_min, (A, B, n); nan elsewhere.
         extents: Of both coordinates; none if nothing is reached.
@@ -84,8 +84,8 @@ class Workspace:
         b: Along the second, (B + 1,) [m].
         free: Without joint limits: each hinge turns fully; slides keep theirs.
         limited: With them.
-        singular: Singular curves, on a sheet; else one "curve" of points without an order.
-        limits: Where joints at their limits bound, by limit: curves on a sheet, else points.
+        singular: Singular curves, on a surface; else one "curve" of points without an order.
+        limits: Where joints at their limits bound, by limit: curves on a surface, else points.
         home: The configuration that the arm is drawn at, (n,).
         links: Points of the drawn arm in the slice, (k, 2) [m].
         worst: Whether `values` are of the worst posture and not of the best.

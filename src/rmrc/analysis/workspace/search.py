@@ -1,8 +1,8 @@
-"""The search for a workspace, of arms that are a sheet in their slice, and of any others.
+"""The search for a workspace, of arms that are a surface in their slice, and of any others.
 
-A planar arm of two joints, or an arm of three in a half-plane about its first axis, is a sheet: two joint
-positions give two coordinates, and the image of a grid is followed exactly, folds and all. Any other arm is
-sampled, and the cells at the edge of what was found are sampled more until no cell is added.
+A planar arm of two joints, or an arm of three in a half-plane about its first axis, is a surface: two
+joint positions give two coordinates, and the image of a grid is followed exactly, folds and all. Any other
+arm is sampled, and the cells at the edge of what was found are sampled more until no cell is added.
 """
 
 from collections.abc import Callable, Iterator
@@ -23,7 +23,7 @@ from rmrc.arm import Arm
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError
 
-# Steps of a sheet's grid over a full turn, or over a slide, for a cell: half a degree with 200 cells, whose
+# Steps of a surface's grid over a full turn, or over a slide, for a cell: half a degree with 200 cells, whose
 # chords leave its arcs by 1e-5 of their radius, a hundredth of a cell. And at least so many.
 STEPS_A_CELL, FEWEST = 3.6, 180
 # The grid of a full turn is shifted by this part of a step, so that 0 and π, where arms are singular, are
@@ -31,7 +31,7 @@ STEPS_A_CELL, FEWEST = 3.6, 180
 SHIFT = 0.381966
 # Of a joint at its limit [rad or m].
 ROUNDING = 1e-9
-# Random configurations from which singular ones are sought, where they are no curves on a sheet.
+# Random configurations from which singular ones are sought, where they are no curves on a surface.
 STARTS = 4000
 # As many for each limit of each joint.
 STARTS_AT_LIMIT = 600
@@ -41,7 +41,7 @@ ROUNDS, NEIGHBORS, NEARBY = 12, 64, (0.2, 0.05, 0.01)
 
 
 def steps_of_grid(cells: int) -> int:
-    """Return the steps of a sheet's grid over a full turn."""
+    """Return the steps of a surface's grid over a full turn."""
     return max(FEWEST, round(STEPS_A_CELL * cells))
 
 
@@ -68,7 +68,7 @@ class Search:
         self.total += count
         self.on_samples(count)
 
-    def sheet(self, free: Array, own: Array, cells: int) -> Workspace:
+    def follow_surface(self, free: Array, own: Array, cells: int) -> Workspace:
         """Follow the image of two joints' ranges: `free` without and `own` with limits, (n, 2)."""
         turns = free[self.part.joints] != own[self.part.joints]
         nodes_free = [self.nodes(joint, free, cells) for joint in self.part.joints]

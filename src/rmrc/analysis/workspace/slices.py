@@ -51,7 +51,7 @@ class Slice:
         return self.name == "rz"
 
     @property
-    def is_sheet(self) -> bool:
+    def is_surface(self) -> bool:
         """Whether two joints move the site in it, so that each point is reached by a few postures."""
         return len(self.joints) == 2 and not self.cuts
 

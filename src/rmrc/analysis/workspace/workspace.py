@@ -3,9 +3,12 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
+from numpy.typing import ArrayLike
 
+from rmrc.analysis.subject import Model, numbers, subject
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.analysis.workspace.folds import covering
+from rmrc.analysis.workspace.footprint import CELL, NODE, refuse_excess
 from rmrc.analysis.workspace.reach import Workspace
 from rmrc.analysis.workspace.search import Search, steps_of_grid
 from rmrc.analysis.workspace.slices import Slice, choose_slice
@@ -15,12 +18,15 @@ from rmrc.support.errors import QuestionError
 
 
 def workspace(
-    arm: Arm,
+    model: Model,
     plane: str | None = None,
-    q: Array | None = None,
-    through: Array | None = None,
+    q: ArrayLike | None = None,
+    *,
+    keyframe: str | None = None,
+    site: str | None = None,
+    through: ArrayLike | None = None,
     axes: Sequence[str] | None = None,
-    length: float = 1.0,
+    length: float | None = None,
     cells: int = 200,
     samples: int = 1_000_000,
     worst: bool = False,
@@ -28,36 +34,46 @@ def workspace(
 ) -> Workspace:
     """Find where the site can be in a slice, with and without joint limits, and where it is singular there.
 
+    The function behind `rmrc workspace`; `joint_map` is that behind its `--over`.
+
     Args:
-        arm: The arm.
+        model: An arm, an MJCF file, or a scenario.
         plane: `xy`, `xz`, `yz`, or `rz`: distance from the first axis and height; None for the plane of a
             planar arm, else `rz` if the first joint turns, else `xz`.
-        q: Joint positions, (n,), of joints that do not matter; None for `home`.
+        q: Joint positions, (n,) [rad or m], of joints that do not matter; None for the keyframe.
+        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
+        site: The point in question; None for that of the arm or scenario, else the one that the most joints
+            move.
         through: A point of the plane, (3,) [m]; None for the site at q.
-        axes: Rows of the twist whose singular values are taken; None for the linear ones that can move.
-        length: Characteristic length, which makes meters and radians comparable [m].
+        axes: Rows of the twist whose singular values are taken; None for those of a scenario, else the linear
+            ones that can move.
+        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
+            scenario, else 1.
         cells: Number of cells along the longer side.
-        samples: Random configurations, with limits and as many without, of an arm that is no sheet.
+        samples: Random configurations, with limits and as many without, of an arm that is no surface.
         worst: Whether to keep the worst of the postures that reach a cell instead of the best.
         on_samples: Called with the number of configurations that were looked at since the last call.
 
     Raises:
-        QuestionError: The arm has no such slice, or slides without limits.
+        ModelError: The file, the site or the keyframe is missing or will not do.
+        QuestionError: The arm has no such slice, slides without limits, or so many cells do not fit into
+            memory.
 
     Example:
-        >>> from pathlib import Path
-        >>> from rmrc.arm import load
-        >>> found = workspace(load(Path("models/planar_6_3.xml")), cells=60)
+        >>> found = workspace("models/planar_6_3.xml", cells=60)
         >>> round(found.free.area / np.pi)
         72
     """
-    home = arm.configuration("home")[arm.wiring.qpos] if q is None else np.asarray(q, np.float64)
-    part = choose_slice(arm, plane, home, through)
-    task = _task(arm, part, axes, length)
+    asked = subject(model, q, keyframe, site, axes, length)
+    arm, home = asked.arm, asked.q
+    point = None if through is None else numbers("through", through, ("x", "y", "z"))
+    part = choose_slice(arm, plane, home, point)
+    refuse_excess(cells, NODE * steps_of_grid(cells) ** 2 if part.is_surface else CELL * cells**2)
+    task = _task(arm, part, asked.axes, asked.length)
     work = Search(arm, task, part, home, worst, on_samples or (lambda _: None))
     free_range, own_range = _ranges(arm, part)
-    if part.is_sheet:
-        return work.sheet(free_range, own_range, cells)
+    if part.is_surface:
+        return work.follow_surface(free_range, own_range, cells)
     return work.sampled(free_range, own_range, cells, samples)
 
 
@@ -71,7 +87,7 @@ def compile_for(arm: Arm) -> None:
 
 def expected(part: Slice, cells: int, samples: int) -> int:
     """Return about how many configurations `workspace` looks at: for a progress bar."""
-    return 2 * steps_of_grid(cells) ** 2 if part.is_sheet else 2 * samples
+    return 2 * steps_of_grid(cells) ** 2 if part.is_surface else 2 * samples
 
 
 def _task(arm: Arm, part: Slice, axes: Sequence[str] | None, length: float) -> Task:

@@ -1,9 +1,15 @@
-"""What an inspection found, as tables for people."""
+"""What an inspection found, as tables, as JSON and as a picture."""
+
+from functools import partial
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from rmrc.analysis.inspect.inspection import NEAR_LIMIT, Inspection
-from rmrc.analysis.inspect.wording import direction
+from rmrc.analysis.inspect.inspection import NEAR_LIMIT, Inspection, TipError
+from rmrc.analysis.inspect.words import direction
+from rmrc.analysis.statics.balance import Balance
+from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.spatial import AXES
 
@@ -14,14 +20,129 @@ ROUTE_NAMES = {
 }
 
 
-def sheets(found: Inspection) -> list[Sheet]:
-    """Return an inspection as tables of at most 100 columns, the most general first."""
+KEYS = {
+    "model": "the file",
+    "site": "the point in question",
+    "joints": "name, kind, unit, q, limits [lower, upper], room to the nearer one; null where there is none",
+    "pose": "position [m] in the world; quaternion w x y z; zyz: Z-Y-Z angles [rad]",
+    "frame": "along whose axes jacobian is: world, site or base; its rotation in the world",
+    "jacobian": "6 x n, rows v_x v_y v_z w_x w_y w_z of the site's origin",
+    "disagreement": "largest entry of the difference from MuJoCo's J, by route",
+    "task": "rows, why these, length [m]",
+    "determinant": "of the task's rows of J along world axes; null if they are not square",
+    "sigma": "singular values of the task's rows, falling",
+    "rank": "by_singular_values; by_minors, null if not counted",
+    "condition": "kappa; null where the rank is lost",
+    "manipulability": "w",
+    "lost": "twist: the task direction that cannot move; wrench: costs no torque; words",
+    "nearly_lost": "sigma; joint_motion of norm 1 and the twist that it gives; words",
+    "self_motions": "joint_motion that does not move the task; twist of the site; words",
+    "ellipsoids": "rows; directions as rows of numbers; half axes of velocity and force, null if infinite",
+    "euler_rates": "E with w = E (alpha', beta', gamma'); the analytic jacobian, null where singular; words",
+    "tip_error": "joints, deviation of x y z rx ry rz, covariance, worst translation and rotation; or null",
+    "statics": "wrench, equilibrium and equivalent torques, reactions, their points, disagreement; or null",
+    "warnings": "in words",
+}
+"""What each key holds: SI, radians; vectors along world axes but for `jacobian`; all numbers are finite."""
+
+
+def report(*found: Inspection) -> Report:
+    """Return what there is to show of an arm at one configuration or at several.
+
+    Args:
+        *found: Inspections of one arm; the JSON of several is a list.
+
+    Example:
+        >>> from rmrc.analysis.inspect.inspection import inspect
+        >>> shown = report(inspect("models/planar_2link.xml", [0.0, 0.0]))
+        >>> shown.sheets[4].title, shown.json["rank"]
+        ('The task, with a characteristic length of 1.000 m', {'by_singular_values': 1, 'by_minors': 1})
+    """
+    values = [plain(_values(one)) for one in found]
+    return Report(
+        sheets=[sheet for one in found for sheet in _sheets(one)],
+        json=values[0] if len(values) == 1 else values,
+        draw=partial(_draw, found),
+    )
+
+
+def _draw(found: tuple[Inspection, ...], path: Path) -> None:
+    from rmrc.analysis.inspect.figure import draw_arm
+
+    draw_arm(found, path)
+
+
+# JSON -------------------------------------------------------------------------------------------
+
+
+def _values(found: Inspection) -> dict[str, Any]:
+    """Return an inspection by `KEYS`."""
+    arm, task = found.arm, found.task
+    return {
+        "model": str(arm.path), "site": arm.site,
+        "joints": [_joint_values(found, i) for i in range(arm.n)],
+        "pose": {"position": found.pose[:3], "quaternion": found.pose[3:], "zyz": found.angles},
+        "frame": {"name": found.frame, "rotation": found.R_world_frame},
+        "jacobian": found.jacobian, "disagreement": found.disagreement,
+        "task": {"rows": task.axes, "why": found.why, "length": task.length},
+        "determinant": found.determinant, "sigma": found.sigma,
+        "rank": {"by_singular_values": found.rank, "by_minors": found.rank_by_minors},
+        "condition": found.condition, "manipulability": found.manipulability,
+        "lost": [{"twist": one.twist, "wrench": one.wrench, "words": one.words} for one in found.lost],
+        "nearly_lost": [
+            {"sigma": one.sigma, "joint_motion": one.motion, "twist": one.twist, "words": one.words}
+            for one in found.slow
+        ],
+        "self_motions": [
+            {"joint_motion": one.motion, "twist": one.twist, "words": one.words} for one in found.standing
+        ],
+        "ellipsoids": [
+            {"rows": one.rows, "directions": one.velocity.axes.T, "velocity": one.velocity.half_axes,
+             "force": one.force.half_axes}
+            for one in found.ellipsoids
+        ],
+        "euler_rates": {
+            "E": found.E, "analytic_jacobian": found.analytic_jacobian, "words": found.angles_in_words,
+        },
+        "tip_error": found.tip_error and _error_values(found.tip_error),
+        "statics": found.balance and _balance_values(found.balance),
+        "warnings": found.warnings,
+    }  # fmt: skip
+
+
+def _joint_values(found: Inspection, i: int) -> dict[str, Any]:
+    arm = found.arm
+    return {
+        "name": arm.joints[i], "kind": arm.kinds[i], "unit": arm.units[i], "q": found.q[i],
+        "limits": arm.position_limit[i], "room": found.room[i],
+    }  # fmt: skip
+
+
+def _error_values(error: TipError) -> dict[str, Any]:
+    return {
+        "joints": error.joints, "deviation": error.deviation, "covariance": error.covariance,
+        "worst_translation": error.worst_translation, "worst_rotation": error.worst_rotation,
+    }  # fmt: skip
+
+
+def _balance_values(balance: Balance) -> dict[str, Any]:
+    return {
+        "wrench": balance.wrench, "equilibrium": balance.equilibrium, "equivalent": balance.equivalent,
+        "reactions": balance.reaction_world, "points": balance.frames[:, :3, 3],
+        "disagreement": balance.disagreement,
+    }  # fmt: skip
+
+
+# Tables of at most 100 columns -------------------------------------------------------------------
+
+
+def _sheets(found: Inspection) -> list[Sheet]:
     tables = [_joints(found), _site(found), _jacobian(found), _routes(found), _task(found), _words(found)]
     tables += [_ellipsoids(found), _angles(found)]
     if found.tip_error is not None:
-        tables.append(_tip_error(found))
+        tables.append(_tip_error(found, found.tip_error))
     if found.balance is not None:
-        tables += [_torques(found), _reactions(found)]
+        tables += [_torques(found.balance), _reactions(found.balance)]
     return tables
 
 
@@ -138,9 +259,7 @@ def _angles(found: Inspection) -> Sheet:
     )
 
 
-def _tip_error(found: Inspection) -> Sheet:
-    error = found.tip_error
-    assert error is not None
+def _tip_error(found: Inspection, error: TipError) -> Sheet:
     rows = [
         (axis, f"{number(deviation)} {'m' if i < 3 else 'rad'}")
         for i, (axis, deviation) in enumerate(zip(AXES, error.deviation, strict=True))
@@ -162,25 +281,22 @@ def _tip_error(found: Inspection) -> Sheet:
     )
 
 
-def _torques(found: Inspection) -> Sheet:
-    balance = found.balance
-    assert balance is not None
+def _torques(balance: Balance) -> Sheet:
+    arm = balance.arm
     rows = [
         (joint, number(_clean(one)), number(_clean(other)), "N" if unit == "m" else "N m")
         for joint, one, other, unit in zip(
-            found.arm.joints, balance.equilibrium, balance.equivalent, found.arm.units, strict=True
+            arm.joints, balance.equilibrium, balance.equivalent, arm.units, strict=True
         )
     ]
     title = f"Torques for the wrench {_listed(balance.wrench)} on the arm at the site; gravity is left out"
     return Sheet(title, ("joint", "hold it", "equal it", "unit"), rows, frozenset({0, 3}))
 
 
-def _reactions(found: Inspection) -> Sheet:
-    balance = found.balance
-    assert balance is not None
+def _reactions(balance: Balance) -> Sheet:
     rows = [
         (joint, *(number(_clean(value)) for value in reaction))
-        for joint, reaction in zip(found.arm.joints, balance.reaction_world, strict=True)
+        for joint, reaction in zip(balance.arm.joints, balance.reaction_world, strict=True)
     ]
     return Sheet(
         "Force [N] and moment [N m] on the link behind each joint by the one before, there, in the world",

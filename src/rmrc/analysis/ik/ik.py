@@ -1,0 +1,152 @@
+"""Joint positions that bring the site of an arm to a goal, one or all of them."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rmrc.analysis.ik.postures import Postures, find_postures
+from rmrc.analysis.ik.solve import (
+    METHODS,
+    TOLERANCE,
+    Method,
+    Solution,
+    checked_goals,
+    goal_pose,
+    judge,
+    kept_limit,
+    solve_ik,
+    unwound,
+)
+from rmrc.analysis.subject import Model, numbers, subject
+from rmrc.law.task import Array, Task
+from rmrc.support.errors import QuestionError
+
+
+@dataclass(frozen=True, eq=False)
+class IkResult:
+    """What `ik` found.
+
+    Attributes:
+        task: The arm and the rows that count.
+        goal: Pose of the site that was asked for, (7,).
+        start: Joint positions at which the search began, (n,).
+        limits: Whether the model's position limits were kept to.
+        tolerance: Of |e|: orientation in rad, position over L.
+        solution: Joint positions at the goal, or the nearest that were found; of all postures the nearest to
+            the start.
+        postures: All of them; None if one was asked for.
+    """
+
+    task: Task
+    goal: Array
+    start: Array
+    limits: bool
+    tolerance: float
+    solution: Solution
+    postures: Postures | None
+
+    @property
+    def found(self) -> bool:
+        """Whether the goal is reached within the tolerance and the limits."""
+        return self.solution.found if self.postures is None else self.postures.nearest is None
+
+    @property
+    def q(self) -> Array:
+        """Joint positions of the solution, (n,) [rad or m]."""
+        return self.solution.q
+
+
+def ik(
+    model: Model,
+    to: ArrayLike | None = None,
+    q: ArrayLike | None = None,
+    *,
+    quat: ArrayLike | None = None,
+    to_q: ArrayLike | None = None,
+    pose: ArrayLike | None = None,
+    keyframe: str | None = None,
+    site: str | None = None,
+    axes: Sequence[str] | None = None,
+    length: float | None = None,
+    method: Method = "damped",
+    limits: bool = True,
+    every: bool = False,
+    tolerance: float = TOLERANCE,
+) -> IkResult:
+    """Find joint positions that bring the site of an arm to a goal; the function behind `rmrc ik`.
+
+    Args:
+        model: An arm, an MJCF file, or a scenario.
+        to: The goal: a value for each row that counts [m, rad], see `rmrc.analysis.ik.solve.goal_pose`; with
+            `quat` one for each of x, y, z that counts.
+        q: Joint positions to begin at, (n,) [rad or m]; None for the keyframe.
+        quat: The goal's orientation [w, x, y, z], of any length but 0.
+        to_q: The goal instead: where these joint positions put the site, (n,) [rad or m].
+        pose: The goal instead: [p, quat w x y z], (7,); what does not count is not looked at.
+        keyframe: Joint positions to begin at by name; None for the start of a scenario, else `home`.
+        site: The point that is to get there; None for that of the arm or scenario, else the one that the most
+            joints move.
+        axes: Rows that count, of x y z rx ry rz; None for those of a scenario, else those that the arm can
+            move independently.
+        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
+            scenario, else 1.
+        method: `damped` steps from several starts, or `newton`'s from one.
+        limits: Whether the model's position limits are kept to.
+        every: Whether all postures are looked for, from many starts, by damped steps.
+        tolerance: Of |e|: orientation in rad, position over L.
+
+    Returns:
+        What was found. A goal that is not reached is no error: `found` is False then, and `q` is where |e| is
+        least.
+
+    Raises:
+        ModelError: The file, the site or the keyframe is missing or will not do.
+        QuestionError: There is no goal or more than one, or any of the others does not fit the arm.
+
+    Example:
+        >>> found = ik("models/planar_2link.xml", [1.0, 1.0])
+        >>> found.found, np.degrees(found.q).round(6).tolist()
+        (True, [90.0, -90.0])
+        >>> found = ik("models/planar_2link.xml", [1.0, 1.0], every=True)
+        >>> (np.degrees(found.postures.q).round(6) + 0.0).tolist()
+        [[0.0, 90.0], [90.0, -90.0]]
+    """
+    if method not in METHODS:
+        raise QuestionError(f'method must be one of {", ".join(METHODS)}, got "{method}"')
+    if every and method != "damped":
+        raise QuestionError(f'every takes the method "damped" alone, got "{method}"')
+    asked = subject(model, q, keyframe, site, axes, length)
+    task, start = asked.task, asked.q
+    goal = _goal(task, to, quat, to_q, pose)
+    if not every:
+        solution = solve_ik(task, goal, start, method=method, limits=limits, tolerance=tolerance)
+        return IkResult(task, goal, start, limits, tolerance, solution, None)
+    postures = find_postures(task, goal, start, limits=limits, tolerance=tolerance)
+    nearest = postures.nearest
+    if nearest is None:
+        limit = kept_limit(task.arm, limits)
+        near = unwound(task.arm, limit, postures.q, start[None])
+        best = near[np.argmin(np.linalg.norm((near - start) / task.joint_scale, axis=1))]
+        nearest = judge(task, limit, best, checked_goals(goal, 1)[0], tolerance)
+    return IkResult(task, goal, start, limits, tolerance, nearest, postures)
+
+
+def _goal(
+    task: Task, to: ArrayLike | None, quat: ArrayLike | None, to_q: ArrayLike | None, pose: ArrayLike | None
+) -> Array:
+    """Return the pose (7,) of the one goal that was given."""
+    others = {"to_q": to_q, "pose": pose, "to": to if to is not None else quat}
+    given = [name for name, value in others.items() if value is not None]
+    if len(given) != 1:
+        names = ", ".join(task.axes)
+        raise QuestionError(
+            f"give one goal: to with a value for each of {names}, to_q or pose; "
+            f"got {' and '.join(given) or 'none'}"
+        )
+    if pose is not None:
+        return numbers("pose", pose, ("x", "y", "z", "qw", "qx", "qy", "qz"))
+    if to_q is not None:
+        return task.arm.pose(numbers("to_q", to_q, task.arm.joints))
+    return goal_pose(task, () if to is None else to, quat)

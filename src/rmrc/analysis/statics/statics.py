@@ -1,0 +1,97 @@
+"""What an arm bears at rest under a wrench, what wrenches cost, and whether the physics says the same."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rmrc.analysis.statics.balance import Balance, Costs, Elsewhere, balance, elsewhere, wrench_costs
+from rmrc.analysis.statics.hold import HoldResult, hold_wrench
+from rmrc.analysis.subject import Model, numbers, subject
+from rmrc.support.errors import QuestionError
+from rmrc.support.spatial import rotate
+
+FRAMES = ("world", "site")
+WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
+
+
+@dataclass(frozen=True, eq=False)
+class Statics:
+    """What `statics` found.
+
+    Attributes:
+        balance: What drives and links bear.
+        costs: What wrenches, forces alone and moments alone cost the drives.
+        length: Characteristic length, which makes meters and radians comparable in `costs` [m].
+        elsewhere: The wrench at another site; None if no other was named.
+        held: What it took to hold the wrench in the physics; None if that was not asked.
+    """
+
+    balance: Balance
+    costs: tuple[Costs, ...]
+    length: float
+    elsewhere: Elsewhere | None
+    held: HoldResult | None
+
+
+def statics(
+    model: Model,
+    wrench: ArrayLike,
+    q: ArrayLike | None = None,
+    *,
+    keyframe: str | None = None,
+    site: str | None = None,
+    frame: str = "world",
+    at: str | None = None,
+    gravity: bool = False,
+    hold: float | None = None,
+    length: float | None = None,
+    on_ticks: Callable[[int], None] | None = None,
+) -> Statics:
+    """Return what drives and links bear while a wrench acts on an arm; the function behind `rmrc statics`.
+
+    Args:
+        model: An arm, an MJCF file, or a scenario.
+        wrench: What acts on the arm at the site: force and moment [f; n], (6,) [N, N·m], or a force alone,
+            (3,) [N].
+        q: Joint positions, (n,) [rad or m]; None for the keyframe.
+        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
+        site: The point in question; None for that of the arm or scenario, else the one that the most joints
+            move.
+        frame: Along whose axes the wrench is given: `world` or `site`.
+        at: Another site of the same body, at which the wrench is to be told as well.
+        gravity: Whether the drives bear the arm's weight; else it is compensated.
+        hold: For how long at most the wrench is held in the physics, until all is still [s]; None: not at
+            all.
+        length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
+            scenario, else 1.
+        on_ticks: Called with the number of ticks of each block that was held.
+
+    Raises:
+        ModelError: The file, the site or the keyframe is missing or will not do.
+        QuestionError: Any of the others does not fit the arm, or it cannot be held.
+        DivergenceError: The physics broke in its first step.
+
+    Example:
+        >>> found = statics("models/planar_2link.xml", [0, -1, 0], [0, np.pi / 3])
+        >>> found.balance.equilibrium.round(9).tolist(), found.balance.exceeded
+        ([1.5, 0.5], ())
+        >>> found.costs[1].directions[0].cost.value  # a force along z
+        'nothing, anywhere'
+    """
+    asked = subject(model, q, keyframe, site, length=length)
+    force_alone = np.shape(wrench) == (3,)
+    acts = numbers("wrench", np.append(wrench, np.zeros(3)) if force_alone else wrench, WRENCH)
+    if frame not in FRAMES:
+        raise QuestionError(f'frame: no frame "{frame}"; choose from {" ".join(FRAMES)}')
+    if frame == "site":
+        acts = rotate(asked.arm.pose(asked.q)[3:], acts.reshape(2, 3)).ravel()
+    balanced = balance(asked.arm, asked.q, acts, gravity)
+    return Statics(
+        balance=balanced,
+        costs=wrench_costs(asked.arm, asked.q, asked.length),
+        length=asked.length,
+        elsewhere=None if at is None else elsewhere(asked.arm, asked.q, acts, at),
+        held=None if hold is None else hold_wrench(balanced, hold, on_ticks),
+    )

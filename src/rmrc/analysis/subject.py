@@ -1,0 +1,122 @@
+"""Whom a question is about: an arm, from a file, a scenario or as it was loaded, and its joint positions."""
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rmrc import arm as arms
+from rmrc.arm import Arm
+from rmrc.law.task import Array, Task, choose
+from rmrc.scenario import Scenario
+from rmrc.support.errors import QuestionError
+from rmrc.support.legible import shortened
+from rmrc.support.spatial import AXES
+
+Model: TypeAlias = Arm | Scenario | str | os.PathLike[str]
+"""An arm, an MJCF file, or a scenario: its arm, site, joints, start, axes and length."""
+
+
+@dataclass(frozen=True, eq=False)
+class Subject:
+    """An arm at joint positions.
+
+    Attributes:
+        arm: The arm, with the site in question.
+        q: Joint positions, (n,) [rad or m].
+        axes: Rows of the twist that count; None for those that suit the question.
+        length: Characteristic length, which makes meters and radians comparable [m].
+    """
+
+    arm: Arm
+    q: Array
+    axes: Sequence[str] | None
+    length: float
+
+    @property
+    def task(self) -> Task:
+        """The rows that count; without `axes`, those that the arm can move independently of each other."""
+        return choose(self.arm, self.axes, self.length)
+
+
+def subject(
+    model: Model,
+    q: ArrayLike | None = None,
+    keyframe: str | None = None,
+    site: str | None = None,
+    axes: Sequence[str] | None = None,
+    length: float | None = None,
+) -> Subject:
+    """Return the arm of a model, at joint positions.
+
+    Args:
+        model: An arm, an MJCF file, or a scenario.
+        q: Joint positions, (n,) [rad or m]; None for the keyframe.
+        keyframe: Joint positions by name; None for the start of a scenario, else `home`.
+        site: The point in question; None for that of the arm or scenario, else the one that the most joints
+            move.
+        axes: Of x y z rx ry rz; None for those of a scenario, else to let the question choose.
+        length: Characteristic length [m]; None for that of a scenario, else 1.
+
+    Raises:
+        ModelError: The file, the site or the keyframe is missing or will not do.
+        QuestionError: The arm or scenario has another site, q does not fit it, or axes or length will not do.
+
+    Example:
+        >>> found = subject("models/planar_3link.xml", [0.0, 1.0, 0.5], site="wrist")
+        >>> found.arm.joints, found.q.tolist(), found.task.axes
+        (('shoulder', 'elbow', 'wrist'), [0.0, 1.0, 0.5], ('x', 'y', 'rz'))
+    """
+    if q is not None and keyframe is not None:
+        raise QuestionError("give q or keyframe, not both")
+    start: str | Sequence[float] = "home"
+    if isinstance(model, Scenario):
+        section, task = model.arm, model.task
+        arm = arms.load(section.model, section.site, section.joints)
+        arm = arm.stretched(section.stretch) if section.stretch else arm
+        start, axes = section.start, task.axes if axes is None else axes
+        length = task.length if length is None else length
+    else:
+        arm = model if isinstance(model, Arm) else arms.load(Path(model), site)
+    if site not in (None, arm.site):
+        raise QuestionError(f'the arm has the site "{arm.site}", got site "{site}"; load it with that site')
+    if q is None:
+        positions = arm.configuration(start if keyframe is None else keyframe)[arm.wiring.qpos]
+    else:
+        positions = numbers("q", q, arm.joints)
+    _check(axes, length)
+    return Subject(arm, positions, axes, 1.0 if length is None else length)
+
+
+def numbers(what: str, values: ArrayLike, names: Sequence[str]) -> Array:
+    """Return finite numbers, one for each name, (len(names),).
+
+    Raises:
+        QuestionError: There are more or fewer, or one is no number or not finite.
+    """
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise QuestionError(f"{what} must be numbers, got {shortened(repr(values))}") from None
+    if array.shape != (len(names),):
+        raise QuestionError(
+            f"{what} must have {len(names)} value{'s' * (len(names) != 1)}, "
+            f"one for each of {', '.join(names)}, got shape {array.shape}"
+        )
+    if not np.isfinite(array).all():
+        raise QuestionError(f"{what} must be finite, got {array.tolist()}")
+    return array
+
+
+def _check(axes: Sequence[str] | None, length: float | None) -> None:
+    for axis in axes or ():
+        if axis not in AXES:
+            raise QuestionError(f'axes: no row "{axis}"; choose from {" ".join(AXES)}')
+    if axes is not None and not len(axes):
+        raise QuestionError(f"axes must name one row or more of {' '.join(AXES)}")
+    if length is not None and not (np.isfinite(length) and length > 0.0):
+        raise QuestionError(f"length must be > 0 and finite, got {length:g}")

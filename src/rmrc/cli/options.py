@@ -1,0 +1,71 @@
+"""Options that several verbs share, each declared once."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rmrc.cli.kinds import MODEL, expect
+from rmrc.support.errors import QuestionError
+
+# Positions and angles up to this [m or rad] are kept to 1e-10.
+FARTHEST = 1e6
+
+
+def within(option: str, least: float, most: float) -> Callable[[float], float]:
+    """Return a check of an option's number, which nan and inf do not pass."""
+
+    def check(value: float) -> float:
+        if not least <= value <= most:
+            raise QuestionError(f"{option} must be between {least:g} and {most:g}, got {value:g}")
+        return value
+
+    return check
+
+
+Model = Annotated[
+    Path,
+    typer.Argument(
+        help="The arm, an MJCF file.", show_default=False, callback=lambda path: expect(path, MODEL)
+    ),
+]
+Site = Annotated[
+    str | None, typer.Option(help="The point in question; default: the site that the most joints move.")
+]
+Positions = Annotated[
+    str | None,
+    typer.Option("--q", metavar="Q1,Q2,...", help='Joint positions: rad, m, or angles such as "60 deg".'),
+]
+Keyframe = Annotated[str | None, typer.Option(help="Joint positions by name; default: home.")]
+TaskAxes = Annotated[
+    str | None,
+    typer.Option(
+        "--axes",
+        metavar="x,y,...",
+        help="Rows that count, of x y z rx ry rz; default: those that the arm can move independently.",
+    ),
+]
+Length = Annotated[
+    float,
+    typer.Option(
+        help="Makes meters and radians comparable in sigma, kappa and w, in m.",
+        callback=within("--length", 1e-6, FARTHEST),
+    ),
+]
+AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")]
+Out = Annotated[Path, typer.Option(help="Folder for the files.")]
+
+PICTURES = (".png", ".svg", ".pdf")
+
+
+def drawable(path: Path | None) -> Path | None:
+    """Return the file of a picture, unless it is of a kind that nobody can draw.
+
+    Raises:
+        QuestionError: It has another suffix.
+    """
+    if path is not None and path.suffix not in PICTURES:
+        raise QuestionError(f"--picture {path}: must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
+    return path

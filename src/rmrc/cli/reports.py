@@ -1,0 +1,47 @@
+"""How a verb shows an answer: as JSON or as tables, with the exit code that it deserves."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import typer
+
+from rmrc.cli.console import EXIT_MISSED, complain, output, print_json, print_line
+
+if TYPE_CHECKING:  # with numpy, which a help does without
+    from rmrc.show.report import Report
+
+
+def show(
+    report: "Report",
+    as_json: bool,
+    quiet: bool = False,
+    files: Sequence[Path] = (),
+    missed: int = EXIT_MISSED,
+) -> None:
+    """Print an answer, and say on stderr what is wrong with it.
+
+    Args:
+        report: The answer.
+        as_json: Whether to print JSON instead of tables.
+        quiet: Whether to print no tables.
+        files: What was written; none: nothing is said of files.
+        missed: Exit code where what was asked does not hold.
+
+    Raises:
+        typer.Exit: It does not hold.
+    """
+    from rmrc.show.terminal import render
+
+    if as_json:
+        more = {"files": list(map(str, files))} if files else {}
+        print_json(report.json | more if more else report.json, allow_nan=False)
+    else:
+        console = output(quiet)
+        console.print(render(report.sheets))
+        for path in files:
+            print_line(console, f"wrote {path}")
+    if report.problem:
+        complain(report.problem)
+    if not report.met:
+        raise typer.Exit(missed)

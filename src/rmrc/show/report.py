@@ -1,0 +1,49 @@
+"""An answer that is ready to be shown: as tables for people, as JSON for machines, as a picture."""
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rmrc.show.sheets import Sheet
+
+
+@dataclass(frozen=True, eq=False)
+class Report:
+    """What there is to show of an answer.
+
+    Attributes:
+        sheets: Tables without a form, the most general first.
+        json: The same for strict JSON, as `plain` returns it.
+        draw: Writes the picture to a file, whole or not at all, whose suffix says how: `.png`, `.svg` or
+            `.pdf`; None if there is none.
+        met: Whether what was asked for holds.
+        problem: Why it does not, in one line; "" if the sheets say it.
+    """
+
+    sheets: Sequence[Sheet]
+    json: Any
+    draw: Callable[[Path], None] | None = None
+    met: bool = True
+    problem: str = ""
+
+
+def plain(value: Any) -> Any:
+    """Return dicts, lists, texts and finite numbers of Python; None for a number that is not finite.
+
+    Args:
+        value: May have arrays and numbers of numpy, and tuples.
+
+    >>> plain({"q": np.array([1.0, np.inf]), "hits": np.int64(3), "axes": ("x", "y")})
+    {'q': [1.0, None], 'hits': 3, 'axes': ['x', 'y']}
+    """
+    if isinstance(value, Mapping):
+        return {key: plain(one) for key, one in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    if isinstance(value, list | tuple):
+        return [plain(one) for one in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value

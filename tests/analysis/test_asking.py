@@ -1,0 +1,162 @@
+"""Each question takes a file, an arm or a scenario, and gives one answer; every mistake in full."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+import rmrc
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.analysis.workspace.joint_map import joint_map
+from rmrc.scenario import loads
+from rmrc.support.errors import ModelError, QuestionError
+from rmrc.support.spatial import quat_to_matrix
+
+TWO, STANFORD = ROOT / "models/planar_2link.xml", ROOT / "models/stanford.xml"
+Q = [0.3, -1.1]
+SCENARIO = f"""
+name: asked
+arm: {{model: {TWO}, site: tip, start: {Q}}}
+task: {{axes: [x], length: 0.5}}
+target: {{path: [{{hold: {{for: 0.1}}}}]}}
+"""
+
+# What is asked of a model: name -> (question, what of the answer is compared).
+QUESTIONS = {
+    "inspect": (rmrc.inspect, lambda found: (found.q, found.sigma)),
+    "ik": (lambda model, **more: rmrc.ik(model, to_q=[1.0, 1.2], **more), lambda found: (found.start, found.q)),
+    "statics": (
+        lambda model, **more: rmrc.statics(model, [1, 2, 3], **more),
+        lambda found: (found.balance.q, found.balance.torque, found.costs[0].directions[-1].wrench),
+    ),
+    "workspace": (
+        lambda model, **more: rmrc.workspace(model, cells=20, **more),
+        lambda found: (found.home, found.free.values["sigma_min"], found.free.reached),
+    ),
+    "joint_map": (
+        lambda model, **more: joint_map(model, ["shoulder", "elbow"], cells=10, **more),
+        lambda found: (found.q, found.values["sigma_min"]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_a_file_an_arm_and_a_scenario_are_the_same_model(name):
+    ask, of = QUESTIONS[name]
+    answer = of(ask(TWO, q=Q))
+    for same in (ask(str(TWO), q=Q), ask(arms.load(TWO), q=Q), ask(TWO, site="tip", q=np.array(Q))):
+        for one, other in zip(of(same), answer, strict=True):
+            assert_array_equal(one, other)
+    assert_array_equal(of(ask(TWO))[0], of(ask(TWO, keyframe="home"))[0])
+    # A scenario brings its start, its rows and its length.
+    axes = {} if name == "statics" else {"axes": ["x"]}
+    for one, other in zip(of(ask(loads(SCENARIO))), of(ask(TWO, q=Q, length=0.5, **axes)), strict=True):
+        assert_array_equal(one, other)
+    # Negative control: without them the answer is another.
+    assert any(
+        one.shape != other.shape or not np.array_equal(one, other, equal_nan=True)
+        for one, other in zip(of(ask(loads(SCENARIO))), answer, strict=True)
+    )
+
+
+@pytest.mark.parametrize("name", QUESTIONS)
+def test_what_does_not_fit_is_refused_in_one_line(name):
+    ask, _ = QUESTIONS[name]
+    for more, message in (
+        ({"q": Q, "keyframe": "home"}, "give q or keyframe, not both"),
+        ({"q": [1.0]}, "q must have 2 values, one for each of shoulder, elbow, got shape (1,)"),
+        ({"q": [1.0, np.nan]}, "q must be finite, got [1.0, nan]"),
+        ({"q": ["60 deg", 0]}, "q must be numbers, got ['60 deg', 0]"),
+        ({"length": -1.0}, "length must be > 0 and finite, got -1"),
+        ({"axes": ["x", "v"]}, 'axes: no row "v"; choose from x y z rx ry rz'),
+    ):
+        if name == "statics" and "axes" in more:
+            continue
+        with pytest.raises(QuestionError) as caught:
+            ask(TWO, **more)
+        assert str(caught.value) == message
+    with pytest.raises(QuestionError) as caught:
+        ask(arms.load(TWO), site="wrist")
+    assert str(caught.value) == 'the arm has the site "tip", got site "wrist"; load it with that site'
+    with pytest.raises(ModelError) as caught:
+        ask(ROOT / "models/planar_2links.xml")
+    assert 'did you mean "planar_2link.xml"?' in str(caught.value)
+
+
+def test_a_goal_is_values_joint_positions_or_a_pose():
+    arm = arms.load(STANFORD)
+    q = arm.sampled(1)[0]
+    pose = arm.pose(q)
+    for goal in ({"to_q": q}, {"pose": pose}, {"to": pose[:3], "quat": 2.0 * pose[3:]}):
+        found = rmrc.ik(arm, **goal)
+        assert found.found and found.solution.method == "damped"
+        there = arm.pose(found.q)  # by MuJoCo
+        assert_allclose(there[:3], pose[:3], rtol=0, atol=1e-9)
+        assert_allclose(quat_to_matrix(there[3:]), quat_to_matrix(pose[3:]), rtol=0, atol=1e-9)
+    assert rmrc.ik(arm, to_q=q, q=q, method="newton").solution.steps == 0
+
+
+@pytest.mark.parametrize("start", [[0.0, 1.5], [1.5, -1.5]])
+def test_of_all_postures_the_solution_is_the_nearest_to_the_start(start):
+    found = rmrc.ik(TWO, [1.0, 1.0], start, every=True)
+    # The closed form: two links of 1 m that reach (1, 1) are a square, elbow at one corner or the other.
+    assert_allclose(found.postures.q, np.radians([[0, 90], [90, -90]]), rtol=0, atol=1e-7)
+    assert found.found and found.solution.error <= found.tolerance
+    assert_allclose(found.q, np.radians([0, 90] if start[0] == 0.0 else [90, -90]), rtol=0, atol=1e-7)
+    beyond = rmrc.ik(TWO, [3.0, 0.0], start, every=True)
+    assert not beyond.found and len(beyond.postures.q) == 0
+    assert beyond.solution.position_error == pytest.approx(1.0, abs=1e-6)
+
+
+GOALS = {
+    "none": ({}, "give one goal: to with a value for each of x, y, to_q or pose; got none"),
+    "two": (
+        {"to": [1, 1], "to_q": [1, 1]},
+        "give one goal: to with a value for each of x, y, to_q or pose; got to_q and to",
+    ),
+    "a short one": ({"to": [1]}, "a goal must have 2 finite values, for x, y, got [1.0]"),
+    "a short pose": ({"pose": [1]}, "pose must have 7 values, one for each of x, y, z, qw, qx, qy, qz, got shape (1,)"),
+    "a method": ({"to": [1, 1], "method": "dampd"}, 'method must be one of damped, newton, got "dampd"'),
+    "all by Newton's": (
+        {"to": [1, 1], "method": "newton", "every": True},
+        'every takes the method "damped" alone, got "newton"',
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", GOALS)
+def test_a_goal_that_will_not_do_is_refused_in_one_line(case):
+    options, message = GOALS[case]
+    with pytest.raises(QuestionError) as caught:
+        rmrc.ik(TWO, **options)
+    assert str(caught.value) == message
+
+
+def test_a_wrench_is_six_values_or_a_force_along_the_worlds_axes_or_the_sites():
+    arm = arms.load(STANFORD)
+    q, wrench = arm.sampled(1)[0], np.array([1.0, -2.0, 3.0, 0.4, 0.5, -0.6])
+    R = quat_to_matrix(arm.pose(q)[3:])
+    along_site = (wrench.reshape(2, 3) @ R).ravel()
+    found = rmrc.statics(arm, along_site, q, frame="site")
+    assert_allclose(found.balance.equilibrium, -arm.jacobian(q).T @ wrench, rtol=0, atol=1e-12)
+    force = rmrc.statics(arm, wrench[:3], q).balance.wrench
+    assert force.tolist() == [1.0, -2.0, 3.0, 0.0, 0.0, 0.0]
+    assert found.held is None and found.elsewhere is None
+    for more, message in (
+        ({"wrench": [1, 2]}, "wrench must have 6 values, one for each of fx, fy, fz, nx, ny, nz, got shape (2,)"),
+        ({"wrench": [1, 2, np.inf]}, "wrench must be finite, got [1.0, 2.0, inf, 0.0, 0.0, 0.0]"),
+        ({"wrench": wrench, "frame": "hand"}, 'frame: no frame "hand"; choose from world site'),
+    ):  # fmt: skip
+        with pytest.raises(QuestionError) as caught:
+            rmrc.statics(arm, q=q, **more)
+        assert str(caught.value) == message
+
+
+def test_a_wrench_is_held_and_told_elsewhere_if_that_is_asked():
+    seen = []
+    found = rmrc.statics(STANFORD, [0, 0, -5], gravity=True, at="wrist", hold=2.0, on_ticks=seen.append)
+    assert found.held.agrees and sum(seen) == len(found.held.run)
+    assert found.elsewhere.site == "wrist"
+    assert_allclose(found.held.measured, found.balance.torque, rtol=0, atol=0.02)
+    # Negative control: without its weight the arm reads something else.
+    assert not np.allclose(found.held.measured, rmrc.statics(STANFORD, [0, 0, -5]).balance.torque, atol=0.02)

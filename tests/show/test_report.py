@@ -1,0 +1,101 @@
+"""Answers that are ready to be shown: plain values for JSON, notes below tables, and what the verbs print of them."""
+
+import io
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import rmrc
+from project import ROOT
+from rmrc.analysis.ik.report import report as of_ik
+from rmrc.analysis.inspect.report import report as of_inspection
+from rmrc.analysis.statics.report import report as of_statics
+from rmrc.analysis.workspace.report import report as of_workspace
+from rmrc.show.report import Report, plain
+from rmrc.show.sheets import Sheet, as_markdown
+from rmrc.show.terminal import render
+
+TWO = str(ROOT / "models/planar_2link.xml")
+
+
+def test_plain_values_are_those_of_strict_json():
+    value = {
+        "array": np.array([[1.5, np.nan], [-np.inf, 0.0]]), "integers": np.arange(2), "flag": np.bool_(True),
+        "one": np.float64(0.1), "pair": ("x", None), "nested": [{"text": "y", "inf": float("inf")}],
+    }  # fmt: skip
+    expected = {
+        "array": [[1.5, None], [None, 0.0]], "integers": [0, 1], "flag": True, "one": 0.1, "pair": ["x", None],
+        "nested": [{"text": "y", "inf": None}],
+    }  # fmt: skip
+    assert plain(value) == expected
+    assert json.loads(json.dumps(plain(value), allow_nan=False)) == expected
+    assert all(type(one) is int for one in plain(np.arange(2)))
+    assert type(plain(np.bool_(True))) is bool
+
+
+def drawn(*sheets):
+    console = Console(file=io.StringIO(), width=60)
+    console.print(render(sheets))
+    return console.file.getvalue().splitlines()
+
+
+def test_notes_stand_below_the_table_and_an_empty_line_follows_if_it_shall():
+    table = Sheet("Title", ("a", "b"), [("x", "1")], notes=("first", "second"))
+    alone = Sheet("", notes=("alone",), is_spaced=False)
+    lines = [line.rstrip() for line in drawn(table, alone)]
+    assert lines[0] == "Title" and lines[-4:] == ["first", "second", "", "alone"]
+    assert drawn(alone) == ["alone"]
+    assert as_markdown(table) == "## Title\n\n| a | b |\n| --- | ---: |\n| x | 1 |\n\nfirst\n\nsecond"
+    assert as_markdown(alone) == "alone"
+
+
+ASKED = {
+    "inspect": (["--wrench", "1,2,3"], lambda: of_inspection(rmrc.inspect(TWO, wrench=[1, 2, 3, 0, 0, 0]))),
+    "ik": (["--to", "1,1", "--all"], lambda: of_ik(rmrc.ik(TWO, [1, 1], every=True))),
+    "statics": (["--wrench", "1,2,3"], lambda: of_statics(rmrc.statics(TWO, [1, 2, 3]))),
+    "workspace": (["--cells", "20"], lambda: of_workspace(rmrc.workspace(TWO, cells=20))),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("verb", ASKED)
+def test_a_verb_prints_what_python_returns(rmrc_verb, tmp_path, verb):
+    options, ask = ASKED[verb]
+    answer = ask()
+    assert isinstance(answer, Report) and answer.met and not answer.problem
+    code, out, _ = rmrc_verb(verb, TWO, *options, "--json")
+    printed = json.loads(out)
+    printed.pop("files", None)
+    assert code == 0 and printed == answer.json
+    code, out, _ = rmrc_verb(verb, TWO, *options)
+    words = {word for sheet in answer.sheets for row in sheet.rows for cell in row for word in cell.split()}
+    assert code == 0 and words and words <= set(out.split())
+    if answer.draw is not None:
+        answer.draw(tmp_path / "picture.svg")
+        assert (tmp_path / "picture.svg").read_text("utf-8").startswith("<?xml")
+
+
+@pytest.fixture
+def rmrc_verb(rmrc, tmp_path, monkeypatch):
+    """Return the function that calls the command line, in a folder of its own."""
+    monkeypatch.chdir(tmp_path)
+    return rmrc
+
+
+def test_what_is_not_met_says_so():
+    beyond = of_ik(rmrc.ik(TWO, [3, 0]))
+    assert not beyond.met
+    assert beyond.problem == "not reached: 1 m and 0 rad are left at the nearest of 201 starts"
+    # Negative control: without a goal beyond reach, and of another kind of answer, nothing is missed.
+    assert of_ik(rmrc.ik(TWO, [1, 1])).met and of_statics(rmrc.statics(TWO, [1, 2, 3])).met
+
+
+def test_inspections_of_several_configurations_are_a_list_and_one_picture(tmp_path):
+    one, other = (rmrc.inspect(TWO, q) for q in ([0.0, 1.0], [0.5, 1.0]))
+    both = of_inspection(one, other)
+    assert both.json == [of_inspection(one).json, of_inspection(other).json]
+    assert len(both.sheets) == 2 * len(of_inspection(one).sheets)
+    both.draw(Path(tmp_path / "arms.svg"))
+    assert "q = 0.5000, 1.000" in (tmp_path / "arms.svg").read_text("utf-8")
