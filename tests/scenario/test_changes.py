@@ -157,6 +157,37 @@ def test_a_scenario_made_in_python_can_be_changed_and_named_in_messages():
         one.set({"arm.start": 3})
 
 
+def test_a_section_is_a_value_as_any_other(monkeypatch):
+    one = loads(FULL)
+    control = one.control.model_copy(update={"feedback": 9.0})
+    by_section = one.set({"control": control, "control.period": 0.004})
+    assert (by_section.control.feedback, by_section.control.period) == (9.0, 0.004)
+    monkeypatch.setattr(drafts, "_changed", lambda *_: (_ for _ in ()).throw(drafts._RefusedError))
+    assert one.set({"control": control, "control.period": 0.004}) == by_section  # as a whole
+
+
+def test_what_no_file_could_have_is_refused_in_our_words():
+    with pytest.raises(ScenarioError, match=r'^control\.feedback: must be a number, got "<object object at '):
+        loads(MINIMAL).set({"control.feedback": object()})
+
+
+def test_a_copy_with_other_values_is_made_of_these():
+    one = loads(FULL, "x.yaml")
+    other = one.model_copy(update={"name": "other"})
+    assert (other.draft.scenario().name, one.draft.scenario().name) == ("other", "full")
+    assert other.set({"control.feedback": 1}).draft.scenario().name == "other"
+    assert one.model_copy().locate("name") == one.locate("name")  # negative control
+
+
+def test_many_changes_one_after_the_other_are_the_last_of_them():
+    one = loads(FULL)
+    for feedback in range(300):
+        one = one.set({"control.feedback": feedback})
+    assert one == loads(FULL, overrides=["control.feedback=299"])
+    assert one.draft.scenario() == one
+    assert len(one.draft._changes) <= 101
+
+
 def test_changes_leave_the_scenario_as_it_was():
     one = loads(FULL)
     before, written = repr(one), one.draft.values()

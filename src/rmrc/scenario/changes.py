@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 
 from rmrc.scenario.reading import Document, TextError, parse
 from rmrc.scenario.sections import listed_default, parse_key
+from rmrc.scenario.values import Section
 from rmrc.scenario.wording import brief, inline, show
 from rmrc.support.problems import Key, Origin, Problem, join
 
@@ -80,6 +81,8 @@ def _plain(value: Any) -> Any:
     """Return a value as a file would have it: lists for tuples and arrays, numbers of Python for numpy's."""
     if isinstance(value, Mapping):
         return {name: _plain(one) for name, one in value.items()}
+    if isinstance(value, Section):
+        return value.model_dump(mode="json")
     if hasattr(value, "tolist"):
         return value.tolist()
     if isinstance(value, list | tuple):

@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, cached_property, reduce
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from pydantic import PrivateAttr, ValidationError
 
@@ -24,6 +24,13 @@ from rmrc.support import shipped
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem, join
 
+# Changes that a draft keeps apart from what it was made of: as many as a scenario is varied by.
+_MOST_CHANGES = 100
+
+
+def _nothing() -> "Draft":
+    return Draft(Document({}, SourceMap()))
+
 
 class Scenario(Sections):
     """Everything that one run depends on: frozen, checked, SI and radians.
@@ -33,7 +40,7 @@ class Scenario(Sections):
     [0.5, 2.0]
     """
 
-    _draft: "Draft" = PrivateAttr(default_factory=lambda: Draft(Document({}, SourceMap())))
+    _draft: "Draft" = PrivateAttr(default_factory=_nothing)
 
     @property
     def draft(self) -> "Draft":
@@ -41,6 +48,13 @@ class Scenario(Sections):
         if not self._draft.is_something:
             self._draft = Draft(Document(self.model_dump(mode="json"), SourceMap()))
         return self._draft
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy as pydantic makes it; one with other values is as if made in Python."""
+        found = super().model_copy(update=update, deep=deep)
+        if update:
+            found._draft = _nothing()
+        return found
 
     def locate(self, key: str) -> str:
         """Return where a key was given, to begin a message with.
@@ -176,7 +190,8 @@ class Draft:
 
     def changed(self, *changes: Change) -> "Draft":
         """Return the draft with other values; later changes win."""
-        return Draft(self._written, self.files, (*self._changes, *changes))
+        base = self if len(self._changes) < _MOST_CHANGES else Draft(self.document, self.files)
+        return Draft(base._written, base.files, (*base._changes, *changes))
 
     def overridden(self, texts: Iterable[str]) -> "Draft":
         """Return the draft with `KEY=VALUE` texts of `--set`."""

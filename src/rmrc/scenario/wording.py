@@ -24,7 +24,7 @@ def show(value: object) -> str:
         return brief(f"{{{', '.join(f'{key}: {show(item)}' for key, item in list(value.items())[:20])}}}")
     if isinstance(value, int) and abs(value) >= 10**80:  # Python writes 4300 digits at most
         return "a huge integer"
-    return brief(json.dumps(value, ensure_ascii=False))
+    return brief(json.dumps(value, ensure_ascii=False, default=repr))
 
 
 def inline(value: object) -> str:

@@ -162,9 +162,7 @@ class Prepared:
         Args:
             seed: Takes the place of `arm.encoder.seed`.
         """
-        encoder = self.scenario.arm.encoder.model_copy(update={"seed": seed})
-        arm = self.scenario.arm.model_copy(update={"encoder": encoder})
-        return replace(self, scenario=self.scenario.model_copy(update={"arm": arm}))
+        return replace(self, scenario=self.scenario.set({"arm.encoder.seed": seed}))
 
 
 def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
