@@ -46,8 +46,8 @@ def reference_at(reference, path_tick):
 
 def own_loop(prepared, count, attached=True, law=None):
     """Return the commands of a loop as a user writes it: one's own MjData, `mj_step`, a reference."""
-    plant, arm, reference = prepared.scenario.plant, prepared.arm, prepared.reference
-    model = arm.adapted(plant.kind, prepared.kv, plant.timestep, plant.gravity_compensation)
+    arm, reference = prepared.arm, prepared.reference
+    model = prepared.plant.model([prepared.plant])
     data, wiring = mujoco.MjData(model), arm.wire(model)
     data.qpos[:] = prepared.qpos
     mujoco.mj_forward(model, data)
@@ -58,7 +58,7 @@ def own_loop(prepared, count, attached=True, law=None):
         command = controller.step(data.qpos[wiring.qpos], data.qvel[wiring.dof], pose, twist)
         rates[t] = data.ctrl[wiring.actuator] = command.qdot
         path_tick = min(path_tick + command.path_rate, reference.ticks - 1.0)
-        for _ in range(prepared.substeps):
+        for _ in range(prepared.plant.substeps):
             mujoco.mj_step(model, data)
         mujoco.mj_fwdPosition(model, data)
         mujoco.mj_fwdVelocity(model, data)

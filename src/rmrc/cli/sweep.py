@@ -1,7 +1,7 @@
 """The verb `sweep`: thousands of variants of a scenario."""
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -12,7 +12,7 @@ from rmrc.cli.console import EXIT_INPUT, EXIT_INTERRUPTED, complain, output, pri
 from rmrc.cli.kinds import SCENARIO, expect
 from rmrc.cli.options import Out, Quiet
 from rmrc.cli.scenarios import Overrides
-from rmrc.scenario import draft_of
+from rmrc.scenario import Draft, draft_of
 from rmrc.support.errors import ClusterError, ScenarioError
 from rmrc.support.legible import shortened
 from rmrc.support.problems import Origin, Problem
@@ -23,16 +23,17 @@ if TYPE_CHECKING:
     from rmrc.study.sweep import Sweep
 
 Drawn = Annotated[list[str] | None, typer.Option(metavar="KEY=LOW..HIGH", help="Draw a key; repeatable.")]
+Swept = Annotated[
+    Path,
+    typer.Argument(
+        help="The scenario, perhaps with a sweep section: a YAML file, or the name of a shipped one.",
+        callback=lambda path: expect(path, SCENARIO),
+    ),
+]
 
 
 def sweep(
-    scenario: Annotated[
-        Path,
-        typer.Argument(
-            help="The scenario, perhaps with a sweep section: a YAML file, or the name of a shipped one.",
-            callback=lambda path: expect(path, SCENARIO),
-        ),
-    ],
+    scenario: Swept,
     vary: Annotated[
         list[str] | None,
         typer.Option(metavar="KEY=V1,V2,...", help="Values of a key; repeatable: a grid."),
@@ -77,9 +78,7 @@ def sweep(
         raise ClusterError(
             "--threads: must not be given with --cluster, whose workers have their own threads"
         )
-    base = draft_of(scenario, set_ or ())
-    for option, (key, value) in options.items():
-        base = base.given(key, value, option)
+    base = _given(draft_of(scenario, set_ or ()), options)
     with Sweep(base, (), out, threads, cluster) as work:
         contents = _check(work, quiet)
         choice = choice and choice.settled(work.scenario, contents.columns)
@@ -89,10 +88,10 @@ def sweep(
                 interrupted = work.run(on_runs).interrupted
             except KeyboardInterrupt:
                 interrupted = True
-    console = output(quiet)
     if interrupted:
         complain(f"interrupted after {work.done} of {len(work)} runs; the same command goes on")
         raise typer.Exit(EXIT_INTERRUPTED)
+    console = output(quiet)
     _summarize(console, work)
     print_line(console, f"wrote {work.dataset.file}")
     if choice:
@@ -108,6 +107,13 @@ def _check(work: "Sweep", quiet: bool) -> "Contents":
     except KeyboardInterrupt:
         complain("interrupted before the first run")
         raise typer.Exit(EXIT_INTERRUPTED) from None
+
+
+def _given(base: Draft, options: Mapping[str, tuple[str, str]]) -> Draft:
+    """Return a draft with what options set in it."""
+    for option, (key, value) in options.items():
+        base = base.given(key, value, option)
+    return base
 
 
 def _options(

@@ -138,7 +138,7 @@ def sweep(
     Example:
         >>> rows = sweep("line_tracking", {"control.feedback": [5, 10, 20]})
         >>> rows["control.feedback"].to_pylist(), set(rows["status"].to_pylist())
-        ([5, 10, 20], {'complete'})
+        ([5.0, 10.0, 20.0], {'complete'})
     """
     if random and sobol:
         raise ScenarioError.about("sobol", "must not be given with random: all keys are drawn alike")
