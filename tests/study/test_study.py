@@ -92,7 +92,7 @@ def test_what_is_kept_does_not_grow():
     study = Study(draft_of(path, ["target.path=[{hold: {for: 0.01}}]"]))
     for i in range(100):
         study.prepare(changes([f"arm.start=[1, -1.{i:03}]", f"arm.stretch.link_2=1.{i:03}"]))
-    kept = study._known
+    kept = study._cache
     assert [len(recent._found) for recent in (kept._arms, kept._references)] == [32, 32]
     first = study.prepare(changes(["arm.start=[1, -1.000]", "arm.stretch.link_2=1.0001"]))
     assert_same(first, alone(path, ["target.path=[{hold: {for: 0.01}}]"],
