@@ -13,7 +13,7 @@ from rmrc.plants import batches as module
 from rmrc.plants.batches import Batches
 from rmrc.plants.servo import RateServos
 from rmrc.results.columns import COLUMNS
-from rmrc.simulation.prepare import Known, prepare
+from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 
 SHORT = "target.path=[{line: {by: [0.02, 0.02]}}]"
@@ -31,10 +31,10 @@ def worlds(scenario):
     """Return a function: plant -> worlds that end badly, and worlds that come after them."""
 
     def pairs(plant):
-        known, own = Known(), PLANTS[plant]
+        cache, own = Cache(), PLANTS[plant]
         before = [(*own, EXPLODES), (own[0], "arm.start=[1.0, -2.0]")]
         after = [(*own, SHORT), (own[0], SHORT, "control.feedback=5")]
-        return tuple([prepare(scenario(*each), known) for each in some] for some in (before, after))
+        return tuple([prepare(scenario(*each), cache) for each in some] for some in (before, after))
 
     return pairs
 
@@ -182,8 +182,8 @@ def test_a_simulation_that_is_released_twice_lends_its_batch_to_one_other_alone(
 
 
 def test_batches_of_a_kind_that_is_no_longer_asked_for_make_room(scenario, made):
-    batches, known = Batches(), Known()
-    one = prepare(scenario(SHORT), known)
+    batches, cache = Batches(), Cache()
+    one = prepare(scenario(SHORT), cache)
     for count in range(1, 20):  # worlds
         Simulation([one] * count, batches=batches).release()
     assert len(made) == 19 and len(batches._idle) == 1

@@ -622,7 +622,7 @@ def test_numbers_of_the_comparison_in_the_readme_are_those_that_its_command_give
     (command,) = fenced(text, "sh")
     _, path, *varied = re.fullmatch(r".*-m rmrc (compare) (\S+) --vary (\S+)\n", command).groups()
     comparison = Comparison(ROOT / path, variants(varied), folder=tmp_path)
-    runs = Simulation(comparison.prepared).run()
+    runs = Simulation(comparison.worlds).run()
     names = re.findall(r"`([\w.]+)` \[", text)
     table = rows(text)
     assert names

@@ -244,7 +244,7 @@ def test_runs_take_no_more_than_their_estimate_and_more_than_a_third_of_it(tmp_p
     overrides = ["control.at_singularity=damp", f"target.path=[{{hold: {{for: {seconds}}}}}]"]
     program = PROGRAM.format(
         load=load.format(overrides=overrides, recorded=recorded),
-        prepared="[work.prepared]" if load is RUN else "work.prepared",
+        prepared="work.worlds",
         recorded=recorded,
     )
     done = subprocess.run(

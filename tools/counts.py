@@ -44,7 +44,7 @@ MOST_PACKAGES = 18
 MOST_CIRCLES = 0
 LONGEST_FUNCTION = 60
 
-# Decorators that compile: those of rmrc.control.compiled, and numba's own.
+# Decorators that compile: those of rmrc.law.jit, and numba's own.
 COMPILING = {"compiled", "inlined", "entry", "njit", "jit", "cfunc", "vectorize", "guvectorize"}
 
 # Modules, without `rmrc.`, that handle a value on its way from `rmrc sweep --vary control.feedback=5,10` to a
@@ -91,7 +91,7 @@ class Module(NamedTuple):
     """A source file.
 
     Attributes:
-        name: Dotted, such as `rmrc.control.law`; that of a package is its `__init__`.
+        name: Dotted, such as `rmrc.law.law`; that of a package is its `__init__`.
         path: Of the file.
         text: What is in it.
         tree: The same, parsed.
@@ -163,8 +163,8 @@ def package_of(name: str) -> str:
     """Return what stands directly in the source folder and holds a module.
 
     Example:
-        >>> package_of("rmrc.control.law"), package_of("rmrc.run"), package_of("rmrc")
-        ('control', 'run', '__init__')
+        >>> package_of("rmrc.law.law"), package_of("rmrc.run"), package_of("rmrc")
+        ('law', 'run', '__init__')
     """
     return [*name.split("."), "__init__"][1]
 
@@ -393,7 +393,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         action="append",
         default=[],
         metavar="PACKAGE",
-        help="a package or module, such as control, whose functions are all compiled; repeatable",
+        help="a package or module, such as law, whose functions are all compiled; repeatable",
     )
     given = parser.parse_args(arguments)
     source = given.source.resolve()

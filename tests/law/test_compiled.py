@@ -15,8 +15,7 @@ from rmrc.analysis import survey
 from rmrc.analysis.ik import descent
 from rmrc.analysis.workspace import folds
 from rmrc.arm import load
-from rmrc.law import controller, law
-from rmrc.law import svd as smallmat
+from rmrc.law import controller, law, svd
 from rmrc.law.jit import _kind
 from rmrc.law.record import records, tick_type
 from rmrc.law.task import choose
@@ -36,7 +35,7 @@ EXAMINES = (
     survey.locate,
     folds.scan,
     descent.reach,
-    smallmat.svd,
+    svd.svd,
 )
 
 
@@ -62,7 +61,7 @@ def test_what_examines_an_arm_is_kept_on_disk():
     assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
     assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
     assert rmrc.ik(arm, [1.0, 1.0]).found
-    assert smallmat.cold_svd(np.diag([2.0, 1.0]))[1].tolist() == [2.0, 1.0]
+    assert svd.cold_svd(np.diag([2.0, 1.0]))[1].tolist() == [2.0, 1.0]
     assert [entry for entry in EXAMINES if not kept(entry)] == []
 
 

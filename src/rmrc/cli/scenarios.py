@@ -107,9 +107,9 @@ def compare(
 
     The exit code is that of the runs, whatever the scenario expects: what was missed is in the table.
     """
-    from rmrc.show import terminal
-    from rmrc.study import compare_table as table
+    from rmrc.show.terminal import render
     from rmrc.study.compare import Comparison
+    from rmrc.study.compare_table import sheets
 
     console = output(quiet)
     comparison = Comparison(scenario, scenarios.variants(vary or ()), set_ or (), out, record)
@@ -118,11 +118,7 @@ def compare(
         f"{comparison.name}: {len(comparison.variants)} variants", comparison.ticks, quiet
     ) as on_ticks:
         results = comparison.run(on_ticks)
-    rows = [
-        table.Row(one.variant.label, one.run, one.scorecard, one.outcomes, one.stated_for)
-        for one in results.variants
-    ]
-    console.print(terminal.render(table.sheets(results.name, rows)))
+    console.print(render(sheets(results.name, [one.row for one in results.variants])))
     _list(console, results.files, record)
     raise typer.Exit(_exit_code_of_all(results))
 

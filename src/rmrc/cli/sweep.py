@@ -149,15 +149,10 @@ def _options(
 
 
 def _summarize(console: Console, work: "Sweep") -> None:
-    from rmrc.show import terminal
-    from rmrc.study import sweep_table
+    from rmrc.show.terminal import render
+    from rmrc.study.sweep_table import sheets
 
-    found = work.summary()
-    named = sorted({run for one in found.extremes for _, run in (one.least, one.most) if run >= 0})
-    extremes = [(one.column.name, one.column.unit, one.least, one.most) for one in found.extremes]
-    labels = [work.plan.label(run) for run in named]
-    parts = sweep_table.sheets(work.scenario.name, found.statuses, found.met, extremes, labels)
-    console.print(terminal.render(parts))
+    console.print(render(sheets(work.scenario.name, work.summary(), work.plan.label)))
 
 
 def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> None:

@@ -5,14 +5,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rmrc.cli.console import (
-    EXIT_INTERRUPTED,
-    EXIT_MISSED,
-    complain,
-    output,
-    print_line,
-    progress,
-)
+from rmrc.cli.console import EXIT_INTERRUPTED, EXIT_MISSED, complain, output, print_line, progress
 from rmrc.cli.options import Out, Quiet, drawable
 from rmrc.cli.scenarios import Overrides, ScenarioFile
 from rmrc.support.errors import ScenarioError
@@ -96,17 +89,15 @@ def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned | 
 
 
 def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:
-    from rmrc.show import sheets, terminal
-    from rmrc.tuning import report
-    from rmrc.tuning import tables as tuning_table
+    from rmrc.show.terminal import render
+    from rmrc.tuning import report, tables
 
     console, nearest = output(quiet), found.verdict.nearest
     title, facts = report.title(work, found), report.facts(work, found)
     if nearest:
-        console.print(terminal.render([sheets.Sheet(title, ("", ""), facts, frozenset({0, 1}))]))
+        console.print(render([tables.heading(title, facts)]))
     else:
-        named = report.named(found)
-        console.print(terminal.render(tuning_table.sheets(title, facts, report.front(found), named)))
+        console.print(render(tables.sheets(title, facts, report.front(found), report.named(found))))
         for line in (report.as_written(found), *report.alike(found)):
             console.print(line, highlight=False)
         console.print(f"\n{found.block}", highlight=False, soft_wrap=True)

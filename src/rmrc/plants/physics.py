@@ -80,12 +80,8 @@ class Physical(Plant):
     def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
         """Return the model with the plant's actuators: see `Arm.adapted`."""
         first = plants[0]
-        return first.arm.adapted(
-            cls.drive(plants),
-            first.section.timestep,
-            first.section.gravity_compensation,
-            loaded=first.is_loaded,
-        )
+        timestep, compensated = first.section.timestep, first.section.gravity_compensation
+        return first.arm.adapted(cls.drive(plants), timestep, compensated, loaded=first.is_loaded)
 
     def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return lengths, gravity and payload of this world."""

@@ -109,21 +109,20 @@ def read_change(key: Key, text: str, origin: Origin) -> Change:
     return Change(key, Unread(inner.value, problems, inner.hidden), origin, text)
 
 
-def read_setting(text: str, option: str = "--set") -> Change:
+def read_setting(text: str) -> Change:
     """Return the change that a text `KEY=VALUE` stands for; that of another text cannot be applied.
 
     Args:
         text: Such as `control.inverse.method=inverse` or `arm.start[1]=10 deg`; VALUE is YAML.
-        option: Whose text it is.
     """
     name, equals, value = text.partition("=")
     try:
         key = parse_key(name.strip() if equals else "")
     except ValueError:
         wrong = "must be KEY=VALUE, for example control.feedback=10"
-        problem = Problem((), wrong, Origin(f"{option} {brief(text)}"))
+        problem = Problem((), wrong, Origin(f"--set {brief(text)}"))
         return Change((), Unread(None, (problem,), is_nothing=True))
-    return read_change(key, value, Origin(f"{option} {join(key)}", key=join(key)))
+    return read_change(key, value, Origin(f"--set {join(key)}", key=join(key)))
 
 
 def applied(document: Document, change: Change) -> Document:

@@ -48,7 +48,7 @@ class _Recent(Generic[T]):
         return found
 
 
-class Known:
+class Cache:
     """What was found out about scenarios, for others that ask the same: arms, references, ranks.
 
     Only what was asked for last is kept. For one thread at a time.
@@ -95,16 +95,8 @@ class Known:
         """Return the task of a scenario, whose rank takes a millisecond to find."""
         section, joint_weights = scenario.task, scenario.control.joint_weights
         key = (arm, section.axes, section.length, section.weights, joint_weights)
-        return self._tasks.get(
-            key,
-            lambda: Task(
-                arm,
-                np.array([AXES.index(axis) for axis in section.axes]),
-                section.length,
-                section.weights,
-                joint_weights,
-            ),
-        )
+        rows = np.array([AXES.index(axis) for axis in section.axes])
+        return self._tasks.get(key, lambda: Task(arm, rows, section.length, section.weights, joint_weights))
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,14 +108,14 @@ class Prepared:
         arm: The arm that it names.
         qpos: Where the model starts, (nq,).
         reference: Poses and twists at each control tick.
-        known: What it shares with others.
+        cache: What it shares with others.
     """
 
     scenario: Scenario
     arm: Arm
     qpos: NDArray[np.float64]
     reference: Reference
-    known: Known = field(default_factory=Known, repr=False)
+    cache: Cache = field(default_factory=Cache, repr=False)
 
     @cached_property
     def hardware(self) -> Hardware:
@@ -144,7 +136,7 @@ class Prepared:
     @cached_property
     def task(self) -> Task:
         """What is moved."""
-        return self.known.task(self.scenario, self.arm)
+        return self.cache.task(self.scenario, self.arm)
 
     @cached_property
     def law(self) -> Law:
@@ -165,19 +157,19 @@ class Prepared:
         return replace(self, scenario=self.scenario.set({"arm.encoder.seed": seed}))
 
 
-def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
+def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     """Load the arm, check everything that needs it, and time the target.
 
     Args:
         scenario: A scenario.
-        known: What was found out before; what is found out here is added.
+        cache: What was found out before; what is found out here is added.
 
     Raises:
         ScenarioError: All that is wrong, with file, line and key.
     """
-    known = known or Known()
+    cache = cache or Cache()
     try:
-        arm = known.arm(scenario.arm)
+        arm = cache.arm(scenario.arm)
     except ModelError as error:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
     problems = Problems(scenario)
@@ -194,11 +186,11 @@ def prepare(scenario: Scenario, known: Known | None = None) -> Prepared:
     problems.raise_any()
     _doubt_start(scenario, arm)
     try:
-        reference = known.reference(scenario, arm, qpos[arm.wiring.qpos])
+        reference = cache.reference(scenario, arm, qpos[arm.wiring.qpos])
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([scenario.problem(key, text)]) from None
-    prepared = Prepared(scenario, arm, qpos, reference, known)
+    prepared = Prepared(scenario, arm, qpos, reference, cache)
     _check_duration(prepared, problems)
     problems.extend(hardware.plant.excesses(prepared.most_ticks))
     problems.raise_any()

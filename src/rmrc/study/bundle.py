@@ -72,13 +72,7 @@ def pack(draft: Draft) -> Parcel:
     places = {file: file.relative_to(root).as_posix() for file in everything}
     models = {name: Model(places[named[name]], _digest(named[name], some, contents))
               for name, some in needed.items()}  # fmt: skip
-    return Parcel(
-        draft,
-        str(folder),
-        root,
-        models,
-        {places[file]: data for file, data in contents.items()},
-    )
+    return Parcel(draft, str(folder), root, models, {places[file]: data for file, data in contents.items()})
 
 
 def _digest(model: Path, some: Sequence[Path], contents: Mapping[Path, bytes]) -> str:

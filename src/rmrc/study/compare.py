@@ -46,6 +46,11 @@ class Compared:
     stated_for: Mapping[str, str]
     status: str
 
+    @property
+    def row(self) -> Row:
+        """Its row of the table."""
+        return Row(self.variant.label, self.run, self.scorecard, self.outcomes, self.stated_for)
+
 
 @dataclass(frozen=True)
 class Results:
@@ -97,14 +102,14 @@ class Comparison(Batch):
         self._overrides = tuple(overrides)
         written = draft_of(source)
         base, self.variants = written.overridden(overrides), tuple(variants)
-        self.prepared = Study(base).prepare_all(self.variants)
+        worlds = Study(base).prepare_all(self.variants)
         self._written = _sound(written, base)
-        super().__init__(self.prepared[0].scenario.name, self.prepared, folder, record)
+        super().__init__(worlds[0].scenario.name, worlds, folder, record)
 
     def compile(self) -> Simulation:
         """Load the compiled law, or compile it the first time, which takes seconds."""
         if self._simulation is None:
-            for one in self.prepared:
+            for one in self.worlds:
                 compile_for(one)
         return super().compile()
 
@@ -112,7 +117,7 @@ class Comparison(Batch):
         with unlogged():
             from rmrc.recording.comparison import Overlay  # with rerun, a third of a second
 
-        worlds = [(v.label, one) for v, one in zip(self.variants, self.prepared, strict=True)]
+        worlds = [(v.label, one) for v, one in zip(self.variants, self.worlds, strict=True)]
         overlay = Overlay(self.file(".rrd"), self.name, worlds)
         return overlay, overlay.write
 
@@ -123,14 +128,13 @@ class Comparison(Batch):
             on_ticks: Called with the number of ticks of each block that was finished.
         """
         with self._ran(on_ticks) as ran:
-            triples = zip(self.variants, self.prepared, ran.runs, strict=True)
+            triples = zip(self.variants, self.worlds, ran.runs, strict=True)
             found = tuple(self._scored(*one, ran.interrupted) for one in triples)
             ran.write(".json", lambda path: self._save_facts(path, found))
             if not ran.interrupted:  # which takes longer than one waits after Ctrl-C
                 is_drawn = ran.leaving.attempt(lambda: self._draw(ran.runs)) and any(map(len, ran.runs))
                 ran.leaving.files += [self.file(kind) for kind in (".png", ".svg") if is_drawn]
-            rows = [Row(c.variant.label, c.run, c.scorecard, c.outcomes, c.stated_for) for c in found]
-            ran.finish(lambda: markdown(rows))
+            ran.finish(lambda: markdown([one.row for one in found]))
         return Results(self.name, found, ran.files, ran.interrupted, ran.failures)
 
     def _draw(self, runs: Sequence[Run]) -> None:
@@ -139,7 +143,7 @@ class Comparison(Batch):
 
         curves = [
             (variant.label, filter_factor(prepared, run))
-            for variant, prepared, run in zip(self.variants, self.prepared, runs, strict=True)
+            for variant, prepared, run in zip(self.variants, self.worlds, runs, strict=True)
             if len(run)
         ]
         if curves:
@@ -153,7 +157,7 @@ class Comparison(Batch):
                 "expected_of_others": one.stated_for,
                 **facts.run_facts(one.status, one.run, one.scorecard, one.outcomes, prepared.scenario),
             }
-            for one, prepared in zip(compared, self.prepared, strict=True)
+            for one, prepared in zip(compared, self.worlds, strict=True)
         ]
         about = {"name": self.name, "overrides": self._overrides, "variants": known}
         facts.save(path, about, "matplotlib")

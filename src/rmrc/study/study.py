@@ -21,7 +21,7 @@ from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Scorecard, refuse_unknown
 from rmrc.scenario import Change, Draft, Scenario, Variant, draft_of
 from rmrc.simulation.footprint import Footprint, footprint
-from rmrc.simulation.prepare import Known, Prepared, prepare
+from rmrc.simulation.prepare import Cache, Prepared, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.executors import Crew, done
 from rmrc.support.errors import ScenarioError
@@ -212,7 +212,7 @@ class Study:
             base: The scenario, its file, or a draft, which may be wrong as long as the variants are not.
         """
         self._base = base if isinstance(base, Scenario) else draft_of(base)
-        self._known, self._batches = Known(), Batches()
+        self._cache, self._batches = Cache(), Batches()
         self._lock = threading.Lock()
         self._kept: dict[int, Prepared] = {}
         if isinstance(self._base, Draft):
@@ -229,7 +229,7 @@ class Study:
             ScenarioError: All that is wrong with it.
         """
         base = self._base.changed(*changes) if changes else self._base
-        prepared = prepare(base.scenario() if isinstance(base, Draft) else base, self._known)
+        prepared = prepare(base.scenario() if isinstance(base, Draft) else base, self._cache)
         refuse_unknown(prepared.scenario, prepared.arm.joints)
         return prepared
 

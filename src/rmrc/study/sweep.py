@@ -118,10 +118,8 @@ class Sweep:
         self.scenario = draft_of(source, overrides).scenario()
         self.plan = plan_of(self.scenario)
         self.folder = folder
-        self._threads, self._cluster = (
-            threads or os.cpu_count() or 1,
-            None if cluster is None else clusters.Address.read(cluster),
-        )
+        self._threads = threads or os.cpu_count() or 1
+        self._cluster = None if cluster is None else clusters.Address.read(cluster)
         self._users = 0
         self._working, self._opened = ExitStack(), cast(Crew | None, None)
         self._refuse_nothing()
@@ -269,15 +267,11 @@ class Sweep:
         excess = batch.times(at_once).excess
         if excess:
             fewer = " or lower --threads" if at_once > 1 else ""
-            raise ScenarioError(
-                [
-                    self.scenario.problem(
-                        "target.path",
-                        f"has up to {longest} ticks, and the batches that are run at a time, {at_once}, need "
-                        f"{excess}; shorten it, raise control.period{fewer}",
-                    )
-                ]
+            wrong = (
+                f"has up to {longest} ticks, and the batches that are run at a time, {at_once}, need "
+                f"{excess}; shorten it, raise control.period{fewer}"
             )
+            raise ScenarioError([self.scenario.problem("target.path", wrong)])
 
     def run(self, on_runs: OnRuns | None = None) -> Swept:
         """Run what is missing, and make one file when nothing is; Ctrl-C leaves what is done.

@@ -1,32 +1,30 @@
-"""The rows of a sweep at a glance: how the runs ended, and the extremes of the main figures."""
+"""The summary of a sweep as tables."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable
 
 from rmrc.show.sheets import UNDEFINED, Sheet, number
+from rmrc.study.summary import Summary
 
-Extreme = tuple[str, str, tuple[float, int], tuple[float, int]]
 
-
-def sheets(
-    name: str, statuses: Mapping[str, int], met: int | None, extremes: Sequence[Extreme], runs: Sequence[str]
-) -> list[Sheet]:
+def sheets(name: str, found: Summary, label: Callable[[int], str]) -> list[Sheet]:
     """Return the tables.
 
     Args:
         name: Of the scenario.
-        statuses: How many runs ended how.
-        met: How many met what is expected, or None.
-        extremes: Name and unit of a figure, its least value and the run that has it, its largest and its run.
-        runs: What was varied in the runs that are named, in words.
+        found: What the rows say.
+        label: What was varied in a run, in words.
     """
-    total = sum(statuses.values())
-    counts = [(status, str(count)) for status, count in sorted(statuses.items())]
-    counts += [] if met is None else [("all expectations met", str(met))]
-    rows = [(f"{figure} [{unit}]", *_end(least), *_end(most)) for figure, unit, least, most in extremes]
+    counts = [(status, str(count)) for status, count in sorted(found.statuses.items())]
+    counts += [] if found.met is None else [("all expectations met", str(found.met))]
+    rows = [
+        (f"{one.column.name} [{one.column.unit}]", *_end(one.least), *_end(one.most))
+        for one in found.extremes
+    ]
+    named = sorted({run for one in found.extremes for _, run in (one.least, one.most) if run >= 0})
     return [
-        Sheet(f"{name}: {total} runs", ("", ""), counts),
+        Sheet(f"{name}: {sum(found.statuses.values())} runs", ("", ""), counts),
         Sheet("", ("figure", "least", "run", "most", "run"), rows),
-        Sheet("", ("",), [(run,) for run in runs]),
+        Sheet("", ("",), [(label(run),) for run in named]),
     ]
 
 

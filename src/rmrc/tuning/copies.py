@@ -5,12 +5,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from rmrc.scenario import ArcSegment, LineSegment, Scenario, Variant, changes_of
+from rmrc.scenario.sections import MOST_DRAWN
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.sobol import sobol_point
 from rmrc.support.errors import ScenarioError
-
-# Sobol's sequence has its numbers for so many.
-_MOST_DRAWN = 20
 
 
 @dataclass(frozen=True)
@@ -51,9 +49,9 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
     joints = arm.n if spread.start else 0
     axes = axes if spread.offset else []
     drawn = joints + len(axes) + bool(spread.payload)
-    if drawn > _MOST_DRAWN:
+    if drawn > MOST_DRAWN:
         raise ScenarioError.about(
-            "--copies", f"at most {_MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"
+            "--copies", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"
         )
     # positions place the joints that are not driven as in `home`, which must be where the keyframe has them
     placed = arm.configuration(nominal.qpos[arm.wiring.qpos])

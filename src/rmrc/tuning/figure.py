@@ -50,16 +50,6 @@ def draw_front(
         limits: Rate limits of the joints [rad/s].
         path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
     """
-    save(_drawn(name, points, front, marks, limits), [path])
-
-
-def _drawn(
-    name: str,
-    points: Sequence[tuple[str, float, float]],
-    front: Sequence[tuple[float, float]],
-    marks: Sequence[Mark],
-    limits: Sequence[float],
-) -> Figure:
     figure = Figure(figsize=(9.0, 5.4), layout="constrained")
     axes = figure.add_subplot(yscale="log")
     methods = sorted({method for method, _, _ in points})
@@ -81,7 +71,7 @@ def _drawn(
     _frame(axes, points, marks, limits)
     axes.set_title(f"{plain(name)}: settings that keep the limits on every copy")
     figure.legend(loc="outside right upper", frameon=False)
-    return figure
+    save(figure, [path])
 
 
 def _frame(

@@ -61,10 +61,8 @@ def _allowed(values: NDArray[np.float64], what: str, limits: Limits, per: str) -
 
 
 def _row(one: Tried, found: Tuned) -> Row:
-    verdict, out = found.verdict, one.worst
-    roles = (("recommended", verdict.recommended), ("second best", verdict.second), ("as written", found.own))
-    name = ", ".join(name for name, other in roles if other is one)
-    return Row(name, words(one.setting), numbers(one.setting), out.error, out.peak_rate, out.time)
+    out = one.worst
+    return Row(found.role(one), words(one.setting), numbers(one.setting), out.error, out.peak_rate, out.time)
 
 
 def front(found: Tuned) -> list[Row]:

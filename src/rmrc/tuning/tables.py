@@ -29,6 +29,11 @@ class Row(NamedTuple):
     time: float
 
 
+def heading(title: str, facts: Sequence[tuple[str, str]]) -> Sheet:
+    """Return the first table: what was tried and what was allowed."""
+    return Sheet(title, ("", ""), facts, frozenset({0, 1}))
+
+
 def sheets(
     title: str, facts: Sequence[tuple[str, str]], front: Sequence[Row], named: Sequence[Row]
 ) -> list[Sheet]:
@@ -51,7 +56,7 @@ def sheets(
         [(one.name, *_against(best, one)) for one in others],
     )
     return [
-        Sheet(title, ("", ""), facts, frozenset({0, 1})),
+        heading(title, facts),
         Sheet(title_of_front, headings, [units, *map(_cells, rows)], left),
         Sheet("What is recommended, and others", headings, [units, *map(_cells, named)], left),
         *([costs] if others else []),

@@ -22,16 +22,7 @@ from rmrc.support.problems import Origin, Problem
 from rmrc.tuning.copies import Spread, draw_copies, has_points
 from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.search import Search, Tried
-from rmrc.tuning.space import (
-    NUMBERS,
-    WORDS,
-    Setting,
-    Space,
-    Structure,
-    all_structures,
-    bounds,
-    own_setting,
-)
+from rmrc.tuning.space import NUMBERS, WORDS, Setting, Space, Structure, all_structures, bounds, own_setting
 from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.verdict import Verdict, judge
 
@@ -61,6 +52,16 @@ class Tuned:
     limits: Limits
     runs: int
     interrupted: bool
+
+    @property
+    def roles(self) -> dict[str, Tried | None]:
+        """What has a name, the most important first."""
+        verdict = self.verdict
+        return {"recommended": verdict.recommended, "second best": verdict.second, "as written": self.own}
+
+    def role(self, one: Tried) -> str:
+        """Return the name of a setting; "" if it has none."""
+        return ", ".join(name for name, other in self.roles.items() if other is one)
 
     @property
     def block(self) -> str:
@@ -158,15 +159,16 @@ class Tuning:
             if not search.begin(self._own, self.slower):
                 return None
             search.run()
-            own, *_ = search.tried
-            verdict = judge(search.feasible, search.tried, own)
+            tried, feasible = tuple(search.tried), tuple(search.feasible)
+            verdict = judge(feasible, tried, tried[0])
             best = verdict.recommended
+            control = self._written(best.setting).get("control", {}) if best else None
             return Tuned(
-                own,
-                tuple(search.tried),
-                tuple(search.feasible),
+                tried[0],
+                tried,
+                feasible,
                 verdict,
-                self._written(best.setting).get("control", {}) if best else None,
+                control,
                 self.copies,
                 trials.limits,
                 trials.done,
@@ -223,18 +225,16 @@ class Tuning:
     def _draw(self, tuned: Tuned, path: Path) -> None:
         from rmrc.tuning.figure import Mark, draw_front
 
-        verdict = tuned.verdict
         points = [(one.setting.structure.method, *one.worst.point[:2]) for one in tuned.feasible]
-        named = [
-            ("recommended", verdict.recommended),
-            ("second best", verdict.second),
-            ("as written", tuned.own),
+        marks = [
+            Mark(name, one.setting.structure.method, *one.worst.point[:2])
+            for name, one in tuned.roles.items()
+            if one
         ]
-        marks = [Mark(name, one.setting.structure.method, *one.worst.point[:2]) for name, one in named if one]
         limits = sorted(
             {float(rate) for rate in tuned.limits.rate / tuned.limits.scale if math.isfinite(rate)}
         )
-        steps = [one.worst.point[:2] for one in verdict.front]
+        steps = [one.worst.point[:2] for one in tuned.verdict.front]
         draw_front(self.scenario.name, points, steps, marks, limits, path)
 
     def _written(self, setting: Setting) -> dict[str, Any]:
@@ -397,13 +397,11 @@ def _columns() -> list[Column]:
 
 
 def _row(one: Tried, tuned: Tuned) -> dict[str, Any]:
-    verdict, out = tuned.verdict, one.worst
-    roles = {"recommended": verdict.recommended, "second best": verdict.second, "as written": tuned.own}
-    whole = len(one.outcomes) == len(tuned.copies)
+    out, whole = one.worst, len(one.outcomes) == len(tuned.copies)
     return {
         "index": next(i for i, other in enumerate(tuned.tried) if other is one),
         **one.setting.values,
-        "role": ", ".join(name for name, other in roles.items() if other is one) or None,
+        "role": tuned.role(one) or None,
         "copies": len(one.outcomes),
         "error": out.error,
         "peak_rate": out.peak_rate,
@@ -412,5 +410,5 @@ def _row(one: Tried, tuned: Tuned) -> dict[str, Any]:
         "excess": out.excess,
         "tightest": out.missed or None,
         "feasible": one.keeps_limits if whole else None if one.keeps_limits else False,
-        "on_front": any(other is one for other in verdict.front),
+        "on_front": any(other is one for other in tuned.verdict.front),
     }

@@ -19,7 +19,7 @@ from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import SERVO
 from rmrc.simulation.footprint import footprint
-from rmrc.simulation.prepare import Known, prepare
+from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import DivergenceError, QuestionError
 from rmrc.support.spatial import AXES, pose_error
@@ -103,7 +103,7 @@ def hold_wrench(
     """
     arm = wanted.arm
     _check(wanted)
-    prepared = prepare(hold_scenario(wanted, seconds), Known(arm))
+    prepared = prepare(hold_scenario(wanted, seconds), Cache(arm))
     ticks, excess = prepared.reference.ticks, footprint([prepared]).excess
     if excess:
         raise QuestionError(f"--hold: {ticks} ticks need {excess}; hold for a shorter time")
