@@ -102,7 +102,16 @@ for name in pip python ruff mypy; do cp "$0" .venv/bin/$name; done
 
 @pytest.mark.parametrize(
     "fails",
-    ["python3 -m venv", "pip install", "python -m pytest", "ruff check", "ruff format", "mypy", None],
+    [
+        "python3 -m venv",
+        "pip install",
+        "python -m pytest",
+        "ruff check",
+        "ruff format",
+        "python tools/counts.py",
+        "mypy",
+        None,
+    ],
 )
 def test_ci_fails_if_any_of_its_steps_does(fails, tmp_path):
     (tmp_path / ".ci").mkdir()
@@ -126,7 +135,7 @@ def test_ci_fails_if_any_of_its_steps_does(fails, tmp_path):
         assert ended.returncode == 0, ended.stderr
         browsers = ["chromium", "chromium-browser", "google-chrome"]
         has_one = any(shutil.which(name, path="/usr/bin:/bin") for name in browsers)
-        assert called == ["python3", "pip", "python", "ruff", "ruff", "mypy", *["python"] * has_one]
+        assert called == ["python3", "pip", "python", "ruff", "ruff", "python", "mypy", *["python"] * has_one]
 
 
 LONG_STUB = """#!/usr/bin/env bash

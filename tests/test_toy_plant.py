@@ -189,11 +189,11 @@ def test_verbs_run_it(toy):
     kinds = "plant.kind=ideal,lagging,servo"
     toy.rmrc("compare", "toy.yaml", "--vary", kinds, "--out", "out", "--no-record", "-q")
     compared = json.loads((toy.folder / "out/toy.compare.json").read_text())
-    error = {one["label"]: one["scorecard"]["position_error"]["peak"] for one in compared["variants"]}
+    error = {one["label"]: one["scorecard"]["position_error"]["max"] for one in compared["variants"]}
     toy.rmrc("sweep", "toy.yaml", "--vary", "plant.lag=0.01,0.05,0.1", "--out", "out", "-q")
     rows = pq.read_table(toy.folder / "out/toy.sweep.parquet").to_pydict()
     assert rows["plant.lag"] == [0.01, 0.05, 0.1]
-    peaks = rows["position_error.peak"]
+    peaks = rows["position_error.max"]
     assert error["ideal"] < peaks[0] < peaks[1] < peaks[2]  # the slower, the worse
     assert peaks[1] == error["lagging"]
 
