@@ -23,7 +23,9 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.pop("COLUMNS", None)
 
 # Compiling on the first example, and two busy cores, must not count as a slow test.
-settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True)
+settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=50)
+# `--hypothesis-profile=many` has more.
+settings.register_profile("many", settings.get_profile("rmrc"), max_examples=200)
 settings.load_profile("rmrc")
 
 # In the name of each test of clusters, and of each with a browser.

@@ -141,7 +141,7 @@ def test_ci_fails_if_any_of_its_steps_does(fails, tmp_path):
 LONG_STUB = """#!/usr/bin/env bash
 case "$(basename "$0") $*" in
 "python -") printf 'Nehalem X86_V3 X86_V4\\nHaswell X86_V4\\nSkylakeX\\n'; exit ;;
-"python -m pytest -q") echo "${OPENBLAS_CORETYPE-} ${NPY_DISABLE_CPU_FEATURES-} ${NUMBA_CPU_NAME-}" >> log ;;
+"python -m pytest -q"*) echo "${OPENBLAS_CORETYPE-} ${NPY_DISABLE_CPU_FEATURES-} ${NUMBA_CPU_NAME-}" >> log ;;
 esac
 [ "${OPENBLAS_CORETYPE-}${NUMBA_CPU_NAME-}" = "FAILS" ] && exit 1
 [ -d .venv ] && exit

@@ -157,7 +157,9 @@ def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch,
 
 
 # Ctrl-C is tried in tests/test_cli.py.
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("number", "code"), [(signal.SIGTERM, 143), pytest.param(signal.SIGHUP, 129, marks=pytest.mark.long)]
+)
 def test_a_run_within_a_long_tick_answers_and_keeps_what_it_has(hard, number, code):
     process = start(hard, "run", "hard.yaml", env={**os.environ, "COLUMNS": "200"})
     wait_for_ticks(process, hard)

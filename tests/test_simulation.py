@@ -23,14 +23,16 @@ from rmrc.simulation.simulation import BLOCK, HELD, Simulation
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
+COARSE = "control.period=0.004"  # the oracle takes a third of a millisecond a tick
+FINER = "control.period=0.002"  # the torque plant carries rounding too far along at a longer one
 SIX = (
     "task.axes=[x, y, z, rx, ry, rz]",
-    "target.path=[{line: {by: [0.03, 0.03, 0.03], turn: {axis: z, angle: 0.1}}}]",
-)
+    "target.path=[{line: {by: [0.03, 0.03, 0.03], turn: {axis: z, angle: 0.1}}}]", COARSE,
+)  # fmt: skip
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
 REACH = "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.5, 0]}}]"  # to 10 mm from full reach and back
 SHORT = "target.path=[{line: {by: [0.1, 0.1]}}]"
-COARSE = "control.period=0.002"  # the oracle takes a third of a millisecond a tick
+BRIEF = (SHORT, COARSE)
 NEAR = (
     COARSE, "arm.start=[15 deg, -30 deg]", "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.95, 0]}}]",
 )  # fmt: skip
@@ -57,25 +59,25 @@ def second(text):
 VARIANTS = {
     "inverse": (SHORT, METHOD + "inverse",),
     "inverse, 6 joints": (*STANFORD, *SIX, METHOD + "inverse"),
-    "pseudoinverse, wide": (*THREE, SHORT, METHOD + "pseudoinverse"),
-    "pseudoinverse, tall": (SHORT, "task.axes=[x, y, rz]", METHOD + "pseudoinverse"),
+    "pseudoinverse, wide": (*THREE, *BRIEF, METHOD + "pseudoinverse"),
+    "pseudoinverse, tall": (*BRIEF, "task.axes=[x, y, rz]", METHOD + "pseudoinverse"),
     "truncated": (*NEAR, METHOD + "truncated", "control.inverse.cutoff=0.1"),
-    "truncated, 6 joints": (*STANFORD, *SIX, METHOD + "truncated", "control.inverse.cutoff=0.5", "plant.kind=torque"),
+    "truncated, 6 joints": (*STANFORD, *SIX, METHOD + "truncated", "control.inverse.cutoff=0.5", "plant.kind=torque", FINER),
     "truncated, stuck": (
         COARSE, "arm.start=[4 deg, -8 deg]", "target.path=[{line: {to: [2, 0]}}, {line: {to: [1.9, 0]}}]",
         METHOD + "truncated", "control.inverse.cutoff=0.1",
     ),
-    "transpose": (SHORT, METHOD + "transpose",),
+    "transpose": (*BRIEF, METHOD + "transpose",),
     "transpose, wide and weighted": (
         *PLANAR, METHOD + "transpose", "control.joint_weights=[3, 1, 0.5]", "task.weights=[1, 4]",
     ),
     "damped": NEAR,
     "damped, constant": (*NEAR, SCHEDULE + "constant"),
     "damped, tall and weighted": (
-        SHORT, "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]", SCHEDULE + "constant",
+        *BRIEF, "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]", SCHEDULE + "constant",
     ),
     "damped, wide and weighted": (
-        *THREE, SHORT, "task.weights=[1, 4]", "control.joint_weights=[3, 1, 0.5]", OBJECTIVE + "posture",
+        *THREE, *BRIEF, "task.weights=[1, 4]", "control.joint_weights=[3, 1, 0.5]", OBJECTIVE + "posture",
         "control.nullspace.posture=[0.5, -1, 0.5]",
     ),
     "damped by manipulability": (*NEAR, SCHEDULE + "manipulability"),
@@ -90,7 +92,7 @@ VARIANTS = {
     "filtered, 6 joints": (*STANFORD, *SIX, METHOD + "filtered", "control.inverse.damping.below=0.8"),
     "selectively damped": (*NEAR, METHOD + "selectively_damped", "control.inverse.rate_bound=0.5"),
     "selectively damped, tall and weighted": (
-        SHORT, "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]",
+        *BRIEF, "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]",
         METHOD + "selectively_damped", "control.inverse.rate_bound=0.3",
     ),
     "jparse": (*NEAR, METHOD + "jparse"),
@@ -145,7 +147,7 @@ VARIANTS = {
     "slow": (*NEAR, "control.at_singularity=slow", "control.limits={rate: 0.5, acceleration: 5}"),
     "slow, but not long, redistributed": (
         *NEAR, "control.at_singularity=slow", "control.slow={longest: 1.2, change: 2}",
-        "control.limits={rate: 0.3, on_excess: redistribute}", METHOD + "jparse", "plant.kind=torque",
+        "control.limits={rate: 0.3, on_excess: redistribute}", METHOD + "jparse", "plant.kind=torque", FINER,
     ),
     "slow, 6 joints": (
         *STANFORD, *SIX, "control.at_singularity=slow", "control.limits.rate=0.3", METHOD + "filtered",
@@ -169,13 +171,13 @@ VARIANTS = {
     ),
     "encoders off, stop, pushed, limits": (
         *FOLDED, DRIFT, "arm.encoder={deviation: 0.5 deg, seed: 1}", "control.limits={acceleration: 2, on_excess: clamp}",
-        "control.at_singularity=stop", "plant={kind: torque, wrench: [5, -3, 1, 0, 0, 2]}",
+        "control.at_singularity=stop", "plant={kind: torque, wrench: [5, -3, 1, 0, 0, 2]}", FINER,
     ),
-    "no feed-forward": (SHORT, "control.feedforward=false",),
-    "no feedback": (SHORT, "control.feedback=0",),
+    "no feed-forward": (*BRIEF, "control.feedforward=false",),
+    "no feedback": (*BRIEF, "control.feedback=0",),
     "ideal": (*NEAR, "plant.kind=ideal"),
     "torque": (SHORT, "plant.kind=torque",),
-    "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", "control.period=0.002"),
+    "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", FINER),
     "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
 }  # fmt: skip
 
@@ -256,7 +258,7 @@ def test_the_same_world_gives_the_same_bits_alone_among_others_and_on_threads(sc
     chosen = [(REACH,), (REACH, "plant.kv=500"), *VARIANTS.values()]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
     alone = [Simulation([one]).run()[0] for one in prepared]
-    for threads in (1, 2, 3):
+    for threads in (1, 3):
         for run, want in zip(Simulation(prepared, threads).run(), alone, strict=True):
             for name in COLUMNS:
                 assert_array_equal(run[name], want[name])
@@ -337,7 +339,7 @@ def test_worlds_of_different_length_end_on_their_own(scenario):
 
 
 @given(seeds)
-@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(max_examples=6, suppress_health_check=[HealthCheck.function_scoped_fixture])
 def test_any_chain_under_any_law_equals_the_numpy_loop(scenario, tmp_path_factory, seed):
     compare_random_chain(scenario, tmp_path_factory, seed)
 
@@ -419,7 +421,7 @@ def compare_random_chain(scenario, tmp_path_factory, seed):
         f"arm.model={path}", f"arm.start={start.tolist()}", f"task.axes=[{', '.join(axes)}]",
         f"control={json.dumps(control)}",
         f"task.weights={rng.uniform(0.3, 3, len(axes)).tolist()}", f"task.length={rng.uniform(0.3, 3)}",
-        f"plant.kind={rng.choice(['ideal', 'servo', 'torque'])}", COARSE,
+        f"plant.kind={rng.choice(['ideal', 'servo', 'torque'])}", FINER,
         "target.path=[{line: {by: [0.02, 0.02, 0.02], turn: {axis: x, angle: 0.05}}}]",
     ]  # fmt: skip
     of_encoders = np.random.default_rng([seed, 2])  # beside the draws above, which stay as they were
@@ -445,7 +447,7 @@ def test_a_screw_arm_is_where_its_joints_put_it(scenario, tmp_path, kind, tolera
         [
             prepare(
                 scenario(
-                    f"arm.model={path}", "arm.start=home", "task.axes=[x, y, z]", f"plant.kind={kind}", COARSE,
+                    f"arm.model={path}", "arm.start=home", "task.axes=[x, y, z]", f"plant.kind={kind}", FINER,
                     METHOD + "inverse", "target.path=[{line: {by: [0.0, 0.05, 0.02]}}]",
                 )
             )

@@ -1,5 +1,6 @@
 """What comes from files, options and models is printed as it is: no markup, no control characters, not too long."""
 
+import json
 import re
 import subprocess
 import sys
@@ -103,6 +104,16 @@ CALLS = [
 ]
 
 
+# In the place of rmrc: tells what it was called with.
+ECHO = """
+import json, sys
+def main():
+    print(json.dumps(sys.argv[1:]))
+if __name__ == "__main__":
+    main()
+"""
+
+
 @pytest.mark.parametrize(("call", "told", "name"), CALLS)
 def test_a_command_to_copy_is_written_as_this_one_was_called(tmp_path, call, told, name):
     # The console script as pip writes it, for this environment.
@@ -119,7 +130,12 @@ def test_a_command_to_copy_is_written_as_this_one_was_called(tmp_path, call, tol
     assert done.returncode == 2
     (command,) = re.findall("`([^`]* inspect [^`]*)`", done.stderr)
     assert command.startswith(f"{told.format(**places)} inspect ")
+    # Copied to a shell, it calls what this one called, and names the same file.
+    (tmp_path / "called/rmrc").mkdir(parents=True)
+    (tmp_path / "called/rmrc/__init__.py").touch()
+    (tmp_path / "called/rmrc/__main__.py").write_text(ECHO)
     again = subprocess.run(
-        ["bash", "-c", command], cwd=tmp_path, capture_output=True, check=False, env={"PATH": path}
-    )
-    assert again.returncode == 0
+        ["bash", "-c", command],
+        cwd=tmp_path, capture_output=True, check=True, env={"PATH": path, "PYTHONPATH": "called"},
+    )  # fmt: skip
+    assert json.loads(again.stdout) == ["inspect", name]

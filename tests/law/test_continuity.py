@@ -23,7 +23,7 @@ BOUNDED = {
 CONTINUOUS = BOUNDED | {"selectively_damped"}  # while no two σ meet
 DISCONTINUOUS = {"inverse", "pseudoinverse", "truncated", "damped-rate_bound"}
 
-COARSE = 200  # steps h; a tenth of them is what the growth is seen at
+COARSE = 150  # steps h; a tenth of them is what the growth is seen at
 GROWTH = 1.5  # a bounded quotient grows by the error of sampling it, some per cent; at a jump it grows by 10
 
 # Where a σ dies: no multiple of a step, so that no sample is at the singularity but some are very near.

@@ -36,7 +36,7 @@ def wait_for(process, folder, parts):
     while len(list(folder.glob("part-*.parquet"))) < parts:
         assert process.poll() is None, process.communicate()
         assert time.monotonic() < until
-        time.sleep(0.001)
+        time.sleep(0.005)
 
 
 @pytest.mark.skipif(os.name != "posix", reason="signals")
