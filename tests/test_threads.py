@@ -39,6 +39,6 @@ def test_pools_that_overlap_leave_the_interpreter_as_the_first_found_it(before):
 def test_what_a_caller_froze_stays_frozen():
     gc.freeze()
     count = gc.get_freeze_count()
-    with side_by_side(1):
-        pass
-    assert gc.get_freeze_count() > 0.9 * count  # some of them may have been freed since
+    with side_by_side(1):  # some of them may be freed meanwhile
+        assert 0.9 * count < gc.get_freeze_count() <= count
+    assert 0.9 * count < gc.get_freeze_count() <= count

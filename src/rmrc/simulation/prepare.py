@@ -49,7 +49,7 @@ class _Recent(Generic[T]):
 
 
 class Cache:
-    """What was found out about scenarios, for others that ask the same: arms, references, ranks.
+    """What was found out about scenarios, for others that ask the same: arms, references, tasks.
 
     Only what was asked for last is kept. For one thread at a time.
     """
