@@ -189,8 +189,8 @@ def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeyp
     )
     by_file = Comparison(path, some, short, tmp_path / "a", record=False).run()
     by_object = Comparison(load(path), some, short, tmp_path / "b", record=False).run()
-    for one, other in zip(by_file.variants, by_object.variants, strict=True):
+    for one, other in zip(by_file.results, by_object.results, strict=True):
         assert one.run["qdot_cmd"].tobytes() == other.run["qdot_cmd"].tobytes()
         assert one.outcomes == other.outcomes
-    a, b = (json.loads((tmp_path / name / f"{by_file.name}.compare.json").read_text()) for name in "ab")
+    a, b = (json.loads((tmp_path / name / "approach_singularity.compare.json").read_text()) for name in "ab")
     assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]

@@ -8,7 +8,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from rmrc.cli.console import EXIT_INPUT, EXIT_INTERRUPTED, complain, output, print_line, progress
+from rmrc.cli.console import (
+    EXIT_INPUT,
+    EXIT_INTERRUPTED,
+    complain,
+    interruption,
+    output,
+    print_line,
+    progress,
+)
 from rmrc.cli.kinds import SCENARIO, expect
 from rmrc.cli.options import Out, Quiet
 from rmrc.cli.scenarios import Overrides
@@ -18,7 +26,6 @@ from rmrc.support.legible import shortened
 from rmrc.support.problems import Origin, Problem
 
 if TYPE_CHECKING:
-    from rmrc.study.dataset import Contents
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
 
@@ -69,8 +76,10 @@ def sweep(
 
     Started again, it goes on where it was ended. A run that diverges is a row like others.
     """
+    from rmrc.show.terminal import render
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
+    from rmrc.study.sweep_table import sheets
 
     options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
     choice = Choice.read(record) if record else None
@@ -80,7 +89,10 @@ def sweep(
         )
     base = _given(draft_of(scenario, set_ or ()), options)
     with Sweep(base, (), out, threads, cluster) as work:
-        contents = _check(work, quiet)
+        with interruption("interrupted before the first run"):
+            work.compile()
+            with progress("checking", len(work), quiet, unit="runs") as on_runs:
+                contents = work.check(on_runs)
         choice = choice and choice.settled(work.scenario, contents.columns)
         name, before = work.scenario.name, work.done
         with progress(f"{name}: {len(work)} runs", len(work), quiet, before, "runs") as on_runs:
@@ -92,21 +104,10 @@ def sweep(
         complain(f"interrupted after {work.done} of {len(work)} runs; the same command goes on")
         raise typer.Exit(EXIT_INTERRUPTED)
     console = output(quiet)
-    _summarize(console, work)
+    console.print(render(sheets(name, work.summary(), work.plan.label)))
     print_line(console, f"wrote {work.dataset.file}")
     if choice:
         _record(console, work, choice, quiet)
-
-
-def _check(work: "Sweep", quiet: bool) -> "Contents":
-    """Check every run; Ctrl-C leaves nothing."""
-    try:
-        work.compile()
-        with progress("checking", len(work), quiet, unit="runs") as on_runs:
-            return work.check(on_runs)
-    except KeyboardInterrupt:
-        complain("interrupted before the first run")
-        raise typer.Exit(EXIT_INTERRUPTED) from None
 
 
 def _given(base: Draft, options: Mapping[str, tuple[str, str]]) -> Draft:
@@ -148,23 +149,16 @@ def _options(
     return options
 
 
-def _summarize(console: Console, work: "Sweep") -> None:
-    from rmrc.show.terminal import render
-    from rmrc.study.sweep_table import sheets
-
-    console.print(render(sheets(work.scenario.name, work.summary(), work.plan.label)))
-
-
 def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> None:
     for index in work.chosen(choice):
         job = work.job(index)
-        with progress(job.scenario.name, job.ticks, quiet) as on_ticks:
-            ended = job.run(on_ticks)
-        if ended.interrupted:
-            complain(f"interrupted while {job.scenario.name} was recorded; all rows are there")
+        with progress(job.name, job.ticks, quiet) as on_ticks:
+            left = job.run(on_ticks)
+        if left.interrupted:
+            complain(f"interrupted while {job.name} was recorded; all rows are there")
             raise typer.Exit(EXIT_INTERRUPTED)
-        for failure in ended.failures:
+        for failure in left.failures:
             complain(f"error: {failure}")
-        if ended.failures:
+        if left.failures:
             raise typer.Exit(EXIT_INPUT)
-        print_line(console, f"wrote {ended.files[0]}")
+        print_line(console, f"wrote {left.files[0]}")

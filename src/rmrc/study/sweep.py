@@ -16,7 +16,6 @@ from rmrc.results.leaving import refuse_unwritable
 from rmrc.scenario import Change, Draft, Problems, Scenario, draft_of
 from rmrc.simulation.footprint import Footprint
 from rmrc.simulation.prepare import Prepared
-from rmrc.simulation.simulation import Simulation
 from rmrc.study import dask as clusters
 from rmrc.study.bundle import Parcel, pack
 from rmrc.study.dataset import Contents, Dataset
@@ -233,7 +232,7 @@ class Sweep:
 
     def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        Simulation([self._prepare(0)], keep_columns=False)
+        self._study.compile([self._prepare(0)])
 
     def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Check every run before the first one starts, unless that was done before.

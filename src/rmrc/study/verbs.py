@@ -9,12 +9,10 @@ from typing import TypeAlias
 from rmrc.results.leaving import OutputError
 from rmrc.results.run import Run
 from rmrc.scenario import Draft, Scenario, draft_of, grid
-from rmrc.simulation.footprint import refuse_excess
-from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
 from rmrc.study.dataset import Table
 from rmrc.study.run import Job
-from rmrc.study.study import Study
+from rmrc.study.study import Ran, Study
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
@@ -49,12 +47,11 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
         'm'
     """
     if out is None:
-        prepared = Study(scenario).prepare()
-        refuse_excess([prepared])
-        return Simulation([prepared]).run()[0]
-    ended = Job(draft_of(scenario).scenario(), Path(out), record).run()
-    _raise_any(ended.failures, ended.interrupted)
-    return ended.run
+        study = Study(scenario)
+        return study.step([study.prepare()])[0].run
+    left = Job(draft_of(scenario).scenario(), Path(out), record).run()
+    _raise_any(left.failures, left.interrupted)
+    return left.results[0].run
 
 
 def compare(
@@ -83,15 +80,15 @@ def compare(
         ['inverse', 'damped']
     """
     variants = grid(vary)
+    results: Sequence[Ran]
     if out is None:
-        prepared = Study(scenario).prepare_all(variants)
-        refuse_excess(prepared)
-        runs = Simulation(prepared).run()
+        study = Study(scenario)
+        results = study.step(study.prepare_all(variants))
     else:
-        results = Comparison(scenario, variants, folder=Path(out), record=record).run()
-        _raise_any(results.failures, results.interrupted)
-        runs = [one.run for one in results.variants]
-    return {variant.label: one for variant, one in zip(variants, runs, strict=True)}
+        left = Comparison(scenario, variants, folder=Path(out), record=record).run()
+        _raise_any(left.failures, left.interrupted)
+        results = left.results
+    return {variant.label: one.run for variant, one in zip(variants, results, strict=True)}
 
 
 def sweep(
