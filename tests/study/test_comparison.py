@@ -4,11 +4,11 @@ import json
 
 import numpy as np
 import pytest
-from rmrc.results.columns import COLUMNS
-from rmrc.results.scorecard import scorecard
 
 from project import ROOT
 from rmrc.recording.single import read_columns
+from rmrc.results.columns import COLUMNS
+from rmrc.results.scorecard import scorecard
 from rmrc.scenario import load, variants
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation

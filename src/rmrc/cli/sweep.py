@@ -26,6 +26,7 @@ from rmrc.support.legible import shortened
 from rmrc.support.problems import Origin, Problem
 
 if TYPE_CHECKING:
+    from rmrc.study.dataset import Contents
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
 
@@ -89,10 +90,7 @@ def sweep(
         )
     base = _given(draft_of(scenario, set_ or ()), options)
     with Sweep(base, (), out, threads, cluster) as work:
-        with interruption("interrupted before the first run"):
-            work.compile()
-            with progress("checking", len(work), quiet, unit="runs") as on_runs:
-                contents = work.check(on_runs)
+        contents = _check(work, quiet)
         choice = choice and choice.settled(work.scenario, contents.columns)
         name, before = work.scenario.name, work.done
         with progress(f"{name}: {len(work)} runs", len(work), quiet, before, "runs") as on_runs:
@@ -108,6 +106,15 @@ def sweep(
     print_line(console, f"wrote {work.dataset.file}")
     if choice:
         _record(console, work, choice, quiet)
+
+
+def _check(work: "Sweep", quiet: bool) -> "Contents":
+    with (
+        interruption("interrupted before the first run"),
+        progress("checking", len(work), quiet, unit="runs") as on_runs,
+    ):
+        work.compile()
+        return work.check(on_runs)
 
 
 def _given(base: Draft, options: Mapping[str, tuple[str, str]]) -> Draft:

@@ -17,10 +17,10 @@ from rmrc.scenario import Change, Draft, Problems, Scenario, draft_of
 from rmrc.simulation.footprint import Footprint
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask as clusters
-from rmrc.study.bundle import Parcel, pack
 from rmrc.study.dataset import Contents, Dataset
 from rmrc.study.executors import Crew
 from rmrc.study.executors import threads as in_threads
+from rmrc.study.parcel import Parcel, pack
 from rmrc.study.picks import Choice, chosen
 from rmrc.study.plan import plan_of
 from rmrc.study.rows import AsRows, digest, figure_columns, fingerprint, last_columns, own_columns
