@@ -18,7 +18,7 @@ from rmrc.cli.console import (
     progress,
 )
 from rmrc.cli.kinds import SCENARIO, expect
-from rmrc.cli.options import Out, Quiet
+from rmrc.cli.options import Out, Quiet, Threads
 from rmrc.cli.scenarios import Overrides
 from rmrc.scenario import Draft, draft_of
 from rmrc.support.errors import ClusterError, ScenarioError
@@ -57,9 +57,7 @@ def sweep(
     seed: Annotated[int | None, typer.Option(help="What is drawn.")] = None,
     set_: Overrides = None,
     out: Out = Path("recordings"),
-    threads: Annotated[
-        int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")
-    ] = None,
+    threads: Threads = None,
     cluster: Annotated[
         str | None,
         typer.Option(

@@ -14,7 +14,7 @@ from rmrc.cli.console import (
     print_line,
     progress,
 )
-from rmrc.cli.options import Out, Quiet, drawable
+from rmrc.cli.options import Out, Quiet, Threads, drawable
 from rmrc.cli.scenarios import Overrides, ScenarioFile
 from rmrc.support.errors import ScenarioError
 
@@ -47,9 +47,7 @@ def tune(
             help="Where the picture goes: .png, .svg or .pdf.", show_default="NAME.tune.png in --out"
         ),
     ] = None,
-    threads: Annotated[
-        int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")
-    ] = None,
+    threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Search inverse, damping, feedback and at_singularity for the smallest tracking error within the limits.

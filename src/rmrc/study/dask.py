@@ -110,10 +110,8 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
             told = "needs certificates; set distributed.comm.tls in Dask's configuration"
             raise _refused(address, told) from None
         except (OSError, ValueError, asyncio.CancelledError) as error:
-            told = (
-                f"no Dask scheduler answers there ({_brief(error)}); start one with `dask scheduler`, or look"
-            )
-            raise _refused(address, f"{told} whether a firewall is between") from None
+            told = f"no Dask scheduler answers there ({_brief(error)}); start one with `dask scheduler`, "
+            raise _refused(address, f"{told}or look whether a firewall is between") from None
         crew = _Cluster(client, address)
         crew.wait_for_workers()
         crew.refuse_unlike()
