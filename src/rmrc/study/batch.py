@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
-from rmrc.results.leaving import Leaving, refuse_unwritable
+from rmrc.results.leaving import Leaving, OutputError, refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
@@ -50,6 +50,18 @@ class Left(Generic[R]):
     files: tuple[Path, ...]
     interrupted: bool
     failures: tuple[str, ...] = ()
+
+    def raise_any(self) -> None:
+        """Raise what a verb says on stderr.
+
+        Raises:
+            KeyboardInterrupt: There was one.
+            OutputError: Files could not be written.
+        """
+        if self.interrupted:
+            raise KeyboardInterrupt
+        if self.failures:
+            raise OutputError("; ".join(self.failures))
 
 
 class Batch(ABC, Generic[R]):

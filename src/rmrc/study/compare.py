@@ -1,13 +1,12 @@
 """Variants of a scenario from file to files: run as one batch, scored, and shown in one picture each way."""
 
-import os
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
 from pathlib import Path
 
 from rmrc.recording import unlogged
 from rmrc.results import facts
-from rmrc.scenario import Draft, Scenario, Variant, choices, draft_of
+from rmrc.scenario import Draft, Scenario, Source, Variant, choices, draft_of
 from rmrc.simulation.simulation import Watcher
 from rmrc.study.batch import Batch, Recording
 from rmrc.study.compare_table import Compared, markdown
@@ -29,7 +28,7 @@ class Comparison(Batch[Compared]):
 
     def __init__(
         self,
-        source: str | os.PathLike[str] | Scenario | Draft,
+        source: Source,
         variants: Sequence[Variant],
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),

@@ -6,7 +6,7 @@ from pathlib import Path
 from rmrc.recording import unlogged
 from rmrc.results import facts
 from rmrc.results.leaving import array_size
-from rmrc.scenario import Scenario
+from rmrc.scenario import Source
 from rmrc.simulation.simulation import Watcher
 from rmrc.study.batch import Batch, Recording
 from rmrc.study.study import Ran, Study
@@ -17,11 +17,11 @@ class Job(Batch[Ran]):
 
     kinds = (".rrd", ".npz", ".json")
 
-    def __init__(self, scenario: Scenario, folder: Path, record: bool = True) -> None:
+    def __init__(self, source: Source, folder: Path, record: bool = True) -> None:
         """Check all that can be checked before anything moves.
 
         Args:
-            scenario: What to run.
+            source: The scenario, its file, or the name of a shipped one.
             folder: Where its files go; made if it is missing.
             record: Whether to write a recording.
 
@@ -29,9 +29,9 @@ class Job(Batch[Ran]):
             ScenarioError: All that is wrong, a line each.
             OSError: The files cannot be written.
         """
-        study = Study(scenario)
+        study = Study(source)
         self.prepared = study.prepare()
-        n, ticks = self.prepared.arm.n, self.prepared.reference.ticks
+        scenario, n, ticks = self.prepared.scenario, self.prepared.arm.n, self.prepared.reference.ticks
         size = array_size(ticks, n, min(n, len(scenario.task.axes)))
         super().__init__(study, scenario.name, [self.prepared], folder, record, size)
 

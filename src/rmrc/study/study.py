@@ -10,7 +10,6 @@ works on the pieces of many is a crew of `rmrc.study.executors`, of threads or o
 """
 
 import math
-import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
@@ -22,7 +21,7 @@ from rmrc.plants.batches import Batches
 from rmrc.results.columns import Divergence
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Outcome, Scorecard, check, refuse_unknown
-from rmrc.scenario import Change, Draft, Scenario, Variant, draft_of
+from rmrc.scenario import Change, Draft, Scenario, Source, Variant, draft_of
 from rmrc.simulation.footprint import Footprint, footprint
 from rmrc.simulation.prepare import Cache, Prepared, prepare
 from rmrc.simulation.simulation import Simulation, Watcher
@@ -242,7 +241,7 @@ class Study:
     one thread prepares at a time.
     """
 
-    def __init__(self, base: str | os.PathLike[str] | Scenario | Draft, cache: Cache | None = None) -> None:
+    def __init__(self, base: Source, cache: Cache | None = None) -> None:
         """Keep what all variants share.
 
         Args:

@@ -13,7 +13,7 @@ from typing import Any, Self, cast
 
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
-from rmrc.scenario import Change, Draft, Problems, Scenario, draft_of
+from rmrc.scenario import Change, Problems, Source, draft_of
 from rmrc.simulation.footprint import Footprint
 from rmrc.simulation.prepare import Prepared
 from rmrc.study import dask as clusters
@@ -92,7 +92,7 @@ class Sweep:
 
     def __init__(
         self,
-        source: str | os.PathLike[str] | Scenario | Draft,
+        source: Source,
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),
         threads: int | None = None,

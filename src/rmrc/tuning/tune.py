@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from rmrc.results.leaving import refuse_unwritable
-from rmrc.scenario import Draft, Scenario, Variant, block, changes_of, draft_of
+from rmrc.scenario import Source, Variant, block, changes_of, draft_of
 from rmrc.simulation.footprint import footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.dataset import Column, write_table
@@ -81,7 +81,7 @@ class Tuning:
 
     def __init__(
         self,
-        source: str | os.PathLike[str] | Scenario | Draft,
+        source: Source,
         overrides: Sequence[str] = (),
         *,
         only: Only = (),
@@ -272,7 +272,7 @@ class Tuning:
 
 
 def tune(
-    scenario: str | os.PathLike[str] | Scenario | Draft,
+    scenario: Source,
     only: Only | None = None,
     *,
     copies: int = 4,
