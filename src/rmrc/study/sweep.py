@@ -53,12 +53,10 @@ class Swept:
     """What a sweep left.
 
     Attributes:
-        contents: What the dataset holds when it is whole.
         done: Runs that have their rows, from before as well.
         interrupted: Whether Ctrl-C ended it.
     """
 
-    contents: Contents
     done: int
     interrupted: bool
 
@@ -295,7 +293,7 @@ class Sweep:
             if not (stop.is_set() or self.dataset.is_whole):
                 self.dataset.merge(contents)
         self.dataset.clear()
-        return Swept(contents, self.done, stop.is_set())
+        return Swept(self.done, stop.is_set())
 
     def summary(self) -> Summary:
         """Return what the rows say that are there."""
