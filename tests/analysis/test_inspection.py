@@ -20,6 +20,7 @@ from rmrc.law.law import SINGULAR_BELOW
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import AXES, quat_to_matrix
 from rmrc.textbook.euler import zyz_angles
+from wording import says
 
 # Sums of some dozen products of the size of meters.
 ROUNDING = 1e-12
@@ -478,28 +479,22 @@ def test_it_is_public():
 @pytest.mark.parametrize(
     ("question", "message"),
     [
-        ({"q": [0]}, "q must have 2 values, one for each of shoulder, elbow, got shape (1,)"),
-        ({"q": [0, np.nan]}, "q must be finite, got [0.0, nan]"),
-        ({"axes": ["x", "q"]}, 'axes: no row "q"; choose from x y z rx ry rz'),
-        ({"axes": []}, "axes must name one row or more of x y z rx ry rz"),
-        ({"length": 0.0}, "length must be > 0 and finite, got 0"),
-        ({"frame": "sight"}, 'frame: no frame "sight"; did you mean "site"?; choose from world site base'),
-        ({"joint_error": [0.1, -0.2]}, "joint error, elbow: a standard deviation must be >= 0, got -0.2"),
-        (
-            {"joint_error": [0.1]},
-            "joint error must have 2 values, one for each of shoulder, elbow, got shape (1,)",
-        ),
-        (
-            {"wrench": [1, 2]},
-            "wrench must have 6 values, one for each of fx, fy, fz, nx, ny, nz, got shape (2,)",
-        ),
-        ({"wrench": [1, 2, 3, 4, 5, np.inf]}, "wrench must be finite, got [1.0, 2.0, 3.0, 4.0, 5.0, inf]"),
+        ({"q": [0]}, "q … 2 … shoulder, elbow … (1,)"),
+        ({"q": [0, np.nan]}, "q … finite … [0.0, nan]"),
+        ({"axes": ["x", "q"]}, 'axes: … "q" … x y z rx ry rz'),
+        ({"axes": []}, "axes … one … x y z rx ry rz"),
+        ({"length": 0.0}, "length … 0 … 0"),
+        ({"frame": "sight"}, 'frame: … "sight" … "site"… world site base'),
+        ({"joint_error": [0.1, -0.2]}, "joint error, elbow: … 0 … -0.2"),
+        ({"joint_error": [0.1]}, "joint error … 2 … shoulder, elbow … (1,)"),
+        ({"wrench": [1, 2]}, "wrench … 6 … fx, fy, fz, nx, ny, nz … (2,)"),
+        ({"wrench": [1, 2, 3, 4, 5, np.inf]}, "wrench … finite … [1.0, 2.0, 3.0, 4.0, 5.0, inf]"),
     ],
 )
 def test_what_does_not_fit_is_refused_in_one_line(question, message):
     with pytest.raises(QuestionError) as caught:
         inspect(model("planar_2link"), **{"q": [0, 1], **question})
-    assert str(caught.value) == message
+    assert str(caught.value) == says(message)
 
 
 def test_outside_of_limits_is_a_warning():
