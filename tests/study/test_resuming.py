@@ -249,4 +249,4 @@ def test_the_verb_says_it_in_one_line_and_ends_with_2(whole, begun, tmp_path, rm
     rewritten(part, DAMAGES["a value"][0])
     code, out, err = rmrc("sweep", str(whole[0]), "--out", str(tmp_path))
     assert (code, out) == (2, "")
-    assert err == f"rmrc: error: {part}: … altered … another sweep{REMOVE}\n"
+    assert err == says(f"rmrc: error: {part}: … altered … another sweep{REMOVE}\n")

@@ -151,11 +151,11 @@ WRONG = {
     "a text": (lambda one: rmrc.compare(one, {"control.inverse.method": "damped"}), "vary control.inverse.method: … list … 'damped'"),
     "no key": (lambda one: rmrc.compare(one, {"control..feedback": [5, 6]}), "vary control..feedback: …"),
     "twice": (lambda one: rmrc.compare(one, {"control.feedback": [5, 5]}), "vary: … feedback=5"),
-    "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "… control.feedback: … 0 … -5"),
-    "no plan": (rmrc.sweep, "sweep: … 2 runs … 1; …"),
+    "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "run 1 (control.feedback=-5): sweep.vary.control.feedback: … 0 … -5"),
+    "no plan": (rmrc.sweep, "<text>:2:1: sweep: … 2 runs … 1; …"),
     "both": (lambda one: rmrc.sweep(one, random={"plant.payload": (0, 1)}, sobol={"plant.payload": (0, 1)}), "sobol: … random …"),
     "only": (lambda one: rmrc.tune(one, {"control.inverse.method": ["dampd"]}), '… dampd … "damped"…'),
-    "too few": (lambda one: rmrc.tune(one, runs=3), "runs: … 10 … 3"),
+    "too few": (lambda one: rmrc.tune(one, runs=3), "--runs: … 10 … 3"),
 }  # fmt: skip
 
 
