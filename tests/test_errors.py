@@ -61,7 +61,7 @@ def test_did_you_mean_suggests_the_nearest_option_or_nothing(name, suggestion):
 @pytest.mark.parametrize("text", ["x.yaml:1:2: a: must be > 0, got -1", "x.yaml:1:2: a: 0 is the bound, -1"])
 def test_what_a_message_must_say_is_found_in_any_words(text):
     assert (2, [text]) == (2, [says("x.yaml:1:2: a: … 0 … -1")])
-    assert text == says("x.yaml:… -1") and not text != says("… 0 …")
+    assert text == says("x.yaml:… -1") and (text != says("… 0 …")) is False
 
 
 @pytest.mark.parametrize(
