@@ -193,20 +193,20 @@ def test_every_array_of_floats_has_its_turn():
 
 
 NAMES = {
-    "escape": (model(tip="t&#27;[31mip"), 'the name of site 0 … control character … U+001B … "t\\x1b[31mip"; …'),
-    "newline": (model(tip="t&#10;ip"), 'the name of site 0 … control character … U+000A … "t\\nip"; …'),
+    "escape": (model(tip="t&#27;[31mip"), '… name of site 0 … control character … U+001B … "t\\x1b[31mip"; …'),
+    "newline": (model(tip="t&#10;ip"), '… name of site 0 … control character … U+000A … "t\\nip"; …'),
     "backwards": (
         model(tail='<keyframe><key name="a\u202eb"/></keyframe>'),
-        'the name of key 0 … control character … U+202E … "a\\u202eb"; …',
+        '… name of key 0 … control character … U+202E … "a\\u202eb"; …',
     ),
     "line": (
         model(tail='<actuator><motor joint="elbow" name="a\u2028b"/></actuator>'),
-        'the name of actuator 0 … control character … U+2028 … "a\\u2028b"; …',
+        '… name of actuator 0 … control character … U+2028 … "a\\u2028b"; …',
     ),
-    "bytes": (model(tip="t\xff").encode("latin-1"), 'the name of site 0 … UTF-8 … "t\\\\xff"; …'),
+    "bytes": (model(tip="t\xff").encode("latin-1"), '… name of site 0 … UTF-8 … "t\\\\xff"; …'),
     "long": (
         model(tip="\t" + "t" * 10_000),
-        'the name of site 0 … control character … U+0009 … "\\\\t' + "t" * 35 + '..."; …',
+        '… name of site 0 … control character … U+0009 … "\\\\t' + "t" * 35 + '..."; …',
     ),
 }  # fmt: skip
 
