@@ -292,7 +292,7 @@ def test_they_can_be_compared(tmp_path):
     comparison = Comparison(
         path, variants(varied), ["target.path=[{hold: {for: 0.05}}]"], tmp_path, record=False
     )
-    assert [one.variant.label for one in comparison.run().variants] == [
+    assert [one.variant.label for one in comparison.run().results] == [
         "0, 0.9",
         "0, 1.1",
         "2, 0.9",

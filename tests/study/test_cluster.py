@@ -15,7 +15,7 @@ from project import ROOT
 from rmrc.results import facts
 from rmrc.scenario import draft_of
 from rmrc.study import dask as cluster
-from rmrc.study.bundle import pack
+from rmrc.study.parcel import pack
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ClusterError, ScenarioError
 from wording import says

@@ -2,17 +2,19 @@
 
 import functools
 import json
+import threading
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from project import ROOT
-from rmrc.results.scorecard import refuse_unknown
+from rmrc.results.scorecard import refuse_unknown, scorecard
 from rmrc.scenario import Variant, draft_of, load
 from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
 from rmrc.simulation.prepare import prepare, world_records
+from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
 from rmrc.study.plan import Plan
 from rmrc.study.study import Checked, Study
@@ -191,8 +193,28 @@ def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeyp
     )
     by_file = Comparison(path, some, short, tmp_path / "a", record=False).run()
     by_object = Comparison(load(path), some, short, tmp_path / "b", record=False).run()
-    for one, other in zip(by_file.variants, by_object.variants, strict=True):
+    for one, other in zip(by_file.results, by_object.results, strict=True):
         assert one.run["qdot_cmd"].tobytes() == other.run["qdot_cmd"].tobytes()
         assert one.outcomes == other.outcomes
-    a, b = (json.loads((tmp_path / name / f"{by_file.name}.compare.json").read_text()) for name in "ab")
+    a, b = (json.loads((tmp_path / name / "approach_singularity.compare.json").read_text()) for name in "ab")
     assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]
+
+
+def test_watchers_see_every_tick_and_a_rule_ends_the_runs():
+    study = Study(
+        draft_of(ROOT / "scenarios" / "approach_singularity.yaml", ["target.path=[{hold: {for: 3}}]"])
+    )
+    worlds = study.prepare_all(variants([["arm.start=[1, -1.5]"], ["arm.start=[1, -2]"]]))
+    study.compile(worlds)
+    whole, seen, stop = study.step(worlds), [], threading.Event()
+    rule = lambda index, _: stop.set() if index == 1 else None  # noqa: E731 - the second world's block is the last
+    some = study.step(worlds, stop, [lambda index, part: seen.append((index, len(part))), rule])
+    for index, (one, other) in enumerate(zip(some, whole, strict=True)):
+        assert (one.index, one.status, other.status) == (index, "interrupted", "complete")
+        assert len(one.run) == sum(ticks for which, ticks in seen if which == index) < len(other.run)
+        assert one.run["q"].tobytes() == other.run["q"][: len(one.run)].tobytes()
+        for name, figure in scorecard(other.run).items():  # NaN among them
+            np.testing.assert_equal(other.scorecard[name], figure)
+    (alone,) = Simulation([prepare(worlds[1].scenario)]).run()
+    assert whole[1].run["q"].tobytes() == alone["q"].tobytes()
+    assert whole[0].run["q"].tobytes() != alone["q"].tobytes()  # negative control

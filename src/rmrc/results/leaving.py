@@ -4,8 +4,9 @@ import errno
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
@@ -103,23 +104,25 @@ class Leaving:
             return False
         return True
 
-    def write(self, path: Path, write: Callable[[], None], instead_of: Path | None = None) -> None:
-        """Write a file, and keep its path or why there is none.
+    def write(
+        self, paths: Sequence[Path], write: Callable[..., None], instead_of: Path | None = None
+    ) -> None:
+        """Write a file, or several at once, and keep their paths or why there are none.
 
         Args:
-            path: Of the file.
-            write: Writes it, or raises an OSError.
+            paths: Of the files.
+            write: Takes the paths, and writes the files or raises an OSError.
             instead_of: What makes room for it if there is none, and is given up then.
         """
-        if not self.attempt(write):
+        if not self.attempt(partial(write, *paths)):
             if instead_of is None or not instead_of.is_file():
                 return
             instead_of.unlink(missing_ok=True)
             told = self.failures.pop()
-            if not self.attempt(write):
+            if not self.attempt(partial(write, *paths)):
                 self.failures[-1] = told
                 return
-        self.files.append(path)
+        self.files += paths
 
 
 def _told(error: OSError) -> str:

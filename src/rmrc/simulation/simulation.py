@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,9 @@ from rmrc.support.threads import side_by_side
 # see `rmrc.support.pace`.
 BLOCK, LONGEST_BLOCK = 1000, 0.5
 
-OnBlock = Callable[[int, Run], None]
+# Sees each block of ticks once it was stepped, by the index of its world: progress, a recording, a rule that
+# ends the runs.
+Watcher: TypeAlias = Callable[[int, Run], None]
 _Result = TypeVar("_Result")
 
 
@@ -48,7 +50,7 @@ class _Shard:
         self._adder = adder(self._tallies, self.batch.ticks)
         self._adding = threading.Lock()
 
-    def advance(self, on_block: OnBlock | None, lock: threading.Lock, is_stopped: Callable[[], bool]) -> bool:
+    def advance(self, on_block: Watcher | None, lock: threading.Lock, is_stopped: Callable[[], bool]) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
         if not self.keeps:
             self._add()  # what the next block is written over
@@ -173,7 +175,7 @@ class Simulation:
             _shard(prepared, members, keep_columns, batches) for members in _groups(prepared, threads)
         ]
 
-    def run(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> list[Run]:
+    def run(self, on_block: Watcher | None = None, stop: threading.Event | None = None) -> list[Run]:
         """Step every world to its end and return a run for each, in the order of `prepared`.
 
         Args:
@@ -188,7 +190,7 @@ class Simulation:
         self.step(on_block, stop)
         return self.runs()
 
-    def step(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> None:
+    def step(self, on_block: Watcher | None = None, stop: threading.Event | None = None) -> None:
         """Step every world to its end.
 
         Args:
