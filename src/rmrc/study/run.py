@@ -59,7 +59,7 @@ class Job(Batch):
         """
         self.scenario, self.prepared = scenario, Study(scenario).prepare()
         n, ticks = self.prepared.arm.n, self.prepared.reference.ticks
-        size = array_size(ticks, n, min(n, len(scenario.task.axes)))
+        size = array_size(ticks, n, min(n, len(scenario.task.axes)), len(self.prepared.qpos))
         super().__init__(scenario.name, [self.prepared], folder, record, size)
 
     def _recording(self) -> tuple[Recording, Callable[[int, Run], None]]:
