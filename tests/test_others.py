@@ -21,6 +21,7 @@ from rmrc.recording.scene import Scene
 from rmrc.scenario import Scenario
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import ModelError
 
 MODELS = ROOT / "tests/models"
 PERIOD, TIMESTEP = 0.002, 0.001
@@ -233,6 +234,17 @@ def test_free_joints_do_what_they_do_in_the_authors_model():
         prepared, done = run(model, others="free", seconds=0.05)
         qpos, _ = plain_loop(prepared, done, ctrl)
         assert_allclose(done["qpos"], qpos, atol=1e-8)  # contacts carry rounding further
+
+
+def test_more_locked_bodies_than_can_be_kept_apart_are_refused_with_the_way_out(tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_text("""<mujoco><worldbody><body><joint name="j"/><geom size=".1"/><site name="tip" pos=".4 0 0"/></body>
+    <replicate count="500" offset="0.5 0 0"><body pos="1 0 0"><joint/><geom size=".1"/></body></replicate></worldbody></mujoco>""")
+    arm = arms.load(path, "tip")
+    with pytest.raises(ModelError, match=r"model.xml: has 500 joints to lock, .* take arm.others: free"):
+        arm.adapted(RateServos((1.0,)), TIMESTEP, gravity_compensation=True)
+    free = arm.at(arm.configuration("home"), frees_others=True)
+    assert free.adapted(RateServos((1.0,)), TIMESTEP, gravity_compensation=True).nexclude == 0
 
 
 def test_an_arm_that_runs_into_a_locked_thing_is_stopped_as_by_the_world(tmp_path):

@@ -419,7 +419,7 @@ class Arm:
         with in_our_words(self.path):  # a specification refuses some things before it is compiled
             self._adapt(spec, drive, gravity_compensation, loaded)
             if locks:
-                self.others.lock(spec)
+                self.others.lock(spec, self.path)
         option = spec.option
         option.timestep = timestep
         option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST

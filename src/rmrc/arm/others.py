@@ -5,13 +5,17 @@ them. Those that none holds are locked in a copy of the model, unless they follo
 equality, or belong to a thing that floats, as a cube on a table does.
 """
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from functools import cached_property
-from itertools import pairwise
+from itertools import combinations, pairwise
+from pathlib import Path
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
+
+from rmrc.support.errors import ModelError
 
 Array = NDArray[np.float64]
 
@@ -20,6 +24,9 @@ Array = NDArray[np.float64]
 # rad off with 1e9. A model that disables damping has the larger inertia instead: 1 kN·m then turns it by 2e-6
 # rad in a minute.
 LOCKED_INERTIA, LOCKED_DAMPING, UNDAMPED_INERTIA = 1e6, 1e15, 1e12
+
+# Pairs of bodies that are kept from touching, each of which the model holds as an exclude.
+MOST_PAIRS = 100_000
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
@@ -90,7 +97,7 @@ class Others:
             and model.actuator_biastype[actuator] == _SPRING
             and model.actuator_dyntype[actuator] in (_STATELESS, _INTEGRATOR, *_FILTERS)
             and model.actuator_ctrlnum[actuator] == 1
-            and model.actuator_gainprm[actuator, 0] != 0.0
+            and abs(model.actuator_gainprm[actuator, 0]) > mujoco.mjMINVAL
             and model.actuator_biasprm[actuator, 1] < 0.0
         )
 
@@ -112,7 +119,8 @@ class Others:
         states = np.array(data.act if act is None else act)
         if ctrl is None or act is None:
             data.qpos[:] = qpos
-            mujoco.mj_fwdPosition(model, data)
+            for find in (mujoco.mj_kinematics, mujoco.mj_comPos, mujoco.mj_tendon, mujoco.mj_transmission):
+                find(model, data)
             for i in filter(self.holds, self.kept):
                 length = float(data.actuator_length[model.actuator_outadr[i]])
                 self._hold(i, length, controls, states, ctrl, act)
@@ -142,11 +150,18 @@ class Others:
         if kind in _FILTERS and act is None:
             states[state] = controls[at]
 
-    def lock(self, spec: mujoco.MjSpec) -> None:
+    def lock(self, spec: mujoco.MjSpec, path: Path) -> None:
         """Lock joints in a specification that the model was compiled from.
 
         No limit, spring, equality, tendon or contact moves them, as MuJoCo gives constraints whatever force
         they need.
+
+        Args:
+            spec: Changed.
+            path: Of the model's file.
+
+        Raises:
+            ModelError: Too many bodies could touch.
         """
         locked = self.locked
         is_undamped = spec.option.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER
@@ -162,9 +177,9 @@ class Others:
         for equality in spec.equalities:
             if equality.id in still:
                 equality.active = False
-        self._keep_apart(spec)
+        self._keep_apart(spec, path)
 
-    def _keep_apart(self, spec: mujoco.MjSpec) -> None:
+    def _keep_apart(self, spec: mujoco.MjSpec, path: Path) -> None:
         """Exclude contacts between bodies that only locked joints are between."""
         model = self.model
         carrier = np.arange(model.nbody)
@@ -172,15 +187,22 @@ class Others:
             first = int(model.body_jntadr[b])
             if self.locked.issuperset(range(first, first + int(model.body_jntnum[b]))):
                 carrier[b] = carrier[model.body_parentid[b]]
-        weld = model.body_weldid
+        weld, known = model.body_weldid, {int(signature) for signature in model.exclude_signature}
         collides = (model.geom_contype | model.geom_conaffinity) != 0
-        able = np.unique(model.geom_bodyid[collides])
-        known = {int(signature) for signature in model.exclude_signature}
+        groups: dict[int, list[int]] = {}
+        for b in np.unique(model.geom_bodyid[collides]):
+            groups.setdefault(int(carrier[b]), []).append(int(b))
+        alike = (Counter(weld[group].tolist()).values() for group in groups.values())
+        if sum(sum(counts) ** 2 - sum(n * n for n in counts) for counts in alike) > 2 * MOST_PAIRS:
+            raise ModelError(
+                f"{path}: has {len(self.locked)} joints to lock, with more than {MOST_PAIRS} pairs of bodies that "
+                "could touch; take arm.others: free, or take away what is no part of the robot"
+            )
         names = {body.id: _named(body) for body in spec.bodies}
-        for i, a in enumerate(able):
-            for b in able[i + 1 :]:
-                if carrier[a] == carrier[b] and weld[a] != weld[b] and (int(a) << 16) + int(b) not in known:
-                    spec.add_exclude(bodyname1=names[int(a)], bodyname2=names[int(b)])
+        for group in groups.values():
+            for a, b in combinations(group, 2):
+                if weld[a] != weld[b] and (a << 16) + b not in known:
+                    spec.add_exclude(bodyname1=names[a], bodyname2=names[b])
         geoms = {geom.name: int(carrier[model.geom_bodyid[geom.id]]) for geom in spec.geoms}
         for pair in list(spec.pairs):
             if geoms[pair.geomname1] == geoms[pair.geomname2]:
