@@ -195,8 +195,8 @@ class Others:
         alike = (Counter(weld[group].tolist()).values() for group in groups.values())
         if sum(sum(counts) ** 2 - sum(n * n for n in counts) for counts in alike) > 2 * MOST_PAIRS:
             raise ModelError(
-                f"{path}: has {len(self.locked)} joints to lock, with more than {MOST_PAIRS} pairs of bodies that "
-                "could touch; take arm.others: free, or take away what is no part of the robot"
+                f"{path}: has {len(self.locked)} joints to lock, with more than {MOST_PAIRS} pairs of "
+                "bodies that could touch; take arm.others: free, or take away what is no part of the robot"
             )
         names = {body.id: _named(body) for body in spec.bodies}
         for group in groups.values():
