@@ -23,8 +23,8 @@ from sweep import DAMPING, SECONDS, scenario_of
 
 from rmrc.scenario import draft_of
 from rmrc.study import dask as cluster
-from rmrc.study.parcel import pack
 from rmrc.study.executors import done
+from rmrc.study.parcel import pack
 from rmrc.study.rows import AsRows
 from rmrc.study.study import Check, Listed, check_size
 from rmrc.study.sweep import Sweep, batch_size

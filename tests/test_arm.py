@@ -215,7 +215,7 @@ def test_a_dampers_control_is_no_limit_of_torque(tmp_path):
 
 def test_frames_are_mujocos_body_poses_and_jacobians(cart):
     q = np.array([[0.1, 0.2], [0.5, -0.4]])
-    poses, jacobians = cart.frames(q)
+    poses, jacobians = cart.frames(np.column_stack([q, [0.0, 0.0]]))
     data = mujoco.MjData(cart.model)
     assert cart.body_names == ["world", "cart", "arm", "finger"]
     assert cart.is_fixed.tolist() == [True, False, False, False]

@@ -27,7 +27,7 @@ SPACE = ("x", "y", "z", "rx", "ry", "rz")
 def make_run(ticks, joints=("shoulder", "elbow"), axes=PLANE, period=0.001, **given):
     """Return a run that stands still, but for the columns and fields that are given."""
     n = len(joints)
-    width = {"n": n, "k": min(n, len(axes)), "6": 6, "7": 7}
+    width = {"n": n, "k": min(n, len(axes)), "nq": n, "6": 6, "7": 7}
     columns = {
         name: np.zeros((ticks, width[column.width]) if column.width else ticks)
         for name, column in COLUMNS.items()

@@ -162,6 +162,7 @@ arm:
   site: tip
   start: home
   joints: null
+  others: hold
   encoder: {offset: 0.0, deviation: 0.0, seed: 0}
   stretch: {}
 task:
