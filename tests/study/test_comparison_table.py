@@ -21,7 +21,7 @@ PLANE, SPACE = ("x", "y"), ("x", "y", "z", "rx", "ry", "rz")
 
 def run_of(ticks=3, joints=("shoulder", "elbow"), axes=PLANE, moved=(0.0, 0.0), **fields):
     """Return a run that stands still, but for how far the joints are from the start in the end."""
-    width = {"n": len(joints), "k": min(len(joints), len(axes)), "6": 6, "7": 7}
+    width = {"n": len(joints), "k": min(len(joints), len(axes)), "nq": len(joints), "6": 6, "7": 7}
     columns = {
         name: np.zeros((ticks, width[column.width]) if column.width else ticks)
         for name, column in COLUMNS.items()

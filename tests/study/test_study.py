@@ -20,6 +20,7 @@ from rmrc.study.plan import Plan
 from rmrc.study.study import Checked, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
+from wording import says
 
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 # Each key that others are found by is changed, and changed back.
@@ -129,18 +130,18 @@ def test_mistakes_are_told_as_of_each_alone(overrides):
 
 def test_a_mistake_names_its_variants_once(tmp_path):
     path = ROOT / "scenarios" / "approach_singularity.yaml"
-    shown = "--set control.feedback: must be >= 0, got -1"
+    shown = "--set control.feedback: … 0 … -1"
     (low, high) = variants([["control.feedback=-1"], ["control.feedback=1"]])
     study = Study(draft_of(path))
     with pytest.raises(ScenarioError) as caught:
         study.prepare_all([low, high])
-    assert str(caught.value) == f'variant "v0": {shown}'
+    assert str(caught.value) == says(f'variant "v0": {shown}')
     with pytest.raises(ScenarioError) as caught:
         study.prepare_all([low, low._replace(label="c")])
-    assert str(caught.value) == shown
+    assert str(caught.value) == says(shown)
     with pytest.raises(ScenarioError) as caught:
         Comparison(tmp_path / "none.yaml", [low, high])
-    assert str(caught.value) == f"{tmp_path}/none.yaml: no such file"
+    assert str(caught.value) == says(f"{tmp_path}/none.yaml: … file")
 
 
 def test_a_file_is_read_once(tmp_path):
@@ -170,15 +171,16 @@ def test_what_many_variants_have_in_common_is_told_once_with_how_many_and_the_fi
     whole.refuse(rare, (7,), 1, 3)
     with pytest.raises(ScenarioError) as caught:
         whole.raise_any(plan)
-    assert str(caught.value).splitlines() == [
+    wanted = (
         "all of them",
-        "2 runs, the first run 4 (control.feedback=-2): some",
+        "2 runs … run 4 (control.feedback=-2): some",
         "run 7 (control.feedback=-1.5): rare",
-    ]
+    )
+    assert str(caught.value).splitlines() == list(map(says, wanted))
     whole.refuse(Problem((), "one too many"), (0,), 1, 3)
     with pytest.raises(ScenarioError) as caught:
         whole.raise_any(plan)
-    assert str(caught.value).splitlines()[3:] == ["and 1 more problems of other runs"]
+    assert str(caught.value).splitlines()[3:] == [says("… 1 more …")]
     Checked(8).raise_any(plan)  # negative control
 
 

@@ -71,8 +71,7 @@ def statics(
     from rmrc.arm import load
 
     acts = wrench_of(wrench)
-    arm = load(model, site)
-    positions = configuration(arm, q, keyframe)
+    arm, positions = configuration(load(model, site), q, keyframe)
     with (
         interruption("interrupted" if hold is None else "interrupted while holding"),
         progress("hold", most_ticks(hold or 0.0), as_json or hold is None) as on_ticks,

@@ -19,15 +19,16 @@ class OutputError(RmrcError, OSError):
     """What will be left cannot be written."""
 
 
-def array_size(ticks: int, joints: int, values: int) -> int:
+def array_size(ticks: int, joints: int, values: int, positions: int) -> int:
     """Return the size of all columns of a run [B], which are not compressed.
 
     Args:
         ticks: Of the run.
         joints: Of the arm.
         values: Singular values of its task.
+        positions: Of all joints of the model.
     """
-    widths = {"n": joints, "k": values, "": 1}
+    widths = {"n": joints, "k": values, "nq": positions, "": 1}
     return 8 * ticks * sum(widths.get(one.width) or int(one.width) for one in COLUMNS.values())
 
 

@@ -83,14 +83,16 @@ class _Shard:
         prepared, world = self.prepared[w], self.batch.worlds[w]
         diverged = int(world["diverged"])
         count = max(0, min(last, int(self._ends()[w])) - first)
-        rows = self.batch.ticks[first % len(self.batch.ticks) :, w][:count]
-        if not self.keeps:
-            rows = rows.copy()
+        begin = first % len(self.batch.ticks)
+        rows = self.batch.ticks[begin:, w][:count]
         width = {"n": int(world["n"]), "k": int(world["k"])}
-        columns = {
-            name: rows[name][:, : width[column.width]] if column.width in width else rows[name]
-            for name, column in COLUMNS.items()
-        }
+        qpos = self.batch.whole(w, begin, rows["q"][:, : width["n"]])
+        if not self.keeps:
+            rows, qpos = rows.copy(), qpos.copy()
+        columns: dict[str, NDArray[np.generic]] = {}
+        for name, column in COLUMNS.items():
+            values = qpos if column.width == "nq" else rows[name]
+            columns[name] = values[:, : width[column.width]] if column.width in width else values
         divergence = self.divergence(w) if first <= diverged <= last else None
         return self._about(prepared, columns, divergence)
 
@@ -286,6 +288,7 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batche
         [one.plant for one in chosen],
         worlds,
         np.array([one.qpos for one in chosen]),
+        (np.array([one.held[0] for one in chosen]), np.array([one.held[1] for one in chosen])),
         wanted,
         np.empty((rows, len(chosen)), tick_type(chosen[0].arm.n)),
         batches,

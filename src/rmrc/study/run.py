@@ -32,7 +32,7 @@ class Job(Batch[Ran]):
         study = Study(source)
         self.prepared = study.prepare()
         scenario, n, ticks = self.prepared.scenario, self.prepared.arm.n, self.prepared.reference.ticks
-        size = array_size(ticks, n, min(n, len(scenario.task.axes)))
+        size = array_size(ticks, n, min(n, len(scenario.task.axes)), len(self.prepared.qpos))
         super().__init__(study, scenario.name, [self.prepared], folder, record, size)
 
     def _recording(self) -> tuple[Recording, Watcher]:
