@@ -15,6 +15,7 @@ from rmrc.study.rows import fingerprint
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
+from wording import says
 
 TEXT = """
 name: quick
@@ -116,9 +117,7 @@ def test_a_file_that_a_varied_model_includes_is_part_of_the_sweep(path, tmp_path
     world.write_text(text.replace("<mujoco", "<!-- another light --><mujoco", 1))
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, overrides, tmp_path / "out")
-    assert str(caught.value) == (
-        f"{tmp_path}/out/quick.sweep: is of another sweep (sweep differ); move it, or take another --out"
-    )
+    assert str(caught.value) == says(f"{tmp_path}/out/quick.sweep: … (sweep … --out")
     world.write_text(text)
     assert Sweep(path, overrides, tmp_path / "out").is_checked  # negative control: it was that file
 
