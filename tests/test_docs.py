@@ -463,7 +463,14 @@ def questions(text=QUESTIONS):
     return asked
 
 
-@pytest.mark.parametrize(("command", "lines"), questions(), ids=lambda value: str(value)[:60])
+@pytest.mark.parametrize(
+    ("command", "lines"),
+    [
+        pytest.param(command, lines, marks=[pytest.mark.long] * (" tune " in command))
+        for command, lines in questions()
+    ],
+    ids=lambda value: str(value)[:60],
+)
 def test_a_question_is_answered_as_its_page_says(rmrc, monkeypatch, tmp_path, command, lines):
     words = shlex.split(command)
     assert words[:3] == [".venv/bin/python", "-m", "rmrc"]

@@ -30,7 +30,7 @@ QUESTIONS = {
         lambda found: (found.balance.q, found.balance.torque, found.costs[0].directions[-1].wrench),
     ),
     "workspace": (
-        lambda model, **more: rmrc.workspace(model, cells=20, **more),
+        lambda model, **more: rmrc.workspace(model, cells=10, samples=500, **more),
         lambda found: (found.home, found.free.values["sigma_min"], found.free.reached),
     ),
     "joint_map": (
