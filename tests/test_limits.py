@@ -1,5 +1,6 @@
 """What the limits promise: of any arm, at every tick, whatever is asked for."""
 
+import itertools
 import json
 
 import numpy as np
@@ -11,6 +12,7 @@ from scipy.optimize import linprog
 
 from chains import random_chain, seeds
 from codes import Method, OnExcess
+from project import mostly_long
 from records import blank, put
 from rmrc.arm import load
 from rmrc.law.law import resolve
@@ -76,7 +78,7 @@ def greedy(scenario, folder, seed, **chosen):
 
 
 @given(seeds)
-@settings(any_fixture, max_examples=25)
+@settings(any_fixture, max_examples=12)
 def test_any_arm_keeps_all_its_limits_at_every_tick(scenario, tmp_path_factory, seed):
     folder = tmp_path_factory.mktemp("chain")
     worlds = [greedy(scenario, folder, seed, limits={"on_excess": on_excess}) for on_excess in LIMITING]
@@ -109,7 +111,7 @@ def test_limits_are_reached_and_not_only_kept(scenario, tmp_path, on_excess):
 
 
 @given(seeds)
-@settings(any_fixture, max_examples=10)
+@settings(any_fixture, max_examples=5)
 def test_commands_to_servos_keep_the_same_limits(scenario, tmp_path_factory, seed):
     # What is sent is bounded whatever comes back. A chain's servos may be pushed away by one another, so that what
     # is measured is a matter of the plant; see the shipped arms below for that.
@@ -145,10 +147,16 @@ INWARDS = (
 
 
 @pytest.mark.parametrize(
-    "limits", ["{}", "{acceleration: 20}", "{acceleration: 4}", "{braking: 2, acceleration: 20}"]
+    ("on_excess", "arm", "limits"),
+    mostly_long(
+        itertools.product(
+            LIMITING,
+            ARMS,
+            ["{}", "{acceleration: 20}", "{acceleration: 4}", "{braking: 2, acceleration: 20}"],
+        ),
+        5,  # so that each of these is among them
+    ),
 )
-@pytest.mark.parametrize("arm", ARMS)
-@pytest.mark.parametrize("on_excess", LIMITING)
 def test_no_position_limit_is_crossed(simulate, arm, on_excess, limits):
     chosen = (*ARMS[arm], *INWARDS, f"control.limits={limits}", f"control.limits.on_excess={on_excess}")
     prepared, run = simulate(*chosen, "plant.kind=ideal")

@@ -320,7 +320,6 @@ def test_home_lies_within_limits_and_away_from_singularities(name):
 
 
 @every_model
-@settings(max_examples=50, deadline=None)
 @given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_pose_and_jacobian_are_those_of_the_textbook(name, unit):
     model = loaded(name)

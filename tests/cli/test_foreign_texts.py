@@ -35,7 +35,7 @@ def named(name):
 
 @pytest.mark.parametrize("name", [name for name in NAMES if name.isprintable()])
 @pytest.mark.parametrize(
-    "verb", [["inspect"], ["statics", "--wrench", "0,-1,0"], ["ik", "--to", "1,1"], ["workspace", "--cells", "10"]]
+    "verb", [["inspect"], ["statics", "--wrench", "0,-1,0"], ["ik", "--to", "1,1"], ["workspace", "--cells", "10", "--samples", "1000"]]
 )  # fmt: skip
 def test_names_of_a_model_are_no_markup(rmrc, tmp_path, name, verb):
     (tmp_path / "model.xml").write_text(named(name))
