@@ -107,7 +107,7 @@ VERBS = {
     "inspect": "inspect('planar_2link')",
     "ik": "ik('planar_2link', [1.0, 1.0], every=True)",
     "statics": "statics('planar_2link', [0.0, -1.0, 0.0], hold=1.0)",
-    "workspace": "workspace('planar_6_3', cells=20, samples=1000)",
+    "workspace": "workspace('planar_6_3', cells=20)",
     "resolve_rates": "resolve_rates([[1.0, 0.0], [0.0, 1.0]], [1.0, 1.0])",
 }
 

@@ -463,10 +463,15 @@ def questions(text=QUESTIONS):
     return asked
 
 
+def takes_long(command, lines):
+    return " tune " in command or (" workspace " in command and not lines)
+
+
 @pytest.mark.parametrize(
     ("command", "lines"),
     [
-        pytest.param(command, lines, marks=[pytest.mark.long] * (" tune " in command))
+        # what takes seconds, and has a smaller twin among the pictures of the Makefile
+        pytest.param(command, lines, marks=[pytest.mark.long] * takes_long(command, lines))
         for command, lines in questions()
     ],
     ids=lambda value: str(value)[:60],

@@ -37,10 +37,9 @@ def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
     if arguments[0] == "-c":
         exec(compile(arguments[1], "Makefile", "exec"), {})
     else:
-        coarse = {
-            "workspace": ["--cells", "20", "--samples", "10000"],
-            "tune": ["--runs", "12", "--copies", "0"],
-        }.get(arguments[2], [])
+        coarse = {"workspace": ["--cells", "20"], "tune": ["--runs", "12", "--copies", "0"]}.get(
+            arguments[2], []
+        )
         code, _, err = rmrc(*arguments[2:], *coarse)
         assert (arguments[:2], code, err) == (["-m", "rmrc"], 0, "")
     assert [path.name for path in (tmp_path / "out").iterdir()] == [PICTURE.search(command)[1]]

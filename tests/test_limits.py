@@ -95,19 +95,24 @@ def test_any_arm_keeps_all_its_limits_at_every_tick(scenario, tmp_path_factory, 
 def test_limits_are_reached_and_not_only_kept(scenario, tmp_path, on_excess):
     # Else the test above would praise an arm that does not move.
     worlds = [greedy(scenario, tmp_path, seed, limits={"on_excess": on_excess}) for seed in range(10)]
-    at_rate, at_acceleration, at_position, free = 0, 0, 0, 0
+    at_rate, at_acceleration, at_position = 0, 0, 0
     for prepared, run in zip(worlds, Simulation(worlds).run(), strict=True):
         limits = prepared.scenario.control.limits
         at_rate += abs(excess_of(run["qdot_cmd"], limits.rate)) < 1e-9
         if limits.acceleration is not None:
             at_acceleration += abs(excess_of(differences(run), limits.acceleration)) < 1e-9
         at_position += abs(outside(prepared, run)) < 1e-4
+    assert min(at_rate, at_acceleration, at_position) >= 2
+
+
+def test_what_nothing_limits_goes_beyond_the_limits(scenario, tmp_path):
     unlimited = [greedy(scenario, tmp_path, seed, limits={"on_excess": "none"}) for seed in range(10)]
+    free = 0
     for prepared, run in zip(unlimited, Simulation(unlimited).run(), strict=True):
         limits = prepared.scenario.control.limits
         acceleration = np.inf if limits.acceleration is None else limits.acceleration
         free += max(excess_of(run["qdot_cmd"], limits.rate), excess_of(differences(run), acceleration)) > 0.1
-    assert min(at_rate, at_acceleration, at_position) >= 2 and free >= 5
+    assert free >= 5
 
 
 @given(seeds)
@@ -244,7 +249,6 @@ def test_the_largest_rate_stops_within_the_distance_and_only_just(ticks, braking
 
 
 @given(ticks_of_braking, brakings, periods, st.booleans())
-@settings(max_examples=50)
 def test_a_joint_pushed_at_its_limit_brakes_as_told_and_arrives(ticks, braking, period, is_bounded):
     # Also where the acceleration limit is no larger than the braking, so that nothing is in reserve.
     d, q, rates = distance_for(ticks, braking, period), 0.0, []

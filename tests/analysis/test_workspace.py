@@ -315,7 +315,6 @@ def test_middles_on_borders_of_triangles_count_once():
 
 
 @given(seeds)
-@settings(max_examples=30, deadline=None)
 def test_a_distorted_grid_covers_its_inside_once_and_folded_thrice_or_once(seed):
     rng = np.random.default_rng(seed)
     steps = np.linspace(0.0, 1.0, 12)

@@ -28,7 +28,7 @@ PRINTING = {
     "statics": ["statics", PUMA, "--wrench", "1,-200,3,4,5,6", "--gravity"],
     "ik": ["ik", PUMA, "--to-q", "0.1,0.2,0.3,0.4,0.5,0.6", "--iterates"],
     "ik --all": ["ik", TWO, "--to", "1,0.5", "--all"],
-    "workspace": ["workspace", TWO, "--cells", "20", "--samples", "1000"],
+    "workspace": ["workspace", TWO, "--cells", "20"],
     "workspace --over": ["workspace", TWO, "--over", "shoulder,elbow", "--cells", "20"],
     "sweep": ["sweep", "quick.yaml", "--vary", "control.feedback=5,10", "--vary", "plant.payload=0,1"],
     "tune": ["tune", "quick.yaml", "--runs", "30", "--copies", "0"],

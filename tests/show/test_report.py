@@ -56,10 +56,7 @@ ASKED = {
     "inspect": (["--wrench", "1,2,3"], lambda: of_inspection(rmrc.inspect(TWO, wrench=[1, 2, 3, 0, 0, 0]))),
     "ik": (["--to", "1,1", "--all"], lambda: of_ik(rmrc.ik(TWO, [1, 1], every=True))),
     "statics": (["--wrench", "1,2,3"], lambda: of_statics(rmrc.statics(TWO, [1, 2, 3]))),
-    "workspace": (
-        ["--cells", "20", "--samples", "1000"],
-        lambda: of_workspace(rmrc.workspace(TWO, cells=20, samples=1000)),
-    ),
+    "workspace": (["--cells", "20"], lambda: of_workspace(rmrc.workspace(TWO, cells=20))),
 }  # fmt: skip
 
 
