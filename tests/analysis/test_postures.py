@@ -292,7 +292,7 @@ def test_three_links_have_the_continua_of_a_four_bar_linkage(tmp_path_factory, a
 
 
 @pytest.mark.parametrize(
-    "bars", mostly_long([[0.5, 1.0, 1.2, 0.7], [1.0, 1.0, 1.0, 1.0], [0.6, 1.0, 0.6, 1.0]], 2)
+    "bars", mostly_long([[0.5, 1.0, 1.2, 0.7], [1.0, 1.0, 1.0, 1.0], [0.6, 1.0, 0.6, 1.0]], 3)
 )
 def test_circuits_that_meet_are_one_continuum(tmp_path_factory, bars):
     """Where Grashof's law is an equation, the circuits cross where all bars lie on a line."""
