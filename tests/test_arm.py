@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
@@ -85,7 +85,6 @@ def test_home_of_a_model_without_such_a_keyframe_is_its_zero_position(tmp_path, 
 
 
 @given(seeds)
-@settings(max_examples=30)
 def test_jacobian_of_any_chain_is_the_derivative_of_its_pose(tmp_path_factory, seed):
     arm = load(tmp_path_factory.mktemp("chain"), random_chain(seed))
     rng = np.random.default_rng(seed)

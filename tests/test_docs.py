@@ -469,7 +469,19 @@ def questions(text=QUESTIONS):
     return asked
 
 
-@pytest.mark.parametrize(("command", "lines"), questions(), ids=lambda value: str(value)[:60])
+def takes_long(command, lines):
+    return " tune " in command or (" workspace " in command and not lines)
+
+
+@pytest.mark.parametrize(
+    ("command", "lines"),
+    [
+        # what takes seconds, and has a smaller twin among the pictures of the Makefile
+        pytest.param(command, lines, marks=[pytest.mark.long] * takes_long(command, lines))
+        for command, lines in questions()
+    ],
+    ids=lambda value: str(value)[:60],
+)
 def test_a_question_is_answered_as_its_page_says(rmrc, monkeypatch, tmp_path, command, lines):
     words = shlex.split(command)
     assert words[:3] == [".venv/bin/python", "-m", "rmrc"]

@@ -320,7 +320,6 @@ def test_home_lies_within_limits_and_away_from_singularities(name):
 
 
 @every_model
-@settings(max_examples=50, deadline=None)
 @given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_pose_and_jacobian_are_those_of_the_textbook(name, unit):
     model = loaded(name)
@@ -381,7 +380,6 @@ def test_a_center_of_mass_ten_times_too_far_is_seen(link):
 
 
 @every_model
-@settings(max_examples=30, deadline=None)
 @given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_torque_limits_hold_the_arm_against_gravity_twice_over(name, unit):
     model, coupled = loaded(name), DESCRIBED[name].coupled

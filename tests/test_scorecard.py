@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -157,7 +157,6 @@ def unit_vectors(size):
     return parts.filter(lambda v: np.linalg.norm(v) > 0.1).map(lambda v: v / np.linalg.norm(v))
 
 
-@settings(max_examples=50, deadline=None)
 @given(
     arrays(float, 6, elements=st.floats(-10.0, 10.0)),
     st.data(),
@@ -460,7 +459,6 @@ def test_nested_is_strict_json_and_follows_the_dots():
     assert nested["ticks"] == 1
 
 
-@settings(max_examples=50, deadline=None)
 @given(
     st.lists(
         st.sampled_from(["peak", "rms", "a", "a.peak", "a.peak.rms", "peak.peak", ".", "b c"]),
@@ -572,7 +570,6 @@ def test_a_plain_number_has_no_unit_in_its_message():
     assert str(outcome) == "joint_rate.peak: expected below 10, got 12, 2 too high"
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.floats(allow_nan=False), st.floats(-1e6, 1e6), st.floats(0, 1e6))
 def test_ok_is_what_the_comparison_says_and_a_miss_has_its_sign(value, bound, within):
     card = card_of(value)

@@ -6,7 +6,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.testing import assert_allclose
 
 from chains import random_chain, seeds
@@ -129,7 +129,6 @@ def check_power(borne, seed):
 
 
 @given(seeds)
-@settings(max_examples=30, deadline=None)
 def test_any_chain_bears_what_mujoco_levers_and_power_say(chain, seed):
     arm = chain(seed)
     borne = balance(arm, *at_random(arm, seed))

@@ -4,7 +4,7 @@ import pickle
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scenario_texts import EXAMPLE, FULL, MINIMAL, problems
 
@@ -146,7 +146,6 @@ scenarios = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(scenarios)
 def test_a_scenario_reads_back_from_its_yaml_equal(data):
     scenario = Scenario.model_validate(data)
