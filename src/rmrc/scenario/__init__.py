@@ -46,13 +46,13 @@ from rmrc.scenario.sections import (
     TargetSection,
     TaskSection,
 )
-from rmrc.scenario.values import Axis, Section, angle
+from rmrc.scenario.values import Axis, Frame, Section, angle
 from rmrc.scenario.variation import grid, variants
 from rmrc.scenario.wording import block, inline
 
 __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ControlSection",
-    "Draft", "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection",
+    "Draft", "EncoderSection", "Frame", "Hold", "HoldSegment", "InverseSection", "LimitsSection",
     "Line", "LineSegment", "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow",
     "SecondarySection", "Section", "Segment", "SweepSection",
     "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment", "Variant", "angle", "block",

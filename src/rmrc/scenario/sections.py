@@ -17,6 +17,7 @@ from rmrc.scenario.values import (
     Bounds,
     Choice,
     Count,
+    Frame,
     Gravity,
     ModelFile,
     Name,
@@ -88,7 +89,12 @@ class ArmSection(Section):
 class TaskSection(Section):
     """What of the site's motion counts, and how much."""
 
-    axes: Axes = key("the rows of the twist that are controlled, along world axes", get_args(Axis))
+    axes: Axes = key("the rows of the twist that are controlled, along the axes of `frame`", get_args(Axis))
+    frame: Frame = key(
+        "along whose axes the rows are: world; base, of the body that carries the first joint; site, of the "
+        "controlled site as it turns",
+        "world",
+    )
     length: Positive = key(
         "characteristic length: linear rows are divided by it, so that they compare with angles", 1.0, "m"
     )
@@ -186,10 +192,15 @@ class SecondarySection(Derived):
     """A second task, done as far as the first leaves room for it: a site that shall stay somewhere."""
 
     site: Text | None = key("the site of the second task; null: that of the first", None)
-    axes: Axes = key("the rows of its twist that count, along world axes", ("x", "y", "z"))
+    axes: Axes = key("the rows of its twist that count, along the axes of `frame`", ("x", "y", "z"))
+    frame: Frame = key(
+        "along whose axes the rows are: world; base, of the body that carries the first joint; site, of the "
+        "second task's site as it turns",
+        "world",
+    )
     to: Positions | None = key(
-        "where it shall be, a value for each of `axes`: position in the world, or rotation vector from the "
-        "start; null: where it starts",
+        "where it shall be, a value for each of `axes`: position in `frame`, which is the site's where it "
+        "starts, or rotation vector from the start; null: where it starts",
         None,
         "m or rad",
     )

@@ -216,6 +216,7 @@ NotNegativeAngle = Annotated[
     ),
 ]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+Frame = Literal["world", "base", "site"]
 Axes = Annotated[tuple[Axis, ...], Count(1), AfterValidator(_distinct)]
 Names = Annotated[tuple[Text, ...], Count(1), AfterValidator(_distinct)]
 Positions = Annotated[tuple[Angle, ...], Count(1)]

@@ -94,9 +94,11 @@ class Cache:
     def task(self, scenario: Scenario, arm: Arm) -> Task:
         """Return the task of a scenario, whose rank takes a millisecond to find."""
         section, joint_weights = scenario.task, scenario.control.joint_weights
-        key = (arm, section.axes, section.length, section.weights, joint_weights)
+        key = (arm, section.axes, section.length, section.weights, joint_weights, section.frame)
         rows = np.array([AXES.index(axis) for axis in section.axes])
-        return self._tasks.get(key, lambda: Task(arm, rows, section.length, section.weights, joint_weights))
+        return self._tasks.get(
+            key, lambda: Task(arm, rows, section.length, section.weights, joint_weights, section.frame)
+        )
 
 
 @dataclass(frozen=True, eq=False)
