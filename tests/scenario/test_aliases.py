@@ -137,9 +137,9 @@ def test_what_people_write_is_one_line_that_names_what_to_write(override, end):
 
 
 SEGMENTS_AS_WRITTEN = [
-    ("{circle: {radius: 1}}", "must have exactly one of line, arc, turn, hold, got circle; write arc: {center: [x, y], angle: 360 deg}"),
-    ("{rotate: {}}", "must have exactly one of line, arc, turn, hold, got rotate; write turn: {axis: z, angle: 90 deg}"),
-    ("{wait: 1}", "must have exactly one of line, arc, turn, hold, got wait; write hold: {for: 1.0}"),
+    ("{circle: {radius: 1}}", "must have exactly one of line, arc, turn, tilt, set, configurations, file, hold, got circle; write arc: {center: [x, y], angle: 360 deg}"),
+    ("{rotate: {}}", "must have exactly one of line, arc, turn, tilt, set, configurations, file, hold, got rotate; write turn: {axis: z, angle: 90 deg}"),
+    ("{wait: 1}", "must have exactly one of line, arc, turn, tilt, set, configurations, file, hold, got wait; write hold: {for: 1.0}"),
     ("{hold: 0.5}", "must be a mapping, got 0.5; write {for: 0.5}"),
     ("{line: [1, 2]}", "must be a mapping, got [1, 2]; write {to: [1, 2]}"),
     ("{line: {to: 0.5}}", "must be a list, got 0.5; write [x, y], or [x, y, z]"),
