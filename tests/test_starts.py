@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
-from numpy.testing import assert_allclose
+from numpy.testing import assert_allclose, assert_equal
 from scipy.spatial.transform import Rotation
 
 from project import ROOT
 from rmrc.arm import load
+from rmrc.recording.scene import Scene
+from rmrc.results.run import Run
 from rmrc.scenario import StartPose
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.start import start_positions
@@ -105,3 +107,36 @@ def test_a_free_turn_about_the_tool_leaves_it_out_of_all_figures(simulate, frame
         assert np.abs(run["pose_error"][-1, 5]) > 0.1  # the turn about the tool was not followed
     else:  # negative control: the world's axes are not those of the tool
         assert tilt > 0.1
+
+
+HAND = "task={axes: [x, y, z, rx, ry], frame: site}"
+
+
+def test_the_error_of_a_run_is_that_of_its_true_pose_along_the_hand_and_its_file_knows(simulate, tmp_path):
+    _, run = simulate(*ARM, HAND, PATH, "arm.encoder.offset=0.5 deg", "control.inverse.method=pseudoinverse")
+    assert_allclose(run["pose_error"], run.view.error(run["pose_ref"], run["pose"]), rtol=0, atol=1e-12)
+    plain = pose_error(run["pose_ref"], run["pose"])
+    assert np.abs(plain - run["pose_error"]).max() > 1e-3  # negative control: along the world's axes
+    run.save(tmp_path / "run.npz")
+    assert Run.read(tmp_path / "run.npz").view == run.view
+    values = [
+        {name: one.value for name, one in card.items()}
+        for card in (run.scorecard, Run.read(tmp_path / "run.npz").scorecard)
+    ]
+    assert_equal(*values)
+
+
+def test_what_dies_first_is_drawn_along_the_world(simulate):
+    prepared, run = simulate(*ARM, HAND, PATH, "control.inverse.method=pseudoinverse")
+    rows = np.array([0, len(run) // 2])
+    drawn, R = Scene(prepared).frames(run, rows), Rotation.from_quat(run["pose"][rows, 3:], scalar_first=True)
+    size = np.linalg.norm(drawn.dying_move, axis=1) / np.linalg.norm(run["u_min"][rows, :3], axis=1)
+    assert_allclose(drawn.dying_move / size[:, None], R.apply(run["u_min"][rows, :3]), rtol=0, atol=1e-12)
+    # all translations count and all that is held is the same plane: the ellipsoid along the hand is the world's
+    J = np.array([PUMA.jacobian(q) for q in run["q"][rows]])
+    for one, turn, axes in zip(
+        J, R.as_matrix(), Rotation.from_quat(drawn.axes, scalar_first=True).as_matrix(), strict=True
+    ):
+        held = (np.kron(np.eye(2), turn.T) @ one)[3:5]
+        u = np.linalg.svd(one[:3] @ (np.eye(6) - np.linalg.pinv(held) @ held))[0]
+        assert_allclose(np.abs(np.sum(u * axes, axis=0)), 1, rtol=0, atol=1e-9)

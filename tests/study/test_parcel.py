@@ -145,7 +145,10 @@ def test_a_recorded_motion_is_packed_and_its_contents_are_part_of_the_sweep(path
     rows = "t,x,y,z,qw,qx,qy,qz\n0,0.5,0.5,0,1,0,0,0\n1,0.6,0.5,0,1,0,0,0\n"
     for name in ("a.csv", "b.csv"):
         (tmp_path / "scenarios" / name).write_text(rows)
-    changes = ["target.path=[{file: {path: a.csv}}]", "sweep.vary={'target.path[0].file.path': [a.csv, b.csv]}"]
+    changes = [
+        "target.path=[{file: {path: a.csv}}]",
+        "sweep.vary={'target.path[0].file.path': [a.csv, b.csv]}",
+    ]
     draft = draft_of(path, changes)
     assert draft.motions == ["a.csv", "b.csv"]
     before = Sweep(draft.scenario())._identify()
