@@ -87,7 +87,7 @@ class Scene:
         self.path = prepared.reference.pose[:, :3]
 
         q = prepared.qpos[arm.wiring.qpos]
-        bodies, tip = arm.frames(q[None])[0][0], arm.pose(q)[:3]
+        bodies, tip = arm.frames(prepared.qpos[None])[0][0], arm.pose(q)[:3]
         moving = bodies[~self.is_fixed, :3]
         self.reach = float(np.linalg.norm(np.vstack([tip, self.path]) - moving[0], axis=1).max())
         boxes = [_box(shape, bodies[shape.body]) for shape in self.shapes]
@@ -114,8 +114,7 @@ class Scene:
             part: Any part of the run.
             rows: Ticks of that part, (F,).
         """
-        q = part["q"][rows]
-        bodies, jacobians = self._arm.frames(q)
+        bodies, jacobians = self._arm.frames(part["qpos"][rows])
         pose = part["pose"][rows]
         J = self._view.turned(jacobians, pose)
         axes, sigma = principal(J * self._joint_scale, self._rows, self._held)

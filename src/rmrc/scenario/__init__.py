@@ -18,7 +18,7 @@ a file, a text or a change never does.
 
 from rmrc.scenario.aliases import place_of
 from rmrc.scenario.changes import Change, Variant, changes_of
-from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, draft_of, load, loads
+from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, Source, draft_of, load, loads
 from rmrc.scenario.path import (
     Arc,
     ArcSegment,
@@ -64,7 +64,7 @@ __all__ = [
     "ControlSection", "Draft", "EncoderSection", "FileSegment", "Frame", "Hold", "HoldSegment",
     "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection", "PathFrame",
     "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "Set",
-    "SetSegment", "StartPose", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection", "Tilt",
-    "TiltSegment", "Turn", "TurnSegment", "Variant", "angle", "block", "changes_of", "draft_of", "grid",
+    "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection",
+    "Tilt", "TiltSegment", "Turn", "TurnSegment", "Variant", "angle", "block", "changes_of", "draft_of", "grid",
     "inline", "json_schema", "load", "loads", "place_of", "schema_rows", "variants",
 ]  # fmt: skip
