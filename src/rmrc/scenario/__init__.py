@@ -64,7 +64,7 @@ __all__ = [
     "ControlSection", "Draft", "EncoderSection", "FileSegment", "Frame", "Hold", "HoldSegment",
     "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection", "PathFrame",
     "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "Set",
-    "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection", "TargetSection", "TaskSection",
-    "Tilt", "TiltSegment", "Turn", "TurnSegment", "Variant", "angle", "block", "changes_of", "draft_of", "grid",
-    "inline", "json_schema", "load", "loads", "place_of", "schema_rows", "variants",
+    "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection", "TargetSection",
+    "TaskSection", "Tilt", "TiltSegment", "Turn", "TurnSegment", "Variant", "angle", "block", "changes_of",
+    "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows", "variants",
 ]  # fmt: skip
