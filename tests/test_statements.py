@@ -455,7 +455,7 @@ def test_drives_turn_an_outstretched_arm_so_fast(name, sentence, acceleration):
         ("is not finite, or beyond 10¹⁰, ends its world as diverged", "plants.lockstep.LARGEST", 1e10),
         ("J_a is refused there (|s_β| ≤ 10⁻¹²", "textbook.euler.SINGULAR", 1e-12),
         ("σ_i ≤ 10⁻⁹ σ_1 is lost and σ_i ≤ σ_1/100 nearly lost", "law.task.RANK_TOLERANCE", 1e-9),
-        ("μ begins with 0.03", "analysis.ik.descent.FIRST_SHARE", 0.03),
+        ("μ begins with 0.03", "law.descent.FIRST_SHARE", 0.03),
         ("A goal counts as reached if |e| ≤ 10⁻⁹", "analysis.ik.solve.TOLERANCE", 1e-9),
         ("Else the search begins again at up to 200", "analysis.ik.solve.RESTARTS", 200),
         ("of 64 configurations side by side", "law.svd.LANES", 64),

@@ -138,9 +138,9 @@ def test_what_people_write_is_one_line_that_names_what_to_write(override, end):
 
 
 SEGMENTS_AS_WRITTEN = [
-    ("{circle: {radius: 1}}", ": … line, arc, turn, hold … circle; … arc: {center: [x, y], angle: 360 deg}"),
-    ("{rotate: {}}", ": … line, arc, turn, hold … rotate; … turn: {axis: z, angle: 90 deg}"),
-    ("{wait: 1}", ": … line, arc, turn, hold … wait; … hold: {for: 1.0}"),
+    ("{circle: {radius: 1}}", ": … line, arc, turn, tilt, set, configurations, file, hold … circle; … arc: {center: [x, y], angle: 360 deg}"),
+    ("{rotate: {}}", ": … line, arc, turn, tilt, set, configurations, file, hold … rotate; … turn: {axis: z, angle: 90 deg}"),
+    ("{wait: 1}", ": … line, arc, turn, tilt, set, configurations, file, hold … wait; … hold: {for: 1.0}"),
     ("{hold: 0.5}", ".hold: … mapping … 0.5 … {for: 0.5}"),
     ("{line: [1, 2]}", ".line: … mapping … [1, 2]; … {to: [1, 2]}"),
     ("{line: {to: 0.5}}", ".line.to: … list … 0.5 … [x, y], or [x, y, z]"),

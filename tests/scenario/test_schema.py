@@ -17,7 +17,7 @@ def as_row(key):
     key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<figure>.\1", key)
     key = re.sub(r"^arm\.stretch\..*", "arm.stretch.<body>", key)
     key = re.sub(r"^(sweep\.(?:vary|draw))\..*$", r"\1.<key>", key)
-    return re.sub(r"\[\d+\]$", "", key)
+    return re.sub(r"(\[\d+\])+$", "", key)
 
 
 def test_the_walk_over_numbers_reaches_every_number_of_the_schema():
@@ -131,6 +131,7 @@ def valid(value, schema, root):
         ),
         "required": lambda names: all(name in keys for name in names),
         "dependentRequired": lambda d: all(n in keys for k in d if k in keys for n in d[k]),
+        "not": lambda s: not valid(value, s, root),
         "maxProperties": lambda n: len(keys) <= n,
         "items": lambda s: all(valid(item, s, root) for item in items),
         "minItems": lambda n: not isinstance(value, list) or len(value) >= n,

@@ -43,8 +43,12 @@ def test_each_kind_of_segment_is_told_by_its_key():
     assert path[3].arc.axis == "z"
     assert isinstance(path[6], TurnSegment)
     assert path[6].turn.to == (0.5, 0.5, 0.5, 0.5)
-    assert isinstance(path[7], HoldSegment)
-    assert path[7].hold.duration == 0.5
+    assert path[12].tilt.to == (0, 0, -1)
+    assert path[13].set.to == (0.5, 0.1) and path[13].set.duration == 0.5
+    assert path[16].configurations == ("home", (0.1, math.radians(10)))
+    assert path[17].file.speed == 0.5
+    assert isinstance(path[-1], HoldSegment)
+    assert path[-1].hold.duration == 0.5
 
 
 def test_axes_are_kept_in_row_order_and_weights_follow_them():
@@ -160,12 +164,14 @@ arm:
   model: /arm.xml
   site: tip
   start: home
+  pose: null
   joints: null
   others: hold
   encoder: {offset: 0.0, deviation: 0.0, seed: 0}
   stretch: {}
 task:
   axes: [x, y, z, rx, ry, rz]
+  frame: world
   length: 1.0
   weights: null
 control:
@@ -189,6 +195,7 @@ control:
     secondary:
       site: null
       axes: [x, y, z]
+      frame: world
       to: null
       feedback: 5.0
       priority: robust
@@ -202,6 +209,7 @@ target:
   - line:
       by: [0.1, 0.0]
   offset: [0.0, 0.0, 0.0]
+  frame: world
   limits: {velocity: 0.25, acceleration: 1.0, jerk: 10.0, angular_velocity: 1.0, angular_acceleration: 4.0,
     angular_jerk: 40.0}
 plant:

@@ -138,3 +138,26 @@ def test_a_models_fingerprint_is_of_what_it_is_and_not_of_where_it_lies(path, tm
     )
     sweep = Sweep(path, [f"arm.model={folder}/arm.xml", "sweep.vary.control.feedback=[5, 6]"], tmp_path)
     assert fingerprint(sweep._prepare(0).arm) != prints[0]
+
+
+def test_a_recorded_motion_is_packed_and_its_contents_are_part_of_the_sweep(path, tmp_path):
+    rows = "t,x,y,z,qw,qx,qy,qz\n0,0.5,0.5,0,1,0,0,0\n1,0.6,0.5,0,1,0,0,0\n"
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / "scenarios" / name).write_text(rows)
+    changes = [
+        "target.path=[{file: {path: a.csv}}]",
+        "sweep.vary={'target.path[0].file.path': [a.csv, b.csv]}",
+    ]
+    draft = draft_of(path, changes)
+    assert draft.motions == ["a.csv", "b.csv"]
+    before = Sweep(draft.scenario())._identify()
+    parcel = pack(draft)
+    assert {"scenarios/a.csv", "scenarios/b.csv"} < set(parcel.files)
+    (tmp_path / "scenarios/b.csv").write_text(rows.replace("0.6", "0.7"))
+    assert Sweep(draft.scenario())._identify() != before
+    for one in tmp_path.glob("scenarios/*"):
+        one.unlink()
+    (tmp_path / "worker").mkdir()
+    there = Unpacked(parcel, str(tmp_path / "worker"))
+    prepared = there.study.prepare(changes_of({"target.path[0].file.path": "b.csv"}))
+    assert abs(prepared.reference.pose[-1, 0] - 0.6) < 1e-12

@@ -329,6 +329,12 @@ class Arm:
         return int(self.model.body_parentid[self.model.jnt_bodyid[self.wiring.joint[0]]])
 
     @property
+    def base_pose(self) -> Array:
+        """Pose of the base in the world, [p, quat w x y z], (7,): none of the arm's joints moves it."""
+        mujoco.mj_kinematics(self.model, self._data)
+        return np.concatenate([self._data.xpos[self.base], self._data.xquat[self.base]])
+
+    @property
     def body_names(self) -> list[str]:
         """Names of all bodies, the world first; a body without one goes by its number."""
         return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]

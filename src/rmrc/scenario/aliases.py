@@ -39,6 +39,10 @@ CHOICES: dict[str, dict[str, str]] = {
         "line": "linear straight lin movel move ptp goto point waypoint segment to",
         "arc": "circle circular circ movec",
         "turn": "rotate rotation orient orientation spin",
+        "tilt": "align point_at aim look_at",
+        "set": "step setpoint set_point jump",
+        "configurations": "joint_path keyframes postures configuration",
+        "file": "csv motion recording replay teleop",
         "hold": "wait pause dwell sleep stay stop",
     },
 }

@@ -57,7 +57,7 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
         }
         inner = {**told, **below["additionalProperties"]}
         yield from _rows(f"{key}.<{_ABSENT[key][0]}>", inner, kinds, required=False)
-    elif "oneOf" in below.get("items", {}):
+    elif any("$ref" in option for option in below.get("items", {}).get("oneOf", ())):
         for inner in below["items"]["oneOf"]:
             yield from _rows(f"{key}[]", inner, kinds, required=False)
     else:
@@ -87,7 +87,7 @@ def _type(schema: dict[str, Any]) -> str:
         low, high = schema["minItems"], schema.get("maxItems")
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
         item = re.sub("^(number|angle)", r"\1s", _type(schema["items"])) if schema["items"] else "values"
-        return f"list of {count}({item})" if "|" in item else f"list of {count}{item}"
+        return f"list of {count}({item})" if "|" in item or " or " in item else f"list of {count}{item}"
     if schema["type"] in ("number", "integer"):
         signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
         bounds = [f"{sign} {show(schema[k])}" for k, sign in signs.items() if k in schema]

@@ -9,14 +9,16 @@ from pydantic import ConfigDict, Field, ValidationInfo, create_model, field_vali
 from rmrc.scenario import choices
 from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.keys import split
-from rmrc.scenario.path import Segment
+from rmrc.scenario.path import PathFrame, Segment
 from rmrc.scenario.values import (
+    Angle,
     AngleOrEach,
     Axes,
     Axis,
     Bounds,
     Choice,
     Count,
+    Frame,
     Gravity,
     ModelFile,
     Name,
@@ -67,6 +69,34 @@ class EncoderSection(Section):
     seed: Seed = key("what is drawn: the same seed, the same offsets", 0)
 
 
+class StartPose(Choice):
+    """A pose of the site in which an arm starts."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": [name]} for name in ("position", "orientation")]}
+    )
+    position: Vector | None = key(
+        "where it is: [x, y], which keeps z, or [x, y, z]; null: as at `start`", None, "m"
+    )
+    orientation: Annotated[tuple[Angle, ...], Count(3, 4)] | None = key(
+        "how it is turned: roll, pitch and yaw, about x, then y, then z, or a quaternion w x y z; "
+        "null: as it may be",
+        None,
+        "rad or 1",
+    )
+    frame: Literal["world", "base"] = key(
+        "the frame that it is in: world; base, the body that carries the first joint", "world"
+    )
+
+    @model_validator(mode="after")
+    def _some_pose(self) -> Self:
+        if not self.given("position", "orientation"):
+            raise rule("must have position or orientation, got none of them")
+        if len(self.orientation or ()) == 4 and not any(self.orientation or ()):
+            raise rule("must not be a zero quaternion", ("arm", "pose", "orientation"))
+        return self
+
+
 class ArmSection(Section):
     """The arm: which model, which point of it, where it starts."""
 
@@ -74,6 +104,11 @@ class ArmSection(Section):
     site: Text = key("the MuJoCo site that is controlled")
     start: NameOrPositions = key(
         "where the joints start: a keyframe's name, or a position a joint", "home", "rad or m"
+    )
+    pose: StartPose | None = key(
+        "a pose of the site to start in, at the joint positions that a search from `start` finds; null: at "
+        "`start`",
+        None,
     )
     joints: Names | None = key("the joints that are driven; null: those between the base and the site", None)
     others: Literal["hold", "free"] = key(
@@ -93,7 +128,12 @@ class ArmSection(Section):
 class TaskSection(Section):
     """What of the site's motion counts, and how much."""
 
-    axes: Axes = key("the rows of the twist that are controlled, along world axes", get_args(Axis))
+    axes: Axes = key("the rows of the twist that are controlled, along the axes of `frame`", get_args(Axis))
+    frame: Frame = key(
+        "along whose axes the rows are: world; base, of the body that carries the first joint; site, of the "
+        "controlled site as it turns",
+        "world",
+    )
     length: Positive = key(
         "characteristic length: linear rows are divided by it, so that they compare with angles", 1.0, "m"
     )
@@ -191,10 +231,15 @@ class SecondarySection(Derived):
     """A second task, done as far as the first leaves room for it: a site that shall stay somewhere."""
 
     site: Text | None = key("the site of the second task; null: that of the first", None)
-    axes: Axes = key("the rows of its twist that count, along world axes", ("x", "y", "z"))
+    axes: Axes = key("the rows of its twist that count, along the axes of `frame`", ("x", "y", "z"))
+    frame: Frame = key(
+        "along whose axes the rows are: world; base, of the body that carries the first joint; site, of the "
+        "second task's site as it turns",
+        "world",
+    )
     to: Positions | None = key(
-        "where it shall be, a value for each of `axes`: position in the world, or rotation vector from the "
-        "start; null: where it starts",
+        "where it shall be, a value for each of `axes`: position in `frame`, which is the site's where it "
+        "starts, or rotation vector from the start; null: where it starts",
         None,
         "m or rad",
     )
@@ -279,9 +324,14 @@ class TargetSection(Section):
 
     path: Annotated[tuple[Segment, ...], Count(1)] = key("the pieces of the path, in order")
     offset: Vector = key(
-        "how far every absolute point of the path lies from where it is written: line.to, arc.center",
+        "how far every absolute point of the path lies from where it is written: line.to, arc.center, set.to",
         (0.0, 0.0, 0.0),
         "m",
+    )
+    frame: PathFrame = key(
+        "the frame of all pieces that have none of their own: world; base, the body that carries the first "
+        "joint; site, as the piece starts; start, the site as the path starts",
+        "world",
     )
     limits: TargetLimitsSection = key("how fast", TargetLimitsSection())
 

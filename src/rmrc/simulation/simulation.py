@@ -117,6 +117,7 @@ class _Shard:
             wall_time=self.wall_time / len(self.members),
             weights=scenario.task.weights or (),
             torque_limit=tuple(arm.torque_limit.tolist()) if prepared.plant.has_physics else (),
+            view=prepared.task.view,
         )
 
     def scorecards(self) -> list[Scorecard]:
