@@ -1,7 +1,7 @@
 """An arm: a chain of joints to a site, with every name resolved once. Nothing here steps the physics."""
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -53,7 +53,7 @@ class Arm:
     hinge's angle is its position.
 
     Attributes:
-        path: The MJCF file.
+        path: The MJCF or URDF file.
         site: Name of the controlled site.
         joints: Names, from the world outward, n of them.
         is_slide: Whether each joint slides, (n,).
@@ -63,6 +63,9 @@ class Arm:
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
         keyframes: Configurations by name, each (nq,).
         model: The model as its author wrote it, but for what is stretched.
+        variant: What else than the file makes the model: a tool, folders of packages.
+        notes: What was assumed where the file does not say it, a line each.
+        obvious: Which of them tells a choice of the site that hardly anybody would doubt; "" if none does.
         stretch: Factor on all lengths of a body, by its name.
     """
 
@@ -77,6 +80,9 @@ class Arm:
     keyframes: Mapping[str, Array]
     model: mujoco.MjModel
     _spec: mujoco.MjSpec
+    variant: Hashable = ()
+    notes: tuple[str, ...] = ()
+    obvious: str = ""
     stretch: Mapping[str, float] = field(default_factory=dict)
     _adapted: dict[object, mujoco.MjModel] = field(default_factory=dict, repr=False)
 
@@ -208,7 +214,8 @@ class Arm:
 
     def moves(self, site: str) -> NDArray[np.bool_]:
         """Return which joints of the arm move a site, (n,): those between the world and its body."""
-        return np.isin(self.wiring.joint, joints_above(self.model, site))
+        body = int(self.model.site_bodyid[self.model.site(site).id])
+        return np.isin(self.wiring.joint, joints_above(self.model, body))
 
     def pose(self, q: Sequence[float] | Array, site: str | None = None) -> Array:
         """Return a site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,).

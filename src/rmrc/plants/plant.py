@@ -96,7 +96,7 @@ class Plant(ABC):
     @property
     def shares(self) -> Hashable:
         """What worlds must have in common to be stepped together."""
-        return self.section.kind, self.arm.path, self.arm.site, self.arm.joints
+        return self.section.kind, self.arm.path, self.arm.site, self.arm.joints, self.arm.variant
 
     @classmethod
     @abstractmethod

@@ -2,7 +2,7 @@
 
 import json
 import platform
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -28,7 +28,12 @@ def status_of(divergence: Divergence | None, is_complete: bool, interrupted: boo
 
 
 def run_facts(
-    status: str, run: Run, card: Scorecard, outcomes: tuple[Outcome, ...], scenario: Scenario
+    status: str,
+    run: Run,
+    card: Scorecard,
+    outcomes: tuple[Outcome, ...],
+    scenario: Scenario,
+    assumed: Sequence[str] = (),
 ) -> dict[str, Any]:
     """Return what is known about one run, ready for strict JSON.
 
@@ -38,12 +43,14 @@ def run_facts(
         card: Its figures.
         outcomes: Of the expectations.
         scenario: That was run.
+        assumed: Of its arm, in words.
     """
     return {
         "status": status,
         "divergence": run.divergence and asdict(run.divergence),
         "scorecard": card.nested(),
         "expect": [outcome.facts() for outcome in outcomes],
+        "assumed": list(assumed),
         "scenario": scenario.model_dump(mode="json"),
     }
 

@@ -45,6 +45,7 @@ from rmrc.scenario.sections import (
     TargetLimitsSection,
     TargetSection,
     TaskSection,
+    ToolSection,
 )
 from rmrc.scenario.values import Axis, Section, angle
 from rmrc.scenario.variation import grid, variants
@@ -55,7 +56,7 @@ __all__ = [
     "Draft", "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection",
     "Line", "LineSegment", "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow",
     "SecondarySection", "Section", "Segment", "SweepSection",
-    "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment", "Variant", "angle", "block",
-    "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows",
-    "variants",
+    "TargetLimitsSection", "TargetSection", "TaskSection", "ToolSection", "Turn", "TurnSegment", "Variant", "angle",
+    "block", "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of",
+    "schema_rows", "variants",
 ]  # fmt: skip

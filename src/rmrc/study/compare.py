@@ -155,7 +155,9 @@ class Comparison(Batch):
                 "label": one.variant.label,
                 "overrides": [str(change) for change in one.variant.changes],
                 "expected_of_others": one.stated_for,
-                **facts.run_facts(one.status, one.run, one.scorecard, one.outcomes, prepared.scenario),
+                **facts.run_facts(
+                    one.status, one.run, one.scorecard, one.outcomes, prepared.scenario, prepared.arm.notes
+                ),
             }
             for one, prepared in zip(compared, self.worlds, strict=True)
         ]

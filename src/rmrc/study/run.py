@@ -83,7 +83,7 @@ class Job(Batch):
             outcomes = tuple(check(card, self.scenario.expect))
             ran.write(".npz", run.save)
             status = facts.status_of(run.divergence, run.is_complete, ran.interrupted)
-            known = facts.run_facts(status, run, card, outcomes, self.scenario)
+            known = facts.run_facts(status, run, card, outcomes, self.scenario, self.prepared.arm.notes)
             ran.write(".json", lambda path: facts.save(path, {"name": self.name, **known}))
             ran.finish(lambda: markdown(card, outcomes))
         return Ended(run, card, outcomes, ran.files, ran.interrupted, ran.failures)
