@@ -139,6 +139,12 @@ def test_a_picture_is_drawn(rmrc, tmp_path):
             "--axes: rows must be listed once each, in the order x y z rx ry rz, got x,x; write x",
         ),
         (["--site", "tpi"], '{model}: has no site "tpi"; did you mean "tip"?; its sites: tip'),
+        (
+            ["--body", "link"],
+            '{model}: has no body "link"; did you mean "link_2"?; its bodies: base, link_1, link_2',
+        ),
+        (["--body", "link_2", "--site", "tip"], "give --site or --body, not both"),
+        (["--package", "a=gone"], "--package must be NAME=FOLDER with a folder that is there, got 'a=gone'"),
         (["--axes", "x,q"], '--axes: no row "q"; choose from x y z rx ry rz'),
         (["--frame", "wrld"], 'frame: no frame "wrld"; did you mean "world"?; choose from world site base'),
         (

@@ -32,7 +32,7 @@ def within(option: str, least: float, most: float) -> Callable[[float], float]:
 Model = Annotated[
     Path,
     typer.Argument(
-        help="The arm: an MJCF file, or the name of a shipped one.",
+        help="The arm: an MJCF or URDF file, or the name of a shipped one.",
         show_default=False,
         callback=lambda path: expect(path, MODEL),
     ),

@@ -56,7 +56,7 @@ __all__ = [
     "Draft", "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection",
     "Line", "LineSegment", "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow",
     "SecondarySection", "Section", "Segment", "SweepSection",
-    "TargetLimitsSection", "TargetSection", "TaskSection", "ToolSection", "Turn", "TurnSegment", "Variant", "angle",
-    "block", "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of",
+    "TargetLimitsSection", "TargetSection", "TaskSection", "ToolSection", "Turn", "TurnSegment", "Variant",
+    "angle", "block", "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of",
     "schema_rows", "variants",
 ]  # fmt: skip
