@@ -50,7 +50,7 @@ def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
     quiet_log()
-    with _in_our_words(path) as heard:
+    with in_our_words(path) as heard:
         spec, notes = parsed(path, text)
         check_spec(path, spec)
         try:
@@ -94,7 +94,7 @@ def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
     Raises:
         ModelError: MuJoCo refuses it.
     """
-    with _in_our_words(path) as heard:
+    with in_our_words(path) as heard:
         model = spec.compile()
     _pass_on(path, heard)
     return model
@@ -109,7 +109,7 @@ def quiet_log() -> None:
 
 
 @contextmanager
-def _in_our_words(path: Path) -> Iterator[list[warnings.WarningMessage]]:
+def in_our_words(path: Path) -> Iterator[list[warnings.WarningMessage]]:
     """Yield the warnings that come, for those who go on; an error is told alone."""
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")

@@ -12,7 +12,7 @@ from rmrc.arm import urdf
 from rmrc.arm.arm import Arm
 from rmrc.arm.bounds import bounded_memory
 from rmrc.arm.compiling import quiet_log, read
-from rmrc.arm.keyframes import keyframes
+from rmrc.arm.keyframes import keyframes, starting_key
 from rmrc.arm.limits import position_limit, rate_limit, torque_limit
 from rmrc.arm.mounting import Asked, mounted
 from rmrc.arm.scan import check_file
@@ -81,6 +81,7 @@ def load(
         variant=asked.variant,
         notes=tuple(notes),
         obvious=obvious,
+        home=starting_key(model, joint.tolist(), asked.prefix),
     )
 
 

@@ -102,9 +102,9 @@ def ik(
         from rmrc.analysis.ik.report import report
         from rmrc.law.task import choose
 
-    arm = read_arm(model, site, body, package)
+    arm, start = configuration(read_arm(model, site, body, package), q, keyframe)
     task = choose(arm, rows, length)
-    goal, start = _goal(task, to, quat, to_q), configuration(arm, q, keyframe)
+    goal = _goal(task, to, quat, to_q)
     found = ask(
         arm, q=start, pose=goal, axes=task.axes, length=length, method=method.value, limits=limits,
         every=every, tolerance=tolerance,
