@@ -208,6 +208,10 @@ def _about_model(chance, name):
         argv += ["--length", chance.number() if chance.odds(0.6) else "0.5"]
     if chance.odds(0.3):
         argv += ["--json"]
+    if chance.odds(0.05):
+        argv += ["--body", chance.pick(("link_1", "world", "none", chance.word()))]
+    if chance.odds(0.03):
+        argv += ["--package", chance.pick(("a=.", "a=", "=.", "a", chance.word()))]
     return argv
 
 

@@ -37,12 +37,14 @@ expect:
   position_error.end: {below: 0.001}
 """
 
-# Every key of a scenario has a value here; the schema test holds it against the schema.
+# Every key of a scenario has a value here, but for those that exclude others, which OTHER_FRAMES have; the schema
+# test holds both against the schema.
 FULL = """\
 name: full
 arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b],
       pose: {position: [0.5, 0.1], orientation: [0.0, 10 deg, 0.0], frame: base},
-      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7}, stretch: {link_1: 1.1}}
+      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7}, stretch: {link_1: 1.1},
+      base: fixed, packages: {arm_description: ..}}
 task: {axes: [x, y], frame: site, length: 0.5, weights: [1.0, 2.0]}
 control:
   period: 0.002
@@ -95,6 +97,22 @@ sweep:
   repeat: 2
   seed: 5
 """
+
+
+OTHER_FRAMES = (
+    ("arm.site=null", "arm.body=link_2"),
+    (
+        "arm.site=null",
+        "arm.tool={body: link_2, position: [0.1, 0, 0], quat: [1, 0, 0, 0], mass: 0.5, center: [0, 0, 0.1], "
+        "inertia: [0.1, 0.1, 0.1]}",
+    ),
+    ("arm.site=null", "arm.tool={rpy: [90 deg, 0, 0], model: arm.xml, site: tip}"),
+)
+
+
+def full_scenarios():
+    """Return scenarios that use every key together."""
+    return [loads(FULL), *(loads(FULL, overrides=frame) for frame in OTHER_FRAMES)]
 
 
 def problems(text, *overrides):

@@ -54,6 +54,7 @@ from rmrc.scenario.sections import (
     TargetLimitsSection,
     TargetSection,
     TaskSection,
+    ToolSection,
 )
 from rmrc.scenario.values import Axis, Frame, Section, angle
 from rmrc.scenario.variation import grid, variants
@@ -65,6 +66,7 @@ __all__ = [
     "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection", "PathFrame",
     "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "Set",
     "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection", "TargetSection",
-    "TaskSection", "Tilt", "TiltSegment", "Turn", "TurnSegment", "Variant", "angle", "block", "changes_of",
-    "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows", "variants",
+    "TaskSection", "Tilt", "TiltSegment", "ToolSection", "Turn", "TurnSegment", "Variant", "angle", "block",
+    "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows",
+    "variants",
 ]  # fmt: skip

@@ -52,7 +52,9 @@ CHOICES["control.nullspace.secondary.axes"] = CHOICES["task.axes"]
 KEYS = {
     "arm": "robot manipulator",
     "arm.model": "xml mjcf urdf file robot_model model_file model_path",
-    "arm.site": "tool tcp ee end_effector effector tip frame tool_frame",
+    "arm.site": "tcp ee end_effector effector tip frame tool_frame",
+    "arm.body": "link tip_link ee_link tool_link",
+    "arm.packages": "package package_dirs ros_packages",
     "arm.start": "q q0 qpos init initial home joint_positions start_q q_start configuration",
     "arm.encoder.deviation": "std sigma noise stddev",
     "task": "tasks",

@@ -193,7 +193,11 @@ class Draft:
         vary = (data.get("sweep") or {}).get("vary") or {}
         arms = [data["arm"], *vary.get("arm", ())]
         names = [*(arm["model"] for arm in arms if "model" in arm), *vary.get("arm.model", ())]
-        return list(dict.fromkeys(map(str, names)))
+        tools = [*(arm.get("tool") for arm in arms), *vary.get("arm.tool", ())]
+        held = [tool["model"] for tool in tools if tool and tool.get("model")] + list(
+            vary.get("arm.tool.model", ())
+        )
+        return list(dict.fromkeys(map(str, filter(None, [*names, *held]))))
 
     @property
     def motions(self) -> list[str]:

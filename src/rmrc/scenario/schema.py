@@ -11,6 +11,7 @@ from rmrc.scenario.wording import inline, show
 # Mappings whose keys are names: what they name, and what holds for one that is absent.
 _ABSENT: dict[str, tuple[str, object]] = {
     "expect": ("figure", None),
+    "arm.packages": ("package", None),
     "arm.stretch": ("body", 1),
     "sweep.vary": ("key", None),
     "sweep.draw": ("key", None),
@@ -37,7 +38,8 @@ def json_schema() -> dict[str, Any]:
 def schema_rows() -> tuple[SchemaRow, ...]:
     """Return every key of a scenario, in the order of the file.
 
-    `[]` in a key stands for an item of a list, `<figure>`, `<body>` and `<key>` for the name of one.
+    `[]` in a key stands for an item of a list, `<figure>`, `<package>`, `<body>` and `<key>` for the name
+    of one.
     """
     schema = json_schema()
     return tuple(_rows("", schema, schema["$defs"], required=True))

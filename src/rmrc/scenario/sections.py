@@ -13,14 +13,17 @@ from rmrc.scenario.path import PathFrame, Segment
 from rmrc.scenario.values import (
     Angle,
     AngleOrEach,
+    Angles,
     Axes,
     Axis,
     Bounds,
     Choice,
     Count,
+    Folder,
     Frame,
     Gravity,
     ModelFile,
+    Moments,
     Name,
     NameOrPositions,
     Names,
@@ -28,8 +31,10 @@ from rmrc.scenario.values import (
     NotNegativeAngleOrEach,
     Number,
     OneOrEach,
+    Point,
     Positions,
     Positive,
+    Quaternion,
     Rates,
     Section,
     Seed,
@@ -97,11 +102,75 @@ class StartPose(Choice):
         return self
 
 
+class ToolSection(Choice):
+    """What the arm holds: a frame on a body of it, perhaps with a mass there, or with another model."""
+
+    body: Text | None = key(
+        "the body that carries it; null: the frame that is controlled where none is named", None
+    )
+    position: Point = key("where its frame is, in the frame of what carries it", (0.0, 0.0, 0.0), "m")
+    quat: Quaternion | None = key(
+        "how its frame is turned in the frame of what carries it, as a quaternion w x y z; null: by `rpy`",
+        None,
+        "1",
+    )
+    rpy: Angles | None = key("the same as roll, pitch and yaw: about x, y and z, fixed", None, "rad")
+    mass: NotNegative | None = key("its mass; null: none", None, "kg")
+    center: Point | None = key("where its center of mass is, in its frame; null: at its origin", None, "m")
+    inertia: Moments | None = key(
+        "its moments of inertia about its center of mass, along its axes; null: those of a point",
+        None,
+        "kg·m²",
+    )
+    model: ModelFile | None = key("an MJCF or URDF file that is attached there; null: none", None)
+    site: Text | None = key("the site of that model that is controlled; null: as for an arm", None)
+
+    @property
+    def rotation(self) -> tuple[float, ...]:
+        """How its frame is turned, as a quaternion w x y z."""
+        if self.quat is not None:
+            return self.quat
+        halves = [angle / 2.0 for angle in self.rpy or (0.0, 0.0, 0.0)]
+        (cr, cp, cy), (sr, sp, sy) = map(math.cos, halves), map(math.sin, halves)
+        return (
+            cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
+        )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _fitting(self) -> Self:
+        if self.quat is not None and self.rpy is not None:
+            raise rule("must have quat or rpy, got both")
+        weighing = self.given("mass", "center", "inertia")
+        if self.model is not None and weighing:
+            raise rule(f"must have {' and '.join(weighing)} or model, which has a mass of its own; got both")
+        if weighing and self.mass is None:
+            raise rule(f"{' and '.join(weighing)} needs mass")
+        if self.site is not None and self.model is None:
+            raise rule("site needs model, whose site it is; leave it out, or write arm.site")
+        if self.inertia is not None and 2.0 * max(self.inertia) > sum(self.inertia):
+            moments = show(list(self.inertia))
+            raise rule(f"inertia must have no moment above the sum of the two others, got {moments}")
+        return self
+
+
 class ArmSection(Section):
     """The arm: which model, which point of it, where it starts."""
 
-    model: ModelFile = key("the MJCF file; a relative path starts at the scenario's folder")
-    site: Text = key("the MuJoCo site that is controlled")
+    model: ModelFile = key("the MJCF or URDF file; a relative path starts at the scenario's folder")
+    site: Text | None = key(
+        "the MuJoCo site that is controlled; null, without `body` and `tool`: that of the hand", None
+    )
+    body: Text | None = key("the body whose frame is controlled instead", None)
+    tool: ToolSection | None = key("what the arm holds, whose frame is controlled instead", None)
+    base: Literal["fixed", "free"] = key(
+        "a base that floats in the model: `fixed` where its first keyframe has it; `free` is refused, as no "
+        "drive holds it",
+        "fixed",
+    )
+    packages: dict[str, Folder] = key(
+        "folders of the packages that a URDF names, by their names; others are looked for above the file", {}
+    )
     start: NameOrPositions = key(
         "where the joints start: a keyframe's name, or a position a joint", "home", "rad or m"
     )
@@ -123,6 +192,13 @@ class ArmSection(Section):
         {},
         "1",
     )
+
+    @model_validator(mode="after")
+    def _one_frame(self) -> Self:
+        given = [name for name in ("site", "body", "tool") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise rule(f"must have one of site, body and tool at most, got {' and '.join(given)}")
+        return self
 
 
 class TaskSection(Section):

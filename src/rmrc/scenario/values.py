@@ -179,9 +179,18 @@ def _file(path: Path, info: ValidationInfo, near: Callable[[Path, Path], str]) -
     return full
 
 
+def _folder(path: Path, info: ValidationInfo) -> Path:
+    """Make the path absolute; where a scenario is read (context), the folder must be there."""
+    context = info.context or {"folder": Path()}
+    full: Path = Path(os.path.abspath(context["folder"] / path))
+    if info.context and not full.is_dir():
+        raise rule(f'no such folder "{visible(str(full))}"')
+    return full
+
+
 def _model_near(folder: Path, path: Path) -> str:
     """Suggest a model for a path of none: a file beside it, or in the folder of models."""
-    if near := nearby(folder / path, ".xml"):
+    if near := nearby(folder / path, ".xml", ".urdf"):
         return near
     for models in (folder / "models", folder.parent / "models"):
         if (models / path.name).with_suffix(".xml").is_file():
@@ -205,6 +214,7 @@ Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Name = Annotated[Text, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=100)]
 ModelFile = Annotated[Path, AfterValidator(_model_file)]
+Folder = Annotated[Path, AfterValidator(_folder)]
 Angle = Annotated[
     Number,
     BeforeValidator(_radians),
@@ -246,6 +256,9 @@ Bounds = Annotated[
 Values = Annotated[tuple[Any, ...], Count(1), Field(description="the values that the key takes")]
 Quaternion = Annotated[tuple[Number, ...], Count(4, 4), AfterValidator(_directed)]
 Wrench = Annotated[tuple[Number, ...], Count(6, 6)]
+Point = Annotated[tuple[Number, ...], Count(3, 3)]
+Angles = Annotated[tuple[Angle, ...], Count(3, 3)]
+Moments = Annotated[tuple[Positive, ...], Count(3, 3)]
 Gravity = Annotated[tuple[Number, ...], Count(3, 3)]
 Direction = Annotated[
     Annotated[Literal["x", "y", "z"], Tag("<text>")]

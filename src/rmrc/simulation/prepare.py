@@ -26,7 +26,7 @@ from rmrc.simulation.start import start_positions
 from rmrc.simulation.trajectory import Places, make_reference
 from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.support.legible import listed
-from rmrc.support.notices import tell
+from rmrc.support.notices import tell, tell_assumed
 from rmrc.support.spatial import AXES
 
 T = TypeVar("T")
@@ -62,7 +62,10 @@ class Cache:
             arms: They stand for their file, by the names of their site and joints.
         """
         # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
-        self._arms = _Recent[Arm](32, {(arm.path.resolve(), arm.site, arm.joints): arm for arm in arms})
+        named = None, None, "fixed", ()  # body, tool, base, packages
+        self._arms = _Recent[Arm](
+            32, {(arm.path.resolve(), arm.site, arm.joints, *named): arm for arm in arms}
+        )
         self._references, self._tasks = _Recent[Reference](32), _Recent[Task](256)
 
     def arm(self, section: ArmSection) -> Arm:
@@ -71,8 +74,9 @@ class Cache:
         Raises:
             ModelError: See `rmrc.arm.load` and `Arm.stretched`.
         """
-        key = (section.model, section.site, section.joints)
-        own = self._arms.get(key, lambda: arms.load(*key))
+        more = section.body, section.tool, section.base, tuple(sorted(section.packages.items()))
+        key = section.model, section.site, section.joints, *more
+        own = self._arms.get(key, lambda: arms.load_asked(section))
         if not section.stretch:
             return own
         return self._arms.get(
@@ -197,6 +201,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
         arm = cache.arm(scenario.arm)
     except ModelError as error:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
+    tell_assumed(note for note in arm.notes if note != arm.obvious or scenario.arm.site is None)
     problems = Problems(scenario)
     qpos = _start(scenario, arm, problems)
     arm = cache.placed(arm, scenario.arm, qpos)
