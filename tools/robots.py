@@ -7,7 +7,7 @@
 
 A cell is `ok`; or what the program said in the one line in which it ended: `2: ...` for input that it
 refuses, `1: ...` for what does not hold; or, and these are faults, `TRACEBACK`, `DIED`, `SLOW` for more than
---limit seconds, `SILENT` where nothing was said, or `WORDY` where a refusal took more than a line. Exits
+--limit seconds, `SILENT` where nothing was said, or `WORDY` where a mistake took more than a line. Exits
 with 1 if there is such a fault. Verbs, and kinds of plant, that the program does not have are left out. Each
 call is a process of its own, with the sources of the repository that this file is in; its files go into a
 folder that is deleted.
@@ -92,7 +92,8 @@ def rmrc(*words: str, limit: float, folder: Path) -> Ended:
         )  # fmt: skip
     except subprocess.TimeoutExpired:
         return Ended(f"SLOW: more than {limit:g} s", "", limit)
-    return Ended(cell(done.returncode, done.stdout, done.stderr), done.stdout, time.monotonic() - begun)
+    text = cell(done.returncode, done.stdout, done.stderr).replace(f"{folder}/", "")
+    return Ended(text, done.stdout, time.monotonic() - begun)
 
 
 def cell(code: int, out: str, err: str) -> str:
@@ -111,8 +112,11 @@ def cell(code: int, out: str, err: str) -> str:
         return f"{code}: {told[-1].strip()}" if told else f"SILENT: exit code {code}"
     if not errors:
         return "SILENT: exit code 2"
-    line = f"2: {errors[0].removeprefix('rmrc: error: ').strip()}"
-    return line if len(errors) == 1 else f"WORDY: {len(errors)} lines: {line}"
+    # One line for each mistake, and nothing else.
+    wordy = (
+        "" if all(line.startswith("rmrc: error: ") for line in errors) else f"WORDY: {len(errors)} lines: "
+    )
+    return f"{wordy}2: {errors[0].removeprefix('rmrc: error: ').strip()}"
 
 
 def row(robot: Robot, columns: list[str], limit: float) -> dict[str, str]:
@@ -141,7 +145,7 @@ def row(robot: Robot, columns: list[str], limit: float) -> dict[str, str]:
         for column in columns:
             verb, _, kind = column.partition(":")
             if verb in ("run", "tune") and not scenario.exists():
-                cells[column] = f"as inspect: {seen.cell}"
+                cells[column] = "as inspect"
             elif verb == "run":
                 chosen = ["--set", f"plant.kind={kind}"] if kind else []
                 cells[column] = call("run", str(scenario), *chosen, "--out", "out", "-q", "--no-record").cell
@@ -150,7 +154,7 @@ def row(robot: Robot, columns: list[str], limit: float) -> dict[str, str]:
                 cells[column] = call("tune", str(scenario), *few, "--out", "out", "-q").cell
             elif column not in cells:
                 cells[column] = asked(verb, model, robot, facts, seen, call)
-        return cells
+        return {column: text.replace(model, robot.path.name) for column, text in cells.items()}
 
 
 def asked(verb: str, model: str, robot: Robot, facts: dict, seen: Ended, call) -> str:  # type: ignore[no-untyped-def,type-arg]
@@ -200,7 +204,7 @@ def markdown(rows: dict[str, dict[str, str]]) -> str:
         short = []
         for column in columns:
             text = cells[column]
-            plain = column == "frame" or text in ("ok", "-")
+            plain = column == "frame" or text in ("ok", "as inspect")
             short.append(
                 text if plain else f"{text.partition(':')[0]} [{notes.setdefault(text, len(notes) + 1)}]"
             )
