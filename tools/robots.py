@@ -22,10 +22,11 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 ROBOTS = "ur5e", "fr3", "xarm7", "so101"
@@ -157,7 +158,9 @@ def row(robot: Robot, columns: list[str], limit: float) -> dict[str, str]:
         return {column: text.replace(model, robot.path.name) for column, text in cells.items()}
 
 
-def asked(verb: str, model: str, robot: Robot, facts: dict, seen: Ended, call) -> str:  # type: ignore[no-untyped-def,type-arg]
+def asked(
+    verb: str, model: str, robot: Robot, facts: dict[str, Any], seen: Ended, call: Callable[..., Ended]
+) -> str:
     """Return the cell of a verb that takes a model."""
     if verb == "inspect":
         return seen.cell
@@ -173,7 +176,7 @@ def asked(verb: str, model: str, robot: Robot, facts: dict, seen: Ended, call) -
     return call(verb, model, *options).cell
 
 
-def toward(joint: dict) -> float:  # type: ignore[type-arg]
+def toward(joint: dict[str, Any]) -> float:
     """Return 1 or -1: the direction from a joint's position to the middle of its limits."""
     low, high = (end if isinstance(end, int | float) else 0.0 for end in joint["limits"] or (0.0, 0.0))
     return 1.0 if joint["q"] <= 0.5 * (low + high) else -1.0
