@@ -9,8 +9,8 @@ A cell is `ok`; or what the program said in the one line in which it ended: `2: 
 refuses, `1: ...` for what does not hold; or, and these are faults, `TRACEBACK`, `DIED`, `SLOW` for more than
 --limit seconds, `SILENT` where nothing was said, or `WORDY` where a mistake took more than a line. Exits
 with 1 if there is such a fault. Verbs, and kinds of plant, that the program does not have are left out. Each
-call is a process of its own, with the sources of the repository that this file is in; its files go into a
-folder that is deleted.
+call is a process of its own, with the sources of the repository --root, by default that of this file; its
+files go into a folder that is deleted.
 """
 
 import argparse
@@ -21,7 +21,6 @@ import shlex
 import subprocess
 import sys
 import tempfile
-import time
 from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -56,11 +55,10 @@ class Robot:
 
 @dataclass(frozen=True)
 class Ended:
-    """How a call ended: its cell, what it printed, and how long it took [s]."""
+    """How a call ended: its cell, and what it printed."""
 
     cell: str
     printed: str
-    took: float
 
 
 def listed(path: Path) -> Iterator[Robot]:
@@ -84,17 +82,15 @@ def given(path: Path) -> Iterator[Robot]:
 
 def rmrc(*words: str, limit: float, folder: Path) -> Ended:
     """Call the program; nothing that it prints or does stops the table."""
-    begun = time.monotonic()
     command = [sys.executable, "-m", "rmrc", *words]
     try:
         done = subprocess.run(
             command, capture_output=True, text=True, errors="replace", timeout=limit, cwd=folder, check=False,
-            env={**os.environ, "PYTHONPATH": str(ROOT / "src")},
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return Ended(f"SLOW: more than {limit:g} s", "", limit)
+        return Ended(f"SLOW: more than {limit:g} s", "")
     text = cell(done.returncode, done.stdout, done.stderr).replace(f"{folder}/", "")
-    return Ended(text, done.stdout, time.monotonic() - begun)
+    return Ended(text, done.stdout)
 
 
 def cell(code: int, out: str, err: str) -> str:
@@ -110,7 +106,8 @@ def cell(code: int, out: str, err: str) -> str:
         return f"DIED: exit code {code}"
     if code != 2:
         told = errors or [line for line in out.splitlines() if line.strip()]
-        return f"{code}: {told[-1].strip()}" if told else f"SILENT: exit code {code}"
+        first = [line for line in told if line.startswith("error ")] or told[-1:]  # of a check, what is wrong
+        return f"{code}: {' '.join(first[0].split())}" if first else f"SILENT: exit code {code}"
     if not errors:
         return "SILENT: exit code 2"
     # One line for each mistake, and nothing else.
@@ -223,12 +220,14 @@ def main() -> int:
     parser.add_argument("models", nargs="*", type=Path, help="folders and files")
     parser.add_argument("--list", type=Path, action="append", default=[], help="a table of names and paths")
     parser.add_argument("--only", default="", help="columns, such as check,new,run,inspect")
+    parser.add_argument("--root", type=Path, default=ROOT, help="the repository whose program is asked")
     parser.add_argument("--bare", action="store_true", help="leave out those of models/ and tests/models")
     parser.add_argument("--jobs", type=int, default=1, help="robots at a time")
     parser.add_argument("--limit", type=float, default=120.0, help="seconds a cell may take")
     parser.add_argument("--markdown", type=Path, help="where the table goes as well")
     parser.add_argument("--json", type=Path, help="where the cells go")
     options = parser.parse_args()
+    os.environ["PYTHONPATH"] = str(options.root.resolve() / "src")
     robots = [] if options.bare else [Robot(name, ROOT / f"models/{name}.xml") for name in ROBOTS]
     if not options.bare and (ROOT / "tests/models").is_dir():
         robots += given(ROOT / "tests/models")
