@@ -1,0 +1,243 @@
+"""A first scenario for an arm, which runs as it is: tried before it is handed out."""
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rmrc import arm as arms
+from rmrc.analysis.new.move import Move, moves
+from rmrc.analysis.new.scaling import Scales, scales, tidy
+from rmrc.analysis.new.text import text as written
+from rmrc.analysis.subject import Model, subject
+from rmrc.arm import Arm
+from rmrc.arm.inventory import contacts
+from rmrc.results.run import Run
+from rmrc.results.scorecard import Scorecard, scorecard
+from rmrc.scenario import Scenario, loads
+from rmrc.scenario.choices import IDEAL, PLANTS, SERVO
+from rmrc.simulation.prepare import Cache, prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import QuestionError, ScenarioError
+from rmrc.support.files import written_whole
+from rmrc.support.legible import quoted
+
+# Errors may be this many times what they were when the scenario was made, on other machines and versions.
+SLACK = 1.5
+# Errors below it, of the length or in rad, are rounding, and are bounded by it.
+LEAST = 1e-6
+# What a move must keep to be taken before others: share of its time at rate limits, and largest error, of the length
+# or in rad. It lasts at most so long [s].
+LIMITED, ASTRAY, LONG = 0.05, 0.1, 40.0
+# Configurations of a run that are looked at for contacts.
+LOOKS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class New:
+    """A scenario for an arm that had none.
+
+    Attributes:
+        arm: The arm.
+        text: The scenario as YAML, with comments; `arm.model` is relative to `folder`.
+        scenario: The same, checked.
+        scales: What its numbers come from.
+        move: What it does.
+        plant: On which plant.
+        scorecards: What came of it on each plant that can run it.
+    """
+
+    arm: Arm
+    text: str
+    scenario: Scenario
+    scales: Scales
+    move: Move
+    plant: str
+    scorecards: Mapping[str, Scorecard]
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A move as it was run on the ideal plant; `faults` are the worse the earlier they stand."""
+
+    move: Move
+    faults: tuple[bool, ...]
+
+
+def new(
+    model: Model,
+    *,
+    site: str | None = None,
+    plant: str = SERVO.name,
+    out: str | os.PathLike[str] | None = None,
+    force: bool = False,
+) -> New:
+    """Make a scenario for an arm, all of its numbers scaled to it, and run it before it is handed out.
+
+    Args:
+        model: An arm, an MJCF file, or the name of a shipped one.
+        site: The point that is controlled; None for that of the arm, else the default of `rmrc.arm.load`.
+        plant: Kind of the plant.
+        out: File to write, whole or not at all; None: nothing is written.
+        force: Whether it may be overwritten.
+
+    Raises:
+        ModelError: The file or the site is missing or will not do.
+        QuestionError: There is no such plant, the file is there already, or the arm cannot be run.
+        OSError: The file cannot be written.
+
+    Example:
+        >>> made = new("planar_2link")
+        >>> made.scenario.task.axes, made.move.how, made.scorecards["servo"]["completed"].value
+        (('x', 'y'), 'towards', 1.0)
+    """
+    if plant not in PLANTS.names:
+        raise QuestionError(f"plant must be one of {', '.join(PLANTS.names)}, got {quoted(plant)}")
+    path = None if out is None else Path(out)
+    if path is not None:
+        refuse_there(path, force)
+    arm = subject(model, site=site).arm
+    suits, cache = scales(arm), Cache()
+    if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
+        raise QuestionError(f"{arm.path}: its joints do not move site {quoted(arm.site)}; choose another with --site")
+    move = _best(suits, cache)
+    cards = _tried(suits, move, plant, cache)
+    expect, said = _expected(suits, move, cards)
+    folder = Path() if path is None else path.parent
+    one = written(suits, move, _seen_from(arm.path, folder), _name(arm.path), plant, expect, said)
+    found = New(arm, one, loads(_placed(suits, move, plant, expect, said)), suits, move, plant, cards)
+    if path is not None:
+        with written_whole(path) as temporary:
+            temporary.write_text(one, "utf-8")
+    return found
+
+
+def refuse_there(path: Path, force: bool) -> None:
+    """Refuse to overwrite a file.
+
+    Raises:
+        QuestionError: It is there, and may not be overwritten.
+    """
+    if path.is_dir():
+        raise QuestionError(f"{path}: is a folder, give a file")
+    if os.path.lexists(path) and not force:
+        raise QuestionError(f"{path}: is there already; give another file with -o, or overwrite it with --force")
+
+
+def _placed(suits: Scales, move: Move, plant: str, expect: Mapping[str, Any], said: list[str]) -> str:
+    """Return the text of a scenario that is read in any folder."""
+    path = suits.task.arm.path
+    return written(suits, move, path.resolve(), _name(path), plant, expect, said)
+
+
+def _best(suits: Scales, cache: Cache) -> Move:
+    """Return the first move without a fault, else that whose worst fault is the least."""
+    best: _Trial | None = None
+    for move in moves(suits):
+        trial = _trial(suits, move, cache)
+        if best is None or trial.faults < best.faults:
+            best = trial
+        if not any(best.faults):
+            break
+    if best is None or best.faults[0]:
+        raise QuestionError(
+            f"{suits.task.arm.path}: no move from near home could be run; `rmrc check` tells what is in the way"
+        )
+    return best.move
+
+
+def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
+    if not (move.by.any() or move.turn.any()):
+        return _Trial(move, (True,))
+    try:
+        run = _run(suits, move, IDEAL.name, cache)
+    except ScenarioError:
+        return _Trial(move, (True,))
+    card = scorecard(run)
+    if run.divergence or not run.is_complete:
+        return _Trial(move, (True,))
+    status = {name: _value(card, f"status_time.{name}") for name in ("POSITION_LIMITED", "RATE_LIMITED", "STUCK")}
+    astray = max(_value(card, "position_error.max") / suits.task.length, _value(card, "orientation_error.max"))
+    is_damped = move.how == "aside" or _value(card, "sigma.min") < 0.5 * move.epsilon
+    arm = suits.task.arm
+    touches = {one.geoms for one in contacts(arm, move.start[None])}
+    looked = contacts(arm, run["q"][:: max(1, len(run) // LOOKS)])
+    met = any(one.is_moved and one.geoms not in touches for one in looked)
+    return _Trial(
+        move,
+        (
+            False, status["POSITION_LIMITED"] > 0.0, met, status["STUCK"] > 0.0, astray > ASTRAY,
+            status["RATE_LIMITED"] > LIMITED * _value(card, "duration"), not is_damped,
+            move.how == "aside", _value(card, "duration") > LONG,
+        ),
+    )  # fmt: skip
+
+
+def _run(suits: Scales, move: Move, plant: str, cache: Cache) -> Run:
+    """Return what comes of a move on a plant."""
+    return Simulation([prepare(loads(_placed(suits, move, plant, {}, [])), cache)]).run()[0]
+
+
+def _tried(suits: Scales, move: Move, plant: str, cache: Cache) -> dict[str, Scorecard]:
+    """Return the figures on each plant that can run the move, that of the scenario among them."""
+    cards = {}
+    for name in PLANTS.names:
+        try:
+            run = _run(suits, move, name, cache)
+        except ScenarioError as error:
+            if name == plant:
+                raise QuestionError(f"{suits.task.arm.path}: cannot be run: {error.problems[0]}") from None
+            continue
+        if run.divergence is None:
+            cards[name] = scorecard(run)
+        elif name == plant:
+            raise QuestionError(
+                f"{suits.task.arm.path}: the {name} plant diverges at {run.divergence.time:g} s: "
+                f"{run.divergence.reason}; give another --plant, or mend what `rmrc check` tells"
+            )
+    return cards
+
+
+def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tuple[dict[str, Any], list[str]]:
+    """Return the checks that hold on every plant that was tried, and what to say of them."""
+    expect: dict[str, Any] = {"completed": {"equals": 1, "within": 0}}
+    for figure in ("status_time.POSITION_LIMITED", "status_time.RATE_LIMITED", "status_time.STUCK"):
+        if all(_value(card, figure) == 0.0 for card in cards.values()):
+            expect[figure] = {"equals": 0, "within": 0}
+    if all(_value(card, "damping.max") > 0.0 for card in cards.values()):
+        expect["damping.max"] = {"above": 0}
+        expect["sigma.min"] = {"below": move.epsilon}
+    rows, worst = suits.task.rows, []
+    for group, counts, unit, size in (
+        ("position_error", (rows < 3).any(), "m", suits.task.length), ("orientation_error", (rows >= 3).any(), "rad", 1.0),
+    ):  # fmt: skip
+        for figure in (f"{group}.max", f"{group}.end") if counts else ():
+            value = max(_value(card, figure) for card in cards.values())
+            expect[figure] = {"below": tidy(max(SLACK * value, LEAST * size), up=True)}
+            worst.append(f"{figure} {value:.3g} {unit}")
+    said = [
+        f"What came of it when it was made, the worst of the plants {', '.join(cards)}: {', '.join(worst)}.",
+        f"The bounds are {SLACK:g} times as large, for other machines and versions.",
+    ]
+    return expect, said
+
+
+def _value(card: Scorecard, name: str) -> float:
+    """Return a figure; 0 for the error of rows that do not count, which has none."""
+    return float(card[name].value) if name in card else 0.0
+
+
+def _name(path: Path) -> str:
+    """Return a file's name as a scenario may be called."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100] or "new"
+
+
+def _seen_from(model: Path, folder: Path) -> str:
+    """Return a model's path from a folder, or whole where they have nothing in common but the root."""
+    full, seen = model.resolve(), folder.resolve()
+    common = os.path.commonpath([full, seen])
+    return os.path.relpath(full, seen) if common != os.path.sep else str(full)
