@@ -100,10 +100,10 @@ def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
 
 
 def contacts(arm: Arm, q: NDArray[np.float64]) -> tuple[Contact, ...]:
-    """Return what touches at any of some joint positions (N, n), the other joints at `home`, the deepest first.
+    """Return what touches at any of some joint positions (N, n), the others at `home`, the deepest first.
 
-    These are MuJoCo's contacts of negative distance, of each pair the deepest: pairs that the model excludes, bodies
-    that are welded together and those of parent and child are left out as it leaves them out.
+    These are MuJoCo's contacts of negative distance, of each pair the deepest: pairs that the model excludes,
+    bodies that are welded together and those of parent and child are left out as it leaves them out.
     """
     model, data, above = arm.model, mujoco.MjData(arm.model), _joints_above(arm)
     depths: dict[tuple[int, int], float] = {}

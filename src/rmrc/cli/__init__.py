@@ -17,7 +17,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import examples, ik, inspect, new, scenarios, statics, streams, sweep, tune, workspace
+from rmrc.cli import check, examples, ik, inspect, new, scenarios, statics, streams, sweep, tune, workspace
 from rmrc.cli.console import (
     EXIT_INPUT,
     EXIT_INTERNAL,
@@ -64,6 +64,7 @@ for verb in (
     tune.tune,
     scenarios.replay,
     scenarios.schema,
+    check.check,
     new.new,
     inspect.inspect,
     statics.statics,

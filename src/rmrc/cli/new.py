@@ -15,7 +15,7 @@ STDOUT = Path("-")
 
 Out = Annotated[
     Path | None,
-    typer.Option("--out", "-o", help="File to write, `-` for stdout; default: the model's name, in this folder."),
+    typer.Option("--out", "-o", help="File, or - for stdout; default: the model's name, in this folder."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
 Plant = Annotated[str, typer.Option(help="What obeys the rates: plant.kind of the scenario.")]
@@ -30,10 +30,10 @@ def new(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a first scenario for an arm: a move through its nearest singularity and back, scaled to the arm.
+    """Write a first scenario for an arm: through its nearest singularity and back, scaled to the arm.
 
-    Limits are the model's, or assumed and said to be; length, damping and speed follow from the arm. It is run before
-    it is written, and expects what came of it.
+    Limits are the model's, or assumed and said to be; length, damping and speed follow from the arm. It is
+    run before it is written, and expects what came of it.
     """
     if out == STDOUT and as_json:
         raise QuestionError("give -o - or --json, not both: stdout has the scenario or what is told of it")

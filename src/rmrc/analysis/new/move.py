@@ -13,10 +13,10 @@ from rmrc.support.spatial import exp_rotation, log_rotation, quat_conjugate, qua
 
 # How far behind the singularity a move through it turns back, as a share of the way there.
 BEYOND = 0.5
-# How far beside it the move passes [rad, or of L]: an exact crossing asks nothing of the lost direction, and hides
-# the problem.
+# How far beside it the move passes [rad, or of L]: an exact crossing asks nothing of the direction that is
+# lost, and hides the problem.
 BESIDE = 0.02
-# Shares of the way from the singularity to the start at which a move may begin, where that from the start will not do.
+# Shares of the way from the singularity to the start at which a move begins, the next where one will not do.
 NEARER = (1.0, 0.5, 0.25)
 # A move without a singularity goes so far [of L, or rad].
 SHORT = 0.2
@@ -54,14 +54,16 @@ class Move:
 
 
 def begin(scales: Scales) -> tuple[Array, bool]:
-    """Return where a scenario starts: `home` if it is clear of limits and singularities, else as near as can be."""
+    """Return where a scenario starts, and whether that is `home`: else the nearest that is clear."""
     arm = scales.task.arm
     home = arm.configuration("home")[arm.wiring.qpos]
     lower, upper = arm.position_limit.T
     if (home >= lower).all() and (home <= upper).all() and scales.sigma_at(home) >= scales.quartile:
         return home, True
     near = np.clip(home, scales.lower, scales.upper)
-    found = near if scales.sigma_at(near) >= scales.quartile else ascend(scales, near, CLEAR * scales.quartile)
+    found = (
+        near if scales.sigma_at(near) >= scales.quartile else ascend(scales, near, CLEAR * scales.quartile)
+    )
     return np.array([round(float(value), 3) for value in found]), False
 
 
@@ -88,7 +90,15 @@ def _move(scales: Scales, nearest: Nearest, start: Array, is_home: bool, how: st
     beside = BESIDE * nearest.twist if how == "through" else np.zeros(6)
     by = last[:3] - first[:3] + beside[:3]
     turned = quat_multiply(exp_rotation(beside[3:]), last[3:])
-    return _timed(scales, nearest, start, is_home, how, by, log_rotation(quat_multiply(turned, quat_conjugate(first[3:]))))
+    return _timed(
+        scales,
+        nearest,
+        start,
+        is_home,
+        how,
+        by,
+        log_rotation(quat_multiply(turned, quat_conjugate(first[3:]))),
+    )
 
 
 def _aside(scales: Scales, nearest: Nearest, start: Array, is_home: bool, sign: float) -> Move:
@@ -105,10 +115,12 @@ def _timed(
 ) -> Move:
     rows, length = set(scales.task.rows.tolist()), scales.task.length
     by = np.array([tidy(x, 4) if i in rows and abs(x) > NOTHING * length else 0.0 for i, x in enumerate(by)])
-    # with one or no row of rotation the others are not asked for; with two, three parameters make the orientation
+    # a single row of rotation is turned about alone; two of them do not commute, and take all three
     turning = rows & {3, 4, 5}
     wanted = [len(turning) > 1 or i + 3 in turning for i in range(3)]
-    turn = np.array([tidy(x, 4) if w and abs(x) > NOTHING else 0.0 for x, w in zip(turn, wanted, strict=True)])
+    turn = np.array(
+        [tidy(x, 4) if w and abs(x) > NOTHING else 0.0 for x, w in zip(turn, wanted, strict=True)]
+    )
     epsilon = tidy(min(scales.quartile, scales.sigma_at(start) / CLEAR))
     speed = PATH_SHARE * epsilon * scales.slowest
     each = speed / math.sqrt(2.0) if by.any() and turn.any() else speed

@@ -64,7 +64,7 @@ def nearest_singularity(scales: Scales, start: Array) -> Nearest:
 def descend(scales: Scales, q: Array) -> Array:
     """Return configurations (N, n) after Newton's steps towards σ_min = 0, within the limits.
 
-    σ_min is no smooth function where it is 0, and its slope there is that of |x|: a step of σ/|∇σ|² ∇σ ends there.
+    σ_min is not smooth where it is 0, but has the slope of |x| beside it: a step of σ/|∇σ|² ∇σ ends there.
     """
     task, unit = scales.task, scales.task.joint_scale
     q = np.clip(q, scales.lower, scales.upper)
@@ -87,10 +87,12 @@ def descend(scales: Scales, q: Array) -> Array:
 
 
 def ascend(scales: Scales, start: Array, least: float) -> Array:
-    """Return the first configuration uphill from a start where σ_min is large enough, or the largest found."""
+    """Return the first configuration uphill from a start where σ_min is at least so large, or the best."""
     task, unit = scales.task, scales.task.joint_scale
     # off a singular start, where no direction is uphill
-    q = np.clip(start + 1e-3 * unit * np.random.default_rng(0).standard_normal(len(start)), scales.lower, scales.upper)
+    q = np.clip(
+        start + 1e-3 * unit * np.random.default_rng(0).standard_normal(len(start)), scales.lower, scales.upper
+    )
     best, largest = q, -1.0
     for _ in range(4 * STEPS):
         sigma = float(survey(task, q[None]).sigma[0, -1])
@@ -117,7 +119,7 @@ def _slope(task: Task, q: Array, step: Array) -> Array:
 
 
 def _beginnings(scales: Scales, start: Array) -> Array:
-    """Return where descents begin: the start, each joint alone over its range, and around the start, (N, n)."""
+    """Return where descents begin: the start, each joint alone over its range, and around, (N, n)."""
     task, n = scales.task, len(start)
     lower = np.where(np.isfinite(scales.lower), scales.lower, start - np.pi * task.joint_scale)
     upper = np.where(np.isfinite(scales.upper), scales.upper, start + np.pi * task.joint_scale)

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from rmrc import arm as arms
 from rmrc.analysis.new.move import Move, moves
 from rmrc.analysis.new.scaling import Scales, scales, tidy
 from rmrc.analysis.new.text import text as written
@@ -30,8 +29,8 @@ from rmrc.support.legible import quoted
 SLACK = 1.5
 # Errors below it, of the length or in rad, are rounding, and are bounded by it.
 LEAST = 1e-6
-# What a move must keep to be taken before others: share of its time at rate limits, and largest error, of the length
-# or in rad. It lasts at most so long [s].
+# What a move must keep to be taken before others: share of its time at rate limits; largest error, of the
+# length or in rad; and how long it lasts [s].
 LIMITED, ASTRAY, LONG = 0.05, 0.1, 40.0
 # Configurations of a run that are looked at for contacts.
 LOOKS = 40
@@ -103,7 +102,9 @@ def new(
     arm = subject(model, site=site).arm
     suits, cache = scales(arm), Cache()
     if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
-        raise QuestionError(f"{arm.path}: its joints do not move site {quoted(arm.site)}; choose another with --site")
+        raise QuestionError(
+            f"{arm.path}: its joints do not move site {quoted(arm.site)}; choose another with --site"
+        )
     move = _best(suits, cache)
     cards = _tried(suits, move, plant, cache)
     expect, said = _expected(suits, move, cards)
@@ -125,7 +126,9 @@ def refuse_there(path: Path, force: bool) -> None:
     if path.is_dir():
         raise QuestionError(f"{path}: is a folder, give a file")
     if os.path.lexists(path) and not force:
-        raise QuestionError(f"{path}: is there already; give another file with -o, or overwrite it with --force")
+        raise QuestionError(
+            f"{path}: is there already; give another file with -o, or overwrite it with --force"
+        )
 
 
 def _placed(suits: Scales, move: Move, plant: str, expect: Mapping[str, Any], said: list[str]) -> str:
@@ -145,7 +148,7 @@ def _best(suits: Scales, cache: Cache) -> Move:
             break
     if best is None or best.faults[0]:
         raise QuestionError(
-            f"{suits.task.arm.path}: no move from near home could be run; `rmrc check` tells what is in the way"
+            f"{suits.task.arm.path}: no move from near home could be run; `rmrc check` tells why"
         )
     return best.move
 
@@ -160,8 +163,12 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
     card = scorecard(run)
     if run.divergence or not run.is_complete:
         return _Trial(move, (True,))
-    status = {name: _value(card, f"status_time.{name}") for name in ("POSITION_LIMITED", "RATE_LIMITED", "STUCK")}
-    astray = max(_value(card, "position_error.max") / suits.task.length, _value(card, "orientation_error.max"))
+    status = {
+        name: _value(card, f"status_time.{name}") for name in ("POSITION_LIMITED", "RATE_LIMITED", "STUCK")
+    }
+    astray = max(
+        _value(card, "position_error.max") / suits.task.length, _value(card, "orientation_error.max")
+    )
     is_damped = move.how == "aside" or _value(card, "sigma.min") < 0.5 * move.epsilon
     arm = suits.task.arm
     touches = {one.geoms for one in contacts(arm, move.start[None])}
@@ -213,8 +220,9 @@ def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tupl
         expect["sigma.min"] = {"below": move.epsilon}
     rows, worst = suits.task.rows, []
     for group, counts, unit, size in (
-        ("position_error", (rows < 3).any(), "m", suits.task.length), ("orientation_error", (rows >= 3).any(), "rad", 1.0),
-    ):  # fmt: skip
+        ("position_error", (rows < 3).any(), "m", suits.task.length),
+        ("orientation_error", (rows >= 3).any(), "rad", 1.0),
+    ):
         for figure in (f"{group}.max", f"{group}.end") if counts else ():
             value = max(_value(card, figure) for card in cards.values())
             expect[figure] = {"below": tidy(max(SLACK * value, LEAST * size), up=True)}

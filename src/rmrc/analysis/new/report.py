@@ -28,23 +28,30 @@ def report(made: New) -> Report:
         True
     """
     arm, scales, move = made.arm, made.scales, made.move
+    singular = move.nearest
     control, target = made.scenario.control, made.scenario.target.limits
     damping = control.inverse.damping
     figures: dict[str, dict[str, Any]] = {
-        plant: {name: card[name].value for name in FIGURES if name in card} for plant, card in made.scorecards.items()
+        plant: {name: card[name].value for name in FIGURES if name in card}
+        for plant, card in made.scorecards.items()
     }
     near = listed_positions(scales, move.nearest.q)
     assumed = [name for name, one in zip(arm.joints, scales.is_assumed, strict=True) if one]
     values = {
         "model": arm.path.name, "site": arm.site, "joints": arm.joints, "axes": scales.task.axes,
         "length": scales.task.length, "start": move.start, "start_is_home": move.is_home, "move": move.how,
-        "singularity": {"q": move.nearest.q, "sigma": move.nearest.sigma, "is_singular": move.nearest.is_singular},
+        "singularity": {"q": singular.q, "sigma": singular.sigma, "is_singular": singular.is_singular},
         "rate": scales.rate, "rate_assumed": assumed,
         "damping": {"maximum": damping.maximum, "below": damping.below},
         "velocity": target.velocity, "angular_velocity": target.angular_velocity, "plants": figures,
     }  # fmt: skip
     rows = [
-        ("move", f"{move.how} the nearest singularity, at {near}" if move.how != "aside" else "aside; no singularity found"),
+        (
+            "move",
+            f"{move.how} the nearest singularity, at {near}"
+            if move.how != "aside"
+            else "aside; no singularity found",
+        ),
         ("start", "home" if move.is_home else listed_positions(scales, move.start)),
         ("task", f"{' '.join(scales.task.axes)}, a radian is worth {number(scales.task.length)} m"),
         ("damping", f"up to {number(damping.maximum)} where sigma_min is below {number(damping.below)}"),

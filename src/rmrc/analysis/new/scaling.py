@@ -1,12 +1,12 @@
 """Numbers of a control law that suit an arm: length, rate limits, damping and speed, each from the arm alone.
 
     L    rms distance of the site from the hinges' axes: a radian of a hinge moves the site by L
-    ε    σ_min is below it in a quarter of the configurations within the limits; at most half of σ_min at the start
+    ε    σ_min is below it in a quarter of the configurations within the limits; or half of that at the start
     λ    ε/√2: with λ² = (1 − (σ/ε)²) λ_max² it is the least at which σ/(σ² + λ²) never exceeds 1/ε
     s    0.8 ε r: joint rates are at most s/ε, so that the feedback has a fifth of the rate limits r to itself
 
-The gain of a direction is g(σ) = σ/(σ² + λ²). With λ_max = c ε, σ² + λ² = (1 − c²) σ² + c² ε², so that g is largest at
-σ = c ε/√(1 − c²), where it is 1/(2 c ε √(1 − c²)): that is 1/ε for c = 1/√2, and more for any smaller c.
+The gain of a direction is g(σ) = σ/(σ² + λ²). With λ_max = c ε, σ² + λ² = (1 − c²) σ² + c² ε², so that g is
+largest at σ = c ε/√(1 − c²), where it is 1/(2 c ε √(1 − c²)): 1/ε for c = 1/√2, and more for smaller c.
 """
 
 import math
@@ -19,7 +19,7 @@ from rmrc.analysis.survey import jacobians, survey
 from rmrc.arm import Arm
 from rmrc.law.task import Array, Task, choose
 
-# Configurations that the distribution of σ_min is taken from: its quartile is known to 1/√(3 · 4096) of a rank.
+# Configurations that the distribution of σ_min is taken from: a share of a quarter is known to 0.7 %.
 SAMPLES = 4096
 # Share of the configurations within the limits in which the law may damp.
 DAMPED_SHARE = 0.25

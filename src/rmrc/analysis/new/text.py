@@ -10,7 +10,7 @@ import numpy as np
 
 from rmrc.analysis.inspect import words
 from rmrc.analysis.new.move import BESIDE, Move
-from rmrc.analysis.new.scaling import ASSUMED_RATE, DAMPED_SHARE, PATH_SHARE, Scales, tidy
+from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales, tidy
 from rmrc.law.task import Array
 from rmrc.scenario import inline
 
@@ -27,7 +27,13 @@ HOLD = 0.5
 
 
 def text(
-    scales: Scales, move: Move, model: Path | str, name: str, plant: str, expect: Mapping[str, Any], said: Sequence[str]
+    scales: Scales,
+    move: Move,
+    model: Path | str,
+    name: str,
+    plant: str,
+    expect: Mapping[str, Any],
+    said: Sequence[str],
 ) -> str:
     """Return the scenario.
 
@@ -42,7 +48,7 @@ def text(
     """
     parts = (
         _head(scales, move, name), _arm(scales, move, model), _task(scales), _control(scales, move),
-        _target(scales, move), f"plant: {{kind: {plant}}}   # what obeys the rates; --set plant.kind=ideal has no physics",
+        _target(move), f"plant: {{kind: {plant}}}   # what obeys; --set plant.kind=ideal has no physics",
         _expect(expect, said),
     )  # fmt: skip
     return "\n".join(parts) + "\n"
@@ -50,15 +56,19 @@ def text(
 
 def _head(scales: Scales, move: Move, name: str) -> str:
     arm, near = scales.task.arm, move.nearest
-    lines = [f"# A first scenario for {arm.path.name}, made by `rmrc new`: change what you like, then `rmrc run` it."]
+    lines = [
+        f"# A first scenario for {arm.path.name}, by `rmrc new`: change what you like, and `rmrc run` it."
+    ]
     if move.how == "aside":
-        lines += comment("No singularity that a move could reach was found within the limits: it goes aside and back.")
+        lines += comment(
+            "No singularity that a move could reach was found within the limits: it goes aside and back."
+        )
     else:
         what = "through" if move.how == "through" else "towards"
         lines += comment(
             f"The site moves {what} the nearest singularity that was found, at "
-            f"{listed_positions(scales, near.q)}, and back. There the arm {words.lost(near.twist, near.wrench)}. "
-            "Watch sigma, damping and qdot."
+            f"{listed_positions(scales, near.q)}, and back. "
+            f"There the arm {words.lost(near.twist, near.wrench)}. Watch sigma, damping and qdot."
         )
     return "\n".join([*lines, f"name: {name}"])
 
@@ -74,7 +84,9 @@ def _arm(scales: Scales, move: Move, model: Path | str) -> str:
     if move.is_home:
         lines.append("  start: home   # the keyframe of that name, or all joints at 0 where there is none")
     else:
-        lines += comment("rad or m; home itself is near a singularity, at a limit, or too far from the one above", 2)
+        lines += comment(
+            "rad or m; home itself is near a singularity, at a limit, or too far from the one above", 2
+        )
         lines.append(f"  start: {inline([float(value) for value in move.start])}")
     return "\n".join(lines)
 
@@ -87,7 +99,9 @@ def _task(scales: Scales) -> str:
         [
             "task:",
             f"  axes: [{rows}]   # rows of the twist that count: {why}",
-            *comment("m; what is worth a radian in sigma: the rms distance of the site from the hinges' axes", 2),
+            *comment(
+                "m; what is worth a radian in sigma: the rms distance of the site from the hinges' axes", 2
+            ),
             f"  length: {inline(task.length)}",
         ]
     )
@@ -96,25 +110,32 @@ def _task(scales: Scales) -> str:
 def _control(scales: Scales, move: Move) -> str:
     arm, epsilon = scales.task.arm, move.epsilon
     damping = {
-        "schedule": "smallest_singular_value", "maximum": tidy(epsilon / math.sqrt(2.0), up=True), "below": epsilon,
+        "schedule": "smallest_singular_value", "maximum": tidy(epsilon / math.sqrt(2.0), up=True),
+        "below": epsilon,
     }  # fmt: skip
     share = float(np.mean(scales.sigma < epsilon))
     lines = ["control:", f"  period: {inline(PERIOD)}   # s", "  inverse:", "    method: damped"]
     lines += comment(
-        f"`below`: damping begins where sigma_min is below it: in {100.0 * share:.0f} % of the configurations within "
-        f"the limits, and not at the start, where sigma_min is {scales.sigma_at(move.start):.3g}. `maximum` is "
-        "below/sqrt(2), the least with which no direction's gain sigma/(sigma^2 + lambda^2) exceeds 1/below.", 4,
+        f"`below`: damping begins where sigma_min is below it, in {100.0 * share:.0f} % of what the limits "
+        f"allow, and not at the start, where sigma_min is {scales.sigma_at(move.start):.3g}. `maximum` is "
+        "below/sqrt(2), the least with which the gain sigma/(sigma^2 + lambda^2) never passes 1/below.", 4,
     )  # fmt: skip
     lines.append(f"    damping: {flow(damping)}")
     lines.append(f"  feedback: {inline(FEEDBACK)}   # 1/s; an error is gone to a third after 1/feedback")
     if arm.n > len(scales.task.rows):
-        lines += comment("joints that the task leaves free pull back to where they started, at this rate in 1/s", 2)
+        lines += comment(
+            "joints that the task leaves free pull back to where they started, at this rate in 1/s", 2
+        )
         lines.append(f"  nullspace: {{objective: posture, gain: {inline(POSTURE_GAIN)}}}")
     lines.append("  limits:")
     lines += comment(_rates_said(scales), 4)
     lines.append(f"    rate: {inline([float(value) for value in scales.rate])}")
-    lines += comment("no limit on accelerations: MJCF has no place for one; state it as `acceleration`, in rad/s^2", 4)
-    lines.append("    on_excess: scale   # beyond a limit all joints are scaled alike, so that the site keeps its direction")
+    lines += comment(
+        "no limit on accelerations: MJCF has no place for one; state it as `acceleration`, in rad/s^2", 4
+    )
+    lines.append(
+        "    on_excess: scale   # beyond a limit all joints are scaled alike: the site keeps its direction"
+    )
     lines.append("  at_singularity: damp   # or slow, or stop")
     return "\n".join(lines)
 
@@ -125,12 +146,15 @@ def _rates_said(scales: Scales) -> str:
     unit = " or ".join(dict.fromkeys(f"{one}/s" for one in arm.units))
     if not assumed:
         return f"{unit}, one a joint; those of the model"
-    which = "the model tells none" if len(assumed) == arm.n else f"the model tells none of {', '.join(assumed)}"
+    which = (
+        "the model tells none" if len(assumed) == arm.n else f"the model tells none of {', '.join(assumed)}"
+    )
     slides = f", and {tidy(ASSUMED_RATE * scales.task.length):g} m/s of slides" if arm.is_slide.any() else ""
-    return f"{unit}, one a joint. ASSUMED: {which}, so {ASSUMED_RATE:g} rad/s{slides} stand here; take those of your drives"
+    stands = f"so {ASSUMED_RATE:g} rad/s{slides} stand here; take those of your drives"
+    return f"{unit}, one a joint. ASSUMED: {which}, {stands}"
 
 
-def _target(scales: Scales, move: Move) -> str:
+def _target(move: Move) -> str:
     limits = {
         "velocity": move.velocity, "acceleration": tidy(move.velocity / RISE),
         "jerk": tidy(move.velocity / RISE / JERK_RISE), "angular_velocity": move.angular_velocity,
@@ -138,12 +162,15 @@ def _target(scales: Scales, move: Move) -> str:
         "angular_jerk": tidy(move.angular_velocity / RISE / JERK_RISE),
     }  # fmt: skip
     past = f" It passes {BESIDE:g} rad, or of the length, beside it." if move.how == "through" else ""
-    lines = ["target:", *comment(f"m, and rad about an axis of the world: out, and back the same way.{past}", 2)]
+    lines = [
+        "target:",
+        *comment(f"m, and rad about an axis of the world: out, and back the same way.{past}", 2),
+    ]
     lines.append("  path:")
     for sign in (1.0, -1.0):
         lines += [f"    - {flow(_segment(sign * move.by, sign * move.turn))}", f"    - hold: {{for: {HOLD}}}"]
     lines += comment(
-        f"m/s, rad/s and so on: {100 * PATH_SHARE:.0f} % of the speed at which a direction of gain 1/below asks the "
+        f"m/s, rad/s and so on: {100 * PATH_SHARE:.0f} % of the speed at which a gain of 1/below asks the "
         f"slowest joint for its limit; the rest is for the feedback. Speed is reached in {RISE:g} s.", 2,
     )  # fmt: skip
     return "\n".join([*lines, f"  limits: {flow(limits)}"])
@@ -161,7 +188,9 @@ def _segment(by: Array, turn: Array) -> dict[str, Any]:
 def _expect(expect: Mapping[str, Any], said: Sequence[str]) -> str:
     if not expect:
         return ""
-    return "\n".join([*comment(" ".join(said)), "expect:", *(f"  {name}: {flow(one)}" for name, one in expect.items())])
+    return "\n".join(
+        [*comment(" ".join(said)), "expect:", *(f"  {name}: {flow(one)}" for name, one in expect.items())]
+    )
 
 
 def flow(value: Any) -> str:
