@@ -60,8 +60,8 @@ if TYPE_CHECKING:
 __all__ = [
     "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
-    "TargetError", "check", "compare", "ik", "inspect", "load", "loads", "new", "prepare", "resolve_rates", "run",
-    "statics", "sweep", "tune", "workspace",
+    "TargetError", "check", "compare", "ik", "inspect", "load", "loads", "new", "prepare", "resolve_rates",
+    "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there

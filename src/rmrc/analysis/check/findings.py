@@ -115,7 +115,7 @@ def _geometry(facts: Facts) -> _Findings:
             yield (
                 "jacobian-routes",
                 f"J by {route} differs from MuJoCo's by {difference:.2g}",
-                "report it as a bug",
+                "this is a bug: report it with the model",
             )
     missing = min(arm.n, 6) - task.rank
     if missing > 0:
@@ -160,7 +160,7 @@ def _limits(facts: Facts) -> _Findings:
     yield (
         "acceleration-limit",
         "no acceleration limits, which MJCF cannot tell",
-        "control.limits.acceleration",
+        "set control.limits.acceleration",
     )
 
 

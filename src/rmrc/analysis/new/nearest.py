@@ -50,7 +50,7 @@ def nearest_singularity(scales: Scales, start: Array) -> Nearest:
     q = descend(scales, _beginnings(scales, start))
     sigma = survey(task, q).sigma
     far = np.linalg.norm((q - start) / unit, axis=1)
-    singular = sigma[:, -1] < SINGULAR * sigma[:, 0]
+    singular = sigma[:, -1] <= SINGULAR * sigma[:, 0]
     # of those that are equally near, and of the least values, the first: rounding must not choose
     order = np.round(far, 3) if singular.any() else np.round(sigma[:, -1] / sigma[:, 0], 3)
     best = int(np.argmin(np.where(singular | ~singular.any(), order, np.inf)))

@@ -11,6 +11,7 @@ import numpy as np
 
 from rmrc.analysis.new.move import Move, moves
 from rmrc.analysis.new.scaling import Scales, scales, tidy
+from rmrc.analysis.new.text import PERIOD
 from rmrc.analysis.new.text import text as written
 from rmrc.analysis.subject import Model, subject
 from rmrc.arm import Arm
@@ -32,6 +33,8 @@ LEAST = 1e-6
 # What a move must keep to be taken before others: share of its time at rate limits; largest error, of the
 # length or in rad; and how long it lasts [s].
 LIMITED, ASTRAY, LONG = 0.05, 0.1, 40.0
+# Control period of the runs that moves are chosen by [s]: short beside the 0.1 s of the feedback.
+COARSE = 5.0 * PERIOD
 # Configurations of a run that are looked at for contacts.
 LOOKS = 40
 
@@ -100,7 +103,7 @@ def new(
     if path is not None:
         refuse_there(path, force)
     arm = subject(model, site=site).arm
-    suits, cache = scales(arm), Cache()
+    suits, cache = scales(arm), Cache(arm)
     if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
         raise QuestionError(
             f"{arm.path}: its joints do not move site {quoted(arm.site)}; choose another with --site"
@@ -157,7 +160,7 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
     if not (move.by.any() or move.turn.any()):
         return _Trial(move, (True,))
     try:
-        run = _run(suits, move, IDEAL.name, cache)
+        run = _run(suits, move, IDEAL.name, cache, COARSE)
     except ScenarioError:
         return _Trial(move, (True,))
     card = scorecard(run)
@@ -184,9 +187,10 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
     )  # fmt: skip
 
 
-def _run(suits: Scales, move: Move, plant: str, cache: Cache) -> Run:
+def _run(suits: Scales, move: Move, plant: str, cache: Cache, period: float = PERIOD) -> Run:
     """Return what comes of a move on a plant."""
-    return Simulation([prepare(loads(_placed(suits, move, plant, {}, [])), cache)]).run()[0]
+    one = loads(_placed(suits, move, plant, {}, [])).set({"control.period": period})
+    return Simulation([prepare(one, cache)]).run()[0]
 
 
 def _tried(suits: Scales, move: Move, plant: str, cache: Cache) -> dict[str, Scorecard]:
