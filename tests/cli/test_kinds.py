@@ -23,7 +23,7 @@ CONTENTS = {
     "named.xml.yaml": TWO.read_bytes(),
 }
 SCENARIO_VERBS = ("run", "compare", "sweep", "tune")
-MODEL_VERBS = ("inspect", "statics", "ik", "workspace")
+MODEL_VERBS = ("check", "new", "inspect", "statics", "ik", "workspace")
 CASES = [
     *((verb, "model.xml", "is a model, not a scenario; take it with `rmrc inspect model.xml`, or name it in a scenario: `arm: {model: model.xml, site: ...}`") for verb in SCENARIO_VERBS),
     *((verb, "quick.yaml", "is a scenario, not a model; take it with `rmrc run quick.yaml`; or give the model that its arm.model names") for verb in MODEL_VERBS),
