@@ -207,3 +207,24 @@ def test_bounds_are_rounded_up_and_never_down():
 def test_a_value_on_a_line_is_read_back():
     value = {"line": {"by": [1e-05, -0.5], "turn": {"axis": [0.0, 1.0, 0.0], "angle": 1e-9}}, "text": "x: y"}
     assert yaml.safe_load(flow(value)) == value
+
+
+def test_the_arm_of_a_scenario_keeps_its_stretch():
+    one = rmrc.load("line_tracking").set({"arm.stretch": {"link_2": 1.2}})
+    found = rmrc.new(one)
+    assert found.scenario.arm.stretch == {"link_2": 1.2} and found.arm.stretch == {"link_2": 1.2}
+    again = rmrc.run(found.scenario).scorecard
+    assert again["position_error.max"].value == found.scorecards["servo"]["position_error.max"].value
+
+
+def test_a_file_that_cannot_be_written_is_told_before_anything_is_tried(tmp_path, monkeypatch):
+    monkeypatch.setattr("rmrc.analysis.new.new.scales", lambda _: pytest.fail("tried"))
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match="file"):
+        rmrc.new(model("planar_2link"), out=tmp_path / "file/mine.yaml")
+
+
+def test_a_file_name_of_two_lines_stays_within_its_comment(tmp_path):
+    path = tmp_path / "two\nlines.xml"
+    path.write_text(gantry(tmp_path).read_text())
+    assert yaml.safe_load(rmrc.new(path).text)["name"] == "two_lines"

@@ -25,7 +25,7 @@ SAMPLES = 4096
 DAMPED_SHARE = 0.25
 # Share of the rate limits that the path takes; the feedback has the rest.
 PATH_SHARE = 0.8
-# Rate of a hinge whose model tells none [rad/s]: the slowest joints of arms that lift 3 to 10 kg do as much.
+# Rate of a hinge whose model tells none [rad/s]: drives of arms as large as a person's are of this order.
 ASSUMED_RATE = 2.0
 # σ_min at the start over ε, so that the law does not damp there.
 CLEAR = 2.0

@@ -13,6 +13,7 @@ from rmrc.analysis.new.move import BESIDE, Move
 from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales, tidy
 from rmrc.law.task import Array
 from rmrc.scenario import inline
+from rmrc.support.legible import visible
 
 # Columns of a comment.
 WIDTH = 100
@@ -57,7 +58,8 @@ def text(
 def _head(scales: Scales, move: Move, name: str) -> str:
     arm, near = scales.task.arm, move.nearest
     lines = [
-        f"# A first scenario for {arm.path.name}, by `rmrc new`: change what you like, and `rmrc run` it."
+        f"# A first scenario for {visible(arm.path.name)}, by `rmrc new`: "
+        "change what you like, and `rmrc run` it."
     ]
     if move.how == "aside":
         lines += comment(
@@ -81,6 +83,8 @@ def _arm(scales: Scales, move: Move, model: Path | str) -> str:
         f"  site: {inline(arm.site)}   # the point that is controlled; this model has {len(arm.sites)}",
         f"  joints: {inline(list(arm.joints))}",
     ]
+    if arm.stretch:
+        lines.append(f"  stretch: {inline(dict(arm.stretch))}   # factor on all lengths of a body")
     if move.is_home:
         lines.append("  start: home   # the keyframe of that name, or all joints at 0 where there is none")
     else:
