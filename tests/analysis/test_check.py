@@ -111,8 +111,18 @@ def test_an_idle_joint_is_told(tmp_path):
     assert "joint a (hinge) moves the site" in found["joint-idle"].text
 
 
+def test_a_plant_that_refuses_is_told():
+    """Computed torque knows no screws."""
+    found = found_in(ROOT / "models/helical.xml")["plant-refused"]
+    assert found.text.startswith("the torque plant refuses it: ")
+
+
 def test_every_code_is_tried():
-    never = {"jacobian-routes", "plant-refused", "mujoco-warning"}  # of a bug, of plants to come, and below
+    never = {
+        "jacobian-routes",
+        "plant-refused",
+        "mujoco-warning",
+    }  # of a bug, of screws, and of MuJoCo: below
     assert FAULTS.keys() | ALWAYS | {"joint-idle"} | never == CODES.keys()
 
 
@@ -150,7 +160,9 @@ def test_the_shipped_models_are_ready(name):
         assert np.allclose(np.linalg.svd(scaled, compute_uv=False), found.sigma, atol=1e-12)
     assert set(found.routes.values()) and max(found.routes.values()) < 1e-8
     assert {motion.plant for motion in found.motions} == set(PLANTS.names)
-    for motion in found.motions:
+    refused = [motion.plant for motion in found.motions if motion.refused]
+    assert refused == (["torque"] if name == "helical" else [])
+    for motion in (motion for motion in found.motions if not motion.refused):
         assert motion.scorecard["duration"].value == pytest.approx(1.0, abs=2e-3)
         assert motion.scorecard["completed"].value == 1.0
 

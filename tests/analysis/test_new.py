@@ -55,6 +55,10 @@ def test_what_is_written_runs_and_meets_what_it_expects(rmrc, tmp_path, name):
 @pytest.mark.parametrize("plant", PLANTS.names)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_it_does_so_for_every_model_on_every_plant(rmrc, tmp_path, name, plant):
+    if (name, plant) == ("helical", "torque"):  # computed torque knows no screws, and says so
+        code, _, err = rmrc("new", str(model(name)), "--plant", plant)
+        assert code == 2 and "plant.kind" in err and not list(tmp_path.iterdir())
+        return
     written_and_run(rmrc, name, plant, tmp_path)
 
 

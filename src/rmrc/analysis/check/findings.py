@@ -24,7 +24,7 @@ CODES: dict[str, tuple[Level, str]] = {
     ),
     "home-contact": ("error", "bodies that the arm moves against each other are within each other at home"),
     "jacobian-routes": ("error", "J by another route is not that of MuJoCo"),
-    "plant-refused": ("error", "a plant cannot run this arm"),
+    "plant-refused": ("warning", "a plant cannot run this arm"),
     "diverged": ("error", "a second of motion did not stay finite"),
     "rank-deficient": ("warning", "the joints move fewer directions than there are joints, everywhere"),
     "range-suspicious": ("warning", "a range looks as if it were written in the other unit of angles"),
@@ -198,7 +198,11 @@ def _moving(facts: Facts) -> _Findings:
     for motion in facts.motions:
         how = f"a second of motion on the {motion.plant} plant (seed {facts.seed}, {BOUND:g} rad about home)"
         if motion.refused:
-            yield "plant-refused", f"the {motion.plant} plant refuses it: {motion.refused}", ""
+            yield (
+                "plant-refused",
+                f"the {motion.plant} plant refuses it: {motion.refused}",
+                "choose another plant.kind",
+            )
             continue
         if motion.diverged:
             way = "mend masses, armature or damping, or lower plant.timestep"
