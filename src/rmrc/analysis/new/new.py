@@ -26,6 +26,7 @@ from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import QuestionError, ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.legible import quoted
+from rmrc.support.problems import join
 
 # Errors may be this many times what they were when the scenario was made, on other machines and versions.
 SLACK = 1.5
@@ -205,7 +206,8 @@ def _tried(suits: Scales, move: Move, plant: str, cache: Cache) -> dict[str, Sco
             run = _run(suits, move, name, cache)
         except ScenarioError as error:
             if name == plant:
-                raise QuestionError(f"{suits.task.arm.path}: cannot be run: {error.problems[0]}") from None
+                key, why = error.problems[0].key, error.problems[0].text
+                raise QuestionError(f"{suits.task.arm.path}: cannot be run: {join(key)}: {why}") from None
             continue
         if run.divergence is None:
             cards[name] = scorecard(run)
