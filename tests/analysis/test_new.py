@@ -166,6 +166,11 @@ def test_an_arm_without_a_singularity_goes_aside(tmp_path):
     run = rmrc.run(found.scenario)
     assert not (run["status"] & Status.DAMPED).any() and run.is_complete
     assert "No singularity" in found.text
+    assert found.faults == ("no singularity takes part",) and found.faults[0] in found.text
+
+
+def test_a_move_without_a_fault_says_nothing_of_any(made):
+    assert made[0].faults == () and "fault" not in made[0].text
 
 
 def test_a_singular_home_is_not_where_it_starts():

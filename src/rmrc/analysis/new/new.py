@@ -54,6 +54,7 @@ class New:
         scales: What its numbers come from.
         move: What it does.
         plant: On which plant.
+        faults: What is wrong with the move, where none without a fault was found; the file says so.
         scorecards: What came of it on the plants that it was tried on, by name.
     """
 
@@ -63,15 +64,28 @@ class New:
     scales: Scales
     move: Move
     plant: str
+    faults: tuple[str, ...]
     scorecards: Mapping[str, Scorecard]
+
+
+# What can be wrong with a move on the ideal plant, the worst first.
+FAULTS = (
+    "it cannot be run", "a joint comes to its position limit", "the arm touches something",
+    "the arm stands still", "the error is large", "rates are limited for a while", "sigma_min stays above half of `below`",
+    "no singularity takes part", "it lasts long",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A move as it was run on the ideal plant; `faults` are the worse the earlier they stand."""
+    """A move as it was run on the ideal plant, with which of `FAULTS` it has, all of them or the first."""
 
     move: Move
     faults: tuple[bool, ...]
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        return tuple(word for word, has in zip(FAULTS, self.faults, strict=False) if has)
 
 
 def new(
@@ -113,12 +127,17 @@ def new(
         raise QuestionError(
             f"{arm.path}: its joints do not move site {quoted(arm.site)}; choose another with --site"
         )
-    move = _best(suits, cache)
+    best = _best(suits, cache)
+    move = best.move
     cards = _tried(suits, move, plant, cache)
     expect, said = _expected(suits, move, cards)
+    if best.words:
+        said.insert(0, f"No move without a fault was found; of this one: {', '.join(best.words)}.")
     folder = Path() if path is None else path.parent
     one = written(suits, move, _seen_from(arm.path, folder), _name(arm.path), plant, expect, said)
-    found = New(arm, one, loads(_placed(suits, move, plant, expect, said)), suits, move, plant, cards)
+    found = New(
+        arm, one, loads(_placed(suits, move, plant, expect, said)), suits, move, plant, best.words, cards
+    )
     if path is not None:
         with written_whole(path) as temporary:
             temporary.write_text(one, "utf-8")
@@ -145,7 +164,7 @@ def _placed(suits: Scales, move: Move, plant: str, expect: Mapping[str, Any], sa
     return written(suits, move, path.resolve(), _name(path), plant, expect, said)
 
 
-def _best(suits: Scales, cache: Cache) -> Move:
+def _best(suits: Scales, cache: Cache) -> _Trial:
     """Return the first move without a fault, else that whose worst fault is the least."""
     best: _Trial | None = None
     for move in moves(suits):
@@ -158,7 +177,7 @@ def _best(suits: Scales, cache: Cache) -> Move:
         raise QuestionError(
             f"{suits.task.arm.path}: no move from near home could be run; `rmrc check` tells why"
         )
-    return best.move
+    return best
 
 
 def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:

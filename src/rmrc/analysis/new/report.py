@@ -43,7 +43,8 @@ def report(made: New) -> Report:
         "singularity": {"q": singular.q, "sigma": singular.sigma, "is_singular": singular.is_singular},
         "rate": scales.rate, "rate_assumed": assumed,
         "damping": {"maximum": damping.maximum, "below": damping.below},
-        "velocity": target.velocity, "angular_velocity": target.angular_velocity, "plants": figures,
+        "faults": made.faults, "velocity": target.velocity,
+        "angular_velocity": target.angular_velocity, "plants": figures,
     }  # fmt: skip
     rows = [
         (
@@ -58,6 +59,8 @@ def report(made: New) -> Report:
         ("speed", f"{number(target.velocity)} m/s, {number(target.angular_velocity)} rad/s"),
         ("rate limits", f"assumed: {', '.join(assumed)}" if assumed else "the model's"),
     ]
+    if made.faults:
+        rows.append(("faults", ", ".join(made.faults)))
     what = Sheet(f"{arm.path.name}, site {arm.site}", ("", ""), rows, frozenset({0, 1}))
     table = [
         (word, *(number(float(one[name])) if name in one else UNDEFINED for one in figures.values()))
