@@ -71,8 +71,8 @@ class New:
 # What can be wrong with a move on the ideal plant, the worst first.
 FAULTS = (
     "it cannot be run", "a joint comes to its position limit", "the arm touches something",
-    "the arm stands still", "the error is large", "rates are limited for a while", "sigma_min stays above half of `below`",
-    "no singularity takes part", "it lasts long",
+    "the arm stands still", "the error is large", "rates are limited for a while",
+    "sigma_min stays above half of `below`", "no singularity takes part", "it lasts long",
 )  # fmt: skip
 
 
