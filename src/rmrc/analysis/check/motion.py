@@ -8,6 +8,7 @@ from typing import TypeAlias
 import numpy as np
 
 from rmrc.analysis.new.scaling import Scales
+from rmrc.analysis.new.text import identity
 from rmrc.arm import Arm
 from rmrc.arm.inventory import Contact, contacts
 from rmrc.law.task import Array
@@ -64,7 +65,8 @@ def motions(
         touching: Geometries that touch at the start.
         seed: Which positions.
     """
-    cache, written = Cache(scales.task.arm), _scenario(scales, start, seed)
+    arm = scales.task.arm
+    cache, written = Cache(*() if arm.stretch else (arm,)), _scenario(scales, start, seed)
     reference = prepare(written, cache).reference
     hurry = reference.duration / DURATION
     limits = written.target.limits.model_dump()
@@ -73,7 +75,7 @@ def motions(
     }
     faster = {f"target.limits.{name}": value * hurry ** powers[name] for name, value in limits.items()}
     one = written.set(faster)
-    return tuple(_motion(one, name, scales.task.arm, touching, cache) for name in PLANTS.names)
+    return tuple(_motion(one, name, arm, touching, cache) for name in PLANTS.names)
 
 
 def _motion(
@@ -115,10 +117,7 @@ def _scenario(scales: Scales, start: Array, seed: int) -> Scenario:
             path.append({"turn": about})
     values = {
         "name": "check",
-        "arm": {
-            "model": str(arm.path.resolve()), "site": arm.site, "joints": list(arm.joints),
-            "start": start.tolist(),
-        },
+        "arm": identity(arm, arm.path.resolve()) | {"start": start.tolist()},
         "task": {"axes": list(task.axes), "length": task.length},
         "control": {"inverse": {"damping": {"maximum": scales.quartile, "below": scales.quartile}},
                     "limits": {"rate": scales.rate.tolist()}},

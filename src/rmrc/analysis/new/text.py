@@ -11,6 +11,7 @@ import numpy as np
 from rmrc.analysis.inspect import words
 from rmrc.analysis.new.move import BESIDE, Move
 from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales, tidy
+from rmrc.arm import Arm
 from rmrc.law.task import Array
 from rmrc.scenario import inline
 from rmrc.support.legible import visible
@@ -75,16 +76,26 @@ def _head(scales: Scales, move: Move, name: str) -> str:
     return "\n".join([*lines, f"name: {name}"])
 
 
+def identity(arm: Arm, model: Path | str) -> dict[str, Any]:
+    """Return the keys of `arm` in a scenario that name an arm: all but where it starts.
+
+    Args:
+        arm: The arm.
+        model: As `arm.model` has it.
+    """
+    stretch = {"stretch": dict(arm.stretch)} if arm.stretch else {}
+    return {"model": str(model), "site": arm.site, "joints": list(arm.joints), **stretch}
+
+
 def _arm(scales: Scales, move: Move, model: Path | str) -> str:
     arm = scales.task.arm
-    lines = [
-        "arm:",
-        f"  model: {inline(str(model))}",
-        f"  site: {inline(arm.site)}   # the point that is controlled; this model has {len(arm.sites)}",
-        f"  joints: {inline(list(arm.joints))}",
-    ]
-    if arm.stretch:
-        lines.append(f"  stretch: {inline(dict(arm.stretch))}   # factor on all lengths of a body")
+    told = {
+        "site": f"the point that is controlled; this model has {len(arm.sites)}",
+        "stretch": "factor on all lengths of a body",
+    }
+    lines = ["arm:"]
+    for key, value in identity(arm, model).items():
+        lines.append(f"  {key}: {inline(value)}{f'   # {told[key]}' if key in told else ''}")
     if move.is_home:
         lines.append("  start: home   # the keyframe of that name, or all joints at 0 where there is none")
     else:
