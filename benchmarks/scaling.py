@@ -10,6 +10,7 @@ cluster of two workers. `--tasks 1000000` takes the scheduler through a million 
 import argparse
 import json
 import os
+import pickle
 import tempfile
 import threading
 import time
@@ -22,8 +23,8 @@ from sweep import DAMPING, SECONDS, scenario_of
 
 from rmrc.scenario import draft_of
 from rmrc.study import dask as cluster
-from rmrc.study.bundle import pack
 from rmrc.study.executors import done
+from rmrc.study.parcel import pack
 from rmrc.study.rows import AsRows
 from rmrc.study.study import Check, Listed, check_size
 from rmrc.study.sweep import Sweep, batch_size
@@ -103,7 +104,7 @@ def of_the_scheduler(tasks: int) -> dict[str, float]:
         "tasks": tasks,
         "empty piece [s]": seconds / tasks,
         "empty task, Dask alone [s]": alone,
-        "parcel [byte]": parcel.size,
+        "parcel [byte]": len(pickle.dumps(parcel)),
     }
 
 

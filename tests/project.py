@@ -10,5 +10,5 @@ ROOT = Path(__file__).parent.parent
 
 def told(err):
     """Return what a verb said but for what it says while the law is compiled, or loaded by a busy machine."""
-    start, _, end = COMPILING.partition("{}")
-    return re.sub(rf"^rmrc: {re.escape(start)}.*{re.escape(end)}\n", "", err, flags=re.MULTILINE)
+    notice = ".*".join(map(re.escape, COMPILING.split("{}")))
+    return re.sub(rf"^rmrc: {notice}\n", "", err, flags=re.MULTILINE)

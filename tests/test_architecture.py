@@ -16,9 +16,9 @@ SOURCE = ROOT / "src"
 LAYERS = (
     ("rmrc.__main__",),
     ("rmrc.cli",),
-    ("rmrc.tuning",),
+    ("rmrc.tuning", "rmrc.analysis"),
     ("rmrc.study",),
-    ("rmrc.recording", "rmrc.analysis"),
+    ("rmrc.recording",),
     ("rmrc.show",),
     ("rmrc.simulation",),
     ("rmrc.plants", "rmrc.results"),

@@ -20,7 +20,7 @@ from project import ROOT
 from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import figure_names, scorecard
 from rmrc.scenario import load, loads, variants
-from rmrc.scenario.choices import CHOICES, INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES
+from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES
 from rmrc.show import sheets
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -295,10 +295,14 @@ def equations(text):
     ]
 
 
-def misnamed(text):
+WITHIN = r"(?<![\w⁺])\((\d+)\)(?!  \w.*$|$)"
+ELSEWHERE = r"\((\d+)\) (?:of|in) (?:the theory|\[?(?:docs/)?theory\.md)"
+
+
+def misnamed(text, theory=None, reference=WITHIN):
     """Return the references to equations that do not say the name of the equation with this number before it."""
-    names = dict(equations(text))
-    found = re.finditer(r"(?<![\w⁺])\((\d+)\)(?!  \w.*$|$)", text, re.MULTILINE)
+    names = dict(equations(theory or text))
+    found = re.finditer(reference, text, re.MULTILINE)
     flat = [(one, re.sub(r"\s+", " ", text[: one.start()])) for one in found]
     return [
         before[-30:] + one[0]
@@ -313,6 +317,15 @@ def test_equations_are_numbered_without_a_gap_and_referred_to_by_name():
     names = [name for _, name in equations(THEORY) if name]
     assert len(set(names)) == len(names) > 30
     assert misnamed(THEORY) == []
+
+
+def test_equations_of_the_theory_are_referred_to_by_name_elsewhere_too():
+    texts = [text for name, text in DOCUMENTS.items() if name != "docs/theory.md"]
+    texts += [path.read_text("utf-8") for path in (ROOT / "src").rglob("*.py")]
+    assert sum(len(re.findall(ELSEWHERE, text)) for text in texts) >= 5
+    assert [wrong for text in texts for wrong in misnamed(text, THEORY, ELSEWHERE)] == []
+    assert not any(re.search(r"equation \(?\d", text) for text in texts)
+    assert misnamed("the gains (9) of the theory", THEORY, ELSEWHERE)
 
 
 def test_a_reference_that_means_another_equation_is_seen():
@@ -349,28 +362,13 @@ def test_every_column_is_in_the_theory_with_its_width():
     assert table == {name: column.width for name, column in COLUMNS.items()}
 
 
-# What the README says of a choice besides what it does.
-BESIDE = {INVERSES: lambda one: ("as many task axes as joints" if one.needs_square else "any",)}
-
-
-def table_of(choices):
-    """Return the rows of the README's table of what a key chooses from."""
-    return [
-        [f"`{one.name}`", one.meaning, *(BESIDE[choices](one) if choices in BESIDE else ())]
-        for one in choices.options
-    ]
-
-
-@pytest.mark.parametrize(
-    "choices", [one for one in CHOICES if one is not PRIORITIES], ids=lambda choices: choices.field
-)
-def test_the_tables_of_the_readme_are_what_is_declared(choices):
-    heading = f"\n| `control.{choices.key}` | "
-    assert README.count(heading) == 1
-    table = README.partition(heading)[2].partition("\n\n")[0]
-    wanted = table_of(choices)
-    # as it is to be written, should it differ
-    assert rows(f"\n{heading}{table}") == wanted, "\n".join(f"| {' | '.join(cells)} |" for cells in wanted)
+def test_the_tables_of_the_readme_are_what_is_declared():
+    with_tables = runpy.run_path(str(ROOT / "tools/tables.py"))["with_tables"]
+    assert with_tables(README) == README, "python tools/tables.py --write mends them"
+    spoiled = README.replace("| `transpose` | α σ with the best α | any |\n", "").replace(
+        "| `ideal` | q", "| x | "
+    )
+    assert len(spoiled) < len(README) - 40 and with_tables(spoiled) == README
 
 
 # Where the theory lists them: the start of the block, which ends with an empty line.
@@ -421,6 +419,14 @@ def test_every_room_is_in_the_layout_as_its_docstring_says():
     sources = {path.parent.name: path for path in (ROOT / "src/rmrc").glob("*/__init__.py")}
     first = {name: ast.get_docstring(ast.parse(path.read_text("utf-8"))) for name, path in sources.items()}
     assert {f"`{name}`": text.splitlines()[0].rstrip(".") for name, text in first.items()} == table
+
+
+def test_the_command_for_what_each_module_does_prints_all_of_them():
+    (command,) = re.findall(r"`(find [^`]*head -qn 1)`", CONTRIBUTING)
+    found = subprocess.run(["bash", "-c", command], cwd=ROOT, capture_output=True, text=True, check=True)
+    lines = found.stdout.splitlines()
+    assert len(lines) == len([*(ROOT / "src/rmrc").rglob("*.py")]) > 200
+    assert all(re.match(r'"""\S.{10,}', line) for line in lines)
 
 
 def test_every_scenario_and_model_is_in_its_table():
@@ -648,7 +654,7 @@ def test_a_search_with_a_larger_offset_ends_as_its_page_says(rmrc, monkeypatch, 
     said = re.search(
         r"With `--offset ([\d.]+)`, where some copies aim beyond full reach, (\d+) runs recommend constant damping of "
         r"([\d.]+) and `stop`",
-        QUESTIONS,
+        " ".join(QUESTIONS.split()),
     )
     assert said
     offset, runs, damping = said.groups()

@@ -14,6 +14,7 @@ from rmrc.arm import numbers
 from rmrc.arm.bounds import bounded_memory
 from rmrc.plants.servo import RateServos
 from rmrc.support.errors import ModelError, ModelWarning
+from wording import says
 
 
 def model(head="", world="", joint="", inertial="", upper='pos="0 0 1"', tip="tip", tail="", geom=""):
@@ -35,36 +36,29 @@ def refusal(tmp_path, text):
     return message.removeprefix(f"{path}:").strip()
 
 
-CURE = "; leave out what has no limit"
 NOT_FINITE = {
     "inertial": (
         model(inertial='<inertial pos="0.5 nan 0" mass="1" diaginertia="1 1 1"/>'),
-        '2: inertial of body "lower": pos must be finite, got "0.5 nan 0"',
+        '2: inertial of body "lower": pos … finite … "0.5 nan 0"',
     ),
     "keyframe": (
         model(tail='<keyframe><key name="home" qpos="0 NaN"/></keyframe>'),
-        '4: key "home": qpos must be finite, got "0 NaN"',
+        '4: key "home": qpos … finite … "0 NaN"',
     ),
-    "stiffness": (
-        model(joint='stiffness="nan"'),
-        '2: joint "shoulder": stiffness must be finite, got "nan"',
-    ),
-    "range": (
-        model(joint='range="-inf inf"'),
-        '2: joint "shoulder": range must be finite, got "-inf inf"',
-    ),
-    "mass": (model(geom='mass="nan"'), '2: geom of body "lower": mass must be finite, got "nan"'),
+    "stiffness": (model(joint='stiffness="nan"'), '2: joint "shoulder": stiffness … finite … "nan"'),
+    "range": (model(joint='range="-inf inf"'), '2: joint "shoulder": range … finite … "-inf inf"'),
+    "mass": (model(geom='mass="nan"'), '2: geom of body "lower": mass … finite … "nan"'),
     "gravity": (
         model(head='<option gravity="0 0 -Infinity"/>'),
-        '1: option: gravity must be finite, got "0 0 -Infinity"',
+        '1: option: gravity … finite … "0 0 -Infinity"',
     ),
     "gain": (
         model(tail='<actuator><velocity name="servo" joint="elbow" kv="-nan"/></actuator>'),
-        '4: velocity "servo": kv must be finite, got "-nan"',
+        '4: velocity "servo": kv … finite … "-nan"',
     ),
     "entity": (
         model(joint='damping="n&#97;n"'),
-        '2: joint "shoulder": damping must be finite, got "nan"',
+        '2: joint "shoulder": damping … finite … "nan"',
     ),
 }  # fmt: skip
 
@@ -72,7 +66,7 @@ NOT_FINITE = {
 @pytest.mark.parametrize("case", NOT_FINITE)
 def test_a_number_that_is_none_is_named_with_line_element_and_attribute(tmp_path, capfd, case):
     text, message = NOT_FINITE[case]
-    assert refusal(tmp_path, text) == message + CURE
+    assert refusal(tmp_path, text) == says(f"{message}; …")
     assert capfd.readouterr().err == ""  # MuJoCo prints of a NaN by itself
 
 
@@ -82,7 +76,7 @@ def test_an_included_file_is_looked_at_too(tmp_path):
     path.write_text(model(head='<include file="gains.xml"/>'))
     with pytest.raises(ModelError) as caught:
         arms.load(path)
-    assert str(caught.value).startswith(f'{tmp_path}/gains.xml:2: option: timestep must be finite, got "nan"')
+    assert str(caught.value) == says(f'{tmp_path}/gains.xml:2: option: timestep … finite … "nan"; …')
 
 
 def test_words_that_look_like_no_number_are_words(tmp_path):
@@ -121,8 +115,7 @@ FULL = model(
 
 def test_a_direction_that_mujoco_cannot_scale_is_refused_and_what_it_says_of_it_is_not_passed_on(tmp_path):
     text = model(joint="").replace('axis="0 1 0"', 'axis="1e300 0 1e300"', 1)
-    message = 'joint "shoulder": axis cannot be scaled to a length of 1, got 0 0 0; write numbers near 1'
-    assert refusal(tmp_path, text) == message
+    assert refusal(tmp_path, text) == says('joint "shoulder": axis … 1 … 0 0 0; … 1')
 
 
 def test_an_actuator_that_moves_nothing_limits_nothing(tmp_path):
@@ -140,8 +133,9 @@ def test_an_arm_that_feels_no_inertia_cannot_be_held(rmrc, tmp_path):
     (tmp_path / "model.xml").write_text(model(joint='armature="-1000"'))
     code, out, err = rmrc("statics", "model.xml", "--wrench", "1,2,3", "--hold", "0.3")
     assert (code, out) == (2, "")
-    message = 'error: cannot hold: joint "shoulder" must feel an inertia > 0 at home, got -99'
-    assert [line.startswith(f"rmrc: {message}") for line in err.splitlines()] == [False, True]
+    assert err.splitlines()[1:] == [
+        says('rmrc: error: … hold: joint "shoulder" … inertia … 0 … home … -990.021; …')
+    ]
 
 
 def test_an_arm_that_diverges_while_it_holds_is_one_line(rmrc, tmp_path):
@@ -173,8 +167,8 @@ def test_each_float_of_a_compiled_model_is_looked_at(field, value):
     with pytest.raises(ModelError) as caught:
         numbers.check(ROOT, compiled)
     most = 1e6 if name.endswith(("pos", "qpos0")) else 1e30
-    bound = f"within ±{most:g}" if np.isfinite(value) else "finite"
-    assert str(caught.value).startswith(f"{ROOT}: {FIELDS[field]} must be {bound}, got ")
+    bound = f"±{most:g}" if np.isfinite(value) else "finite"
+    assert str(caught.value) == says(f"{ROOT}: {FIELDS[field]} … {bound} …")
 
 
 def test_every_array_of_floats_has_its_turn():
@@ -199,20 +193,20 @@ def test_every_array_of_floats_has_its_turn():
 
 
 NAMES = {
-    "escape": (model(tip="t&#27;[31mip"), 'the name of site 0 must have no control character, got U+001B in "t\\x1b[31mip"; rename it'),
-    "newline": (model(tip="t&#10;ip"), 'the name of site 0 must have no control character, got U+000A in "t\\nip"; rename it'),
+    "escape": (model(tip="t&#27;[31mip"), '… name of site 0 … control character … U+001B … "t\\x1b[31mip"; …'),
+    "newline": (model(tip="t&#10;ip"), '… name of site 0 … control character … U+000A … "t\\nip"; …'),
     "backwards": (
         model(tail='<keyframe><key name="a\u202eb"/></keyframe>'),
-        'the name of key 0 must have no control character, got U+202E in "a\\u202eb"; rename it',
+        '… name of key 0 … control character … U+202E … "a\\u202eb"; …',
     ),
     "line": (
         model(tail='<actuator><motor joint="elbow" name="a\u2028b"/></actuator>'),
-        'the name of actuator 0 must have no control character, got U+2028 in "a\\u2028b"; rename it',
+        '… name of actuator 0 … control character … U+2028 … "a\\u2028b"; …',
     ),
-    "bytes": (model(tip="t\xff").encode("latin-1"), 'the name of site 0 must be UTF-8, got "t\\\\xff"; rename it'),
+    "bytes": (model(tip="t\xff").encode("latin-1"), '… name of site 0 … UTF-8 … "t\\\\xff"; …'),
     "long": (
         model(tip="\t" + "t" * 10_000),
-        'the name of site 0 must have no control character, got U+0009 in "\\\\t' + "t" * 35 + '..."; rename it',
+        '… name of site 0 … control character … U+0009 … "\\\\t' + "t" * 35 + '..."; …',
     ),
 }  # fmt: skip
 
@@ -221,7 +215,7 @@ NAMES = {
 def test_a_name_with_a_control_character_is_refused_and_shown_harmlessly(tmp_path, case):
     text, message = NAMES[case]
     said = refusal(tmp_path, text)
-    assert said == message.replace("\\\\t", "\\t") and said.isprintable()
+    assert said == says(message.replace("\\\\t", "\\t")) and said.isprintable()
 
 
 @pytest.mark.parametrize("name", ["🦾", "[red]tip[/red]", "Ellbogen ß", "t" * 10_000, "کتاب‌خانه"])
@@ -231,48 +225,47 @@ def test_other_names_are_names(tmp_path, name):
     assert arms.load(path).site == name
 
 
-MUCH = "a model must have 10000 elements at most, those of a replicate as often as it says, got "
 BALL = '<geom size="1"/>'
 HUGE = {
-    "replicated": (model(world=f'<replicate count="1000000">{BALL}</replicate>'), f"1: {MUCH}1000003"),
+    "replicated": (model(world=f'<replicate count="1000000">{BALL}</replicate>'), "1: … 10000 elements … replicate … 1000003…"),
     "nested": (
         model(world='<replicate count="1000">' * 2 + BALL + "</replicate>" * 2),
-        f"1: {MUCH}1001003",
+        "1: … 10000 elements … replicate … 1001003…",
     ),
     "after": (
         model(world=f'<replicate count="9000">{BALL}</replicate>' + 999 * BALL),
-        f"1: {MUCH}10001",
+        "1: … 10000 elements … replicate … 10001…",
     ),
     "joints": (
         model(world='<replicate count="3001"><body><freejoint/><geom size="1"/></body></replicate>'),
-        "1: a model must have 3000 joints at most",
+        "1: … 3000 joints …",
     ),
-    "keys": (model(head='<size nkey="100000000"/>'), '1: size nkey="100000000" must be 10000 at most'),
+    "keys": (model(head='<size nkey="100000000"/>'), '1: size nkey="100000000" … 10000 …'),
     "texture": (
         model(head='<asset><texture name="t" type="2d" builtin="flat" width="100000" height="100000"/></asset>'),
-        '1: texture width="100000" height="100000" must be 67108864 at most in all, got 10000000000',
+        '1: texture width="100000" height="100000" … 67108864 … 10000000000',
     ),
     "textures": (
         model(head="<asset>" + 60 * '<texture type="2d" builtin="flat" width="8000" height="8000"/>' + "</asset>"),
-        '1: texture width="8000" height="8000" must be 67108864 at most in all, got 128000000',
+        '1: texture width="8000" height="8000" … 67108864 … 128000000',
     ),
     "hfield": (
         model(head='<asset><hfield name="h" nrow="50000" ncol="50000" size="1 1 1 1"/></asset>'),
-        '1: hfield nrow="50000" ncol="50000" must be 16777216 at most',
+        '1: hfield nrow="50000" ncol="50000" … 16777216 …',
     ),
     "flex": (
         model(world='<flexcomp name="f" type="grid" count="1000 1000 1000" spacing="1 1 1" dim="3"/>'),
-        '1: flexcomp count="1000 1000 1000" must be 30000 at most',
+        '1: flexcomp count="1000 1000 1000" … 30000 …',
     ),
     "search": (
         model(head='<compiler><lengthrange inttotal="1e30"/></compiler>', tail='<actuator><muscle joint="elbow"/></actuator>'),
-        "compiler lengthrange: inttotal / timestep must be 100000 steps at most, got 1e+30 / 0.01",
+        "compiler lengthrange: inttotal / timestep … 100000 … 1e+30 / 0.01",
     ),
     "solver": (
         model(head='<option iterations="2000000000" tolerance="0"/>'),
-        "option iterations must be <= 10000, got 2000000000",
+        "option iterations … 10000 … 2000000000",
     ),
-    "user": (model(head='<size nuserdata="20000000"/>'), "must have 10000000 numbers of nuserdata at most, got 20000000"),
+    "user": (model(head='<size nuserdata="20000000"/>'), "… 10000000 … nuserdata … 20000000"),
 }  # fmt: skip
 
 
@@ -280,7 +273,7 @@ HUGE = {
 def test_what_would_take_all_time_or_memory_is_refused_at_once(tmp_path, case):
     text, message = HUGE[case]
     before = time.process_time()
-    assert refusal(tmp_path, text).startswith(message)
+    assert refusal(tmp_path, text) == says(message)
     assert time.process_time() - before < 10.0  # the compiler would take minutes and more
 
 
@@ -291,8 +284,7 @@ MEMORY = ('<size memory="1000G"/>', '<size njmax="2000000000"/>', '<size nuser_b
 @pytest.mark.parametrize("head", MEMORY)
 def test_memory_that_no_arm_needs_is_refused_and_the_process_lives_on(tmp_path, head):
     limits = resource.getrlimit(resource.RLIMIT_AS)
-    said = "must compile within 4 GiB of memory; make its sizes, grids, meshes or textures smaller"
-    assert refusal(tmp_path, model(head=head)) == said
+    assert refusal(tmp_path, model(head=head)) == says("… 4 GiB of memory; …")
     assert resource.getrlimit(resource.RLIMIT_AS) == limits
 
 
@@ -381,6 +373,6 @@ def test_a_model_may_be_attached_twice(tmp_path):
 @pytest.mark.parametrize("element", ["joint", "geom"])
 def test_a_class_that_c_takes_for_a_format_is_refused(tmp_path, element):
     # Of a class that is not there MuJoCo makes a message, and prints it as a format: %n aborts the process.
-    said = refusal(tmp_path, model(**{element: 'class="%s%n"'}))
-    assert said.startswith(f"2: {element}")
-    assert said.endswith('class must not have a "%", got "%s%n"; rename it')
+    assert refusal(tmp_path, model(**{element: 'class="%s%n"'})) == says(
+        f'2: {element}… class … "%" … "%s%n"; …'
+    )

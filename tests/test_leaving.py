@@ -90,7 +90,7 @@ def test_a_disk_without_room_for_the_arrays_is_told_before_anything_moves(rmrc, 
     rmrc("run", "quick.yaml", "--no-record", "-q", "--out", "first")
     run = Run.read(quick / "first/quick.npz")
     arrays = sum(run[name].nbytes for name in COLUMNS)
-    assert array_size(len(run), 2, 2) == arrays <= (quick / "first/quick.npz").stat().st_size
+    assert array_size(len(run), 2, 2, 2) == arrays <= (quick / "first/quick.npz").stat().st_size
     usage = namedtuple("usage", "total used free")
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - arrays + 1, arrays - 1))
     code, out, err = rmrc("run", "quick.yaml")

@@ -14,7 +14,7 @@ from rmrc.support.files import written_whole
 
 def make_run(ticks=4, **given):
     rng = np.random.default_rng(1)
-    width = {"n": 3, "k": 2, "6": 6, "7": 7}
+    width = {"n": 3, "k": 2, "nq": 4, "6": 6, "7": 7}
     columns = {
         name: rng.normal(size=(ticks, width[column.width]) if column.width else ticks)
         for name, column in COLUMNS.items()

@@ -18,6 +18,7 @@ from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ScenarioError
+from wording import says
 
 PLANE = ("x", "y")
 SPACE = ("x", "y", "z", "rx", "ry", "rz")
@@ -26,7 +27,7 @@ SPACE = ("x", "y", "z", "rx", "ry", "rz")
 def make_run(ticks, joints=("shoulder", "elbow"), axes=PLANE, period=0.001, **given):
     """Return a run that stands still, but for the columns and fields that are given."""
     n = len(joints)
-    width = {"n": n, "k": min(n, len(axes)), "6": 6, "7": 7}
+    width = {"n": n, "k": min(n, len(axes)), "nq": n, "6": 6, "7": 7}
     columns = {
         name: np.zeros((ticks, width[column.width]) if column.width else ticks)
         for name, column in COLUMNS.items()
@@ -519,18 +520,8 @@ def card_of(value, unit="rad/s"):
         ),
         (1.25, Check(equals=1, within=0.25), 0.0, "expected 1 within 0.25 rad/s, got 1.25"),
         (0.75, Check(equals=1, within=0.25), 0.0, "expected 1 within 0.25 rad/s, got 0.75"),
-        (
-            1.5,
-            Check(equals=1, within=0.25),
-            0.25,
-            "expected 1 within 0.25 rad/s, got 1.5, 0.25 too high",
-        ),
-        (
-            0.25,
-            Check(equals=1, within=0.25),
-            -0.5,
-            "expected 1 within 0.25 rad/s, got 0.25, 0.5 too low",
-        ),
+        (1.5, Check(equals=1, within=0.25), 0.25, "expected 1 within 0.25 rad/s, got 1.5, 0.25 too high"),
+        (0.25, Check(equals=1, within=0.25), -0.5, "expected 1 within 0.25 rad/s, got 0.25, 0.5 too low"),
         (1.0, Check(equals=1, within=0), 0.0, "expected 1 within 0 rad/s, got 1"),
         (
             4.0,
@@ -624,34 +615,35 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "secondary_sigma, status_time, stuck, duration, ticks, completed, wall_time, speed"
     )
     reasons = {
-        "joint_rate.peek": 'no such figure; did you mean "joint_rate.peak"?',
-        "joint_rate.sholder.rms": 'no such figure; did you mean "joint_rate.shoulder.rms"?',
-        "tau.peak_joint": "names a joint, and only numbers can be expected, such as tau.peak",
-        "return.change_joint": "names a joint, and only numbers can be expected, such as return.joint_change",
-        "orientation_error.max": "needs one of rx, ry, rz in task.axes",
-        "orientation_error_across.end": "needs one of rx, ry, rz in task.axes",
-        "error_along.max": 'no such figure; did you mean "position_error_along.max"?',
-        "error_across.maxx": 'no such figure; did you mean "position_error_across.max"?',
-        "nonsense": f"no such figure; figures begin with {groups}",
-        "": f"no such figure; figures begin with {groups}",
+        "joint_rate.peek": '… figure; … "joint_rate.peak"…',
+        "joint_rate.sholder.rms": '… figure; … "joint_rate.shoulder.rms"…',
+        "tau.peak_joint": "… joint … numbers … tau.peak",
+        "return.change_joint": "… joint … numbers … return.joint_change",
+        "orientation_error.max": "… rx, ry, rz … task.axes",
+        "orientation_error_across.end": "… rx, ry, rz … task.axes",
+        "error_along.max": '… figure; … "position_error_along.max"…',
+        "error_across.maxx": '… figure; … "position_error_across.max"…',
+        "nonsense": f"… figure; … {groups}",
+        "": f"… figure; … {groups}",
     }
+    reasons = {name: says(reason) for name, reason in reasons.items()}
     assert refused(names, ("shoulder", "elbow"), PLANE) == reasons
     with pytest.raises(ScenarioError) as raised:
         check(scorecard(make_run(2)), dict.fromkeys(names, Check(below=1)))
-    lines = [f"expect.{name}: {reason}" for name, reason in reasons.items()]
-    assert str(raised.value).splitlines() == list(lines)
+    lines = [says(f"expect.{name}: {reason}") for name, reason in reasons.items()]
+    assert str(raised.value).splitlines() == lines
 
 
 def test_a_task_without_positions_refuses_position_errors():
     names = ["position_error.end", "position_error_along.end", "orientation_error.end"]
     reasons = refused(names, ["a"], ("rz",))
-    assert reasons == dict.fromkeys(names[:2], "needs one of x, y, z in task.axes")
+    assert reasons == dict.fromkeys(names[:2], says("… x, y, z … task.axes"))
 
 
 def test_the_names_that_mixed_meters_and_radians_lead_to_those_that_do_not():
-    wanted = 'no such figure; did you mean "position_error_along.max" or "orientation_error_along.max"?'
+    wanted = says('… figure; … "position_error_along.max" or "orientation_error_along.max"…')
     assert refused(["error_along.max"], ["a"], SPACE) == {"error_along.max": wanted}
-    wanted = 'no such figure; did you mean "orientation_error_across.end"?'
+    wanted = says('… figure; … "orientation_error_across.end"…')
     assert refused(["error_across.end"], ["a"], ("rx",)) == {"error_across.end": wanted}
 
 

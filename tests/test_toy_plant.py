@@ -8,6 +8,7 @@ import pytest
 from numpy.testing import assert_allclose
 
 from toy import Copy
+from wording import says
 
 DECLARATION = """
 LAGGING = Plant(
@@ -145,7 +146,7 @@ def test_it_is_in_the_schema_and_in_messages(toy):
     assert kinds["description"].endswith("computed torques, or rates that follow with a lag")
     ended = toy.python(REFUSED)
     assert ended.stdout.splitlines() == [
-        "--set plant.lag: must be > 0, got -1",
+        says("--set plant.lag: … 0 … -1"),
         "--set plant.delay: must be at most 16 control periods, got 1 s",
     ], ended.stderr
 

@@ -28,6 +28,7 @@ That a package's `__init__` runs when one of its modules is imported is no impor
 import argparse
 import ast
 import io
+import signal
 import sys
 import tokenize
 from collections import Counter, deque
@@ -39,7 +40,7 @@ from typing import NamedTuple, TypeAlias
 
 SOURCE = Path(__file__).resolve().parent.parent / "src" / "rmrc"
 
-MOST_LINES = 20_300
+MOST_LINES = 20_700
 MOST_PACKAGES = 18
 MOST_CIRCLES = 0
 LONGEST_FUNCTION = 60
@@ -477,4 +478,6 @@ def _print_circle(circle: Sequence[str], imports: Iterable[Import]) -> None:
 
 
 if __name__ == "__main__":
+    if hasattr(signal, "SIGPIPE"):  # end in silence where the reader has seen enough, as `head` has
+        signal.signal(signal.SIGPIPE, signal.SIG_DFL)
     sys.exit(main())

@@ -4,6 +4,8 @@ import re
 import xml.etree.ElementTree as ET
 from xml.sax.saxutils import escape
 
+from rmrc.scenario.choices import PLANTS
+
 from . import shipped
 from .case import Case
 from .vocabulary import ATTRIBUTES, ELEMENTS
@@ -57,7 +59,7 @@ def _asked(chance, name, data):
     }.get(verb)  # fmt: skip
     files = {PATH: data}
     if asked is None:
-        plant = chance.pick(("ideal", "servo", "servo", "torque"))
+        plant = chance.pick((*PLANTS.names, PLANTS.default))
         files["scenarios/fuzz.yaml"] = (
             f"name: fuzz\narm: {{model: {FILE}, site: {chance.pick(sites)}}}\n"
             f"control: {{period: 0.002, limits: {{rate: 3.0}}}}\n"

@@ -1,5 +1,7 @@
 """Extreme numbers that a scenario may have: every one is within what its key allows."""
 
+from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, PLANTS, POLICIES, SCHEDULES
+
 from . import shipped
 from .case import Case
 
@@ -24,28 +26,16 @@ NOT_NEGATIVE = (
 SHARES = ("control.inverse.tolerance", "control.inverse.gamma")
 PACES = ("velocity", "acceleration", "jerk", "angular_velocity", "angular_acceleration", "angular_jerk")
 CHOICES = {
-    "control.inverse.method": (
-        "pseudoinverse",
-        "truncated",
-        "transpose",
-        "damped",
-        "filtered",
-        "selectively_damped",
-        "jparse",
-    ),
-    "control.inverse.damping.schedule": (
-        "constant",
-        "manipulability",
-        "smallest_singular_value",
-        "error",
-        "rate_bound",
-    ),
-    "control.nullspace.objective": ("none", "posture", "joint_limits", "manipulability", "secondary"),
-    "control.limits.on_excess": ("scale", "clamp", "redistribute", "none"),
+    "control.inverse.method": [one.name for one in INVERSES.options if not one.needs_square],
+    "control.inverse.damping.schedule": SCHEDULES.names,
+    "control.nullspace.objective": [
+        name for name in OBJECTIVES.names if name != "rates"
+    ],  # which needs a list
+    "control.limits.on_excess": LIMITS.names,
     "control.limits.position": ("true", "false"),
-    "control.at_singularity": ("damp", "slow", "stop"),
+    "control.at_singularity": POLICIES.names,
     "control.feedforward": ("true", "false"),
-    "plant.kind": ("ideal", "servo", "torque"),
+    "plant.kind": PLANTS.names,
     "plant.gravity_compensation": ("true", "false"),
 }
 ENDS = (

@@ -5,6 +5,8 @@ import re
 
 import yaml
 
+from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, PLANTS, POLICIES, SCHEDULES
+
 from . import shipped
 from .case import Case
 
@@ -135,11 +137,11 @@ def _structured(chance, tree):
 
 # Values that are right, by key.
 RIGHT = {
-    "control.inverse.method": ("pseudoinverse", "truncated", "transpose", "damped", "filtered", "selectively_damped", "jparse", "inverse"),
-    "control.inverse.damping": ({"schedule": "constant"}, {"schedule": "manipulability"}, {"schedule": "error"}, {"schedule": "rate_bound"}),
-    "control.nullspace": ({"objective": "posture"}, {"objective": "joint_limits"}, {"objective": "manipulability"}, {"objective": "secondary"}),
-    "control.limits": ({"on_excess": "clamp"}, {"on_excess": "redistribute", "rate": 1.0}, {"on_excess": "none"}, {"acceleration": 5.0}, {"rate": 0.1}),
-    "control.at_singularity": ("damp", "slow", "stop"),
+    "control.inverse.method": INVERSES.names,
+    "control.inverse.damping": [{"schedule": name} for name in SCHEDULES.names if name != SCHEDULES.default],
+    "control.nullspace": [{"objective": name} for name in OBJECTIVES.names if name not in ("none", "rates")],
+    "control.limits": [*({"on_excess": name, "rate": 1.0} for name in LIMITS.names), {"acceleration": 5.0}, {"rate": 0.1}],
+    "control.at_singularity": POLICIES.names,
     "control.feedback": (0.0, 5.0, 500.0),
     "control.period": (0.002, 0.01, 0.05),
     "control.feedforward": (False,),
@@ -147,7 +149,7 @@ RIGHT = {
     "task.length": (0.1, 10.0),
     "arm.encoder": ({"offset": 0.01}, {"deviation": "1 deg", "seed": 3}),
     "arm.start": ("home",),
-    "plant": ({"kind": "ideal"}, {"kind": "servo"}, {"kind": "torque"}, {"kind": "servo", "payload": 2.0, "gravity": [0.0, -9.81, 0.0]}),
+    "plant": (*({"kind": name} for name in PLANTS.names), {"kind": "servo", "payload": 2.0, "gravity": [0.0, -9.81, 0.0]}),
     "plant.wrench": ([10.0, 0.0, -10.0, 0.0, 1.0, 0.0],),
     "target.path": (
         [{"line": {"by": [0.1, 0.0, 0.1]}}, {"line": {"by": [-0.1, 0.0]}}],

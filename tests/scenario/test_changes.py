@@ -15,6 +15,7 @@ from rmrc.scenario import draft as drafts
 from rmrc.scenario.changes import changes_of
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem
+from wording import says
 
 NAMES = ("approach_singularity", "stanford_line", "null_space", "stop_and_wait", "encoder_offsets")
 DRAFTS = {name: draft_of(ROOT / f"scenarios/{name}.yaml") for name in NAMES}
@@ -131,7 +132,7 @@ def test_all_that_is_wrong_is_told_at_once_with_key_and_origin():
         (("plant", "kv"), Origin("--vary plant.kv", key="plant.kv")),
     ]
     assert all(isinstance(one, Problem) for one in caught.value.problems)
-    assert str(caught.value).splitlines()[1] == "--vary plant.kv: must be > 0, got -2"
+    assert str(caught.value).splitlines()[1] == says("--vary plant.kv: … 0 … -2")
 
 
 def test_values_of_python_and_numpy_are_taken_as_a_file_would_have_them():
@@ -143,7 +144,7 @@ def test_values_of_python_and_numpy_are_taken_as_a_file_would_have_them():
         }
     )
     assert (one.arm.start, one.control.limits.rate, one.task.axes) == ((0.5, 1.0), (1.0, 2.0), ("x",))
-    with pytest.raises(ValueError, match="is not a key such as"):
+    with pytest.raises(ValueError, match=r"'a\.\.b' .* key"):
         one.set({"a..b": 1})
 
 
@@ -153,7 +154,7 @@ def test_a_scenario_made_in_python_can_be_changed_and_named_in_messages():
         one.set({"arm.start[1]": "10 deg"}).arm.start
         == loads(FULL, overrides=["arm.start[1]=10 deg"]).arm.start
     )
-    with pytest.raises(ScenarioError, match=r"^arm\.start: must be the name of a keyframe or a list"):
+    with pytest.raises(ScenarioError, match=r"^arm\.start: .* keyframe or a list"):
         one.set({"arm.start": 3})
 
 
@@ -167,7 +168,7 @@ def test_a_section_is_a_value_as_any_other(monkeypatch):
 
 
 def test_what_no_file_could_have_is_refused_in_our_words():
-    with pytest.raises(ScenarioError, match=r'^control\.feedback: must be a number, got "<object object at '):
+    with pytest.raises(ScenarioError, match=r'^control\.feedback: .* number, .*"<object object at '):
         loads(MINIMAL).set({"control.feedback": object()})
 
 

@@ -37,9 +37,7 @@ def test_locate_finds_a_figure_whatever_its_name_is_made_of(figure):
 
 
 def test_locate_refuses_what_is_no_key():
-    with pytest.raises(
-        ValueError, match=r"^'a\.\.b' is not a key such as control\.feedback or arm\.start\[1\]$"
-    ):
+    with pytest.raises(ValueError, match=r"^'a\.\.b' .* control\.feedback or arm\.start\[1\]$"):
         loads(MINIMAL).locate("a..b")
 
 

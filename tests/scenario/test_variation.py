@@ -3,6 +3,7 @@ from scenario_texts import MINIMAL
 
 from rmrc.scenario import draft_of, load, variants
 from rmrc.support.errors import ScenarioError
+from wording import says
 
 METHOD, MAXIMUM = "control.inverse.method", "control.inverse.damping.maximum"
 
@@ -68,13 +69,11 @@ def test_a_wrong_value_is_told_by_its_option(tmp_path, monkeypatch):
     (tmp_path / "x.yaml").write_text(MINIMAL)
     with pytest.raises(ScenarioError) as caught:
         draft_of("x.yaml", ["plant.kv=-1"]).changed(*variants([f"{MAXIMUM}=-2,-3"])[0].changes).scenario()
-    assert set(map(str, caught.value.problems)) == {
-        "--set plant.kv: must be > 0, got -1",
-        f"--vary {MAXIMUM}: must be > 0, got -2",
-    }
+    wanted = f"--vary {MAXIMUM}: … 0 … -2", "--set plant.kv: … 0 … -1"
+    assert list(map(str, caught.value.problems)) == list(map(says, wanted))
     with pytest.raises(ScenarioError) as caught:
         load("x.yaml").changed(*variants(["control={invers: 1},{}"])[0].changes)
-    assert str(caught.value) == '--vary control: control.invers: unknown key; did you mean "inverse"?'
+    assert str(caught.value) == says('--vary control: control.invers: … "inverse"…')
 
 
 EXAMPLE = "control.inverse.method=inverse,damped"
@@ -83,25 +82,23 @@ EXAMPLE = "control.inverse.method=inverse,damped"
 @pytest.mark.parametrize(
     ("texts", "lines"),
     [
-        ([], [f"--vary: must give 2 variants or more, got 0; for example --vary {EXAMPLE}"]),
-        (["a=1"], [f"--vary: must give 2 variants or more, got 1; for example --vary {EXAMPLE}"]),
-        (["a="], [f"--vary: must give 2 variants or more, got 0; for example --vary {EXAMPLE}"]),
-        (["a=0,1,2,3,4,5,6", "b=0,1,2,3,4,5,6,7"], ["--vary: must give at most 50 variants, got 56"]),
-        (["a=1,2", "a=3,4"], ["--vary a: is varied twice"]),
-        (["a=1,2,1,'2'"], ["--vary: two variants have the same values: a=1",
-                           "--vary: two variants have the same values: a=2"]),
-        (["foo", "=1,2"], [f"--vary foo: must be KEY=V1,V2,..., for example {EXAMPLE}",
-                           f"--vary =1,2: must be KEY=V1,V2,..., for example {EXAMPLE}"]),
-        (["a=[1,2"], ["--vary a: is not valid YAML: expected ',' or ']', but got '<stream end>'"]),
-        (["a=1,,2"], ["--vary a: is not valid YAML: expected the node content, but found ','"]),
-        (["a=1],[2"], ["--vary a: is not valid YAML: expected '<document start>', but found ','"]),
-        (["a=1,2 # x", "b=\x00"], ["--vary b: holds the character U+0000"]),
+        ([], [f"--vary: … 2 variants … 0; … --vary {EXAMPLE}"]),
+        (["a=1"], [f"--vary: … 2 variants … 1; … --vary {EXAMPLE}"]),
+        (["a="], [f"--vary: … 2 variants … 0; … --vary {EXAMPLE}"]),
+        (["a=0,1,2,3,4,5,6", "b=0,1,2,3,4,5,6,7"], ["--vary: … 50 variants … 56"]),
+        (["a=1,2", "a=3,4"], ["--vary a: … twice"]),
+        (["a=1,2,1,'2'"], ["--vary: … a=1", "--vary: … a=2"]),
+        (["foo", "=1,2"], [f"--vary {text}: … KEY=V1,V2,... … {EXAMPLE}" for text in ("foo", "=1,2")]),
+        (["a=[1,2"], ["--vary a: … YAML: … ']' … '<stream end>'"]),
+        (["a=1,,2"], ["--vary a: … YAML: … ','"]),
+        (["a=1],[2"], ["--vary a: … YAML: … ','"]),
+        (["a=1,2 # x", "b=\x00"], ["--vary b: … U+0000"]),
     ],
 )  # fmt: skip
 def test_what_cannot_be_varied_is_said_at_once(texts, lines):
     with pytest.raises(ScenarioError) as caught:
         variants(texts)
-    assert str(caught.value).splitlines() == lines
+    assert str(caught.value).splitlines() == list(map(says, lines))
 
 
 def test_fifty_variants_are_not_too_many():
@@ -109,7 +106,6 @@ def test_fifty_variants_are_not_too_many():
 
 
 def test_a_list_of_many_values_is_refused_before_it_is_built():
-    with pytest.raises(
-        ScenarioError, match=r"^--vary a: has more than 10000 values, aliases counted as often"
-    ):
+    with pytest.raises(ScenarioError) as caught:
         variants(["a=" + "1," * 20_000])
+    assert str(caught.value) == says("--vary a: … 10000 values …")

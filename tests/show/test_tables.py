@@ -30,7 +30,7 @@ def printed(renderable, width=80, **options):
 def random_card(joints, ticks=200, scale=1.0, slides=None):
     rng = np.random.default_rng(len(joints))
     n = len(joints)
-    width = {"n": n, "k": min(n, 6), "6": 6, "7": 7}
+    width = {"n": n, "k": min(n, 6), "nq": n, "6": 6, "7": 7}
     columns = {
         name: scale * rng.uniform(0.1, 1.0, (ticks, width[c.width]) if c.width else ticks)
         for name, c in COLUMNS.items()

@@ -15,9 +15,10 @@ from project import ROOT
 from rmrc.results import facts
 from rmrc.scenario import draft_of
 from rmrc.study import dask as cluster
-from rmrc.study.bundle import pack
+from rmrc.study.parcel import pack
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ClusterError, ScenarioError
+from wording import says
 
 pytestmark = pytest.mark.xdist_group("cluster")
 
@@ -126,14 +127,11 @@ def test_the_check_finds_the_same_on_the_workers_and_says_it_in_the_same_words(p
         assert found[0] == found[1]
         assert len(found[0]) <= told
         if overrides is few:
-            text = "\n".join(found[0])
             models = path.parents[1] / "models"
-            assert f'{models}/planar_2lnk.xml"; did you mean "planar_2link.xml"?' in text
-            assert (
-                f"{models}/planar_2link.xml: joints must be listed once each, from the world outward" in text
-            )
+            assert says(f'… "{models}/planar_2lnk.xml" … "planar_2link.xml"…') in found[0]
+            assert says(f"… {models}/planar_2link.xml: joints … once …") in found[0]
         else:
-            assert re.fullmatch(r"and \d+ more problems of other runs", found[0][-1])
+            assert found[0][-1] == says("… more … other runs")
     contents = [
         Sweep(path, (), tmp_path / name, **where).check() for name, where in (("a", here), ("b", there))
     ]
@@ -146,10 +144,8 @@ def test_the_check_finds_the_same_on_the_workers_and_says_it_in_the_same_words(p
 def test_an_address_that_is_none_is_refused_with_its_forms(path, tmp_path, text, got):
     with pytest.raises(ClusterError) as caught:
         Sweep(path, folder=tmp_path, cluster=text)
-    assert str(caught.value) == (
-        "--cluster: must be tcp://HOST:PORT or tls://HOST:PORT of a Dask scheduler, or local:N for N worker "
-        f"processes on this machine, got {got}"
-    )
+    told = f"--cluster: … tcp://HOST:PORT or tls://HOST:PORT … Dask … local:N … {got}"
+    assert str(caught.value) == says(told)
 
 
 def test_without_dask_one_line_says_how_to_install_it(path, tmp_path, monkeypatch):

@@ -30,59 +30,59 @@ SET = ["control.feedback=11", "name=other"]
 
 @pytest.fixture(scope="module")
 def compared(tmp_path_factory):
-    """(path of the scenario, results)."""
+    """(path of the scenario, left)."""
     folder = tmp_path_factory.mktemp("compared")
     (folder / "quick.yaml").write_text(TEXT)
     counted = []
     comparison = Comparison(folder / "quick.yaml", variants(GRID), SET, folder / "new" / "out")
-    results = comparison.run(counted.append)
+    left = comparison.run(counted.append)
     assert sum(counted) == comparison.ticks
-    return folder / "quick.yaml", results
+    return folder / "quick.yaml", left
 
 
 def test_each_variant_has_the_bits_of_its_scenario_run_alone(compared):
-    path, results = compared
-    for one in results.variants:
+    path, left = compared
+    for one in left.results:
         (alone,) = Simulation([prepare(load(path, [*SET, *map(str, one.variant.changes)]))]).run()
         for name in COLUMNS:
             np.testing.assert_array_equal(one.run[name], alone[name], strict=True)
-    assert len({one.run["q"].tobytes() for one in results.variants}) == 3  # the inverse knows no damping
+    assert len({one.run["q"].tobytes() for one in left.results}) == 3  # the inverse knows no damping
 
 
 def test_results_are_complete_and_in_the_order_of_the_grid(compared):
-    _, results = compared
-    labels = [one.variant.label for one in results.variants]
+    _, left = compared
+    labels = [one.variant.label for one in left.results]
     much, little = "{maximum: 0.5, below: 2}", "{maximum: 0.01, below: 2}"
     assert labels == [
         f"{method}, {damping}" for method in ("damped", "inverse") for damping in (much, little)
     ]
-    assert {one.status for one in results.variants} == {"complete"}
-    assert [[outcome.ok for outcome in one.outcomes] for one in results.variants] == [[False], [True], [], []]
-    assert (results.name, results.interrupted) == ("other", False)
+    assert {one.status for one in left.results} == {"complete"}
+    assert [[outcome.ok for outcome in one.outcomes] for one in left.results] == [[False], [True], [], []]
+    assert not left.interrupted
 
 
 def test_the_files_are_named_after_the_scenario_and_all_there(compared):
-    path, results = compared
+    path, left = compared
     folder = path.parent / "new" / "out"
     names = ["other.compare.rrd", "other.compare.json", "other.compare.png", "other.compare.svg"]
-    assert list(results.files) == [folder / name for name in names]
-    assert sorted(folder.iterdir()) == sorted(results.files)
+    assert list(left.files) == [folder / name for name in names]
+    assert sorted(folder.iterdir()) == sorted(left.files)
 
 
 def test_the_recording_has_every_variant(compared):
-    _, results = compared
-    for one in results.variants:
-        columns = read_columns(results.files[0], one.variant.label)
+    _, left = compared
+    for one in left.results:
+        columns = read_columns(left.files[0], one.variant.label)
         for name in COLUMNS:
             np.testing.assert_array_equal(columns[name], one.run[name], strict=True)
 
 
 def test_the_facts_are_those_of_each_variant(compared):
-    path, results = compared
-    facts = json.loads(results.files[1].read_text())
+    path, left = compared
+    facts = json.loads(left.files[1].read_text())
     assert (facts["name"], facts["overrides"]) == ("other", SET)
     assert {"python", "rmrc", "mujoco", "matplotlib"} < set(facts["versions"])
-    for known, one in zip(facts["variants"], results.variants, strict=True):
+    for known, one in zip(facts["variants"], left.results, strict=True):
         assert known["label"] == one.variant.label
         assert known["overrides"] == [str(change) for change in one.variant.changes]
         assert (known["status"], known["divergence"]) == ("complete", None)
@@ -98,10 +98,10 @@ def test_variants_may_have_different_arms_and_be_of_different_length(tmp_path):
     (tmp_path / "quick.yaml").write_text(TEXT.replace("start: [60 deg, -120 deg]", "start: home"))
     models = f"arm.model={ROOT}/models/planar_2link.xml,{ROOT}/models/planar_3link.xml"
     varied = [models, "target.limits.velocity=0.25,0.05"]
-    results = Comparison(tmp_path / "quick.yaml", variants(varied), folder=tmp_path, record=False).run()
-    assert [one.run["q"].shape[1] for one in results.variants] == [2, 2, 3, 3]
-    assert len({len(one.run) for one in results.variants}) > 1
-    assert [path.suffix for path in results.files] == [".json", ".png", ".svg"]
+    left = Comparison(tmp_path / "quick.yaml", variants(varied), folder=tmp_path, record=False).run()
+    assert [one.run["q"].shape[1] for one in left.results] == [2, 2, 3, 3]
+    assert len({len(one.run) for one in left.results}) > 1
+    assert [path.suffix for path in left.files] == [".json", ".png", ".svg"]
 
 
 @pytest.fixture
@@ -112,10 +112,10 @@ def without_pictures(monkeypatch):
 
 def counted(path, varied, overrides=()):
     """Return of each variant the names of the expectations that count, and what the others were stated for."""
-    results = Comparison(path, variants(varied), overrides, path.parent, record=False).run()
+    left = Comparison(path, variants(varied), overrides, path.parent, record=False).run()
     return {
         one.variant.label: ([outcome.name for outcome in one.outcomes], dict(one.stated_for))
-        for one in results.variants
+        for one in left.results
     }
 
 

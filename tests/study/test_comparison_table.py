@@ -9,19 +9,19 @@ from rich.console import Console
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, check, scorecard
-from rmrc.scenario import Check
+from rmrc.scenario import Check, Variant
 from rmrc.scenario.choices import Status
 from rmrc.show import sheets
 from rmrc.show.terminal import render
 from rmrc.study import compare_table
-from rmrc.study.compare_table import Row, flipped, markdown
+from rmrc.study.compare_table import Compared, flipped, markdown
 
 PLANE, SPACE = ("x", "y"), ("x", "y", "z", "rx", "ry", "rz")
 
 
 def run_of(ticks=3, joints=("shoulder", "elbow"), axes=PLANE, moved=(0.0, 0.0), **fields):
     """Return a run that stands still, but for how far the joints are from the start in the end."""
-    width = {"n": len(joints), "k": min(len(joints), len(axes)), "6": 6, "7": 7}
+    width = {"n": len(joints), "k": min(len(joints), len(axes)), "nq": len(joints), "6": 6, "7": 7}
     columns = {
         name: np.zeros((ticks, width[column.width]) if column.width else ticks)
         for name, column in COLUMNS.items()
@@ -41,7 +41,9 @@ def row(label="inverse", run=None, expect=None, stated_for=None, **values):
     card = scorecard(run)
     given = {name: Figure(value, card[name].unit, "") for name, value in values.items()}
     card = Scorecard(card.name, card.joints, {**card.figures, **given})
-    return Row(label, run, card, check(card, expect or {}), stated_for or {})
+    outcomes = tuple(check(card, expect or {}))
+    ended = (card, outcomes, run.divergence, False, run)
+    return Compared(0, None, *ended, Variant(label), stated_for or {})
 
 
 def printed(rows, width=100):

@@ -10,7 +10,7 @@ import pytest
 from project import ROOT
 from rmrc.arm import files
 from rmrc.scenario import Scenario, changes_of, draft_of, load
-from rmrc.study.bundle import Unpacked, pack
+from rmrc.study.parcel import Unpacked, pack
 from rmrc.study.rows import fingerprint
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError

@@ -13,6 +13,7 @@ from project import ROOT
 from rmrc.study.dataset import as_parquet
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
+from wording import says
 
 TEXT = f"""
 name: quick
@@ -21,8 +22,8 @@ task: {{axes: [x, y]}}
 target: {{path: [{{line: {{by: [0.004, 0.0]}}}}]}}
 sweep: {{draw: {{control.feedback: [1, 20]}}, samples: 32}}
 """
-REMOVE = "; remove it, and the same command makes it again"
-MOVE = "; move it, or take another --out"
+REMOVE = "; … remove … same command …"  # the way out of each: what is wrong is taken away, or the sweep goes elsewhere
+MOVE = "; … move … --out"
 
 
 @pytest.fixture(scope="module")
@@ -83,22 +84,16 @@ def with_value(table, name, row, value):
 
 
 DAMAGES = {
-    "a value": (
-        lambda table: with_value(table, "joint_rate.peak", 0, 1e-9),
-        "was altered, or is of another sweep",
-    ),
-    "a row less": (lambda table: table.slice(0, len(table) - 1), "has 1 rows instead of 2"),
+    "a value": (lambda table: with_value(table, "joint_rate.peak", 0, 1e-9), "… altered … another sweep"),
+    "a row less": (lambda table: table.slice(0, len(table) - 1), "… 1 … 2"),
     "a row twice": (
         lambda table: pa.concat_tables([table.slice(0, 1), table.slice(0, 1)]),
-        "has rows of other runs than 2 to 3",
+        "… runs … 2 to 3",
     ),
-    "order": (lambda table: table.take([1, 0]), "has rows of other runs than 2 to 3"),
-    "a column less": (lambda table: table.drop_columns(["seed"]), "has other columns than the sweep"),
-    "a type": (
-        lambda table: table.set_column(0, "index", table["index"].cast(pa.int32())),
-        "has other columns than the sweep",
-    ),
-    "nothing but who wrote it": (lambda table: table, "was altered, or is of another sweep"),
+    "order": (lambda table: table.take([1, 0]), "… runs … 2 to 3"),
+    "a column less": (lambda table: table.drop_columns(["seed"]), "… columns …"),
+    "a type": (lambda table: table.set_column(0, "index", table["index"].cast(pa.int32())), "… columns …"),
+    "nothing but who wrote it": (lambda table: table, "… altered … another sweep"),
 }
 
 
@@ -107,7 +102,7 @@ def test_a_part_that_was_changed_is_named(whole, begun, tmp_path, case):
     change, what = DAMAGES[case]
     part = begun[1] / "part-00000001.parquet"
     rewritten(part, change)
-    assert again(whole, tmp_path) == f"{part}: {what}{REMOVE}"
+    assert again(whole, tmp_path) == says(f"{part}: {what}{REMOVE}")
     part.unlink()  # the way out that the line names leads out
     Sweep(whole[0], folder=tmp_path, threads=1).run()
     assert (tmp_path / "quick.sweep.parquet").read_bytes() == whole[1].read_bytes()
@@ -127,7 +122,7 @@ def test_a_torn_part_is_named(whole, begun, tmp_path, keeps):
     part = begun[1] / "part-00000003.parquet"
     data = part.read_bytes()
     part.write_bytes(data[: max(1, int(keeps * len(data)))])
-    assert again(whole, tmp_path) == f"{part}: is damaged{REMOVE}"
+    assert again(whole, tmp_path) == says(f"{part}: … damaged{REMOVE}")
 
 
 def test_parts_that_were_swapped_are_named(whole, begun, tmp_path):
@@ -135,7 +130,7 @@ def test_parts_that_were_swapped_are_named(whole, begun, tmp_path):
     data = one.read_bytes()
     one.write_bytes(other.read_bytes())
     other.write_bytes(data)
-    assert again(whole, tmp_path) == f"{one}: has rows of other runs than 2 to 3{REMOVE}"
+    assert again(whole, tmp_path) == says(f"{one}: … runs … 2 to 3{REMOVE}")
 
 
 def test_a_part_of_another_sweep_with_the_same_columns_and_runs_is_named(whole, begun, tmp_path):
@@ -145,7 +140,7 @@ def test_a_part_of_another_sweep_with_the_same_columns_and_runs_is_named(whole, 
     keep(other.dataset, contents, whole[2], 2)
     part = begun[1] / "part-00000002.parquet"
     shutil.copy(other.dataset.folder / part.name, part)
-    assert again(whole, tmp_path) == f"{part}: was altered, or is of another sweep{REMOVE}"
+    assert again(whole, tmp_path) == says(f"{part}: … altered … another sweep{REMOVE}")
 
 
 @pytest.mark.parametrize("target", ["elsewhere", "nowhere"])
@@ -155,14 +150,14 @@ def test_a_link_is_no_part(whole, begun, tmp_path, target):
         shutil.copy(part, tmp_path / "elsewhere")
     part.unlink()
     part.symlink_to(tmp_path / target)
-    assert again(whole, tmp_path) == f"{part}: is no file of its own{REMOVE}"
+    assert again(whole, tmp_path) == says(f"{part}: … file …{REMOVE}")
 
 
 def test_a_file_of_others_in_the_folder_is_named_and_never_deleted(whole, begun, tmp_path):
     folder = begun[1]
     for name in ("notes.txt", "part-00000099.parquet"):
         shutil.copy(folder / "part-00000000.parquet", folder / name)
-        assert again(whole, tmp_path) == f"{folder / name}: is no part of this sweep{MOVE}"
+        assert again(whole, tmp_path) == says(f"{folder / name}: … part …{MOVE}")
         (folder / name).unlink()
     (folder / ".part-00000002-0123456789abcdef.parquet").write_bytes(b"torn")  # as kill -9 leaves them
     Sweep(whole[0], folder=tmp_path, threads=1).run()
@@ -190,21 +185,21 @@ PLANS = {
 @pytest.mark.parametrize("case", PLANS)
 def test_a_plan_that_was_changed_is_refused(whole, begun, tmp_path, case):
     altered(begun[1] / "_plan.json", PLANS[case])
-    assert again(whole, tmp_path) == f"{begun[1]}: was altered{MOVE}"
+    assert again(whole, tmp_path) == says(f"{begun[1]}: … altered{MOVE}")
 
 
 def test_a_plan_of_a_version_before_digests_is_refused_by_its_runs_or_its_parts(whole, begun, tmp_path):
     plan = begun[1] / "_plan.json"
     altered(plan, lambda facts: (facts.pop("digest"), facts.update(runs=30)))
-    assert again(whole, tmp_path) == f"{begun[1]}: is of 30 runs, and not of 32{MOVE}"
+    assert again(whole, tmp_path) == says(f"{begun[1]}: … 30 runs … 32{MOVE}")
     altered(plan, lambda facts: facts.update(runs=32, batch=1))
-    assert again(whole, tmp_path).endswith(f"part-00000000.parquet: has 2 rows instead of 1{REMOVE}")
+    assert again(whole, tmp_path) == says(f"… part-00000000.parquet: … 2 … 1{REMOVE}")
 
 
 @pytest.mark.parametrize("text", ["", "[" * 100_000, "\xff", '{"runs": ' + "9" * 5000 + "}", "null"])
 def test_a_plan_that_is_none_is_refused(whole, begun, tmp_path, text):
     (begun[1] / "_plan.json").write_text(text, "latin-1")
-    assert again(whole, tmp_path) == f"{begun[1]}: is no sweep's{MOVE}"
+    assert again(whole, tmp_path) == says(f"{begun[1]}: … sweep…{MOVE}")
 
 
 def test_parts_without_their_plan_still_count_as_they_are_known_by_their_digest(whole, begun, tmp_path):
@@ -216,12 +211,12 @@ def test_parts_without_their_plan_still_count_as_they_are_known_by_their_digest(
 
 
 WHOLE = {
-    "short": (lambda table: table.slice(0, 20), "has 20 of 32 rows"),
+    "short": (lambda table: table.slice(0, 20), "… 20 … 32 rows"),
     "doubled": (
         lambda table: pa.concat_tables([table.slice(0, 31), table.slice(0, 1)]),
-        "has not the rows that it should, each once and in order",
+        "… rows … once … order",
     ),
-    "a column": (lambda table: table.drop_columns(["seed"]), "has other columns than it should"),
+    "a column": (lambda table: table.drop_columns(["seed"]), "… columns …"),
 }
 
 
@@ -232,7 +227,7 @@ def test_a_whole_file_that_lacks_rows_is_not_whole(whole, tmp_path, case):
     pq.write_table(change(whole[2]), file)
     with pytest.raises(ScenarioError) as caught:
         Sweep(whole[0], folder=tmp_path)
-    assert str(caught.value) == f"{file}: {what}{MOVE}"
+    assert str(caught.value) == says(f"{file}: {what}{MOVE}")
 
 
 def test_a_bit_that_turned_in_the_whole_file_is_found_when_it_is_read(whole, tmp_path):
@@ -245,7 +240,7 @@ def test_a_bit_that_turned_in_the_whole_file_is_found_when_it_is_read(whole, tmp
     file.write_bytes(data)
     with pytest.raises(ScenarioError) as caught:
         Sweep(whole[0], folder=tmp_path).summary()
-    assert str(caught.value) == f"{file}: is damaged{REMOVE}"
+    assert str(caught.value) == says(f"{file}: … damaged{REMOVE}")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="exit code and streams of a shell")
@@ -254,4 +249,4 @@ def test_the_verb_says_it_in_one_line_and_ends_with_2(whole, begun, tmp_path, rm
     rewritten(part, DAMAGES["a value"][0])
     code, out, err = rmrc("sweep", str(whole[0]), "--out", str(tmp_path))
     assert (code, out) == (2, "")
-    assert err == f"rmrc: error: {part}: was altered, or is of another sweep{REMOVE}\n"
+    assert err == says(f"rmrc: error: {part}: … altered … another sweep{REMOVE}\n")

@@ -2,22 +2,25 @@
 
 import functools
 import json
+import threading
 
 import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
 from project import ROOT
-from rmrc.results.scorecard import refuse_unknown
+from rmrc.results.scorecard import refuse_unknown, scorecard
 from rmrc.scenario import Variant, draft_of, load
 from rmrc.scenario.changes import read_setting
 from rmrc.simulation import prepare as preparation
 from rmrc.simulation.prepare import prepare, world_records
+from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
 from rmrc.study.plan import Plan
 from rmrc.study.study import Checked, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
+from wording import says
 
 SCENARIOS = sorted((ROOT / "scenarios").glob("*.yaml"))
 # Each key that others are found by is changed, and changed back.
@@ -127,18 +130,18 @@ def test_mistakes_are_told_as_of_each_alone(overrides):
 
 def test_a_mistake_names_its_variants_once(tmp_path):
     path = ROOT / "scenarios" / "approach_singularity.yaml"
-    shown = "--set control.feedback: must be >= 0, got -1"
+    shown = "--set control.feedback: … 0 … -1"
     (low, high) = variants([["control.feedback=-1"], ["control.feedback=1"]])
     study = Study(draft_of(path))
     with pytest.raises(ScenarioError) as caught:
         study.prepare_all([low, high])
-    assert str(caught.value) == f'variant "v0": {shown}'
+    assert str(caught.value) == says(f'variant "v0": {shown}')
     with pytest.raises(ScenarioError) as caught:
         study.prepare_all([low, low._replace(label="c")])
-    assert str(caught.value) == shown
+    assert str(caught.value) == says(shown)
     with pytest.raises(ScenarioError) as caught:
         Comparison(tmp_path / "none.yaml", [low, high])
-    assert str(caught.value) == f"{tmp_path}/none.yaml: no such file"
+    assert str(caught.value) == says(f"{tmp_path}/none.yaml: … file")
 
 
 def test_a_file_is_read_once(tmp_path):
@@ -168,15 +171,16 @@ def test_what_many_variants_have_in_common_is_told_once_with_how_many_and_the_fi
     whole.refuse(rare, (7,), 1, 3)
     with pytest.raises(ScenarioError) as caught:
         whole.raise_any(plan)
-    assert str(caught.value).splitlines() == [
+    wanted = (
         "all of them",
-        "2 runs, the first run 4 (control.feedback=-2): some",
+        "2 runs … run 4 (control.feedback=-2): some",
         "run 7 (control.feedback=-1.5): rare",
-    ]
+    )
+    assert str(caught.value).splitlines() == list(map(says, wanted))
     whole.refuse(Problem((), "one too many"), (0,), 1, 3)
     with pytest.raises(ScenarioError) as caught:
         whole.raise_any(plan)
-    assert str(caught.value).splitlines()[3:] == ["and 1 more problems of other runs"]
+    assert str(caught.value).splitlines()[3:] == [says("… 1 more …")]
     Checked(8).raise_any(plan)  # negative control
 
 
@@ -189,8 +193,28 @@ def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeyp
     )
     by_file = Comparison(path, some, short, tmp_path / "a", record=False).run()
     by_object = Comparison(load(path), some, short, tmp_path / "b", record=False).run()
-    for one, other in zip(by_file.variants, by_object.variants, strict=True):
+    for one, other in zip(by_file.results, by_object.results, strict=True):
         assert one.run["qdot_cmd"].tobytes() == other.run["qdot_cmd"].tobytes()
         assert one.outcomes == other.outcomes
-    a, b = (json.loads((tmp_path / name / f"{by_file.name}.compare.json").read_text()) for name in "ab")
+    a, b = (json.loads((tmp_path / name / "approach_singularity.compare.json").read_text()) for name in "ab")
     assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]
+
+
+def test_watchers_see_every_tick_and_a_rule_ends_the_runs():
+    study = Study(
+        draft_of(ROOT / "scenarios" / "approach_singularity.yaml", ["target.path=[{hold: {for: 3}}]"])
+    )
+    worlds = study.prepare_all(variants([["arm.start=[1, -1.5]"], ["arm.start=[1, -2]"]]))
+    study.compile(worlds)
+    whole, seen, stop = study.step(worlds), [], threading.Event()
+    rule = lambda index, _: stop.set() if index == 1 else None  # noqa: E731 - the second world's block is the last
+    some = study.step(worlds, stop, [lambda index, part: seen.append((index, len(part))), rule])
+    for index, (one, other) in enumerate(zip(some, whole, strict=True)):
+        assert (one.index, one.status, other.status) == (index, "interrupted", "complete")
+        assert len(one.run) == sum(ticks for which, ticks in seen if which == index) < len(other.run)
+        assert one.run["q"].tobytes() == other.run["q"][: len(one.run)].tobytes()
+        for name, figure in scorecard(other.run).items():  # NaN among them
+            np.testing.assert_equal(other.scorecard[name], figure)
+    (alone,) = Simulation([prepare(worlds[1].scenario)]).run()
+    assert whole[1].run["q"].tobytes() == alone["q"].tobytes()
+    assert whole[0].run["q"].tobytes() != alone["q"].tobytes()  # negative control

@@ -27,6 +27,7 @@ from rmrc.study.rows import AsRows, fingerprint
 from rmrc.study.study import Check, Runs, Study
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
+from wording import says
 
 TEXT = f"""
 name: quick
@@ -173,22 +174,18 @@ def test_another_sweep_in_the_same_place_is_refused_in_one_line(path, tmp_path):
     for override, what in cases.items():
         with pytest.raises(ScenarioError) as caught:
             Sweep(path, [override], out)
-        assert str(caught.value) == (
-            f"{out}/quick.sweep: is of another sweep ({what} differ); move it, or take another --out"
-        )
+        assert str(caught.value) == says(f"{out}/quick.sweep: … ({what} … --out")
     for text in ("{}", '{"identity": [], "runs": 2, "batch": 1, "columns": []}'):
         (out / "quick.sweep/_plan.json").write_text(text)
         with pytest.raises(ScenarioError) as caught:
             Sweep(path, folder=out)
-        assert str(caught.value) == f"{out}/quick.sweep: is no sweep's; move it, or take another --out"
+        assert str(caught.value) == says(f"{out}/quick.sweep: … --out")
     shutil.rmtree(out / "quick.sweep")
     for make in (lambda file: file.mkdir(), lambda file: file.rmdir() or file.write_text("no Parquet")):
         make(out / "quick.sweep.parquet")
         with pytest.raises(ScenarioError) as caught:
             Sweep(path, folder=out)
-        assert (
-            str(caught.value) == f"{out}/quick.sweep.parquet: is no sweep's; move it, or take another --out"
-        )
+        assert str(caught.value) == says(f"{out}/quick.sweep.parquet: … --out")
 
 
 @pytest.mark.parametrize("section", ["vary", "draw"])
@@ -209,9 +206,7 @@ def test_the_same_keys_in_another_order_are_another_sweep(path, tmp_path, sectio
     texts[:2] = texts[1::-1]
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, texts, tmp_path)
-    assert str(caught.value) == (
-        f"{tmp_path}/quick.sweep: is of another sweep (sweep differ); move it, or take another --out"
-    )
+    assert str(caught.value) == says(f"{tmp_path}/quick.sweep: … (sweep … --out")
 
 
 def test_a_part_that_a_power_failure_emptied_is_run_again_and_one_that_is_damaged_is_named(
@@ -229,7 +224,7 @@ def test_a_part_that_a_power_failure_emptied_is_run_again_and_one_that_is_damage
     damaged.write_bytes(data[:-20])
     with pytest.raises(ScenarioError) as caught:
         sweep.run()
-    assert str(caught.value) == f"{damaged}: is damaged; remove it, and the same command makes it again"
+    assert str(caught.value) == says(f"{damaged}: … damaged; …")
     damaged.unlink()
     assert Sweep(path, folder=tmp_path, threads=1).run().done == RUNS
     assert sweep.dataset.file.read_bytes() == whole.dataset.file.read_bytes()
@@ -287,16 +282,14 @@ def test_what_is_wrong_with_any_run_is_told_at_once_and_nothing_starts(path, tmp
     sweep = Sweep(path, overrides, tmp_path / "out")
     with pytest.raises(ScenarioError) as caught:
         sweep.check()
-    weights = "must have 2 values, one for each joint (shoulder, elbow), got 1"
-    vary = "--set sweep.vary"  # of which the keys are a part here
-    assert str(caught.value).splitlines() == [
-        f"run 1 (control.feedback=5, control.joint_weights=[1.0], task.axes=[x, y]): {vary}: "
-        f"sweep.vary.control.joint_weights: {weights}",
-        f"2 runs, the first run 2 (control.feedback=-1, control.joint_weights=null, task.axes=[x, y]): {vary}: "
-        "sweep.vary.control.feedback: must be >= 0, got -1",
-        f"2 runs, the first run 4 (control.feedback=-2, control.joint_weights=null, task.axes=[x, y]): {vary}: "
-        "sweep.vary.control.feedback: must be >= 0, got -2",
-    ]
+    run, vary = "control.joint_weights=null, task.axes=[x, y]): --set sweep.vary: sweep.vary", "sweep.vary"
+    wanted = (
+        "run 1 (control.feedback=5, control.joint_weights=[1.0], task.axes=[x, y]): "
+        f"--set {vary}: {vary}.control.joint_weights: … 2 … (shoulder, elbow) … 1",
+        f"2 runs … run 2 (control.feedback=-1, {run}.control.feedback: … 0 … -1",
+        f"2 runs … run 4 (control.feedback=-2, {run}.control.feedback: … 0 … -2",
+    )
+    assert str(caught.value).splitlines() == list(map(says, wanted))
     assert not (tmp_path / "out/quick.sweep").exists()
 
 
@@ -310,38 +303,30 @@ def test_a_problem_of_the_file_has_its_place_and_many_are_not_all_told(path, tmp
         Sweep(path, folder=tmp_path / "out").check()
     problems = str(caught.value).splitlines()
     assert len(problems) == 21
-    assert f": {path}:12:28: sweep.draw.control.feedback: must be >= 0, got -8." in problems[0]
+    assert problems[0] == says(f"… {path}:12:28: sweep.draw.control.feedback: … 0 … -8.…")
     # of 22 samples 20 are told, and each is in 16 runs
-    assert problems[-1] == "and 32 more problems of other runs"
+    assert problems[-1] == says("… 32 more …")
 
 
 @pytest.mark.parametrize(
     ("overrides", "line"),
     [
-        (
-            ["sweep={}"],
-            "--set sweep: must give 2 runs or more, got 1; "
-            "for example --vary control.inverse.method=damped,pseudoinverse",
-        ),
-        (
-            ["arm.encoder={}"],
-            "{path}:14:11: sweep.repeat: must be 1 where nothing is left to chance, got 2; "
-            "give arm.encoder.deviation",
-        ),
+        (["sweep={}"], "--set sweep: … 2 runs … 1; … --vary control.inverse.method=damped,pseudoinverse"),
+        (["arm.encoder={}"], "{path}:14:11: sweep.repeat: … 1 … 2; … arm.encoder.deviation"),
         # runs have this seed and the three behind it
         (["sweep.seed=9223372036854775805"],
-         "--set sweep.seed: must be <= 9223372036854775804, got 9223372036854775805"),
+         "--set sweep.seed: … 9223372036854775804 … 9223372036854775805"),
         (["arm.encoder.seed=9223372036854775807"],
-         "--set arm.encoder.seed: must be <= 9223372036854775804, got 9223372036854775807"),
+         "--set arm.encoder.seed: … 9223372036854775804 … 9223372036854775807"),
         (["sweep={draw: {control.feedback: [1, 2]}, samples: 99999999999999999999}"],
-         "--set sweep: must give 1000000000 runs or fewer, got 99999999999999999999; lower sweep.samples or sweep.repeat"),
-        (["sweep.vary.name=[a, b]"], "--set sweep.vary.name: cannot be varied: it names the runs and changes none of them"),
+         "--set sweep: … 1000000000 runs … 99999999999999999999; … sweep.samples or sweep.repeat"),
+        (["sweep.vary.name=[a, b]"], "--set sweep.vary.name: …"),
     ],
 )  # fmt: skip
 def test_a_plan_that_makes_no_sense_is_refused(path, tmp_path, overrides, line):
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, overrides, tmp_path / "out")
-    assert str(caught.value) == line.format(path=path)
+    assert str(caught.value) == says(line.format(path=path))
 
 
 def test_seeds_may_reach_the_last_and_whole_arms_that_vary_may_have_chance(path, tmp_path):
@@ -375,23 +360,23 @@ def test_the_worst_rows_are_chosen_by_what_is_expected_and_recorded_with_their_b
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("worst", "--record: must be worst:N or best:N, with N from 1 to 100, and perhaps :FIGURE, got worst"),
-        ("best:0", "--record: must be worst:N or best:N, with N from 1 to 100, and perhaps :FIGURE, got best:0"),
-        ("worst:1:joint_rate.peek", '--record: no row has a number joint_rate.peek; did you mean "joint_rate.peak"?'),
-        ("worst:1:joint_rate.peak_joint", '--record: no row has a number joint_rate.peak_joint; did you mean "joint_rate.peak"?'),
+        ("worst", "--record: … worst:N or best:N … 1 to 100 … :FIGURE … worst"),
+        ("best:0", "--record: … worst:N or best:N … 1 to 100 … :FIGURE … best:0"),
+        ("worst:1:joint_rate.peek", '--record: … joint_rate.peek … "joint_rate.peak"…'),
+        ("worst:1:joint_rate.peak_joint", '--record: … joint_rate.peak_joint … "joint_rate.peak"…'),
     ],
 )  # fmt: skip
 def test_a_choice_that_is_none_is_refused(swept, text, line):
     with pytest.raises(ScenarioError) as caught:
         swept[0].chosen(Choice.read(text))
-    assert str(caught.value) == line
+    assert str(caught.value) == says(line)
 
 
 def test_models_are_varied_too_and_a_joint_that_one_lacks_is_nan(path, tmp_path):
     models = f"[{ROOT}/models/planar_2link.xml, {ROOT}/models/planar_3link.xml, {ROOT}/models/none.xml]"
     sweep = f"sweep={{vary: {{arm.model: {models}}}}}"
     more = ["arm.start=home", "target.path=[{line: {by: [-0.004, 0.004]}}]"]
-    with pytest.raises(ScenarioError, match=r'run 2 .* no such file ".*/models/none.xml"'):
+    with pytest.raises(ScenarioError, match=r'run 2 .* ".*/models/none.xml"'):
         Sweep(path, [*more, sweep], tmp_path / "out").check()
     work = Sweep(path, [*more, sweep.replace(f", {ROOT}/models/none.xml", "")], tmp_path / "out")
     work.run()

@@ -13,6 +13,7 @@ from rmrc.scenario import variants
 from rmrc.study.compare import Comparison
 from rmrc.study.run import Job
 from rmrc.study.sweep import Sweep
+from wording import says
 
 LINE = ROOT / "scenarios/line_tracking.yaml"
 SHORT = """
@@ -48,7 +49,7 @@ def same(one, other):
 def test_a_path_a_name_and_an_object_give_the_same_run_which_is_that_of_the_verb(tmp_path):
     runs = [rmrc.run(one) for one in (LINE, str(LINE), "line_tracking", rmrc.load(LINE))]
     assert all(same(one, runs[0]) for one in runs[1:])
-    assert same(runs[0], Job(rmrc.load(LINE), tmp_path / "out", record=False).run().run)
+    assert same(runs[0], Job(rmrc.load(LINE), tmp_path / "out", record=False).run().results[0].run)
     assert not same(runs[0], rmrc.run(rmrc.load(LINE).set({"control.feedback": 21})))
 
 
@@ -141,20 +142,20 @@ def test_sweep_shows_how_far_it_is(short):
 
 
 WRONG = {
-    "no file": (lambda _: rmrc.run("line_trackin"), 'line_trackin: no such file; did you mean "line_tracking"?'),
-    "value": (lambda one: rmrc.run(one.set({"control.feedback": -1})), "control.feedback: must be >= 0, got -1"),
-    "start": (lambda one: rmrc.run(one.set({"arm.start": [9, 0]})), "arm.start[0]"),
-    "figure": (lambda one: rmrc.run(one.set({"expect": {"tau.peek": {"below": 1}}})), 'did you mean "tau.peak"?'),
-    "one variant": (lambda one: rmrc.compare(one, {"control.feedback": [5]}), "vary: must give 2 variants or more, got 1; for example {"),
-    "a variant": (lambda one: rmrc.compare(one, {"control.feedback": [5, -5]}), 'variant "feedback=-5": control.feedback: must be >= 0, got -5'),
-    "a text": (lambda one: rmrc.compare(one, {"control.inverse.method": "damped"}), "vary control.inverse.method: must be a list of values, got 'damped'"),
-    "no key": (lambda one: rmrc.compare(one, {"control..feedback": [5, 6]}), "vary control..feedback: "),
-    "twice": (lambda one: rmrc.compare(one, {"control.feedback": [5, 5]}), "vary: two variants have the same values: feedback=5"),
-    "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "control.feedback: must be >= 0, got -5"),
-    "no plan": (rmrc.sweep, "sweep: must give 2 runs or more, got 1"),
-    "both": (lambda one: rmrc.sweep(one, random={"plant.payload": (0, 1)}, sobol={"plant.payload": (0, 1)}), "sobol: must not be given with random"),
-    "only": (lambda one: rmrc.tune(one, {"control.inverse.method": ["dampd"]}), 'got dampd; did you mean "damped"?'),
-    "too few": (lambda one: rmrc.tune(one, runs=3), "runs: must be finite and >= 10, got 3"),
+    "no file": (lambda _: rmrc.run("line_trackin"), 'line_trackin: … file … "line_tracking"…'),
+    "value": (lambda one: rmrc.run(one.set({"control.feedback": -1})), "control.feedback: … 0 … -1"),
+    "start": (lambda one: rmrc.run(one.set({"arm.start": [9, 0]})), "arm.start[0]…"),
+    "figure": (lambda one: rmrc.run(one.set({"expect": {"tau.peek": {"below": 1}}})), '… "tau.peak"…'),
+    "one variant": (lambda one: rmrc.compare(one, {"control.feedback": [5]}), "vary: … 2 variants … 1; … {…"),
+    "a variant": (lambda one: rmrc.compare(one, {"control.feedback": [5, -5]}), 'variant "feedback=-5": control.feedback: … 0 … -5'),
+    "a text": (lambda one: rmrc.compare(one, {"control.inverse.method": "damped"}), "vary control.inverse.method: … list … 'damped'"),
+    "no key": (lambda one: rmrc.compare(one, {"control..feedback": [5, 6]}), "vary control..feedback: …"),
+    "twice": (lambda one: rmrc.compare(one, {"control.feedback": [5, 5]}), "vary: … feedback=5"),
+    "a run": (lambda one: rmrc.sweep(one, {"control.feedback": [5, -5]}), "run 1 (control.feedback=-5): sweep.vary.control.feedback: … 0 … -5"),
+    "no plan": (rmrc.sweep, "<text>:2:1: sweep: … 2 runs … 1; …"),
+    "both": (lambda one: rmrc.sweep(one, random={"plant.payload": (0, 1)}, sobol={"plant.payload": (0, 1)}), "sobol: … random …"),
+    "only": (lambda one: rmrc.tune(one, {"control.inverse.method": ["dampd"]}), '… dampd … "damped"…'),
+    "too few": (lambda one: rmrc.tune(one, runs=3), "--runs: … 10 … 3"),
 }  # fmt: skip
 
 
@@ -163,7 +164,7 @@ def test_what_is_wrong_is_told_before_anything_moves(short, case):
     call, said = WRONG[case]
     with pytest.raises(rmrc.ScenarioError) as caught:
         call(short)
-    assert said in str(caught.value)
+    assert str(caught.value) == says(said)
 
 
 @pytest.mark.parametrize("call", [

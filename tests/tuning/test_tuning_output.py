@@ -5,7 +5,7 @@ from itertools import pairwise
 
 import pytest
 
-from rmrc.tuning.figure import Mark, draw_front
+from rmrc.tuning.figure import draw_front
 from rmrc.tuning.tables import MOST_ROWS, Row, sheets, shown
 
 BEST, SECOND, OWN = (
@@ -43,10 +43,10 @@ def test_costs_are_ratios_and_differences_to_each_other_setting():
 
 @pytest.mark.parametrize("limits", [[], [3.0], [0.5, 3.0, 100.0]])
 def test_the_picture_marks_what_has_a_name_and_draws_the_limits_in_range(tmp_path, limits):
-    marks = [Mark(row.name, row.words, row.peak_rate, row.error) for row in (BEST, SECOND, OWN)]
-    points = [("damped", 4.0, 0.004), ("filtered", 2.0, 0.001), ("jparse", 1.0, 0.002), ("jparse", 2.0, 0.9)]
+    marks = [BEST, SECOND, OWN]
+    worse = SECOND._replace(words="jparse", peak_rate=2.0, error=0.9)
     path = tmp_path / "front.svg"
-    draw_front("a$b", points, [(1.0, 0.002), (2.0, 0.001)], marks, limits, path)
+    draw_front("a$b", [*marks, worse], [SECOND, BEST], marks, limits, path)
     text = path.read_text()
     for said in ("recommended: filtered", "second best: jparse, stop", "as written: damped, constant", "front",
                  "largest tracking error [m]", "largest rate of a joint [rad/s]", "a$b: settings"):  # fmt: skip
@@ -54,5 +54,5 @@ def test_the_picture_marks_what_has_a_name_and_draws_the_limits_in_range(tmp_pat
     assert ("rate limit of a joint" in text) == bool(limits)
     assert len(set(re.findall(r"line2d_\d+", text))) > 5
     again = tmp_path / "again.svg"
-    draw_front("a$b", points, [(1.0, 0.002), (2.0, 0.001)], marks, limits, again)
+    draw_front("a$b", [*marks, worse], [SECOND, BEST], marks, limits, again)
     assert again.read_bytes() == path.read_bytes()

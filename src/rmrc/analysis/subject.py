@@ -84,6 +84,8 @@ def subject(
         arm = model if isinstance(model, Arm) else arms.load(shipped.found(model, "models"), site)
     if site not in (None, arm.site):
         raise QuestionError(f'the arm has the site "{arm.site}", got site "{site}"; load it with that site')
+    if q is None or isinstance(model, Scenario):
+        arm = arm.at(arm.configuration(start if keyframe is None else keyframe))
     if q is None:
         positions = arm.configuration(start if keyframe is None else keyframe)[arm.wiring.qpos]
     else:

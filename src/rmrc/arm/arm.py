@@ -11,8 +11,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.compiling import compiled
+from rmrc.arm.actuators import reset
+from rmrc.arm.compiling import compiled, in_our_words
 from rmrc.arm.differences import PAYLOAD, check_stretch, stretched_fields
+from rmrc.arm.others import Others
 from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import Travel, Wiring, find_chain, joints_above, wire
 from rmrc.support.errors import ModelError, did_you_mean
@@ -64,6 +66,8 @@ class Arm:
         keyframes: Configurations by name, each (nq,).
         model: The model as its author wrote it, but for what is stretched.
         stretch: Factor on all lengths of a body, by its name.
+        rest: Where the joints stand that are not the arm's, in a whole configuration, (nq,); None: at `home`.
+        frees_others: Whether those that no actuator holds are free to move in a plant, or locked.
     """
 
     path: Path
@@ -78,6 +82,8 @@ class Arm:
     model: mujoco.MjModel
     _spec: mujoco.MjSpec
     stretch: Mapping[str, float] = field(default_factory=dict)
+    rest: Array | None = None
+    frees_others: bool = False
     _adapted: dict[object, mujoco.MjModel] = field(default_factory=dict, repr=False)
 
     @property
@@ -87,10 +93,39 @@ class Arm:
 
     @cached_property
     def _data(self) -> mujoco.MjData:
-        """State of the author's model, at `home` but for the arm's joints."""
+        """State of the author's model, at rest but for the arm's joints."""
         data = mujoco.MjData(self.model)
-        data.qpos[:] = self.configuration("home")
+        data.qpos[:] = self._rest
         return data
+
+    @property
+    def _rest(self) -> Array:
+        return self.configuration("home") if self.rest is None else self.rest
+
+    @cached_property
+    def others(self) -> Others:
+        """What of the model is not the arm."""
+        wiring = self.wiring
+        slides = [self.model.joint(travel.name).id for travel in self.travels]
+        return Others(self.model, [*wiring.joint, *slides], wiring.site)
+
+    def at(self, qpos: Array, frees_others: bool = False) -> "Arm":
+        """Return the arm where the joints that are not its own stand elsewhere; itself where nothing changes.
+
+        Kinematics, statics and inertias are those of the arm that stands there. What was compiled is shared.
+
+        Args:
+            qpos: A configuration of the model, (nq,); of the arm's own joints nothing is taken.
+            frees_others: Whether joints that no actuator holds are free to move in a plant.
+        """
+        rest, elsewhere = np.array(self._rest), self.others.addresses
+        rest[elsewhere] = qpos[elsewhere]
+        if frees_others == self.frees_others and np.array_equal(rest, self._rest):
+            return self
+        arm = replace(self, rest=rest, frees_others=frees_others)
+        shared = ("wiring", "others", "_bare_spec", "_untextured")
+        vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
+        return arm
 
     @cached_property
     def wiring(self) -> Wiring:
@@ -138,7 +173,7 @@ class Arm:
 
     @cached_property
     def chain(self) -> Chain:
-        """Geometry with all joints of the arm at 0, and those that are not the arm's at `home`."""
+        """Geometry with all joints of the arm at 0, and those that are not the arm's at rest."""
         self._kinematics(np.zeros(self.n))
         axis, anchor = self._data.xaxis[self.wiring.joint], self._data.xanchor[self.wiring.joint]
         tip = self._data.site_xpos[self.wiring.site]
@@ -153,7 +188,8 @@ class Arm:
         """Return all of qpos, (nq,), for a keyframe's name or for positions of the arm's joints (n,).
 
         Args:
-            start: Where there is no keyframe `home`, that name means the model's zero position.
+            start: Where there is no keyframe `home`, that name means the model's zero position. Positions of
+                the arm's joints leave the others where they rest.
 
         Raises:
             ModelError: No such keyframe.
@@ -168,9 +204,29 @@ class Arm:
             qpos = np.array(self.keyframes.get(start, self.model.qpos0))
             self._place(qpos, qpos[self.wiring.qpos])
             return qpos
-        qpos = np.array(self.keyframes.get("home", self.model.qpos0))
+        qpos = np.array(self._rest)
         self._place(qpos, start)
         return qpos
+
+    def held(self, start: str | Sequence[float], qpos: Array) -> tuple[Array, Array]:
+        """Return controls and activations of the actuators that are not the arm's, as `adapted` orders them.
+
+        They are those of the keyframe. Where it has none, actuators that can hold their joints do.
+
+        Args:
+            start: A keyframe's name, or positions of the arm's joints; these go with the keyframe `home` if
+                the others stand where it has them, and with none if not.
+            qpos: Where the model starts, (nq,).
+        """
+        if not self.others.kept:
+            return np.empty(0), np.empty(0)
+        elsewhere = self.others.addresses
+        is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
+        name = start if isinstance(start, str) else "home" if is_home else None
+        key = next((key for key in self._spec.keys if key.name == name), None)
+        given = (None, None) if key is None else (list(key.ctrl), list(key.act))
+        ctrl, act = (np.array(values) if values else None for values in given)
+        return self.others.controls(qpos, ctrl, act)
 
     def _place(self, qpos: Array, q: Sequence[float] | Array) -> None:
         qpos[self.wiring.qpos] = q
@@ -225,7 +281,11 @@ class Arm:
 
     def jacobian(self, q: Sequence[float] | Array) -> Array:
         """Return J (6, n), rows [v; ω] of the site along world axes, by `mj_jacSite`."""
-        self._kinematics(q)
+        self._place(self._data.qpos, q)
+        return self._fresh_jacobian()
+
+    def _fresh_jacobian(self) -> Array:
+        mujoco.mj_fwdKinematics(self.model, self._data)
         full = np.zeros((6, self.model.nv))
         mujoco.mj_jacSite(self.model, self._data, full[:3], full[3:], self.wiring.site)
         return self._followed(full)
@@ -233,7 +293,7 @@ class Arm:
     def rest_torques(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
         """Return what the drives give at rest against gravity, and against springs, (n,) each [N·m or N].
 
-        What the model itself compensates of gravity is taken off. Joints not of the arm are at `home`.
+        What the model itself compensates of gravity is taken off. Joints not of the arm are at rest.
         """
         self._kinematics(q)
         mujoco.mj_fwdPosition(self.model, self._data)
@@ -249,16 +309,18 @@ class Arm:
             loss[travel.hinge] += abs(travel.ratio) * self.model.dof_frictionloss[address]
         return loss
 
-    def frames(self, q: Array) -> tuple[Array, Array]:
-        """Return what moves, for joint positions (T, n).
+    def frames(self, qpos: Array) -> tuple[Array, Array]:
+        """Return what moves, for configurations of the model, (T, nq).
 
         Returns:
             Poses of all bodies in the world, (T, nbody, 7), and Jacobians of the site, (T, 6, n).
         """
-        poses, jacobians = np.empty((len(q), self.model.nbody, 7)), np.empty((len(q), 6, self.n))
-        for row, jacobian, positions in zip(poses, jacobians, q, strict=True):
-            jacobian[:] = self.jacobian(positions)
+        poses, jacobians = np.empty((len(qpos), self.model.nbody, 7)), np.empty((len(qpos), 6, self.n))
+        for row, jacobian, configuration in zip(poses, jacobians, qpos, strict=True):
+            self._data.qpos[:] = configuration
+            jacobian[:] = self._fresh_jacobian()
             row[:, :3], row[:, 3:] = self._data.xpos, self._data.xquat
+        self._data.qpos[:] = self._rest
         return poses, jacobians
 
     @property
@@ -310,7 +372,7 @@ class Arm:
             getattr(model, name)[:] = values
         arm = replace(self, model=model, stretch={**self.stretch, **stretch})
         mujoco.mj_setConst(model, arm._data)
-        arm._data.qpos[:] = arm.configuration("home")
+        arm._data.qpos[:] = arm._rest
         return arm
 
     def _kinematics(self, q: Sequence[float] | Array) -> None:
@@ -324,10 +386,13 @@ class Arm:
 
         It is compiled once for all who ask for the same, and none of them may write to it.
 
-        Actuators of other joints stay. The law limits the rates, so that the controls are not clamped
-        here; torque limits are kept. Sensors are off, as nothing reads them. The integrator is
-        `implicitfast`: servos of the stiffness that tracking needs blow up under Euler. Lengths are the
-        author's, whatever is stretched: worlds that are stretched differently share this model.
+        Actuators that pull at other joints as well stay, before those that are added, in their order. What
+        the author's defaults say of actuators is not said of those that are added: a control of 1 is 1 rad/s
+        or N·m. The law limits the rates, so that the controls are not clamped here; torque limits are kept.
+        Other joints that no actuator holds are locked, unless `frees_others`. Sensors are off, as nothing
+        reads them. The integrator is `implicitfast`: servos of the stiffness that tracking needs blow up
+        under Euler. Lengths are the author's, whatever is stretched: worlds that are stretched differently
+        share this model.
 
         Args:
             drive: What the actuators are; None for a plant without physics, which needs kinematics alone.
@@ -336,10 +401,11 @@ class Arm:
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
-        key = drive, timestep, gravity_compensation, loaded
+        asked = drive, timestep, gravity_compensation, loaded
+        key = *asked, self.frees_others
         model = self._adapted.get(key)
         if model is None:
-            model = self._compiled(*key)
+            model = self._compiled(*asked)
             while len(self._adapted) >= _ADAPTED:
                 self._adapted.pop(next(iter(self._adapted)), None)
             self._adapted[key] = model
@@ -349,11 +415,34 @@ class Arm:
         self, drive: Drive | None, timestep: float, gravity_compensation: bool, loaded: bool
     ) -> mujoco.MjModel:
         spec = self._bare_spec.copy()
+        locks = drive is not None and not self.frees_others and bool(self.others.locked)
+        with in_our_words(self.path):  # a specification refuses some things before it is compiled
+            self._adapt(spec, drive, gravity_compensation, loaded)
+            if locks:
+                self.others.lock(spec, self.path)
+        option = spec.option
+        option.timestep = timestep
+        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+        if drive is None:
+            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        model = compiled(self.path, spec)
+        if locks:  # by which MuJoCo's solver tells when it is done
+            model.stat.meaninertia = self.model.stat.meaninertia
+        return model
+
+    def _adapt(
+        self, spec: mujoco.MjSpec, drive: Drive | None, gravity_compensation: bool, loaded: bool
+    ) -> None:
+        """Take keyframes and the arm's actuators out, and put in what a plant needs: see `adapted`."""
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
-        for actuator in list(spec.actuators):
-            if actuator.target in self.joints:
-                spec.delete(actuator)
+        replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
+        for actuator in replaced:  # chosen before, as ids change with every one that goes
+            spec.delete(actuator)
+        for actuator in spec.actuators:  # a control that never changes can be as late as it likes
+            actuator.delay, actuator.nsample = 0.0, 0
         if drive is not None:
             self._add_actuators(spec, drive)
         if gravity_compensation:
@@ -365,20 +454,13 @@ class Arm:
             site = spec.site(self.site)
             site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
             spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
-        option = spec.option
-        option.timestep = timestep
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
-        if drive is None:
-            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        return compiled(self.path, spec)
 
     def _add_actuators(self, spec: mujoco.MjSpec, drive: Drive) -> None:
         for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
             actuator = spec.add_actuator(
                 name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
             )
+            reset(actuator)
             drive(actuator, j)
             if np.isfinite(limit):
                 actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE

@@ -28,7 +28,7 @@ def read(path: Path) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
     quiet_log()
-    with _in_our_words(path) as heard:
+    with in_our_words(path) as heard:
         spec = mujoco.MjSpec.from_file(str(path))
         check_spec(path, spec)
         model = spec.compile()
@@ -49,7 +49,7 @@ def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
     Raises:
         ModelError: MuJoCo refuses it.
     """
-    with _in_our_words(path) as heard:
+    with in_our_words(path) as heard:
         model = spec.compile()
     _pass_on(path, heard)
     return model
@@ -64,7 +64,7 @@ def quiet_log() -> None:
 
 
 @contextmanager
-def _in_our_words(path: Path) -> Iterator[list[warnings.WarningMessage]]:
+def in_our_words(path: Path) -> Iterator[list[warnings.WarningMessage]]:
     """Yield the warnings that come, for those who go on; an error is told alone."""
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")

@@ -36,7 +36,7 @@ def position_limit(model: mujoco.MjModel, joints: Sequence[str], travels: Sequen
 def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
     return [
         i
-        for i in range(model.nu)
+        for i in range(model.nactuator)
         if model.actuator_trntype[i] == DRIVES_JOINT
         and model.actuator_trnid[i, 0] == joint
         and abs(model.actuator_gear[i, 0]) > mujoco.mjMINVAL  # or it drives nothing

@@ -72,7 +72,7 @@ def wire(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[str], s
     slides = np.array([model.joint(name).id for name in travels], np.int64)
     drives = {
         int(model.actuator_trnid[i, 0]): i
-        for i in range(model.nu)
+        for i in range(model.nactuator)
         if model.actuator_trntype[i] == DRIVES_JOINT
     }
     return Wiring(

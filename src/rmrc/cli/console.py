@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+import typer
 from rich.console import Console, ConsoleOptions, RenderableType
 from rich.progress import (
     BarColumn,
@@ -118,6 +119,20 @@ def named_by_signal(code: int) -> int:
         complain("interrupted")
     codes = {signal.SIGTERM: EXIT_TERMINATED, getattr(signal, "SIGHUP", None): EXIT_HUNG_UP}
     return codes.get(signal_that_came(), EXIT_INTERRUPTED)
+
+
+@contextmanager
+def interruption(told: str) -> Iterator[None]:
+    """Say on stderr what Ctrl-C came before, and leave.
+
+    Raises:
+        typer.Exit: It came.
+    """
+    try:
+        yield
+    except KeyboardInterrupt:
+        complain(told)
+        raise typer.Exit(EXIT_INTERRUPTED) from None
 
 
 @contextmanager

@@ -89,9 +89,9 @@ def ik(
         from rmrc.arm import load
         from rmrc.law.task import choose
 
-    arm = load(model, site)
+    arm, start = configuration(load(model, site), q, keyframe)
     task = choose(arm, rows, length)
-    goal, start = _goal(task, to, quat, to_q), configuration(arm, q, keyframe)
+    goal = _goal(task, to, quat, to_q)
     found = ask(
         arm, q=start, pose=goal, axes=task.axes, length=length, method=method.value, limits=limits,
         every=every, tolerance=tolerance,

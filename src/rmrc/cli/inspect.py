@@ -76,8 +76,8 @@ def inspect(
     errors = None if joint_error is None else _joint_errors(arm, joint_error)
     acts = None if wrench is None else wrench_of(wrench)
     found = [
-        ask(arm, one, axes=rows, length=length, frame=frame, joint_error=errors, wrench=acts)
-        for one in positions or [configuration(arm, None, None)]
+        ask(placed, one, axes=rows, length=length, frame=frame, joint_error=errors, wrench=acts)
+        for placed, one in positions or [configuration(arm, None, None)]
     ]
     warn(warning for one in found for warning in one.warnings)
     answer = report(*found)

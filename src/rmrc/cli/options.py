@@ -57,6 +57,7 @@ Length = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")]
+Threads = Annotated[int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
 
 PICTURES = (".png", ".svg", ".pdf")

@@ -15,6 +15,7 @@ from rmrc.cli.console import (
     EXIT_INTERRUPTED,
     EXIT_MISSED,
     complain,
+    interruption,
     output,
     print_json,
     print_line,
@@ -25,8 +26,8 @@ from rmrc.cli.options import Out, Quiet
 from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
-    from rmrc.study.compare import Comparison, Results
-    from rmrc.study.run import Ended, Job
+    from rmrc.study.batch import Batch, Left, R
+    from rmrc.study.study import Ran
 
 ScenarioFile = Annotated[
     Path,
@@ -56,38 +57,33 @@ def run(
 
     console = output(quiet, pipe=80)
     job = Job(scenarios.load(scenario, set_ or ()), out, record)
-    _compile(job)
-    with progress(job.scenario.name, job.ticks, quiet) as on_ticks:
-        ended = job.run(on_ticks)
-    console.print(tables.render(ended.scorecard, ended.outcomes))
-    _list(console, ended.files, record)
-    still = stuck.told(ended.run, job.prepared.arm)
+    left = _ran(job, job.name, quiet)
+    (one,) = left.results
+    console.print(tables.render(one.scorecard, one.outcomes))
+    _list(console, left.files, record)
+    still = stuck.told(one.run, job.prepared.arm)
     if still:
         complain(still)
-    raise typer.Exit(_exit_code(ended))
+    raise typer.Exit(_exit_code(left, one))
 
 
-def _exit_code(ended: "Ended") -> int:
+def _exit_code(left: "Left[Ran]", one: "Ran") -> int:
     """Say on stderr what did not go well, and return the worst of it."""
-    missed = [outcome for outcome in ended.outcomes if not outcome.ok]
+    missed, run = [outcome for outcome in one.outcomes if not outcome.ok], one.run
     for outcome in missed:
         complain(f"missed: {outcome}")
-    for failure in ended.failures:
-        complain(f"error: {failure}")
-    if ended.interrupted:
-        complain(f"interrupted at tick {len(ended.run)} of {ended.run.planned}")
-        return EXIT_INPUT if ended.failures else EXIT_INTERRUPTED
-    if ended.run.divergence:
-        complain(f"error: {ended.run.name} {ended.run.divergence}")
-        return EXIT_INPUT if ended.failures else EXIT_DIVERGED
-    if ended.failures:
-        return EXIT_INPUT
-    if not ended.run.is_complete:
+    code = _cut_short(left, f"interrupted at tick {len(run)} of {run.planned}")
+    if left.interrupted:
+        return code
+    if run.divergence:
+        complain(f"error: {run.name} {run.divergence}")
+        return code or EXIT_DIVERGED
+    if not (code or run.is_complete):
         complain(
-            f"{ended.run.name} came {ended.run.completed:.0%} of its path in {len(ended.run)} ticks, "
+            f"{run.name} came {run.completed:.0%} of its path in {len(run)} ticks, "
             "where control.slow.longest ends it"
         )
-    return EXIT_MISSED if missed else 0
+    return code or (EXIT_MISSED if missed else 0)
 
 
 def compare(
@@ -113,32 +109,16 @@ def compare(
 
     console = output(quiet)
     comparison = Comparison(scenario, scenarios.variants(vary or ()), set_ or (), out, record)
-    _compile(comparison)
-    with progress(
-        f"{comparison.name}: {len(comparison.variants)} variants", comparison.ticks, quiet
-    ) as on_ticks:
-        results = comparison.run(on_ticks)
-    console.print(render(sheets(results.name, [one.row for one in results.variants])))
-    _list(console, results.files, record)
-    raise typer.Exit(_exit_code_of_all(results))
-
-
-def _exit_code_of_all(results: "Results") -> int:
-    """Say on stderr which variants did not reach their end, and return the worst of it."""
-    diverged = [one for one in results.variants if one.run.divergence]
-    for one in diverged:
-        complain(f'error: variant "{one.variant.label}" {one.run.divergence}')
-    for failure in results.failures:
-        complain(f"error: {failure}")
-    if results.interrupted:
-        ticks, planned = (
-            sum(of(one.run) for one in results.variants) for of in (len, lambda run: run.planned)
-        )
-        complain(f"interrupted at tick {ticks} of {planned}, of all variants together")
-        return EXIT_INPUT if results.failures else EXIT_INTERRUPTED
-    if results.failures:
-        return EXIT_INPUT
-    return EXIT_DIVERGED if diverged else 0
+    left = _ran(comparison, f"{comparison.name}: {len(comparison.variants)} variants", quiet)
+    console.print(render(sheets(comparison.name, left.results)))
+    _list(console, left.files, record)
+    runs = [one.run for one in left.results]
+    for one in left.results:
+        if one.divergence:
+            complain(f'error: variant "{one.variant.label}" {one.divergence}')
+    ticks, planned = sum(map(len, runs)), sum(run.planned for run in runs)
+    code = _cut_short(left, f"interrupted at tick {ticks} of {planned}, of all variants together")
+    raise typer.Exit(code or (EXIT_DIVERGED if any(run.divergence for run in runs) else 0))
 
 
 def replay(
@@ -168,12 +148,21 @@ def schema(
         print(tables.schema_text(scenarios.schema_rows()))
 
 
-def _compile(work: "Job | Comparison") -> None:
-    try:
+def _ran(work: "Batch[R]", what: str, quiet: bool) -> "Left[R]":
+    """Compile and run."""
+    with interruption("interrupted before the first tick"):
         work.compile()
-    except KeyboardInterrupt:
-        complain("interrupted before the first tick")
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+    with progress(what, work.ticks, quiet) as on_ticks:
+        return work.run(on_ticks)
+
+
+def _cut_short(left: "Left[R]", where: str) -> int:
+    """Say which files there are not, and where the runs were interrupted; return an exit code, or 0."""
+    for failure in left.failures:
+        complain(f"error: {failure}")
+    if left.interrupted:
+        complain(where)
+    return EXIT_INPUT if left.failures else EXIT_INTERRUPTED if left.interrupted else 0
 
 
 def _list(console: Console, files: Sequence[Path], record: bool) -> None:

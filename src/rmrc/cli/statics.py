@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from rmrc.cli.console import EXIT_DIVERGED, EXIT_INTERRUPTED, EXIT_MISSED, complain, progress
+from rmrc.cli.console import EXIT_DIVERGED, EXIT_MISSED, interruption, progress
 from rmrc.cli.options import AsJson, Keyframe, Length, Model, Positions, Site
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, wrench_of
@@ -71,16 +71,14 @@ def statics(
     from rmrc.arm import load
 
     acts = wrench_of(wrench)
-    arm = load(model, site)
-    positions = configuration(arm, q, keyframe)
-    try:
-        with progress("hold", most_ticks(hold or 0.0), as_json or hold is None) as on_ticks:
-            found = ask(
-                arm, acts, positions, frame=frame.value, at=at, gravity=gravity, hold=hold, length=length,
-                on_ticks=on_ticks,
-            )  # fmt: skip
-    except KeyboardInterrupt:
-        complain("interrupted" if hold is None else "interrupted while holding")
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+    arm, positions = configuration(load(model, site), q, keyframe)
+    with (
+        interruption("interrupted" if hold is None else "interrupted while holding"),
+        progress("hold", most_ticks(hold or 0.0), as_json or hold is None) as on_ticks,
+    ):
+        found = ask(
+            arm, acts, positions, frame=frame.value, at=at, gravity=gravity, hold=hold, length=length,
+            on_ticks=on_ticks,
+        )  # fmt: skip
     diverged = found.held is not None and found.held.run.divergence
     show(report(found), as_json, missed=EXIT_DIVERGED if diverged else EXIT_MISSED)

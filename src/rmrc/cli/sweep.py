@@ -8,9 +8,17 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
-from rmrc.cli.console import EXIT_INPUT, EXIT_INTERRUPTED, complain, output, print_line, progress
+from rmrc.cli.console import (
+    EXIT_INPUT,
+    EXIT_INTERRUPTED,
+    complain,
+    interruption,
+    output,
+    print_line,
+    progress,
+)
 from rmrc.cli.kinds import SCENARIO, expect
-from rmrc.cli.options import Out, Quiet
+from rmrc.cli.options import Out, Quiet, Threads
 from rmrc.cli.scenarios import Overrides
 from rmrc.scenario import Draft, draft_of
 from rmrc.support.errors import ClusterError, ScenarioError
@@ -49,9 +57,7 @@ def sweep(
     seed: Annotated[int | None, typer.Option(help="What is drawn.")] = None,
     set_: Overrides = None,
     out: Out = Path("recordings"),
-    threads: Annotated[
-        int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")
-    ] = None,
+    threads: Threads = None,
     cluster: Annotated[
         str | None,
         typer.Option(
@@ -69,8 +75,10 @@ def sweep(
 
     Started again, it goes on where it was ended. A run that diverges is a row like others.
     """
+    from rmrc.show.terminal import render
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
+    from rmrc.study.sweep_table import sheets
 
     options = _options(vary or (), random or (), sobol or (), (samples, repeat, seed))
     choice = Choice.read(record) if record else None
@@ -92,21 +100,19 @@ def sweep(
         complain(f"interrupted after {work.done} of {len(work)} runs; the same command goes on")
         raise typer.Exit(EXIT_INTERRUPTED)
     console = output(quiet)
-    _summarize(console, work)
+    console.print(render(sheets(name, work.summary(), work.plan.label)))
     print_line(console, f"wrote {work.dataset.file}")
     if choice:
         _record(console, work, choice, quiet)
 
 
 def _check(work: "Sweep", quiet: bool) -> "Contents":
-    """Check every run; Ctrl-C leaves nothing."""
-    try:
+    with (
+        interruption("interrupted before the first run"),
+        progress("checking", len(work), quiet, unit="runs") as on_runs,
+    ):
         work.compile()
-        with progress("checking", len(work), quiet, unit="runs") as on_runs:
-            return work.check(on_runs)
-    except KeyboardInterrupt:
-        complain("interrupted before the first run")
-        raise typer.Exit(EXIT_INTERRUPTED) from None
+        return work.check(on_runs)
 
 
 def _given(base: Draft, options: Mapping[str, tuple[str, str]]) -> Draft:
@@ -148,23 +154,16 @@ def _options(
     return options
 
 
-def _summarize(console: Console, work: "Sweep") -> None:
-    from rmrc.show.terminal import render
-    from rmrc.study.sweep_table import sheets
-
-    console.print(render(sheets(work.scenario.name, work.summary(), work.plan.label)))
-
-
 def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> None:
     for index in work.chosen(choice):
         job = work.job(index)
-        with progress(job.scenario.name, job.ticks, quiet) as on_ticks:
-            ended = job.run(on_ticks)
-        if ended.interrupted:
-            complain(f"interrupted while {job.scenario.name} was recorded; all rows are there")
+        with progress(job.name, job.ticks, quiet) as on_ticks:
+            left = job.run(on_ticks)
+        if left.interrupted:
+            complain(f"interrupted while {job.name} was recorded; all rows are there")
             raise typer.Exit(EXIT_INTERRUPTED)
-        for failure in ended.failures:
+        for failure in left.failures:
             complain(f"error: {failure}")
-        if ended.failures:
+        if left.failures:
             raise typer.Exit(EXIT_INPUT)
-        print_line(console, f"wrote {ended.files[0]}")
+        print_line(console, f"wrote {left.files[0]}")

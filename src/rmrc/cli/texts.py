@@ -91,8 +91,8 @@ def task_axes(text: str | None) -> tuple[str, ...] | None:
     return rows
 
 
-def configuration(arm: Arm, q: str | None, keyframe: str | None) -> NDArray[np.float64]:
-    """Return the joint positions, (n,), of --q or of --keyframe; without either, of `home`.
+def configuration(arm: Arm, q: str | None, keyframe: str | None) -> tuple[Arm, NDArray[np.float64]]:
+    """Return joint positions, (n,), of --q or --keyframe, else of `home`, and the arm with the others there.
 
     Raises:
         QuestionError: Both are given, or --q does not fit the arm.
@@ -103,8 +103,9 @@ def configuration(arm: Arm, q: str | None, keyframe: str | None) -> NDArray[np.f
     if q is not None:
         positions = numbers("--q", q, arm.joints)
         _doubt_radians(arm, q, positions)
-        return positions
-    return arm.configuration("home" if keyframe is None else keyframe)[arm.wiring.qpos]
+        return arm, positions
+    qpos = arm.configuration("home" if keyframe is None else keyframe)
+    return arm.at(qpos), qpos[arm.wiring.qpos]
 
 
 def _doubt_radians(arm: Arm, text: str, positions: NDArray[np.float64]) -> None:

@@ -5,8 +5,16 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from rmrc.cli.console import EXIT_INTERRUPTED, EXIT_MISSED, complain, output, print_line, progress
-from rmrc.cli.options import Out, Quiet, drawable
+from rmrc.cli.console import (
+    EXIT_INTERRUPTED,
+    EXIT_MISSED,
+    complain,
+    interruption,
+    output,
+    print_line,
+    progress,
+)
+from rmrc.cli.options import Out, Quiet, Threads, drawable
 from rmrc.cli.scenarios import Overrides, ScenarioFile
 from rmrc.support.errors import ScenarioError
 
@@ -39,9 +47,7 @@ def tune(
             help="Where the picture goes: .png, .svg or .pdf.", show_default="NAME.tune.png in --out"
         ),
     ] = None,
-    threads: Annotated[
-        int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")
-    ] = None,
+    threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
     """Search inverse, damping, feedback and at_singularity for the smallest tracking error within the limits.
@@ -59,18 +65,12 @@ def tune(
     except ValueError as error:
         raise ScenarioError.about("--start", str(error)) from None
     spread = Spread(off, offset, payload)
-    found = None
-    try:
+    with interruption("interrupted before anything was found"):
         work = Tuning(
             scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread, slower=slower,
             runs=runs, threads=threads,
         )  # fmt: skip
         found = _run(work, runs, work.files(out, picture), quiet)
-    except KeyboardInterrupt:  # while it was checked or compiled
-        pass
-    if found is None:
-        complain("interrupted before anything was found")
-        raise typer.Exit(EXIT_INTERRUPTED)
     if found.interrupted:  # said first: the picture takes longer than one waits after Ctrl-C
         complain(f"interrupted after {found.runs} of {runs} runs")
     _show(work, found, (out, picture), quiet)
@@ -79,7 +79,7 @@ def tune(
     raise typer.Exit(0 if found.feasible else EXIT_MISSED)
 
 
-def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned | None":
+def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned":
     from rmrc.results.leaving import refuse_unwritable
 
     work.compile()

@@ -100,7 +100,7 @@ def workspace(
         slicing.compile_for(arm)
     name = f"{arm.path.stem}.{'workspace' if over is None else 'joints'}"
     files = [picture or out / f"{name}.png", out / f"{name}.npz"]
-    at = configuration(arm, q, keyframe)
+    arm, at = configuration(arm, q, keyframe)
     refuse_unwritable(files)
     ask: Callable[..., Workspace | JointMap]
     try:

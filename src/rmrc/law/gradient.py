@@ -22,7 +22,7 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
     fx, fy, fz, mx, my, mz = expanded(world, i)
     for j in range(n):
         ax = ay = az = bx = by = bz = 0.0
-        for l in range(n):  # noqa: E741  the index of (15)
+        for l in range(n):  # noqa: E741  the index of the slopes (15) of docs/theory.md
             x = world.joint_scale[l] * world.v[i, l]
             ox, oy, oz = x * J[3, l], x * J[4, l], x * J[5, l]
             if l > j:  # the joints of an arm are in this order

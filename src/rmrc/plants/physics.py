@@ -25,7 +25,7 @@ def read_drives(world: Record, out: Record, state: Array, force: Array) -> None:
     for j in range(world.n):
         out.q[j] = state[world.qpos_column[j]]
         out.qdot[j] = state[world.qvel_column[j]]
-        out.tau[j] = force[world.actuator[j]]
+        out.tau[j] = force[world.force[j]]
 
 
 @compiled

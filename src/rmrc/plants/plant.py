@@ -96,7 +96,8 @@ class Plant(ABC):
     @property
     def shares(self) -> Hashable:
         """What worlds must have in common to be stepped together."""
-        return self.section.kind, self.arm.path, self.arm.site, self.arm.joints
+        arm = self.arm
+        return self.section.kind, arm.path, arm.site, arm.joints, arm.frees_others
 
     @classmethod
     @abstractmethod

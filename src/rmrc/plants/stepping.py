@@ -10,6 +10,7 @@ import numpy as np
 from mujoco.batch import Batch, SimulationError
 from numpy.typing import NDArray
 
+from rmrc.arm import Wiring
 from rmrc.law.jit import Array, machine_code
 from rmrc.plants.batches import Batches
 from rmrc.plants.lockstep import tick
@@ -26,12 +27,24 @@ class _Left(NamedTuple):
     tick: int
 
 
+def has_others(wiring: Wiring, nq: int) -> bool:
+    """Return whether qpos, (nq,), is more than the positions of an arm's joints, or in another order."""
+    return not np.array_equal(wiring.qpos, np.arange(nq))
+
+
+def _keep_and(control: Callable[[int], int], positions: Array, kept: Array, t: int) -> int:
+    """Keep where all joints are, and do the tick."""
+    kept[t % len(kept)] = positions
+    return control(t)
+
+
 class Stepper:
     """Worlds of one arm under one plant, stepped together on one thread.
 
     Attributes:
         worlds: Their records, (w,).
         ticks: What was recorded last, (rows, w): tick t is in row t modulo rows.
+        positions: All of qpos beside them, (rows, w, nq); None where that is q in its order.
         done: Ticks finished so far.
     """
 
@@ -40,6 +53,7 @@ class Stepper:
         plants: Sequence[Plant],
         worlds: NDArray[np.void],
         qpos: Array,
+        held: tuple[Array, Array],
         reference: Array,
         ticks: NDArray[np.void],
         batches: Batches,
@@ -50,6 +64,8 @@ class Stepper:
             plants: That of each world: of one class, and what they share is equal.
             worlds: Records with all parameters set, (w,); the wiring is written.
             qpos: Start, (w, nq).
+            held: Controls and activations of the actuators that are not the arm's, which the model has before
+                the others, (w, …) each.
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
             ticks: Where the tick records go, (rows, w); with fewer rows than ticks, they are used again.
             batches: Where MuJoCo's part comes from.
@@ -71,16 +87,28 @@ class Stepper:
             return self._lent[-1]
 
         self._batch = take([plant.difference(model, wiring) for plant in plants])
-        self._batch.bind("qpos")[:] = qpos
+        positions = self._batch.bind("qpos")
+        positions[:] = qpos
+        for name, values in zip(("ctrl", "act"), held, strict=True):
+            if values.size:
+                self._batch.bind(name)[:, : values.shape[1]] = values
         write_wiring(worlds, model, wiring, [plant.arm for plant in plants])
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
         seen = [self._batch.bind(field) for field in fields]
         arrays: tuple[Any, ...] = (worlds, ticks, reference, self._batch.state, self._batch.warning, *seen)
         self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
+        self.positions: Array | None = None
+        if has_others(wiring, model.nq):
+            self.positions = np.empty((len(ticks), *positions.shape))
+            self._tick = partial(_keep_and, self._tick, positions, self.positions)
         self._before = kind.before_steps(plants, Wired(model, wiring, worlds, self._batch, take))
         self._stage = int(kind.stage)
         self._batch.forward(stage=self._stage)
+
+    def whole(self, w: int, row: int, q: Array) -> Array:
+        """Return qpos of world w, (T, nq), from a row of `ticks` on, where the arm is at q, (T, n)."""
+        return q if self.positions is None else self.positions[row : row + len(q), w]
 
     def advance(self, count: int, is_stopped: Callable[[], bool] = lambda: False) -> int:
         """Run the next `count` ticks at most; return how many worlds still run.

@@ -13,7 +13,7 @@ from rmrc.law.record import JOINTS, Field
 WIRING = (
     Field("joint", np.int64, (JOINTS,)),
     Field("dof", np.int64, (JOINTS,)),
-    Field("actuator", np.int64, (JOINTS,)),
+    Field("force", np.int64, (JOINTS,)),
     Field("site", np.int64),
     Field("body", np.int64),
     # columns of the state row; of the slide of a screw joint, or -1, with what it moves for each radian
@@ -40,12 +40,12 @@ def write_wiring(
         arms: Of each world: the same arm, but for how it is stretched.
     """
     n = arms[0].n
+    has_drives = (wiring.actuator >= 0).all()  # the ideal plant needs none
     worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
-    worlds["actuator"][:, :n] = wiring.actuator
+    worlds["force"][:, :n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
     worlds["site"], worlds["body"] = wiring.site, wiring.body
     worlds["qpos_column"][:, :n] = _column(model, "QPOS") + wiring.qpos
     worlds["qvel_column"][:, :n] = _column(model, "QVEL") + wiring.dof
-    has_drives = (wiring.actuator >= 0).all()  # the ideal plant needs none
     controls = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
     worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + controls
     worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body

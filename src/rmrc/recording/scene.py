@@ -87,7 +87,7 @@ class Scene:
         self.path = prepared.reference.pose[:, :3]
 
         q = prepared.qpos[arm.wiring.qpos]
-        bodies, tip = arm.frames(q[None])[0][0], arm.pose(q)[:3]
+        bodies, tip = arm.frames(prepared.qpos[None])[0][0], arm.pose(q)[:3]
         moving = bodies[~self.is_fixed, :3]
         self.reach = float(np.linalg.norm(np.vstack([tip, self.path]) - moving[0], axis=1).max())
         boxes = [_box(shape, bodies[shape.body]) for shape in self.shapes]
@@ -114,9 +114,8 @@ class Scene:
             part: Any part of the run.
             rows: Ticks of that part, (F,).
         """
-        q = part["q"][rows]
         u_min = part["u_min"][rows]
-        bodies, jacobians = self._arm.frames(q)
+        bodies, jacobians = self._arm.frames(part["qpos"][rows])
         axes, sigma = principal(jacobians * self._joint_scale, self._rows, self._held)
         velocity, force = half_axes(sigma, len(self._rows), self.reach)
         return Frames(

@@ -41,7 +41,7 @@ from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import repair
-from rmrc.results.columns import COLUMNS
+from rmrc.results.columns import ADDED, COLUMNS
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import Prepared
@@ -219,6 +219,7 @@ def _pieces(path: Path, whole: Path, variant: str | None) -> _Pieces:
             name = chunk.entity_path.rpartition("/")[2]
             if name in pieces:
                 pieces[name].append(_decoded(chunk.to_record_batch()))
+        pieces = {name: found for name, found in pieces.items() if found or name not in ADDED}
         variants = [] if all(pieces.values()) else _variants(whole)
     except (OSError, RuntimeError, ValueError) as error:
         raise RecordingError(f"{path}: is damaged, or not a recording: {one_line(error)}") from None

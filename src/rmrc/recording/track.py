@@ -72,7 +72,7 @@ class Track:
         scene, arm = self.scene, self._prepared.arm
         for body in sorted({shape.body for shape in scene.shapes}):
             if scene.is_fixed[body]:
-                pose = arm.frames(self._prepared.qpos[arm.wiring.qpos][None])[0][0, body]
+                pose = arm.frames(self._prepared.qpos[None])[0][0, body]
                 quaternion = rr.Quaternion(xyzw=xyzw(pose[3:]))
                 self.out.log(
                     self._body_path(body), rr.Transform3D(translation=pose[:3], quaternion=quaternion)

@@ -16,7 +16,8 @@ class Column:
     Attributes:
         unit: SI; `joint` stands for rad or m, by the kind of each joint.
         meaning: In a few words.
-        width: `n` joints, `k` = min(m, n) singular values, a number of rows, or "" for a scalar.
+        width: `n` joints, `k` = min(m, n) singular values, `nq` positions of the model, a number of rows, or
+            "" for a scalar.
     """
 
     unit: str
@@ -27,6 +28,9 @@ class Column:
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
     "q": Column("joint", "joint positions, the true ones where encoders are off", "n"),
+    "qpos": Column(
+        "rad, m or quat w x y z", "positions of all joints of the model, as MuJoCo orders them", "nq"
+    ),
     "qdot": Column("joint/s", "joint rates, measured", "n"),
     "qdot_cmd": Column("joint/s", "joint rates, sent", "n"),
     "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
@@ -49,6 +53,10 @@ COLUMNS: Mapping[str, Column] = {
     ),
     "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in Status if s)),
 }
+
+
+# Files from before these were kept do without.
+ADDED = frozenset({"qpos"})
 
 
 @dataclass(frozen=True)

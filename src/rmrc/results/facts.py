@@ -3,49 +3,14 @@
 import json
 import platform
 from collections.abc import Mapping
-from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from rmrc.results.columns import Divergence
-from rmrc.results.run import Run
-from rmrc.results.scorecard import Outcome, Scorecard
-from rmrc.scenario import Scenario
 from rmrc.support.files import written_whole
 
 # What decides the bits and the looks of a result.
 LIBRARIES = ("rmrc", "mujoco", "numba", "numpy", "ruckig", "rerun-sdk")
-
-
-def status_of(divergence: Divergence | None, is_complete: bool, interrupted: bool = False) -> str:
-    """Return `complete`, `diverged`, `interrupted`, or `unfinished` for a run whose time was up."""
-    if divergence:
-        return "diverged"
-    if is_complete:
-        return "complete"
-    return "interrupted" if interrupted else "unfinished"
-
-
-def run_facts(
-    status: str, run: Run, card: Scorecard, outcomes: tuple[Outcome, ...], scenario: Scenario
-) -> dict[str, Any]:
-    """Return what is known about one run, ready for strict JSON.
-
-    Args:
-        status: How it ended, by `status_of`.
-        run: As far as it came.
-        card: Its figures.
-        outcomes: Of the expectations.
-        scenario: That was run.
-    """
-    return {
-        "status": status,
-        "divergence": run.divergence and asdict(run.divergence),
-        "scorecard": card.nested(),
-        "expect": [outcome.facts() for outcome in outcomes],
-        "scenario": scenario.model_dump(mode="json"),
-    }
 
 
 def versions(*more: str) -> dict[str, str]:

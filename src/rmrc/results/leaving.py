@@ -4,8 +4,9 @@ import errno
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from itertools import takewhile
 from pathlib import Path
 
@@ -18,15 +19,16 @@ class OutputError(RmrcError, OSError):
     """What will be left cannot be written."""
 
 
-def array_size(ticks: int, joints: int, values: int) -> int:
+def array_size(ticks: int, joints: int, values: int, positions: int) -> int:
     """Return the size of all columns of a run [B], which are not compressed.
 
     Args:
         ticks: Of the run.
         joints: Of the arm.
         values: Singular values of its task.
+        positions: Of all joints of the model.
     """
-    widths = {"n": joints, "k": values, "": 1}
+    widths = {"n": joints, "k": values, "nq": positions, "": 1}
     return 8 * ticks * sum(widths.get(one.width) or int(one.width) for one in COLUMNS.values())
 
 
@@ -103,23 +105,25 @@ class Leaving:
             return False
         return True
 
-    def write(self, path: Path, write: Callable[[], None], instead_of: Path | None = None) -> None:
-        """Write a file, and keep its path or why there is none.
+    def write(
+        self, paths: Sequence[Path], write: Callable[..., None], instead_of: Path | None = None
+    ) -> None:
+        """Write a file, or several at once, and keep their paths or why there are none.
 
         Args:
-            path: Of the file.
-            write: Writes it, or raises an OSError.
+            paths: Of the files.
+            write: Takes the paths, and writes the files or raises an OSError.
             instead_of: What makes room for it if there is none, and is given up then.
         """
-        if not self.attempt(write):
+        if not self.attempt(partial(write, *paths)):
             if instead_of is None or not instead_of.is_file():
                 return
             instead_of.unlink(missing_ok=True)
             told = self.failures.pop()
-            if not self.attempt(write):
+            if not self.attempt(partial(write, *paths)):
                 self.failures[-1] = told
                 return
-        self.files.append(path)
+        self.files += paths
 
 
 def _told(error: OSError) -> str:

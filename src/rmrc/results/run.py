@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from rmrc.results.columns import COLUMNS, Divergence, Recorded
+from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.support.files import written_whole
 
@@ -44,7 +44,7 @@ class Run(Recorded):
         """Return the run in a file that `save` wrote."""
         with np.load(path, allow_pickle=False) as file:
             facts = json.loads(str(file["facts"]))
-            columns = {name: file[name] for name in COLUMNS}
+            columns = {name: file[name] for name in COLUMNS if name in file or name not in ADDED}
         divergence = facts["divergence"] and Divergence(**facts["divergence"])
         # files from before these were kept have neither
         limits = (math.inf if limit is None else limit for limit in facts.get("torque_limit", ()))

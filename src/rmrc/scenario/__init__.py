@@ -18,7 +18,7 @@ a file, a text or a change never does.
 
 from rmrc.scenario.aliases import place_of
 from rmrc.scenario.changes import Change, Variant, changes_of
-from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, draft_of, load, loads
+from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, Source, draft_of, load, loads
 from rmrc.scenario.path import (
     Arc,
     ArcSegment,
@@ -54,7 +54,7 @@ __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ControlSection",
     "Draft", "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection",
     "Line", "LineSegment", "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow",
-    "SecondarySection", "Section", "Segment", "SweepSection",
+    "SecondarySection", "Section", "Segment", "Source", "SweepSection",
     "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment", "Variant", "angle", "block",
     "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows",
     "variants",

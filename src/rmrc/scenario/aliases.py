@@ -8,61 +8,18 @@ from collections.abc import Iterator
 from functools import cache
 from typing import Any
 
+from rmrc.scenario import choices
 from rmrc.scenario.schema import schema_rows
 from rmrc.scenario.wording import show
 from rmrc.support.problems import Key, join
 
 # Of a choice: what else it is called, by key.
 CHOICES: dict[str, dict[str, str]] = {
-    "control.inverse.method": {
-        "inverse": "inv jinv exact plain newton newton_raphson nr ik_nr ikine_nr ordinary",
-        "pseudoinverse": "pinv pseudo_inverse moore_penrose mp lstsq least_squares right_inverse left_inverse"
-        " generalized_inverse gauss_newton gn ik_gn chainiksolvervel_pinv pseudo",
-        "truncated": "svd tsvd truncated_svd truncated_pinv lma_svd",
-        "transpose": "jt transposed jacobian_transpose j_transpose jtranspose",
-        "damped": "dls sr_inverse sr singularity_robust singularity_robust_inverse damped_least_squares lm"
-        " lma ik_lm ikine_lm levenberg levenberg_marquardt wdls chainiksolvervel_wdls dpinv"
-        " damped_pseudoinverse damped_inverse tikhonov regularized ridge constant",
-        "filtered": "numerical_filtering nf filter maciejewski",
-        "selectively_damped": "sdls selective selectively_damped_least_squares buss",
-        "jparse": "j_parse jparse_inverse",
+    **{
+        f"control.{one.key}": {option.name: option.others for option in one.options}
+        for one in choices.CHOICES
     },
-    "control.inverse.damping.schedule": {
-        "constant": "fixed const none off false static",
-        "manipulability": "nakamura nakamura_hanafusa w yoshikawa",
-        "smallest_singular_value": "sigma sigma_min min_sigma singular_value min_singular_value chiaverini"
-        " maciejewski svd adaptive variable",
-        "error": "sugihara chan chan_lawrence task_error levenberg",
-        "rate_bound": "deo_walker bound trust_region norm",
-    },
-    "control.nullspace.objective": {
-        "none": "off false zero nothing null disabled no",
-        "posture": "home rest preferred preferred_posture configuration reference",
-        "joint_limits": "limits joint_limit limit_avoidance joint_limit_avoidance avoid_limits liegeois",
-        "manipulability": "manip w yoshikawa dexterity gradient singularity_avoidance",
-        "rates": "velocity velocities joint_rates qdot qdot0",
-        "secondary": "second second_task secondary_task task_priority priority",
-    },
-    "control.nullspace.secondary.priority": {
-        "classical": "strict standard nakamura siciliano",
-        "robust": "singularity_robust sr chiaverini",
-    },
-    "control.limits.on_excess": {
-        "scale": "scaled scale_all proportional uniform direction",
-        "clamp": "clip clipped saturate saturation cut",
-        "redistribute": "sns saturation_in_the_null_space",
-        "none": "off false ignore nothing no",
-    },
-    "control.at_singularity": {
-        "damp": "damped dls damping none off false nothing ignore",
-        "slow": "slow_down slowdown scale time_scaling slowing true",
-        "stop": "halt hold pause wait abort",
-    },
-    "plant.kind": {
-        "ideal": "kinematic kinematics integrator perfect none exact euler false off",
-        "servo": "velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
-        "torque": "computed_torque effort inverse_dynamics motor force acceleration",
-    },
+    "plant.kind": {option.name: option.others for option in choices.PLANTS.options},
     "sweep.sampler": {
         "random": "uniform monte_carlo mc rand",
         "sobol": "qmc quasi_random low_discrepancy halton lhs latin_hypercube",

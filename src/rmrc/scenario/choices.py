@@ -206,6 +206,7 @@ class Choice:
         source: Keys of `docs/references.md`.
         parameters: That it reads.
         acts: Whether the law has a function for it; without one, it leaves things as they are.
+        others: What other tools, papers and people call it: no file may, but a message then names ours.
     """
 
     name: str
@@ -213,6 +214,7 @@ class Choice:
     source: str = ""
     parameters: tuple[Parameter, ...] = ()
     acts: bool = True
+    others: str = ""
 
 
 @dataclass(frozen=True)
@@ -295,22 +297,27 @@ class Choices(Keyed, Generic[C_co]):
 INVERSES = Choices(
     "inverse.method", "the filter g(σ) that stands for 1/σ", "damped",
     (
-        Inverse("inverse", "1/σ", needs_square=True, preference=7),
-        Inverse(
-            "pseudoinverse", "1/σ where σ > tolerance · σ₁, else 0", "Whitney69", (TOLERANCE,), preference=6
-        ),
-        Inverse("truncated", "1/σ where σ > cutoff, else 0", "Golub13, §5.5", (CUTOFF,), preference=4),
-        Inverse("transpose", "α σ with the best α", "Wolovich84", preference=5),
-        Inverse("damped", "σ/(σ² + λ²)", "Nakamura86", is_scheduled=True),
-        Inverse(
-            "filtered", "σ/(σ² + λ(σ)²), each direction by its own λ", "Maciejewski88",
+        Inverse("inverse", "1/σ", needs_square=True, preference=7,
+            others="inv jinv exact plain newton newton_raphson nr ik_nr ikine_nr ordinary"),
+        Inverse("pseudoinverse", "1/σ where σ > tolerance · σ₁, else 0", "Whitney69", (TOLERANCE,),
+            preference=6,
+            others="pinv pseudo_inverse moore_penrose mp lstsq least_squares right_inverse left_inverse "
+            "generalized_inverse gauss_newton gn ik_gn chainiksolvervel_pinv pseudo"),
+        Inverse("truncated", "1/σ where σ > cutoff, else 0", "Golub13, §5.5", (CUTOFF,), preference=4,
+            others="svd tsvd truncated_svd truncated_pinv lma_svd"),
+        Inverse("transpose", "α σ with the best α", "Wolovich84", preference=5,
+            others="jt transposed jacobian_transpose j_transpose jtranspose"),
+        Inverse("damped", "σ/(σ² + λ²)", "Nakamura86", is_scheduled=True,
+            others="dls sr_inverse sr singularity_robust singularity_robust_inverse damped_least_squares lm "
+            "lma ik_lm ikine_lm levenberg levenberg_marquardt wdls chainiksolvervel_wdls dpinv "
+            "damped_pseudoinverse damped_inverse tikhonov regularized ridge constant"),
+        Inverse("filtered", "σ/(σ² + λ(σ)²), each direction by its own λ", "Maciejewski88",
             (DAMPING_MAXIMUM, DAMPING_BELOW), preference=1,
-        ),
-        Inverse(
-            "selectively_damped", "1/σ, clamped by what a direction may ask of the joints", "Buss05",
-            (RATE_BOUND,), preference=2,
-        ),
-        Inverse("jparse", "1/σ where σ ≥ γ σ₁, else σ/(γ σ₁)²", "Guptasarma25", (GAMMA,), preference=3),
+            others="numerical_filtering nf filter maciejewski"),
+        Inverse("selectively_damped", "1/σ, clamped by what a direction may ask of the joints", "Buss05",
+            (RATE_BOUND,), preference=2, others="sdls selective selectively_damped_least_squares buss"),
+        Inverse("jparse", "1/σ where σ ≥ γ σ₁, else σ/(γ σ₁)²", "Guptasarma25", (GAMMA,), preference=3,
+            others="j_parse jparse_inverse"),
     ),
 )  # fmt: skip
 
@@ -321,23 +328,19 @@ SCHEDULES = Choices(
     "`rate_bound`",
     "smallest_singular_value",
     (
-        Schedule("constant", "λ_max", "Wampler86", (DAMPING_MAXIMUM,)),
-        Schedule(
-            "manipulability", "λ_max (1 − w/w₀) where w < w₀, else 0", "Nakamura86",
+        Schedule("constant", "λ_max", "Wampler86", (DAMPING_MAXIMUM,),
+            others="fixed const none off false static"),
+        Schedule("manipulability", "λ_max (1 − w/w₀) where w < w₀, else 0", "Nakamura86",
             (DAMPING_MAXIMUM, MANIPULABILITY_BELOW), follows="arm",
-        ),
-        Schedule(
-            "smallest_singular_value", "λ² = (1 − (σ_min/ε)²) λ_max² where σ_min < ε, else 0", "Chiaverini94",
-            (DAMPING_MAXIMUM, DAMPING_BELOW), follows="arm",
-        ),
-        Schedule(
-            "error", "error_gain · the task error: the contrast, it vanishes when tracking is good",
-            "Levenberg44", (ERROR_GAIN,),
-        ),
-        Schedule(
-            "rate_bound", "the least that keeps the norm of the joint rates within a bound", "Deo92",
-            (RATE_BOUND,), follows="command",
-        ),
+            others="nakamura nakamura_hanafusa w yoshikawa"),
+        Schedule("smallest_singular_value", "λ² = (1 − (σ_min/ε)²) λ_max² where σ_min < ε, else 0",
+            "Chiaverini94", (DAMPING_MAXIMUM, DAMPING_BELOW), follows="arm",
+            others="sigma sigma_min min_sigma singular_value min_singular_value chiaverini maciejewski svd "
+            "adaptive variable"),
+        Schedule("error", "error_gain · the task error: the contrast, it vanishes when tracking is good",
+            "Levenberg44", (ERROR_GAIN,), others="sugihara chan chan_lawrence task_error levenberg"),
+        Schedule("rate_bound", "the least that keeps the norm of the joint rates within a bound", "Deo92",
+            (RATE_BOUND,), follows="command", others="deo_walker bound trust_region norm"),
     ),
 )  # fmt: skip
 
@@ -347,15 +350,18 @@ OBJECTIVES = Choices(
     "ranges, a larger w, constant rates, or a second task",
     "none",
     (
-        Choice("none", "0", acts=False),
-        Choice("posture", "gain · (posture − q)", "Liegeois77", (GAIN, POSTURE)),
-        Choice("joint_limits", "towards the middle of the joints' ranges", "Liegeois77", (GAIN,)),
-        Choice("manipulability", "towards a larger w, by the derivative of J", "Yoshikawa85", (GAIN,)),
-        Choice("rates", "constant, as given", "", (RATES,)),
-        Choice(
-            "secondary",
+        Choice("none", "0", acts=False, others="off false zero nothing null disabled no"),
+        Choice("posture", "gain · (posture − q)", "Liegeois77", (GAIN, POSTURE),
+            others="home rest preferred preferred_posture configuration reference"),
+        Choice("joint_limits", "towards the middle of the joints' ranges", "Liegeois77", (GAIN,),
+            others="limits joint_limit limit_avoidance joint_limit_avoidance avoid_limits liegeois"),
+        Choice("manipulability", "towards a larger w, by the derivative of J", "Yoshikawa85", (GAIN,),
+            others="manip w yoshikawa dexterity gradient singularity_avoidance"),
+        Choice("rates", "constant, as given", "", (RATES,),
+            others="velocity velocities joint_rates qdot qdot0"),
+        Choice("secondary",
             "what a second task needs: another site, or other rows; `classical` or `robust` priority",
-        ),
+            others="second second_task secondary_task task_priority priority"),
     ),
 )  # fmt: skip
 
@@ -364,10 +370,12 @@ PRIORITIES = Choices(
     "classical: solved in what the first task leaves; robust: solved alone, then projected",
     "robust",
     (
-        Choice("classical", "solved in what the first task leaves", "Nakamura87", (SECONDARY_DAMPING,)),
-        Choice("robust", "solved alone, then projected", "Chiaverini97", (SECONDARY_DAMPING,)),
+        Choice("classical", "solved in what the first task leaves", "Nakamura87", (SECONDARY_DAMPING,),
+            others="strict standard nakamura siciliano"),
+        Choice("robust", "solved alone, then projected", "Chiaverini97", (SECONDARY_DAMPING,),
+            others="singularity_robust sr chiaverini"),
     ),
-)
+)  # fmt: skip
 
 LIMITS = Choices(
     "limits.on_excess",
@@ -375,32 +383,32 @@ LIMITS = Choices(
     "clamp each, let the others take over what a saturated joint cannot do, or limit nothing",
     "scale",
     (
-        Choice(
-            "scale",
+        Choice("scale",
             "all are scaled by one factor: the tip keeps its direction while no joint is at its position "
             "limit",
-        ),
-        Choice("clamp", "each is cut by itself: the tip does not"),
-        Choice("redistribute", "what a saturated joint cannot do, the others take over", "Flacco15"),
-        Choice("none", "nothing", acts=False),
+            others="scaled scale_all proportional uniform direction"),
+        Choice("clamp", "each is cut by itself: the tip does not",
+            others="clip clipped saturate saturation cut"),
+        Choice("redistribute", "what a saturated joint cannot do, the others take over", "Flacco15",
+            others="sns saturation_in_the_null_space"),
+        Choice("none", "nothing", acts=False, others="off false ignore nothing no"),
     ),
-)
+)  # fmt: skip
 
 POLICIES = Choices(
     "at_singularity",
     "near a singularity: leave it to the inverse, slow down along the path, or stop and wait for a way out",
     "damp",
     (
-        Choice("damp", "what the inverse does", acts=False),
-        Choice(
-            "slow",
+        Choice("damp", "what the inverse does", acts=False,
+            others="damped dls damping none off false nothing ignore"),
+        Choice("slow",
             "time along the path is slowed, so that rates stay within their limits and the tip on its path",
             "", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST),
-        ),
-        Choice(
-            "stop", "the arm holds where σ_min or κ passes its bound, and goes on when the command leads out",
-            "", (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE),
-        ),
+            others="slow_down slowdown scale time_scaling slowing true"),
+        Choice("stop",
+            "the arm holds where σ_min or κ passes its bound, and goes on when the command leads out",
+            "", (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE), others="halt hold pause wait abort"),
     ),
 )  # fmt: skip
 
@@ -469,9 +477,11 @@ class Plant(Choice):
 
     Attributes:
         physics: Whether MuJoCo steps it, with gravity, loads and torques; else it has kinematics alone.
+        equation: What it does with the commanded rates, as the README's table says.
     """
 
     physics: bool = True
+    equation: str = ""
 
 
 @dataclass(frozen=True)
@@ -507,7 +517,11 @@ class Plants:
         return ", ".join(one.name for one in self.options if one.physics)
 
 
-IDEAL = Plant("ideal", "exact integration of the rates", "Whitney72", physics=False)
+IDEAL = Plant(
+    "ideal", "exact integration of the rates", "Whitney72", physics=False,
+    equation="q⁺ = q + period · qdot_cmd, Whitney's own arm",
+    others="kinematic kinematics integrator perfect none exact euler false off",
+)  # fmt: skip
 SERVO = Plant(
     "servo", "joint-rate servos", "",
     (
@@ -518,10 +532,14 @@ SERVO = Plant(
             None, "N·m·s/rad or N·s/m", null=math.nan, kind="each",
         ),
     ),
+    equation="torque = kv · (qdot_cmd − qdot) on each joint, in MuJoCo's physics",
+    others="velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
 )  # fmt: skip
 TORQUE = Plant(
     "torque", "computed torques", "Luh80",
     (Parameter("bandwidth", "torque: acceleration for a given rate error", 500.0, "1/s"),),
+    equation="computed torque: M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias",
+    others="computed_torque effort inverse_dynamics motor force acceleration",
 )  # fmt: skip
 
 PLANTS = Plants("servo", (IDEAL, SERVO, TORQUE))

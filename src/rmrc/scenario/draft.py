@@ -9,7 +9,7 @@ import os
 from collections.abc import Iterable, Mapping, Sequence
 from functools import cache, cached_property, reduce
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple, Self, TypeAlias
 
 from pydantic import PrivateAttr, ValidationError
 
@@ -258,7 +258,11 @@ class Problems:
             raise ScenarioError(self._found)
 
 
-def draft_of(source: str | os.PathLike[str] | Scenario | Draft, overrides: Iterable[str] = ()) -> Draft:
+Source: TypeAlias = Scenario | Draft | str | os.PathLike[str]
+"""A scenario, its file, or the name of a shipped one."""
+
+
+def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
     """Return a draft: of a file, of a scenario, or a draft itself.
 
     Args:

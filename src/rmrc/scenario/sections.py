@@ -76,6 +76,11 @@ class ArmSection(Section):
         "where the joints start: a keyframe's name, or a position a joint", "home", "rad or m"
     )
     joints: Names | None = key("the joints that are driven; null: those between the base and the site", None)
+    others: Literal["hold", "free"] = key(
+        "joints that are not driven, and that no actuator of the model holds: they stay where `start` has "
+        "them, or are free to move; what hangs at a free joint beside the arm is free anyway",
+        "hold",
+    )
     encoder: EncoderSection = key("how far its encoders are off", EncoderSection())
     stretch: dict[str, Positive] = key(
         "factor on all lengths of a body, by its name: where bodies, sites, joints and shapes sit on it, and "

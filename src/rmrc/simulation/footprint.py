@@ -4,6 +4,7 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 from rmrc.law.record import tick_type
+from rmrc.plants.stepping import has_others
 from rmrc.simulation.prepare import Prepared
 from rmrc.support import memory
 from rmrc.support.errors import ScenarioError
@@ -66,6 +67,8 @@ def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded:
         if not keep_columns:
             rows = min(rows, max(1, HELD // len(worlds)))
         held += rows * len(worlds) * tick_type(worlds[0].arm.n).itemsize
+        if has_others(worlds[0].arm.wiring, len(worlds[0].qpos)):
+            held += rows * len(worlds) * worlds[0].qpos.nbytes
         held += len(references) * max(references) * SAMPLE
         held += sum(references) * RECORDED * recorded
         for one in worlds:

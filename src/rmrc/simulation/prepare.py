@@ -78,6 +78,13 @@ class Cache:
             (key, tuple(sorted(section.stretch.items()))), lambda: own.stretched(section.stretch)
         )
 
+    def placed(self, arm: Arm, section: ArmSection, qpos: NDArray[np.float64]) -> Arm:
+        """Return an arm where the joints that are not its own stand as in a configuration, (nq,)."""
+        placed = arm.at(qpos, frees_others=section.others == "free")
+        if placed.rest is None or placed is arm:
+            return placed
+        return self._arms.get((arm, placed.rest.tobytes(), section.others), lambda: placed)
+
     def reference(self, scenario: Scenario, arm: Arm, q: NDArray[np.float64]) -> Reference:
         """Return the target of a scenario whose arm starts at joint positions q, (n,).
 
@@ -107,6 +114,7 @@ class Prepared:
         scenario: As written.
         arm: The arm that it names.
         qpos: Where the model starts, (nq,).
+        held: Controls and activations of the actuators that are not the arm's: see `Arm.held`.
         reference: Poses and twists at each control tick.
         cache: What it shares with others.
     """
@@ -114,6 +122,7 @@ class Prepared:
     scenario: Scenario
     arm: Arm
     qpos: NDArray[np.float64]
+    held: tuple[NDArray[np.float64], NDArray[np.float64]]
     reference: Reference
     cache: Cache = field(default_factory=Cache, repr=False)
 
@@ -174,6 +183,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
     problems = Problems(scenario)
     qpos = _start(scenario, arm, problems)
+    arm = cache.placed(arm, scenario.arm, qpos)
     _check_lengths(scenario, arm, problems)
     _check_scales(scenario, problems)
     hardware = Hardware(scenario, arm)
@@ -190,7 +200,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([scenario.problem(key, text)]) from None
-    prepared = Prepared(scenario, arm, qpos, reference, cache)
+    prepared = Prepared(scenario, arm, qpos, arm.held(scenario.arm.start, qpos), reference, cache)
     _check_duration(prepared, problems)
     problems.extend(hardware.plant.excesses(prepared.most_ticks))
     problems.raise_any()

@@ -8,7 +8,7 @@ import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeVar
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,9 @@ from rmrc.support.threads import side_by_side
 # see `rmrc.support.pace`.
 BLOCK, LONGEST_BLOCK = 1000, 0.5
 
-OnBlock = Callable[[int, Run], None]
+# Sees each block of ticks once it was stepped, by the index of its world: progress, a recording, a rule that
+# ends the runs.
+Watcher: TypeAlias = Callable[[int, Run], None]
 _Result = TypeVar("_Result")
 
 
@@ -48,7 +50,7 @@ class _Shard:
         self._adder = adder(self._tallies, self.batch.ticks)
         self._adding = threading.Lock()
 
-    def advance(self, on_block: OnBlock | None, lock: threading.Lock, is_stopped: Callable[[], bool]) -> bool:
+    def advance(self, on_block: Watcher | None, lock: threading.Lock, is_stopped: Callable[[], bool]) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
         if not self.keeps:
             self._add()  # what the next block is written over
@@ -81,14 +83,16 @@ class _Shard:
         prepared, world = self.prepared[w], self.batch.worlds[w]
         diverged = int(world["diverged"])
         count = max(0, min(last, int(self._ends()[w])) - first)
-        rows = self.batch.ticks[first % len(self.batch.ticks) :, w][:count]
-        if not self.keeps:
-            rows = rows.copy()
+        begin = first % len(self.batch.ticks)
+        rows = self.batch.ticks[begin:, w][:count]
         width = {"n": int(world["n"]), "k": int(world["k"])}
-        columns = {
-            name: rows[name][:, : width[column.width]] if column.width in width else rows[name]
-            for name, column in COLUMNS.items()
-        }
+        qpos = self.batch.whole(w, begin, rows["q"][:, : width["n"]])
+        if not self.keeps:
+            rows, qpos = rows.copy(), qpos.copy()
+        columns: dict[str, NDArray[np.generic]] = {}
+        for name, column in COLUMNS.items():
+            values = qpos if column.width == "nq" else rows[name]
+            columns[name] = values[:, : width[column.width]] if column.width in width else values
         divergence = self.divergence(w) if first <= diverged <= last else None
         return self._about(prepared, columns, divergence)
 
@@ -173,7 +177,7 @@ class Simulation:
             _shard(prepared, members, keep_columns, batches) for members in _groups(prepared, threads)
         ]
 
-    def run(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> list[Run]:
+    def run(self, on_block: Watcher | None = None, stop: threading.Event | None = None) -> list[Run]:
         """Step every world to its end and return a run for each, in the order of `prepared`.
 
         Args:
@@ -188,7 +192,7 @@ class Simulation:
         self.step(on_block, stop)
         return self.runs()
 
-    def step(self, on_block: OnBlock | None = None, stop: threading.Event | None = None) -> None:
+    def step(self, on_block: Watcher | None = None, stop: threading.Event | None = None) -> None:
         """Step every world to its end.
 
         Args:
@@ -288,6 +292,7 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batche
         [one.plant for one in chosen],
         worlds,
         np.array([one.qpos for one in chosen]),
+        (np.array([one.held[0] for one in chosen]), np.array([one.held[1] for one in chosen])),
         wanted,
         np.empty((rows, len(chosen)), tick_type(chosen[0].arm.n)),
         batches,

@@ -1,20 +1,23 @@
 """A few scenarios, run as one batch in this process: recorded while they run, and files in the end."""
 
-import threading
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import ExitStack, contextmanager
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, ClassVar, Protocol
+from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
-from rmrc.results.leaving import Leaving, refuse_unwritable
+from rmrc.results.leaving import Leaving, OutputError, refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
-from rmrc.simulation.simulation import Simulation
+from rmrc.simulation.simulation import Watcher
+from rmrc.study.study import Ran, Study
 from rmrc.support.interruption import interruptible
 
 OnTicks = Callable[[int], None]
+R = TypeVar("R")
 
 
 class Recording(Protocol):
@@ -22,17 +25,46 @@ class Recording(Protocol):
 
     part_path: Path
 
-    def __enter__(self) -> Any:
+    def __enter__(self) -> Self:
         """Return the recording."""
 
     def __exit__(self, *_: Any) -> None:
         """Close it."""
 
-    def finish(self, scorecard_markdown: str) -> None:
+    def finish(self, markdown: str) -> None:
         """Add the figures, and make it whole."""
 
 
-class Batch(ABC):
+@dataclass(frozen=True)
+class Left(Generic[R]):
+    """What a batch left.
+
+    Attributes:
+        results: Of each scenario, as far as it came.
+        files: Written, the recording first.
+        interrupted: Whether Ctrl-C ended it.
+        failures: Why other files could not be written, a line each.
+    """
+
+    results: tuple[R, ...]
+    files: tuple[Path, ...]
+    interrupted: bool
+    failures: tuple[str, ...] = ()
+
+    def raise_any(self) -> None:
+        """Raise what a verb says on stderr.
+
+        Raises:
+            KeyboardInterrupt: There was one.
+            OutputError: Files could not be written.
+        """
+        if self.interrupted:
+            raise KeyboardInterrupt
+        if self.failures:
+            raise OutputError("; ".join(self.failures))
+
+
+class Batch(ABC, Generic[R]):
     """Scenarios that were checked and are ready to run.
 
     Attributes:
@@ -46,11 +78,12 @@ class Batch(ABC):
     suffix: ClassVar[str] = ""
 
     def __init__(
-        self, name: str, worlds: Sequence[Prepared], folder: Path, record: bool, size: int = 0
+        self, study: Study, name: str, worlds: Sequence[Prepared], folder: Path, record: bool, size: int = 0
     ) -> None:
         """Refuse what does not fit into memory, and files that cannot be written.
 
         Args:
+            study: That prepared the scenarios.
             name: Of what is run.
             worlds: The scenarios.
             folder: Where the files go; made if it is missing.
@@ -62,8 +95,7 @@ class Batch(ABC):
             OSError: The files cannot be written.
         """
         refuse_excess(worlds, recorded=record)
-        self.name, self.worlds, self.folder, self._record = name, worlds, folder, record
-        self._simulation: Simulation | None = None
+        self._study, self.name, self.worlds, self.folder, self._record = study, name, worlds, folder, record
         refuse_unwritable(self.files, size, ", or shorten target.path")
 
     @property
@@ -80,92 +112,53 @@ class Batch(ABC):
         """How many control ticks the scenarios take together."""
         return sum(one.reference.ticks for one in self.worlds)
 
-    def compile(self) -> Simulation:
+    def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        if self._simulation is None:
-            self._simulation = Simulation(self.worlds)
-        return self._simulation
+        self._study.compile(self.worlds)
 
-    @abstractmethod
-    def _recording(self) -> tuple[Recording, Callable[[int, Run], None]]:
-        """Return a new recording, and what writes a block of ticks of a scenario to it."""
+    def run(self, on_ticks: OnTicks | None = None) -> Left[R]:
+        """Run all of it, to the end, to divergence or to Ctrl-C, and write the files whichever it was.
 
-    @contextmanager
-    def _ran(self, on_ticks: OnTicks | None) -> Iterator["Ran"]:
-        """Run all of it, to the end, to divergence or to Ctrl-C, and yield what came of it, to be written.
-
-        A recording that can no longer be written, as on a full disk, does not end the run.
+        A recording that can no longer be written, as on a full disk, does not end the run, and is given up
+        where that makes room for the other files.
 
         Args:
             on_ticks: Called with the number of ticks of each block that was finished.
         """
-        simulation = self.compile()
+        leaving, spare = Leaving(), list[Path]()
+        watchers: list[Watcher] = [lambda _, part: on_ticks(len(part))] if on_ticks else []
         with interruptible() as stop, ExitStack() as stack:
-            ran = Ran(self, stop)
+            recording: Recording | None = None
             if self._record:
                 recording, show = self._recording()
-                ran.recording = stack.enter_context(recording)
+                part_path = stack.enter_context(recording).part_path
 
-            def on_block(index: int, part: Run) -> None:
-                if ran.is_recorded:
-                    ran.is_broken = not ran.leaving.attempt(lambda: show(index, part))
-                if on_ticks is not None:
-                    on_ticks(len(part))
+                def record(index: int, part: Run) -> None:
+                    if not (spare or leaving.attempt(partial(show, index, part))):
+                        spare.append(part_path)
 
-            ran.runs = simulation.run(on_block, stop)
-            yield ran
+                watchers.insert(0, record)
+            results = tuple(map(self._scored, self._study.step(self.worlds, stop, watchers)))
+            for kinds, write in self._writers(results):
+                leaving.write([self.file(kind) for kind in kinds], write, *spare)
+            if recording is not None and not spare:
+                markdown = self._markdown(results)
+                leaving.write([self.file(".rrd")], lambda _: recording.finish(markdown))
+            files = tuple(path for path in self.files if path in leaving.files)
+            return Left(results, files, stop.is_set(), tuple(leaving.failures))
 
+    @abstractmethod
+    def _recording(self) -> tuple[Recording, Watcher]:
+        """Return a new recording, and what writes a block of ticks to it."""
 
-class Ran:
-    """What came of a batch, and what it leaves.
+    @abstractmethod
+    def _scored(self, result: Ran) -> R:
+        """Return what is left of a result."""
 
-    Attributes:
-        runs: As far as they came.
-        recording: That grew meanwhile, if there is one.
-        is_broken: Whether it could not be written to its end.
-        leaving: Writes the files.
-    """
+    @abstractmethod
+    def _writers(self, results: Sequence[R]) -> Iterator[tuple[Sequence[str], Callable[..., None]]]:
+        """Yield which other files are written together, and what takes their paths and does it."""
 
-    def __init__(self, batch: Batch, stop: threading.Event) -> None:
-        """Begin with nothing."""
-        self._batch, self._stop = batch, stop
-        self.runs = list[Run]()
-        self.recording: Recording | None = None
-        self.is_broken, self.leaving = False, Leaving()
-
-    @property
-    def is_recorded(self) -> bool:
-        """Whether there is a recording that can be written."""
-        return self.recording is not None and not self.is_broken
-
-    @property
-    def interrupted(self) -> bool:
-        """Whether Ctrl-C came."""
-        return self._stop.is_set()
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """What was written, the recording first."""
-        return tuple(path for path in self._batch.files if path in self.leaving.files)
-
-    @property
-    def failures(self) -> tuple[str, ...]:
-        """Why other files could not be written, a line each."""
-        return tuple(self.leaving.failures)
-
-    def write(self, kind: str, write: Callable[[Path], None]) -> None:
-        """Write one of the files; a broken recording is given up if that makes room."""
-        path, recording = self._batch.file(kind), self.recording
-        spare = recording.part_path if recording is not None and self.is_broken else None
-        self.leaving.write(path, lambda: write(path), spare)
-
-    def finish(self, markdown: Callable[[], str]) -> None:
-        """Add the figures to the recording, which is whole then.
-
-        Args:
-            markdown: Returns them.
-        """
-        recording = self.recording
-        if recording is not None and not self.is_broken:
-            text = markdown()
-            self.leaving.write(self._batch.file(".rrd"), lambda: recording.finish(text))
+    @abstractmethod
+    def _markdown(self, results: Sequence[R]) -> str:
+        """Return the figures that a recording shows."""

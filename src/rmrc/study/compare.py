@@ -1,22 +1,17 @@
 """Variants of a scenario from file to files: run as one batch, scored, and shown in one picture each way."""
 
-import os
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
 from pathlib import Path
 
 from rmrc.recording import unlogged
 from rmrc.results import facts
-from rmrc.results.run import Run
-from rmrc.results.scorecard import Outcome, Scorecard, check, scorecard
-from rmrc.scenario import Draft, Scenario, Variant, choices, draft_of
-from rmrc.simulation.prepare import Prepared
-from rmrc.simulation.simulation import Simulation
-from rmrc.study.batch import Batch, OnTicks, Recording
-from rmrc.study.compare_table import Row, markdown
+from rmrc.scenario import Draft, Scenario, Source, Variant, choices, draft_of
+from rmrc.simulation.simulation import Watcher
+from rmrc.study.batch import Batch, Recording
+from rmrc.study.compare_table import Compared, markdown
 from rmrc.study.filters import compile_for, filter_factor
-from rmrc.study.study import Study
+from rmrc.study.study import Ran, Study
 from rmrc.support.errors import ScenarioError
 
 # What a scenario chooses by name for its law. It states its expectations for these choices: another inverse
@@ -25,53 +20,7 @@ from rmrc.support.errors import ScenarioError
 CHOICES = tuple(f"control.{one.key}" for one in choices.CHOICES)
 
 
-@dataclass(frozen=True)
-class Compared:
-    """What one variant gave.
-
-    Attributes:
-        variant: Its label and changes.
-        run: As far as it came.
-        scorecard: Its figures.
-        outcomes: Of the expectations that count.
-        stated_for: If expectations of the scenario do not count: the choices in which the variant differs,
-            and what the scenario has there.
-        status: How it ended.
-    """
-
-    variant: Variant
-    run: Run
-    scorecard: Scorecard
-    outcomes: tuple[Outcome, ...]
-    stated_for: Mapping[str, str]
-    status: str
-
-    @property
-    def row(self) -> Row:
-        """Its row of the table."""
-        return Row(self.variant.label, self.run, self.scorecard, self.outcomes, self.stated_for)
-
-
-@dataclass(frozen=True)
-class Results:
-    """What a comparison left.
-
-    Attributes:
-        name: Of the scenario.
-        variants: In order.
-        files: Written, the recording first.
-        interrupted: Whether Ctrl-C ended it; there is no picture then.
-        failures: Why other files could not be written, a line each.
-    """
-
-    name: str
-    variants: tuple[Compared, ...]
-    files: tuple[Path, ...]
-    interrupted: bool
-    failures: tuple[str, ...] = ()
-
-
-class Comparison(Batch):
+class Comparison(Batch[Compared]):
     """Variants of a scenario that were checked and are ready to run."""
 
     kinds = (".rrd", ".json", ".png", ".svg")
@@ -79,7 +28,7 @@ class Comparison(Batch):
 
     def __init__(
         self,
-        source: str | os.PathLike[str] | Scenario | Draft,
+        source: Source,
         variants: Sequence[Variant],
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),
@@ -102,18 +51,18 @@ class Comparison(Batch):
         self._overrides = tuple(overrides)
         written = draft_of(source)
         base, self.variants = written.overridden(overrides), tuple(variants)
-        worlds = Study(base).prepare_all(self.variants)
+        study = Study(base)
+        worlds = study.prepare_all(self.variants)
         self._written = _sound(written, base)
-        super().__init__(worlds[0].scenario.name, worlds, folder, record)
+        super().__init__(study, worlds[0].scenario.name, worlds, folder, record)
 
-    def compile(self) -> Simulation:
+    def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        if self._simulation is None:
-            for one in self.worlds:
-                compile_for(one)
-        return super().compile()
+        for one in self.worlds:
+            compile_for(one)
+        super().compile()
 
-    def _recording(self) -> tuple[Recording, Callable[[int, Run], None]]:
+    def _recording(self) -> tuple[Recording, Watcher]:
         with unlogged():
             from rmrc.recording.comparison import Overlay  # with rerun, a third of a second
 
@@ -121,64 +70,49 @@ class Comparison(Batch):
         overlay = Overlay(self.file(".rrd"), self.name, worlds)
         return overlay, overlay.write
 
-    def run(self, on_ticks: OnTicks | None = None) -> Results:
-        """Run all variants to the end, to divergence or to Ctrl-C, and write the files whichever it was.
+    def _writers(self, results: Sequence[Compared]) -> Iterator[tuple[Sequence[str], Callable[..., None]]]:
+        yield [".json"], lambda path: self._save_facts(path, results)
+        if any(len(one.run) for one in results) and not results[0].interrupted:
+            # which takes longer than one waits after Ctrl-C
+            yield [".png", ".svg"], lambda *paths: self._draw(results, paths)
 
-        Args:
-            on_ticks: Called with the number of ticks of each block that was finished.
-        """
-        with self._ran(on_ticks) as ran:
-            triples = zip(self.variants, self.worlds, ran.runs, strict=True)
-            found = tuple(self._scored(*one, ran.interrupted) for one in triples)
-            ran.write(".json", lambda path: self._save_facts(path, found))
-            if not ran.interrupted:  # which takes longer than one waits after Ctrl-C
-                is_drawn = ran.leaving.attempt(lambda: self._draw(ran.runs)) and any(map(len, ran.runs))
-                ran.leaving.files += [self.file(kind) for kind in (".png", ".svg") if is_drawn]
-            ran.finish(lambda: markdown([one.row for one in found]))
-        return Results(self.name, found, ran.files, ran.interrupted, ran.failures)
+    def _markdown(self, results: Sequence[Compared]) -> str:
+        return markdown(results)
 
-    def _draw(self, runs: Sequence[Run]) -> None:
-        """Draw the filters; without a tick of any run there is nothing to draw."""
+    def _draw(self, results: Sequence[Compared], paths: Sequence[Path]) -> None:
+        """Draw the filters of those that have a tick."""
         from rmrc.study.filter_figure import filter_factors  # with matplotlib, half a second
 
-        curves = [
-            (variant.label, filter_factor(prepared, run))
-            for variant, prepared, run in zip(self.variants, self.worlds, runs, strict=True)
-            if len(run)
-        ]
-        if curves:
-            filter_factors(self.name, curves, [self.file(".png"), self.file(".svg")])
+        ran = [one for one in results if len(one.run)]
+        curves = [(one.variant.label, filter_factor(one.prepared, one.run)) for one in ran]
+        filter_factors(self.name, curves, paths)
 
-    def _save_facts(self, path: Path, compared: Sequence[Compared]) -> None:
+    def _save_facts(self, path: Path, results: Sequence[Compared]) -> None:
         known = [
             {
                 "label": one.variant.label,
                 "overrides": [str(change) for change in one.variant.changes],
                 "expected_of_others": one.stated_for,
-                **facts.run_facts(one.status, one.run, one.scorecard, one.outcomes, prepared.scenario),
+                **one.facts(),
             }
-            for one, prepared in zip(compared, self.worlds, strict=True)
+            for one in results
         ]
         about = {"name": self.name, "overrides": self._overrides, "variants": known}
         facts.save(path, about, "matplotlib")
 
-    def _scored(self, variant: Variant, prepared: Prepared, run: Run, interrupted: bool) -> Compared:
-        card, one = scorecard(run), prepared.scenario
-        differs = {
-            key: as_written
-            for key, as_written in _choices(self._written).items()
-            if _choices(one)[key] != as_written
-        }
+    def _scored(self, result: Ran) -> Compared:
+        one, own = result.prepared.scenario, self._written
+        chosen = _choices(one)
+        differs = {key: written for key, written in _choices(own).items() if chosen[key] != written}
         # what `--set` or `--vary` expects is asked of the variants as they are
-        expect = {
-            name: wanted
-            for name, wanted in one.expect.items()
-            if not differs or self._written.expect.get(name) != wanted
-        }
-        stated_for = differs if len(expect) < len(one.expect) else {}
-        outcomes = tuple(check(card, expect))
-        status = facts.status_of(run.divergence, run.is_complete, interrupted)
-        return Compared(variant, run, card, outcomes, stated_for, status)
+        outcomes = tuple(
+            outcome
+            for (name, wanted), outcome in zip(one.expect.items(), result.outcomes, strict=True)
+            if not differs or own.expect.get(name) != wanted
+        )
+        stated_for = differs if len(outcomes) < len(one.expect) else {}
+        known = vars(result) | {"outcomes": outcomes}
+        return Compared(**known, variant=self.variants[result.index], stated_for=stated_for)
 
 
 def _sound(written: Draft, base: Draft) -> Scenario:

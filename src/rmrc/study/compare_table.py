@@ -2,15 +2,17 @@
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 
 from rmrc.results.run import Run
-from rmrc.results.scorecard import Outcome, Scorecard, joint_changes
+from rmrc.results.scorecard import joint_changes
+from rmrc.scenario import Variant
 from rmrc.scenario.choices import Status
 from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
+from rmrc.study.study import Ran
 
 # A joint that comes back so far from where it started has flipped [rad]; a sliding one by that share of the
 # characteristic length. Tracking errors are a hundred times less, an elbow on its other side is far beyond.
@@ -38,26 +40,21 @@ _FIGURES = (
 _TIMES = "status_time."
 
 
-class Row(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class Compared(Ran):
     """What one variant gave.
 
     Attributes:
-        label: Of the variant.
-        run: As far as it came.
-        card: Its figures.
-        outcomes: Of the expectations that count.
-        stated_for: If some do not count: the keys in which the variant differs from what they were stated
-            for, and what the scenario has there.
+        variant: Its label and changes.
+        stated_for: If some expectations of the scenario do not count: the choices in which the variant
+            differs, and what the scenario has there.
     """
 
-    label: str
-    run: Run
-    card: Scorecard
-    outcomes: Sequence[Outcome]
-    stated_for: Mapping[str, str] = {}
+    variant: Variant
+    stated_for: Mapping[str, str]
 
 
-def sheets(name: str, rows: Sequence[Row]) -> list[Sheet]:
+def sheets(name: str, rows: Sequence[Compared]) -> list[Sheet]:
     """Return the table for a terminal, below the name and above what there is to note.
 
     Args:
@@ -77,7 +74,7 @@ def _over(column: "_Column") -> str:
     return "\n".join([column.title, "\nor ".join(column.units)]) if column.units else column.title
 
 
-def markdown(rows: Sequence[Row]) -> str:
+def markdown(rows: Sequence[Compared]) -> str:
     """Return the same as markdown, one table for each group: the recording has little room.
 
     Args:
@@ -123,16 +120,16 @@ class _Column(NamedTuple):
     words: bool = False
 
 
-def _columns(rows: Sequence[Row]) -> tuple[_Column, list[list[_Column]]]:
+def _columns(rows: Sequence[Compared]) -> tuple[_Column, list[list[_Column]]]:
     """Return the names of the variants, and the columns in groups: what any row has, and what any row did."""
     groups = []
     for titles in _FIGURES:
         group = []
         for figure, title in titles.items():
-            cards = [row.card for row in rows if figure in row.card]
+            cards = [row.scorecard for row in rows if figure in row.scorecard]
             units = [unit for card in cards for unit in card[figure].unit.split(" or ")]
             is_time = figure.startswith(_TIMES)
-            if units and not (is_time and all(row.card[figure].value == 0.0 for row in rows)):
+            if units and not (is_time and all(row.scorecard[figure].value == 0.0 for row in rows)):
                 known = ["of limit" if unit == "1" else unit for unit in dict.fromkeys(units)]
                 group.append(_Column(title, known, [_figure(row, figure) for row in rows]))
         groups.append(group)
@@ -144,24 +141,24 @@ def _columns(rows: Sequence[Row]) -> tuple[_Column, list[list[_Column]]]:
     return variants, [group for group in (*groups, ends) if group]
 
 
-def _notes(rows: Sequence[Row]) -> list[str]:
+def _notes(rows: Sequence[Compared]) -> list[str]:
     """Return why some expectations are not counted, if so."""
     wanted = dict.fromkeys(pair for row in rows for pair in row.stated_for.items())
     law = " and ".join(f"{key}={value}" for key, value in wanted)
     return [f'"-": what the scenario expects is for {law} and is not counted for others.'] if wanted else []
 
 
-def _figure(row: Row, figure: str) -> str:
-    return number(float(row.card[figure].value)) if figure in row.card else UNDEFINED
+def _figure(row: Compared, figure: str) -> str:
+    return number(float(row.scorecard[figure].value)) if figure in row.scorecard else UNDEFINED
 
 
-def _label(row: Row) -> str:
+def _label(row: Compared) -> str:
     """Return the label, and below it how far the run came if that was not to the end."""
     if row.run.divergence:
-        return f"{row.label}\ndiverged at {row.run.divergence.time:.3f} s"
-    return row.label if row.run.is_complete else f"{row.label}\nunfinished"
+        return f"{row.variant.label}\ndiverged at {row.run.divergence.time:.3f} s"
+    return row.variant.label if row.run.is_complete else f"{row.variant.label}\nunfinished"
 
 
-def _expect(row: Row) -> str:
+def _expect(row: Compared) -> str:
     missed = sum(not outcome.ok for outcome in row.outcomes)
     return (f"missed {missed}" if missed else "met") if row.outcomes else UNDEFINED

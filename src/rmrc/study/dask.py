@@ -25,8 +25,8 @@ from typing import Any, NamedTuple, cast
 
 from rmrc.results import facts
 from rmrc.scenario import inline
-from rmrc.study.bundle import Parcel, Unpacked
 from rmrc.study.executors import Crew, Work
+from rmrc.study.parcel import Parcel, Unpacked
 from rmrc.study.study import Checked
 from rmrc.support.errors import ClusterError, RmrcError, ScenarioError
 
@@ -41,6 +41,7 @@ _AT_ONCE = 100
 # Parcels that a worker keeps, with their models: of this sweep and of the one before.
 _KEPT = 2
 _GOES_ON = "the rows so far are kept, and the same command goes on"
+_LOST = f"the scheduler is lost; {_GOES_ON}"
 # Who speaks on stderr of what we tell in a line.
 _TALKERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 
@@ -106,15 +107,11 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
                 client = Client(at, timeout=_ANSWER, set_as_default=False, loop=loop)
                 stack.callback(_closed, client.close, _ANSWER)
         except TypeError:  # of tls:// without the files that it needs
-            raise ClusterError(
-                f"--cluster {address.text}: needs certificates; "
-                "set distributed.comm.tls in Dask's configuration"
-            ) from None
+            told = "needs certificates; set distributed.comm.tls in Dask's configuration"
+            raise _refused(address, told) from None
         except (OSError, ValueError, asyncio.CancelledError) as error:
-            raise ClusterError(
-                f"--cluster {address.text}: no Dask scheduler answers there ({_brief(error)}); start one "
-                "with `dask scheduler`, or look whether a firewall is between"
-            ) from None
+            told = f"no Dask scheduler answers there ({_brief(error)}); start one with `dask scheduler`, "
+            raise _refused(address, f"{told}or look whether a firewall is between") from None
         crew = _Cluster(client, address)
         crew.wait_for_workers()
         crew.refuse_unlike()
@@ -135,9 +132,18 @@ class _Cluster:
     """The workers of a cluster."""
 
     def __init__(self, client: Any, address: Address) -> None:
-        self._client, self._address, self._place = client, address, f"--cluster {address.text}"
-        self._like = _likeness()
+        self._client, self._address, self._like = client, address, _likeness()
         self._room, self._looked, self._there = 2, 0.0, time.monotonic()
+
+    @contextmanager
+    def _reaching(self) -> Iterator[None]:
+        """Say of a scheduler that does not answer any more that it is lost."""
+        try:
+            yield
+        except RmrcError:
+            raise
+        except (OSError, RuntimeError):
+            raise _refused(self._address, _LOST) from None
 
     def wait_for_workers(self) -> None:
         patience = _GONE if self._address.here else _WORKERS
@@ -145,37 +151,26 @@ class _Cluster:
             self._client.wait_for_workers(1, timeout=patience)
         except TimeoutError:
             way_out = "" if self._address.here else f"; start some with `dask worker {self._address.text}`"
-            raise ClusterError(f"{self._place}: has no workers after {patience:.0f} s{way_out}") from None
+            raise _refused(self._address, f"has no workers after {patience:.0f} s{way_out}") from None
         except (OSError, RuntimeError):
-            raise self._lost() from None
+            raise _refused(self._address, _LOST) from None
 
     def refuse_unlike(self) -> None:
         """Refuse workers that lack something, or have it in another version, and a scheduler without rmrc."""
-        try:
-            self._client.run_on_scheduler(metadata.version, "rmrc")
-        except metadata.PackageNotFoundError:
-            raise ClusterError(f"{self._place}: {_nothing('the scheduler')}") from None
-        except (OSError, RuntimeError):
-            raise self._lost() from None
-        try:
+        with self._reaching():
+            try:
+                self._client.run_on_scheduler(metadata.version, "rmrc")
+            except metadata.PackageNotFoundError:
+                raise _refused(self._address, _nothing("the scheduler")) from None
             # known everywhere, as it comes with Python
-            lack = self._client.run(metadata.version, "rmrc", on_error="return")
-            for name, version in lack.items():
-                if isinstance(version, Exception):
-                    raise ClusterError(f"{self._place}: {_nothing(f'worker {name}')}")
-            theirs = self._client.run(_likeness, on_error="return")
-        except (OSError, RuntimeError) as error:
-            if isinstance(error, ClusterError):
-                raise
-            raise self._lost() from None
+            versions = self._client.run(metadata.version, "rmrc", on_error="return")
+            lacking = {name: one for name, one in versions.items() if isinstance(one, Exception)}
+            theirs: dict[str, Any] = lacking or self._client.run(_likeness, on_error="return")
         for name, found in theirs.items():
-            problem = (
-                _nothing(f"worker {name}")
-                if isinstance(found, Exception)
-                else _unlike(name, found, self._like)
-            )
+            lacks = isinstance(found, Exception)
+            problem = _nothing(f"worker {name}") if lacks else _unlike(name, found, self._like)
             if problem:
-                raise ClusterError(f"{self._place}: {problem}")
+                raise _refused(self._address, problem)
 
     @property
     def room(self) -> int:
@@ -183,15 +178,11 @@ class _Cluster:
         now = time.monotonic()
         if now - self._looked > 1.0:
             self._looked = now
-            try:
+            with self._reaching():
                 threads = sum(self._client.nthreads(callback_timeout=_ANSWER).values())
-            except (OSError, RuntimeError):
-                raise self._lost() from None
             self._there = now if threads else self._there
             if now - self._there > _GONE:
-                raise ClusterError(
-                    f"{self._place}: has had no workers for {_GONE:.0f} s; start some; {_GOES_ON}"
-                )
+                raise _refused(self._address, f"has had no workers for {_GONE:.0f} s; start some; {_GOES_ON}")
             self._room = max(2, 2 * threads)
         return self._room
 
@@ -203,10 +194,8 @@ class _Cluster:
         return self._client.submit(_same, value, pure=False)
 
     def submit(self, work: object, pieces: Sequence[range], _: threading.Event) -> Iterable[Any]:
-        try:
+        with self._reaching():
             futures: list[Any] = self._client.map(_work, pieces, sent=self._sent, work=work, pure=False)
-        except (OSError, RuntimeError):
-            raise self._lost() from None
         return futures
 
     def ended(self, running: Mapping[Any, range]) -> Iterator[tuple[Any, Any]]:
@@ -241,32 +230,27 @@ class _Cluster:
     def _result(self, future: Any, indices: range) -> Any:
         from distributed import KilledWorker
 
+        which = f"runs {indices.start} to {indices.stop - 1}"
         try:
             return future.result()
         except ClusterError as error:
-            raise ClusterError(f"{self._place}: {error}; {_GOES_ON}") from None
+            raise _refused(self._address, f"{error}; {_GOES_ON}") from None
         except RmrcError:
             raise
         except KilledWorker:
-            raise ClusterError(
-                f"{self._place}: runs {indices.start} to {indices.stop - 1} ended each worker that began "
-                f"with them; look whether its memory is enough; {_GOES_ON}"
-            ) from None
+            told = f"{which} ended each worker that began with them; look whether its memory is enough"
         except (ImportError, AttributeError) as error:  # on a worker that came later
             self.refuse_unlike()
-            raise ClusterError(
-                f"{self._place}: a worker cannot load rmrc ({_brief(error)}); {_GOES_ON}"
-            ) from None
+            told = f"a worker cannot load rmrc ({_brief(error)})"
         except (OSError, MemoryError, CancelledError, asyncio.CancelledError) as error:
             if getattr(future, "status", "") != "error":
-                raise self._lost() from None
-            raise ClusterError(  # such as a disk that is full there
-                f"{self._place}: a worker could not do runs {indices.start} to {indices.stop - 1} "
-                f"({_brief(error)}); {_GOES_ON}"
-            ) from None
+                raise _refused(self._address, _LOST) from None
+            told = f"a worker could not do {which} ({_brief(error)})"  # such as a disk that is full there
+        raise _refused(self._address, f"{told}; {_GOES_ON}")
 
-    def _lost(self) -> ClusterError:
-        return ClusterError(f"{self._place}: the scheduler is lost; {_GOES_ON}")
+
+def _refused(address: Address, text: str) -> ClusterError:
+    return ClusterError(f"--cluster {address.text}: {text}")
 
 
 def _brief(error: BaseException) -> str:

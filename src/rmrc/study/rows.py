@@ -12,7 +12,7 @@ import numpy as np
 
 from rmrc.arm import Arm
 from rmrc.results import facts
-from rmrc.results.scorecard import Figure, check
+from rmrc.results.scorecard import Figure
 from rmrc.scenario import Scenario, angle, inline, schema_rows
 from rmrc.scenario.keys import split
 from rmrc.simulation.prepare import Prepared
@@ -116,14 +116,13 @@ class AsRows:
 
     def row(self, one: Result) -> dict[str, Any]:
         """Return the row of a result, with the values of its keys as they were given."""
-        expect = one.prepared.scenario.expect
         values = {name: figure.value for name, figure in one.scorecard.figures.items()}
-        met = all(outcome.ok for outcome in check(one.scorecard, expect)) if expect else None
+        met = all(outcome.ok for outcome in one.outcomes) if one.outcomes else None
         return {
             "index": one.index,
             **self._plan.values(one.index),
             "seed": self._plan.run_seed(one.index),
-            "status": facts.status_of(one.divergence, values["completed"] == 1.0),
+            "status": one.status,
             "divergence": one.divergence and str(one.divergence),
             "met": met,
             # an undefined name is none

@@ -1,28 +1,30 @@
 """A study: variants of one scenario, checked and run in pieces; each is to the bit what it is alone.
 
-    variants --check--> Checked                               every problem of every variant, at once
-    variants, a piece of them --results--> Result, one each --reduce, where they ran--> payload --Sink, here
+    variants --prepare_all--> worlds --compile--> --step, watched--> Result, one each       a few, here
+    variants --check--> Checked, and in pieces --step--> Result, one each --reduce, where they ran-->
+        payload --Sink, here                                                              many, by a crew
 
-`run` is a study of one, `compare` of a few, `sweep` of thousands, and `tune` asks one for what it tries next.
-Who works on the pieces is a crew of `rmrc.study.executors`, of threads or of other machines.
+`run` and `statics --hold` are a study of one, `compare` of a few, `sweep` of thousands, and `tune` asks one
+for what it tries next. Watchers see the ticks of a few: progress, a recording, a rule that ends them. Who
+works on the pieces of many is a crew of `rmrc.study.executors`, of threads or of other machines.
 """
 
 import math
-import os
 import sys
 import threading
 from collections.abc import Callable, Iterable, Sequence
 from contextlib import closing, suppress
-from dataclasses import dataclass, field
-from typing import Generic, Protocol, TypeVar
+from dataclasses import asdict, dataclass, field
+from typing import Any, Generic, Protocol, TypeVar
 
 from rmrc.plants.batches import Batches
 from rmrc.results.columns import Divergence
-from rmrc.results.scorecard import Scorecard, refuse_unknown
-from rmrc.scenario import Change, Draft, Scenario, Variant, draft_of
+from rmrc.results.run import Run
+from rmrc.results.scorecard import Outcome, Scorecard, check, refuse_unknown
+from rmrc.scenario import Change, Draft, Scenario, Source, Variant, draft_of
 from rmrc.simulation.footprint import Footprint, footprint
 from rmrc.simulation.prepare import Cache, Prepared, prepare
-from rmrc.simulation.simulation import Simulation
+from rmrc.simulation.simulation import Simulation, Watcher
 from rmrc.study.executors import Crew, done
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
@@ -104,13 +106,47 @@ class Result:
         index: Of the variant.
         prepared: What was run.
         scorecard: Its figures.
+        outcomes: Of the expectations that count: all that its scenario has.
         divergence: Where it diverged.
+        interrupted: Whether the runs were ended from outside.
     """
 
     index: int
     prepared: Prepared
     scorecard: Scorecard
+    outcomes: tuple[Outcome, ...]
     divergence: Divergence | None
+    interrupted: bool
+
+    @property
+    def status(self) -> str:
+        """How it ended: `complete`, `diverged`, `interrupted`, or `unfinished` where its time was up."""
+        if self.divergence:
+            return "diverged"
+        if self.scorecard["completed"].value == 1.0:
+            return "complete"
+        return "interrupted" if self.interrupted else "unfinished"
+
+    def facts(self) -> dict[str, Any]:
+        """Return what is known about it, ready for strict JSON."""
+        return {
+            "status": self.status,
+            "divergence": self.divergence and asdict(self.divergence),
+            "scorecard": self.scorecard.nested(),
+            "expect": [outcome.facts() for outcome in self.outcomes],
+            "scenario": self.prepared.scenario.model_dump(mode="json"),
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Ran(Result):
+    """A result with all its ticks.
+
+    Attributes:
+        run: They, as far as it came.
+    """
+
+    run: Run
 
 
 class Reduce(Protocol[P_co]):
@@ -205,14 +241,15 @@ class Study:
     one thread prepares at a time.
     """
 
-    def __init__(self, base: str | os.PathLike[str] | Scenario | Draft) -> None:
+    def __init__(self, base: Source, cache: Cache | None = None) -> None:
         """Keep what all variants share.
 
         Args:
             base: The scenario, its file, or a draft, which may be wrong as long as the variants are not.
+            cache: What was found out before, such as the arm.
         """
         self._base = base if isinstance(base, Scenario) else draft_of(base)
-        self._cache, self._batches = Cache(), Batches()
+        self._cache, self._batches = cache or Cache(), Batches()
         self._lock = threading.Lock()
         self._kept: dict[int, Prepared] = {}
         if isinstance(self._base, Draft):
@@ -233,6 +270,17 @@ class Study:
         refuse_unknown(prepared.scenario, prepared.arm.joints)
         return prepared
 
+    def _sound(self, index: int, changes: Sequence[Change], found: "Checked") -> Prepared | None:
+        """Return a variant, or None: what is wrong with it is among what was found then."""
+        try:
+            return self.prepare(changes)
+        except ScenarioError as error:
+            for problem in error.problems:
+                found.refuse(problem, (index,), 1, sys.maxsize)
+            return None
+
+    # A few variants, here --------------------------------------------------------------------
+
     def prepare_all(self, variants: Sequence[Variant], kind: str = "variant") -> list[Prepared]:
         """Return a few variants, checked and ready to run.
 
@@ -243,15 +291,46 @@ class Study:
         Raises:
             ScenarioError: All that is wrong with all of them; what is wrong with each is told once.
         """
-        prepared, found = list[Prepared](), Checked()
-        for index, variant in enumerate(variants):
-            try:
-                prepared.append(self.prepare(variant.changes))
-            except ScenarioError as error:
-                for problem in error.problems:
-                    found.refuse(problem, (index,), 1, sys.maxsize)
+        found = Checked()
+        worlds = [self._sound(index, variant.changes, found) for index, variant in enumerate(variants)]
         found.raise_any(Listed(variants, kind))
-        return prepared
+        return [one for one in worlds if one is not None]
+
+    def compile(self, worlds: Sequence[Prepared]) -> None:
+        """Load the compiled law, or compile it the first time, which takes seconds.
+
+        Args:
+            worlds: That will be run, or one for each kind of them.
+        """
+        Simulation(worlds, keep_columns=False, batches=self._batches).release()
+
+    def step(
+        self,
+        worlds: Sequence[Prepared],
+        stop: threading.Event | None = None,
+        watchers: Sequence[Watcher] = (),
+    ) -> list[Ran]:
+        """Return what comes of a few variants, stepped as one batch on this thread, with all their ticks.
+
+        Args:
+            worlds: The variants.
+            stop: Once it is set, the runs end.
+            watchers: Called with each block of ticks, one after another.
+
+        Raises:
+            ScenarioError: They do not fit into memory.
+        """
+
+        def watch(index: int, part: Run) -> None:
+            for watcher in watchers:
+                watcher(index, part)
+
+        stop, simulation = stop or threading.Event(), Simulation(worlds, batches=self._batches)
+        runs = simulation.run(watch if watchers else None, stop)
+        results = _results(simulation, range(len(worlds)), worlds, stop)
+        return [Ran(**vars(one), run=run) for one, run in zip(results, runs, strict=True)]
+
+    # Many variants, by a crew ----------------------------------------------------------------
 
     def check(self, variants: Variants, crew: Crew, on_runs: OnRuns | None = None) -> Checked:
         """Check every variant before the first one starts.
@@ -290,11 +369,8 @@ class Study:
             for index in piece:
                 if stop.is_set():
                     return None
-                try:
-                    one = self.prepare(variants.changes(index))
-                except ScenarioError as error:
-                    for problem in error.problems:
-                        found.refuse(problem, (index,), 1, sys.maxsize)
+                one = self._sound(index, variants.changes(index), found)
+                if one is None:
                     continue
                 found.add(index, one)
                 if len(self._kept) < _KEPT and not one.scenario.arm.stretch:  # stretched arms are large
@@ -319,11 +395,7 @@ class Study:
                 return []
             simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
         simulation.step(stop=stop)
-        simulation.release()
-        if stop.is_set():
-            return []
-        cards, ends = simulation.scorecards(), simulation.divergences()
-        return [Result(*one) for one in zip(piece, prepared, cards, ends, strict=True)]
+        return [] if stop.is_set() else _results(simulation, piece, prepared, stop)
 
     def run(self, variants: Variants, crew: Crew, into: Sink[P], stop: threading.Event) -> None:
         """Run what is missing in a sink; when it is stopped, what has ended is kept.
@@ -338,6 +410,18 @@ class Study:
         with closing(done(crew, work, iter(into.missing()), stop)) as found:
             for piece, payload in found:
                 into.keep(piece, payload)
+
+
+def _results(
+    simulation: Simulation, indices: Iterable[int], worlds: Sequence[Prepared], stop: threading.Event
+) -> list[Result]:
+    """Return what a simulation came to, which lets go of what it was lent."""
+    simulation.release()
+    cards, ends = simulation.scorecards(), simulation.divergences()
+    return [
+        Result(index, one, card, tuple(check(card, one.scenario.expect)), end, stop.is_set())
+        for index, one, card, end in zip(indices, worlds, cards, ends, strict=True)
+    ]
 
 
 # What a crew does with the pieces of a study: pickled, for crews of other machines ------------------

@@ -13,15 +13,14 @@ from typing import Any, Self, cast
 
 from rmrc.results import facts
 from rmrc.results.leaving import refuse_unwritable
-from rmrc.scenario import Change, Draft, Problems, Scenario, draft_of
+from rmrc.scenario import Change, Problems, Source, draft_of
 from rmrc.simulation.footprint import Footprint
 from rmrc.simulation.prepare import Prepared
-from rmrc.simulation.simulation import Simulation
 from rmrc.study import dask as clusters
-from rmrc.study.bundle import Parcel, pack
 from rmrc.study.dataset import Contents, Dataset
 from rmrc.study.executors import Crew
 from rmrc.study.executors import threads as in_threads
+from rmrc.study.parcel import Parcel, pack
 from rmrc.study.picks import Choice, chosen
 from rmrc.study.plan import plan_of
 from rmrc.study.rows import AsRows, digest, figure_columns, fingerprint, last_columns, own_columns
@@ -54,12 +53,10 @@ class Swept:
     """What a sweep left.
 
     Attributes:
-        contents: What the dataset holds when it is whole.
         done: Runs that have their rows, from before as well.
         interrupted: Whether Ctrl-C ended it.
     """
 
-    contents: Contents
     done: int
     interrupted: bool
 
@@ -93,7 +90,7 @@ class Sweep:
 
     def __init__(
         self,
-        source: str | os.PathLike[str] | Scenario | Draft,
+        source: Source,
         overrides: Sequence[str] = (),
         folder: Path = Path("recordings"),
         threads: int | None = None,
@@ -233,7 +230,7 @@ class Sweep:
 
     def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        Simulation([self._prepare(0)], keep_columns=False)
+        self._study.compile([self._prepare(0)])
 
     def check(self, on_runs: OnRuns | None = None) -> Contents:
         """Check every run before the first one starts, unless that was done before.
@@ -296,7 +293,7 @@ class Sweep:
             if not (stop.is_set() or self.dataset.is_whole):
                 self.dataset.merge(contents)
         self.dataset.clear()
-        return Swept(contents, self.done, stop.is_set())
+        return Swept(self.done, stop.is_set())
 
     def summary(self) -> Summary:
         """Return what the rows say that are there."""

@@ -6,20 +6,14 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
-from rmrc.results.leaving import OutputError
 from rmrc.results.run import Run
-from rmrc.scenario import Draft, Scenario, draft_of, grid
-from rmrc.simulation.footprint import refuse_excess
-from rmrc.simulation.simulation import Simulation
+from rmrc.scenario import Source, draft_of, grid
 from rmrc.study.compare import Comparison
 from rmrc.study.dataset import Table
 from rmrc.study.run import Job
-from rmrc.study.study import Study
+from rmrc.study.study import Ran, Study
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
-
-Source: TypeAlias = Scenario | Draft | str | os.PathLike[str]
-"""A scenario, its file, or the name of a shipped one."""
 
 Values: TypeAlias = Mapping[str, Iterable[object]]
 """Values of keys, such as `{"control.feedback": [5, 10]}`, each as a file would have it."""
@@ -49,12 +43,11 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
         'm'
     """
     if out is None:
-        prepared = Study(scenario).prepare()
-        refuse_excess([prepared])
-        return Simulation([prepared]).run()[0]
-    ended = Job(draft_of(scenario).scenario(), Path(out), record).run()
-    _raise_any(ended.failures, ended.interrupted)
-    return ended.run
+        study = Study(scenario)
+        return study.step([study.prepare()])[0].run
+    left = Job(scenario, Path(out), record).run()
+    left.raise_any()
+    return left.results[0].run
 
 
 def compare(
@@ -83,15 +76,15 @@ def compare(
         ['inverse', 'damped']
     """
     variants = grid(vary)
+    results: Sequence[Ran]
     if out is None:
-        prepared = Study(scenario).prepare_all(variants)
-        refuse_excess(prepared)
-        runs = Simulation(prepared).run()
+        study = Study(scenario)
+        results = study.step(study.prepare_all(variants))
     else:
-        results = Comparison(scenario, variants, folder=Path(out), record=record).run()
-        _raise_any(results.failures, results.interrupted)
-        runs = [one.run for one in results.variants]
-    return {variant.label: one for variant, one in zip(variants, runs, strict=True)}
+        left = Comparison(scenario, variants, folder=Path(out), record=record).run()
+        left.raise_any()
+        results = left.results
+    return {variant.label: one.run for variant, one in zip(variants, results, strict=True)}
 
 
 def sweep(
@@ -158,19 +151,6 @@ def sweep(
     one = one.set({f"sweep.{key}": value for key, value in section.items() if value is not None})
     with TemporaryDirectory(prefix="rmrc-") as kept:
         with Sweep(one, (), Path(kept if out is None else out), threads, cluster) as work:
-            interrupted = work.run(on_runs).interrupted
-        _raise_any((), interrupted)
+            if work.run(on_runs).interrupted:
+                raise KeyboardInterrupt
         return work.dataset.table()
-
-
-def _raise_any(failures: Sequence[str], interrupted: bool) -> None:
-    """Raise what a verb says on stderr.
-
-    Raises:
-        OutputError: Files could not be written.
-        KeyboardInterrupt: There was one.
-    """
-    if interrupted:
-        raise KeyboardInterrupt
-    if failures:
-        raise OutputError("; ".join(failures))

@@ -54,7 +54,7 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
             "--copies", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"
         )
     # positions place the joints that are not driven as in `home`, which must be where the keyframe has them
-    placed = arm.configuration(nominal.qpos[arm.wiring.qpos])
+    placed = arm.at(arm.configuration("home")).configuration(nominal.qpos[arm.wiring.qpos])
     if joints and count and not np.array_equal(placed, nominal.qpos):
         raise ScenarioError.about(
             "--start",

@@ -2,13 +2,13 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import NamedTuple
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from rmrc.show.figures import MARKERS, plain, save
 from rmrc.show.palette import BLACK, distinct, mix
+from rmrc.tuning.tables import Row
 
 # What has a name: drawn large, and told apart without colors.
 _NAMED = {"recommended": ("*", 15.0), "second best": ("D", 13.0), "as written": ("X", 13.0)}
@@ -16,27 +16,11 @@ _NAMED = {"recommended": ("*", 15.0), "second best": ("D", 13.0), "as written": 
 _ROOM = 4.0
 
 
-class Mark(NamedTuple):
-    """A setting that has a name.
-
-    Attributes:
-        name: `recommended`, `second best` or `as written`.
-        words: Its method.
-        peak_rate: [rad/s].
-        error: [m].
-    """
-
-    name: str
-    words: str
-    peak_rate: float
-    error: float
-
-
 def draw_front(
     name: str,
-    points: Sequence[tuple[str, float, float]],
-    front: Sequence[tuple[float, float]],
-    marks: Sequence[Mark],
+    points: Sequence[Row],
+    front: Sequence[Row],
+    marks: Sequence[Row],
     limits: Sequence[float],
     path: Path,
 ) -> None:
@@ -44,23 +28,22 @@ def draw_front(
 
     Args:
         name: Of the scenario.
-        points: Method, peak rate [rad/s] and error [m] of each feasible setting.
-        front: Peak rate and error of those that none dominates, by rising peak rate.
-        marks: What has a name, the most important first.
+        points: Each feasible setting, in words its method.
+        front: Those that none dominates, by rising peak rate.
+        marks: Those that have a name, the most important first.
         limits: Rate limits of the joints [rad/s].
         path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
     """
     figure = Figure(figsize=(9.0, 5.4), layout="constrained")
     axes = figure.add_subplot(yscale="log")
-    methods = sorted({method for method, _, _ in points})
+    methods = sorted({one.words for one in points})
     for i, (color, method) in enumerate(zip(distinct(len(methods)), methods, strict=True)):
-        own = [(rate, error) for which, rate, error in points if which == method]
         axes.plot(
-            *zip(*own, strict=True), linestyle="",
+            *_steps([one for one in points if one.words == method]), linestyle="",
             marker=MARKERS[i % len(MARKERS)], markersize=4.5, alpha=0.55,
             color=f"#{mix(color, BLACK, 0.15) >> 8:06x}", markeredgewidth=0.0, label=plain(method),
         )  # fmt: skip
-    axes.step(*zip(*front, strict=True), where="post", color="black", linewidth=1.3, label="front", zorder=3)
+    axes.step(*_steps(front), where="post", color="black", linewidth=1.3, label="front", zorder=3)
     for i, mark in enumerate(marks):  # the first on top
         shape, size = _NAMED[mark.name]
         axes.plot(
@@ -74,18 +57,21 @@ def draw_front(
     save(figure, [path])
 
 
-def _frame(
-    axes: Axes, points: Sequence[tuple[str, float, float]], marks: Sequence[Mark], limits: Sequence[float]
-) -> None:
+def _steps(rows: Sequence[Row]) -> tuple[list[float], list[float]]:
+    """Return peak rates and errors."""
+    return [one.peak_rate for one in rows], [one.error for one in rows]
+
+
+def _frame(axes: Axes, points: Sequence[Row], marks: Sequence[Row], limits: Sequence[float]) -> None:
     """Set ranges around what matters, draw limits that are within them, and name the axes."""
     # a log scale has no 0: an arm that holds still in an ideal plant has no error
-    errors = [error for error in (*(e for _, _, e in points), *(m.error for m in marks)) if error > 0.0]
+    errors = [one.error for one in (*points, *marks) if one.error > 0.0]
     top = _ROOM * max(mark.error for mark in marks)
     if top > 0.0:
         axes.set_ylim(0.7 * min(errors), top)
     else:
         axes.set_yscale("linear")
-    within = [rate for _, rate, error in points if error <= top] + [mark.peak_rate for mark in marks]
+    within = [one.peak_rate for one in (*points, *marks) if one.error <= top]
     margin = 0.06 * (max(within) - min(within)) or 0.1 * max(within) or 1.0
     drawn = [limit for limit in limits if limit <= 1.5 * max(within)]
     axes.set_xlim(min(within) - margin, max(*within, *drawn) + margin)

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from rmrc.results.leaving import refuse_unwritable
-from rmrc.scenario import Draft, Scenario, Variant, block, changes_of, draft_of
+from rmrc.scenario import Source, Variant, block, changes_of, draft_of
 from rmrc.simulation.footprint import footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
-from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import Column, write_table
 from rmrc.study.study import OnRuns, Study
 from rmrc.support.errors import ScenarioError
@@ -23,6 +22,7 @@ from rmrc.tuning.copies import Spread, draw_copies, has_points
 from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.search import Search, Tried
 from rmrc.tuning.space import NUMBERS, WORDS, Setting, Space, Structure, all_structures, bounds, own_setting
+from rmrc.tuning.tables import Row
 from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.verdict import Verdict, judge
 
@@ -81,7 +81,7 @@ class Tuning:
 
     def __init__(
         self,
-        source: str | os.PathLike[str] | Scenario | Draft,
+        source: Source,
         overrides: Sequence[str] = (),
         *,
         only: Only = (),
@@ -140,40 +140,36 @@ class Tuning:
 
     def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
-        Simulation([self._nominal])
+        self._study.compile([self._nominal])
 
-    def run(self, on_runs: OnRuns | None = None) -> Tuned | None:
-        """Search; Ctrl-C ends it with what was found so far, or with None before there is anything.
+    def run(self, on_runs: OnRuns | None = None) -> Tuned:
+        """Search; Ctrl-C ends it with what was found so far.
 
         Args:
             on_runs: Called with the number of runs of each batch that was done.
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C, before anything was found.
         """
         with interruptible() as stop:
             trials = Trials(self._study, self.copies, self._threads, stop, on_runs)
-            (run,) = Simulation([self._nominal]).run(stop=stop)
+            (nominal,) = self._study.step([self._nominal], stop)
             if stop.is_set():
-                return None
-            limits = bounds(self._nominal, run)
+                raise KeyboardInterrupt
+            limits = bounds(self._nominal, nominal.run)
             space = Space(self._structures, limits, self._only, self._values)
             search = Search(space, trials, len(self.copies), self._runs, self._seed)
             if not search.begin(self._own, self.slower):
-                return None
+                raise KeyboardInterrupt
             search.run()
             tried, feasible = tuple(search.tried), tuple(search.feasible)
             verdict = judge(feasible, tried, tried[0])
             best = verdict.recommended
             control = self._written(best.setting).get("control", {}) if best else None
             return Tuned(
-                tried[0],
-                tried,
-                feasible,
-                verdict,
-                control,
-                self.copies,
-                trials.limits,
-                trials.done,
+                tried[0], tried, feasible, verdict, control, self.copies, trials.limits, trials.done,
                 stop.is_set(),
-            )
+            )  # fmt: skip
 
     def write(self, tuned: Tuned, folder: Path, picture: Path | None = None) -> list[Path]:
         """Write NAME.tune.parquet with all settings, NAME.tune.yaml with the best one, and a picture.
@@ -223,19 +219,15 @@ class Tuning:
         return os.path.relpath((self._draft.folder / model).resolve(), folder.resolve())
 
     def _draw(self, tuned: Tuned, path: Path) -> None:
-        from rmrc.tuning.figure import Mark, draw_front
+        from rmrc.tuning.figure import draw_front
 
-        points = [(one.setting.structure.method, *one.worst.point[:2]) for one in tuned.feasible]
-        marks = [
-            Mark(name, one.setting.structure.method, *one.worst.point[:2])
-            for name, one in tuned.roles.items()
-            if one
-        ]
-        limits = sorted(
-            {float(rate) for rate in tuned.limits.rate / tuned.limits.scale if math.isfinite(rate)}
-        )
-        steps = [one.worst.point[:2] for one in tuned.verdict.front]
-        draw_front(self.scenario.name, points, steps, marks, limits, path)
+        def row(one: Tried, name: str = "") -> Row:
+            return Row(name, one.setting.structure.method, "", *one.worst[:3])
+
+        points, front = ([row(one) for one in some] for some in (tuned.feasible, tuned.verdict.front))
+        marks = [row(one, name) for name, one in tuned.roles.items() if one]
+        limits = sorted(filter(math.isfinite, set((tuned.limits.rate / tuned.limits.scale).tolist())))
+        draw_front(self.scenario.name, points, front, marks, limits, path)
 
     def _written(self, setting: Setting) -> dict[str, Any]:
         """Return the scenario as it is written, with a setting, and without what that does not read."""
@@ -247,15 +239,8 @@ class Tuning:
 
     def _check_numbers(self) -> None:
         """Refuse numbers that no scenario may have."""
-        problems = list[Problem]()
-        for key, values in self._only.items():
-            for value in values:
-                try:
-                    self._study.prepare(changes_of({key: value}, "--only"))
-                except ScenarioError as error:
-                    problems += error.problems
-        if problems:
-            raise ScenarioError(problems)
+        numbers = (({key: one}, "--only") for key, values in self._only.items() for one in values)
+        self._study.prepare_all([Variant("", changes_of(*number)) for number in numbers], "")
 
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why it cannot have the others."""
@@ -287,7 +272,7 @@ class Tuning:
 
 
 def tune(
-    scenario: str | os.PathLike[str] | Scenario | Draft,
+    scenario: Source,
     only: Only | None = None,
     *,
     copies: int = 4,
@@ -336,8 +321,6 @@ def tune(
     if out is not None:
         refuse_unwritable(work.files(Path(out)))
     found = work.run(on_runs)
-    if found is None:
-        raise KeyboardInterrupt
     if out is not None:
         work.write(found, Path(out))
     return found

@@ -94,7 +94,7 @@ def moving_planes(arm: Arm) -> list[list[int]]:
 def skeleton(found: Inspection) -> Array:
     """Return what a stick figure joins: base, a point on each joint's axis, site, (n + 2, 3) [m]."""
     arm = found.arm
-    poses, _ = arm.frames(found.q[None])
+    poses, _ = arm.frames(arm.configuration(found.q)[None])
     frames = accumulate(link_transforms(arm, found.q)[0], np.matmul)
     return np.array([poses[0, arm.base, :3], *(T[:3, 3] for T in frames), found.pose[:3]])
 

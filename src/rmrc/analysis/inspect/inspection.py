@@ -221,7 +221,7 @@ def _frame_rotation(arm: Arm, q: Array, pose: Array, frame: str) -> Array:
         return np.eye(3)
     if frame == "site":
         return quat_to_matrix(pose[3:])
-    poses, _ = arm.frames(q[None])
+    poses, _ = arm.frames(arm.configuration(q)[None])
     return quat_to_matrix(poses[0, arm.base, 3:])
 
 

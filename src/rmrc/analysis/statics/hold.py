@@ -1,6 +1,6 @@
 """Hold a wrench in the physics, and read from the actuators what it takes.
 
-The run machinery does it: rate servos, and feedback of the position. The law is given one row of the task,
+A study of one does it: rate servos, and feedback of the position. The law is given one row of the task,
 one that the arm is far from losing, and the posture in what that leaves; together they bring every joint back
 at the same rate, singular or not, as joint servos do. `rmrc.analysis.statics.balance` says what the
 actuators should read.
@@ -19,8 +19,9 @@ from rmrc.results.run import Run
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import SERVO
 from rmrc.simulation.footprint import footprint
-from rmrc.simulation.prepare import Cache, prepare
-from rmrc.simulation.simulation import Simulation
+from rmrc.simulation.prepare import Cache
+from rmrc.simulation.simulation import Watcher
+from rmrc.study.study import Study
 from rmrc.support.errors import DivergenceError, QuestionError
 from rmrc.support.spatial import AXES, pose_error
 
@@ -103,19 +104,15 @@ def hold_wrench(
     """
     arm = wanted.arm
     _check(wanted)
-    prepared = prepare(hold_scenario(wanted, seconds), Cache(arm))
+    study = Study(hold_scenario(wanted, seconds), Cache(arm))
+    prepared, stop = study.prepare(), threading.Event()
     ticks, excess = prepared.reference.ticks, footprint([prepared]).excess
     if excess:
         raise QuestionError(f"--hold: {ticks} ticks need {excess}; hold for a shorter time")
-    stop = threading.Event()
-
-    def on_block(_: int, part: Run) -> None:
-        if on_ticks is not None:
-            on_ticks(len(part))
-        if _rate(part) <= STILL:
-            stop.set()
-
-    (run,) = Simulation([prepared]).run(on_block, stop)
+    watchers: list[Watcher] = [lambda _, part: stop.set() if _rate(part) <= STILL else None]
+    if on_ticks is not None:
+        watchers.insert(0, lambda _, part: on_ticks(len(part)))
+    run = study.step([prepared], stop, watchers)[0].run
     if not len(run):
         raise DivergenceError(f"cannot hold: {run.divergence}")
     ended, rate = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rate(run)

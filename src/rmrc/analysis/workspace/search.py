@@ -359,7 +359,7 @@ class Search:
 
 def _links(arm: Arm, q: Array) -> Array:
     """Return the way along the arm from the world to the site, (k, 3): origins of its bodies."""
-    poses, _ = arm.frames(q[None])
+    poses, _ = arm.frames(arm.configuration(q)[None])
     chain, body = [], int(arm.wiring.body)
     while body > 0:
         chain.append(poses[0, body, :3])

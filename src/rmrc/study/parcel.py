@@ -1,4 +1,4 @@
-"""All that a study is made of, as bytes: what is needed where the files are not."""
+"""A parcel: all that a study is made of, as bytes, for where its files are not; and its way out of it."""
 
 import hashlib
 import os

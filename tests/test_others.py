@@ -1,0 +1,467 @@
+"""What is not the arm stays where a run starts: held by actuators, or locked; and all that asks sees it there.
+
+The oracles are plain loops over MuJoCo: the author's model with drives on the arm's joints, told the rates that the
+run recorded; and models in which what is locked has no joints.
+"""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.analysis.inspect.inspection import inspect
+from rmrc.analysis.subject import subject
+from rmrc.arm.others import Others
+from rmrc.plants.servo import RateServos
+from rmrc.recording.scene import Scene
+from rmrc.scenario import Scenario
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import ModelError
+
+MODELS = ROOT / "tests/models"
+PERIOD, TIMESTEP = 0.002, 0.001
+LINKS = ("shoulder", "elbow")
+# Of each model: its site, the arm's joints, and the ranges of qpos of what is not the arm.
+KNOWN = {
+    "tendon_gripper": ("hand", LINKS), "two_arms": ("left", ("l1", "l2")), "idle_rail": ("hand", LINKS),
+    "loose_gripper": ("hand", LINKS), "hostile_default": ("hand", LINKS),
+}  # fmt: skip
+ROUNDING = (
+    1e-11  # a few hundred steps of numbers near 1, each rounded to 1e-16 and carried on by stiff servos
+)
+
+
+def scenario(model, kind="servo", start="home", others="hold", seconds=0.2, joints=None, site=None, **plant):
+    """Return a short move, and a pause, of an arm of these models."""
+    known = KNOWN.get(model, (site, joints))
+    path = MODELS / f"{model}.xml" if model in KNOWN else model
+    arm = {"model": path, "site": known[0], "joints": known[1], "start": start, "others": others}
+    move = {"line": {"by": (0.03, 0.0, -0.03)}}
+    return Scenario.model_validate({
+        "name": "others", "arm": arm, "task": {"axes": ("x", "z")},
+        "control": {"period": PERIOD, "feedback": 20.0}, "target": {"path": (move, {"hold": {"for": seconds}})},
+        "plant": {"kind": kind, "timestep": TIMESTEP, **plant},
+    })  # fmt: skip
+
+
+def run(*about, **options):
+    """Return the world and what it did."""
+    prepared = prepare(scenario(*about, **options))
+    (done,) = Simulation([prepared]).run()
+    assert done.divergence is None
+    return prepared, done
+
+
+def plain_loop(prepared, done, ctrl, act=0.0):
+    """Return qpos and xpos at each tick of MuJoCo's own loop: servos are told what the run sent.
+
+    Args:
+        ctrl: What the author's actuators get that are not the arm's, by name.
+        act: Their activations.
+    """
+    arm, plant = prepared.arm, prepared.scenario.plant
+    spec = mujoco.MjSpec.from_file(str(arm.path))
+    for key in list(spec.keys):
+        spec.delete(key)
+    for actuator in [one for one in spec.actuators if one.target in arm.joints]:
+        spec.delete(actuator)
+    for joint, kv in zip(arm.joints, prepared.plant.kv, strict=True):
+        servo = spec.add_actuator(name=f"own:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_velocity(kv=kv)
+    spec.option.timestep, spec.option.integrator = TIMESTEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    own = [body for body in spec.bodies if any(joint.name in arm.joints for joint in body.joints)]
+    for body in [*own, *(one for link in own for one in link.find_all("body"))]:
+        body.gravcomp = float(plant.gravity_compensation)
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = prepared.qpos
+    data.act[:] = act
+    for name, value in ctrl.items():
+        data.actuator(name).ctrl = value
+    qpos, xpos = [], []
+    for rates in done["qdot_cmd"]:
+        mujoco.mj_kinematics(model, data)
+        qpos.append(data.qpos.copy())
+        xpos.append(data.xpos.copy())
+        for joint, rate in zip(arm.joints, rates, strict=True):
+            data.actuator(f"own:{joint}").ctrl = rate
+        mujoco.mj_step(model, data, round(PERIOD / TIMESTEP))
+    return np.array(qpos), np.array(xpos)
+
+
+def welded():
+    """Return the text of the model with the idle rail, at its keyframe `moved`, without the rail and the table's joint."""
+    text = (MODELS / "idle_rail.xml").read_text()
+    x, _, z = 0.7 * np.array([1.0, 0.0, 0.2]) / np.sqrt(1.04)
+    text = text.replace('<body name="cart">', f'<body name="cart" pos="{x:.17g} 0 {z:.17g}">')
+    turn = f'quat="{np.cos(-0.3):.17g} 0 {np.sin(-0.3):.17g} 0"'
+    text = text.replace('<body name="table" pos="0 0 .1">', f'<body name="table" pos="0 0 .1" {turn}>')
+    return re.sub('<joint name="(rail|table)".*?/>|<keyframe>.*</keyframe>', "", text)
+
+
+# Held -------------------------------------------------------------------------------------------
+
+
+def test_a_gripper_that_a_control_of_255_holds_open_does_what_it_does_in_the_authors_model():
+    prepared, done = run("tendon_gripper")
+    assert_array_equal(prepared.held[0], [255.0])
+    qpos, _ = plain_loop(prepared, done, {"grip": 255.0})
+    assert_allclose(done["qpos"], qpos, atol=ROUNDING)
+    assert_allclose(done["qpos"][:, 2:], 0.04, atol=1e-6)
+    # the control of 0, which it had before, shuts it
+    shut, _ = plain_loop(prepared, done, {"grip": 0.0})
+    assert np.abs(shut[-1, 2:] - 0.04).max() > 0.02
+
+
+def test_without_controls_in_the_keyframe_springs_hold_their_joints():
+    # gain · ctrl + b0 + b1 · length = 0: 0.0156862745 ctrl = 100 · (0.5 · 0.01 + 0.5 · 0.01)
+    prepared, done = run("tendon_gripper", start="shut")
+    assert_allclose(prepared.held[0], [1.0 / 0.01568627451])
+    assert_allclose(done["qpos"][:, 2:], 0.01, atol=1e-6)
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_a_second_arm_holds_its_posture_as_its_own_actuators_do(kind):
+    prepared, done = run("two_arms", kind)
+    # gear 2 at -0.5 rad: length -1; 100 ctrl + 3 + 100 = 0. The integrator's activation is its length, 1.2 rad.
+    assert_allclose(prepared.held[0], [-1.03, 0.0])
+    assert_allclose(prepared.held[1], [1.2])
+    if kind == "servo":
+        qpos, _ = plain_loop(prepared, done, {"r1": -1.03}, act=[1.2])
+        assert_allclose(done["qpos"], qpos, atol=ROUNDING)
+        zero, _ = plain_loop(prepared, done, {})
+        assert np.abs(zero[-1, 2:4] - zero[0, 2:4]).max() > 0.3
+    # its own weight makes it sag by less than weight · arm / stiffness
+    assert np.abs(done["qpos"][:, 2:4] - done["qpos"][0, 2:4]).max() < 0.03
+
+
+def test_activations_of_a_keyframe_are_taken_as_they_are(tmp_path):
+    text = (MODELS / "two_arms.xml").read_text()
+    path = tmp_path / "model.xml"
+    path.write_text(text.replace('<key name="home"', '<key name="home" act="0.7" ctrl="0 0 0.2 0.1"'))
+    arm = arms.load(path, "left")
+    ctrl, act = arm.held("home", arm.configuration("home"))
+    assert_array_equal(ctrl, [0.2, 0.1])
+    assert_array_equal(act, [0.7])
+    # positions of the arm's joints go with `home`, as the other arm is there
+    assert_array_equal(arm.held([0.1, 0.2], arm.configuration([0.1, 0.2]))[0], [0.2, 0.1])
+
+
+HELD = {
+    '<position joint="o" kp="20" ctrlrange="-1 0.5"/>': (0.5, None),
+    '<position joint="o" kp="20" timeconst="0.1"/>': (0.8, 0.8),
+    '<general joint="o" gear="-3" biastype="affine" gainprm="4" biasprm="1 -4 0"/>': (-2.65, None),
+    '<general joint="o" biastype="affine" dyntype="integrator" gainprm="4" biasprm="0 -8 0" actlimited="true" actrange="-1 1"/>': (0.0, 1.0),
+    '<position joint="o" kp="20" delay="0.1" nsample="60"/>': (0.8, None),
+    '<position jointinparent="o" kp="20"/>': (0.8, None),
+    '<motor joint="o"/>': (0.0, None),
+    '<velocity joint="o" kv="3"/>': (0.0, None),
+    '<damper joint="o" kv="3" ctrlrange="0 1"/>': (0.0, None),
+    '<general joint="o" biastype="affine" gainprm="4" biasprm="0 8 0"/>': (0.0, None),  # it pushes away
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("actuator", HELD)
+def test_an_actuator_gets_what_holds_its_joint_and_a_joint_that_none_holds_is_locked(tmp_path, actuator):
+    control, activation = HELD[actuator]
+    path = tmp_path / "model.xml"
+    path.write_text(f"""<mujoco><worldbody><body><joint name="j" axis="0 1 0"/><geom size=".1" pos=".2 0 0"/>
+    <site name="tip" pos=".4 0 0"/></body><body pos="0 1 0"><joint name="o" axis="0 0 1" damping="2"/>
+    <geom size=".1" pos=".2 0 0"/></body></worldbody><actuator>{actuator}</actuator>
+    <keyframe><key name="home" qpos="0.1 0.8"/></keyframe></mujoco>""")
+    arm = arms.load(path, "tip")
+    ctrl, act = arm.held("home", arm.configuration("home"))
+    assert_allclose(ctrl, [control])
+    assert_allclose(act, [] if activation is None else [activation])
+    is_held = control != 0.0 or activation is not None
+    assert arm.others.locked == (frozenset() if is_held else {1})
+    if is_held and "range" not in actuator:  # a model of its own: MuJoCo sees no force at the start
+        data = mujoco.MjData(arm.model)
+        data.qpos[:], data.ctrl[:] = arm.configuration("home"), ctrl
+        data.act[:] = act
+        if arm.model.nhistory:
+            mujoco.mj_initCtrlHistory(arm.model, data, 0, None, np.full(60, control))
+        mujoco.mj_forward(arm.model, data)
+        assert_allclose(data.qfrc_actuator, 0.0, atol=1e-12)
+    done = run(path, site="tip", joints=("j",), seconds=0.3)[1] if "range" not in actuator else None
+    if done is not None:  # gravity has no lever on a vertical axis
+        assert_allclose(done["qpos"][:, 1], 0.8, atol=1e-9)
+
+
+# Locked -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+@pytest.mark.parametrize("floats", [True, False])
+def test_an_arm_on_locked_joints_moves_as_on_none(tmp_path, kind, floats):
+    about = {"gravity_compensation": floats, "start": "moved"} | ({"kv": 300.0} if kind == "servo" else {})
+    prepared, done = run("idle_rail", kind, **about)
+    path = tmp_path / "welded.xml"
+    path.write_text(welded())
+    _, alone = run(path, kind, site="hand", joints=LINKS, **about | {"start": (0.4, 0.8)})
+    for name in ("q", "tau", "pose"):
+        assert_allclose(done[name], alone[name], atol=1e-9, err_msg=name)
+    assert_allclose(done["qpos"][:, :2], [[0.7, -0.6]] * len(done), atol=1e-12)
+    # what is not locked does move
+    if kind == "servo":
+        _, loose = run("idle_rail", kind, others="free", **about)
+        assert np.abs(loose["qpos"][-1, :2] - [0.7, -0.6]).max() > 0.01
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_limits_springs_equalities_and_contacts_do_not_move_what_is_locked(kind):
+    prepared, done = run("loose_gripper", kind)
+    model = prepared.arm.model
+    locked = {model.joint(j).name for j in prepared.arm.others.locked}
+    assert locked == {"left", "right", "thumb", "flag"}
+    wheel = model.joint("wheel").qposadr[0]
+    still = [a for a in prepared.arm.others.addresses if a != wheel]
+    assert_allclose(done["qpos"][:, still], np.tile(prepared.qpos[still], (len(done), 1)), atol=1e-12)
+    # the wheel follows the elbow as the author's equality has it
+    assert np.ptp(done["qpos"][:, wheel]) > 0.05
+    assert_allclose(done["qpos"][-1, wheel], 2.0 * done["q"][-1, 1], atol=0.01)
+    _, loose = run("loose_gripper", kind, others="free")
+    assert np.abs(loose["qpos"][-1, still] - prepared.qpos[still]).max() > 0.01
+
+
+def test_free_joints_do_what_they_do_in_the_authors_model():
+    for model, ctrl in (("loose_gripper", {"thumb": 0.5}), ("idle_rail", {})):
+        prepared, done = run(model, others="free", seconds=0.05)
+        qpos, _ = plain_loop(prepared, done, ctrl)
+        assert_allclose(done["qpos"], qpos, atol=1e-8)  # contacts carry rounding further
+
+
+def test_more_locked_bodies_than_can_be_kept_apart_are_refused_with_the_way_out(tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_text("""<mujoco><worldbody><body><joint name="j"/><geom size=".1"/><site name="tip" pos=".4 0 0"/></body>
+    <replicate count="500" offset="0.5 0 0"><body pos="1 0 0"><joint/><geom size=".1"/></body></replicate></worldbody></mujoco>""")
+    arm = arms.load(path, "tip")
+    with pytest.raises(ModelError, match=r"model.xml: has 500 joints to lock, .* take arm.others: free"):
+        arm.adapted(RateServos((1.0,)), TIMESTEP, gravity_compensation=True)
+    free = arm.at(arm.configuration("home"), frees_others=True)
+    assert free.adapted(RateServos((1.0,)), TIMESTEP, gravity_compensation=True).nexclude == 0
+
+
+def test_an_arm_that_runs_into_a_locked_thing_is_stopped_as_by_the_world(tmp_path):
+    text = """<mujoco><worldbody><body><joint name="j" axis="0 1 0" damping="1"/><geom type="capsule" size=".03"
+    fromto="0 0 0 .5 0 0" mass="1"/><site name="tip" pos=".5 0 0"/></body><body name="gate" pos=".4 0 -.1">{}
+    <geom type="box" size=".1 .2 .05"/></body></worldbody></mujoco>"""
+    ends = []
+    for name, joint in (("locked", '<joint name="gate" type="slide" axis="0 0 1"/>'), ("fixed", "")):
+        path = tmp_path / f"{name}.xml"
+        path.write_text(text.format(joint))
+        _, done = run(path, site="tip", joints=("j",), start=(0.0,))
+        ends.append(done["q"])
+    # a contact is as soft as MuJoCo makes it for the mass of the gate, which it does not count with the world's
+    assert_allclose(ends[0], ends[1], atol=3e-4)
+    assert ends[1][-1, 0] < 0.05  # it would be at 0.06 rad
+
+
+def test_a_floating_thing_is_no_part_of_the_robot_and_falls():
+    _, done = run("two_arms", seconds=0.1)
+    assert_allclose(done["qpos"][:, 6], 0.5 - 0.5 * 9.81 * done["time"] ** 2, atol=2e-3 * 9.81)
+
+
+def test_a_model_without_other_joints_is_not_touched():
+    for name in ("planar_2link", "puma560", "helical"):
+        arm = arms.load(ROOT / f"models/{name}.xml")
+        assert not arm.others.locked and not arm.others.kept
+        assert arm.at(arm.configuration([0.1] * arm.n)) is arm
+
+
+def test_passive_joints_of_a_closed_loop_with_a_driven_one_are_free(tmp_path):
+    """A four-bar gripper: one joint has an actuator, a connect closes the loop over two that have none."""
+    path = tmp_path / "model.xml"
+    path.write_text("""<mujoco><worldbody><body name="a"><joint name="j" axis="0 1 0"/><geom size=".1"/>
+    <site name="tip" pos=".2 0 0"/><body name="crank"><joint name="crank" axis="0 1 0"/><geom size=".02" pos=".1 0 0"/>
+    <body name="bar" pos=".1 0 0"><joint name="bar" axis="0 1 0"/><geom size=".02" pos=".1 0 0"/></body></body>
+    <body name="rocker" pos=".2 0 .1"><joint name="rocker" axis="0 1 0"/><geom size=".02" pos="0 0 -.05"/></body>
+    <body name="lid" pos="0 0 .3"><joint name="lid" axis="0 1 0"/><geom size=".02" pos=".1 0 0"/></body></body></worldbody>
+    <equality><connect body1="bar" body2="rocker" anchor=".1 0 0"/></equality>
+    <actuator><position joint="crank" kp="10"/></actuator></mujoco>""")
+    arm = arms.load(path, "tip")
+    assert {arm.model.joint(j).name for j in arm.others.locked} == {"lid"}
+    bare = path.with_name("bare.xml")
+    bare.write_text(re.sub("<actuator>.*</actuator>", "", path.read_text()))
+    arm = arms.load(bare, "tip")
+    assert {arm.model.joint(j).name for j in arm.others.locked} == {"crank", "bar", "rocker", "lid"}
+
+
+def test_tendons_and_sites_are_the_arms_where_they_pull_at_nothing_else(tmp_path):
+    path = tmp_path / "model.xml"
+    path.write_text("""<mujoco><worldbody><site name="ceiling" pos="0 0 1"/><body><joint name="a" axis="0 1 0"/><geom size=".1"/>
+    <site name="mid" pos=".2 0 0"/><body pos=".3 0 0"><joint name="b" axis="0 1 0"/><geom size=".1"/>
+    <site name="tip" pos=".2 0 0"/><body name="f"><joint name="f" type="slide"/><geom size=".01"/><site name="nail"/></body>
+    </body></body></worldbody><tendon><spatial name="cord"><site site="ceiling"/><site site="mid"/></spatial>
+    <spatial name="claw"><site site="mid"/><site site="nail"/></spatial>
+    <fixed name="both"><joint joint="a" coef="1"/><joint joint="b" coef="1"/></fixed></tendon>
+    <actuator><position tendon="cord"/><position tendon="claw"/><position tendon="both"/><position site="tip" kp="3"/>
+    <general site="nail" refsite="tip"/></actuator></mujoco>""")
+    arm = arms.load(path, "tip")
+    others = arm.others
+    assert others.replaced == {0, 2, 3} and others.kept == (1, 4)
+    assert isinstance(others, Others) and others.locked == frozenset()  # the claw holds the finger
+
+
+# One configuration for all ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["ideal", "servo", "torque"])
+@pytest.mark.parametrize(("model", "start", "others"), [
+    ("idle_rail", "moved", "hold"), ("loose_gripper", "home", "free"),
+    ("tendon_gripper", "shut", "hold"), ("two_arms", "home", "hold"),
+])  # fmt: skip
+def test_bodies_are_drawn_where_the_physics_has_them(kind, model, start, others):
+    prepared, done = run(model, kind, start, others)
+    assert done["qpos"].shape == (len(done), prepared.arm.model.nq)
+    data = mujoco.MjData(prepared.arm.model)
+    drawn = Scene(prepared).frames(done, np.arange(len(done))).bodies[:, :, :3]
+    for row, qpos in zip(drawn, done["qpos"], strict=True):
+        data.qpos[:] = qpos
+        mujoco.mj_kinematics(prepared.arm.model, data)
+        assert_allclose(row, data.xpos, atol=1e-12)
+    assert_allclose(done["qpos"][:, prepared.arm.wiring.qpos], done["q"], atol=0.0)
+    # the pose of the site comes from the physics itself
+    assert_allclose(drawn[:, prepared.arm.wiring.body] + 0.0, _carrier(prepared, done), atol=1e-6)
+    if kind == "servo" and others == "free":
+        _, xpos = plain_loop(prepared, done, {"thumb": 0.5})
+        assert_allclose(drawn, xpos, atol=1e-6)
+
+
+def _carrier(prepared, done):
+    """Return where the body is that carries the site, from the recorded poses of the site."""
+    model, wiring = prepared.arm.model, prepared.arm.wiring
+    turn, offset, places = np.empty(4), np.empty(3), []
+    for pose in done["pose"]:
+        back = np.empty(4)
+        mujoco.mju_negQuat(back, model.site_quat[wiring.site])
+        mujoco.mju_mulQuat(turn, pose[3:], back)
+        mujoco.mju_rotVecQuat(offset, model.site_pos[wiring.site], turn)
+        places.append(pose[:3] - offset)
+    return np.array(places)
+
+
+def test_law_path_and_physics_start_at_one_place_with_idle_joints_off_home():
+    prepared, done = run("idle_rail", start="moved")
+    assert_allclose(done["pose_error"][0], 0.0, atol=1e-12)
+    assert_allclose(prepared.arm.pose(done["q"][-1]), done["pose"][-1], atol=1e-9)
+    at_home = arms.load(prepared.arm.path, "hand", LINKS)
+    assert np.linalg.norm(at_home.pose(done["q"][-1])[:3] - done["pose"][-1, :3]) > 0.5
+
+
+def test_an_arm_that_stands_elsewhere_has_the_kinematics_and_statics_of_there():
+    home = arms.load(MODELS / "idle_rail.xml", "hand", LINKS)
+    there = home.at(home.configuration("moved"))
+    q, model = np.array([0.2, 0.9]), home.model
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0.7, -0.6, *q]
+    mujoco.mj_forward(model, data)
+    assert_allclose(there.pose(q)[:3], data.site("hand").xpos, atol=1e-12)
+    assert_allclose(there.rest_torques(q)[0], data.qfrc_bias[2:], atol=1e-12)
+    full = np.zeros((6, model.nv))
+    mujoco.mj_jacSite(model, data, full[:3], full[3:], model.site("hand").id)
+    assert_allclose(there.jacobian(q), full[:, 2:], atol=1e-12)
+    data.qpos[:] = [0.7, -0.6, 0.0, 0.0]
+    mujoco.mj_kinematics(model, data)
+    assert_allclose(np.cumsum(there.chain.step, axis=0), data.xanchor[2:], atol=1e-12)
+    # negative control: at home these differ
+    assert np.abs(home.pose(q) - there.pose(q)).max() > 0.5
+    assert home.at(home.configuration("home")) is home
+    assert there.at(home.configuration("home")).pose(q).tolist() == home.pose(q).tolist()
+    assert_allclose(there.configuration(q), [0.7, -0.6, *q])
+    # frames of other configurations leave no trace
+    there.frames(np.array([[0.1, 0.2, 0.3, 0.4]]))
+    assert_allclose(there.pose(q)[:3], home.at(home.configuration("moved")).pose(q)[:3], atol=0.0)
+
+
+def test_questions_take_keyframe_and_start_with_all_their_joints():
+    path = MODELS / "idle_rail.xml"
+    arm = arms.load(path, "hand", LINKS)
+    pose = arm.at(arm.configuration("moved")).pose([0.4, 0.8])
+    for found in (subject(arm, keyframe="moved"), subject(scenario("idle_rail", start="moved"))):
+        assert_array_equal(found.arm.pose(found.q), pose)
+    assert_array_equal(inspect(arm, keyframe="moved").pose, pose)
+
+
+def test_worlds_that_start_elsewhere_are_stepped_together_with_the_same_bits():
+    alone = [run("idle_rail", start=start)[1] for start in ("home", "moved")]
+    prepared = [prepare(scenario("idle_rail", start=start)) for start in ("home", "moved")]
+    for one, other in zip(alone, Simulation(prepared).run(), strict=True):
+        for name in one.columns:
+            assert_array_equal(one[name], other[name], err_msg=name)
+
+
+def test_all_positions_are_kept_in_files_and_blocks(tmp_path):
+    prepared, done = run("two_arms", seconds=3.0)
+    done.save(tmp_path / "run.npz")
+    assert_array_equal(np.load(tmp_path / "run.npz")["qpos"], done["qpos"])
+    parts = []
+    Simulation([prepared], keep_columns=False).step(lambda _, part: parts.append(part["qpos"]))
+    assert len(parts) > 1  # rows were used again
+    assert_array_equal(np.concatenate(parts), done["qpos"])
+
+
+# Added actuators --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_what_a_default_says_of_actuators_is_not_said_of_those_that_are_added(tmp_path, kind):
+    text = (MODELS / "hostile_default.xml").read_text()
+    path = tmp_path / "mild.xml"
+    path.write_text(re.sub("<default>.*</default>", "", text, flags=re.DOTALL))
+    _, hostile = run("hostile_default", kind)
+    _, mild = run(path, kind, site="hand", joints=LINKS)
+    for name in hostile.columns:
+        assert_array_equal(hostile[name], mild[name], err_msg=name)
+    assert np.abs(hostile["qdot_cmd"]).max() > 0.1  # which its ctrlrange would clamp
+
+
+def test_every_field_of_an_added_actuator_is_set():
+    arm = arms.load(MODELS / "hostile_default.xml", "hand", LINKS)
+    model = arm.adapted(RateServos((5.0, 6.0)), TIMESTEP, gravity_compensation=True)
+    plain = mujoco.MjSpec()
+    body = plain.worldbody.add_body()
+    body.add_geom(size=[0.1, 0, 0])
+    for name, kv in (("shoulder", 5.0), ("elbow", 6.0)):
+        body.add_joint(name=name, axis=[kv == 5.0, 1, 0])
+        servo = plain.add_actuator(name=f"rate:{name}", target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_velocity(kv=kv)
+    plain = plain.compile()
+    computed = {"actuator_acc0", "actuator_length0", "actuator_user"}
+    fields = [name for name in dir(model) if name.startswith("actuator_") and name not in computed]
+    assert len(fields) > 20
+    for name in fields:
+        assert_array_equal(getattr(model, name), getattr(plain, name), err_msg=name)
+    assert_array_equal(model.actuator_user, 0.0)
+
+
+def test_torque_limits_of_a_geared_motor_hold_at_the_joint(tmp_path):
+    path = tmp_path / "model.xml"
+    text = re.sub("<general.*?/>", "", (MODELS / "hostile_default.xml").read_text(), flags=re.DOTALL)
+    motors = '<actuator><motor joint="shoulder"/><motor joint="elbow" ctrlrange="-.002 .002"/></actuator>'
+    path.write_text(text.replace("<keyframe>", motors + "<keyframe>"))
+    prepared, done = run(path, site="hand", joints=LINKS, gravity_compensation=False)
+    # of all motors of the class: gear 100 · force 1; and of the elbow: gear 100 · 0.002
+    assert_allclose(prepared.arm.torque_limit, [100.0, 0.2])
+    assert np.abs(done["tau"][:, 1]).max() == pytest.approx(0.2)
+    assert np.abs(done["tau"][:, 0]).max() > 1.0  # N·m at the joint, not of the motor behind its gear
+
+
+def test_a_model_that_cannot_be_adapted_is_told_in_one_line(rmrc, tmp_path):
+    text = re.sub("<default>.*</default>", "", (MODELS / "hostile_default.xml").read_text(), flags=re.DOTALL)
+    taken = '<actuator><adhesion name="rate:elbow" body="lower" ctrlrange="0 1"/></actuator>'
+    path, file = tmp_path / "model.xml", tmp_path / "one.yaml"
+    path.write_text(text.replace("<keyframe>", taken + "<keyframe>"))
+    file.write_text(f"""name: one
+arm: {{model: {path}, site: hand}}
+task: {{axes: [x, z]}}
+target: {{path: [{{hold: {{for: 0.1}}}}]}}
+""")
+    code, _, err = rmrc("run", str(file), "--out", str(tmp_path / "out"))
+    told = [line for line in err.splitlines() if "error" in line]
+    assert code == 2 and len(told) == 1 and str(path) in told[0] and "rate:elbow" in told[0], err
