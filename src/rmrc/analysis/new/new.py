@@ -73,6 +73,7 @@ FAULTS = (
     "it cannot be run", "a joint comes to its position limit", "the arm touches something",
     "the arm stands still", "the error is large", "rates are limited for a while",
     "sigma_min stays above half of `below`", "no singularity takes part", "it lasts long",
+    "bodies are within each other at the start",
 )  # fmt: skip
 
 
@@ -198,7 +199,8 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
     )
     is_damped = move.how == "aside" or _value(card, "sigma.min") < 0.5 * move.epsilon
     arm = suits.task.arm
-    touches = {one.geoms for one in contacts(arm, move.start[None])}
+    first = contacts(arm, move.start[None])
+    touches = {one.geoms for one in first}
     looked = contacts(arm, run["q"][:: max(1, len(run) // LOOKS)])
     met = any(one.is_moved and one.geoms not in touches for one in looked)
     return _Trial(
@@ -207,6 +209,7 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
             False, status["POSITION_LIMITED"] > 0.0, met, status["STUCK"] > 0.0, astray > ASTRAY,
             status["RATE_LIMITED"] > LIMITED * _value(card, "duration"), not is_damped,
             move.how == "aside", _value(card, "duration") > LONG,
+            any(one.is_moved for one in first),
         ),
     )  # fmt: skip
 
