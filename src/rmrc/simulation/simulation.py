@@ -243,6 +243,10 @@ class Simulation:
         """Return where each world diverged, or None."""
         return self._in_order([[s.divergence(w) for w in range(len(s.members))] for s in self._shards])
 
+    def warnings(self) -> list[dict[str, int]]:
+        """Return what MuJoCo warned of in each world, and how often, by the names of its warnings."""
+        return self._in_order([list(map(s.batch.warnings, range(len(s.members)))) for s in self._shards])
+
     def release(self) -> None:
         """Let other simulations have what `batches` lent to this one, which goes no further."""
         for shard in self._shards:
