@@ -70,7 +70,6 @@ def write(tmp_path):
 
 
 @given(seeds)
-@settings(max_examples=20, deadline=None)
 def test_any_chain_reaches_its_random_poses_within_its_limits(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("chain") / "chain.xml"
     path.write_text(random_chain(seed, ranges=True))
@@ -316,7 +315,6 @@ def test_newton_goes_through_the_iterates_of_the_notes(write):
 
 
 @given(seeds)
-@settings(max_examples=20, deadline=None)
 def test_newton_is_the_textbooks_iterate_by_iterate(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("links") / "arm.xml"
     path.write_text(THREE_LINKS)
