@@ -176,7 +176,7 @@ class NumpyLoop:
             data.qpos[self.qpos] += self.scenario.control.period * cmd
         else:
             self.push()
-            data.ctrl[self.ctrl] = cmd if plant.kind == "servo" else self.torque(cmd, qdot)
+            data.ctrl[self.ctrl] = self.servo(cmd) if plant.kind == "servo" else self.torque(cmd, qdot)
             mujoco.mj_step2(model, data)
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)
@@ -197,7 +197,54 @@ class NumpyLoop:
         qddot = (cmd - self.last) / self.scenario.control.period
         qddot = qddot + self.scenario.plant.bandwidth * (cmd - qdot)
         bias = self.data.qfrc_bias - self.data.qfrc_passive
-        return M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
+        tau = M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
+        if self.scenario.plant.friction_compensation:
+            own = np.diag(M)[self.dof]
+            felt = self.felt_inertia(own)
+            tau += (felt - own) * qddot + self.friction(felt / own * qddot, qdot)
+        free = self.freed()
+        if len(free):  # M_uu of them and what implicit damping adds: they give way
+            felt = M[np.ix_(free, free)] + np.diag(self.model.opt.timestep * self.model.dof_damping[free])
+            way = np.linalg.solve(felt, -bias[free] - M[np.ix_(free, self.dof)] @ qddot)
+            tau += M[np.ix_(self.dof, free)] @ way
+        return tau
+
+    def servo(self, cmd):
+        """Return the rates that servos are told: those that are sent, and what resists these over the gain."""
+        if not self.scenario.plant.friction_compensation:
+            return cmd
+        damping = self.model.dof_damping[self.dof] * cmd
+        return cmd + (damping + self.friction(np.zeros(self.arm.n), cmd)) / self.model.actuator_gainprm[self.ctrl, 0]
+
+    def friction(self, acceleration, rate):
+        """Return dry friction by the manual's formulas of constraints: impedance, regularization, reference."""
+        model, force = self.model, np.zeros(self.arm.n)
+        for j, dof in enumerate(self.dof):
+            if loss := model.dof_frictionloss[dof]:
+                dmin, dmax = model.dof_solimp[dof, :2]
+                R = (1 - dmin) / dmin * model.dof_invweight0[dof]
+                b = 2 / (dmax * max(model.dof_solref[dof, 0], 2 * model.opt.timestep))
+                force[j] = np.clip((acceleration[j] + b * rate[j]) / R, -loss, loss)
+        return force
+
+    def felt_inertia(self, own):
+        """Return torque over acceleration, by what a torque of 1 does in the implicit steps of a period."""
+        step, d, rate = self.model.opt.timestep, self.model.dof_damping[self.dof], np.zeros(self.arm.n)
+        for _ in range(self.substeps):
+            rate = (own * rate + step) / (own + step * d)
+        return self.substeps * step / rate
+
+    def freed(self):
+        """Return the degrees of freedom of the arm's tree that are not its own and that nothing drives."""
+        model = self.model
+        if self.scenario.arm.others == "hold":
+            return []
+        pulled = model.actuator_trnid[:, 0].tolist()
+        root = model.body_rootid[model.site_bodyid[self.site]]
+        return [
+            dof for dof, joint in enumerate(model.dof_jntid)
+            if joint not in pulled and model.body_rootid[model.dof_bodyid[dof]] == root
+        ]  # fmt: skip
 
     def law(self, q):
         """Return the row of a tick: (3), inverse, null space, pace, stop, limits."""

@@ -528,7 +528,7 @@ SERVO = Plant(
         Parameter(
             "kv",
             "servo: torque or force for a given rate error, of all joints or of each; "
-            "null: each joint's inertia at home over the timestep",
+            "null: each joint's inertia at home over the timestep, and its damping",
             None, "N·m·s/rad or N·s/m", null=math.nan, kind="each",
         ),
     ),

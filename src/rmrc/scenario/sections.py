@@ -441,6 +441,11 @@ class PlantSection(_PlantKeys):
     gravity_compensation: Switch = key(
         f"{PLANTS.physical}: whether gravity is balanced by the arm itself", default=True
     )
+    friction_compensation: Switch = key(
+        "servo, torque: whether the drives also give what damping and dry friction of the joints take at the "
+        "rates that they are told",
+        default=True,
+    )
     payload: NotNegative = key(
         f"{PLANTS.physical}: point mass at the site, which neither the law nor the gravity compensation "
         "knows of",
