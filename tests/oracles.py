@@ -167,6 +167,7 @@ class NumpyLoop:
             mujoco.mj_step1(model, data)
             qdot = data.qvel[self.dof].copy()
         q = data.qpos[self.qpos].copy()
+        self.kinematics.data.qpos[:] = data.qpos  # joints beside the arm move as well
         row = self.law(q + self.offset)
         row |= {"q": q, "qdot": qdot, "tau": tau}
         if self.offset.any():
@@ -214,7 +215,10 @@ class NumpyLoop:
         if not self.scenario.plant.friction_compensation:
             return cmd
         damping = self.model.dof_damping[self.dof] * cmd
-        return cmd + (damping + self.friction(np.zeros(self.arm.n), cmd)) / self.model.actuator_gainprm[self.ctrl, 0]
+        return (
+            cmd
+            + (damping + self.friction(np.zeros(self.arm.n), cmd)) / self.model.actuator_gainprm[self.ctrl, 0]
+        )
 
     def friction(self, acceleration, rate):
         """Return dry friction by the manual's formulas of constraints: impedance, regularization, reference."""

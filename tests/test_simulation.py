@@ -30,9 +30,10 @@ SIX = (
     "target.path=[{line: {by: [0.03, 0.03, 0.03], turn: {axis: z, angle: 0.1}}}]", COARSE,
 )  # fmt: skip
 XARM = (
-    "arm.model=models/xarm7.xml", "arm.start=[0, -0.3, 0, 1.2, 0.5, 0.4, 0]",
-    "target.path=[{line: {by: [0.02, 0.02, 0.02], turn: {axis: z, angle: 0.1}}}]", COARSE,
+    "arm={model: models/xarm7.xml, site: tool, start: [0, -0.3, 0, 1.2, 0.5, 0.4, 0]}",
+    "task.axes=[x, y, z, rx, ry, rz]", "target.path=[{line: {by: [0.02, 0.02, 0.02], turn: {axis: z, angle: 0.1}}}]", COARSE,
 )  # fmt: skip
+SMALL = "target.path=[{line: {by: [0.002, 0.002, 0.002]}}]"
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
 REACH = "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.5, 0]}}]"  # to 10 mm from full reach and back
 SHORT = "target.path=[{line: {by: [0.1, 0.1]}}]"
@@ -79,12 +80,12 @@ VARIANTS = {
     "damping and friction": XARM,
     "damping and friction, servos of a gain": (*XARM, "plant.kv=100"),
     "damping and friction, uncompensated": (*XARM, "plant.friction_compensation=false"),
-    "damping and friction, torque": (*XARM, "plant.kind=torque"),
-    "damping and friction, torque, some steps": (*XARM, "plant.kind=torque", "plant.timestep=0.0005"),
-    "damping and friction, torque, uncompensated": (*XARM, "plant.kind=torque", "plant.friction_compensation=false"),
+    "damping and friction, torque": (*XARM, FINER, SMALL, "plant.kind=torque"),
+    "damping and friction, torque, some steps": (*XARM, FINER, SMALL, "plant.kind=torque", "plant.timestep=0.0005"),
+    "damping and friction, torque, uncompensated": (*XARM, FINER, SMALL, "plant.kind=torque", "plant.friction_compensation=false"),
     "torque beside joints that give way": (
         "arm={model: tests/models/idle_rail.xml, site: hand, joints: [shoulder, elbow], others: free}",
-        "task.axes=[x, z]", "target.path=[{line: {by: [0.03, 0, -0.03]}}]", "plant.kind=torque", COARSE,
+        "task.axes=[x, z]", "target.path=[{line: {by: [0.03, 0, -0.03]}}]", "plant.kind=torque", FINER,
     ),
     "damped, constant": (*NEAR, SCHEDULE + "constant"),
     "damped, tall and weighted": (

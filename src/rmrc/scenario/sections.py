@@ -49,6 +49,7 @@ from rmrc.scenario.values import (
 )
 from rmrc.scenario.wording import show
 from rmrc.support.problems import Key
+from rmrc.support.spatial import quat_from_rpy
 
 
 def sort_axes(section: "Section | Derived", beside: str) -> None:
@@ -130,12 +131,7 @@ class ToolSection(Choice):
         """How its frame is turned, as a quaternion w x y z."""
         if self.quat is not None:
             return self.quat
-        halves = [angle / 2.0 for angle in self.rpy or (0.0, 0.0, 0.0)]
-        (cr, cp, cy), (sr, sp, sy) = map(math.cos, halves), map(math.sin, halves)
-        return (
-            cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr,
-            cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
-        )  # fmt: skip
+        return tuple(quat_from_rpy(self.rpy or (0.0, 0.0, 0.0)).tolist())
 
     @model_validator(mode="after")
     def _fitting(self) -> Self:
