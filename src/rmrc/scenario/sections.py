@@ -385,10 +385,10 @@ class TargetLimitsSection(Section):
 
     velocity: Positive = key("largest speed", 0.25, "m/s")
     acceleration: Positive = key("largest acceleration", 1.0, "m/s²")
-    jerk: Positive = key("largest jerk", 10.0, "m/s³")
+    jerk: Positive = key("largest jerk; a recorded motion is not held against it", 10.0, "m/s³")
     angular_velocity: Positive = key("largest angular speed", 1.0, "rad/s")
     angular_acceleration: Positive = key("largest angular acceleration", 4.0, "rad/s²")
-    angular_jerk: Positive = key("largest angular jerk", 40.0, "rad/s³")
+    angular_jerk: Positive = key("largest angular jerk; as `jerk`", 40.0, "rad/s³")
 
 
 class TargetSection(Section):
