@@ -314,6 +314,14 @@ class Arm:
         return self._followed(weight), self._followed(-self._data.qfrc_spring)
 
     @property
+    def damping(self) -> Array:
+        """Damping of each joint at rest, (n,) [N·m·s/rad or N·s/m]."""
+        damping = np.array(self.model.dof_damping[self.wiring.dof])
+        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
+            damping[travel.hinge] += travel.ratio**2 * self.model.dof_damping[address]
+        return damping
+
+    @property
     def friction(self) -> Array:
         """Dry friction that can bear a part of a drive's load at rest, (n,) [N·m or N]."""
         loss = np.array(self.model.dof_frictionloss[self.wiring.dof])

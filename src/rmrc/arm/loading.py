@@ -124,11 +124,12 @@ def _driven(
     return outward
 
 
-def files(path: Path) -> list[Path]:
+def files(path: Path, packages: Mapping[str, Path] | None = None) -> list[Path]:
     """Return a model's file and every file that it depends on: what it includes, meshes, textures.
 
     Args:
         path: The file, absolute.
+        packages: Folders of a URDF's packages, by their names.
 
     Returns:
         Those that are there; the file alone if it cannot be read as a model, which `load` then tells.
@@ -137,7 +138,7 @@ def files(path: Path) -> list[Path]:
     try:
         check_file(path)
         if urdf.is_urdf(path):
-            return sorted({path, *urdf.files(path)})
+            return sorted({path, *urdf.files(path, packages or {})})
         with bounded_memory():
             found = set(mujoco.mju_getXMLDependencies(str(path)))
             # which looks for height fields beside the model, where the compiler does not

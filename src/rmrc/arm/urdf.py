@@ -61,17 +61,20 @@ def read(path: Path, packages: Mapping[str, Path]) -> Urdf:
     return _Reading(path, text, packages).done()
 
 
-def files(path: Path) -> set[Path]:
+def files(path: Path, packages: Mapping[str, Path]) -> set[Path]:
     """Return the meshes of a URDF file that are there, and what makes folders above it packages.
 
     Args:
         path: The file, absolute.
+        packages: Folders of packages, by their names.
 
     Raises:
         ModelError: It cannot be read.
     """
     meshes = {
-        Path(tag.attributes.get("filename", "")) for tag in tags(read(path, {}).text) if tag.name == "mesh"
+        Path(tag.attributes.get("filename", ""))
+        for tag in tags(read(path, packages).text)
+        if tag.name == "mesh"
     }
     marks = {above / "package.xml" for above in path.parents}
     return {file for file in meshes | marks if file.is_file()}
