@@ -53,7 +53,7 @@ def load(
     asked = Asked(site, body, tool, base, tuple(sorted((packages or {}).items())))
     spec, model, velocity, told = read(path, packages)
     notes = list(told)
-    model, site, obvious = mounted(path, spec, model, asked, notes)
+    model, site, frame, obvious = mounted(path, spec, model, asked, notes)
     chain = find_chain(path, model, site)
     travels = find_travels(path, model, chain)
     own = [name for name in chain if name not in travels]
@@ -79,6 +79,8 @@ def load(
         model=model,
         _spec=spec,
         variant=asked.variant,
+        frame=frame,
+        packages=asked.packages,
         notes=tuple(notes),
         obvious=obvious,
         home=starting_key(model, joint.tolist(), asked.prefix),
