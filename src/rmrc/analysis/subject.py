@@ -134,7 +134,8 @@ def read_arm(
     }  # fmt: skip
     for name, (wanted, has) in own.items():
         if wanted not in (None, has):
-            raise QuestionError(f"the arm has {name} {has!r}, got {wanted!r}; load it with what is wanted")
+            told, known = (f'"{one}"' if isinstance(one, str) else one for one in (wanted, has))
+            raise QuestionError(f"the arm has {name} {known}, got {told}; load it with what is wanted")
     return arm
 
 

@@ -1,7 +1,7 @@
 """A second of seeded, bounded motion of an arm on every plant: contacts, warnings, divergence."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import TypeAlias
@@ -67,7 +67,8 @@ def motions(
         seed: Which positions.
     """
     arm = scales.task.arm
-    cache, written = Cache(*() if arm.stretch else (arm,)), _scenario(scales, start, seed)
+    told = replace(arm, notes=())  # findings tell them
+    cache, written = Cache(*() if arm.stretch else (told,)), _scenario(scales, start, seed)
     reference = prepare(written, cache).reference
     hurry = reference.duration / DURATION
     limits = written.target.limits.model_dump()
