@@ -463,8 +463,10 @@ class Arm:
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
         replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
-        for actuator in replaced:  # chosen before, as ids change with every one that goes
-            spec.delete(actuator)
+        gone = {actuator.name for actuator in replaced}
+        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
+        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
+            spec.delete(element)  # chosen before, as ids change with every one that goes
         for actuator in spec.actuators:  # a control that never changes can be as late as it likes
             actuator.delay, actuator.nsample = 0.0, 0
         if drive is not None:
