@@ -38,7 +38,7 @@ class RateServos:
 class Servo(Physical):
     """Servos that are told the rates."""
 
-    name = "servo"
+    name, drives = "servo", ("rate servos", "velocity")
     obey = staticmethod(tell_servos)
 
     @property

@@ -78,7 +78,7 @@ class Torque(Physical):
     is known, from the same states.
     """
 
-    name = "torque"
+    name, drives = "torque", ("motors", "motor")
     obey = staticmethod(choose_acceleration)
     fields = (*Physical.fields, Field("bandwidth"))
     # the acceleration that the joints shall have, and the rates that were sent before
@@ -92,7 +92,7 @@ class Torque(Physical):
         return Motors()
 
     def write(self, world: np.void) -> None:
-        """Write the wrench and the bandwidth."""
+        """Write the bandwidth as well."""
         super().write(world)
         world["bandwidth"] = self.section.bandwidth
 
