@@ -29,8 +29,8 @@ def _line(card: Scorecard, status: str, which: str, cure: str) -> Iterator[str]:
     seconds, first = card[f"{group}.time"].value, card[f"{group}.first_time"].value
     if seconds:
         yield (
-            f"{card.name}: {status} for {seconds:.3g} s from {first:.4g} s on, {which}; {cure}, or say what is "
-            f"wanted: expect: {{{group}.time: {{below: ...}}}}"
+            f"{card.name}: {status} for {seconds:.3g} s from {first:.4g} s on, {which}; {cure}, or say what "
+            f"is wanted: expect: {{{group}.time: {{below: ...}}}}"
         )
 
 

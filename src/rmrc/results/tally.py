@@ -156,11 +156,14 @@ def _add_tick(tally: Record, tick: Record) -> None:
 @compiled
 def _add_status(tally: Record, tick: Record) -> None:
     """Count the bits; the drive that is nearest to its limit is the first that has reached it."""
-    for bit in range(BITS + 1):
-        if tick.status == 0 if bit == 0 else (tick.status >> (bit - 1)) & 1:
+    left, bit = tick.status, 0
+    while bit == 0 or left:
+        if left & 1 if bit else left == 0:
             if tally.status[bit] == 0:
                 tally.status_time[bit] = tick.time
             tally.status[bit] += 1
+        left >>= bit > 0
+        bit += 1
     if tally.limited < 0 and tick.status & TORQUE_LIMITED:
         most = 0.0
         for j in range(tally.n):
