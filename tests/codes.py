@@ -1,6 +1,7 @@
 """The choices of the law by their codes, made from their declarations: a choice that is added is in every test."""
 
 from enum import IntEnum
+from functools import cache
 
 from rmrc.scenario.choices import (
     CHOICES,
@@ -16,6 +17,7 @@ from rmrc.scenario.choices import (
 FIELDS = [one.field for one in (*CHOICES, *PARAMETERS)]
 
 
+@cache
 def field(name):
     """Return the field of a world's record that is called so, or that of the only choice or parameter that ends so."""
     found = [one for one in FIELDS if one.endswith(f"_{name}")]

@@ -1,5 +1,7 @@
 """What the tests share: scenarios in a line, the runs that they give, and the command line."""
 
+import copy
+import functools
 import gc
 import os
 import signal
@@ -12,6 +14,7 @@ from xdist.scheduler import LoadGroupScheduling
 import project
 from project import ROOT
 from rmrc import cli
+from rmrc.arm import loading
 from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -23,10 +26,27 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.pop("COLUMNS", None)
 
 # Compiling on the first example, and two busy cores, must not count as a slow test.
-settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=50)
+settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=25)
 # `--hypothesis-profile=many` has more.
 settings.register_profile("many", settings.get_profile("rmrc"), max_examples=200)
 settings.load_profile("rmrc")
+
+
+def once(read):
+    """Return what reads each file of `models/` once, which takes MuJoCo 10 ms, and gives a copy to whoever asks."""
+    known = functools.cache(read)
+
+    @functools.wraps(read)
+    def copied(path, packages=None):
+        if packages or path.resolve().parent != ROOT / "models":
+            return read(path, packages)
+        found = known(path)
+        return found._replace(spec=found.spec.copy(), model=copy.copy(found.model))
+
+    return copied
+
+
+loading.read = once(loading.read)
 
 # In the name of each test of clusters, and of each with a browser.
 CLUSTER, BROWSER = "/test_cluster", "/test_browser"

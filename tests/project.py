@@ -3,9 +3,21 @@
 import re
 from pathlib import Path
 
+import pytest
+
 from rmrc.support.notices import COMPILING
 
 ROOT = Path(__file__).parent.parent
+
+
+def mostly_long(cases, every):
+    """Return cases to parametrize a test by, a tuple of arguments or one: one of `every`; the others are `long`."""
+    return [
+        case
+        if i % every == 0
+        else pytest.param(*(case if isinstance(case, tuple) else [case]), marks=pytest.mark.long)
+        for i, case in enumerate(cases)
+    ]
 
 
 def told(err):

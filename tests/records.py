@@ -1,5 +1,7 @@
 """Records of worlds without an arm, made by hand: a task that is all rows of a Jacobian, and a law of given numbers."""
 
+import functools
+
 import numpy as np
 
 from codes import field
@@ -29,7 +31,12 @@ class Unscaled:
 
 def blank(m, n):
     """Return the record of a world whose task has m rows and n joints, and that of its tick, as arrays of one."""
-    return records(n, [Unscaled(m, n)]), np.zeros(1, tick_type(n))
+    return unscaled(m, n).copy(), np.zeros(1, tick_type(n))
+
+
+@functools.cache
+def unscaled(m, n):
+    return records(n, [Unscaled(m, n)])
 
 
 def put(world, **fields):

@@ -104,6 +104,8 @@ VERBS = {
     "compare": "compare('line_tracking', {'control.feedback': [5, 10]})",
     "sweep": "sweep('line_tracking', {'control.feedback': [5, 10]}, threads=2)",
     "tune": "tune('line_tracking', {'control.inverse.method': ['damped']}, copies=0, runs=10)",
+    "check": "check('planar_2link')",
+    "new": "new('planar_2link')",
     "inspect": "inspect('planar_2link')",
     "ik": "ik('planar_2link', [1.0, 1.0], every=True)",
     "statics": "statics('planar_2link', [0.0, -1.0, 0.0], hold=1.0)",

@@ -39,7 +39,7 @@ OWNERS = {
     "pydantic": ("rmrc.scenario",),
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
     "rerun": ("rmrc.recording",),
-    "pyarrow": ("rmrc.study.dataset", "rmrc.recording"),
+    "pyarrow": ("rmrc.study.dataset", "rmrc.recording", "rmrc.simulation.motion"),
     "matplotlib": (
         *(
             "rmrc.show.figures",
@@ -61,7 +61,7 @@ OWNERS = {
 # Names that say nothing about what a module does.
 NAMELESS = {"utils", "util", "helpers", "helper", "common", "core", "base", "manager", "misc"}
 
-SLOW = {"rerun", "matplotlib", "dask", "distributed"}
+SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow"}
 
 # Modules of ours that load these, or rich; only who shows something loads them.
 PICTURES = OWNERS["matplotlib"] + OWNERS["rich"] + OWNERS["rerun"]

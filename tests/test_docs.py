@@ -35,7 +35,8 @@ DOCUMENTS = {
 }
 README, THEORY = DOCUMENTS["README.md"], DOCUMENTS["docs/theory.md"]
 CONTRIBUTING, REFERENCES = DOCUMENTS["CONTRIBUTING.md"], DOCUMENTS["docs/references.md"]
-PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["project"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))
+PROJECT = PYPROJECT["project"]
 
 RUN_COMMAND = (
     "python3 -m venv .venv && .venv/bin/pip install -e . && "
@@ -406,6 +407,7 @@ def test_contributing_justifies_each_dependency_once():
     wanted = [
         *PROJECT["dependencies"],
         *(one for extra in PROJECT["optional-dependencies"].values() for one in extra),
+        *(one for group in PYPROJECT["dependency-groups"].values() for one in group),
     ]
     # one extra may name another, as `rmrc[cluster]`
     names = sorted(re.match(r"[\w-]+", one)[0] for one in wanted if not one.startswith("rmrc["))
@@ -469,7 +471,19 @@ def questions(text=QUESTIONS):
     return asked
 
 
-@pytest.mark.parametrize(("command", "lines"), questions(), ids=lambda value: str(value)[:60])
+def takes_long(command, lines):
+    return " tune " in command or (" workspace " in command and not lines)
+
+
+@pytest.mark.parametrize(
+    ("command", "lines"),
+    [
+        # what takes seconds, and has a smaller twin among the pictures of the Makefile
+        pytest.param(command, lines, marks=[pytest.mark.long] * takes_long(command, lines))
+        for command, lines in questions()
+    ],
+    ids=lambda value: str(value)[:60],
+)
 def test_a_question_is_answered_as_its_page_says(rmrc, monkeypatch, tmp_path, command, lines):
     words = shlex.split(command)
     assert words[:3] == [".venv/bin/python", "-m", "rmrc"]

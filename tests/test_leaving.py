@@ -16,6 +16,7 @@ from rmrc.recording.stream import RecordingError, Stream
 from rmrc.results.columns import COLUMNS
 from rmrc.results.leaving import array_size
 from rmrc.results.run import Run
+from wording import says
 
 SCENARIO = f"""
 name: quick
@@ -63,8 +64,8 @@ def test_a_directory_in_the_way_of_a_file_is_told_before_anything_moves(rmrc, qu
     arguments, _ = VERBS[verb]
     code, out, err = rmrc(*arguments)
     assert (code, out) == (2, "")
-    reason = "is no sweep's; move it, or take another --out" if verb == "sweep" else "is a directory"
-    assert err == f"rmrc: error: recordings/{name}: {reason}\n"
+    reason = "… sweep… --out" if verb == "sweep" else "… directory"
+    assert err == says(f"rmrc: error: recordings/{name}: {reason}\n")
     assert left(quick) == [name]
 
 

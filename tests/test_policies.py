@@ -5,7 +5,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from rmrc.scenario.choices import SCHEDULES, Status
-from rmrc.simulation.prepare import prepare
+from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 
 PLAIN = "control.inverse.method=inverse"
@@ -227,7 +227,7 @@ ROBUST |= {name: (f"control.inverse.method={name}",) for name in ("filtered", "j
 
 @pytest.mark.parametrize("law", ROBUST)
 def test_a_robust_arm_comes_back_from_full_reach_and_from_beyond(scenario, law):
-    known, worlds, names = {}, [], []
+    known, worlds, names = Cache(), [], []
     for path in (REACH, BEYOND):
         for policy in ("damp", "slow", "stop"):
             for on_excess in ("scale", "clamp", "redistribute", "none"):

@@ -54,6 +54,12 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("whitney_1972", "control.feedback=25"),
         ("more_rows_than_joints", "task.weights=[1, 1, 1]"),
         ("only_some_velocities", "control.inverse.method=transpose"),
+        ("ur5e_wrist", "control.inverse.method=pseudoinverse"),
+        ("ur5e_wrist_close", "control.inverse.method=pseudoinverse"),
+        ("ur5e_elbow", "control.inverse.method=pseudoinverse"),
+        ("fr3_elbow", "control.inverse.method=pseudoinverse"),
+        ("xarm7_wrist", "control.inverse.method=pseudoinverse"),
+        ("so101_five_joints", "task.weights=[1, 1, 1, 1, 1, 1]"),
         # blind to the buckling: what the elbow does moves the tip neither in x nor in y
         ("hold_at_singularity", "task.axes=[x, y]"),
     ],
@@ -106,6 +112,50 @@ def test_more_rows_than_joints_are_the_textbooks_left_inverse_at_every_tick():
         np.testing.assert_allclose(run["qdot_cmd"][t], wanted, atol=1e-12)
         without_weights.append(np.abs(weighted_left_inverse(J, np.eye(3)) @ twist - wanted).max())
     assert max(without_weights) > 0.01  # rad/s: such a law would be seen
+
+
+@pytest.mark.parametrize(("name", "beside"), [("ur5e_wrist", 1.0), ("ur5e_wrist_close", 0.1)])
+def test_the_hand_of_the_ur5e_is_asked_past_its_wrist_singularity_as_near_as_its_name_says(name, beside):
+    run, _ = outcomes(name)
+    # Axis 4 is level, so that what the wanted axis 6 lacks to it is its height: axes 4 and 6 come no nearer.
+    w, x, y, z = run["pose_ref"][:, 3:].T
+    height = 1.0 - 2.0 * (x * x + y * y)  # of the wanted z₆
+    np.testing.assert_allclose(np.degrees(np.arcsin(height)), beside, atol=1e-3)
+    # The arm itself goes through theta_5 = 0, level, and comes back: it is off by that height at least.
+    assert (np.diff(np.sign(run["q"][:, 4])) != 0).sum() == 2
+    assert np.linalg.norm(run["pose_error"][:, 3:], axis=1).max() > np.radians(beside)
+    assert np.degrees(run["q"][-1, 4]) == pytest.approx(40.0, abs=0.1)
+
+
+def test_the_ur5e_is_asked_for_ten_millimeters_more_than_its_elbow_has():
+    run, _ = outcomes("ur5e_elbow")
+    arm = arms.load(ROOT / "models/ur5e.xml")
+    a, b, q = 0.425, 0.392, run["q"][0]
+    out, up = a * np.cos(q[1]) + b * np.cos(q[1] + q[2]), -a * np.sin(q[1]) - b * np.sin(q[1] + q[2])
+    asked = run["pose_ref"][:, 0].max() - arm.pose(q)[0] + out
+    assert asked - np.sqrt((a + b) ** 2 - up**2) == pytest.approx(0.010, abs=1e-4)
+    assert np.degrees(run["q"][:, 2]).min() > 0  # the elbow stays on its side
+
+
+def test_the_fr3_is_asked_for_ten_millimeters_more_than_its_bent_elbow_has():
+    run, _ = outcomes("fr3_elbow")
+    longest = np.hypot(0.316, 0.0825) + np.hypot(0.384, 0.0825)
+    # The wrist is 0.088 m behind the tool and 0.107 + 0.1034 m above it; the shoulder is at a height of 0.333 m.
+    height = run["pose"][0, 2] + 0.107 + 0.1034 - 0.333
+    asked = run["pose_ref"][:, 0].max() - 0.088
+    assert asked - np.sqrt(longest**2 - height**2) == pytest.approx(0.010, abs=1e-4)
+    assert np.degrees(run["q"][:, 3]).max() < -26.76
+
+
+def test_five_joints_point_where_their_shoulder_has_turned_to():
+    run, _ = outcomes("so101_five_joints")
+    # The tool lies in the plane of the arm, through the axis of the shoulder at x = 0.0388 m.
+    turned = np.arctan2(run["pose"][:, 1], run["pose"][:, 0] - 0.0388353)
+    np.testing.assert_allclose(
+        -run["q"][:, 0], turned - turned[0], atol=1e-3
+    )  # the tool is 8 mm off its roll
+    error = np.linalg.norm(run["pose_error"][:, 3:], axis=1)
+    assert error.max() == pytest.approx(abs(turned).max(), abs=0.01)
 
 
 def test_stanford_wrist_passes_its_singularity_at_one_degree():

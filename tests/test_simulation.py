@@ -23,7 +23,7 @@ from rmrc.simulation.simulation import BLOCK, HELD, Simulation
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
-COARSE = "control.period=0.004"  # the oracle takes a third of a millisecond a tick
+COARSE = "control.period=0.008"  # the oracle takes half a millisecond a tick
 FINER = "control.period=0.002"  # the torque plant carries rounding too far along at a longer one
 SIX = (
     "task.axes=[x, y, z, rx, ry, rz]",
@@ -57,7 +57,7 @@ def second(text):
 # Every method, schedule, objective, priority, limit, policy, plant and weighting at least once, in square, wide and
 # tall tasks.
 VARIANTS = {
-    "inverse": (SHORT, METHOD + "inverse",),
+    "inverse": (FINER, SHORT, METHOD + "inverse"),
     "inverse, 6 joints": (*STANFORD, *SIX, METHOD + "inverse"),
     "pseudoinverse, wide": (*THREE, *BRIEF, METHOD + "pseudoinverse"),
     "pseudoinverse, tall": (*BRIEF, "task.axes=[x, y, rz]", METHOD + "pseudoinverse"),
@@ -176,7 +176,7 @@ VARIANTS = {
     "no feed-forward": (*BRIEF, "control.feedforward=false",),
     "no feedback": (*BRIEF, "control.feedback=0",),
     "ideal": (*NEAR, "plant.kind=ideal"),
-    "torque": (SHORT, "plant.kind=torque",),
+    "torque": (FINER, SHORT, "plant.kind=torque"),
     "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", FINER),
     "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
 }  # fmt: skip
@@ -548,7 +548,7 @@ def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_thread
         assert [one is not None for one in simulation.divergences()] == [False] * (len(prepared) - 1) + [True]
 
 
-@pytest.mark.parametrize("held", [1, 7, 100, 10_000])
+@pytest.mark.parametrize("held", [1, 100, 10_000])
 def test_scorecards_and_blocks_do_not_depend_on_how_many_ticks_are_held(scenario, monkeypatch, held):
     encoders = VARIANTS["encoders off, drawn, slow, manipulability"]  # another way through a tick
     good = prepare(scenario(REACH))

@@ -4,6 +4,8 @@ The oracle are the conditions of Karush, Kuhn and Tucker, which only the best ra
 say whether an answer is right and not how to find it.
 """
 
+import itertools
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -13,6 +15,7 @@ from numpy.testing import assert_allclose
 from chains import seeds
 from codes import Method, OnExcess, Schedule, field
 from oracle_limits import brake
+from project import mostly_long
 from records import blank
 from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
@@ -179,9 +182,15 @@ def quotient(rates, bounds):
 
 
 @pytest.mark.parametrize(
-    "schedule", [Schedule.CONSTANT, Schedule.SMALLEST_SINGULAR_VALUE, Schedule.MANIPULABILITY]
+    ("shape", "schedule"),
+    mostly_long(
+        itertools.product(
+            [(3, 3), (2, 3), (6, 7)],
+            [Schedule.CONSTANT, Schedule.SMALLEST_SINGULAR_VALUE, Schedule.MANIPULABILITY],
+        ),
+        4,
+    ),
 )
-@pytest.mark.parametrize("shape", [(3, 3), (2, 3), (6, 7)])
 def test_rates_do_not_jump_where_a_joint_begins_to_be_held(shape, schedule):
     # Of rates that are continuous in the bound, the quotient hardly changes with a tenth of the step; at a jump it
     # grows tenfold. The steps are so small as some tasks pass from one set of held joints to the next within a

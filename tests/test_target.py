@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 import ruckig
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
@@ -31,8 +31,6 @@ ROUNDING = 1e-12
 LIMITS = TargetLimitsSection()
 START = np.array([0.5, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0])
 FULL = 2 * math.pi
-
-many = settings(max_examples=50, deadline=None)
 
 
 def line(by=None, *, to=None, turn=None):
@@ -161,7 +159,6 @@ def exceeded(reference, limits):
     return over
 
 
-@many
 @given(paths(), limit_sets, up_to(0.003, 0.03))
 def test_no_sample_exceeds_a_limit_on_any_path(path, limits, period):
     pose, segments, _ = path
@@ -192,7 +189,6 @@ def fastest(length, v, a, j):
     return 2 * ramp(low)
 
 
-@many
 @given(up_to(0.01, 10), up_to(0.1, 10), up_to(0.3, 30), up_to(1, 300))
 def test_a_line_and_a_turn_take_the_shortest_time_that_the_limits_allow(extent, v, a, j):
     limits = TargetLimitsSection(
@@ -206,7 +202,6 @@ def test_a_line_and_a_turn_take_the_shortest_time_that_the_limits_allow(extent, 
         assert best * (1 - 1e-6) <= duration <= best * 1.002
 
 
-@many
 @given(up_to(1e-6, 1e3), st.tuples(*[up_to(1e-5, 1e5)] * 3), st.sampled_from(["line", "arc", "turn"]))
 def test_any_mix_of_limits_can_be_timed(extent, vaj, kind):
     period = sum((extent / x) ** (1 / k) for k, x in enumerate(vaj, 1)) / 50
@@ -251,7 +246,6 @@ def test_a_wide_arc_is_as_fast_as_a_line_of_its_length():
 # Position, twist and acceleration ----------------------------------------------------------------
 
 
-@many
 @given(paths(), limit_sets, up_to(0.003, 0.03))
 def test_it_starts_at_the_start_to_the_bit_and_ends_where_geometry_says_both_at_rest(path, limits, period):
     pose, segments, ends = path
@@ -265,7 +259,6 @@ def test_it_starts_at_the_start_to_the_bit_and_ends_where_geometry_says_both_at_
         assert not rows[[0, -1]].any()
 
 
-@many
 @given(paths(), limit_sets, up_to(0.003, 0.03))
 def test_twist_and_acceleration_are_the_derivatives_of_the_pose(path, limits, period):
     pose, segments, _ = path
@@ -289,7 +282,6 @@ def test_twist_and_acceleration_are_the_derivatives_of_the_pose(path, limits, pe
     assert norms(a[:, 3:]).max() < limits.angular_jerk * period / 2 * (1 + 1e-6) + 1e-10
 
 
-@many
 @given(paths(), limit_sets, up_to(0.003, 0.03))
 def test_quaternions_are_of_length_one_and_never_jump_to_their_negative(path, limits, period):
     pose, segments, _ = path
@@ -311,7 +303,6 @@ def test_translation_and_rotation_keep_the_same_fraction_of_their_way(turning):
     assert way[-2] < 1
 
 
-@many
 @given(poses, points, turns.filter(lambda t: t.to is None), limit_sets)
 def test_omega_keeps_its_direction_within_a_segment(pose, by, turning, limits):
     by = (by[0] + 2, *by[1:])
@@ -320,7 +311,6 @@ def test_omega_keeps_its_direction_within_a_segment(pose, by, turning, limits):
     assert norms(across).max() < ROUNDING * limits.angular_velocity
 
 
-@many
 @given(poses, long_points, axes, angles)
 def test_an_arc_keeps_its_radius_and_its_height_along_the_axis(pose, offset, axis, angle):
     n = unit_axis(axis)
@@ -377,7 +367,6 @@ def test_two_values_keep_z():
 # Turns to an orientation -------------------------------------------------------------------------
 
 
-@many
 @given(poses, orientations)
 def test_a_turn_to_an_orientation_takes_the_shortest_way_whatever_its_sign_and_length(pose, to):
     rotvec = (as_rotation(to) * as_rotation(pose[3:]).inv()).as_rotvec()
@@ -596,7 +585,6 @@ def paths_to_points(draw):
     return pose, [*segments, line(to=point), line((0.3, 0.1)), arc((9.0, -7.0), 0.5)]
 
 
-@many
 @given(paths_to_points(), st.lists(st.floats(-0.5, 0.5), min_size=2, max_size=3))
 def test_an_offset_is_the_path_with_each_absolute_point_written_further(path, offset):
     pose, segments = path

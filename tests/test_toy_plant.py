@@ -7,6 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose
 
+from project import mostly_long
 from toy import Copy
 from wording import says
 
@@ -153,11 +154,14 @@ def test_it_is_in_the_schema_and_in_messages(toy):
 
 @pytest.mark.parametrize(
     ("module", "old", "new"),
-    [
-        ("plants/kinds.py", "Torque, Lagging)", "Torque)"),
-        ("scenario/choices.py", "TORQUE, LAGGING)", "TORQUE)"),
-        ("plants/lagging.py", 'name = "lagging"', 'name = "laging"'),
-    ],
+    mostly_long(
+        [
+            ("plants/kinds.py", "Torque, Lagging)", "Torque)"),
+            ("scenario/choices.py", "TORQUE, LAGGING)", "TORQUE)"),
+            ("plants/lagging.py", 'name = "lagging"', 'name = "laging"'),
+        ],
+        3,
+    ),
     ids=["class", "declaration", "name"],
 )
 def test_what_is_forgotten_is_said_at_import(tmp_path, module, old, new):

@@ -38,7 +38,20 @@ UNSTABLE = {"wall_time", "speed", "versions"}
 KINDS = "ideal", "servo", "torque"
 # What a scenario needs so that it can run on the kinds that refuse it as it is.
 NEEDED = {"example_5_5": "plant.timestep=1.0e-4"}
-VERBS = "run", "compare", "sweep", "tune", "replay", "schema", "inspect", "statics", "ik", "workspace"
+VERBS = (
+    "run",
+    "compare",
+    "sweep",
+    "tune",
+    "replay",
+    "schema",
+    "check",
+    "new",
+    "inspect",
+    "statics",
+    "ik",
+    "workspace",
+)
 EVERY = 9  # of the tasks, --quick does one in so many
 LONGEST = 600.0  # s, that one execution may take
 

@@ -18,6 +18,8 @@ Or ask about an arm, by its MJCF file or the name of a shipped one:
 
     rmrc.inspect("puma560")
     rmrc.ik("planar_2link", [1.0, 1.0]).q
+    rmrc.check("my.xml").findings                  # what must be mended, is missing, or is assumed
+    rmrc.new("my.xml", out="my.yaml")              # a first scenario for it, which runs as it is
 
 Nothing is written unless a folder is given. Each name is loaded when it is first used, because MuJoCo and the
 compiled law take a third of a second.
@@ -29,8 +31,10 @@ from typing import TYPE_CHECKING
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
+    from rmrc.analysis.check.check import check
     from rmrc.analysis.ik.ik import ik
     from rmrc.analysis.inspect.inspection import inspect
+    from rmrc.analysis.new.new import new
     from rmrc.analysis.statics.statics import statics
     from rmrc.analysis.workspace.workspace import workspace
     from rmrc.law.controller import Controller, resolve_rates
@@ -56,14 +60,16 @@ if TYPE_CHECKING:
 __all__ = [
     "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
-    "TargetError", "compare", "ik", "inspect", "load", "loads", "prepare", "resolve_rates", "run", "statics",
-    "sweep", "tune", "workspace",
+    "TargetError", "check", "compare", "ik", "inspect", "load", "loads", "new", "prepare", "resolve_rates",
+    "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
     _HOMES = {
+        "rmrc.analysis.check.check": ("check",),
         "rmrc.analysis.ik.ik": ("ik",),
         "rmrc.analysis.inspect.inspection": ("inspect",),
+        "rmrc.analysis.new.new": ("new",),
         "rmrc.analysis.statics.statics": ("statics",),
         "rmrc.analysis.workspace.workspace": ("workspace",),
         "rmrc.law.controller": ("Controller", "resolve_rates"),

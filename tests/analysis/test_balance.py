@@ -6,7 +6,7 @@ from itertools import pairwise
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.testing import assert_allclose
 
 from chains import random_chain, seeds
@@ -129,7 +129,6 @@ def check_power(borne, seed):
 
 
 @given(seeds)
-@settings(max_examples=30, deadline=None)
 def test_any_chain_bears_what_mujoco_levers_and_power_say(chain, seed):
     arm = chain(seed)
     borne = balance(arm, *at_random(arm, seed))
@@ -347,7 +346,8 @@ def test_every_model_and_screws_hold_what_statics_says(made, gravity):
         held = hold(arm, q, 0.1 * wrench, gravity)  # a newton or so: no wrist comes to its torque limit
         assert held.agrees, (arm.path.stem, held.difference, held.allowed, held.rate)
         assert held.ended.gravity.any() <= gravity
-        assert (held.allowed < 0.01 * held.ended.size.max()).all()
+        # What dry friction may bear is beside that, and known.
+        assert (held.allowed - arm.friction < 0.01 * held.ended.size.max()).all()
         # Negative control: the wrench of the other sign is not what they read.
         wrong = balance(arm, held.ended.q, -0.1 * wrench, gravity)
         assert not replace(held, ended=wrong).agrees

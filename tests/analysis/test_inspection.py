@@ -147,7 +147,6 @@ def test_words_are_along_the_axes_of_the_frame():
 
 
 @given(seeds, st.sampled_from([0.4, 1.0]), st.sampled_from([None, AXES, ("y", "rx"), ("rz",)]))
-@settings(max_examples=40, deadline=None)
 def test_what_is_lost_and_what_stands_still_for_any_chain(tmp_path_factory, seed, length, axes):
     arm = chain_of(tmp_path_factory, seed)
     found = inspect(arm, arm.sampled(1, seed)[0], axes=axes, length=length)

@@ -190,7 +190,6 @@ def test_hinges_are_not_wound_up():
 
 
 @given(seeds)
-@settings(max_examples=50, deadline=None)
 def test_no_other_turn_within_the_limits_is_nearer(seed):
     rng = np.random.default_rng(seed)
     lower = rng.uniform(-8.0, -1.0, 6)

@@ -6,7 +6,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc import arm as arms
 from rmrc.analysis.ik import solve as inverse
 from rmrc.analysis.ik.postures import find_postures
@@ -291,7 +291,9 @@ def test_three_links_have_the_continua_of_a_four_bar_linkage(tmp_path_factory, a
     assert found.decided.all() and found.hits.sum() == (found.led_to >= 0).sum()
 
 
-@pytest.mark.parametrize("bars", [(0.5, 1.0, 1.2, 0.7), (1.0, 1.0, 1.0, 1.0), (0.6, 1.0, 0.6, 1.0)])
+@pytest.mark.parametrize(
+    "bars", mostly_long([[0.5, 1.0, 1.2, 0.7], [1.0, 1.0, 1.0, 1.0], [0.6, 1.0, 0.6, 1.0]], 3)
+)
 def test_circuits_that_meet_are_one_continuum(tmp_path_factory, bars):
     """Where Grashof's law is an equation, the circuits cross where all bars lie on a line."""
     *lengths, reach = bars

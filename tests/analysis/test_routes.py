@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 
 from chains import random_chain, seeds
 from project import ROOT
@@ -36,7 +36,6 @@ def screw(tmp_path):
 
 
 @given(seeds)
-@settings(max_examples=25, deadline=None)
 def test_routes_agree_for_any_chain(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("chain") / "chain.xml"
     path.write_text(random_chain(seed))

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial.transform import Rotation
 
@@ -36,7 +36,6 @@ def check(arm, q):
 
 
 @given(seeds)
-@settings(max_examples=25, deadline=None)
 def test_survey_of_any_chain_is_mujocos_kinematics_and_numpys_svd(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("chain") / "chain.xml"
     path.write_text(random_chain(seed))

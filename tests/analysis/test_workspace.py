@@ -169,10 +169,10 @@ EVERY = [
     ("planar_rp", None, None, None),
     ("anthropomorphic", None, None, None),
     ("helical", None, "xz", (0.0, 0.4, 0.0)),
-    ("helical", None, "xy", (0.0, 0.0, 1.2)),
+    pytest.param("helical", None, "xy", (0.0, 0.0, 1.2), marks=pytest.mark.long),
     ("torus_3r", None, "xz", (0.0, 0.5, 0.0)),
     ("stanford", "wrist", None, None),
-    ("stanford", "tool", None, None),
+    pytest.param("stanford", "tool", None, None, marks=pytest.mark.long),
 ]
 every_arm = pytest.mark.parametrize(("name", "site", "plane", "through"), EVERY)
 
@@ -315,7 +315,6 @@ def test_middles_on_borders_of_triangles_count_once():
 
 
 @given(seeds)
-@settings(max_examples=30, deadline=None)
 def test_a_distorted_grid_covers_its_inside_once_and_folded_thrice_or_once(seed):
     rng = np.random.default_rng(seed)
     steps = np.linspace(0.0, 1.0, 12)

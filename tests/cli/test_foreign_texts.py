@@ -1,5 +1,6 @@
 """What comes from files, options and models is printed as it is: no markup, no control characters, not too long."""
 
+import itertools
 import json
 import re
 import subprocess
@@ -7,7 +8,7 @@ import sys
 
 import pytest
 
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.support.legible import LONGEST
 
 NAMES = [
@@ -21,6 +22,7 @@ NAMES = [
     "a\nb",
     "a b",
 ]
+PRINTABLE = [name for name in NAMES if name.isprintable()]
 MODEL = (ROOT / "models/planar_2link.xml").read_text("utf-8").replace(
     "common/", f"{ROOT}/models/common/"
 )  # fmt: skip
@@ -33,11 +35,15 @@ def named(name):
     return text
 
 
-@pytest.mark.parametrize("name", [name for name in NAMES if name.isprintable()])
 @pytest.mark.parametrize(
-    "verb", [["inspect"], ["statics", "--wrench", "0,-1,0"], ["ik", "--to", "1,1"], ["workspace", "--cells", "20"]]
-)  # fmt: skip
+    ("verb", "name"),
+    [
+        *itertools.product(["inspect", "statics --wrench 0,-1,0", "ik --to 1,1"], PRINTABLE),
+        *mostly_long(itertools.product(["workspace --cells 20"], PRINTABLE), len(PRINTABLE)),
+    ],
+)
 def test_names_of_a_model_are_no_markup(rmrc, tmp_path, name, verb):
+    verb = verb.split()
     (tmp_path / "model.xml").write_text(named(name))
     code, out, err = rmrc(verb[0], "model.xml", *verb[1:])
     assert (code, err.replace("rmrc: reading the model ...\n", "")) == (0, "")

@@ -24,7 +24,7 @@ CONTENTS = {
     "named.xml.yaml": TWO.read_bytes(),
 }
 SCENARIO_VERBS = ("run", "compare", "sweep", "tune")
-MODEL_VERBS = ("inspect", "statics", "ik", "workspace")
+MODEL_VERBS = ("check", "new", "inspect", "statics", "ik", "workspace")
 CASES = [
     *((verb, "model.xml", "… model … scenario; … `rmrc inspect model.xml` … `arm: {model: model.xml, site: ...}`") for verb in SCENARIO_VERBS),
     *((verb, "quick.yaml", "… scenario … model; … `rmrc run quick.yaml`; … arm.model …") for verb in MODEL_VERBS),

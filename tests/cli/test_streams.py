@@ -10,7 +10,7 @@ import sys
 import pytest
 
 import rmrc as package
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc import scenario as scenarios
 from rmrc.cli import streams
 
@@ -113,7 +113,7 @@ PROCESSES = {
 }
 
 
-@pytest.mark.parametrize("case", PROCESSES)
+@pytest.mark.parametrize("case", mostly_long(PROCESSES, 2))
 def test_a_process_ends_as_other_tools_do(tmp_path, case):
     """As in a shell, with all that the interpreter does at its own end."""
     line, code, err = PROCESSES[case]

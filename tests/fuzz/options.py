@@ -208,6 +208,10 @@ def _about_model(chance, name):
         argv += ["--length", chance.number() if chance.odds(0.6) else "0.5"]
     if chance.odds(0.3):
         argv += ["--json"]
+    if chance.odds(0.05):
+        argv += ["--body", chance.pick(("link_1", "world", "none", chance.word()))]
+    if chance.odds(0.03):
+        argv += ["--package", chance.pick(("a=.", "a=", "=.", "a", chance.word()))]
     return argv
 
 
@@ -241,6 +245,31 @@ def _picture(chance):
         )
     )
     return ["--picture", name], {"here/dir.png/": b""}
+
+
+def _check(chance):
+    name = _model(chance)
+    argv = ["check", _model_path(chance, name)]
+    if chance.odds(0.3):
+        argv += ["--site", chance.pick((*shipped.sites(name), "none", chance.word()))]
+    if chance.odds(0.3):
+        argv += ["--joints", chance.pick((",".join(shipped.joints(name)), "", ",", chance.word()))]
+    if chance.odds(0.3):
+        argv += ["--seed", chance.pick(("0", "7", "-1", "1e3", "x", "9" * 40))]
+    return [*argv, *chance.pick(([], ["--json"], ["--jso"]))], {}
+
+
+def _new(chance):
+    name = _model(chance)
+    argv = ["new", _model_path(chance, name)]
+    if chance.odds(0.3):
+        argv += ["--site", chance.pick((*shipped.sites(name), "none", chance.word()))]
+    if chance.odds(0.3):
+        argv += ["--plant", chance.pick(("ideal", "servo", "torque", "", chance.word()))]
+    argv += chance.pick(
+        ([], ["-o", "-"], ["-o", "a.yaml"], ["-o", "dir"], ["-o", "none/a.yaml"], ["-o", "\x1b.yaml"])
+    )
+    return [*argv, *chance.pick(([], ["--force"], ["--json"], ["-q"]))], {"here/dir/": b""}
 
 
 def _inspect(chance):
@@ -519,7 +548,20 @@ def _schema(chance):
 
 
 def _root(chance):
-    verbs = ("run", "compare", "sweep", "tune", "replay", "schema", "inspect", "statics", "ik", "workspace")
+    verbs = (
+        "run",
+        "compare",
+        "sweep",
+        "tune",
+        "replay",
+        "schema",
+        "check",
+        "new",
+        "inspect",
+        "statics",
+        "ik",
+        "workspace",
+    )
     return chance.pick(
         (
             [],
@@ -536,9 +578,9 @@ def _root(chance):
 
 
 _VERB = {
-    "run": _run, "compare": _compare, "sweep": _sweep, "tune": _tune, "replay": _replay, "schema": _schema, "inspect": _inspect,
+    "check": _check, "new": _new, "run": _run, "compare": _compare, "sweep": _sweep, "tune": _tune, "replay": _replay, "schema": _schema, "inspect": _inspect,
     "statics": _statics, "ik": _ik, "workspace": _workspace, "root": _root,
 }  # fmt: skip
 _VERBS = {
-    "run": 24, "compare": 3, "sweep": 10, "tune": 5, "replay": 5, "schema": 2, "inspect": 18, "statics": 10, "ik": 16, "workspace": 5, "root": 2,
+    "check": 3, "new": 2, "run": 22, "compare": 3, "sweep": 10, "tune": 5, "replay": 5, "schema": 2, "inspect": 15, "statics": 10, "ik": 16, "workspace": 5, "root": 2,
 }  # fmt: skip

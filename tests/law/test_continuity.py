@@ -9,11 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 import pytest
-from worlds import DEFAULTS, NAMES, VARIANT, fits, formula, make_world, with_sigma
+from worlds import DEFAULTS, NAMES, VARIANT, along, fits, formula, with_sigma
 
 from codes import Method, Objective, Schedule
-from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
 
 # What docs/theory.md promises, for every method and schedule. Those in BOUNDED have a derivative that is known.
 BOUNDED = {
@@ -79,24 +77,6 @@ PATHS = [
     for kind in ("one", "two", "line")
     if kind != "two" or min(m, n) > 2  # something must be left that does not die
 ]
-
-
-def along(J, twist, cold=False, **parameters):
-    """Return what the law answers along a path, (steps, n): warm, each tick starting from the last, or cold."""
-    world, tick = make_world(J[0], twist, **parameters)
-    law = machine_code(resolve, world[0], tick[0])
-    # bytes, because numpy copies a record field by field
-    start, state, record, out = world.tobytes(), memoryview(world.view(np.uint8)), world[0], tick[0]
-    m, n = J[0].shape
-    measured, rates = world["J"][0, :m, :n], tick["qdot_cmd"][0, :n]
-    answers = np.empty((len(J), n))
-    for answer, jacobian in zip(answers, J, strict=True):
-        if cold:
-            state[:] = start
-        measured[:] = jacobian
-        law(record, out)
-        answer[:] = rates
-    return answers
 
 
 def quotients(J, rates):
@@ -183,10 +163,11 @@ def test_every_method_and_schedule_has_a_promise():
     assert not CONTINUOUS & DISCONTINUOUS
 
 
+@pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])
 @pytest.mark.parametrize("cold", [False, True], ids=["warm", "cold"])
 @pytest.mark.parametrize("name", sorted(CONTINUOUS))
-def test_rates_are_continuous_through_rank_loss(name, cold):
-    for kind, m, n in PATHS if not cold else PATHS[::3]:
+def test_rates_are_continuous_through_rank_loss(name, cold, every):
+    for kind, m, n in PATHS[::every]:
         if name == "selectively_damped" and kind != "one":
             continue  # its σ keep apart; of the others some meet, where it promises nothing
         times, largest = growth(law_of(name, cold), kind, m, n)

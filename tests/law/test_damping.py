@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from worlds import SHAPES, Variant, formula, matrices, one_world, rates_of, seeds, with_sigma
@@ -37,7 +37,6 @@ def assert_normal_equations(J, t, wx, wq, lam, rates):
 
 
 @scheduled
-@settings(max_examples=50)
 @given(J=matrices, seed=seeds)
 def test_damped_rates_solve_the_weighted_normal_equations(variant, J, seed):
     rng = np.random.default_rng(seed)
@@ -76,7 +75,6 @@ def test_the_check_of_the_normal_equations_finds_wrong_damping_and_wrong_weights
 
 
 @scheduled
-@settings(max_examples=50)
 @given(J=matrices, seed=seeds)
 def test_damped_rates_are_bounded_by_the_twist_over_twice_lambda(variant, J, seed):
     rng = np.random.default_rng(seed)

@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from worlds import Variant, chain_text, make_world, matrices, one_world, seeds
@@ -61,7 +61,6 @@ def free_directions(J, wq, rank):
 @wishing
 @pytest.mark.parametrize("variant", [DAMPED, PSEUDOINVERSE], ids=str)
 @given(J=matrices, seed=seeds, sigma_min=st.sampled_from([1.0, 1e-6, 0.0]))
-@settings(max_examples=40)
 def test_the_task_feels_nothing_of_the_null_space_down_to_rank_loss(objective, variant, J, seed, sigma_min):
     rng = np.random.default_rng(seed)
     m, n = J.shape
@@ -77,7 +76,6 @@ def test_the_task_feels_nothing_of_the_null_space_down_to_rank_loss(objective, v
 
 
 @pytest.mark.parametrize("damping_maximum", [1e-3, 0.1, 10.0])
-@settings(max_examples=50)
 @given(J=matrices, seed=seeds)
 def test_null_space_motion_is_the_whole_projection_of_the_wish(damping_maximum, J, seed):
     # Not merely some motion that is harmless, such as none; and the same however much the first term is damped.
@@ -95,7 +93,6 @@ def test_null_space_motion_is_the_whole_projection_of_the_wish(damping_maximum, 
 
 @wishing
 @given(seed=seeds, rows=st.integers(1, 5), n=st.integers(2, 8))
-@settings(max_examples=40)
 def test_task_rows_that_never_move_take_nothing_from_the_null_space(objective, seed, rows, n):
     # Rows that are zero at every configuration, as z of a planar arm: the structural rank is that of the others.
     rng = np.random.default_rng(seed)
@@ -241,7 +238,7 @@ def slope_along(f, q, direction, h=1e-4):
 def test_the_objective_improves_at_the_rate_of_its_projected_slope(tmp_path, objective, n, rows):
     # d/dt H = ∇H · N (∓ gain S_q² ∇H) = ∓ gain ‖P S_q ∇H‖²: never the wrong way, and zero only where nothing is left.
     goal, sign = GOALS[objective]
-    for seed in range(12):
+    for seed in range(4):
         chain = Chain(tmp_path, seed, n, rows)
         sigma = np.linalg.svd(chain.weighted(chain.q), compute_uv=False)
         assert sigma[chain.rank - 1] > 1e-4
@@ -312,7 +309,6 @@ def test_the_check_finds_gradients_that_forget_the_joint_weights(tmp_path):
 @pytest.mark.parametrize("priority", list(Priority), ids=lambda priority: priority.name.lower())
 @pytest.mark.parametrize("damping_2", [0.0, 0.05, 1.0])
 @given(seed=seeds)
-@settings(max_examples=40)
 def test_the_second_task_is_solved_in_what_the_first_leaves(priority, damping_2, seed):
     rng = np.random.default_rng(seed)
     m, rows = (int(size) for size in rng.integers(1, 4, 2))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rmrc.analysis.ik.descent import Bounds
+from rmrc.law.descent import Bounds
 from rmrc.law.record import MEASUREMENT, MEMORY, SCRATCH, Field, records
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.wiring import WIRING

@@ -12,6 +12,7 @@ from scipy.optimize import brentq
 
 from codes import Method, Schedule
 from records import blank, put
+from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
 from rmrc.scenario.choices import INVERSES, PARAMETERS
 
@@ -85,6 +86,24 @@ def one_world(J, twist, wx=1.0, wq=1.0, variant=None, **parameters):
 def rates_of(J, twist, variant, **parameters):
     """Return the joint rates of a world without weights."""
     return one_world(J, twist, variant=variant, **parameters)[1]["qdot_cmd"][: J.shape[1]].copy()
+
+
+def along(J, twist, cold=False, **parameters):
+    """Return what the law answers along a path, (steps, n): warm, each tick starting from the last, or cold."""
+    world, tick = make_world(J[0], twist, **parameters)
+    law = machine_code(resolve, world[0], tick[0])
+    # bytes, because numpy copies a record field by field
+    start, state, record, out = world.tobytes(), memoryview(world.view(np.uint8)), world[0], tick[0]
+    m, n = J[0].shape
+    measured, rates = world["J"][0, :m, :n], tick["qdot_cmd"][0, :n]
+    answers = np.empty((len(J), n))
+    for answer, jacobian in zip(answers, J, strict=True):
+        if cold:
+            state[:] = start
+        measured[:] = jacobian
+        law(record, out)
+        answer[:] = rates
+    return answers
 
 
 def with_sigma(rng, m, n, sigma):

@@ -15,6 +15,7 @@ from processes import descendants, started
 from rmrc.recording import viewer_process
 from rmrc.recording.viewer import ViewerError, repair, replay
 from rmrc.support.invocation import command
+from wording import says
 
 
 @pytest.fixture(scope="module")
@@ -41,9 +42,9 @@ def message(path, web=False):
 
 def test_a_missing_recording_is_one_line_that_names_what_is_near(recording):
     wrong = recording.with_name("runn.rrd")
-    assert message(wrong) == f'{wrong}: no such recording; did you mean "run.rrd"?'
+    assert message(wrong) == says(f'{wrong}: … recording; … "run.rrd"…')
     nowhere = recording.parent / "nowhere" / "x.rrd"
-    assert message(nowhere) == f"{nowhere}: no such recording"
+    assert message(nowhere) == says(f"{nowhere}: … recording")
 
 
 def test_another_file_is_refused(tmp_path):

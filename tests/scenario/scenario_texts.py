@@ -37,12 +37,15 @@ expect:
   position_error.end: {below: 0.001}
 """
 
-# Every key of a scenario has a value here; the schema test holds it against the schema.
+# Every key of a scenario has a value here, but for those that exclude others, which OTHER_FRAMES have; the schema
+# test holds both against the schema.
 FULL = """\
 name: full
 arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b],
-      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7}, stretch: {link_1: 1.1}}
-task: {axes: [x, y], length: 0.5, weights: [1.0, 2.0]}
+      pose: {position: [0.5, 0.1], orientation: [0.0, 10 deg, 0.0], frame: base},
+      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7}, stretch: {link_1: 1.1},
+      base: fixed, packages: {arm_description: ..}}
+task: {axes: [x, y], frame: site, length: 0.5, weights: [1.0, 2.0]}
 control:
   period: 0.002
   inverse: {method: pseudoinverse, tolerance: 0.001, cutoff: 0.02, gamma: 0.2, rate_bound: 1.5,
@@ -51,7 +54,7 @@ control:
   feedforward: false
   joint_weights: [1.0, 4.0]
   nullspace: {objective: posture, gain: 2.0, posture: [0.1, 10 deg], rates: [0.5, -0.5],
-              secondary: {site: elbow, axes: [y], to: [0.3], feedback: 4.0, priority: classical, damping: 0.01}}
+              secondary: {site: elbow, axes: [y], frame: base, to: [0.3], feedback: 4.0, priority: classical, damping: 0.01}}
   limits: {rate: [1.0, 2.0], acceleration: [3.0, 4.0], position: false, braking: 5.0, on_excess: clamp}
   at_singularity: damp
   slow: {change: 3.0, patience: 0.5, longest: 2.0}
@@ -65,7 +68,20 @@ target:
     - arc: {center: [0.5, 0.0], angle: 1.0, turn: {to: [0, 1, 0, 0]}}
     - turn: {axis: [0, 1, 0], angle: 1.0}
     - turn: {to: [0.5, 0.5, 0.5, 0.5]}
+    - line: {by: [0.0, 0.1], tilt: {axis: [0, 0, 1], to: [1, 0, 0], frame: base}, frame: start}
+    - line: {by: [0.0, 0.1], turn: {axis: z, angle: 0.1, frame: base}}
+    - arc: {center: [0.5, 0.0], angle: 1.0, tilt: {axis: [0, 0, 1], to: [1, 0, 0], frame: site}, frame: site}
+    - arc: {center: [0.5, 0.0], angle: 1.0, turn: {to: [0, 1, 0, 0], frame: site}}
+    - turn: {axis: z, angle: 1.0, frame: site}
+    - tilt: {axis: [0, 1, 0], to: [0, 0, -1], frame: world}
+    - set: {to: [0.5, 0.1], turn: {axis: [0, 0, 1], angle: 0.1, frame: site}, frame: base, for: 0.5}
+    - set: {by: [0.5, 0.1], tilt: {axis: [1, 0, 0], to: [0, 1, 0], frame: site}, for: 0.5}
+    - set: {turn: {to: [0, 1, 0, 0]}, for: 0.5}
+    - configurations: [home, [0.1, 10 deg]]
+    - file: {path: motion.csv, columns: pose, from: start, speed: 0.5, frame: base}
     - hold: {for: 0.5}
+  frame: base
+  offset: [0.1, 0.0, 0.0]
   limits: {velocity: 1.0, acceleration: 2.0, jerk: 3.0,
            angular_velocity: 4.0, angular_acceleration: 5.0, angular_jerk: 6.0}
 plant: {kind: torque, kv: 10.0, bandwidth: 20.0, timestep: 0.001, gravity_compensation: false,
@@ -81,6 +97,22 @@ sweep:
   repeat: 2
   seed: 5
 """
+
+
+OTHER_FRAMES = (
+    ("arm.site=null", "arm.body=link_2"),
+    (
+        "arm.site=null",
+        "arm.tool={body: link_2, position: [0.1, 0, 0], quat: [1, 0, 0, 0], mass: 0.5, center: [0, 0, 0.1], "
+        "inertia: [0.1, 0.1, 0.1]}",
+    ),
+    ("arm.site=null", "arm.tool={rpy: [90 deg, 0, 0], model: arm.xml, site: tip}"),
+)
+
+
+def full_scenarios():
+    """Return scenarios that use every key together."""
+    return [loads(FULL), *(loads(FULL, overrides=frame) for frame in OTHER_FRAMES)]
 
 
 def problems(text, *overrides):
@@ -103,4 +135,5 @@ def number_keys(value, key=""):
 
 def full_number_keys():
     Path("arm.xml").write_text("<mujoco/>")
+    Path("motion.csv").touch()
     return sorted(number_keys(loads(FULL).model_dump(mode="json")))

@@ -115,19 +115,19 @@ NATURAL = [
     ("task.axes=[wz]", '"wz" … rz'),
     ("plant.gravity=-9.81", "list … -9.81 … [0, 0, -9.81]"),
     ("control.feedforward='on'", 'true or false … "on" … true … quotes'),
-    ("control.period=1 ms", 'number … "1 ms" … 0.001 … s … angle … deg or rad'),
+    ("control.period=1 ms", 'number … "1 ms" … 0.001 … s … deg or rad'),
     ("control.period=1000 Hz", 'number … "1000 Hz" … 0.001 … period … s'),
-    ("plant.payload=500 g", 'number … "500 g" … 0.5 … kg … angle … deg or rad'),
-    ("target.limits.velocity=250 mm/s", "0.25 … m/s … angle … deg or rad"),
+    ("plant.payload=500 g", 'number … "500 g" … 0.5 … kg … deg or rad'),
+    ("target.limits.velocity=250 mm/s", "0.25 … m/s … deg or rad"),
     ("target.limits.velocity=90 deg/s", "1.570796 rad/s … m/s"),
-    ("target.limits.acceleration=250 mm/s^2", "0.25 … m/s² … angle … deg or rad"),
+    ("target.limits.acceleration=250 mm/s^2", "0.25 … m/s² … deg or rad"),
     ("target.limits.velocity='0,25'", "0.25"),
     ("target.limits.velocity=1/4", "0.25"),
-    ("control.limits.rate=90 deg/s", "1.570796 … rad/s … angle … deg or rad"),
-    ("control.limits.rate=30 rpm", "3.141593 … rad/s … angle … deg or rad"),
+    ("control.limits.rate=90 deg/s", "1.570796 … rad/s … deg or rad"),
+    ("control.limits.rate=30 rpm", "3.141593 … rad/s … deg or rad"),
     ("arm.start=[60°]", "60 deg"),
     ("arm.start=[-pi/2]", "-90 deg"),
-    ("arm.start=[100 mm]", "0.1 … m … angle … deg or rad"),
+    ("arm.start=[100 mm]", "0.1 … m … deg or rad"),
 ]  # fmt: skip
 
 
@@ -138,9 +138,9 @@ def test_what_people_write_is_one_line_that_names_what_to_write(override, end):
 
 
 SEGMENTS_AS_WRITTEN = [
-    ("{circle: {radius: 1}}", ": … line, arc, turn, hold … circle; … arc: {center: [x, y], angle: 360 deg}"),
-    ("{rotate: {}}", ": … line, arc, turn, hold … rotate; … turn: {axis: z, angle: 90 deg}"),
-    ("{wait: 1}", ": … line, arc, turn, hold … wait; … hold: {for: 1.0}"),
+    ("{circle: {radius: 1}}", ": … line, arc, turn, tilt, set, configurations, file, hold … circle; … arc: {center: [x, y], angle: 360 deg}"),
+    ("{rotate: {}}", ": … line, arc, turn, tilt, set, configurations, file, hold … rotate; … turn: {axis: z, angle: 90 deg}"),
+    ("{wait: 1}", ": … line, arc, turn, tilt, set, configurations, file, hold … wait; … hold: {for: 1.0}"),
     ("{hold: 0.5}", ".hold: … mapping … 0.5 … {for: 0.5}"),
     ("{line: [1, 2]}", ".line: … mapping … [1, 2]; … {to: [1, 2]}"),
     ("{line: {to: 0.5}}", ".line.to: … list … 0.5 … [x, y], or [x, y, z]"),

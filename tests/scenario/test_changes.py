@@ -5,7 +5,7 @@ import pickle
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scenario_texts import FULL, MINIMAL
 
@@ -84,7 +84,6 @@ def outcome(make):
 
 
 @given(st.sampled_from(NAMES), changed)
-@settings(max_examples=400, deadline=None)
 @example("approach_singularity", {"control.limits": {"rate": 2}, "control.limits.rate": 1, "control": {}})
 @example("approach_singularity", {"control.limits.rate[0]": 1, "control.limits.rate": 2})
 @example("approach_singularity", {"arm": {"model": MODEL, "site": "tip"}, "arm.encoder.seed": 3})

@@ -3,7 +3,7 @@ import time
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from scenario_texts import MINIMAL, problems
 
@@ -132,7 +132,6 @@ def test_a_byte_order_mark_and_windows_line_ends_are_accepted():
     assert load("x.yaml") == loads(MINIMAL)
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.text(max_size=60) | st.lists(st.sampled_from("ab:-[]{},&*!|>'\"\n #?1.<=%"), max_size=30))
 def test_any_text_gives_a_scenario_error_of_whole_lines(text):
     with pytest.raises(ScenarioError) as caught:

@@ -4,11 +4,12 @@ import pickle
 from pathlib import Path
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scenario_texts import EXAMPLE, FULL, MINIMAL, problems
 
 from rmrc.scenario import HoldSegment, LineSegment, Scenario, TurnSegment, load, loads
+from rmrc.support.errors import ScenarioError
 from wording import says
 
 
@@ -43,8 +44,12 @@ def test_each_kind_of_segment_is_told_by_its_key():
     assert path[3].arc.axis == "z"
     assert isinstance(path[6], TurnSegment)
     assert path[6].turn.to == (0.5, 0.5, 0.5, 0.5)
-    assert isinstance(path[7], HoldSegment)
-    assert path[7].hold.duration == 0.5
+    assert path[12].tilt.to == (0, 0, -1)
+    assert path[13].set.to == (0.5, 0.1) and path[13].set.duration == 0.5
+    assert path[16].configurations == ("home", (0.1, math.radians(10)))
+    assert path[17].file.speed == 0.5
+    assert isinstance(path[-1], HoldSegment)
+    assert path[-1].hold.duration == 0.5
 
 
 def test_axes_are_kept_in_row_order_and_weights_follow_them():
@@ -146,7 +151,6 @@ scenarios = st.builds(
 )
 
 
-@settings(max_examples=60, deadline=None)
 @given(scenarios)
 def test_a_scenario_reads_back_from_its_yaml_equal(data):
     scenario = Scenario.model_validate(data)
@@ -160,13 +164,19 @@ name: x
 arm:
   model: /arm.xml
   site: tip
+  body: null
+  tool: null
+  base: fixed
+  packages: {}
   start: home
+  pose: null
   joints: null
   others: hold
   encoder: {offset: 0.0, deviation: 0.0, seed: 0}
   stretch: {}
 task:
   axes: [x, y, z, rx, ry, rz]
+  frame: world
   length: 1.0
   weights: null
 control:
@@ -190,6 +200,7 @@ control:
     secondary:
       site: null
       axes: [x, y, z]
+      frame: world
       to: null
       feedback: 5.0
       priority: robust
@@ -203,6 +214,7 @@ target:
   - line:
       by: [0.1, 0.0]
   offset: [0.0, 0.0, 0.0]
+  frame: world
   limits: {velocity: 0.25, acceleration: 1.0, jerk: 10.0, angular_velocity: 1.0, angular_acceleration: 4.0,
     angular_jerk: 40.0}
 plant:
@@ -240,3 +252,44 @@ def test_a_scenario_survives_the_way_to_a_worker_process_with_its_places():
     back = pickle.loads(pickle.dumps(scenario))
     assert back == scenario
     assert back.locate("arm.start[1]") == "x.yaml:2:50: arm.start[1]"
+
+
+@pytest.mark.parametrize(
+    ("arm", "says"),
+    [
+        ("site: tip, body: b", "must have one of site, body and tool at most, got site and body"),
+        ("body: b, tool: {}", "must have one of site, body and tool at most, got body and tool"),
+        ("tool: {quat: [1, 0, 0, 0], rpy: [0, 0, 0]}", "tool: must have quat or rpy, got both"),
+        ("tool: {model: arm.xml, mass: 1}", "must have mass or model, which has a mass of its own; got both"),
+        ("tool: {center: [0, 0, 1]}", "center needs mass"),
+        ("tool: {site: tip}", "site needs model, whose site it is; leave it out, or write arm.site"),
+        (
+            "tool: {mass: 1, inertia: [1, 2, 4]}",
+            "inertia must have no moment above the sum of the two others, got [1, 2, 4]",
+        ),
+        ("tool: {mass: -1}", "arm.tool.mass: must be >= 0, got -1"),
+        ("base: floating", 'arm.base: must be one of "fixed", "free", got "floating"'),
+    ],
+)
+def test_a_frame_is_named_once_and_a_tool_fits_together(arm, says):
+    (problem,) = problems(MINIMAL.replace("site: tip", arm))
+    assert problem.startswith("x.yaml:2:") and says in problem
+
+
+def test_without_a_frame_the_hand_is_controlled_and_a_tool_turns_as_urdf_does():
+    assert loads(MINIMAL.replace(", site: tip", "")).arm.site is None
+    tool = loads(MINIMAL.replace("site: tip", "tool: {rpy: [90 deg, 0, 90 deg]}")).arm.tool
+    # about x first, then about z, both fixed: x goes to y, y to z, z to x
+    assert tool.rotation == pytest.approx((0.5, 0.5, 0.5, 0.5), abs=1e-15)
+
+
+def test_folders_of_packages_start_at_the_scenario(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "here/pkg").mkdir(parents=True)
+    (tmp_path / "here/arm.xml").write_text("<mujoco/>")
+    text = MINIMAL.replace("site: tip", "packages: {a: pkg}")
+    (tmp_path / "here/x.yaml").write_text(text)
+    assert load("here/x.yaml").arm.packages == {"a": tmp_path / "here/pkg"}
+    (tmp_path / "here/x.yaml").write_text(text.replace("pkg", "gone"))
+    with pytest.raises(ScenarioError, match=r'arm\.packages\.a: no such folder ".*here/gone"'):
+        load("here/x.yaml")

@@ -10,6 +10,7 @@ from rich.console import Console
 
 import rmrc
 from project import ROOT
+from rmrc.analysis.check.report import report as of_check
 from rmrc.analysis.ik.report import report as of_ik
 from rmrc.analysis.inspect.report import report as of_inspection
 from rmrc.analysis.statics.report import report as of_statics
@@ -53,6 +54,7 @@ def test_notes_stand_below_the_table_and_an_empty_line_follows_if_it_shall():
 
 
 ASKED = {
+    "check": ([], lambda: of_check(rmrc.check(TWO))),
     "inspect": (["--wrench", "1,2,3"], lambda: of_inspection(rmrc.inspect(TWO, wrench=[1, 2, 3, 0, 0, 0]))),
     "ik": (["--to", "1,1", "--all"], lambda: of_ik(rmrc.ik(TWO, [1, 1], every=True))),
     "statics": (["--wrench", "1,2,3"], lambda: of_statics(rmrc.statics(TWO, [1, 2, 3]))),

@@ -4,7 +4,7 @@ import re
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
@@ -227,7 +227,6 @@ def test_numbers_have_three_or_four_digits(value, text):
     assert f"| new.max | {text} | m |" in tables.markdown(Scorecard("case", ("a",), figures))
 
 
-@settings(max_examples=100, deadline=None)
 @given(st.floats(1e-99, 1e99))
 def test_a_number_of_a_column_has_at_most_seven_characters(value):
     text = number(value)

@@ -39,6 +39,7 @@ def wait_for(process, folder, parts):
         time.sleep(0.005)
 
 
+@pytest.mark.long  # tests/study/test_resuming.py goes on in one process
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_killed_interrupted_and_gone_on_with_it_gives_the_file_of_one_go(tmp_path):
     path = tmp_path / "quick.yaml"

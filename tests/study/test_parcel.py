@@ -15,6 +15,7 @@ from rmrc.study.rows import fingerprint
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
+from wording import says
 
 TEXT = """
 name: quick
@@ -116,9 +117,7 @@ def test_a_file_that_a_varied_model_includes_is_part_of_the_sweep(path, tmp_path
     world.write_text(text.replace("<mujoco", "<!-- another light --><mujoco", 1))
     with pytest.raises(ScenarioError) as caught:
         Sweep(path, overrides, tmp_path / "out")
-    assert str(caught.value) == (
-        f"{tmp_path}/out/quick.sweep: is of another sweep (sweep differ); move it, or take another --out"
-    )
+    assert str(caught.value) == says(f"{tmp_path}/out/quick.sweep: … (sweep … --out")
     world.write_text(text)
     assert Sweep(path, overrides, tmp_path / "out").is_checked  # negative control: it was that file
 
@@ -139,3 +138,26 @@ def test_a_models_fingerprint_is_of_what_it_is_and_not_of_where_it_lies(path, tm
     )
     sweep = Sweep(path, [f"arm.model={folder}/arm.xml", "sweep.vary.control.feedback=[5, 6]"], tmp_path)
     assert fingerprint(sweep._prepare(0).arm) != prints[0]
+
+
+def test_a_recorded_motion_is_packed_and_its_contents_are_part_of_the_sweep(path, tmp_path):
+    rows = "t,x,y,z,qw,qx,qy,qz\n0,0.5,0.5,0,1,0,0,0\n1,0.6,0.5,0,1,0,0,0\n"
+    for name in ("a.csv", "b.csv"):
+        (tmp_path / "scenarios" / name).write_text(rows)
+    changes = [
+        "target.path=[{file: {path: a.csv}}]",
+        "sweep.vary={'target.path[0].file.path': [a.csv, b.csv]}",
+    ]
+    draft = draft_of(path, changes)
+    assert draft.motions == ["a.csv", "b.csv"]
+    before = Sweep(draft.scenario())._identify()
+    parcel = pack(draft)
+    assert {"scenarios/a.csv", "scenarios/b.csv"} < set(parcel.files)
+    (tmp_path / "scenarios/b.csv").write_text(rows.replace("0.6", "0.7"))
+    assert Sweep(draft.scenario())._identify() != before
+    for one in tmp_path.glob("scenarios/*"):
+        one.unlink()
+    (tmp_path / "worker").mkdir()
+    there = Unpacked(parcel, str(tmp_path / "worker"))
+    prepared = there.study.prepare(changes_of({"target.path[0].file.path": "b.csv"}))
+    assert abs(prepared.reference.pose[-1, 0] - 0.6) < 1e-12

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import qmc
 
@@ -27,7 +27,6 @@ plans = st.builds(
 
 
 @given(plans, st.randoms())
-@settings(max_examples=60, deadline=None)
 def test_runs_are_the_grid_times_samples_times_repeats_whatever_the_order_they_are_asked_in(plan, random):
     per_cell = plan.samples * plan.repeat
     grid = list(itertools.product(*(one for _, one in plan.vary)))
@@ -47,7 +46,6 @@ def test_runs_are_the_grid_times_samples_times_repeats_whatever_the_order_they_a
 
 
 @given(plans)
-@settings(max_examples=30, deadline=None)
 def test_seeds_differ_within_a_cell_and_are_the_same_in_every_cell(plan):
     seeds = [plan.run_seed(i) for i in range(len(plan))]
     per_cell = plan.samples * plan.repeat

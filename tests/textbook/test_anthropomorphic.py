@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -23,7 +23,6 @@ configurations = st.tuples(angle, angle, angle).map(np.array)
 lengths_of_arms = st.tuples(rounded(0.1, 2.0), rounded(0.1, 2.0)).map(np.array)
 
 
-@settings(max_examples=50, deadline=None)
 @given(lengths_of_arms, configurations)
 def test_printed_position_and_jacobian_are_those_of_the_printed_table(lengths, q):
     chain = anthropomorphic_chain(lengths)
@@ -31,7 +30,6 @@ def test_printed_position_and_jacobian_are_those_of_the_printed_table(lengths, q
     assert_allclose(anthropomorphic_jacobian(lengths, q), chain.jacobian(q), atol=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(lengths_of_arms, configurations)
 def test_linear_rows_are_the_derivative_of_the_position(lengths, q):
     expected = slopes(lambda q: anthropomorphic_position(lengths, q), q)
@@ -46,7 +44,6 @@ def test_without_the_90_degrees_of_theta_1_the_jacobian_is_another():
         assert_allclose(turned, anthropomorphic_chain(lengths).jacobian(q), atol=1e-3)
 
 
-@settings(max_examples=50, deadline=None)
 @given(lengths_of_arms, configurations)
 def test_determinant_is_its_closed_form(lengths, q):
     expected = np.linalg.det(anthropomorphic_jacobian(lengths, q)[:3])
@@ -70,7 +67,6 @@ def test_each_factor_is_a_family_of_singularities(q, rank):
     assert (abs(anthropomorphic_determinant([0.8, 0.6], np.radians(q))) > 1e-9) == (rank == 3)
 
 
-@settings(max_examples=30, deadline=None)
 @given(lengths_of_arms, configurations)
 def test_it_is_the_arm_of_the_torus_without_its_first_link(lengths, q):
     first, turned = np.array([0.0, *lengths]), q + np.array([np.pi / 2, 0, 0])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -55,7 +55,6 @@ def chains(draw):
     return chain, q, draw(st.integers(0, n)), point
 
 
-@settings(max_examples=30, deadline=None)
 @given(angles, lengths, lengths, angles)
 def test_both_transforms_are_their_four_elementary_motions(alpha, a, d, theta):
     about_z, about_x = elementary("z", theta, d), elementary("x", alpha, a)
@@ -63,7 +62,6 @@ def test_both_transforms_are_their_four_elementary_motions(alpha, a, d, theta):
     assert_allclose(modified_dh_transform(alpha, a, d, theta), about_x @ about_z, atol=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(chains())
 def test_jacobian_is_the_derivative_of_the_pose(case):
     chain, q, frame, point = case
@@ -81,7 +79,6 @@ def test_a_jacobian_of_the_wrong_convention_is_no_derivative_of_the_pose():
         assert_allclose(wrong, expected, atol=DIFFERENCE)
 
 
-@settings(max_examples=30, deadline=None)
 @given(chains(), angles, lengths)
 def test_the_conventions_describe_one_arm_by_shifted_rows(case, last_alpha, last_a):
     """Row i of the modified table is (α, a) of row i-1 and (d, θ) of row i of the standard one."""

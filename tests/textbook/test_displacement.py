@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
@@ -21,7 +21,6 @@ def arm(jacobian=planar_jacobian):
     return (lambda q: planar_position(LENGTHS, q)), (lambda q: jacobian(LENGTHS, q))
 
 
-@settings(max_examples=60, deadline=None)
 @given(angles, angles.filter(lambda d: np.linalg.norm(d) > 0.1))
 def test_the_linear_approximation_misses_by_the_second_derivative_of_each_link(q, dq):
     """k'' is exact for a planar arm: each link adds −l (Δφ)² (cos φ, sin φ)/2, plus third order."""

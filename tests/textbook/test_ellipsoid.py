@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
@@ -42,7 +42,6 @@ def directions(n, seed=1):
     return d / np.linalg.norm(d, axis=1, keepdims=True)
 
 
-@settings(max_examples=60, deadline=None)
 @given(regular())
 def test_unit_rates_give_velocities_on_it_or_in_it_and_the_printed_form_is_its_own(J):
     m, n = J.shape
@@ -60,7 +59,6 @@ def test_unit_rates_give_velocities_on_it_or_in_it_and_the_printed_form_is_its_o
     assert_allclose(form(ellipsoid, rates @ J.T), 1.0, atol=ROUNDING)
 
 
-@settings(max_examples=60, deadline=None)
 @given(regular())
 def test_unit_torques_hold_forces_on_the_force_ellipsoid(J):
     forces = directions(len(J))
@@ -68,7 +66,6 @@ def test_unit_torques_hold_forces_on_the_force_ellipsoid(J):
     assert_allclose(form(force_ellipsoid(J), forces), 1.0, atol=ROUNDING)
 
 
-@settings(max_examples=60, deadline=None)
 @given(regular())
 def test_the_two_are_reciprocal_along_the_same_axes(J):
     velocity, force = velocity_ellipsoid(J), force_ellipsoid(J)
@@ -142,7 +139,6 @@ def test_what_cannot_be_drawn_is_refused():
     assert str(caught.value) == "ellipsoid: can draw 2 or 3 half axes, got shape (4,)"
 
 
-@settings(max_examples=40, deadline=None)
 @given(arrays(float, 2, elements=st.floats(-3.0, 3.0)))
 def test_manipulability_of_a_square_jacobian_is_its_determinant(q):
     lengths = [1.0, 0.7]

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
@@ -23,12 +23,10 @@ ROUNDING = 1e-14
 DIFFERENCE = 1e-8
 STEP = 1e-5
 
-many = settings(max_examples=50, deadline=None)
 angle = st.floats(-3.1, 3.1)
 triples = st.tuples(angle, angle, angle).map(np.array)
 
 
-@many
 @given(triples)
 def test_matrix_is_scipys_of_intrinsic_z_y_z(angles):
     assert_allclose(zyz_matrix(angles), Rotation.from_euler("ZYZ", angles).as_matrix(), atol=ROUNDING)
@@ -37,7 +35,6 @@ def test_matrix_is_scipys_of_intrinsic_z_y_z(angles):
 DEGENERATE = [0.0, -0.0, np.pi, -np.pi, 1e-15, np.pi - 1e-15]
 
 
-@many
 @given(
     angle,
     st.one_of(angle, st.sampled_from([*DEGENERATE, 1e-13, 1e-9, -1e-6, np.pi - 1e-9])),
@@ -61,7 +58,6 @@ def test_where_only_the_sum_or_the_difference_is_known_alpha_is_zero(beta):
     assert gamma == pytest.approx(0.3 + sign * 0.5, abs=ROUNDING)
 
 
-@many
 @given(triples)
 def test_first_branch_gives_angles_back_whose_beta_is_positive(angles):
     angles = np.abs(angles) + np.array([0, 0.01, 0])
@@ -75,7 +71,6 @@ def spin(rotation, angles, rates):
     return np.array([S[2, 1] - S[1, 2], S[0, 2] - S[2, 0], S[1, 0] - S[0, 1]]) / 2
 
 
-@many
 @given(triples, st.tuples(*[st.floats(-1, 1)] * 3).map(np.array))
 def test_rate_matrix_makes_the_angular_velocity_of_the_rates(angles, rates):
     def rotation(a):
@@ -90,7 +85,6 @@ def test_a_transposed_rate_matrix_is_seen():
     assert np.abs(zyz_rate_matrix(angles).T @ rates - omega).max() > 0.1
 
 
-@many
 @given(triples)
 def test_determinant_is_that_of_the_matrix(angles):
     assert_allclose(zyz_determinant(angles), np.linalg.det(zyz_rate_matrix(angles)), atol=ROUNDING)
@@ -125,7 +119,6 @@ def posture(q):
     return np.concatenate([pose[:3, :3] @ TOOL + pose[:3, 3], zyz_angles(pose[:3, :3])])
 
 
-@many
 @given(st.tuples(*[st.floats(-2, 2)] * 6).map(np.array))
 def test_analytic_jacobian_is_the_derivative_of_position_and_angles(q):
     angles = posture(q)[3:]

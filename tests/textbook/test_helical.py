@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -36,7 +36,6 @@ def coupling(pitch):
     return np.array([[1, 0, 0], [pitch, 0, 0], [0, 1, 0], [0, 0, 1]])
 
 
-@settings(max_examples=50, deadline=None)
 @given(pitches, cranks, configurations)
 def test_a_screw_is_a_hinge_and_a_slide_coupled_by_its_pitch(pitch, crank, q):
     C, tip = coupling(pitch), (crank, 0.0, 0.0)
@@ -46,7 +45,6 @@ def test_a_screw_is_a_hinge_and_a_slide_coupled_by_its_pitch(pitch, crank, q):
     assert_allclose(helical_jacobian(pitch, crank, q), J, atol=ROUNDING)
 
 
-@settings(max_examples=50, deadline=None)
 @given(pitches, cranks, configurations)
 def test_jacobian_and_position_are_those_of_the_joint_screws(pitch, crank, q):
     axes = [[0, 0, 1], [1, 0, 0], [1, 0, 0]]
@@ -59,7 +57,6 @@ def test_jacobian_and_position_are_those_of_the_joint_screws(pitch, crank, q):
     assert_allclose(helical_jacobian(pitch, crank, q), J, atol=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(pitches, cranks, configurations)
 def test_linear_rows_are_the_derivative_of_the_position(pitch, crank, q):
     expected = slopes(lambda q: helical_position(pitch, crank, q), q)
@@ -74,7 +71,6 @@ def test_a_screw_without_pitch_is_seen():
         assert_allclose(helical_jacobian(0.0, 0.4, q)[:3], expected, atol=1e-3)
 
 
-@settings(max_examples=50, deadline=None)
 @given(pitches, cranks, configurations)
 def test_determinant_is_its_closed_form(pitch, crank, q):
     expected = np.linalg.det(helical_jacobian(pitch, crank, q)[:3])
@@ -82,7 +78,6 @@ def test_determinant_is_its_closed_form(pitch, crank, q):
     assert_allclose(helical_determinant(pitch, crank, q), expected, atol=10 * ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(pitches, cranks, configurations, st.sampled_from([0.0, np.pi]))
 def test_the_pitch_tilts_the_singular_crank(pitch, crank, q, half_turn):
     q[2] = helical_singular_crank(pitch, q[1]) + half_turn

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
@@ -24,7 +24,6 @@ ROUNDING = 1e-12
 DIFFERENCE = 1e-8
 STEP = 1e-5
 
-many = settings(max_examples=40, deadline=None)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -66,7 +65,6 @@ def exact_rate(motion, t):
     return np.cross(motion.omega(t), motion.rotation(t).T).T
 
 
-@many
 @given(seeds, st.floats(-2, 2))
 def test_velocity_of_a_point_in_a_moving_frame_is_the_derivative_of_its_way(seed, t):
     motion = Motion(seed)
@@ -91,7 +89,6 @@ def test_a_term_or_frame_that_is_missed_is_seen(fault):
         assert_allclose(point_velocity(*arguments), difference(motion.seen_from_a, t), atol=DIFFERENCE)
 
 
-@many
 @given(seeds, st.floats(-2, 2))
 def test_writing_in_another_frame_changes_numbers_and_not_the_vector(seed, t):
     motion = Motion(seed)
@@ -102,7 +99,6 @@ def test_writing_in_another_frame_changes_numbers_and_not_the_vector(seed, t):
     assert_allclose(np.linalg.norm(written_in(R, v)), np.linalg.norm(v), atol=ROUNDING)
 
 
-@many
 @given(seeds, st.floats(-2, 2))
 def test_angular_velocity_matrix_is_skew_and_holds_the_angular_velocity(seed, t):
     motion = Motion(seed)
@@ -123,7 +119,6 @@ def test_the_matrix_the_other_way_round_is_that_of_the_body_s_own_axes():
     assert np.abs(vee(R.T @ rate) - omega).max() > 1e-3
 
 
-@many
 @given(seeds)
 def test_a_family_of_rotations_leaves_the_identity_with_a_skew_derivative(seed):
     """Exercise 6.5: R(0) = I."""
@@ -134,7 +129,6 @@ def test_a_family_of_rotations_leaves_the_identity_with_a_skew_derivative(seed):
     assert_allclose(leaving + leaving.T, 0.0, atol=DIFFERENCE)
 
 
-@many
 @given(seeds, st.floats(-2, 2))
 def test_instantaneous_axis_is_that_of_the_turn_from_one_instant_to_the_next(seed, t):
     motion = Motion(seed)

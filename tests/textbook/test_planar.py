@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
@@ -42,7 +42,6 @@ def dh(lengths):
     return DHChain(tuple((0.0, x, 0.0, 0.0) for x in a), ("revolute",) * len(lengths))
 
 
-@settings(max_examples=40, deadline=None)
 @given(links)
 def test_jacobian_is_the_derivative_of_the_position(case):
     lengths, q = case
@@ -58,7 +57,6 @@ def test_a_jacobian_of_angles_that_are_not_summed_is_no_derivative():
         assert_allclose(absolute, differences(planar.planar_position, lengths, q), atol=DIFFERENCE)
 
 
-@settings(max_examples=40, deadline=None)
 @given(links)
 def test_centers_of_rotation_give_the_same_jacobian(case):
     lengths, q = case
@@ -79,7 +77,6 @@ def test_centers_that_are_link_centers_are_no_centers_of_rotation():
         assert_allclose(J, planar.planar_jacobian(lengths, q), atol=1e-3)
 
 
-@settings(max_examples=40, deadline=None)
 @given(links)
 def test_position_and_six_rows_equal_the_dh_chain(case):
     lengths, q = case
@@ -92,7 +89,6 @@ def test_position_and_six_rows_equal_the_dh_chain(case):
     assert_allclose(six, chain.jacobian(q, point=tip), atol=ROUNDING)
 
 
-@settings(max_examples=40, deadline=None)
 @given(fixed(2))
 def test_two_links_as_printed_equal_n_links(case):
     lengths, q = case
@@ -104,7 +100,6 @@ def test_two_links_as_printed_equal_n_links(case):
     )
 
 
-@settings(max_examples=40, deadline=None)
 @given(fixed(3))
 def test_three_links_as_printed_equal_n_links(case):
     lengths, q = case
@@ -112,7 +107,6 @@ def test_three_links_as_printed_equal_n_links(case):
     assert_allclose(planar.three_link_jacobian(lengths, q), planar.planar_jacobian(lengths, q), atol=ROUNDING)
 
 
-@settings(max_examples=40, deadline=None)
 @given(fixed(3))
 def test_wrist_point_is_the_third_frame_of_the_dh_chain(case):
     lengths, q = case
@@ -120,7 +114,6 @@ def test_wrist_point_is_the_third_frame_of_the_dh_chain(case):
     assert_allclose(wrist, dh(lengths).jacobian(q), atol=ROUNDING)
 
 
-@settings(max_examples=40, deadline=None)
 @given(fixed(3))
 def test_determinants_are_l1_l2_s2(case):
     lengths, q = case

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -22,7 +22,6 @@ configurations = st.tuples(rounded(-3.1, 3.1), rounded(-2.0, 2.0)).map(np.array)
 reaches = rounded(0.0, 2.0)
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations, reaches)
 def test_position_and_jacobian_are_those_of_the_table(q, reach):
     chain, Q = planar_rp_chain(), (0.0, 0.0, reach)
@@ -32,7 +31,6 @@ def test_position_and_jacobian_are_those_of_the_table(q, reach):
     assert_allclose(six, chain.jacobian(q, point=Q), atol=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(configurations, reaches)
 def test_jacobian_is_the_derivative_of_the_position(q, reach):
     expected = slopes(lambda q: planar_rp_position(q, reach), q)
@@ -47,7 +45,6 @@ def test_a_slide_that_starts_at_the_pivot_is_seen():
         assert_allclose(planar_rp_jacobian(q, home_reach=0.0)[:2], expected, atol=1e-3)
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations, reaches)
 def test_determinant_is_the_distance_from_the_pivot(q, reach):
     expected = np.linalg.det(planar_rp_jacobian(q, reach)[:2])

@@ -23,7 +23,6 @@ from rmrc.textbook.propagation import (
 # A few dozen products of order ten.
 ROUNDING = 1e-12
 
-many = settings(max_examples=30, deadline=None)
 seeds = st.integers(0, 2**32 - 1)
 
 
@@ -86,19 +85,16 @@ def check_reactions(chain):
     assert_allclose(tau, explicit.T @ np.concatenate([f, n]), atol=ROUNDING)
 
 
-@many
 @given(seeds)
 def test_velocities_are_those_of_the_explicit_jacobian_for_every_link(seed):
     check_velocities(Chain(seed))
 
 
-@many
 @given(seeds)
 def test_reactions_keep_every_cut_in_equilibrium_and_drives_give_j_transposed_f(seed):
     check_reactions(Chain(seed))
 
 
-@many
 @given(seeds)
 def test_drives_give_the_power_of_the_tip_and_bearings_none(seed):
     chain = Chain(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -25,20 +25,17 @@ angle = rounded(-3.1, 3.1)
 configurations = st.tuples(*[angle] * 6).map(np.array)
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations)
 def test_wrist_point_is_the_origin_of_the_last_three_frames(q):
     origins = puma_chain().frames(q)[4:, :3, 3]
     assert_allclose(origins, np.tile(puma_wrist_position(q), (3, 1)), atol=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(configurations)
 def test_derivative_of_the_wrist_point_is_the_table_s_jacobian(q):
     assert_allclose(puma_chain().jacobian(q)[:3], slopes(puma_wrist_position, q), atol=DIFFERENCE)
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations)
 def test_determinant_is_the_product_of_its_factors(q):
     expected = np.linalg.det(puma_chain().jacobian(q))
@@ -89,7 +86,6 @@ def test_away_from_the_families_the_rank_is_full():
     assert np.linalg.matrix_rank(puma_chain().jacobian(singular("none")), tol=1e-3) == 6
 
 
-@settings(max_examples=30, deadline=None)
 @given(configurations)
 def test_gravity_torques_are_the_slope_of_a_potential(q):
     """Whatever the constants: this fails for a wrong sign or factor in any one entry."""

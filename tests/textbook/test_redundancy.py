@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
@@ -36,7 +36,6 @@ def wide(draw):
 SQUARED = 1e-7
 
 
-@settings(max_examples=60, deadline=None)
 @given(wide(), st.integers(0, 1000))
 def test_the_right_inverse_meets_lagrange_s_conditions_and_no_feasible_rates_cost_less(case, seed):
     J, W = case
@@ -54,7 +53,6 @@ def test_the_right_inverse_meets_lagrange_s_conditions_and_no_feasible_rates_cos
         assert other @ W @ other >= rates @ W @ rates * (1 - SQUARED)
 
 
-@settings(max_examples=60, deadline=None)
 @given(wide(), st.integers(0, 1000))
 def test_the_left_inverse_meets_the_normal_equations_and_no_rates_come_nearer(case, seed):
     J = case[0].T
@@ -72,7 +70,6 @@ def test_the_left_inverse_meets_the_normal_equations_and_no_rates_come_nearer(ca
         assert other @ W @ other >= missed @ W @ missed * (1 - SQUARED)
 
 
-@settings(max_examples=60, deadline=None)
 @given(wide(), st.integers(0, 1000))
 def test_the_null_space_keeps_wishes_out_of_the_task_and_grants_what_it_can(case, seed):
     J, W = case
@@ -109,7 +106,6 @@ def test_a_projector_of_a_damped_inverse_leaks_into_the_task():
     assert np.abs(J @ (np.eye(3) - damped @ J)).max() > 1e-3
 
 
-@settings(max_examples=30, deadline=None)
 @given(wide())
 def test_without_weights_both_are_the_pseudo_inverse(case):
     J, _ = case

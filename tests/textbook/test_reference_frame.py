@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
@@ -20,7 +20,6 @@ vectors = arrays(float, 3, elements=numbers)
 six = arrays(float, 6, elements=numbers)
 
 
-@settings(max_examples=40, deadline=None)
 @given(six, vectors)
 def test_the_stanford_arm_s_wrist_gives_its_tool(q, tool):
     """The tool is known in frame {6}; J_W is the printed one, J_E that of the DH table."""
@@ -40,7 +39,6 @@ def test_an_offset_that_is_not_rotated_is_seen():
         assert_allclose(wrong, stanford_chain().jacobian(q, point=tool), atol=1e-3)
 
 
-@settings(max_examples=40, deadline=None)
 @given(arrays(float, 3, elements=st.floats(0.1, 2.0)), vectors)
 def test_the_three_link_arm_s_wrist_gives_its_end_effector(lengths, q):
     wrist = embed_planar_jacobian(three_link_jacobian(lengths * [1, 1, 0], q))
@@ -50,14 +48,12 @@ def test_the_three_link_arm_s_wrist_gives_its_end_effector(lengths, q):
     assert_allclose(shift_jacobian(expected, -p), wrist, atol=ROUNDING)
 
 
-@settings(max_examples=40, deadline=None)
 @given(vectors, vectors)
 def test_a_cross_product_in_another_frame_is_turned_on_both_sides(turn, p):
     R = quat_to_matrix(exp_rotation(turn))
     assert_allclose(skew(R @ p), R @ skew(p) @ R.T, atol=ROUNDING)
 
 
-@settings(max_examples=40, deadline=None)
 @example(np.array([1e-310, -2.0, 1e-310, 1e-310, 5e-324, 5e-324]), np.ones(3), np.ones(3))
 @given(six, vectors, vectors)
 def test_neither_frame_nor_point_change_the_determinant_and_frames_not_even_sigma(q, turn, p):

@@ -3,7 +3,7 @@
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.linalg import expm
@@ -26,7 +26,6 @@ ROUNDING = 1e-12
 DIFFERENCE = 1e-8
 STEP = 1e-5
 
-many = settings(max_examples=40, deadline=None)
 seeds = st.integers(0, 2**32 - 1)
 PITCHES = [0.0, 0.3, -0.2, np.inf]
 
@@ -46,7 +45,6 @@ def random_arm(seed, pitches=PITCHES):
     return joint_screw(axes, points, rng.choice(pitches, n)), rng.uniform(-2, 2, n), home
 
 
-@many
 @given(seeds, st.sampled_from([0.0, 1e-300, 1e-12, 1e-8, 1e-4, 0.03, 1.0, 3.0, np.pi, 7.0]))
 def test_motion_along_a_screw_is_the_matrix_exponential(seed, angle):
     rng = np.random.default_rng(seed)
@@ -58,7 +56,6 @@ def test_motion_along_a_screw_is_the_matrix_exponential(seed, angle):
         assert_allclose(exp_screw(screw, angle), expm(matrix_of(screw) * angle), atol=ROUNDING)
 
 
-@many
 @given(seeds, st.sampled_from(PITCHES), st.floats(-4, 4))
 def test_motion_of_a_joint_is_a_turn_about_its_axis_and_an_advance_along_it(seed, pitch, q):
     """The notes: t = (p θ / 2π) v̂ + (I − R) u; a slide is all advance."""
@@ -71,7 +68,6 @@ def test_motion_of_a_joint_is_a_turn_about_its_axis_and_an_advance_along_it(seed
     assert_allclose(T, np.vstack([np.column_stack([R, t]), [0, 0, 0, 1]]), atol=ROUNDING)
 
 
-@many
 @given(seeds, st.sampled_from(PITCHES))
 def test_transformed_screw_is_that_of_the_joint_where_it_was_moved_to(seed, pitch):
     rng = np.random.default_rng(seed)
@@ -100,7 +96,6 @@ def space_columns_by_differences(pose, q):
     return np.transpose(columns)
 
 
-@many
 @given(seeds)
 def test_space_jacobian_is_the_derivative_of_the_product_of_exponentials(seed):
     screws, q, home = random_arm(seed)
@@ -124,7 +119,6 @@ def as_screws(chain, pitch):
     return joint_screw(frames[1:, :3, 2], frames[1:, :3, 3], pitch), frames[-1]
 
 
-@many
 @given(seeds)
 def test_screws_give_pose_and_jacobian_of_a_dh_chain(seed):
     table, kinds, q, point = random_table(seed)
@@ -147,7 +141,6 @@ def helical_pair(seed):
     return pair, coupling, DHChain(table, ("revolute",) * len(q)), pitch, q, point
 
 
-@many
 @given(seeds)
 def test_helical_joint_is_a_hinge_and_a_slide_that_are_coupled(seed):
     pair, coupling, chain, pitch, q, point = helical_pair(seed)

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
@@ -42,7 +42,6 @@ def angular_velocities(rotation, q):
     return np.array([turn.as_rotvec() for turn in turns]).T / 2e-6
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations)
 def test_printed_columns_are_the_axes_of_the_table_and_turn_the_hand(q):
     chain = spherical_wrist_chain()
@@ -52,7 +51,6 @@ def test_printed_columns_are_the_axes_of_the_table_and_turn_the_hand(q):
     assert_allclose(J, angular_velocities(spherical, q), atol=DIFFERENCE)
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations, tilts)
 def test_columns_of_the_three_roll_wrist_turn_its_hand(q, tilt):
     expected = angular_velocities(lambda q: three_roll(q, tilt), q)
@@ -67,7 +65,6 @@ def test_a_third_axis_tilted_on_instead_of_back_is_seen():
         assert_allclose(three_roll_jacobian(q, [1.0, -0.8]), expected, atol=1e-3)
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations, tilts)
 def test_determinants_are_their_closed_forms(q, tilt):
     assert_allclose(spherical_wrist_determinant(q), np.linalg.det(spherical_wrist_jacobian(q)), atol=ROUNDING)
@@ -92,7 +89,6 @@ def test_only_equal_tilts_align_two_axes_of_the_three_roll_wrist():
         assert first @ third == pytest.approx(np.cos(apart), abs=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(configurations)
 def test_the_3r_wrist_is_a_three_roll_wrist_with_square_tilts(q):
     square = [np.pi / 2, np.pi / 2]

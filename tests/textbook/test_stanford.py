@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -16,7 +16,6 @@ configurations = st.tuples(angle, angle, st.floats(0.3, 1.3), angle, angle, angl
 offsets = st.floats(-0.5, 0.5)
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations, offsets)
 def test_printed_jacobian_equals_the_columns_of_the_printed_table(q, d2):
     assert_allclose(stanford_jacobian(q, d2), stanford_chain(d2).jacobian(q), atol=ROUNDING)
@@ -29,14 +28,12 @@ def test_a_wrong_sign_of_d2_is_seen():
         assert_allclose(stanford_jacobian(q, 0.154), stanford_chain(-0.154).jacobian(q), atol=1e-3)
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations, offsets)
 def test_determinant_is_d3_squared_s2_s5(q, d2):
     expected = np.linalg.det(stanford_jacobian(q, d2))
     assert_allclose(stanford_determinant(q), expected, atol=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(configurations)
 def test_wrist_point_is_d2_z2_plus_d3_z3(q):
     (c1, c2), (s1, s2), d3 = np.cos(q[:2]), np.sin(q[:2]), q[2]

@@ -18,7 +18,6 @@ shapes = st.tuples(st.integers(1, 6), st.integers(1, 7))
 small = st.floats(-3.0, 3.0)
 
 
-@settings(max_examples=40, deadline=None)
 @given(shapes.flatmap(lambda s: st.tuples(*(arrays(float, k, elements=small) for k in (s, *s)))))
 def test_equivalent_torques_do_the_work_of_the_wrench_and_balancing_ones_undo_it(case):
     J, wrench, rates = case
@@ -28,7 +27,6 @@ def test_equivalent_torques_do_the_work_of_the_wrench_and_balancing_ones_undo_it
     assert_allclose(equilibrium_torques(J, wrench) @ rates, -power, atol=1e-10)
 
 
-@settings(max_examples=40, deadline=None)
 @given(*[arrays(float, 2, elements=small)] * 2)
 def test_torque_of_two_links_is_the_moment_of_the_force_about_each_joint(q, force):
     """n_i = (p − o_i) × f: nothing of a Jacobian is in it."""

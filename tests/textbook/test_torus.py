@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -29,7 +29,6 @@ lengths_of_arms = st.tuples(*[rounded(0.2, 2.0)] * 3).map(np.array)
 cases = st.sampled_from([LONG, SHORT])
 
 
-@settings(max_examples=50, deadline=None)
 @given(lengths_of_arms, configurations)
 def test_position_and_jacobian_are_those_of_the_table(lengths, q):
     chain, tip = torus_chain(lengths), (lengths[2], 0.0, 0.0)
@@ -37,14 +36,12 @@ def test_position_and_jacobian_are_those_of_the_table(lengths, q):
     assert_allclose(torus_jacobian(lengths, q), chain.jacobian(q, point=tip), atol=ROUNDING)
 
 
-@settings(max_examples=30, deadline=None)
 @given(lengths_of_arms, configurations)
 def test_linear_rows_are_the_derivative_of_the_position(lengths, q):
     expected = slopes(lambda q: torus_position(lengths, q), q)
     assert_allclose(torus_jacobian(lengths, q)[:3], expected, atol=DIFFERENCE)
 
 
-@settings(max_examples=50, deadline=None)
 @given(lengths_of_arms, configurations)
 def test_determinant_is_its_closed_form(lengths, q):
     expected = np.linalg.det(torus_jacobian(lengths, q)[:3])
@@ -60,7 +57,6 @@ def test_a_determinant_without_the_first_link_is_seen():
         assert_allclose(torus_determinant(LONG * [0, 1, 1], q), expected, atol=1e-3)
 
 
-@settings(max_examples=30, deadline=None)
 @given(cases, angle, angle, st.sampled_from([0.0, np.pi]))
 def test_where_s3_is_0_the_tip_is_on_a_torus_or_its_hollow(lengths, q1, q2, q3):
     q = np.array([q1, q2, q3])
@@ -75,14 +71,12 @@ def test_where_s3_is_0_the_tip_is_on_a_torus_or_its_hollow(lengths, q1, q2, q3):
     assert np.linalg.svd(torus_jacobian(lengths, q)[:3], compute_uv=False)[-1] < 1e-12
 
 
-@settings(max_examples=50, deadline=None)
 @given(configurations)
 def test_with_a_long_first_link_every_tip_is_between_torus_and_hollow(q):
     tube = torus_tube(LONG, torus_position(LONG, q))
     assert LONG[1] - LONG[2] - ROUNDING <= tube <= LONG[1] + LONG[2] + ROUNDING
 
 
-@settings(max_examples=30, deadline=None)
 @given(angle, rounded(-0.5, 0.5))
 def test_on_the_first_axis_the_first_joint_moves_nothing(q1, bend):
     # l1 + l2 c2 + l3 c23 = 0 for this bend of the outer links.
@@ -98,7 +92,6 @@ def spread(postures):
     return np.concatenate([np.cos(postures), np.sin(postures)], axis=-1)
 
 
-@settings(max_examples=100, deadline=None)
 @given(cases, configurations)
 def test_postures_reach_the_point_and_the_one_it_came_from_is_among_them(lengths, q):
     s3, rho = torus_factors(lengths, q)
@@ -125,7 +118,6 @@ def count_by_search(lengths, point):
     return count
 
 
-@settings(max_examples=40, deadline=None)
 @given(cases, rounded(0.05, 2.4), angle, rounded(-1.2, 1.2))
 def test_the_number_of_postures_is_what_a_search_finds(lengths, r, turn, z):
     point = np.array([r * np.cos(turn), r * np.sin(turn), z])

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
@@ -21,7 +21,6 @@ def rotation(angle):
     return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
 
 
-@settings(max_examples=40, deadline=None)
 @given(arms, angles)
 def test_the_velocities_of_example_5_3_are_one_vector_and_the_derivative_of_the_position(arm, qdot):
     lengths, q = arm
@@ -33,7 +32,6 @@ def test_the_velocities_of_example_5_3_are_one_vector_and_the_derivative_of_the_
     assert_allclose(rotation(q.sum()) @ in_2, in_0, atol=ROUNDING * (1 + np.abs(qdot).sum()))
 
 
-@settings(max_examples=40, deadline=None)
 @given(arms)
 def test_the_jacobians_of_all_frames_are_the_dh_chain_s_along_their_axes(arm):
     lengths, q = arm
@@ -93,7 +91,6 @@ def test_there_are_no_small_displacements_at_full_reach():
     assert str(caught.value) == "two-link arm: theta2 = 0, the tip cannot move along the arm"
 
 
-@settings(max_examples=60, deadline=None)
 @given(arms)
 def test_both_postures_reach_the_point_and_one_is_the_arm_s_own(arm):
     lengths, q = arm
@@ -150,7 +147,6 @@ def test_leading_axes_are_arms_and_configurations(function):
     assert_allclose(function(lengths[4, 0], q), both[4], atol=ROUNDING)
 
 
-@settings(max_examples=40, deadline=None)
 @given(arms.filter(lambda case: abs(np.sin(case[1][1])) > 1e-3))
 def test_inverse_times_jacobian_is_the_identity(case):
     lengths, q = case
@@ -161,7 +157,6 @@ def test_inverse_times_jacobian_is_the_identity(case):
     assert_allclose(inverse @ J, np.eye(2), atol=tolerance)
 
 
-@settings(max_examples=40, deadline=None)
 @given(arms.filter(lambda case: abs(np.sin(case[1][1])) > 1e-3), st.floats(-2.0, 2.0))
 def test_rates_of_example_5_5_move_the_tip_along_x(case, speed):
     lengths, q = case

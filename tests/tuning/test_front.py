@@ -1,6 +1,6 @@
 """Dominance and the ranks of fronts against their definitions."""
 
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rmrc.tuning.front import Point, dominates, front, ranks
@@ -27,7 +27,6 @@ def peeled(given_points):
     return [result[i] for i in range(len(given_points))]
 
 
-@settings(max_examples=150)
 @given(points)
 def test_ranks_are_the_fronts_that_are_peeled_off_one_by_one(some):
     assert ranks(some) == peeled(some)

@@ -57,8 +57,8 @@ def subject(
         model: An arm, an MJCF file, or a scenario.
         q: Joint positions, (n,) [rad or m]; None for the keyframe.
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else the one that the most joints
-            move.
+        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+            `rmrc.arm.frames`.
         axes: Of x y z rx ry rz; None for those of a scenario, else to let the question choose.
         length: Characteristic length [m]; None for that of a scenario, else 1.
 
@@ -76,7 +76,7 @@ def subject(
     start: str | Sequence[float] = "home"
     if isinstance(model, Scenario):
         section, task = model.arm, model.task
-        arm = arms.load(section.model, section.site, section.joints)
+        arm = arms.load_asked(section)
         arm = arm.stretched(section.stretch) if section.stretch else arm
         start, axes = section.start, task.axes if axes is None else axes
         length = task.length if length is None else length

@@ -1,13 +1,13 @@
-"""An MJCF file as an arm: a chain of joints to a site, every name resolved once.
+"""An MJCF or URDF file as an arm: a chain of joints to a site, every name resolved once.
 
-Any model will do: the chain is found from the site, the limits are read from joints and actuators,
-and `Arm.adapted` gives each joint of the chain the one actuator that a plant needs. Nothing here steps
-the physics.
+Any model will do: the frame of its hand is found where none is named, the chain is found from the frame,
+the limits are read from joints and actuators, and `Arm.adapted` gives each joint of the chain the one
+actuator that a plant needs. Nothing here steps the physics.
 """
 
 from rmrc.arm.arm import Arm, Chain, Drive
-from rmrc.arm.loading import files, load
+from rmrc.arm.loading import files, load, load_asked
 from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Travel, Wiring
 
-__all__ = ["Arm", "Chain", "Drive", "Shape", "Travel", "Wiring", "files", "load"]
+__all__ = ["Arm", "Chain", "Drive", "Shape", "Travel", "Wiring", "files", "load", "load_asked"]

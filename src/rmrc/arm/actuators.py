@@ -1,4 +1,4 @@
-"""What an actuator is, and one that is added to a model without what its defaults say of actuators."""
+"""An actuator that is added to a model, without what the model's defaults say of actuators."""
 
 from functools import cache
 
@@ -15,25 +15,6 @@ def reset(actuator: mujoco.MjsActuator) -> None:
         setattr(actuator, name, value)
     actuator.userdata = []
     actuator.plugin.active = False
-
-
-def kind(model: mujoco.MjModel, i: int) -> str:
-    """Return what drives a joint: `motor`, `velocity`, `position`, or `general` for all others.
-
-    It is what a constant gain and an affine bias make of the control, whatever element wrote them.
-    """
-    gain, bias = int(model.actuator_gaintype[i]), int(model.actuator_biastype[i])
-    if gain != mujoco.mjtGain.mjGAIN_FIXED or model.actuator_dyntype[i] != mujoco.mjtDyn.mjDYN_NONE:
-        return "general"
-    if bias == mujoco.mjtBias.mjBIAS_NONE:
-        return "motor"
-    offset, stiffness, damping = model.actuator_biasprm[i, :3]
-    if bias != mujoco.mjtBias.mjBIAS_AFFINE or offset:
-        return "general"
-    strength = model.actuator_gainprm[i, 0]
-    if stiffness == 0.0 and damping == -strength:
-        return "velocity"
-    return "position" if stiffness == -strength else "general"
 
 
 @cache

@@ -1,7 +1,7 @@
 """An arm: a chain of joints to a site, with every name resolved once. Nothing here steps the physics."""
 
 import copy
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
@@ -55,7 +55,7 @@ class Arm:
     hinge's angle is its position.
 
     Attributes:
-        path: The MJCF file.
+        path: The MJCF or URDF file.
         site: Name of the controlled site.
         joints: Names, from the world outward, n of them.
         is_slide: Whether each joint slides, (n,).
@@ -65,6 +65,10 @@ class Arm:
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
         keyframes: Configurations by name, each (nq,).
         model: The model as its author wrote it, but for what is stretched.
+        variant: What else than the file makes the model: a tool, folders of packages.
+        notes: What was assumed where the file does not say it, a line each.
+        home: Number of the keyframe that is `home`; None where none is.
+        obvious: Which of them tells a choice of the site that hardly anybody would doubt; "" if none does.
         stretch: Factor on all lengths of a body, by its name.
         rest: Where the joints stand that are not the arm's, in a whole configuration, (nq,); None: at `home`.
         frees_others: Whether those that no actuator holds are free to move in a plant, or locked.
@@ -81,6 +85,10 @@ class Arm:
     keyframes: Mapping[str, Array]
     model: mujoco.MjModel
     _spec: mujoco.MjSpec
+    variant: Hashable = ()
+    notes: tuple[str, ...] = ()
+    obvious: str = ""
+    home: int | None = None
     stretch: Mapping[str, float] = field(default_factory=dict)
     rest: Array | None = None
     frees_others: bool = False
@@ -223,7 +231,10 @@ class Arm:
         elsewhere = self.others.addresses
         is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
         name = start if isinstance(start, str) else "home" if is_home else None
-        key = next((key for key in self._spec.keys if key.name == name), None)
+        stands_for = {key.name: key for key in self._spec.keys}
+        if self.home is not None:
+            stands_for["home"] = self._spec.keys[self.home]
+        key = stands_for.get(name) if name else None
         given = (None, None) if key is None else (list(key.ctrl), list(key.act))
         ctrl, act = (np.array(values) if values else None for values in given)
         return self.others.controls(qpos, ctrl, act)
@@ -264,7 +275,8 @@ class Arm:
 
     def moves(self, site: str) -> NDArray[np.bool_]:
         """Return which joints of the arm move a site, (n,): those between the world and its body."""
-        return np.isin(self.wiring.joint, joints_above(self.model, site))
+        body = int(self.model.site_bodyid[self.model.site(site).id])
+        return np.isin(self.wiring.joint, joints_above(self.model, body))
 
     def pose(self, q: Sequence[float] | Array, site: str | None = None) -> Array:
         """Return a site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,).
@@ -327,6 +339,12 @@ class Arm:
     def base(self) -> int:
         """Id of the body that carries the first joint's: the world, or what stands on it."""
         return int(self.model.body_parentid[self.model.jnt_bodyid[self.wiring.joint[0]]])
+
+    @property
+    def base_pose(self) -> Array:
+        """Pose of the base in the world, [p, quat w x y z], (7,): none of the arm's joints moves it."""
+        mujoco.mj_kinematics(self.model, self._data)
+        return np.concatenate([self._data.xpos[self.base], self._data.xquat[self.base]])
 
     @property
     def body_names(self) -> list[str]:

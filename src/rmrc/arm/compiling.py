@@ -1,13 +1,14 @@
 """MuJoCo's compiler, which speaks in our words: errors of one line, warnings that Python can filter."""
 
 import warnings
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import NamedTuple
 
 import mujoco
 
-from rmrc.arm import names, numbers
+from rmrc.arm import meshes, names, numbers, urdf
 from rmrc.arm.bounds import MOST_MEMORY, bounded_memory, check_model, check_spec
 from rmrc.arm.scan import check_file
 from rmrc.support.errors import ModelError, ModelWarning
@@ -16,8 +17,28 @@ from rmrc.support.errors import ModelError, ModelWarning
 _NO_MEMORY = ("allocate", "unknown exception")
 
 
-def read(path: Path) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
-    """Return an MJCF file as it is written and as it is compiled.
+class Read(NamedTuple):
+    """A model as it was read.
+
+    Attributes:
+        spec: As it is written.
+        model: As it is compiled.
+        velocity: The largest rate of each joint that has one, by its name: a URDF's.
+        notes: What was assumed.
+    """
+
+    spec: mujoco.MjSpec
+    model: mujoco.MjModel
+    velocity: Mapping[str, float]
+    notes: tuple[str, ...]
+
+
+def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
+    """Return an MJCF or URDF file as it is written and as it is compiled.
+
+    Args:
+        path: The file.
+        packages: Folders of a URDF's packages, by their names.
 
     Raises:
         ModelError: It cannot be read, MuJoCo refuses it, it asks for more than a model may have, a name has a
@@ -25,18 +46,42 @@ def read(path: Path) -> tuple[mujoco.MjSpec, mujoco.MjModel]:
     """
     try:
         check_file(path)
+        text = urdf.read(path, packages or {}) if urdf.is_urdf(path) else None
     except OSError as error:
         raise ModelError(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
     quiet_log()
     with in_our_words(path) as heard:
-        spec = mujoco.MjSpec.from_file(str(path))
+        spec, notes = parsed(path, text)
         check_spec(path, spec)
-        model = spec.compile()
+        try:
+            model = spec.compile()
+        except ValueError:
+            spec, notes = parsed(path, text, only_readable=True)
+            model = spec.compile()
     check_model(path, model)
     names.check(path, model)
     numbers.check(path, model)
     _pass_on(path, heard)
-    return spec, model
+    return Read(spec, model, text.velocity if text else {}, notes)
+
+
+def parsed(
+    path: Path, text: urdf.Urdf | None, only_readable: bool = False
+) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
+    """Return a file as MuJoCo parses it, and what was assumed.
+
+    Args:
+        path: The file.
+        text: Of a URDF; None for MJCF.
+        only_readable: Whether to leave out meshes that MuJoCo cannot read, as far as the arm moves alike.
+    """
+    spec = mujoco.MjSpec.from_string(text.text) if text else mujoco.MjSpec.from_file(str(path))
+    notes = list(text.notes) if text else []
+    if only_readable:
+        notes += meshes.drop_unreadable(spec, contacts=text is not None)
+    if text:
+        notes += urdf.mend(spec)
+    return spec, tuple(notes)
 
 
 def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:

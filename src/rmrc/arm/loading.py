@@ -1,45 +1,108 @@
-"""An MJCF file becomes an arm."""
+"""An MJCF or URDF file becomes an arm."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
+from rmrc.arm import urdf
 from rmrc.arm.arm import Arm
 from rmrc.arm.bounds import bounded_memory
 from rmrc.arm.compiling import quiet_log, read
+from rmrc.arm.keyframes import keyframes, starting_key
 from rmrc.arm.limits import position_limit, rate_limit, torque_limit
+from rmrc.arm.mounting import Asked, mounted
 from rmrc.arm.scan import check_file
-from rmrc.arm.wiring import SLIDE, find_chain, find_site, find_travels
+from rmrc.arm.wiring import SLIDE, Travel, find_chain, find_travels
+from rmrc.scenario.sections import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
 from rmrc.support.shipped import suggestion
 
 
-def load(path: Path, site: str | None = None, joints: Sequence[str] | None = None) -> Arm:
-    """Read an MJCF file and find the arm in it.
+def load(
+    path: Path,
+    site: str | None = None,
+    joints: Sequence[str] | None = None,
+    *,
+    body: str | None = None,
+    tool: ToolSection | None = None,
+    base: str = "fixed",
+    packages: Mapping[str, Path] | None = None,
+) -> Arm:
+    """Read an MJCF or URDF file and find the arm in it.
 
     Args:
         path: The file.
-        site: Name of the site to control; None for the one that the most joints move, the last of several, of
-            those on a chain of hinges, slides and screws.
+        site: Name of the site to control.
         joints: Names of the joints to drive, all on the chain to the site; None for all of them.
+        body: Name of the body whose frame to control.
+        tool: What is attached, whose frame to control. Of site, body and tool one is given, or none for the
+            frame of the hand: see `rmrc.arm.frames`.
+        base: `fixed`: a base that floats stands where the first keyframe has it.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
 
     Raises:
-        ModelError: The file, the site or a joint is missing or will not do.
+        ModelError: The file, the site, the body or a joint is missing or will not do.
     """
     if not path.is_file():
         near = did_you_mean(path.name, _siblings(path)) or suggestion(path, "models")
         raise ModelError(f"{path}: no such model file{near}")
-    spec, model = read(path)
-    site = find_site(path, model, site)
+    asked = Asked(site, body, tool, base, tuple(sorted((packages or {}).items())))
+    spec, model, velocity, told = read(path, packages)
+    notes = list(told)
+    model, site, obvious = mounted(path, spec, model, asked, notes)
     chain = find_chain(path, model, site)
     travels = find_travels(path, model, chain)
     own = [name for name in chain if name not in travels]
-    driven = tuple(own) if joints is None else tuple(joints)
-    for name in driven:
+    driven = tuple(own) if joints is None else _driven(path, site, own, travels, joints, notes)
+    followed = tuple(
+        replace(travel, hinge=driven.index(own[travel.hinge]))
+        for travel in travels.values()
+        if own[travel.hinge] in driven
+    )
+    joint = np.array([model.joint(name).id for name in driven])
+    limit = position_limit(model, driven, followed)
+    rates = np.array([min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf)) for i in joint])
+    return Arm(
+        path=path,
+        site=site,
+        joints=driven,
+        is_slide=model.jnt_type[joint] == SLIDE,
+        travels=followed,
+        position_limit=limit,
+        rate_limit=rates,
+        torque_limit=np.array([torque_limit(model, i) for i in joint]),
+        keyframes=keyframes(model, joint.tolist(), limit, asked.prefix, notes),
+        model=model,
+        _spec=spec,
+        variant=asked.variant,
+        notes=tuple(notes),
+        obvious=obvious,
+        home=starting_key(model, joint.tolist(), asked.prefix),
+    )
+
+
+def load_asked(section: ArmSection) -> Arm:
+    """Return the arm of a scenario's section, not stretched.
+
+    Raises:
+        ModelError: See `load`.
+    """
+    return load(
+        section.model, section.site, section.joints, body=section.body, tool=section.tool, base=section.base,
+        packages=section.packages,
+    )  # fmt: skip
+
+
+def _driven(
+    path: Path, site: str, own: Sequence[str], travels: Mapping[str, Travel], joints: Sequence[str],
+    notes: list[str],
+) -> tuple[str, ...]:  # fmt: skip
+    """Return the joints that shall be driven, outward."""
+    for name in joints:
         if name in travels:
             raise ModelError(
                 f'{path}: joint "{name}" follows "{own[travels[name].hinge]}" by an equality; drive that one',
@@ -51,48 +114,30 @@ def load(path: Path, site: str | None = None, joints: Sequence[str] | None = Non
                 f"{did_you_mean(name, own)}; the chain: {', '.join(own)}",
                 "joints",
             )
-    outward = [name for name in own if name in driven]
-    if outward != list(driven):
-        raise ModelError(
-            f"{path}: joints must be listed once each, from the world outward, got [{', '.join(driven)}]; "
-            f"write [{', '.join(outward)}]",
-            "joints",
+        if joints.count(name) > 1:
+            raise ModelError(f'{path}: joints must be listed once each, got "{name}" more often', "joints")
+    outward = tuple(name for name in own if name in joints)
+    if outward != tuple(joints):
+        notes.append(
+            f"joints go from the world outward, and so do values for each of them: {', '.join(outward)}"
         )
-    followed = tuple(
-        replace(travel, hinge=driven.index(own[travel.hinge]))
-        for travel in travels.values()
-        if own[travel.hinge] in driven
-    )
-    joint = np.array([model.joint(name).id for name in driven])
-    return Arm(
-        path=path,
-        site=site,
-        joints=driven,
-        is_slide=model.jnt_type[joint] == SLIDE,
-        travels=followed,
-        position_limit=position_limit(model, driven, followed),
-        rate_limit=np.array([rate_limit(model, i) for i in joint]),
-        torque_limit=np.array([torque_limit(model, i) for i in joint]),
-        keyframes={
-            name: np.array(model.key(i).qpos) for i in range(model.nkey) if (name := model.key(i).name)
-        },
-        model=model,
-        _spec=spec,
-    )
+    return outward
 
 
 def files(path: Path) -> list[Path]:
-    """Return an MJCF file and every file that it depends on: what it includes, meshes, textures.
+    """Return a model's file and every file that it depends on: what it includes, meshes, textures.
 
     Args:
         path: The file, absolute.
 
     Returns:
-        Those that are there; the file alone if it cannot be read as MJCF, which `load` then tells.
+        Those that are there; the file alone if it cannot be read as a model, which `load` then tells.
     """
     quiet_log()
     try:
         check_file(path)
+        if urdf.is_urdf(path):
+            return sorted({path, *urdf.files(path)})
         with bounded_memory():
             found = set(mujoco.mju_getXMLDependencies(str(path)))
             # which looks for height fields beside the model, where the compiler does not
@@ -104,4 +149,5 @@ def files(path: Path) -> list[Path]:
 
 
 def _siblings(path: Path) -> list[str]:
-    return [p.name for p in path.parent.glob("*.xml")] if path.parent.is_dir() else []
+    files = path.parent.iterdir() if path.parent.is_dir() else ()
+    return [file.name for file in files if file.suffix in (".xml", ".urdf")]

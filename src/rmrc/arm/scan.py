@@ -36,7 +36,7 @@ _WORDS = frozenset({
 })  # fmt: skip
 
 
-class _Tag(NamedTuple):
+class Tag(NamedTuple):
     """A tag of a file.
 
     Attributes:
@@ -45,6 +45,7 @@ class _Tag(NamedTuple):
         attributes: Their texts by name.
         line: In the file.
         is_alone: Whether the element ends where it begins.
+        span: Where it begins and ends in the text.
     """
 
     closes: bool
@@ -52,6 +53,7 @@ class _Tag(NamedTuple):
     attributes: Mapping[str, str]
     line: int
     is_alone: bool
+    span: tuple[int, int]
 
 
 def check_file(path: Path) -> None:
@@ -89,8 +91,8 @@ class _Scan:
         if size > _MOST_BYTES:
             raise ModelError(f"{path}: must have {_MOST_BYTES / 1e6:g} MB at most, got {size / 1e6:.6g} MB")
         self._open.append(path.resolve())
-        inside: list[tuple[_Tag, int]] = []  # elements that are open, and what multiplies within them
-        for tag in _tags(path.read_text("utf-8", "surrogateescape")):
+        inside: list[tuple[Tag, int]] = []  # elements that are open, and what multiplies within them
+        for tag in tags(path.read_text("utf-8", "surrogateescape")):
             if tag.closes:
                 if inside and inside[-1][0].name == tag.name:
                     times //= inside.pop()[1]
@@ -108,7 +110,7 @@ class _Scan:
                 times *= factor
         self._open.pop()
 
-    def _follow(self, path: Path, tag: _Tag, times: int) -> None:
+    def _follow(self, path: Path, tag: Tag, times: int) -> None:
         """Count the elements of a file that another one names."""
         before = self._elements, self._joints
         for folder in dict.fromkeys((self._path.parent, path.parent)):
@@ -121,7 +123,7 @@ class _Scan:
             elements, joints = self._elements - before[0], self._joints - before[1]
             self._attached = max(self._attached[0], elements), max(self._attached[1], joints)
 
-    def _measure(self, place: str, tag: _Tag) -> None:
+    def _measure(self, place: str, tag: Tag) -> None:
         words, most = _GRIDS.get(tag.name, ((), 0))
         if not any(word in tag.attributes for word in words):
             return
@@ -132,7 +134,7 @@ class _Scan:
             what = f"must be {most} at most in all, got {self._sizes[tag.name]}"
             raise ModelError(f"{place}: {tag.name} {brief(sizes)} {what}")
 
-    def _count(self, place: str, tag: _Tag, times: int) -> None:
+    def _count(self, place: str, tag: Tag, times: int) -> None:
         attached = self._attached if tag.name == "attach" else (0, 0)
         self._elements += times * (1 + attached[0])
         self._joints += times * ((tag.name in ("joint", "freejoint")) + attached[1])
@@ -147,7 +149,7 @@ class _Scan:
                 )
 
 
-def _tags(text: str) -> Iterator[_Tag]:
+def tags(text: str) -> Iterator[Tag]:
     """Iterate over the tags of an XML text, until one that is none, at which MuJoCo stops too."""
     at, line, counted = text.find("<"), 1, 0
     while at >= 0:
@@ -162,11 +164,11 @@ def _tags(text: str) -> Iterator[_Tag]:
             return
         closes, name, rest = found.groups()
         attributes = {key: unescape(a or b) for key, a, b in _ATTRIBUTE.findall(rest)}
-        yield _Tag(bool(closes), name, attributes, line, rest.rstrip().endswith("/"))
+        yield Tag(bool(closes), name, attributes, line, rest.rstrip().endswith("/"), found.span())
         at = text.find("<", found.end())
 
 
-def _check_finite(place: str, tag: _Tag, parent: _Tag | None) -> None:
+def _check_finite(place: str, tag: Tag, parent: Tag | None) -> None:
     for key, value in tag.attributes.items():
         if key in _WORDS or tag.name == "text" or "n" not in value.lower():
             continue
@@ -178,7 +180,7 @@ def _check_finite(place: str, tag: _Tag, parent: _Tag | None) -> None:
             raise ModelError(f"{place}: {_called(tag)}{of}: {what}; leave out what has no limit")
 
 
-def _check_class(place: str, tag: _Tag) -> None:
+def _check_class(place: str, tag: Tag) -> None:
     """Refuse what MuJoCo takes for a format of C where there is no such class: `%n` ends its process."""
     name = tag.attributes.get("class", "")
     if "%" in name:
@@ -187,7 +189,7 @@ def _check_class(place: str, tag: _Tag) -> None:
         )
 
 
-def _called(tag: _Tag) -> str:
+def _called(tag: Tag) -> str:
     name = tag.attributes.get("name")
     return f'{tag.name} "{brief(name)}"' if name else tag.name
 

@@ -87,35 +87,41 @@ def wire(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[str], s
     )
 
 
-def find_site(path: Path, model: mujoco.MjModel, wanted: str | None) -> str:
-    """Return the site that is wanted, or the one that the most joints move.
+def find_site(path: Path, model: mujoco.MjModel, wanted: str) -> str:
+    """Return the site that is wanted.
 
-    Sites that no arm moves, on a finger that follows another or on a thing that floats, are the last choice.
+    Raises:
+        ModelError: There is none of that name.
     """
     sites: list[str] = [name for i in range(model.nsite) if (name := model.site(i).name)]
-    if wanted is None and sites:
-        on_arms = [name for name in sites if _is_on_arm(path, model, name)]
-        return max(reversed(on_arms or sites), key=lambda name: len(joints_above(model, name)))
-    if wanted is None or wanted not in sites:
-        known = listed(sites) or "none"
-        missing = "no site with a name" if wanted is None else f'no site "{wanted}"'
-        hint = did_you_mean(wanted or "", sites)
-        raise ModelError(f"{path}: has {missing}{hint}; its sites: {known}", "site")
+    if wanted not in sites:
+        hint, known = did_you_mean(wanted, sites), listed(sites) or "none"
+        raise ModelError(f'{path}: has no site "{wanted}"{hint}; its sites: {known}', "site")
     return wanted
 
 
-def _is_on_arm(path: Path, model: mujoco.MjModel, site: str) -> bool:
-    try:
-        find_travels(path, model, find_chain(path, model, site))
-    except ModelError:
-        return False
-    return True
+def find_body(path: Path, model: mujoco.MjModel, wanted: str, about: str = "body") -> int:
+    """Return the id of the body that is wanted.
+
+    Args:
+        path: Of the model.
+        model: Compiled.
+        wanted: Its name.
+        about: What the error is about.
+
+    Raises:
+        ModelError: There is none of that name.
+    """
+    bodies: list[str] = [name for i in range(1, model.nbody) if (name := model.body(i).name)]
+    if wanted not in bodies:
+        hint, known = did_you_mean(wanted, bodies), listed(bodies) or "none"
+        raise ModelError(f'{path}: has no body "{wanted}"{hint}; its bodies: {known}', about)
+    return int(model.body(wanted).id)
 
 
-def joints_above(model: mujoco.MjModel, site: str) -> list[int]:
-    """Return the joints between the world and a site, the last first."""
+def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
+    """Return the joints between the world and a body, its own among them, the last first."""
     joints: list[int] = []
-    body = int(model.site_bodyid[model.site(site).id])
     while body > 0:
         first = model.body_jntadr[body]
         joints += reversed(range(first, first + model.body_jntnum[body]))
@@ -126,7 +132,7 @@ def joints_above(model: mujoco.MjModel, site: str) -> list[int]:
 def find_chain(path: Path, model: mujoco.MjModel, site: str) -> list[str]:
     """Return the names of the joints between the world and a site, outward."""
     chain: list[str] = []
-    for i in joints_above(model, site):
+    for i in joints_above(model, int(model.site_bodyid[model.site(site).id])):
         joint, b = model.joint(i), int(model.jnt_bodyid[i])
         body = model.body(b).name or f"body{b}"
         if joint.type[0] not in (HINGE, SLIDE):

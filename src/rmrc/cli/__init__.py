@@ -3,8 +3,9 @@
 0  all went well                       70  an internal error; the trace says where
 1  an expectation was not met, a      129  SIGHUP; what was recorded is kept
    goal not reached, a wrench not     130  Ctrl-C; what was recorded is kept
-   held, nothing keeps the limits     141  the reader of a pipe had enough
-2  bad input, or output that cannot   143  SIGTERM; what was recorded is kept
+   held, nothing keeps the limits,    141  the reader of a pipe had enough
+   a model must be mended             143  SIGTERM; what was recorded is kept
+2  bad input, or output that cannot
    be written; one line says what
 3  a world diverged; what it recorded is kept
 """
@@ -17,7 +18,7 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import examples, ik, inspect, scenarios, statics, streams, sweep, tune, workspace
+from rmrc.cli import check, examples, ik, inspect, new, scenarios, statics, streams, sweep, tune, workspace
 from rmrc.cli.console import (
     EXIT_INPUT,
     EXIT_INTERNAL,
@@ -39,7 +40,8 @@ EXIT_CODES = """\b
 Exit codes:
     0  all went well
     1  an expectation was not met, a goal not reached,
-       a wrench not held, nothing keeps the limits
+       a wrench not held, nothing keeps the limits,
+       a model must be mended
     2  bad input, or output that cannot be written
     3  a world diverged; what it recorded is kept
    70  an internal error; the trace says where
@@ -64,6 +66,8 @@ for verb in (
     tune.tune,
     scenarios.replay,
     scenarios.schema,
+    check.check,
+    new.new,
     inspect.inspect,
     statics.statics,
     ik.ik,

@@ -6,7 +6,19 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rmrc.cli.console import notice
-from rmrc.cli.options import AsJson, Keyframe, Length, Model, Positions, Site, TaskAxes, within
+from rmrc.cli.options import (
+    AsJson,
+    Body,
+    Keyframe,
+    Length,
+    Model,
+    Packages,
+    Positions,
+    Site,
+    TaskAxes,
+    read_arm,
+    within,
+)
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, numbers, task_axes
 from rmrc.support.errors import QuestionError
@@ -69,6 +81,8 @@ def ik(
     q: Positions = None,
     keyframe: Keyframe = None,
     site: Site = None,
+    body: Body = None,
+    package: Packages = None,
     axes: TaskAxes = None,
     length: Length = 1.0,
     method: WhichMethod = Method.DAMPED,
@@ -86,10 +100,9 @@ def ik(
     with notice("reading the model ..."):
         from rmrc.analysis.ik.ik import ik as ask
         from rmrc.analysis.ik.report import report
-        from rmrc.arm import load
         from rmrc.law.task import choose
 
-    arm, start = configuration(load(model, site), q, keyframe)
+    arm, start = configuration(read_arm(model, site, body, package), q, keyframe)
     task = choose(arm, rows, length)
     goal = _goal(task, to, quat, to_q)
     found = ask(

@@ -8,7 +8,7 @@ import typer
 from numpy.typing import NDArray
 
 from rmrc.cli.console import notice, warn
-from rmrc.cli.options import AsJson, Length, Model, Site, TaskAxes, drawable
+from rmrc.cli.options import AsJson, Body, Length, Model, Packages, Site, TaskAxes, drawable, read_arm
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, numbers, task_axes, wrench_of
 from rmrc.support.errors import QuestionError
@@ -51,6 +51,8 @@ Picture = Annotated[
 def inspect(
     model: Model,
     site: Site = None,
+    body: Body = None,
+    package: Packages = None,
     q: AllPositions = None,
     keyframe: Keyframes = None,
     axes: TaskAxes = None,
@@ -68,9 +70,8 @@ def inspect(
     with notice("reading the model ..."):
         from rmrc.analysis.inspect.inspection import inspect as ask
         from rmrc.analysis.inspect.report import report
-        from rmrc.arm import load
 
-    arm = load(model, site)
+    arm = read_arm(model, site, body, package)
     positions = [configuration(arm, text, None) for text in q or ()]
     positions += [configuration(arm, None, name) for name in keyframe or ()]
     errors = None if joint_error is None else _joint_errors(arm, joint_error)

@@ -2,12 +2,17 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from rmrc.cli.kinds import MODEL, expect
 from rmrc.support.errors import QuestionError
+from rmrc.support.legible import quoted
+from rmrc.support.notices import tell_assumed
+
+if TYPE_CHECKING:
+    from rmrc.arm import Arm
 
 # Positions and angles up to this [m or rad] are kept to 1e-10.
 FARTHEST = 1e6
@@ -27,13 +32,20 @@ def within(option: str, least: float, most: float) -> Callable[[float], float]:
 Model = Annotated[
     Path,
     typer.Argument(
-        help="The arm: an MJCF file, or the name of a shipped one.",
+        help="The arm: an MJCF or URDF file, or the name of a shipped one.",
         show_default=False,
         callback=lambda path: expect(path, MODEL),
     ),
 ]
-Site = Annotated[
-    str | None, typer.Option(help="The point in question; default: the site that the most joints move.")
+Site = Annotated[str | None, typer.Option(help="The point in question; default: a site or body of the hand.")]
+Body = Annotated[str | None, typer.Option(help="The body whose frame is in question, instead of a site.")]
+Packages = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--package",
+        metavar="NAME=FOLDER",
+        help="Where a package lies that a URDF file names, if not above it; repeatable.",
+    ),
 ]
 Positions = Annotated[
     str | None,
@@ -59,6 +71,31 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines."
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")]
 Threads = Annotated[int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
+
+
+def read_arm(model: Path, site: str | None, body: str | None, packages: list[str] | None) -> "Arm":
+    """Return the arm that a verb is asked about, and say what was assumed of it.
+
+    Raises:
+        QuestionError: Both a site and a body are given, or a package is none.
+        ModelError: See `rmrc.arm.load`.
+    """
+    from rmrc.arm import load
+
+    if site is not None and body is not None:
+        raise QuestionError("give --site or --body, not both")
+    folders = {}
+    for text in packages or ():
+        name, _, folder = text.partition("=")
+        if not (name and folder and Path(folder).is_dir()):
+            raise QuestionError(
+                f"--package must be NAME=FOLDER with a folder that is there, got {quoted(text)}"
+            )
+        folders[name] = Path(folder)
+    arm = load(model, site, body=body, packages=folders)
+    tell_assumed(note for note in arm.notes if note != arm.obvious)  # the answer names the site
+    return arm
+
 
 PICTURES = (".png", ".svg", ".pdf")
 

@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import EXIT_DIVERGED, EXIT_MISSED, interruption, progress
-from rmrc.cli.options import AsJson, Keyframe, Length, Model, Positions, Site
+from rmrc.cli.options import AsJson, Body, Keyframe, Length, Model, Packages, Positions, Site, read_arm
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, wrench_of
 
@@ -57,6 +57,8 @@ def statics(
     q: Positions = None,
     keyframe: Keyframe = None,
     site: Site = None,
+    body: Body = None,
+    package: Packages = None,
     frame: Axes = Frame.WORLD,
     at: At = None,
     gravity: Gravity = False,
@@ -68,10 +70,9 @@ def statics(
     from rmrc.analysis.statics.hold import most_ticks
     from rmrc.analysis.statics.report import report
     from rmrc.analysis.statics.statics import statics as ask
-    from rmrc.arm import load
 
     acts = wrench_of(wrench)
-    arm, positions = configuration(load(model, site), q, keyframe)
+    arm, positions = configuration(read_arm(model, site, body, package), q, keyframe)
     with (
         interruption("interrupted" if hold is None else "interrupted while holding"),
         progress("hold", most_ticks(hold or 0.0), as_json or hold is None) as on_ticks,

@@ -8,7 +8,21 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from rmrc.cli.console import EXIT_INTERRUPTED, complain, notice, progress
-from rmrc.cli.options import AsJson, Keyframe, Length, Model, Out, Positions, Quiet, Site, TaskAxes, drawable
+from rmrc.cli.options import (
+    AsJson,
+    Body,
+    Keyframe,
+    Length,
+    Model,
+    Out,
+    Packages,
+    Positions,
+    Quiet,
+    Site,
+    TaskAxes,
+    drawable,
+    read_arm,
+)
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, numbers, task_axes
 from rmrc.support.errors import QuestionError
@@ -70,6 +84,8 @@ Picture = Annotated[
 def workspace(
     model: Model,
     site: Site = None,
+    body: Body = None,
+    package: Packages = None,
     plane: Plane = None,
     through: Through = None,
     map_: Map = None,
@@ -93,10 +109,9 @@ def workspace(
         from rmrc.analysis.workspace import workspace as slicing
         from rmrc.analysis.workspace.files import save
         from rmrc.analysis.workspace.report import report
-        from rmrc.arm import load
         from rmrc.results.leaving import refuse_unwritable
 
-        arm = load(model, site)
+        arm = read_arm(model, site, body, package)
         slicing.compile_for(arm)
     name = f"{arm.path.stem}.{'workspace' if over is None else 'joints'}"
     files = [picture or out / f"{name}.png", out / f"{name}.npz"]

@@ -7,6 +7,10 @@ from rmrc.law.jit import Array, Record, compiled
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
+# Along whose axes rows are taken, as a scenario names them and as a record has it.
+FRAMES = ("world", "base", "site")
+WORLD, BASE, SITE = range(3)
+
 
 @compiled
 def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array, J: Array) -> None:
@@ -149,3 +153,83 @@ def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     sine = math.sqrt(x * x + y * y + z * z)
     factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, w) / sine
     error[3], error[4], error[5] = factor * x, factor * y, factor * z
+
+
+@compiled
+def frame_turn(frame: int, base: Array, pose: Array) -> Quaternion:
+    """Return what turns world vectors into the axes of a frame: the conjugate of the base's or the site's.
+
+    Args:
+        frame: BASE or SITE.
+        base: Orientation of the base, (4,).
+        pose: Of the site, (7,).
+    """
+    if frame == SITE:
+        return (pose[3], -pose[4], -pose[5], -pose[6])
+    return (base[0], -base[1], -base[2], -base[3])
+
+
+@compiled
+def turn_twist(turn: Quaternion, twist: Array) -> None:
+    """Turn both halves of [v; ω], (6,), in place."""
+    twist[0], twist[1], twist[2] = _turned(turn, twist[:3])
+    twist[3], twist[4], twist[5] = _turned(turn, twist[3:])
+
+
+@compiled
+def turn_columns(turn: Quaternion, J: Array, n: int) -> None:
+    """Turn both halves of the first n columns of J (6, n) in place."""
+    for j in range(n):
+        for half in range(0, 6, 3):
+            x, y, z = _turned(turn, J[half : half + 3, j])
+            J[half, j], J[half + 1, j], J[half + 2, j] = x, y, z
+
+
+@compiled
+def framed_error(frame: int, base: Array, free: int, pose: Array, pose_ref: Array, error: Array) -> None:
+    """Write `pose_error` along the axes of a frame.
+
+    Where the rotation about one axis of the site is free, the reference is first turned about it, so that the
+    other two errors are those of the axis itself, however far the site has turned about it.
+
+    Args:
+        frame: WORLD, BASE or SITE.
+        base: Orientation of the base, (4,).
+        free: The axis of the site, 0 to 2, or -1.
+        pose: Of the site, (7,).
+        pose_ref: Where it shall be, (7,).
+        error: Written, (6,) [m, rad].
+    """
+    pose_error(pose, pose_ref, error)
+    if frame != WORLD:
+        turn_twist(frame_turn(frame, base, pose), error)
+        if free >= 0:
+            _free_axis(free, pose, pose_ref, error)
+
+
+@compiled
+def _free_axis(free: int, pose: Array, pose_ref: Array, error: Array) -> None:
+    """Replace the rotations of an error along the site's axes: q = Rᵀ R_ref is a tilt after a free turn.
+
+    With q = (w, u + t k), u square to the axis k, the turn is (w, t k)/c and the tilt (c, (w u − t u × k)/c).
+    """
+    w, x, y, z = quat_product(
+        (pose[3], -pose[4], -pose[5], -pose[6]), (pose_ref[3], pose_ref[4], pose_ref[5], pose_ref[6])
+    )
+    if w < 0.0:
+        w, x, y, z = -w, -x, -y, -z
+    # k is the third of three axes in cyclic order
+    if free == 2:
+        a, b, t = x, y, z
+    elif free == 0:
+        a, b, t = y, z, x
+    else:
+        a, b, t = z, x, y
+    c = math.sqrt(w * w + t * t)
+    if c > 0.0:  # else the axis points the other way, and every turn about it is as good
+        a, b = (w * a - t * b) / c, (w * b + t * a) / c
+    sine = math.sqrt(a * a + b * b)
+    factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, c) / sine
+    first = (free + 1) % 3
+    error[3 + first], error[3 + (first + 1) % 3] = factor * a, factor * b
+    error[3 + free] = 2.0 * math.atan2(t, w)

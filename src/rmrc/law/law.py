@@ -1,11 +1,12 @@
 """Resolved motion rate control, one tick of one world.
 
-    twist_cmd = twist_ref + K · pose_error
-    A         = S_x J S_q = Σ σ_i u_i v_iᵀ          (task rows only; S_x = W_x^½ / L, S_q = W_q^-½ · L)
+    twist_cmd = Rᵀ twist_ref + K · pose_error
+    A         = S_x Rᵀ J S_q = Σ σ_i u_i v_iᵀ       (task rows only; S_x = W_x^½ / L, S_q = W_q^-½ · L)
     qdot_cmd  = S_q Σ g(σ_i) v_i (u_iᵀ S_x twist_cmd)  +  N qdot0
 
-The characteristic length L divides linear rows and multiplies sliding joints, so that σ of any arm is
-a number without unit and does not change when the model is drawn in millimeters.
+The columns of R are the axes of the task's frame, of the world, the base or the site; the error and J in the
+record are along them. The characteristic length L divides linear rows and multiplies sliding joints, so that
+σ of any arm is a number without unit and does not change when the model is drawn in millimeters.
 """
 
 import math
@@ -16,7 +17,7 @@ import numpy as np
 from rmrc.arm import Arm
 from rmrc.law.inverses import damping, gains
 from rmrc.law.jit import Array, Record, compiled, entry, inlined
-from rmrc.law.kinematics import pose_error, scale_joints
+from rmrc.law.kinematics import WORLD, frame_turn, framed_error, scale_joints, turn_columns, turn_twist
 from rmrc.law.limits import limit
 from rmrc.law.nullspace import add_projected, wished_rates
 from rmrc.law.policies import near_singularity
@@ -127,16 +128,29 @@ def control(world: Record, tick: Record) -> None:
     """Turn the measured state and the reference of one tick into `tick.qdot_cmd`.
 
     Args:
-        world: Parameters, measurement (q, pose, J) and memory; scratch is overwritten.
+        world: Parameters, measurement (q, pose, J) and memory; scratch is overwritten, and J turned into the
+            frame of the task.
         tick: Reads pose_ref and twist_ref, that of full pace; writes every column from pose_error to
             status but tau.
     """
-    pose_error(world.pose, tick.pose_ref, tick.pose_error)
+    take_error(world, tick.pose_ref, world.pose, tick.pose_error)
+    for i in range(6):
+        world.twist_task[i] = tick.twist_ref[i]
+    if world.frame != WORLD:
+        turn = frame_turn(world.frame, world.frame_quat, world.pose)
+        turn_twist(turn, world.twist_task)
+        turn_columns(turn, world.J, world.n)
     feedforward = world.feedforward * world.pace
     for i in range(6):
-        world.twist_cmd[i] = feedforward * tick.twist_ref[i] + world.feedback * tick.pose_error[i]
+        world.twist_cmd[i] = feedforward * world.twist_task[i] + world.feedback * tick.pose_error[i]
     world.error = scaled_error(world, tick.pose_error)
     resolve_twist(world, tick)
+
+
+@compiled
+def take_error(world: Record, pose_ref: Array, pose: Array, error: Array) -> None:
+    """Write the error of a pose of the site, (6,) [m, rad], along the axes of the task's frame."""
+    framed_error(world.frame, world.frame_quat, world.free, pose, pose_ref, error)
 
 
 @entry

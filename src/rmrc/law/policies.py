@@ -29,7 +29,7 @@ def slow(world: Record, tick: Record) -> int:
 
     Args:
         world: Memory of the pace; task, and the gains' decomposition.
-        tick: qdot_cmd and twist_ref are those of the last pace, and are corrected to the new one.
+        tick: qdot_cmd is that of the last pace, twist_ref that of full pace; both become the new one's.
     """
     n, last = world.n, world.pace
     feedforward_rates(world, tick)
@@ -58,6 +58,7 @@ def slow(world: Record, tick: Record) -> int:
         world.task[i] += (pace - last) * world.task_B[i]
     for i in range(6):
         tick.twist_ref[i] *= pace
+        world.twist_task[i] *= pace
     world.pace = tick.path_rate = pace
     return SLOWED if pace < 1.0 else 0
 
@@ -66,7 +67,7 @@ def slow(world: Record, tick: Record) -> int:
 def feedforward_rates(world: Record, tick: Record) -> None:
     """Write into part_b what the feed-forward alone asks of the joints at full pace."""
     for r in range(world.m):
-        world.task_B[r] = world.row_scale[r] * world.feedforward * tick.twist_ref[world.row[r]]
+        world.task_B[r] = world.row_scale[r] * world.feedforward * world.twist_task[world.row[r]]
     project(world.u, world.task_B, world.k, world.m, world.asked_B)
     combine(tick.gain, world.asked_B, world.v, world.k, world.n, world.part_b)
     scale_joints(world, world.part_b)

@@ -3,7 +3,7 @@
 import math
 
 from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
-from rmrc.law.kinematics import pose_error, scale_joints
+from rmrc.law.kinematics import WORLD, frame_turn, framed_error, scale_joints, turn_columns
 from rmrc.law.svd import combine, dot, project, svd_from_scratch
 from rmrc.scenario.choices import PRIORITIES
 
@@ -13,9 +13,14 @@ TOLERANCE = 1e-6
 
 @compiled
 def second_task(world: Record) -> float:
-    """Write t_2 = S_x2 K_2 pose_error_2 of the rows that count; return the norm of their error, unscaled."""
+    """Write t_2 = S_x2 K_2 pose_error_2 of the rows that count; return the norm of their error, unscaled.
+
+    The error is along the axes of the second task's frame, into which J_2 is turned.
+    """
     error = world.error_2
-    pose_error(world.pose_2, world.pose_ref_2, error)
+    framed_error(world.frame_2, world.frame_quat_2, world.free_2, world.pose_2, world.pose_ref_2, error)
+    if world.frame_2 != WORLD:
+        turn_columns(frame_turn(world.frame_2, world.frame_quat_2, world.pose_2), world.J_2, world.n)
     total = 0.0
     for i in range(world.m_2):
         missing = error[world.row_2[i]]

@@ -70,11 +70,13 @@ MEMORY = (
     Field("share", start=1.0), Field("still"),
 )  # fmt: skip
 
-# Of one tick: axes of the arm's own chain; the task; bounds and parts of the rates; a second decomposition,
-# of what is left of A for a second task, or for the joints that are not saturated.
+# Of one tick: axes of the arm's own chain; the task, with the twist wanted along the axes of its frame;
+# bounds and parts of the rates; a second decomposition, of what is left of A for a second task, or for the
+# joints that are not saturated.
 SCRATCH = (
     Field("axis", size=(JOINTS, 3)), Field("anchor", size=(JOINTS, 3)),
-    Field("twist_cmd", size=(6,)), Field("task", size=(ROWS,)), Field("asked", size=(ROWS,)), Field("error"),
+    Field("twist_task", size=(6,)), Field("twist_cmd", size=(6,)),
+    Field("task", size=(ROWS,)), Field("asked", size=(ROWS,)), Field("error"),
     Field("A", size=(ROWS, JOINTS)), Field("qdot0", size=(JOINTS,)),
     Field("lower", size=(JOINTS,)), Field("upper", size=(JOINTS,)), Field("held", size=(JOINTS,)),
     Field("rest_lower", size=(JOINTS,)), Field("rest_upper", size=(JOINTS,)), Field("fade", size=(JOINTS,)),

@@ -24,8 +24,8 @@ def stuck(world: Record, tick: Record, status: int) -> int:
     It lasts until the site moves, nothing is asked any more, or the arm waits because it was told to.
 
     Args:
-        world: Task, J, and how long it has stood still.
-        tick: Rates as they are sent, and the twist of the reference.
+        world: Task, J, the twist of the reference, and how long it has stood still.
+        tick: Rates as they are sent.
         status: All other bits of this tick.
     """
     if (status == 0 and world.m <= world.n) or status & STOPPED:  # it does what is asked, or waits
@@ -36,7 +36,7 @@ def stuck(world: Record, tick: Record, status: int) -> int:
         row, scale, moved = world.row[i], world.row_scale[i], 0.0
         for j in range(world.n):
             moved += world.J[row, j] * tick.qdot_cmd[j]
-        wanted += (scale * tick.twist_ref[row]) ** 2
+        wanted += (scale * world.twist_task[row]) ** 2
         asked += world.task[i] ** 2
         done += (scale * moved) ** 2
     moves = wanted > SLOWEST**2

@@ -3,15 +3,27 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm import Arm
+from rmrc.law.kinematics import FRAMES
 from rmrc.law.record import JOINTS, ROWS, Field
-from rmrc.scenario import SecondarySection
-from rmrc.support.spatial import AXES, exp_rotation, quat_multiply
+from rmrc.scenario import Frame, SecondarySection
+from rmrc.support.spatial import (
+    AXES,
+    ORIGIN,
+    exp_rotation,
+    pose_error,
+    pose_inverse,
+    pose_product,
+    quat_conjugate,
+    quat_multiply,
+    quat_to_matrix,
+    tilt_error,
+)
 
 Array = NDArray[np.float64]
 
@@ -20,6 +32,63 @@ Array = NDArray[np.float64]
 SAMPLES = 20
 # A singular value below this share of the largest, at a random configuration, is rounding.
 RANK_TOLERANCE = 1e-9
+
+
+class View(NamedTuple):
+    """Along whose axes the rows of a twist are taken.
+
+    Attributes:
+        frame: Of the world, of the arm's base, or of the site as it turns.
+        base: Orientation of the base, (4,).
+        free: The site's axis, 0 to 2, about which alone it may turn as it likes, or -1.
+    """
+
+    frame: Frame = "world"
+    base: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0)
+    free: int = -1
+
+    @property
+    def codes(self) -> tuple[int, tuple[float, ...], int]:
+        """Its fields of a world's record."""
+        return FRAMES.index(self.frame), self.base, self.free
+
+    def turned(self, rows: Array, pose: Array) -> Array:
+        """Return twists (..., 6) or Jacobians (..., 6, n) along these axes; see `Task.turned`."""
+        return rows if self.frame == "world" else _turned(np.moveaxis(self._axes(pose), -1, -2), rows)
+
+    def back(self, rows: Array, pose: Array) -> Array:
+        """Return vectors, (..., 3 or 6) or (..., 3 or 6, n), along world axes, of these axes."""
+        return rows if self.frame == "world" else _turned(self._axes(pose), rows)
+
+    def _axes(self, pose: Array) -> Array:
+        """Return the axes as columns, (..., 3, 3)."""
+        base = np.broadcast_to(self.base, (*pose.shape[:-1], 4))
+        return quat_to_matrix(pose[..., 3:] if self.frame == "site" else base)
+
+    def error(self, pose_ref: Array, pose: Array) -> Array:
+        """Return the error (..., 6) [m, rad] that `rmrc.law.kinematics.framed_error` writes."""
+        error = self.turned(pose_error(pose_ref, pose), pose)
+        if self.free >= 0:
+            error[..., 3:] = tilt_error(
+                quat_multiply(quat_conjugate(pose[..., 3:]), pose_ref[..., 3:]), self.free
+            )
+        return error
+
+
+WORLD_VIEW = View()
+
+
+def _turned(R: Array, rows: Array) -> Array:
+    """Return R times each three rows of (..., 3 k) or (..., 3 k, n)."""
+    threes = rows.reshape(*R.shape[:-2], -1, 3, rows.shape[-1] if rows.ndim == R.ndim else 1)
+    return np.asarray((R[..., None, :, :] @ threes).reshape(rows.shape))
+
+
+def view(arm: Arm, frame: Frame, rows: NDArray[np.intp]) -> View:
+    """Return along whose axes some rows of an arm's twist are."""
+    free = {3, 4, 5} - set(rows.tolist())
+    is_one = frame == "site" and len(free) == 1
+    return View(frame, tuple(arm.base_pose[3:].tolist()), free.pop() - 3 if is_one else -1)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,6 +103,7 @@ class Task:
         length: Characteristic length L, which makes meters and radians comparable [m].
         weights: Task weights W_x, (m,); None: all 1.
         joint_weights: Joint weights W_q, (n,): a heavier joint moves less; None: all 1.
+        frame: Along whose axes the rows are: of the world, of the arm's base, or of the site as it turns.
     """
 
     arm: Arm
@@ -41,12 +111,15 @@ class Task:
     length: float = 1.0
     weights: Sequence[float] | None = None
     joint_weights: Sequence[float] | None = None
+    frame: Frame = "world"
 
     fields: ClassVar[tuple[Field, ...]] = (
         # joints, task rows, singular values
         Field("n", np.int64), Field("m", np.int64), Field("k", np.int64),
         # rows of the twist that count, S_x and S_q
         Field("row", np.int64, (ROWS,)), Field("row_scale", size=(ROWS,)),
+        # along whose axes they are, the orientation of the base, and the axis about which the site is free
+        Field("frame", np.int64), Field("frame_quat", size=(4,)), Field("free", np.int64),
         Field("joint_scale", size=(JOINTS,)),
         # geometry of the arm at 0
         Field("is_slide", np.int64, (JOINTS,)), Field("pitch", size=(JOINTS,)),
@@ -76,16 +149,32 @@ class Task:
         """Rank of A almost everywhere: the largest at random but always equal configurations."""
         ranks = []
         for q in self.arm.sampled(SAMPLES):
-            sigma = np.linalg.svd(self.matrix(self.arm.jacobian(q)), compute_uv=False)
+            J = self.turned(self.arm.jacobian(q), self.arm.pose(q))
+            sigma = np.linalg.svd(self.matrix(J), compute_uv=False)
             ranks.append(int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[0])))
         return max(ranks)
 
     def matrix(self, jacobian: Array) -> Array:
-        """Return A = S_x J S_q, (..., m, n), of a Jacobian (..., 6, n): what the law decomposes."""
+        """Return A = S_x J S_q, (..., m, n), of a Jacobian along the axes of the frame, (..., 6, n)."""
         return self.row_scale[:, None] * jacobian[..., self.rows, :] * self.joint_scale
+
+    @cached_property
+    def view(self) -> "View":
+        """Along whose axes its rows are."""
+        return view(self.arm, self.frame, self.rows)
+
+    def turned(self, rows: Array, pose: Array) -> Array:
+        """Return twists (..., 6) or Jacobians (..., 6, n) along the axes of the frame.
+
+        Args:
+            rows: Along world axes.
+            pose: Of the site, (..., 7).
+        """
+        return self.view.turned(rows, pose)
 
     def write(self, world: np.void) -> None:
         """Write its fields of a world's record."""
+        world["frame"], world["frame_quat"], world["free"] = self.view.codes
         arm, chain, m, n = self.arm, self.arm.chain, len(self.rows), self.arm.n
         world["n"], world["m"], world["k"] = n, m, min(m, n)
         world["row"][:m], world["row_scale"][:m] = self.rows, self.row_scale
@@ -105,6 +194,7 @@ class SecondTask:
     fields: ClassVar[tuple[Field, ...]] = (
         # rows, scales, the site and the joints that move it, and where it shall be
         Field("m_2", np.int64), Field("row_2", np.int64, (ROWS,)), Field("row_scale_2", size=(ROWS,)),
+        Field("frame_2", np.int64), Field("frame_quat_2", size=(4,)), Field("free_2", np.int64),
         Field("site_2", np.int64), Field("moves_2", np.int64, (JOINTS,)), Field("pose_ref_2", size=(7,)),
     )  # fmt: skip
 
@@ -122,16 +212,21 @@ class SecondTask:
         self._row_scale = 1.0 / np.where(self._rows < 3, first.length, 1.0)
         # what `Arm.adapted` adds are actuators, so a site keeps its number
         self._id, self._moves = arm.model.site(self.site).id, arm.moves(self.site)
+        self._view = view(arm, section.frame, self._rows)
         self._pose = arm.pose(start, self.site)
         if section.to is not None:
-            wanted = np.concatenate([self._pose[:3], np.zeros(3)])
+            frame = {"world": ORIGIN, "base": arm.base_pose, "site": self._pose}[section.frame]
+            own = pose_product(pose_inverse(frame), self._pose)
+            wanted = np.concatenate([own[:3], np.zeros(3)])
             wanted[self._rows] = section.to
-            self._pose = np.concatenate([wanted[:3], quat_multiply(exp_rotation(wanted[3:]), self._pose[3:])])
+            own = np.concatenate([wanted[:3], quat_multiply(exp_rotation(wanted[3:]), own[3:])])
+            self._pose = pose_product(frame, own)
 
     def write(self, world: np.void) -> None:
         """Write its fields of a world's record."""
         m = len(self._rows)
         world["m_2"], world["row_2"][:m], world["row_scale_2"][:m] = m, self._rows, self._row_scale
+        world["frame_2"], world["frame_quat_2"], world["free_2"] = self._view.codes
         world["site_2"] = self._id
         world["moves_2"][: len(self._moves)], world["pose_ref_2"] = self._moves, self._pose
 

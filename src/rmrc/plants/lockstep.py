@@ -13,10 +13,9 @@ from rmrc.law.kinematics import (
     chain_jacobian,
     follow_chain,
     geometric_jacobian,
-    pose_error,
     second_jacobian,
 )
-from rmrc.law.law import control
+from rmrc.law.law import control, take_error
 from rmrc.law.record import Field
 from rmrc.plants.kinds import obey, sense
 from rmrc.plants.stages import sensed, sent
@@ -112,7 +111,7 @@ def tick(
         control(world, out)
         out.status |= read_loads(world, out, qfrc_gravcomp[w])
         if is_misled:  # the error is recorded as it is
-            pose_error(out.pose, out.pose_ref, out.pose_error)
+            take_error(world, out.pose_ref, out.pose, out.pose_error)
         world.diverged_joint = bad_command(world, out)
         if world.diverged_joint >= 0:
             world.diverged = t

@@ -8,8 +8,9 @@ from typing import ClassVar, Self
 import mujoco
 import numpy as np
 
-from rmrc.arm import Drive, Wiring, actuators
+from rmrc.arm import Drive, Wiring
 from rmrc.arm.differences import loaded_fields
+from rmrc.arm.inventory import actuators
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.plant import Assumed, Plant
@@ -125,10 +126,10 @@ class Physical(Plant):
 
     def _replaced(self) -> dict[str, list[str]]:
         """Return names of the model's actuators that it replaces, by their kind."""
-        model, found = self.arm.model, dict[str, list[str]]()
-        for i in sorted(self.arm.others.replaced):
-            name = model.actuator(i).name or f"actuator{i}"
-            found.setdefault(actuators.kind(model, i), []).append(name)
+        found = dict[str, list[str]]()
+        for one in actuators(self.arm):
+            if one.is_replaced:
+                found.setdefault(one.kind, []).append(one.name)
         return found
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:

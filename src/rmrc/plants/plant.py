@@ -109,7 +109,7 @@ class Plant(ABC):
     def shares(self) -> Hashable:
         """What worlds must have in common to be stepped together."""
         arm = self.arm
-        return self.section.kind, arm.path, arm.site, arm.joints, arm.frees_others
+        return self.section.kind, arm.path, arm.site, arm.joints, arm.variant, arm.frees_others
 
     @classmethod
     @abstractmethod

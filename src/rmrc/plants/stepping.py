@@ -234,3 +234,12 @@ class Stepper:
     def error(self, world: int) -> str:
         """Return what MuJoCo said when it refused to step a world, or nothing."""
         return " ".join(self._errors.get(world, "").split())
+
+    def warnings(self, world: int) -> dict[str, int]:
+        """Return what MuJoCo warned of in a world, and how often, by the names of its warnings."""
+        counts = self._batch.warning[world, :, 1]
+        return {
+            mujoco.mjtWarning(kind).name.removeprefix("mjWARN_"): int(count)
+            for kind, count in enumerate(counts)
+            if count
+        }

@@ -80,7 +80,7 @@ class Scene:
         self._arm = arm
         self._joint_scale = prepared.task.joint_scale
         rows = prepared.task.rows
-        self._rows, self._held = rows[rows < 3], rows[rows > 2]
+        self._rows, self._held, self._view = rows[rows < 3], rows[rows > 2], prepared.task.view
         self._below = prepared.scenario.control.inverse.damping.below
         self.shapes = arm.shapes()
         self.body_names, self.is_fixed = arm.body_names, arm.is_fixed
@@ -114,13 +114,15 @@ class Scene:
             part: Any part of the run.
             rows: Ticks of that part, (F,).
         """
-        u_min = part["u_min"][rows]
         bodies, jacobians = self._arm.frames(part["qpos"][rows])
-        axes, sigma = principal(jacobians * self._joint_scale, self._rows, self._held)
+        pose = part["pose"][rows]
+        J = self._view.turned(jacobians, pose)
+        axes, sigma = principal(J * self._joint_scale, self._rows, self._held)
+        axes, u_min = self._view.back(axes, pose), self._view.back(part["u_min"][rows], pose)
         velocity, force = half_axes(sigma, len(self._rows), self.reach)
         return Frames(
             bodies=bodies,
-            tip=part["pose"][rows, :3],
+            tip=pose[:, :3],
             target=part["pose_ref"][rows, :3],
             axes=matrix_to_quat(axes),
             velocity=velocity,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.law.task import WORLD_VIEW, View
 from rmrc.scenario.choices import Status
 
 
@@ -36,13 +37,13 @@ COLUMNS: Mapping[str, Column] = {
     "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "twist wanted, [v; ω] along world axes", "6"),
-    "pose_error": Column("m, rad", "[p_ref − p; log(R_ref Rᵀ)] of the true pose", "6"),
+    "pose_error": Column("m, rad", "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame", "6"),
     "sigma": Column("1", "singular values of the scaled task Jacobian, falling", "k"),
     "gain": Column("1", "filter g(σ) that the inverse used", "k"),
     "damping": Column("1", "λ, in the units of σ"),
     "manipulability": Column("1", "w, the product of the singular values"),
     "condition": Column("1", "κ, the largest over the smallest singular value"),
-    "u_min": Column("1", "task direction of the smallest singular value, scaled", "6"),
+    "u_min": Column("1", "task direction of the smallest singular value, scaled, along task.frame", "6"),
     "v_min": Column("1", "joint motion of the smallest singular value, scaled", "n"),
     "tau": Column("N·m or N", "actuator torques of the last step; 0 for the ideal plant", "n"),
     "tau_gravity": Column("N·m or N", "what gravity compensation bears at each joint", "n"),
@@ -99,6 +100,7 @@ class Recorded:
         wall_time: Seconds that the stepping took; worlds stepped together share it equally.
         weights: Task weights, one an axis; none: all 1.
         torque_limit: Of each joint [N·m or N], infinite where it has none; none: no joint has one.
+        view: Along whose axes the task axes are.
         touching: The two bodies of the first contact; none: there was none.
         resting: Pairs of bodies that touch from the start, which is no contact while they stay.
     """
@@ -115,6 +117,7 @@ class Recorded:
     wall_time: float = 0.0
     weights: tuple[float, ...] = ()
     torque_limit: tuple[float, ...] = ()
+    view: View = WORLD_VIEW
     touching: tuple[str, ...] = ()
     resting: tuple[tuple[str, ...], ...] = ()
 

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from rmrc.law.task import WORLD_VIEW, View
 from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.support.files import written_whole
@@ -38,6 +39,8 @@ class Run(Recorded):
             "torque_limit": [limit if math.isfinite(limit) else None for limit in self.torque_limit],
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
+        if self.view.frame != "world":
+            facts["view"] = self.view
         with written_whole(path) as temporary, temporary.open("wb") as file:
             np.savez(file, **self.columns, facts=np.array(json.dumps(facts)))  # type: ignore[arg-type]
 
@@ -52,9 +55,11 @@ class Run(Recorded):
         divergence = facts["divergence"] and Divergence(**facts["divergence"])
         # files from before these were kept have neither
         limits = (math.inf if limit is None else limit for limit in facts.get("torque_limit", ()))
+        frame, base, free = facts.get("view", WORLD_VIEW)
+        view = View(frame, tuple(base), free)
         return cls(
             facts["name"], tuple(facts["joints"]), tuple(facts["is_slide"]), tuple(facts["axes"]),
             facts["length"], facts["period"], columns, facts["planned"], divergence,
-            facts["wall_time"], tuple(facts.get("weights", ())), tuple(limits),
+            facts["wall_time"], tuple(facts.get("weights", ())), tuple(limits), view,
             tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
         )  # fmt: skip

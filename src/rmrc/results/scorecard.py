@@ -16,13 +16,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.record import tick_type
+from rmrc.law.task import View
 from rmrc.results.columns import Recorded
 from rmrc.results.tally import ERRORS, EXTREMES, JOINTS, adder, begin
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.choices import Status
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Problem
-from rmrc.support.spatial import AXES, pose_error
+from rmrc.support.spatial import AXES
 
 # How near the last wanted pose must be to the first to end where it began [m, rad]: above what a start is off
 # that was rounded to 0.01 deg, and far below any path.
@@ -173,9 +174,9 @@ def figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scoreca
         runs: What is known beside their columns, which are not looked at; all of one arm.
         tallies: With their ticks added, (w,).
     """
-    alike: dict[tuple[str, ...], list[int]] = {}
+    alike: dict[tuple[tuple[str, ...], View], list[int]] = {}
     for w, run in enumerate(runs):
-        alike.setdefault(run.axes, []).append(w)
+        alike.setdefault((run.axes, run.view), []).append(w)
     cards: dict[int, Scorecard] = {}
     for members in alike.values():
         cards |= zip(members, _figures([runs[w] for w in members], tallies[members]), strict=True)
@@ -298,7 +299,7 @@ def joint_changes(run: Recorded) -> _Array:
 
 def _changes(run: Recorded, complete: NDArray[np.bool_], q: _Array, pose_ref: _Array) -> _Array:
     """Return `joint_changes` of runs, (w, n), from the first and the last row of both columns, (2, w, …)."""
-    gap = pose_error(pose_ref[1, complete], pose_ref[0, complete]) * [axis in run.axes for axis in AXES]
+    gap = run.view.error(pose_ref[1, complete], pose_ref[0, complete]) * [axis in run.axes for axis in AXES]
     closed = complete.copy()
     closed[complete] = np.abs(gap).max(axis=-1) <= CLOSED
     change = q[1] - q[0]

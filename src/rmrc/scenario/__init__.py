@@ -22,11 +22,19 @@ from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, Source, draf
 from rmrc.scenario.path import (
     Arc,
     ArcSegment,
+    ConfigurationsSegment,
+    FileSegment,
     Hold,
     HoldSegment,
     Line,
     LineSegment,
+    Motion,
+    PathFrame,
     Segment,
+    Set,
+    SetSegment,
+    Tilt,
+    TiltSegment,
     Turn,
     TurnSegment,
 )
@@ -41,21 +49,24 @@ from rmrc.scenario.sections import (
     NullspaceSection,
     PlantSection,
     SecondarySection,
+    StartPose,
     SweepSection,
     TargetLimitsSection,
     TargetSection,
     TaskSection,
+    ToolSection,
 )
-from rmrc.scenario.values import Axis, Section, angle
+from rmrc.scenario.values import Axis, Frame, Section, angle
 from rmrc.scenario.variation import grid, variants
 from rmrc.scenario.wording import block, inline
 
 __all__ = [
-    "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ControlSection",
-    "Draft", "EncoderSection", "Hold", "HoldSegment", "InverseSection", "LimitsSection",
-    "Line", "LineSegment", "NullspaceSection", "PlantSection", "Problems", "Scenario", "SchemaRow",
-    "SecondarySection", "Section", "Segment", "Source", "SweepSection",
-    "TargetLimitsSection", "TargetSection", "TaskSection", "Turn", "TurnSegment", "Variant", "angle", "block",
+    "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ConfigurationsSegment",
+    "ControlSection", "Draft", "EncoderSection", "FileSegment", "Frame", "Hold", "HoldSegment",
+    "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection", "PathFrame",
+    "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "Set",
+    "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection", "TargetSection",
+    "TaskSection", "Tilt", "TiltSegment", "ToolSection", "Turn", "TurnSegment", "Variant", "angle", "block",
     "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows",
     "variants",
 ]  # fmt: skip

@@ -39,6 +39,10 @@ CHOICES: dict[str, dict[str, str]] = {
         "line": "linear straight lin movel move ptp goto point waypoint segment to",
         "arc": "circle circular circ movec",
         "turn": "rotate rotation orient orientation spin",
+        "tilt": "align point_at aim look_at",
+        "set": "step setpoint set_point jump",
+        "configurations": "joint_path keyframes postures configuration",
+        "file": "csv motion recording replay teleop",
         "hold": "wait pause dwell sleep stay stop",
     },
 }
@@ -48,7 +52,9 @@ CHOICES["control.nullspace.secondary.axes"] = CHOICES["task.axes"]
 KEYS = {
     "arm": "robot manipulator",
     "arm.model": "xml mjcf urdf file robot_model model_file model_path",
-    "arm.site": "tool tcp ee end_effector effector tip frame tool_frame",
+    "arm.site": "tcp ee end_effector effector tip frame tool_frame",
+    "arm.body": "link tip_link ee_link tool_link",
+    "arm.packages": "package package_dirs ros_packages",
     "arm.start": "q q0 qpos init initial home joint_positions start_q q_start configuration",
     "arm.encoder.deviation": "std sigma noise stddev",
     "task": "tasks",

@@ -6,7 +6,7 @@ is checked again as a whole, so that messages have one source.
 
 import copy
 import os
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cache, cached_property, reduce
 from pathlib import Path
 from typing import Any, NamedTuple, Self, TypeAlias
@@ -118,11 +118,22 @@ class Carried(NamedTuple):
 
     Attributes:
         folder: Where its file was.
-        models: Files that stand for the models, by the names that the scenario has for them.
+        models: Files that stand for models and recorded motions, by the names that the scenario has for them.
     """
 
     folder: Path
     models: Mapping[str, Path] = {}
+
+
+def _motions(value: Any) -> Iterator[Any]:
+    """Yield the paths of recorded motions in values of `target`."""
+    if isinstance(value, dict):
+        file = value.get("file")
+        if isinstance(file, dict) and "path" in file:
+            yield file["path"]
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    for one in inner:
+        yield from _motions(one)
 
 
 class Draft:
@@ -182,6 +193,20 @@ class Draft:
         vary = (data.get("sweep") or {}).get("vary") or {}
         arms = [data["arm"], *vary.get("arm", ())]
         names = [*(arm["model"] for arm in arms if "model" in arm), *vary.get("arm.model", ())]
+        tools = [*(arm.get("tool") for arm in arms), *vary.get("arm.tool", ())]
+        held = [tool["model"] for tool in tools if tool and tool.get("model")] + list(
+            vary.get("arm.tool.model", ())
+        )
+        return list(dict.fromkeys(map(str, filter(None, [*names, *held]))))
+
+    @property
+    def motions(self) -> list[str]:
+        """The names of all recorded motions that the draft and its sweep have; it is one without mistakes."""
+        data = self.document.value
+        vary = (data.get("sweep") or {}).get("vary") or {}
+        swept = [values for name, values in vary.items() if name.startswith("target")]
+        names = [file for values in (data["target"], *swept) for file in _motions(values)]
+        names += [one for name in vary if name.endswith(".file.path") for one in vary[name]]
         return list(dict.fromkeys(map(str, names)))
 
     def carried(self, files: Carried) -> "Draft":

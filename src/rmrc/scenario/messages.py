@@ -179,6 +179,10 @@ _SEGMENT_FORMS = {
     "line": "line: {to: [x, y]}",
     "arc": "arc: {center: [x, y], angle: 360 deg}",
     "turn": "turn: {axis: z, angle: 90 deg}",
+    "tilt": "tilt: {axis: z, to: [0, 0, -1]}",
+    "set": "set: {by: [dx, dy], for: 1.0}",
+    "configurations": "configurations: [home]",
+    "file": "file: {path: motion.csv}",
     "hold": "hold: {for: 1.0}",
 }
 

@@ -11,6 +11,7 @@ from rmrc.scenario.wording import inline, show
 # Mappings whose keys are names: what they name, and what holds for one that is absent.
 _ABSENT: dict[str, tuple[str, object]] = {
     "expect": ("figure", None),
+    "arm.packages": ("package", None),
     "arm.stretch": ("body", 1),
     "sweep.vary": ("key", None),
     "sweep.draw": ("key", None),
@@ -37,7 +38,8 @@ def json_schema() -> dict[str, Any]:
 def schema_rows() -> tuple[SchemaRow, ...]:
     """Return every key of a scenario, in the order of the file.
 
-    `[]` in a key stands for an item of a list, `<figure>`, `<body>` and `<key>` for the name of one.
+    `[]` in a key stands for an item of a list, `<figure>`, `<package>`, `<body>` and `<key>` for the name
+    of one.
     """
     schema = json_schema()
     return tuple(_rows("", schema, schema["$defs"], required=True))
@@ -57,7 +59,7 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
         }
         inner = {**told, **below["additionalProperties"]}
         yield from _rows(f"{key}.<{_ABSENT[key][0]}>", inner, kinds, required=False)
-    elif "oneOf" in below.get("items", {}):
+    elif any("$ref" in option for option in below.get("items", {}).get("oneOf", ())):
         for inner in below["items"]["oneOf"]:
             yield from _rows(f"{key}[]", inner, kinds, required=False)
     else:
@@ -87,7 +89,7 @@ def _type(schema: dict[str, Any]) -> str:
         low, high = schema["minItems"], schema.get("maxItems")
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
         item = re.sub("^(number|angle)", r"\1s", _type(schema["items"])) if schema["items"] else "values"
-        return f"list of {count}({item})" if "|" in item else f"list of {count}{item}"
+        return f"list of {count}({item})" if "|" in item or " or " in item else f"list of {count}{item}"
     if schema["type"] in ("number", "integer"):
         signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
         bounds = [f"{sign} {show(schema[k])}" for k, sign in signs.items() if k in schema]

@@ -9,16 +9,21 @@ from pydantic import ConfigDict, Field, ValidationInfo, create_model, field_vali
 from rmrc.scenario import choices
 from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.keys import split
-from rmrc.scenario.path import Segment
+from rmrc.scenario.path import PathFrame, Segment
 from rmrc.scenario.values import (
+    Angle,
     AngleOrEach,
+    Angles,
     Axes,
     Axis,
     Bounds,
     Choice,
     Count,
+    Folder,
+    Frame,
     Gravity,
     ModelFile,
+    Moments,
     Name,
     NameOrPositions,
     Names,
@@ -26,8 +31,10 @@ from rmrc.scenario.values import (
     NotNegativeAngleOrEach,
     Number,
     OneOrEach,
+    Point,
     Positions,
     Positive,
+    Quaternion,
     Rates,
     Section,
     Seed,
@@ -67,13 +74,110 @@ class EncoderSection(Section):
     seed: Seed = key("what is drawn: the same seed, the same offsets", 0)
 
 
+class StartPose(Choice):
+    """A pose of the site in which an arm starts."""
+
+    model_config = ConfigDict(
+        json_schema_extra={"anyOf": [{"required": [name]} for name in ("position", "orientation")]}
+    )
+    position: Vector | None = key(
+        "where it is: [x, y], which keeps z, or [x, y, z]; null: as at `start`", None, "m"
+    )
+    orientation: Annotated[tuple[Angle, ...], Count(3, 4)] | None = key(
+        "how it is turned: roll, pitch and yaw, about x, then y, then z, or a quaternion w x y z; "
+        "null: as it may be",
+        None,
+        "rad or 1",
+    )
+    frame: Literal["world", "base"] = key(
+        "the frame that it is in: world; base, the body that carries the first joint", "world"
+    )
+
+    @model_validator(mode="after")
+    def _some_pose(self) -> Self:
+        if not self.given("position", "orientation"):
+            raise rule("must have position or orientation, got none of them")
+        if len(self.orientation or ()) == 4 and not any(self.orientation or ()):
+            raise rule("must not be a zero quaternion", ("arm", "pose", "orientation"))
+        return self
+
+
+class ToolSection(Choice):
+    """What the arm holds: a frame on a body of it, perhaps with a mass there, or with another model."""
+
+    body: Text | None = key(
+        "the body that carries it; null: the frame that is controlled where none is named", None
+    )
+    position: Point = key("where its frame is, in the frame of what carries it", (0.0, 0.0, 0.0), "m")
+    quat: Quaternion | None = key(
+        "how its frame is turned in the frame of what carries it, as a quaternion w x y z; null: by `rpy`",
+        None,
+        "1",
+    )
+    rpy: Angles | None = key("the same as roll, pitch and yaw: about x, y and z, fixed", None, "rad")
+    mass: NotNegative | None = key("its mass; null: none", None, "kg")
+    center: Point | None = key("where its center of mass is, in its frame; null: at its origin", None, "m")
+    inertia: Moments | None = key(
+        "its moments of inertia about its center of mass, along its axes; null: those of a point",
+        None,
+        "kg·m²",
+    )
+    model: ModelFile | None = key("an MJCF or URDF file that is attached there; null: none", None)
+    site: Text | None = key("the site of that model that is controlled; null: as for an arm", None)
+
+    @property
+    def rotation(self) -> tuple[float, ...]:
+        """How its frame is turned, as a quaternion w x y z."""
+        if self.quat is not None:
+            return self.quat
+        halves = [angle / 2.0 for angle in self.rpy or (0.0, 0.0, 0.0)]
+        (cr, cp, cy), (sr, sp, sy) = map(math.cos, halves), map(math.sin, halves)
+        return (
+            cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr,
+            cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
+        )  # fmt: skip
+
+    @model_validator(mode="after")
+    def _fitting(self) -> Self:
+        if self.quat is not None and self.rpy is not None:
+            raise rule("must have quat or rpy, got both")
+        weighing = self.given("mass", "center", "inertia")
+        if self.model is not None and weighing:
+            raise rule(f"must have {' and '.join(weighing)} or model, which has a mass of its own; got both")
+        if weighing and self.mass is None:
+            raise rule(f"{' and '.join(weighing)} needs mass")
+        if self.site is not None and self.model is None:
+            raise rule("site needs model, whose site it is; leave it out, or write arm.site")
+        if self.inertia is not None and 2.0 * max(self.inertia) > sum(self.inertia):
+            moments = show(list(self.inertia))
+            raise rule(f"inertia must have no moment above the sum of the two others, got {moments}")
+        return self
+
+
 class ArmSection(Section):
     """The arm: which model, which point of it, where it starts."""
 
-    model: ModelFile = key("the MJCF file; a relative path starts at the scenario's folder")
-    site: Text = key("the MuJoCo site that is controlled")
+    model: ModelFile = key("the MJCF or URDF file; a relative path starts at the scenario's folder")
+    site: Text | None = key(
+        "the MuJoCo site that is controlled; null, without `body` and `tool`: that of the hand", None
+    )
+    body: Text | None = key("the body whose frame is controlled instead", None)
+    tool: ToolSection | None = key("what the arm holds, whose frame is controlled instead", None)
+    base: Literal["fixed", "free"] = key(
+        "a base that floats in the model: `fixed` where its first keyframe has it; `free` is refused, as no "
+        "drive holds it",
+        "fixed",
+    )
+    packages: dict[str, Folder] = key(
+        "folders of the packages that a URDF names, by their names; others are looked for above the file", {}
+    )
     start: NameOrPositions = key(
         "where the joints start: a keyframe's name, or a position a joint", "home", "rad or m"
+    )
+    pose: StartPose | None = key(
+        "a pose of the site to start in, at the joint positions that a search from `start` finds; null: at "
+        "`start`",
+        None,
     )
     joints: Names | None = key("the joints that are driven; null: those between the base and the site", None)
     others: Literal["hold", "free"] = key(
@@ -89,11 +193,23 @@ class ArmSection(Section):
         "1",
     )
 
+    @model_validator(mode="after")
+    def _one_frame(self) -> Self:
+        given = [name for name in ("site", "body", "tool") if getattr(self, name) is not None]
+        if len(given) > 1:
+            raise rule(f"must have one of site, body and tool at most, got {' and '.join(given)}")
+        return self
+
 
 class TaskSection(Section):
     """What of the site's motion counts, and how much."""
 
-    axes: Axes = key("the rows of the twist that are controlled, along world axes", get_args(Axis))
+    axes: Axes = key("the rows of the twist that are controlled, along the axes of `frame`", get_args(Axis))
+    frame: Frame = key(
+        "along whose axes the rows are: world; base, of the body that carries the first joint; site, of the "
+        "controlled site as it turns",
+        "world",
+    )
     length: Positive = key(
         "characteristic length: linear rows are divided by it, so that they compare with angles", 1.0, "m"
     )
@@ -191,10 +307,15 @@ class SecondarySection(Derived):
     """A second task, done as far as the first leaves room for it: a site that shall stay somewhere."""
 
     site: Text | None = key("the site of the second task; null: that of the first", None)
-    axes: Axes = key("the rows of its twist that count, along world axes", ("x", "y", "z"))
+    axes: Axes = key("the rows of its twist that count, along the axes of `frame`", ("x", "y", "z"))
+    frame: Frame = key(
+        "along whose axes the rows are: world; base, of the body that carries the first joint; site, of the "
+        "second task's site as it turns",
+        "world",
+    )
     to: Positions | None = key(
-        "where it shall be, a value for each of `axes`: position in the world, or rotation vector from the "
-        "start; null: where it starts",
+        "where it shall be, a value for each of `axes`: position in `frame`, which is the site's where it "
+        "starts, or rotation vector from the start; null: where it starts",
         None,
         "m or rad",
     )
@@ -279,9 +400,14 @@ class TargetSection(Section):
 
     path: Annotated[tuple[Segment, ...], Count(1)] = key("the pieces of the path, in order")
     offset: Vector = key(
-        "how far every absolute point of the path lies from where it is written: line.to, arc.center",
+        "how far every absolute point of the path lies from where it is written: line.to, arc.center, set.to",
         (0.0, 0.0, 0.0),
         "m",
+    )
+    frame: PathFrame = key(
+        "the frame of all pieces that have none of their own: world; base, the body that carries the first "
+        "joint; site, as the piece starts; start, the site as the path starts",
+        "world",
     )
     limits: TargetLimitsSection = key("how fast", TargetLimitsSection())
 

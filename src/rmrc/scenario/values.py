@@ -32,6 +32,9 @@ from rmrc.support.problems import Key
 # A direction is normalized by its user; below this length its squares would vanish or be noise.
 _SHORTEST = 1e-9
 
+# What a recorded motion may be kept in.
+MOTIONS = (".csv", ".parquet", ".npz")
+
 _DECIMAL = rf"[-+]?{UNSIGNED}"
 
 
@@ -150,6 +153,16 @@ def _rising(bounds: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _model_file(path: Path, info: ValidationInfo) -> Path:
+    return _file(path, info, _model_near)
+
+
+def _motion_file(path: Path, info: ValidationInfo) -> Path:
+    if path.suffix not in MOTIONS:
+        raise rule(f"must end in one of {', '.join(MOTIONS)}, got {show(str(path))}")
+    return _file(path, info, lambda folder, path: nearby(folder / path, path.suffix))
+
+
+def _file(path: Path, info: ValidationInfo, near: Callable[[Path, Path], str]) -> Path:
     """Make the path absolute; where a scenario is read (context), the file must be there."""
     context = info.context or {"folder": Path(), "models": {}}
     folder: Path = context["folder"]
@@ -157,7 +170,7 @@ def _model_file(path: Path, info: ValidationInfo) -> Path:
         full: Path = (folder / context["models"].get(str(path), path)).resolve()
         is_file = not info.context or stat.S_ISREG(full.stat().st_mode)
     except FileNotFoundError:
-        raise rule(f'no such file "{visible(str(full))}"{_model_near(folder, path)}') from None
+        raise rule(f'no such file "{visible(str(full))}"{near(folder, path)}') from None
     except (OSError, ValueError, RuntimeError) as error:  # not permitted; a NUL; a loop of links
         reason = getattr(error, "strerror", None) or str(error)
         raise rule(f"cannot be read ({reason.lower()}), got {show(str(path))}") from None
@@ -166,9 +179,18 @@ def _model_file(path: Path, info: ValidationInfo) -> Path:
     return full
 
 
+def _folder(path: Path, info: ValidationInfo) -> Path:
+    """Make the path absolute; where a scenario is read (context), the folder must be there."""
+    context = info.context or {"folder": Path()}
+    full: Path = Path(os.path.abspath(context["folder"] / path))
+    if info.context and not full.is_dir():
+        raise rule(f'no such folder "{visible(str(full))}"')
+    return full
+
+
 def _model_near(folder: Path, path: Path) -> str:
     """Suggest a model for a path of none: a file beside it, or in the folder of models."""
-    if near := nearby(folder / path, ".xml"):
+    if near := nearby(folder / path, ".xml", ".urdf"):
         return near
     for models in (folder / "models", folder.parent / "models"):
         if (models / path.name).with_suffix(".xml").is_file():
@@ -192,6 +214,7 @@ Switch = Annotated[bool, Field(strict=True)]
 Text = Annotated[str, Field(strict=True, min_length=1)]
 Name = Annotated[Text, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=100)]
 ModelFile = Annotated[Path, AfterValidator(_model_file)]
+Folder = Annotated[Path, AfterValidator(_folder)]
 Angle = Annotated[
     Number,
     BeforeValidator(_radians),
@@ -215,7 +238,9 @@ NotNegativeAngle = Annotated[
         }
     ),
 ]
+MotionFile = Annotated[Path, AfterValidator(_motion_file)]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]
+Frame = Literal["world", "base", "site"]
 Axes = Annotated[tuple[Axis, ...], Count(1), AfterValidator(_distinct)]
 Names = Annotated[tuple[Text, ...], Count(1), AfterValidator(_distinct)]
 Positions = Annotated[tuple[Angle, ...], Count(1)]
@@ -231,6 +256,9 @@ Bounds = Annotated[
 Values = Annotated[tuple[Any, ...], Count(1), Field(description="the values that the key takes")]
 Quaternion = Annotated[tuple[Number, ...], Count(4, 4), AfterValidator(_directed)]
 Wrench = Annotated[tuple[Number, ...], Count(6, 6)]
+Point = Annotated[tuple[Number, ...], Count(3, 3)]
+Angles = Annotated[tuple[Angle, ...], Count(3, 3)]
+Moments = Annotated[tuple[Positive, ...], Count(3, 3)]
 Gravity = Annotated[tuple[Number, ...], Count(3, 3)]
 Direction = Annotated[
     Annotated[Literal["x", "y", "z"], Tag("<text>")]
@@ -240,6 +268,10 @@ Direction = Annotated[
 NameOrPositions = Annotated[
     Annotated[Text, Tag("<text>")] | Annotated[Positions, Tag("<list>")],
     choice(_text_or_list, "must be the name of a keyframe or a list of joint positions"),
+]
+PositiveOrAuto = Annotated[
+    Annotated[Positive, Tag("<one>")] | Annotated[Literal["auto"], Tag("<text>")],
+    Discriminator(lambda value: "<text>" if isinstance(value, str) else "<one>"),
 ]
 OneOrEach = Annotated[
     Annotated[Positive, Tag("<one>")] | Annotated[Weights, Tag("<list>")], Discriminator(_one_or_list)

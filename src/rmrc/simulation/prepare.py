@@ -22,10 +22,11 @@ from rmrc.plants.wiring import WIRING
 from rmrc.scenario import ArmSection, Problems, Scenario, angle
 from rmrc.scenario.choices import INVERSES, PLANTS
 from rmrc.simulation.reference import Reference
-from rmrc.simulation.trajectory import make_reference
+from rmrc.simulation.start import start_positions
+from rmrc.simulation.trajectory import Places, make_reference
 from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
 from rmrc.support.legible import listed
-from rmrc.support.notices import tell
+from rmrc.support.notices import tell, tell_assumed
 from rmrc.support.spatial import AXES
 
 T = TypeVar("T")
@@ -61,7 +62,10 @@ class Cache:
             arms: They stand for their file, by the names of their site and joints.
         """
         # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
-        self._arms = _Recent[Arm](32, {(arm.path.resolve(), arm.site, arm.joints): arm for arm in arms})
+        named = None, None, "fixed", ()  # body, tool, base, packages
+        self._arms = _Recent[Arm](
+            32, {(arm.path.resolve(), arm.site, arm.joints, *named): arm for arm in arms}
+        )
         self._references, self._tasks = _Recent[Reference](32), _Recent[Task](256)
 
     def arm(self, section: ArmSection) -> Arm:
@@ -70,8 +74,9 @@ class Cache:
         Raises:
             ModelError: See `rmrc.arm.load` and `Arm.stretched`.
         """
-        key = (section.model, section.site, section.joints)
-        own = self._arms.get(key, lambda: arms.load(*key))
+        more = section.body, section.tool, section.base, tuple(sorted(section.packages.items()))
+        key = section.model, section.site, section.joints, *more
+        own = self._arms.get(key, lambda: arms.load_asked(section))
         if not section.stretch:
             return own
         return self._arms.get(
@@ -94,16 +99,31 @@ class Cache:
         target, period = scenario.target, scenario.control.period
         # as text, which tells 0.0 from -0.0
         key = (arm, q.tobytes(), target.model_dump_json(), period)
+
+        def pose_at(configuration: str | Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
+            if not isinstance(configuration, str) and len(configuration) != arm.n:
+                raise TargetError(_wrong_length(len(configuration), arm))
+            try:
+                return arm.pose(arm.configuration(configuration)[arm.wiring.qpos])
+            except ModelError as error:
+                raise TargetError(str(error)) from None
+
+        places = Places(arm.base_pose, arm.joints, pose_at)
         return self._references.get(
-            key, lambda: make_reference(target.path, target.limits, arm.pose(q), period, target.offset)
+            key,
+            lambda: make_reference(
+                target.path, target.limits, arm.pose(q), period, target.offset, target.frame, places
+            ),
         )
 
     def task(self, scenario: Scenario, arm: Arm) -> Task:
         """Return the task of a scenario, whose rank takes a millisecond to find."""
         section, joint_weights = scenario.task, scenario.control.joint_weights
-        key = (arm, section.axes, section.length, section.weights, joint_weights)
+        key = (arm, section.axes, section.length, section.weights, joint_weights, section.frame)
         rows = np.array([AXES.index(axis) for axis in section.axes])
-        return self._tasks.get(key, lambda: Task(arm, rows, section.length, section.weights, joint_weights))
+        return self._tasks.get(
+            key, lambda: Task(arm, rows, section.length, section.weights, joint_weights, section.frame)
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -199,6 +219,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
         arm = cache.arm(scenario.arm)
     except ModelError as error:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
+    tell_assumed(note for note in arm.notes if note != arm.obvious or scenario.arm.site is None)
     problems = Problems(scenario)
     qpos = _start(scenario, arm, problems)
     arm = cache.placed(arm, scenario.arm, qpos)
@@ -244,6 +265,15 @@ def _start(scenario: Scenario, arm: Arm, problems: Problems) -> NDArray[np.float
                 f'joint "{arm.joints[j]}" must start within its limits [{lower:.6g}, {upper:.6g}] '
                 f"{arm.units[j]}, got {position:.6g}{_in_degrees(arm, j, position)}",
             )
+    if scenario.arm.pose is not None:
+        own = [*arm.wiring.qpos, *arm.wiring.travel_qpos]
+        try:
+            placed = arm.at(qpos)
+            q = start_positions(placed, scenario.arm.pose, qpos[arm.wiring.qpos], scenario.task.length)
+        except TargetError as error:
+            problems.add("arm.pose", str(error))
+        else:
+            qpos[own] = arm.configuration(q)[own]
     return qpos
 
 

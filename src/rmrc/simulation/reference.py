@@ -21,8 +21,8 @@ POSE, TWIST, ACCELERATION = 7, 13, 19
 
 PIECE = np.dtype(
     [
-        # its ticks, [first, last), and when it starts [s]
-        ("first", np.int64), ("last", np.int64), ("start", np.float64),
+        # the segment that it is of, its ticks, [first, last), and when it starts [s]
+        ("segment", np.int64), ("first", np.int64), ("last", np.int64), ("start", np.float64),
         # each phase: when it begins, from the start on [s], and there u and its derivatives [1, ..., 1/s³]
         ("phases", np.float64, (PHASES, 5)),
         # its curve: p(u) = pose + straight·u + (cos θu − 1)·spoke + sin θu·tangent, turned by angle·u about
@@ -44,12 +44,15 @@ class Reference:
     Attributes:
         ticks: Number of control ticks, T.
         period: The control period [s].
-        pieces: Segments of the path, (p,) of `PIECE`.
+        pieces: Of the segments of the path, (p,) of `PIECE`.
+        recorded: Motions that are no pieces: the first tick of each, and pose, twist and its derivative from
+            there on, (t, 19). The piece in its place stands still.
     """
 
     ticks: int
     period: float
     pieces: NDArray[np.void]
+    recorded: tuple[tuple[int, Array], ...] = ()
 
     @cached_property
     def time(self) -> Array:
@@ -79,7 +82,7 @@ class Reference:
     @cached_property
     def segment(self) -> NDArray[np.int64]:
         """Which segment of the path, counted from 0, (T,)."""
-        return np.repeat(np.arange(len(self.pieces)), self.pieces["last"] - self.pieces["first"])
+        return np.repeat(self.pieces["segment"], self.pieces["last"] - self.pieces["first"])
 
     @property
     def duration(self) -> float:
@@ -91,12 +94,17 @@ class Reference:
         if "samples" in self.__dict__:
             out[:] = self.samples
         else:
-            _write(self.pieces, self.period, out)
+            self._write(out)
 
     def _sampled(self, columns: int) -> Array:
         out = np.empty((self.ticks, columns))
-        _write(self.pieces, self.period, out)
+        self._write(out)
         return out
+
+    def _write(self, out: Array) -> None:
+        _write(self.pieces, self.period, out)
+        for first, rows in self.recorded:
+            out[first : first + len(rows)] = rows[:, : out.shape[1]]
 
 
 def end(piece: NDArray[np.void]) -> Array:

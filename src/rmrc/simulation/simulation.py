@@ -121,6 +121,7 @@ class _Shard:
             wall_time=self.wall_time / len(self.members),
             weights=scenario.task.weights or (),
             torque_limit=tuple(arm.torque_limit.tolist()) if prepared.plant.has_physics else (),
+            view=prepared.task.view,
             touching=contacts.first.get(w, ()) if contacts else (),
             resting=tuple(contacts.resting.get(w, ())) if contacts else (),
         )
@@ -247,6 +248,10 @@ class Simulation:
     def divergences(self) -> list[Divergence | None]:
         """Return where each world diverged, or None."""
         return self._in_order([[s.divergence(w) for w in range(len(s.members))] for s in self._shards])
+
+    def warnings(self) -> list[dict[str, int]]:
+        """Return what MuJoCo warned of in each world, and how often, by the names of its warnings."""
+        return self._in_order([list(map(s.batch.warnings, range(len(s.members)))) for s in self._shards])
 
     def release(self) -> None:
         """Let other simulations have what `batches` lent to this one, which goes no further."""

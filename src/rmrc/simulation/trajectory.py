@@ -2,10 +2,12 @@
 
 A path is geometry times timing. Each segment is a curve over one parameter u from 0 to 1: the
 site's origin at p(u), a straight line or a circular arc, and the orientation turned by φ u about
-one fixed world axis. Ruckig times u from rest to rest, jerk-limited and as fast as the limits
-allow [Berscheid21], so that translation and rotation end together, and the segments follow one
-another without a gap. Only point-to-point motions are asked of it: they are computed here, while
-its way-points would be sent to a server.
+one fixed axis. Points and axes are given in the world, or in the frame of the arm's base, of the
+site where the segment starts, or of the site where the path starts. Ruckig times u from rest to
+rest, jerk-limited and as fast as the limits allow [Berscheid21], so that translation and rotation
+end together, and the segments follow one another without a gap. Only point-to-point motions are
+asked of it: they are computed here, while its way-points would be sent to a server. A set-point is
+a step at rest, and a recorded motion has its own timing.
 
 The limits hold for the norms of the Cartesian vectors. Along an arc of radius r, at speed ṡ,
 
@@ -18,7 +20,7 @@ This module alone knows ruckig.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -26,21 +28,37 @@ import ruckig
 from numpy.typing import ArrayLike, NDArray
 
 from rmrc.scenario import (
-    Arc,
     ArcSegment,
+    ConfigurationsSegment,
+    FileSegment,
     HoldSegment,
-    Line,
     LineSegment,
+    PathFrame,
+    Segment,
+    Set,
+    SetSegment,
     TargetLimitsSection,
+    Tilt,
+    TiltSegment,
     Turn,
     TurnSegment,
 )
+from rmrc.scenario import Motion as MotionFile
+from rmrc.simulation.motion import SLACK, Motion, excess, read_motion
 from rmrc.simulation.reference import PHASES, PIECE, Reference, end
 from rmrc.support.errors import TargetError
-from rmrc.support.spatial import log_rotation, normalize, quat_conjugate, quat_multiply
+from rmrc.support.spatial import (
+    ORIGIN,
+    log_rotation,
+    normalize,
+    pose_inverse,
+    pose_product,
+    quat_conjugate,
+    quat_multiply,
+    quat_to_matrix,
+)
 
 Array = NDArray[np.float64]
-Segment = LineSegment | ArcSegment | TurnSegment | HoldSegment
 
 # Shorter lengths [m] and smaller angles [rad] are rounding of a pose, not something to follow.
 _SMALLEST = 1e-9
@@ -53,28 +71,47 @@ _MOST_TICKS = 10_000_000
 _TICK_ROUNDING = 1e-6
 
 
+class Places(NamedTuple):
+    """What a path may refer to beside the world.
+
+    Attributes:
+        base: Pose of the arm's base, (7,).
+        joints: Names of the joints.
+        pose_at: The pose of the site, (7,), at joint positions, (n,), or at a keyframe.
+    """
+
+    base: Array = ORIGIN
+    joints: tuple[str, ...] = ()
+    pose_at: Callable[[str | Sequence[float] | Array], Array] = lambda _: ORIGIN
+
+
 def make_reference(
     segments: Sequence[Segment],
     limits: TargetLimitsSection,
     start_pose: ArrayLike,
     period: float,
     offset: Sequence[float] = (),
+    frame: PathFrame = "world",
+    places: Places = Places(),  # noqa: B008 - a tuple
 ) -> Reference:
     """Time a path, to be sampled at every control tick.
 
     Args:
         segments: The path, `scenario.target.path`; each piece starts where the one before ends.
         limits: Of the norms of velocity, acceleration and jerk, linear and angular.
-        start_pose: Of the site, [p, quat w x y z], (7,) [m, 1]; the first sample, to the bit.
+        start_pose: Of the site, [p, quat w x y z], (7,) [m, 1]; the first sample, to the bit, unless the path
+            starts with a step.
         period: The control period [s].
         offset: Of the absolute points of the path, `scenario.target.offset`, (2,) or (3,) [m].
+        frame: Of the segments that have none of their own, `scenario.target.frame`.
+        places: What else they refer to.
 
     Returns:
         The reference; the last sample is the end of the path, at rest.
 
     Raises:
         TargetError: A segment has no extent or is not finite, a limit or the period is not > 0,
-            or the path needs more than ten million periods.
+            the path needs more than ten million periods, or a file is none or too fast.
 
     >>> path = [LineSegment(line={"by": (0.1, 0)}), HoldSegment(hold={"for": 0.5})]
     >>> start = [0.5, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0]
@@ -83,22 +120,24 @@ def make_reference(
     (1.25, array([0.6, 0. , 0.3]))
     """
     pose = _checked(segments, limits, start_pose, period)
-    moved = _moved(segments, offset)
-    pieces = np.zeros(len(moved), PIECE)
-    for i, segment in enumerate(moved):
-        curve = _curve(f"target.path[{i}]", segment, pose, pieces[i : i + 1])
-        if isinstance(segment, HoldSegment):
-            pieces[i]["phases"] = _pause(segment.hold.duration)
-        else:
-            pieces[i]["phases"] = _rest_to_rest(curve, limits)
-        pose = curve.end
+    path = _Path(limits, offset, frame, places, pose)
+    for i, segment in enumerate(segments):
+        path.follow(i, segment)
+    pieces = np.concatenate(path.pieces)
     with np.errstate(over="ignore"):  # what takes forever is refused below
         starts = np.cumsum([0.0, *pieces["phases"][:, -1, 0]])
     ticks = _intervals(float(starts[-1]), period) + 1
     # a tick on the border of two segments belongs to the later one
     borders = [0, *(min(_first_tick(start, period), ticks - 1) for start in starts[1:-1]), ticks]
     pieces["start"], pieces["first"], pieces["last"] = starts[:-1], borders[:-1], borders[1:]
-    return Reference(ticks, period, pieces)
+    recorded = []
+    for i, motion in path.motions.items():
+        first, last, began = borders[i], borders[i + 1], starts[i]
+        time = period * np.arange(first, last) - began
+        if last == ticks:
+            time[-1] = motion.time[-1]  # the end itself, not a rounding before it
+        recorded.append((first, motion.at(np.clip(time, 0.0, motion.time[-1]))))
+    return Reference(ticks, period, pieces, tuple(recorded))
 
 
 def _first_tick(start: float, period: float) -> int:
@@ -137,27 +176,6 @@ def _intervals(duration: float, period: float) -> int:
     return max(1, math.ceil(count - _TICK_ROUNDING))
 
 
-def _moved(segments: Sequence[Segment], offset: Sequence[float]) -> Sequence[Segment]:
-    """Return the path with its absolute points written further by an offset; a point of 2 values keeps z."""
-    if not any(offset):
-        return segments
-
-    def further(point: tuple[float, ...]) -> tuple[float, ...]:
-        return tuple(x + d for x, d in zip(point, (*offset, 0.0), strict=False))
-
-    moved: list[Segment] = []
-    for segment in segments:
-        if isinstance(segment, LineSegment) and segment.line.to is not None:
-            line = segment.line.model_copy(update={"to": further(segment.line.to)})
-            moved.append(LineSegment(line=line))
-        elif isinstance(segment, ArcSegment):
-            arc = segment.arc.model_copy(update={"center": further(segment.arc.center)})
-            moved.append(ArcSegment(arc=arc))
-        else:
-            moved.append(segment)
-    return moved
-
-
 # Geometry ----------------------------------------------------------------------------------------
 
 
@@ -179,49 +197,215 @@ class _Curve(NamedTuple):
     end: Array
 
 
-@np.errstate(over="ignore", invalid="ignore")  # what is not finite is an error below
-def _curve(place: str, segment: Segment, start: Array, piece: NDArray[np.void]) -> _Curve:
-    """Return the geometry of a segment that starts at a pose, and write it into a piece, (1,)."""
-    straight, spoke, normal, sweep = np.zeros(3), np.zeros(3), np.zeros(3), 0.0
-    turn: Turn | None = None
-    (kind,) = type(segment).model_fields
-    place = f"{place}.{kind}"
-    if isinstance(segment, LineSegment):
-        turn, straight = segment.line.turn, _displacement(segment.line, start)
-    elif isinstance(segment, ArcSegment):
-        turn, sweep, normal = segment.arc.turn, segment.arc.angle, _direction(segment.arc.axis)
-        spoke = _spoke(place, segment.arc, normal, start)
-    elif isinstance(segment, TurnSegment):
-        turn = segment.turn
-    axis, angle = _rotation(turn, start) if turn else (np.array([0.0, 0.0, 1.0]), 0.0)
-    tangent = np.cross(normal, spoke) if sweep else spoke
+class _Path:
+    """A path that grows: its pieces, and where they have come to."""
+
+    def __init__(
+        self, limits: TargetLimitsSection, offset: Sequence[float], frame: PathFrame, places: Places,
+        start: Array,
+    ) -> None:  # fmt: skip
+        self._limits, self._offset, self._frame = limits, (*offset, 0.0, 0.0, 0.0)[:3], frame
+        self._places, self._start, self._pose = places, start, start
+        self.pieces: list[NDArray[np.void]] = []
+        self.motions: dict[int, Motion] = {}
+
+    @np.errstate(over="ignore", invalid="ignore")  # what is not finite is an error of `_curve`
+    def follow(self, index: int, segment: Segment) -> None:
+        """Add a segment."""
+        (kind,) = type(segment).model_fields
+        self._index, place = index, f"target.path[{index}].{kind}"
+        if isinstance(segment, HoldSegment):
+            self._add(_still(self._pose), _pause(segment.hold.duration))
+        elif isinstance(segment, SetSegment):
+            self._step(place, segment.set)
+        elif isinstance(segment, FileSegment):
+            self._play(place, segment.file)
+        elif isinstance(segment, ConfigurationsSegment):
+            self._visit(place, segment.configurations)
+        else:
+            self._curve(place, segment)
+
+    def _add(self, piece: NDArray[np.void], phases: Array) -> None:
+        piece["phases"], piece["segment"] = phases, self._index
+        self.pieces.append(piece)
+
+    def _origin(self, frame: PathFrame | None) -> Array | None:
+        """Return the pose of a frame, None for the world's: it leaves what is written in it as it is."""
+        frames = {"base": self._places.base, "site": self._pose, "start": self._start}
+        return frames.get(frame or self._frame)
+
+    def _point(self, point: tuple[float, ...], frame: PathFrame | None) -> Array:
+        """Return a point of 2 or 3 values in the world; z of its frame is kept where it is missing."""
+        origin = self._origin(frame)
+        if any(self._offset) and (frame or self._frame) in ("world", "base"):
+            point = tuple(x + d for x, d in zip(point, self._offset, strict=False))
+        if origin is None:
+            return _filled(point, self._pose)
+        own = _filled(point, pose_product(pose_inverse(origin), self._pose))
+        return np.asarray(origin[:3] + quat_to_matrix(origin[3:]) @ own)
+
+    def _vector(self, vector: Array, frame: PathFrame | None) -> Array:
+        origin = self._origin(frame)
+        return vector if origin is None else np.asarray(quat_to_matrix(origin[3:]) @ vector)
+
+    def _straight(
+        self, to: tuple[float, ...] | None, by: tuple[float, ...] | None, frame: PathFrame | None
+    ) -> Array:
+        """Return the straight way to a point, or by a vector."""
+        if by is not None:
+            return self._vector(np.array([*by, 0.0][:3]), frame)
+        return np.zeros(3) if to is None else self._point(to, frame) - self._pose[:3]
+
+    def _rotation(self, turn: Turn | None, tilt: Tilt | None, frame: PathFrame | None) -> tuple[Array, float]:
+        """Return unit axis and angle of a turn or a tilt; `to` takes the shortest way."""
+        if tilt is not None:
+            own = _direction(tilt.axis)
+            to = self._vector(_direction(tilt.to), tilt.frame or frame)
+            return _tilt(quat_to_matrix(self._pose[3:]), own, to)
+        if turn is None:
+            return np.array([0.0, 0.0, 1.0]), 0.0
+        frame = turn.frame or frame
+        if turn.axis is not None and turn.angle is not None:
+            return self._vector(_direction(turn.axis), frame), turn.angle
+        assert turn.to is not None  # the schema requires one of both forms
+        origin, to = self._origin(frame), normalize(turn.to)
+        return _shortest(to if origin is None else quat_multiply(origin[3:], to), self._pose[3:])
+
+    def _curve(self, place: str, segment: LineSegment | ArcSegment | TurnSegment | TiltSegment) -> None:
+        straight, spoke, normal, sweep = np.zeros(3), np.zeros(3), np.zeros(3), 0.0
+        turn: Turn | None = None
+        tilt: Tilt | None = None
+        frame: PathFrame | None = None
+        if isinstance(segment, LineSegment):
+            line = segment.line
+            turn, tilt, frame = line.turn, line.tilt, line.frame
+            straight = self._straight(line.to, line.by, frame)
+        elif isinstance(segment, ArcSegment):
+            arc = segment.arc
+            turn, tilt, frame, sweep = arc.turn, arc.tilt, arc.frame, arc.angle
+            normal = self._vector(_direction(arc.axis), frame)
+            spoke = _spoke(place, self._point(arc.center, frame), normal, self._pose)
+        elif isinstance(segment, TurnSegment):
+            turn = segment.turn
+        else:
+            tilt = segment.tilt
+        way = _Way(straight, spoke, normal, sweep, *self._rotation(turn, tilt, frame))
+        self._move(place, way, on_the_spot=isinstance(segment, TurnSegment | TiltSegment))
+
+    def _move(self, place: str, way: "_Way", *, on_the_spot: bool = False) -> None:
+        curve, piece = _curve(place, way, self._pose, on_the_spot)
+        self._add(piece, _rest_to_rest(curve, self._limits))
+        self._pose = curve.end
+
+    def _go(self, place: str, pose: Array) -> None:
+        """Go straight to a pose, if that is any way."""
+        nothing, straight = np.zeros(3), pose[:3] - self._pose[:3]
+        axis, angle = _shortest(pose[3:], self._pose[3:])
+        if np.linalg.norm(straight) >= _SMALLEST or abs(angle) >= _SMALLEST:
+            is_turn = bool(np.linalg.norm(straight) < _SMALLEST)
+            self._move(place, _Way(straight, nothing, nothing, 0.0, axis, angle), on_the_spot=is_turn)
+
+    def _visit(self, place: str, configurations: Sequence[str | tuple[float, ...]]) -> None:
+        """Go to the poses of some configurations."""
+        before = len(self.pieces)
+        for i, one in enumerate(configurations):
+            try:
+                pose = self._places.pose_at(one)
+            except TargetError as error:
+                raise TargetError(f"{place}[{i}]: {error}") from None
+            self._go(place, pose)
+        if len(self.pieces) == before:
+            raise TargetError(f"{place}: has length 0, the site is there already; to pause write hold")
+
+    def _step(self, place: str, step: Set) -> None:
+        nothing, straight = np.zeros(3), self._straight(step.to, step.by, step.frame)
+        way = _Way(straight, nothing, nothing, 0.0, *self._rotation(step.turn, step.tilt, step.frame))
+        self._pose = _curve(place, way, self._pose, None)[0].end
+        self._add(_still(self._pose), _pause(step.duration))
+
+    def _play(self, place: str, file: MotionFile) -> None:
+        """Follow a recorded motion, from its first pose or from where the path is."""
+        origin = self._origin(file.frame)
+        origin = ORIGIN if origin is None else origin
+        back, places = pose_inverse(origin), self._places
+        try:
+            motion = read_motion(
+                file.path, file.columns, places.joints, lambda q: pose_product(back, places.pose_at(q)),
+                pose_product(back, self._pose),
+            )  # fmt: skip
+        except TargetError as error:
+            raise TargetError(f"{place}.path: {error}") from None
+        poses = pose_product(origin, motion.pose)
+        if file.origin == "start":
+            turns = quat_multiply(poses[:, 3:], quat_multiply(quat_conjugate(poses[0, 3:]), self._pose[3:]))
+            poses = np.hstack([poses[:, :3] - poses[0, :3] + self._pose[:3], turns])
+        else:
+            self._go(place, poses[0])
+        if poses[0, 3:] @ self._pose[3:] < 0:
+            poses[:, 3:] *= -1.0
+        speed = 1.0 if file.speed == "auto" else file.speed
+        motion = self._within_limits(place, Motion(motion.time / speed, poses), file)
+        self.motions[len(self.pieces)] = motion
+        self._add(_still(poses[0]), _pause(float(motion.time[-1])))
+        self._pose = poses[-1]
+
+    def _within_limits(self, place: str, motion: Motion, file: MotionFile) -> Motion:
+        """Return a motion within the limits, also between its rows, or raise by how much it is too fast."""
+        middle = 0.5 * (motion.time[1:] + motion.time[:-1])
+        factor, what = excess(motion.at(np.concatenate([motion.time, middle])), self._limits)
+        if file.speed == "auto":
+            return motion.slowed(max(1.0, factor))
+        if factor > 1.0 + SLACK:
+            speed = file.speed / factor
+            digits = 2 - math.floor(math.log10(speed))  # three of them, rounded down
+            speed = math.floor(speed * 10.0**digits) / 10.0**digits
+            raise TargetError(f"{place}: {what}; write speed: {speed:g} or speed: auto, or raise the limit")
+        return motion
+
+
+class _Way(NamedTuple):
+    """The shape of a segment, as `PIECE` has it; `normal` is the axis of an arc."""
+
+    straight: Array
+    spoke: Array
+    normal: Array
+    sweep: float
+    axis: Array
+    angle: float
+
+
+def _still(pose: Array) -> NDArray[np.void]:
+    """Return a piece that stays at a pose, (1,)."""
+    piece = np.zeros(1, PIECE)
+    piece["pose"], piece["axis"] = pose, (0.0, 0.0, 1.0)
+    return piece
+
+
+def _curve(place: str, way: _Way, start: Array, on_the_spot: bool | None) -> tuple[_Curve, NDArray[np.void]]:
+    """Return the geometry of a segment that starts at a pose, and its piece, (1,); None: any size will do."""
+    piece = _still(start)
+    tangent = np.cross(way.normal, way.spoke) if way.sweep else way.spoke
     (one,) = piece
-    one["pose"], one["straight"], one["sweep"], one["angle"] = start, straight, sweep, angle
-    one["spoke"], one["tangent"], one["axis"] = spoke, tangent, axis
-    length, radius = np.linalg.norm(straight + sweep * tangent), np.linalg.norm(spoke) if sweep else math.inf
-    curve = _Curve(place, float(length), float(radius), angle, end(piece))
-    if not np.isfinite([length, angle, *curve.end]).all():
+    one["straight"], one["sweep"], one["angle"] = way.straight, way.sweep, way.angle
+    one["spoke"], one["tangent"], one["axis"] = way.spoke, tangent, way.axis
+    length = np.linalg.norm(way.straight + way.sweep * tangent)
+    radius = np.linalg.norm(way.spoke) if way.sweep else math.inf
+    curve = _Curve(place, float(length), float(radius), way.angle, end(piece))
+    if not np.isfinite([length, way.angle, *curve.end]).all():
         raise TargetError(f"{place}: is not finite; use smaller numbers")
-    if isinstance(segment, LineSegment | ArcSegment) and curve.length < _SMALLEST:
+    if on_the_spot is False and curve.length < _SMALLEST:
         raise TargetError(
             f"{place}: has length 0, from {_show(start[:3])} to the same point; to pause write "
             "hold, to turn on the spot write turn"
         )
-    if isinstance(segment, TurnSegment) and abs(angle) < _SMALLEST:
+    if on_the_spot and abs(way.angle) < _SMALLEST:
         raise TargetError(f"{place}: has angle 0; remove it, or write hold to pause")
-    return curve
+    return curve, piece
 
 
-def _displacement(line: Line, start: Array) -> Array:
-    if line.by is not None:
-        return np.array([*line.by, 0.0][:3])
-    assert line.to is not None  # the schema requires one of them
-    return _filled(line.to, start) - start[:3]
-
-
-def _spoke(place: str, arc: Arc, normal: Array, start: Array) -> Array:
+def _spoke(place: str, center: Array, normal: Array, start: Array) -> Array:
     """Return the way from the circle's center to the start, square to its axis."""
-    way = start[:3] - _filled(arc.center, start)
+    way = start[:3] - center
     spoke: Array = way - (way @ normal) * normal
     if np.linalg.norm(spoke) < _SMALLEST:
         raise TargetError(
@@ -231,12 +415,9 @@ def _spoke(place: str, arc: Arc, normal: Array, start: Array) -> Array:
     return spoke
 
 
-def _rotation(turn: Turn, start: Array) -> tuple[Array, float]:
-    """Return unit axis and angle of a turn; `to` takes the shortest way."""
-    if turn.axis is not None and turn.angle is not None:
-        return _direction(turn.axis), turn.angle
-    assert turn.to is not None  # the schema requires one of both forms
-    rotvec = log_rotation(quat_multiply(normalize(turn.to), quat_conjugate(start[3:])))
+def _shortest(to: Array, start: Array) -> tuple[Array, float]:
+    """Return unit axis and angle of the shortest turn from one orientation to another."""
+    rotvec = log_rotation(quat_multiply(to, quat_conjugate(start)))
     angle = float(np.linalg.norm(rotvec))
     if angle == 0:
         return np.array([0.0, 0.0, 1.0]), 0.0
@@ -247,6 +428,17 @@ def _rotation(turn: Turn, start: Array) -> tuple[Array, float]:
     if angle > math.pi - _SMALLEST and axis[np.argmax(np.abs(axis) > 0.55)] < 0:
         return -axis, 2 * math.pi - angle
     return axis, angle
+
+
+def _tilt(R: Array, own: Array, to: Array) -> tuple[Array, float]:
+    """Return unit axis and angle of the shortest turn that brings an axis of a body R to a direction."""
+    now = R @ own
+    square = np.cross(now, to)
+    sine = float(np.linalg.norm(square))
+    if sine < _SMALLEST:  # there already, or half a turn about the axis that follows
+        after = np.eye(3)[(np.argmax(np.abs(own)) + 1) % 3]
+        return R @ normalize(after - (after @ own) * own), 0.0 if now @ to > 0 else math.pi
+    return square / sine, math.atan2(sine, float(now @ to))
 
 
 def _direction(axis: str | tuple[float, ...]) -> Array:

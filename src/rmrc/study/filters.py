@@ -15,7 +15,6 @@ from rmrc.law.record import tick_type
 from rmrc.results.run import Run
 from rmrc.scenario import LimitsSection, NullspaceSection
 from rmrc.simulation.prepare import Prepared, world_records
-from rmrc.support.spatial import pose_error
 
 _Array = NDArray[np.float64]
 
@@ -89,8 +88,11 @@ def _world_at(prepared: Prepared, run: Run, tick: int) -> np.void:
     scenario = prepared.scenario.model_copy(update={"control": alone})
     world: np.void = world_records([replace(prepared, scenario=scenario)], [0])[0]
     q = run["q"][tick] + prepared.encoder_offset  # where the law sees the arm
-    world["J"][:, : arm.n] = arm.jacobian(q)
-    error = pose_error(run["pose_ref"][tick], arm.pose(q))
-    world["twist_cmd"] = control.feedforward * run["twist_ref"][tick] + control.feedback * error
+    pose = arm.pose(q)
+    world["J"][:, : arm.n] = task.turned(arm.jacobian(q), pose)
+    error = task.view.error(run["pose_ref"][tick], pose)
+    world["twist_cmd"] = (
+        control.feedforward * task.turned(run["twist_ref"][tick], pose) + control.feedback * error
+    )
     world["error"] = np.linalg.norm(task.row_scale * error[task.rows])
     return world

@@ -37,7 +37,8 @@ class Parcel:
         draft: Of the scenario.
         folder: Where the scenario was.
         root: Where all files of models were.
-        models: By the names that the scenario has for them; those that are no files are not here.
+        models: And recorded motions, by the names that the scenario has for them; those that are no files are
+            not here.
         files: Of models and what they depend on, by their paths from the root.
     """
 
@@ -66,6 +67,9 @@ def pack(draft: Draft) -> Parcel:
     folder = draft.folder.resolve()
     named = {name: (folder / name).resolve() for name in draft.models}
     needed = {name: files(file) for name, file in named.items() if file.is_file()}
+    for name in draft.motions:
+        named[name] = (folder / name).resolve()
+        needed[name] = [named[name]]
     everything = sorted({file for some in needed.values() for file in some})
     contents = {file: file.read_bytes() for file in everything}
     root = os.path.commonpath([file.parent for file in everything]) if everything else str(folder)

@@ -134,7 +134,7 @@ class Result:
             "divergence": self.divergence and asdict(self.divergence),
             "scorecard": self.scorecard.nested(),
             "expect": [outcome.facts() for outcome in self.outcomes],
-            "assumed": [one.text for one in self.prepared.assumed],
+            "assumed": [*self.prepared.arm.notes, *(one.text for one in self.prepared.assumed)],
             "scenario": self.prepared.scenario.model_dump(mode="json"),
         }
 

@@ -165,10 +165,13 @@ class Sweep:
             self.check()
             raise
         swept = self.scenario.sweep.model_dump(mode="json")
-        # models that are varied count with what is in their files, and in those that these depend on
+        # recorded motions, and models that are varied, count with what is in their files, and in those that
+        # these depend on
         models_vary = not {"arm", "arm.model"}.isdisjoint(self.plan.keys)
-        if models_vary:
-            swept |= {f"model {name}": model.digest for name, model in self._parcel.models.items()}
+        named = (*(self.scenario.draft.models if models_vary else ()), *self.scenario.draft.motions)
+        if named:
+            files = self._parcel.models
+            swept |= {f"model {name}": files[name].digest for name in named if name in files}
         # the order of the keys, which sorting hides, decides which run an index is
         text = json.dumps([swept, self.plan.keys, self.plan.seed], sort_keys=True)
         model = "" if models_vary else fingerprint(arm)

@@ -3,7 +3,7 @@
 Nothing is said unless somebody listens, as the command line does.
 """
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
 # Said by `rmrc.law.jit` when it is so, of what is compiled.
@@ -22,6 +22,12 @@ def tell(text: str, once: str = "") -> None:
     """
     for listener in tuple(_listeners):
         listener(text, once or text)
+
+
+def tell_assumed(notes: Iterable[str]) -> None:
+    """Say what was assumed where nobody said it, each once."""
+    for note in notes:
+        tell(f"note: {note}")
 
 
 @contextmanager

@@ -10,7 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 Array = NDArray[np.float64]
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
-"""The rows of a twist [v; ω] and of a pose error, along world axes."""
+"""The rows of a twist [v; ω] and of a pose error, along the axes of a frame."""
+
+ORIGIN: Array = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+"""The pose of a frame in itself."""
+ORIGIN.setflags(write=False)
 
 
 def normalize(v: ArrayLike) -> Array:
@@ -260,6 +264,56 @@ def pose_error(pose_ref: ArrayLike, pose: ArrayLike) -> Array:
     pose_ref, pose = np.asarray(pose_ref, dtype=float), np.asarray(pose, dtype=float)
     turn = log_rotation(quat_multiply(pose_ref[..., 3:], quat_conjugate(pose[..., 3:])))
     return np.concatenate([pose_ref[..., :3] - pose[..., :3], turn], axis=-1)
+
+
+def tilt_error(turn: ArrayLike, free: int) -> Array:
+    """Return the rotation errors of a body along its own axes, of which one is free to turn about.
+
+    The rotation is tilt · turn about the free axis; the tilt has the rotation vector of the other two axes.
+
+    Args:
+        turn: Rᵀ R_ref as a unit quaternion, (..., 4).
+        free: The free axis, 0 to 2.
+
+    Returns:
+        (..., 3) [rad]: the tilt's rotation vector, and the angle about the free axis.
+
+    >>> half = np.sqrt(0.5)
+    >>> quarter, about = [half, half, 0, 0], [0, 0, 0, 1]
+    >>> tilt_error(quat_multiply(quarter, about), 2) / np.pi
+    array([0.5, 0. , 1. ])
+    """
+    turn = np.asarray(turn, dtype=float)
+    turn = np.where(turn[..., :1] < 0, -turn, turn)
+    about = np.zeros_like(turn)
+    about[..., 0], about[..., 1 + free] = turn[..., 0], turn[..., 1 + free]
+    size = np.linalg.norm(about, axis=-1, keepdims=True)
+    about = np.where(size > 0, about / np.where(size > 0, size, 1.0), [1.0, 0.0, 0.0, 0.0])
+    error = log_rotation(quat_multiply(turn, quat_conjugate(about)))
+    error[..., free] = 2.0 * np.arctan2(about[..., 1 + free], about[..., 0])
+    return error
+
+
+def pose_product(a_b: ArrayLike, b_c: ArrayLike) -> Array:
+    """Return the pose of c in a, (..., 7), from that of b in a and that of c in b.
+
+    >>> pose_product([1.0, 0, 0, 0, 0, 0, 1], [1.0, 0, 0, 0, 0, 0, 1])
+    array([ 0.,  0.,  0., -1.,  0.,  0.,  0.])
+    """
+    a_b, b_c = np.asarray(a_b, dtype=float), np.asarray(b_c, dtype=float)
+    point = a_b[..., :3] + (quat_to_matrix(a_b[..., 3:]) @ b_c[..., :3, None])[..., 0]
+    return np.concatenate([point, quat_multiply(a_b[..., 3:], b_c[..., 3:])], axis=-1)
+
+
+def pose_inverse(a_b: ArrayLike) -> Array:
+    """Return the pose of a in b, (..., 7), from that of b in a.
+
+    >>> pose_inverse([1.0, 2, 3, 0, 0, 0, 1])
+    array([ 1.,  2., -3.,  0., -0., -0., -1.])
+    """
+    a_b = np.asarray(a_b, dtype=float)
+    back = quat_conjugate(a_b[..., 3:])
+    return np.concatenate([-(quat_to_matrix(back) @ a_b[..., :3, None])[..., 0], back], axis=-1)
 
 
 def twist_transform(R_a_b: ArrayLike, p_a_b: ArrayLike) -> Array:

@@ -121,7 +121,8 @@ def scales(nominal: Prepared, run: Run) -> Scales:
         nominal: What was run.
         run: As far as it came.
     """
-    wanted: NDArray[np.float64] = nominal.reference.twist[:, nominal.task.rows] * nominal.task.row_scale
+    task, reference = nominal.task, nominal.reference
+    wanted: NDArray[np.float64] = task.turned(reference.twist, reference.pose)[:, task.rows] * task.row_scale
     sigma = _largest(run["sigma"]) or 1.0
     # Below speed/σ₁ no joint rates can follow; 300 times that bounds no drive's rates, and what the limits
     # allow is enough.

@@ -13,7 +13,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.analysis.ik.self_motion import BRANCHING, LONGEST, Curve, SelfMotion
-from rmrc.analysis.ik.solve import STEPS, search
+from rmrc.analysis.ik.solve import STEPS
+from rmrc.law.descent import search
 from rmrc.law.task import Array
 
 # All is searched to rounding.

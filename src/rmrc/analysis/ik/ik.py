@@ -17,9 +17,9 @@ from rmrc.analysis.ik.solve import (
     judge,
     kept_limit,
     solve_ik,
-    unwound,
 )
 from rmrc.analysis.subject import Model, numbers, subject
+from rmrc.law.descent import unwound
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError
 

@@ -15,10 +15,9 @@ from rmrc.analysis.ik.solve import (
     checked_starts,
     kept_limit,
     random_starts,
-    search,
     solve_ik,
-    unwound,
 )
+from rmrc.law.descent import search, unwound
 from rmrc.law.task import Array, Task
 
 # Starts of a search for all postures. One that a hundredth of them leads to is missed with probability 1e-9.

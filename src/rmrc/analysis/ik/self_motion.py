@@ -13,8 +13,8 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.analysis.ik.descent import SMALL_TURN
 from rmrc.analysis.survey import jacobians, survey
+from rmrc.law.descent import SMALL_TURN
 from rmrc.law.task import Array, Task
 from rmrc.support.spatial import pose_error, skew
 

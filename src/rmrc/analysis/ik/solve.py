@@ -1,21 +1,17 @@
 """Inverse kinematics of any arm: joint positions that bring its site to a pose, or as near as they can.
 
-It is a search (`rmrc.analysis.ik.descent`), from a start and from random but always equal others: what it
+It is a search (`rmrc.law.descent`), from a start and from random but always equal others: what it
 finds is proven by forward kinematics, what it does not find may still exist.
 """
 
-import os
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.analysis.ik.descent import Bounds, reach
 from rmrc.arm import Arm
-from rmrc.law.jit import machine_code
-from rmrc.law.record import records
+from rmrc.law.descent import search, unwound
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import exp_rotation, normalize, pose_error, quat_multiply
@@ -33,10 +29,6 @@ STEPS: dict[Method, int] = {"damped": 300, "newton": 50}
 RESTARTS = 200
 # Random starts are not those of `Arm.sampled` by default, from which examples and tests take their goals.
 SEED = 6
-# Goals that a thread takes at a time: some milliseconds of work.
-SHARE = 32
-# An angle so little beyond half a turn is not taken back to minus half a turn: rounding must not choose.
-HALF_TURN = 1e-5
 # A limit counts as reached from here on: what rounding leaves of it.
 AT_LIMIT = 1e-9
 
@@ -173,7 +165,7 @@ def solve_ik(
     damped: z = Σ_i σ_i/(σ_i² + λ²) v_i u_iᵀ e, with λ² in proportion to |e|² and limits as an active set
     [Levenberg44], [Chan88], [Sugihara11], [Fan03]; from other starts if it does not succeed.
     newton: q⁺ = q + S_q A⁺ e, as the notes' Newton-Raphson [Selig92, §6.3], from one start; limits are not
-    looked at until it ends. They are `descend` and `newton` of `rmrc.analysis.ik.descent`.
+    looked at until it ends. They are `descend` and `newton` of `rmrc.law.descent`.
 
     Args:
         task: The arm and the rows that count, and the length L that weighs rotation against position.
@@ -281,36 +273,6 @@ def random_starts(task: Task, count: int, limits: bool) -> Array:
     return np.random.default_rng(SEED).uniform(-span, span, starts.shape)
 
 
-def search(
-    task: Task, limit: Array, undamped: bool, tolerance: float, most: int, goals: Array, first: Array,
-    more: Array, threads: int | None = None, trace: Array | None = None,
-) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
-    """Return q (N, n), |e| (N,) and tally (N, 3) of `rmrc.analysis.ik.descent.reach`, on all cores."""
-    n = task.arm.n
-    record = records(n, [task, Bounds(limit)])
-    # Machine code does not look at the layout of what it is given.
-    goals, first, more = (np.ascontiguousarray(one) for one in (goals, first, more))
-    q, error, tally = np.empty((len(goals), n)), np.empty(len(goals)), np.zeros((len(goals), 3), np.int64)
-    trace = np.empty((0, n + 2)) if trace is None else trace
-    kernel = machine_code(
-        reach, record[0], undamped, tolerance, most, goals, first, more, q, error, tally, trace
-    )
-
-    def share(begin: int, world: np.void) -> None:
-        part = slice(begin, begin + SHARE)
-        kernel(
-            world, undamped, tolerance, most, goals[part], first[part], more, q[part], error[part],
-            tally[part], trace,
-        )  # fmt: skip
-
-    if len(goals) <= SHARE:
-        share(0, record[0])
-    else:
-        with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-            list(pool.map(lambda begin: share(begin, record.copy()[0]), range(0, len(goals), SHARE)))
-    return q, error, tally
-
-
 def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> Solution:
     """Return joint positions as MuJoCo's own kinematics judge them, without what the search can tell.
 
@@ -334,20 +296,6 @@ def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> 
         found, "damped", q, pose, goal, error, float(position), float(orientation), at_limit, beyond, 0, 0,
         Iterates(q[None], np.array([error]), np.empty(0)),
     )  # fmt: skip
-
-
-def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
-    """Return q (N, n), each hinge as near to other positions as whole turns within the limits bring it."""
-    turn = 2.0 * np.pi
-    turns = -np.ceil((q - near - np.pi - HALF_TURN) / turn)
-    best, least = q, np.where(arm.comes_round, np.inf, 0.0) * np.ones_like(q)
-    for more in (0, -1, 1, -2, 2):
-        option = q + (turns + more) * turn
-        is_within = (option >= limit[:, 0]) & (option <= limit[:, 1])
-        away = np.where(is_within, np.abs(option - near), np.inf)
-        nearer = away < least - 3.0 * HALF_TURN
-        best, least = np.where(nearer, option, best), np.where(nearer, away, least)
-    return best
 
 
 def kept_limit(arm: Arm, limits: bool) -> Array:

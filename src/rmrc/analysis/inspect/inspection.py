@@ -163,8 +163,8 @@ def inspect(
         model: An arm, an MJCF file, or a scenario.
         q: Joint positions, (n,) [rad or m]; outside of limits is a warning. None for the keyframe.
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else the one that the most joints
-            move.
+        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+            `rmrc.arm.frames`.
         axes: Rows that count, of x y z rx ry rz along world axes; None for those of a scenario, else those
             that the arm can move independently, see `rmrc.law.task.choose`.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a

@@ -23,6 +23,7 @@ ROUTE_NAMES = {
 KEYS = {
     "model": "the file",
     "site": "the point in question",
+    "assumed": "where the file does not say it, in words: why this site, which start, what was left out",
     "joints": "name, kind, unit, q, limits [lower, upper], room to the nearer one; null where there is none",
     "pose": "position [m] in the world; quaternion w x y z; zyz: Z-Y-Z angles [rad]",
     "frame": "along whose axes jacobian is: world, site or base; its rotation in the world",
@@ -79,7 +80,7 @@ def _values(found: Inspection) -> dict[str, Any]:
     """Return an inspection by `KEYS`."""
     arm, task = found.arm, found.task
     return {
-        "model": str(arm.path), "site": arm.site,
+        "model": str(arm.path), "site": arm.site, "assumed": arm.notes,
         "joints": [_joint_values(found, i) for i in range(arm.n)],
         "pose": {"position": found.pose[:3], "quaternion": found.pose[3:], "zyz": found.angles},
         "frame": {"name": found.frame, "rotation": found.R_world_frame},

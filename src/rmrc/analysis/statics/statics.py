@@ -57,8 +57,8 @@ def statics(
             (3,) [N].
         q: Joint positions, (n,) [rad or m]; None for the keyframe.
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else the one that the most joints
-            move.
+        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+            `rmrc.arm.frames`.
         frame: Along whose axes the wrench is given: `world` or `site`.
         at: Another site of the same body, at which the wrench is to be told as well.
         gravity: Whether the drives bear the arm's weight; else it is compensated.

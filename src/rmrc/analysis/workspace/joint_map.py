@@ -70,8 +70,8 @@ def joint_map(
         over: Names of two of its joints.
         q: Positions of the others, (n,) [rad or m]; those of the two do not matter. None for the keyframe.
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else the one that the most joints
-            move.
+        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+            `rmrc.arm.frames`.
         axes: Rows of the twist whose singular values are taken; None for those of a scenario, else those that
             the arm can move independently.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a

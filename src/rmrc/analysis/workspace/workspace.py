@@ -42,8 +42,8 @@ def workspace(
             planar arm, else `rz` if the first joint turns, else `xz`.
         q: Joint positions, (n,) [rad or m], of joints that do not matter; None for the keyframe.
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
-        site: The point in question; None for that of the arm or scenario, else the one that the most joints
-            move.
+        site: The point in question; None for that of the arm or scenario, else that of the hand: see
+            `rmrc.arm.frames`.
         through: A point of the plane, (3,) [m]; None for the site at q.
         axes: Rows of the twist whose singular values are taken; None for those of a scenario, else the linear
             ones that can move.

@@ -7,10 +7,11 @@ are searched that reach them, so that the best of them counts.
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.analysis.ik.solve import STEPS, search
+from rmrc.analysis.ik.solve import STEPS
 from rmrc.analysis.survey import Survey, survey
 from rmrc.analysis.workspace.reach import MEASURES, Measure, Reach
 from rmrc.analysis.workspace.slices import Slice
+from rmrc.law.descent import search
 from rmrc.law.task import Array, Task
 
 # Points of curves that are looked at, those with the worst postures first, and starts of searches for others.

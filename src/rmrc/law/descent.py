@@ -7,16 +7,20 @@ is. Where only some count, φ need not vanish at the goal, and without L(φ) no 
 """
 
 import math
+import os
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.jit import Array, Record, compiled, entry, inlined
+from rmrc.arm import Arm
+from rmrc.law.jit import Array, Record, compiled, entry, inlined, machine_code
 from rmrc.law.kinematics import chain_jacobian, follow_chain, pose_error
-from rmrc.law.record import JOINTS, Field
+from rmrc.law.record import JOINTS, Field, records
 from rmrc.law.svd import RANK_FLOOR, combine, dot, project, svd_from_scratch
+from rmrc.law.task import Task
 
 # λ² starts with this share of |e|². Of 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
 FIRST_SHARE = 0.03
@@ -32,6 +36,11 @@ PATIENCE = 8
 LOSS = 0.9
 # Below, 1/12 + θ²/720 is the factor of L(φ) to rounding; the closed form would lose digits.
 SMALL_TURN = 1e-2
+
+# Goals that a thread takes at a time: some milliseconds of work.
+SHARE = 32
+# An angle so little beyond half a turn is not taken back to minus half a turn: rounding must not choose.
+HALF_TURN = 1e-5
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,53 @@ class Bounds:
     def write(self, world: np.void) -> None:
         """Write its field of a world's record."""
         world["position_limit"][:, : len(self.limit)] = self.limit.T
+
+
+def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
+    """Return q (N, n), each hinge as near to other positions as whole turns within the limits bring it."""
+    turn = 2.0 * np.pi
+    turns = -np.ceil((q - near - np.pi - HALF_TURN) / turn)
+    best, least = q, np.where(arm.comes_round, np.inf, 0.0) * np.ones_like(q)
+    for more in (0, -1, 1, -2, 2):
+        option = q + (turns + more) * turn
+        is_within = (option >= limit[:, 0]) & (option <= limit[:, 1])
+        away = np.where(is_within, np.abs(option - near), np.inf)
+        nearer = away < least - 3.0 * HALF_TURN
+        best, least = np.where(nearer, option, best), np.where(nearer, away, least)
+    return best
+
+
+def search(
+    task: Task, limit: Array, undamped: bool, tolerance: float, most: int, goals: Array, first: Array,
+    more: Array, threads: int | None = None, trace: Array | None = None,
+) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
+    """Return q (N, n), |e| (N,) and tally (N, 3) of `reach`, on all cores."""
+    n = task.arm.n
+    record = records(n, [task, Bounds(limit)])
+    # Machine code does not look at the layout of what it is given.
+    goals, first, more = (np.ascontiguousarray(one) for one in (goals, first, more))
+    q, error, tally = np.empty((len(goals), n)), np.empty(len(goals)), np.zeros((len(goals), 3), np.int64)
+    trace = np.empty((0, n + 2)) if trace is None else trace
+    kernel = machine_code(
+        reach, record[0], undamped, tolerance, most, goals, first, more, q, error, tally, trace
+    )
+
+    def share(begin: int, world: np.void) -> None:
+        part = slice(begin, begin + SHARE)
+        kernel(
+            world, undamped, tolerance, most, goals[part], first[part], more, q[part], error[part],
+            tally[part], trace,
+        )  # fmt: skip
+
+    if len(goals) <= SHARE:
+        share(0, record[0])
+    else:
+        with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
+            list(pool.map(lambda begin: share(begin, record.copy()[0]), range(0, len(goals), SHARE)))
+    return q, error, tally
+
+
+# Compiled ---------------------------------------------------------------------------------------
 
 
 @entry

@@ -1,0 +1,283 @@
+"""A first scenario for an arm, which runs as it is: tried before it is handed out."""
+
+import os
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rmrc.analysis.new.move import Move, moves
+from rmrc.analysis.new.scaling import Scales, scales, tidy
+from rmrc.analysis.new.text import PERIOD
+from rmrc.analysis.new.text import text as written
+from rmrc.analysis.subject import Model, subject
+from rmrc.arm import Arm
+from rmrc.arm.inventory import contacts
+from rmrc.results.leaving import refuse_unwritable
+from rmrc.results.run import Run
+from rmrc.results.scorecard import Scorecard, scorecard
+from rmrc.scenario import Scenario, loads
+from rmrc.scenario.choices import IDEAL, PLANTS, SERVO, TORQUE
+from rmrc.simulation.prepare import Cache, prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import QuestionError, ScenarioError
+from rmrc.support.files import written_whole
+from rmrc.support.legible import quoted
+from rmrc.support.problems import join
+
+# Errors may be this many times what they were when the scenario was made, on other machines and versions.
+SLACK = 1.5
+# Errors below it, of the length or in rad, are rounding, and are bounded by it.
+LEAST = 1e-6
+# What a move must keep to be taken before others: share of its time at rate limits; largest error, of the
+# length or in rad; and how long it lasts [s].
+LIMITED, ASTRAY, LONG = 0.05, 0.1, 40.0
+# Control period of the runs that moves are chosen by [s]: short beside the 0.1 s of the feedback.
+COARSE = 5.0 * PERIOD
+# Plants with drives of our own, which follow within millimeters of each other: one set of bounds does.
+ALIKE = (IDEAL.name, SERVO.name, TORQUE.name)
+# Configurations of a run that are looked at for contacts.
+LOOKS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class New:
+    """A scenario for an arm that had none.
+
+    Attributes:
+        arm: The arm.
+        text: The scenario as YAML, with comments; `arm.model` is relative to `folder`.
+        scenario: The same, checked.
+        scales: What its numbers come from.
+        move: What it does.
+        plant: On which plant.
+        faults: What is wrong with the move, where none without a fault was found; the file says so.
+        scorecards: What came of it on the plants that it was tried on, by name.
+    """
+
+    arm: Arm
+    text: str
+    scenario: Scenario
+    scales: Scales
+    move: Move
+    plant: str
+    faults: tuple[str, ...]
+    scorecards: Mapping[str, Scorecard]
+
+
+# What can be wrong with a move on the ideal plant, the worst first.
+FAULTS = (
+    "it cannot be run", "a joint comes to its position limit", "the arm touches something",
+    "the arm stands still", "the error is large", "rates are limited for a while",
+    "sigma_min stays above half of `below`", "no singularity takes part", "it lasts long",
+    "bodies are within each other at the start",
+)  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """A move as it was run on the ideal plant, with which of `FAULTS` it has, all of them or the first."""
+
+    move: Move
+    faults: tuple[bool, ...]
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        return tuple(word for word, has in zip(FAULTS, self.faults, strict=False) if has)
+
+
+def new(
+    model: Model,
+    *,
+    site: str | None = None,
+    plant: str = SERVO.name,
+    out: str | os.PathLike[str] | None = None,
+    force: bool = False,
+) -> New:
+    """Make a scenario for an arm, all of its numbers scaled to it, and run it before it is handed out.
+
+    Args:
+        model: An arm, an MJCF file, or the name of a shipped one.
+        site: The point that is controlled; None for that of the arm, else the default of `rmrc.arm.load`.
+        plant: Kind of the plant.
+        out: File to write, whole or not at all; None: nothing is written.
+        force: Whether it may be overwritten.
+
+    Raises:
+        ModelError: The file or the site is missing or will not do.
+        QuestionError: There is no such plant, the file is there already, or the arm cannot be run.
+        OSError: The file cannot be written.
+
+    Example:
+        >>> made = new("planar_2link")
+        >>> made.scenario.task.axes, made.move.how, made.scorecards["servo"]["completed"].value
+        (('x', 'y'), 'towards', 1.0)
+    """
+    if plant not in PLANTS.names:
+        raise QuestionError(f"plant must be one of {', '.join(PLANTS.names)}, got {quoted(plant)}")
+    path = None if out is None else Path(out)
+    if path is not None:
+        refuse_there(path, force)
+        refuse_unwritable([path])
+    arm = subject(model, site=site).arm
+    suits, cache = scales(arm), Cache(*() if arm.stretch else (arm,))
+    if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
+        raise QuestionError(
+            f"{arm.path}: its joints do not move site {quoted(arm.site)}; choose another with --site"
+        )
+    best = _best(suits, cache)
+    move = best.move
+    cards = _tried(suits, move, plant, cache)
+    expect, said = _expected(suits, move, cards)
+    if best.words:
+        said.insert(0, f"No move without a fault was found; of this one: {', '.join(best.words)}.")
+    folder = Path() if path is None else path.parent
+    one = written(suits, move, _seen_from(arm.path, folder), _name(arm.path), plant, expect, said)
+    found = New(
+        arm, one, loads(_placed(suits, move, plant, expect, said)), suits, move, plant, best.words, cards
+    )
+    if path is not None:
+        with written_whole(path) as temporary:
+            temporary.write_text(one, "utf-8")
+    return found
+
+
+def refuse_there(path: Path, force: bool) -> None:
+    """Refuse to overwrite a file.
+
+    Raises:
+        QuestionError: It is there, and may not be overwritten.
+    """
+    if path.is_dir():
+        raise QuestionError(f"{path}: is a folder, give a file")
+    if os.path.lexists(path) and not force:
+        raise QuestionError(
+            f"{path}: is there already; give another file with -o, or overwrite it with --force"
+        )
+
+
+def _placed(suits: Scales, move: Move, plant: str, expect: Mapping[str, Any], said: list[str]) -> str:
+    """Return the text of a scenario that is read in any folder."""
+    path = suits.task.arm.path
+    return written(suits, move, path.resolve(), _name(path), plant, expect, said)
+
+
+def _best(suits: Scales, cache: Cache) -> _Trial:
+    """Return the first move without a fault, else that whose worst fault is the least."""
+    best: _Trial | None = None
+    for move in moves(suits):
+        trial = _trial(suits, move, cache)
+        if best is None or trial.faults < best.faults:
+            best = trial
+        if not any(best.faults):
+            break
+    if best is None or best.faults[0]:
+        raise QuestionError(
+            f"{suits.task.arm.path}: no move from near home could be run; `rmrc check` tells why"
+        )
+    return best
+
+
+def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
+    if not (move.by.any() or move.turn.any()):
+        return _Trial(move, (True,))
+    try:
+        run = _run(suits, move, IDEAL.name, cache, COARSE)
+    except ScenarioError:
+        return _Trial(move, (True,))
+    card = scorecard(run)
+    if run.divergence or not run.is_complete:
+        return _Trial(move, (True,))
+    status = {
+        name: _value(card, f"status_time.{name}") for name in ("POSITION_LIMITED", "RATE_LIMITED", "STUCK")
+    }
+    astray = max(
+        _value(card, "position_error.max") / suits.task.length, _value(card, "orientation_error.max")
+    )
+    is_damped = move.how == "aside" or _value(card, "sigma.min") < 0.5 * move.epsilon
+    arm = suits.task.arm
+    first = contacts(arm, move.start[None])
+    touches = {one.geoms for one in first}
+    looked = contacts(arm, run["q"][:: max(1, len(run) // LOOKS)])
+    met = any(one.is_moved and one.geoms not in touches for one in looked)
+    return _Trial(
+        move,
+        (
+            False, status["POSITION_LIMITED"] > 0.0, met, status["STUCK"] > 0.0, astray > ASTRAY,
+            status["RATE_LIMITED"] > LIMITED * _value(card, "duration"), not is_damped,
+            move.how == "aside", _value(card, "duration") > LONG,
+            any(one.is_moved for one in first),
+        ),
+    )  # fmt: skip
+
+
+def _run(suits: Scales, move: Move, plant: str, cache: Cache, period: float = PERIOD) -> Run:
+    """Return what comes of a move on a plant."""
+    one = loads(_placed(suits, move, plant, {}, [])).set({"control.period": period})
+    return Simulation([prepare(one, cache)]).run()[0]
+
+
+def _tried(suits: Scales, move: Move, plant: str, cache: Cache) -> dict[str, Scorecard]:
+    """Return the figures on the plants that are alike, where they can run the move, and on the scenario's."""
+    cards = {}
+    for name in dict.fromkeys((*ALIKE, plant)):
+        try:
+            run = _run(suits, move, name, cache)
+        except ScenarioError as error:
+            if name == plant:
+                key, why = error.problems[0].key, error.problems[0].text
+                raise QuestionError(f"{suits.task.arm.path}: cannot be run: {join(key)}: {why}") from None
+            continue
+        if run.divergence is None:
+            cards[name] = scorecard(run)
+        elif name == plant:
+            raise QuestionError(
+                f"{suits.task.arm.path}: the {name} plant diverges at {run.divergence.time:g} s: "
+                f"{run.divergence.reason}; give another --plant, or mend what `rmrc check` tells"
+            )
+    return cards
+
+
+def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tuple[dict[str, Any], list[str]]:
+    """Return the checks that hold on the plants that were tried, and what to say of them."""
+    expect: dict[str, Any] = {"completed": {"equals": 1, "within": 0}}
+    for figure in ("status_time.POSITION_LIMITED", "status_time.RATE_LIMITED", "status_time.STUCK"):
+        if all(_value(card, figure) == 0.0 for card in cards.values()):
+            expect[figure] = {"equals": 0, "within": 0}
+    if all(_value(card, "damping.max") > 0.0 for card in cards.values()):
+        expect["damping.max"] = {"above": 0}
+        expect["sigma.min"] = {"below": move.epsilon}
+    rows, worst = suits.task.rows, []
+    for group, counts, unit, size in (
+        ("position_error", (rows < 3).any(), "m", suits.task.length),
+        ("orientation_error", (rows >= 3).any(), "rad", 1.0),
+    ):
+        for figure in (f"{group}.max", f"{group}.end") if counts else ():
+            value = max(_value(card, figure) for card in cards.values())
+            expect[figure] = {"below": tidy(max(SLACK * value, LEAST * size), up=True)}
+            worst.append(f"{figure} {value:.3g} {unit}")
+    said = [
+        f"What came of it when it was made, the worst of the plants {', '.join(cards)}: {', '.join(worst)}.",
+        f"The bounds are {SLACK:g} times as large, for other machines and versions.",
+    ]
+    return expect, said
+
+
+def _value(card: Scorecard, name: str) -> float:
+    """Return a figure; 0 for the error of rows that do not count, which has none."""
+    return float(card[name].value) if name in card else 0.0
+
+
+def _name(path: Path) -> str:
+    """Return a file's name as a scenario may be called."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", path.stem)[:100] or "new"
+
+
+def _seen_from(model: Path, folder: Path) -> str:
+    """Return a model's path from a folder, or whole where they have nothing in common but the root."""
+    full, seen = model.resolve(), folder.resolve()
+    common = os.path.commonpath([full, seen])
+    return os.path.relpath(full, seen) if common != os.path.sep else str(full)

@@ -1,0 +1,237 @@
+"""A scenario as a text for people: every key with its unit and with why it has its value."""
+
+import math
+import textwrap
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from rmrc.analysis.inspect import words
+from rmrc.analysis.new.move import BESIDE, Move
+from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales, tidy
+from rmrc.arm import Arm
+from rmrc.law.task import Array
+from rmrc.scenario import inline
+from rmrc.support.legible import visible
+
+# Columns of a comment.
+WIDTH = 100
+# Feedback [1/s]: an error is gone to a third in 0.1 s, and ten ticks of delay would still leave it stable.
+FEEDBACK = 10.0
+# Rate with which redundant joints pull back to the start [1/s]: slower than the feedback.
+POSTURE_GAIN = 1.0
+PERIOD = 0.001
+# The target reaches its speed in a quarter of a second, and its acceleration in a tenth.
+RISE, JERK_RISE = 0.25, 0.1
+HOLD = 0.5
+
+
+def text(
+    scales: Scales,
+    move: Move,
+    model: Path | str,
+    name: str,
+    plant: str,
+    expect: Mapping[str, Any],
+    said: Sequence[str],
+) -> str:
+    """Return the scenario.
+
+    Args:
+        scales: What suits the arm.
+        move: What it does.
+        model: As `arm.model` has it.
+        name: Of the scenario.
+        plant: Its kind.
+        expect: Checks by name of figure.
+        said: What the comment on `expect` says.
+    """
+    parts = (
+        _head(scales, move, name), _arm(scales, move, model), _task(scales), _control(scales, move),
+        _target(move), f"plant: {{kind: {plant}}}   # what obeys; --set plant.kind=ideal has no physics",
+        _expect(expect, said),
+    )  # fmt: skip
+    return "\n".join(parts) + "\n"
+
+
+def _head(scales: Scales, move: Move, name: str) -> str:
+    arm, near = scales.task.arm, move.nearest
+    lines = [
+        f"# A first scenario for {visible(arm.path.name)}, by `rmrc new`: "
+        "change what you like, and `rmrc run` it."
+    ]
+    if move.how == "aside":
+        lines += comment(
+            "No singularity that a move could reach was found within the limits: it goes aside and back."
+        )
+    else:
+        what = "through" if move.how == "through" else "towards"
+        lines += comment(
+            f"The site moves {what} the nearest singularity that was found, at "
+            f"{listed_positions(scales, near.q)}, and back. "
+            f"There the arm {words.lost(near.twist, near.wrench)}. Watch sigma, damping and qdot."
+        )
+    return "\n".join([*lines, f"name: {name}"])
+
+
+def identity(arm: Arm, model: Path | str) -> dict[str, Any]:
+    """Return the keys of `arm` in a scenario that name an arm: all but where it starts.
+
+    Args:
+        arm: The arm.
+        model: As `arm.model` has it.
+    """
+    stretch = {"stretch": dict(arm.stretch)} if arm.stretch else {}
+    return {"model": str(model), "site": arm.site, "joints": list(arm.joints), **stretch}
+
+
+def _arm(scales: Scales, move: Move, model: Path | str) -> str:
+    arm = scales.task.arm
+    told = {
+        "site": f"the point that is controlled; this model has {len(arm.sites)}",
+        "stretch": "factor on all lengths of a body",
+    }
+    lines = ["arm:"]
+    for key, value in identity(arm, model).items():
+        lines.append(f"  {key}: {inline(value)}{f'   # {told[key]}' if key in told else ''}")
+    if move.is_home:
+        lines.append("  start: home   # the keyframe of that name, or all joints at 0 where there is none")
+    else:
+        lines += comment(
+            "rad or m; home itself is near a singularity, at a limit, or too far from the one above", 2
+        )
+        lines.append(f"  start: {inline([float(value) for value in move.start])}")
+    return "\n".join(lines)
+
+
+def _task(scales: Scales) -> str:
+    task = scales.task
+    rows = ", ".join(task.axes)
+    why = "all six" if len(task.axes) == 6 else "those that the joints can move independently of each other"
+    return "\n".join(
+        [
+            "task:",
+            f"  axes: [{rows}]   # rows of the twist that count: {why}",
+            *comment(
+                "m; what is worth a radian in sigma: the rms distance of the site from the hinges' axes", 2
+            ),
+            f"  length: {inline(task.length)}",
+        ]
+    )
+
+
+def _control(scales: Scales, move: Move) -> str:
+    arm, epsilon = scales.task.arm, move.epsilon
+    damping = {
+        "schedule": "smallest_singular_value", "maximum": tidy(epsilon / math.sqrt(2.0), up=True),
+        "below": epsilon,
+    }  # fmt: skip
+    share = float(np.mean(scales.sigma < epsilon))
+    lines = ["control:", f"  period: {inline(PERIOD)}   # s", "  inverse:", "    method: damped"]
+    lines += comment(
+        f"`below`: damping begins where sigma_min is below it, in {100.0 * share:.0f} % of what the limits "
+        f"allow, and not at the start, where sigma_min is {scales.sigma_at(move.start):.3g}. `maximum` is "
+        "below/sqrt(2), the least with which the gain sigma/(sigma^2 + lambda^2) never passes 1/below.", 4,
+    )  # fmt: skip
+    lines.append(f"    damping: {flow(damping)}")
+    lines.append(f"  feedback: {inline(FEEDBACK)}   # 1/s; an error is gone to a third after 1/feedback")
+    if arm.n > len(scales.task.rows):
+        lines += comment(
+            "joints that the task leaves free pull back to where they started, at this rate in 1/s", 2
+        )
+        lines.append(f"  nullspace: {{objective: posture, gain: {inline(POSTURE_GAIN)}}}")
+    lines.append("  limits:")
+    lines += comment(_rates_said(scales), 4)
+    lines.append(f"    rate: {inline([float(value) for value in scales.rate])}")
+    lines += comment(
+        "no limit on accelerations: MJCF has no place for one; state it as `acceleration`, in rad/s^2", 4
+    )
+    lines.append(
+        "    on_excess: scale   # beyond a limit all joints are scaled alike: the site keeps its direction"
+    )
+    lines.append("  at_singularity: damp   # or slow, or stop")
+    return "\n".join(lines)
+
+
+def _rates_said(scales: Scales) -> str:
+    arm = scales.task.arm
+    assumed = [name for name, is_assumed in zip(arm.joints, scales.is_assumed, strict=True) if is_assumed]
+    unit = " or ".join(dict.fromkeys(f"{one}/s" for one in arm.units))
+    if not assumed:
+        return f"{unit}, one a joint; those of the model"
+    which = (
+        "the model tells none" if len(assumed) == arm.n else f"the model tells none of {', '.join(assumed)}"
+    )
+    slides = f", and {tidy(ASSUMED_RATE * scales.task.length):g} m/s of slides" if arm.is_slide.any() else ""
+    stands = f"so {ASSUMED_RATE:g} rad/s{slides} stand here; take those of your drives"
+    return f"{unit}, one a joint. ASSUMED: {which}, {stands}"
+
+
+def _target(move: Move) -> str:
+    limits = {
+        "velocity": move.velocity, "acceleration": tidy(move.velocity / RISE),
+        "jerk": tidy(move.velocity / RISE / JERK_RISE), "angular_velocity": move.angular_velocity,
+        "angular_acceleration": tidy(move.angular_velocity / RISE),
+        "angular_jerk": tidy(move.angular_velocity / RISE / JERK_RISE),
+    }  # fmt: skip
+    past = f" It passes {BESIDE:g} rad, or of the length, beside it." if move.how == "through" else ""
+    lines = [
+        "target:",
+        *comment(f"m, and rad about an axis of the world: out, and back the same way.{past}", 2),
+    ]
+    lines.append("  path:")
+    for sign in (1.0, -1.0):
+        lines += [f"    - {flow(_segment(sign * move.by, sign * move.turn))}", f"    - hold: {{for: {HOLD}}}"]
+    lines += comment(
+        f"m/s, rad/s and so on: {100 * PATH_SHARE:.0f} % of the speed at which a gain of 1/below asks the "
+        f"slowest joint for its limit; the rest is for the feedback. Speed is reached in {RISE:g} s.", 2,
+    )  # fmt: skip
+    return "\n".join([*lines, f"  limits: {flow(limits)}"])
+
+
+def _segment(by: Array, turn: Array) -> dict[str, Any]:
+    angle = float(np.linalg.norm(turn))
+    about = {"axis": [tidy(float(x), 5) for x in turn / angle], "angle": tidy(angle, 5)} if angle else None
+    if not by.any():
+        return {"turn": about}
+    line: dict[str, Any] = {"by": [float(x) + 0.0 for x in by]}
+    return {"line": line | ({"turn": about} if about else {})}
+
+
+def _expect(expect: Mapping[str, Any], said: Sequence[str]) -> str:
+    if not expect:
+        return ""
+    return "\n".join(
+        [*comment(" ".join(said)), "expect:", *(f"  {name}: {flow(one)}" for name, one in expect.items())]
+    )
+
+
+def flow(value: Any) -> str:
+    """Return a value as YAML on one line, the keys in their order.
+
+    >>> flow({"line": {"by": [0.1, 0.0], "a": 1e-05}})
+    '{line: {by: [0.1, 0.0], a: 1.0e-05}}'
+    """
+    if not isinstance(value, dict):
+        return inline(value)
+    return f"{{{', '.join(f'{key}: {flow(one)}' for key, one in value.items())}}}"
+
+
+def comment(text: str, indent: int = 0) -> list[str]:
+    """Return a text as lines of comment."""
+    before = " " * indent + "# "
+    return textwrap.wrap(text, WIDTH, initial_indent=before, subsequent_indent=before, break_on_hyphens=False)
+
+
+def listed_positions(scales: Scales, q: Array) -> str:
+    """Return joint positions in words.
+
+    Args:
+        scales: Of the arm.
+        q: Joint positions, (n,).
+    """
+    arm = scales.task.arm
+    parts = zip(arm.joints, q, arm.units, strict=True)
+    return ", ".join(f"{name} {0.0 if abs(at) < 5e-4 else at:.3g} {unit}" for name, at, unit in parts)

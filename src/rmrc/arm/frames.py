@@ -1,0 +1,189 @@
+"""Which frame of a model is controlled where its user names none: that of the hand, not of a finger."""
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+
+from rmrc.arm.wiring import HINGE, SLIDE, joints_above
+
+# How words begin that name what is mounted, held or aimed with, the most telling last; those of three letters
+# or fewer are whole words.
+_TELLING = (
+    ("attach", "flange", "mount"),
+    ("grip", "hand", "palm"),
+    ("ee", "eef", "effector", "endeff", "tip", "tool"),
+    ("grasp", "pinch", "tcp"),
+)
+# What is seen, measured or drawn there instead.
+_BESIDE = (
+    "axis", "base", "cali", "cam", "camera", "center", "claw", "cylinder", "finger", "focus", "force", "ft",
+    "goal", "imu", "jaw", "knuckle", "lidar", "light", "marker", "object", "pad", "pads", "sensor", "target",
+    "thumb", "torque", "touch", "x", "y", "z",
+)  # fmt: skip
+_FINGERS = ("claw", "finger", "jaw", "knuckle", "thumb")
+# A joint of the wrist may be called the gripper's.
+_TURNS = ("pitch", "roll", "rot", "wrist", "yaw")
+
+
+@dataclass(frozen=True)
+class Frame:
+    """A frame of a model that may be controlled.
+
+    Attributes:
+        kind: `site` or `body`.
+        id: In the model.
+        why: What speaks for it, in words.
+        others: What else may be meant: names of sites and bodies, as messages have them.
+        is_clear: Whether its name is more telling than those of all other sites.
+    """
+
+    kind: str
+    id: int
+    why: str
+    others: tuple[str, ...]
+    is_clear: bool
+
+
+def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
+    """Return the frame of a model's hand; None where no joint moves anything.
+
+    That is a site whose name says so, on the links beyond the first half of the arm's joints, the farthest of
+    them; else the only site beside the fingers and no camera's or sensor's; else a body that moves with the
+    last link, whose name says so or from which fingers branch; else the last link.
+
+    Args:
+        model: Any.
+        prefix: How the names of sites and bodies begin that are to be chosen from.
+    """
+    links = _trunk(model)
+    if not links:
+        return None
+    last = links[-1]
+    joints = len(_joints(model, last))
+    welded = {int(model.body_weldid[b]) for b in links} - {0}
+    sites = [
+        i
+        for i in range(model.nsite)
+        if int(model.body_weldid[model.site_bodyid[i]]) in welded and model.site(i).name.startswith(prefix)
+        if model.site(i).name
+    ]
+    depth = {i: len(_joints(model, int(model.site_bodyid[i]))) for i in sites}
+    telling = [
+        i
+        for i in sites
+        if (rank := _rank(model.site(i).name)) == len(_TELLING) or (rank > 0 and 2 * depth[i] >= joints)
+    ]
+    beside = [i for i in sites if depth[i] == joints and _rank(model.site(i).name) == 0]
+    bodies = [b for b in range(model.nbody) if model.body_weldid[b] == model.body_weldid[last]]
+    named = [b for b in bodies if _rank(model.body(b).name) > 0 and model.body(b).name.startswith(prefix)]
+    if telling:
+        found = "site", max(telling, key=lambda i: (depth[i], _rank(model.site(i).name), i)), "by its name"
+    elif len(beside) == 1:
+        found = "site", beside[0], "as the only one on the last link"
+    elif named:
+        found = "body", max(named, key=lambda b: (_rank(model.body(b).name), b == last, b)), "by its name"
+    else:
+        branches = np.flatnonzero(
+            (model.body_parentid == last) & (model.body_weldid != model.body_weldid[last])
+        )
+        found = (
+            ("body", last, "as the last before the fingers")
+            if len(branches)
+            else ("body", _end(model, last), "as the last link")
+        )
+    kind, chosen, why = found
+    others = [f'site "{model.site(i).name}"' for i in sites if (kind, chosen) != ("site", i)]
+    if kind == "body":
+        others += [f'body "{name}"' for b in bodies if b != chosen and (name := model.body(b).name)]
+    ranks = [_rank(model.site(i).name) for i in sites if i != chosen]
+    is_clear = kind == "site" and _rank(model.site(chosen).name) > max(ranks, default=-1)
+    return Frame(kind, chosen, why, tuple(others), is_clear)
+
+
+def _trunk(model: mujoco.MjModel) -> list[int]:
+    """Return the bodies from the first that a joint moves to the one before the fingers, outward."""
+    children = _children(model)
+    depth = _depths(model, children)
+    for into_fingers in (False, True):
+        links: list[int] = []
+        body, joints = 0, 0
+        while True:
+            ahead = [b for b in children[body] if depth[b] > 0]
+            ways = [b for b in ahead if into_fingers or not _is_finger(model, b)]
+            # limbs that are no longer than what carries them, or as many as fingers, are a hand's
+            if not ways or (
+                joints > 0 and len(ahead) > 1 and (joints >= max(depth[b] for b in ahead) or len(ahead) > 3)
+            ):
+                break
+            body = max(ways, key=lambda b: depth[b])
+            joints += len(_own(model, body))
+            links.append(body)
+        if joints:
+            return links
+    return []
+
+
+def _children(model: mujoco.MjModel) -> list[list[int]]:
+    children: list[list[int]] = [[] for _ in range(model.nbody)]
+    for body in range(1, model.nbody):
+        children[int(model.body_parentid[body])].append(body)
+    return children
+
+
+def _depths(model: mujoco.MjModel, children: Sequence[Sequence[int]]) -> list[int]:
+    """Return how many hinges and slides one branch has at most that begins with a body; 0 beyond a ball."""
+    depth = [0] * model.nbody
+    for body in range(model.nbody - 1, 0, -1):  # children come after their parents
+        first = int(model.body_jntadr[body])
+        kinds = model.jnt_type[first : first + int(model.body_jntnum[body])]
+        if not (kinds == mujoco.mjtJoint.mjJNT_BALL).any():
+            depth[body] = max((depth[b] for b in children[body]), default=0) + len(_own(model, body))
+    return depth
+
+
+def _end(model: mujoco.MjModel, body: int) -> int:
+    """Return the end of the bodies that are fixed to a link one after the other, as flanges are in URDF."""
+    while (
+        len(fixed := np.flatnonzero(model.body_parentid == body)) == 1
+        and _rank(model.body(fixed[0]).name) >= 0
+    ):
+        body = int(fixed[0])
+    return body
+
+
+def _own(model: mujoco.MjModel, body: int) -> list[int]:
+    first = int(model.body_jntadr[body])
+    joints = range(first, first + int(model.body_jntnum[body]))
+    return [i for i in joints if model.jnt_type[i] in (HINGE, SLIDE)]
+
+
+def _joints(model: mujoco.MjModel, body: int) -> list[int]:
+    return [i for i in joints_above(model, body) if model.jnt_type[i] in (HINGE, SLIDE)]
+
+
+def _is_finger(model: mujoco.MjModel, body: int) -> bool:
+    """Say whether a body, or a joint that moves it, is called a finger or a gripper."""
+    joints = [_words(model.joint(i).name) for i in _own(model, body)]
+    if any(_has(words, _FINGERS) for words in (_words(model.body(body).name), *joints)):
+        return True
+    return any(_has(words, ("grip",)) and not _has(words, _TURNS) for words in joints)
+
+
+def _rank(name: str) -> int:
+    """Return how telling a name is: 0 says nothing, and -1 that it is something else."""
+    words = _words(name)
+    if _has(words, _BESIDE):
+        return -1
+    return max((rank for rank, known in enumerate(_TELLING, start=1) if _has(words, known)), default=0)
+
+
+def _has(words: Sequence[str], known: Sequence[str]) -> bool:
+    return any(word == one or (len(one) > 3 and word.startswith(one)) for word in words for one in known)
+
+
+def _words(name: str) -> list[str]:
+    """Return the words of a name, in lower case: `vx300s/gripper_link1` has vx, s, gripper and link."""
+    return [word.lower() for word in re.findall(r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])", name)]

@@ -1,0 +1,55 @@
+"""Meshes of a model that MuJoCo cannot read: they are left out where the arm moves alike without them."""
+
+import mujoco
+
+from rmrc.support.legible import listed
+
+
+def drop_unreadable(spec: mujoco.MjSpec, contacts: bool) -> list[str]:
+    """Take out meshes whose file is missing or cannot be decoded, with the shapes that they have.
+
+    Args:
+        spec: Of the model, parsed and not compiled.
+        contacts: Whether shapes that make contact go as well; else only those that are seen and weigh
+            nothing.
+
+    Returns:
+        What was left out.
+    """
+    seen, touched = [], []
+    for mesh in list(spec.meshes):
+        if not mesh.file or _is_readable(spec, mesh):
+            continue
+        shapes = [geom for geom in spec.geoms if geom.meshname == mesh.name]
+        touching = [geom for geom in shapes if geom.contype or geom.conaffinity]
+        if not contacts and (touching or not all(map(_weighs_nothing, shapes))):
+            continue
+        seen += [geom.parent.name for geom in shapes if geom not in touching]
+        touched += [geom.parent.name for geom in touching]
+        for geom in shapes:
+            spec.delete(geom)
+        spec.delete(mesh)
+    why = "a mesh that is missing, or of a kind that MuJoCo cannot read"
+    notes = [f"body {listed(dict.fromkeys(seen))} is drawn without {why}"] if seen else []
+    if touched:
+        notes.append(f"body {listed(dict.fromkeys(touched))} makes contact without {why}")
+    return notes
+
+
+def _weighs_nothing(geom: mujoco.MjsGeom) -> bool:
+    return bool(geom.mass == 0.0 or geom.density == 0.0 or geom.parent.explicitinertial)
+
+
+def _is_readable(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> bool:
+    """Say whether MuJoCo can compile a mesh by itself."""
+    alone = mujoco.MjSpec()
+    alone.modelfiledir, alone.meshdir = spec.modelfiledir, mesh.compiler.meshdir
+    alone.add_mesh(name="mesh", file=mesh.file, scale=mesh.scale, content_type=mesh.content_type)
+    alone.worldbody.add_geom(
+        type=mujoco.mjtGeom.mjGEOM_MESH, meshname="mesh", contype=0, conaffinity=0, density=0.0
+    )
+    try:
+        alone.compile()
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,51 @@
+"""The verb `new`: a first scenario for an arm, which runs as it is."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rmrc.cli.console import notice, output, print_line
+from rmrc.cli.options import AsJson, Model, Quiet, Site
+from rmrc.cli.reports import show
+from rmrc.support.errors import QuestionError
+from rmrc.support.invocation import command
+
+STDOUT = Path("-")
+
+Out = Annotated[
+    Path | None,
+    typer.Option("--out", "-o", help="File, or - for stdout; default: the model's name, in this folder."),
+]
+Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
+Plant = Annotated[str, typer.Option(help="What obeys the rates: plant.kind of the scenario.")]
+
+
+def new(
+    model: Model,
+    site: Site = None,
+    plant: Plant = "servo",
+    out: Out = None,
+    force: Force = False,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Write a first scenario for an arm: through its nearest singularity and back, scaled to the arm.
+
+    Limits are the model's, or assumed and said to be; length, damping and speed follow from the arm. It is
+    run before it is written, and expects what came of it.
+    """
+    if out == STDOUT and as_json:
+        raise QuestionError("give -o - or --json, not both: stdout has the scenario or what is told of it")
+    with notice("trying moves ..."):
+        from rmrc.analysis.new.new import new as make
+        from rmrc.analysis.new.report import report
+
+        path = Path(f"{model.stem}.yaml") if out is None else out
+        made = make(model, site=site, plant=plant, out=None if path == STDOUT else path, force=force)
+    if path == STDOUT:
+        print(made.text, end="")
+        return
+    show(report(made), as_json, quiet, [path])
+    if not as_json:
+        print_line(output(quiet), f"run it: {command('run', path)}")

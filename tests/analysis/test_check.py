@@ -1,0 +1,244 @@
+"""A model as a linter sees it: each fault is found, by its code, and a model without it is not blamed."""
+
+import mujoco
+import numpy as np
+import pytest
+
+import rmrc
+from project import ROOT
+from rmrc.analysis.check.findings import CODES, DIFFERENT
+from rmrc.arm import load
+from rmrc.arm.inventory import actuators, contacts, other_joints
+from rmrc.scenario.choices import PLANTS
+
+SHIPPED = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))
+QUICK = ["planar_2link", "puma560"]
+
+# Three links of 0.4 m in space; what is in braces is varied.
+SOUND = {
+    "compiler": '<compiler angle="radian"/>',
+    "first": 'axis="0 0 1" range="-3 3"',
+    "second": 'axis="0 1 0" range="-2 2"',
+    "third": 'axis="0 1 0" range="-2.5 2.5"',
+    "geom": "",
+    "more": "",
+    "actuator": "".join(
+        f'<velocity joint="{name}" kv="50" ctrllimited="true" ctrlrange="-2 2" forcelimited="true" '
+        'forcerange="-200 200"/>' for name in "abc"
+    ),
+    "home": "0.1 0.3 1.2",
+    "contact": '<contact><exclude body1="one" body2="three"/></contact>',
+    "option": "",
+    "extra": "",
+}  # fmt: skip
+
+
+def written(tmp_path, **changes):
+    part = SOUND | changes
+    keyframe = f'<keyframe><key name="home" qpos="{part["home"]}"/></keyframe>' if part["home"] else ""
+    text = f"""<mujoco>{part["compiler"]}<option {part["option"]}/><worldbody>
+      <body name="one"><joint name="a" limited="true" {part["first"]}/><geom type="capsule" fromto="0 0 0 0 0 .4" size=".03"/>
+      <body name="two" pos="0 0 .4"><joint name="b" limited="true" {part["second"]}/>
+      <geom type="capsule" fromto="0 0 0 .4 0 0" size=".03"/>
+      <body name="three" pos=".4 0 0"><joint name="c" limited="true" {part["third"]}/>
+      <geom type="capsule" fromto="0 0 0 .4 0 0" size=".03"/>{part["geom"]}<site name="tool" pos=".4 0 0"/>
+      {part["more"]}</body></body></body>{part["extra"]}</worldbody>
+      <actuator>{part["actuator"]}</actuator>{part["contact"]}{keyframe}</mujoco>"""
+    path = tmp_path / "arm.xml"
+    path.write_text(text)
+    return path
+
+
+def ball(gap):
+    """Return a ball in the world that is some way off the end of the last link at home [m]."""
+    x, z = 0.4 * (np.cos(0.3) + np.cos(1.5)), 0.4 * (1.0 - np.sin(0.3) - np.sin(1.5))
+    far = 0.1 + 0.03 + gap
+    x, z = x + far * np.cos(1.5), z - far * np.sin(1.5)
+    return f'<geom name="ball" size=".1" pos="{x * np.cos(0.1)} {x * np.sin(0.1)} {z}"/>'
+
+
+# What each code is found in: one change of the sound model.
+NO_LIMITS = '<motor joint="a"/><motor joint="b"/><motor joint="c"/>'
+FAULTS = {
+    "home-outside-limits": {"home": "0.1 0.3 2.9"},
+    "home-contact": {"geom": '<geom name="elbow" type="sphere" size=".36" pos="-.2 0 0"/>', "contact": ""},
+    "home-touch": {"extra": ball(-0.0005)},
+    "diverged": {"third": 'axis="0 1 0" range="-2.5 2.5" damping="-1e9"'},
+    "rank-deficient": {"second": 'axis="0 0 1" range="-2 2"'},
+    "range-suspicious": {"compiler": '<compiler angle="degree"/>', "home": "0 0.01 0.02"},
+    "home-singular": {"home": "0.1 0.3 0"},
+    "rate-limit-missing": {"actuator": NO_LIMITS},
+    "torque-limit-missing": {"actuator": NO_LIMITS},
+    "motion-contact": {"extra": ball(0.001)},
+    "torque-saturated": {"actuator": SOUND["actuator"].replace("-200 200", "-.01 .01")},
+    "range-missing": {"first": 'axis="0 0 1" range="-3 3" limited="false"'},
+    "no-home": {"home": ""},
+    "frame": {"more": '<site name="other"/>'},
+    "actuator-replaced": {},
+    "actuator-other": {"actuator": SOUND["actuator"] + '<general site="tool" gear="1 0 0 0 0 0"/>'},
+    "joint-other": {"extra": '<body name="thing" pos="3 3 3"><freejoint name="float"/><geom size=".1"/></body>'},
+}  # fmt: skip
+ALWAYS = {"acceleration-limit", "actuator-replaced", "axes"}
+
+
+def found_in(path, **options):
+    return {finding.code: finding for finding in rmrc.check(path, **options).findings}
+
+
+def test_a_sound_model_has_nothing_to_be_mended(tmp_path):
+    found = rmrc.check(written(tmp_path))
+    assert found.is_ready and {finding.code for finding in found.findings} == ALWAYS
+
+
+@pytest.mark.parametrize("code", sorted(FAULTS.keys() - ALWAYS))
+def test_each_fault_is_found_by_its_code_with_a_way_out(tmp_path, code):
+    changes = dict(FAULTS[code])
+    if "limited" in changes.get("first", ""):
+        path = written(tmp_path)
+        path.write_text(path.read_text().replace('name="a" limited="true"', 'name="a" limited="false"'))
+    elif code == "joint-other":
+        path = written(tmp_path, **changes, home=f"{SOUND['home']} 3 3 3 1 0 0 0")
+    else:
+        path = written(tmp_path, **changes)
+    found = found_in(path)
+    assert code in found and found[code].level == CODES[code][0]
+    assert found[code].way or found[code].level == "note"
+    assert "\n" not in found[code].text
+
+
+def test_an_idle_joint_is_told(tmp_path):
+    found = found_in(written(tmp_path), joints=["b", "c"])
+    assert "joint a (hinge) moves the site" in found["joint-idle"].text
+
+
+def test_a_plant_that_refuses_is_told():
+    """Computed torque knows no screws."""
+    found = found_in(ROOT / "models/helical.xml")["plant-refused"]
+    assert found.text.startswith("the torque plant refuses it: ")
+
+
+def test_every_code_is_tried():
+    never = {
+        "jacobian-routes",
+        "plant-refused",
+        "mujoco-warning",
+    }  # of a bug, of screws, and of MuJoCo: below
+    assert FAULTS.keys() | ALWAYS | {"joint-idle"} | never == CODES.keys()
+
+
+def test_a_wrong_jacobian_is_found(tmp_path, monkeypatch):
+    import rmrc.analysis.check.check as module
+
+    right = module.jacobians
+
+    def wrong(arm, q):
+        routes = right(arm, q)
+        return routes | {"screws": routes["screws"] + 2.0 * DIFFERENT}
+
+    monkeypatch.setattr(module, "jacobians", wrong)
+    found = found_in(written(tmp_path))
+    assert "J by screws differs" in found["jacobian-routes"].text
+
+
+@pytest.mark.parametrize(
+    "name", [*QUICK, *(pytest.param(one, marks=pytest.mark.long) for one in SHIPPED if one not in QUICK)]
+)
+def test_the_shipped_models_are_ready(name):
+    found = rmrc.check(name)
+    assert found.is_ready
+    # σ at home by MuJoCo's own J and LAPACK
+    model = found.arm.model
+    data = mujoco.MjData(model)
+    data.qpos[:] = found.arm.configuration("home")
+    mujoco.mj_forward(model, data)
+    J = np.zeros((6, model.nv))
+    mujoco.mj_jacSite(model, data, J[:3], J[3:], model.site(found.arm.site).id)
+    task = found.scales.task
+    own = [model.jnt_dofadr[model.joint(joint).id] for joint in found.arm.joints]
+    if not found.arm.travels:
+        scaled = J[task.rows][:, own] * task.row_scale[:, None] * task.joint_scale
+        assert np.allclose(np.linalg.svd(scaled, compute_uv=False), found.sigma, atol=1e-12)
+    assert set(found.routes.values()) and max(found.routes.values()) < 1e-8
+    assert {motion.plant for motion in found.motions} == set(PLANTS.names)
+    refused = [motion.plant for motion in found.motions if motion.refused]
+    assert refused == (["torque"] if name == "helical" else [])
+    for motion in (motion for motion in found.motions if not motion.refused):
+        assert motion.scorecard["duration"].value == pytest.approx(1.0, abs=2e-3)
+        assert motion.scorecard["completed"].value == 1.0
+
+
+def test_what_touches_is_what_mujoco_finds(tmp_path):
+    path = written(tmp_path, **FAULTS["home-contact"])
+    arm = load(path)
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:] = model.key("home").qpos
+    mujoco.mj_forward(model, data)
+    expected = {
+        (frozenset(model.geom(int(g)).name or f"geom{g}" for g in one.geom), round(-one.dist, 12))
+        for one in data.contact if one.dist < 0.0
+    }  # fmt: skip
+    found = contacts(arm, np.array([[0.1, 0.3, 1.2]]))
+    assert {(frozenset(one.geoms), round(one.depth, 12)) for one in found} == expected and expected
+    assert [one.depth for one in found] == sorted((one.depth for one in found), reverse=True)
+    excluded = written(tmp_path, geom=FAULTS["home-contact"]["geom"])
+    assert len(contacts(load(excluded), np.array([[0.1, 0.3, 1.2]]))) < len(expected)
+
+
+def test_a_contact_that_no_joint_of_the_arm_can_undo_is_no_fault(tmp_path):
+    """A gripper's fingers: both move with the last link, and touch each other."""
+    fingers = "".join(
+        f'<body name="f{i}" pos=".45 0 0"><joint name="f{i}" type="slide" axis="0 1 0" range="-.1 .1"/>'
+        '<geom size=".02" mass=".01"/></body>' for i in range(2)
+    )  # fmt: skip
+    path = written(tmp_path, more=fingers, home=f"{SOUND['home']} 0 0")
+    arm = load(path)
+    (met,) = contacts(arm, np.array([[0.1, 0.3, 1.2]]))
+    assert not met.is_moved and {"home-contact", "home-touch"}.isdisjoint(found_in(path))
+    assert [one.name for one in other_joints(arm)] == ["f0", "f1"]
+
+
+@pytest.mark.parametrize("kind", ["position", "velocity", "intvelocity", "motor", "general", "muscle"])
+def test_an_actuator_is_called_what_its_element_is(tmp_path, kind):
+    more = {
+        "position": 'kp="10"', "velocity": 'kv="3"', "intvelocity": 'kp="10" actrange="-1 1"', "motor": 'gear="5"',
+        "general": 'dyntype="filter" dynprm="0.1"', "muscle": 'lengthrange=".1 1"',
+    }  # fmt: skip
+    path = written(
+        tmp_path,
+        actuator=f'<{kind} name="x" joint="a" {more[kind]}/>',
+    )
+    (one,) = actuators(load(path))
+    assert (one.name, one.kind, one.drives, one.is_replaced) == ("x", kind, "joint a", True)
+
+
+def test_the_motion_is_that_of_its_seed(tmp_path):
+    path = written(tmp_path)
+    peaks = [
+        [motion.scorecard["joint_rate.peak"].value for motion in rmrc.check(path, seed=seed).motions]
+        for seed in (1, 1, 2)
+    ]
+    assert peaks[0] == peaks[1] != peaks[2]
+
+
+def test_warnings_of_mujoco_are_told(tmp_path, monkeypatch):
+    monkeypatch.setattr("rmrc.simulation.simulation.Simulation.warnings", lambda _: [{"CONTACTFULL": 3}])
+    found = found_in(written(tmp_path))
+    assert "CONTACTFULL, 3 times" in found["mujoco-warning"].text
+
+
+def test_warnings_are_those_of_the_batch(tmp_path):
+    """A control that is not finite counts as BADCTRL in MuJoCo's own counter."""
+    from rmrc.scenario import loads
+    from rmrc.simulation.prepare import prepare
+    from rmrc.simulation.simulation import Simulation
+
+    one = loads(
+        f"name: x\narm: {{model: {written(tmp_path)}, site: tool}}\ntask: {{axes: [x, y, z]}}\n"
+        "target: {path: [{hold: {for: 0.01}}]}\n"
+    )
+    simulation = Simulation([prepare(one)])
+    simulation.run()
+    assert simulation.warnings() == [{}]
+    simulation._shards[0].batch._batch.warning[0, mujoco.mjtWarning.mjWARN_BADCTRL, 1] = 2
+    assert simulation.warnings() == [{"BADCTRL": 2}]

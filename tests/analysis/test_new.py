@@ -1,0 +1,239 @@
+"""A first scenario for an arm: it runs as it is, its numbers are scaled to the arm, and the singularity is the arm's."""
+
+import numpy as np
+import pytest
+import yaml
+
+import rmrc
+from project import ROOT
+from rmrc.analysis.new.move import begin
+from rmrc.analysis.new.nearest import nearest_singularity
+from rmrc.analysis.new.scaling import ASSUMED_RATE, scales, tidy
+from rmrc.analysis.new.text import flow
+from rmrc.arm import load
+from rmrc.scenario.choices import PLANTS, Status
+from rmrc.support.errors import QuestionError
+
+SHIPPED = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))
+QUICK = ["planar_2link", "spherical_wrist", "planar_rp"]
+
+
+def model(name):
+    return ROOT / f"models/{name}.xml"
+
+
+def gantry(tmp_path, rates=True):
+    """Return a model of two slides at right angles, which has no singularity at all."""
+    limit = 'ctrllimited="true" ctrlrange="-0.5 0.5"' if rates else ""
+    text = f"""<mujoco><worldbody><body name="x"><joint name="x" type="slide" axis="1 0 0" range="-1 1" limited="true"/>
+      <geom size="0.05"/><body name="y"><joint name="y" type="slide" axis="0 1 0" range="-1 1" limited="true"/>
+      <geom size="0.04" contype="0" conaffinity="0"/><site name="tool"/></body></body></worldbody>
+      <actuator><velocity joint="x" kv="10" {limit}/><velocity joint="y" kv="10" {limit}/></actuator></mujoco>"""
+    path = tmp_path / "gantry.xml"
+    path.write_text(text)
+    return path
+
+
+def written_and_run(rmrc, name, plant, folder):
+    path = folder / "mine.yaml"
+    assert rmrc("new", str(model(name)), "-o", str(path), "--plant", plant)[0] == 0
+    code, _, err = rmrc("run", str(path), "--no-record", "--quiet")
+    assert (code, err) == (0, "")
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_what_is_written_runs_and_meets_what_it_expects(rmrc, tmp_path, name):
+    written_and_run(rmrc, name, "servo", tmp_path)
+    for plant in PLANTS.names:
+        code, _, err = rmrc(
+            "run", str(tmp_path / "mine.yaml"), "--no-record", "-q", "--set", f"plant.kind={plant}"
+        )
+        assert (code, err) == (0, "")
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("plant", PLANTS.names)
+@pytest.mark.parametrize("name", SHIPPED)
+def test_it_does_so_for_every_model_on_every_plant(rmrc, tmp_path, name, plant):
+    if (name, plant) == ("helical", "torque"):  # computed torque knows no screws, and says so
+        code, _, err = rmrc("new", str(model(name)), "--plant", plant)
+        assert code == 2 and "plant.kind" in err and not list(tmp_path.iterdir())
+        return
+    written_and_run(rmrc, name, plant, tmp_path)
+
+
+@pytest.fixture(scope="module", params=["planar_2link", "spherical_wrist"])
+def made(request):
+    """Return a new scenario and its run."""
+    found = rmrc.new(model(request.param))
+    return found, rmrc.run(found.scenario)
+
+
+def test_it_damps_near_the_singularity_and_nowhere_else(made):
+    found, run = made
+    damped = (run["status"] & Status.DAMPED) != 0
+    least, below = run["sigma"][:, -1], found.scenario.control.inverse.damping.below
+    assert not damped[least >= below].any() and damped[least < 0.99 * below].all()
+    assert not damped[0] and damped.any() and (~damped).mean() > 0.2
+    assert least.min() < 0.5 * below
+
+
+def test_rates_stay_within_their_limits_without_being_cut(made):
+    found, run = made
+    assert (np.abs(run["qdot_cmd"]) < found.scales.rate).all()
+    assert not (run["status"] & (Status.RATE_LIMITED | Status.POSITION_LIMITED | Status.STUCK)).any()
+
+
+def test_the_damping_of_before_is_on_all_the_time(made):
+    """The negative control: ε of the defaults damps at the start of the spherical wrist, or κ = 13 of a UR5e."""
+    found, _ = made
+    run = rmrc.run(found.scenario.set({"control.inverse.damping.below": 2.0}))
+    assert (run["status"] & Status.DAMPED).astype(bool).all()
+
+
+def test_it_comes_back_to_where_it_began(made):
+    found, run = made
+    assert np.abs(run["q"][-1] - run["q"][0]).max() < 1e-3
+    assert np.abs(run["pose"][-1] - run["pose"][0]).max() < 1e-3
+    half = int(np.argmin(run["sigma"][:, -1]))
+    assert 0.1 * len(run) < half < 0.9 * len(run)
+
+
+def test_the_gain_never_exceeds_that_of_an_undamped_direction_at_its_threshold():
+    """g = σ/(σ² + λ²) with λ² = (1 − (σ/ε)²) λ_max²: its largest value is 1/ε for λ_max = ε/√2, more for less."""
+    sigma = np.linspace(1e-6, 1.0, 100_001)  # over ε
+
+    def largest(maximum):
+        gain = sigma / (sigma**2 + (1.0 - sigma**2) * maximum**2)
+        return gain.max()
+
+    assert abs(largest(1.0 / np.sqrt(2.0)) - 1.0) < 1e-9
+    assert largest(0.95 / np.sqrt(2.0)) > 1.0 + 1e-3
+
+
+@pytest.mark.parametrize("name", ["planar_2link", "puma560", "stanford"])
+def test_the_law_may_damp_in_a_quarter_of_the_configurations(name):
+    arm = load(model(name))
+    found = scales(arm)
+    counted = [
+        np.linalg.svd(found.task.matrix(arm.jacobian(q)), compute_uv=False)[-1] < found.quartile
+        for q in arm.sampled(2000, seed=7)
+    ]
+    # 0.25 of two samples, of 2000 and 4096: four standard deviations of their difference
+    assert abs(np.mean(counted) - 0.25) < 4.0 * np.sqrt(0.25 * 0.75 * (1.0 / 2000 + 1.0 / 4096))
+
+
+def test_the_length_is_the_rms_distance_of_the_site_from_the_axes():
+    """Of two links of 1 m: distance 1 from the elbow, 2 + 2 cos θ₂ squared from the shoulder."""
+    found = scales(load(model("planar_2link")))
+    low, high = load(model("planar_2link")).position_limit[1]
+    mean = 2.0 + 2.0 * (np.sin(high) - np.sin(low)) / (high - low)
+    assert abs(found.task.length - np.sqrt((1.0 + mean) / 2.0)) < 0.05  # two digits, and 4096 samples
+
+
+@pytest.mark.parametrize(
+    ("name", "joint", "value", "away"),
+    [
+        # elbow stretched, from −120°
+        ("planar_2link", 1, 0.0, np.radians(120.0)),
+        # the middle axis in line, from 30°
+        ("puma560", 4, 0.0, np.radians(30.0)),
+        ("torus_3r", 2, 0.0, np.radians(100.0)),
+    ],
+)
+def test_the_nearest_singularity_is_that_of_the_closed_form(name, joint, value, away):
+    arm = load(model(name))
+    found, home = scales(arm), arm.configuration("home")[arm.wiring.qpos]
+    near = nearest_singularity(found, home)
+    assert near.is_singular and abs(near.q[joint] - value) < 1e-5
+    assert abs(np.linalg.norm((near.q - home) / found.task.joint_scale) - away) < 1e-3
+    lower, upper = arm.position_limit.T
+    assert (near.q >= lower).all() and (near.q <= upper).all()
+    # by MuJoCo's J and LAPACK, and not of the law
+    sigma = np.linalg.svd(found.task.matrix(arm.jacobian(near.q)), compute_uv=False)
+    assert sigma[-1] < 1e-5 * sigma[0]
+
+
+def test_what_is_lost_there_costs_no_torque():
+    arm = load(model("puma560"))
+    near = nearest_singularity(scales(arm), arm.configuration("home")[arm.wiring.qpos])
+    assert np.abs(arm.jacobian(near.q).T @ near.wrench).max() < 1e-5 * np.linalg.norm(near.wrench)
+
+
+def test_an_arm_without_a_singularity_goes_aside(tmp_path):
+    found = rmrc.new(gantry(tmp_path))
+    assert found.move.how == "aside" and not found.move.nearest.is_singular
+    run = rmrc.run(found.scenario)
+    assert not (run["status"] & Status.DAMPED).any() and run.is_complete
+    assert "No singularity" in found.text
+    assert found.faults == ("no singularity takes part",) and found.faults[0] in found.text
+
+
+def test_a_move_without_a_fault_says_nothing_of_any(made):
+    assert made[0].faults == () and "fault" not in made[0].text
+
+
+def test_a_singular_home_is_not_where_it_starts():
+    arm = load(model("planar_2link"))
+    assert begin(scales(arm))[1]
+    arm.keyframes["home"][arm.wiring.qpos] = 0.0  # stretched
+    found = scales(arm)
+    start, is_home = begin(found)
+    assert not is_home and found.sigma_at(start) >= 1.5 * found.quartile
+
+
+def test_the_same_model_gives_the_same_file():
+    assert rmrc.new(model("planar_rp")).text == rmrc.new(model("planar_rp")).text
+
+
+def test_limits_that_the_model_lacks_are_stated_and_said_to_be_assumed(tmp_path):
+    told, missing = rmrc.new(gantry(tmp_path)), rmrc.new(gantry(tmp_path, rates=False))
+    assert "ASSUMED" not in told.text and told.scenario.control.limits.rate == (0.5, 0.5)
+    assert "ASSUMED: the model tells none" in missing.text
+    assert missing.scenario.control.limits.rate == (ASSUMED_RATE,) * 2  # times a length of 1 m
+
+
+def test_the_file_is_yaml_with_a_reason_for_every_number(made):
+    found, _ = made
+    assert yaml.safe_load(found.text)["name"] == found.scenario.name
+    assert {"arm", "task", "control", "target", "plant", "expect"} <= yaml.safe_load(found.text).keys()
+    lines = found.text.splitlines()
+    for key in ("length", "damping", "rate", "limits", "path", "feedback", "expect"):
+        (at,) = [i for i, line in enumerate(lines) if line.strip().startswith(f"{key}:")][-1:]
+        assert "#" in lines[at] or "#" in lines[at - 1], key
+
+
+def test_a_plant_that_is_none_is_refused_by_name():
+    with pytest.raises(QuestionError, match=r"plant must be one of ideal, servo, torque.*, got 'hydraulic'"):
+        rmrc.new(model("planar_2link"), plant="hydraulic")
+
+
+def test_bounds_are_rounded_up_and_never_down():
+    for value in np.random.default_rng(0).lognormal(sigma=5.0, size=200):
+        assert value <= tidy(value, up=True) <= 1.11 * value
+
+
+def test_a_value_on_a_line_is_read_back():
+    value = {"line": {"by": [1e-05, -0.5], "turn": {"axis": [0.0, 1.0, 0.0], "angle": 1e-9}}, "text": "x: y"}
+    assert yaml.safe_load(flow(value)) == value
+
+
+def test_the_arm_of_a_scenario_keeps_its_stretch():
+    one = rmrc.load("line_tracking").set({"arm.stretch": {"link_2": 1.2}})
+    found = rmrc.new(one)
+    assert found.scenario.arm.stretch == {"link_2": 1.2} and found.arm.stretch == {"link_2": 1.2}
+    again = rmrc.run(found.scenario).scorecard
+    assert again["position_error.max"].value == found.scorecards["servo"]["position_error.max"].value
+
+
+def test_a_file_that_cannot_be_written_is_told_before_anything_is_tried(tmp_path, monkeypatch):
+    monkeypatch.setattr("rmrc.analysis.new.new.scales", lambda _: pytest.fail("tried"))
+    (tmp_path / "file").touch()
+    with pytest.raises(OSError, match="file"):
+        rmrc.new(model("planar_2link"), out=tmp_path / "file/mine.yaml")
+
+
+def test_a_file_name_of_two_lines_stays_within_its_comment(tmp_path):
+    path = tmp_path / "two\nlines.xml"
+    path.write_text(gantry(tmp_path).read_text())
+    assert yaml.safe_load(rmrc.new(path).text)["name"] == "two_lines"

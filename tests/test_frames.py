@@ -1,0 +1,175 @@
+"""The frame that is controlled where none is named, and one that is put on a body or a tool."""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from project import ROOT
+from replacing import replaced
+from rmrc import arm as arms
+from rmrc.scenario.sections import ToolSection
+from rmrc.support.errors import ModelError
+
+MODELS = ROOT / "tests/models"
+
+
+@pytest.mark.parametrize(
+    ("changes", "site", "why"),
+    [
+        # of sites on a finger, at a camera, on an axis and far down the arm none will do: the palm has the frame
+        ({}, "palm", 'body "palm" is controlled, chosen by its name'),
+        ({'body name="palm"': 'body name="x1"'}, "x1", 'body "x1" is controlled, chosen as the last before'),
+        ({"hand_camera": "Grasp1"}, "Grasp1", 'site "Grasp1" is controlled, chosen by its name'),
+        ({"hand_camera": "graspSite", "ee_x": "tool0"}, "graspSite", "chosen by its name"),
+        ({"ee_y": "eef", "ee_x": "flange"}, "eef", "chosen by its name"),
+        ({"hand_camera": "here"}, "here", 'site "here" is controlled, chosen as the only one on the last link'),
+        ({"hand_camera": "here", "ee_x": "there"}, "palm", 'others: site "mark", site "here"'),
+        ({"mark": "tool"}, "palm", 'body "palm"'),  # one joint of three moves it: no hand is there
+        # one jaw without a branch is a finger by its name, of body or of joint
+        ({'<body name="right">': '<!--', 'name="grip_r"/></body>': "-->", 'name="left"': 'name="moving_jaw"'}, "palm", ""),
+        ({'<body name="right">': '<!--', 'name="grip_r"/></body>': "-->", 'name="l"': 'name="gripper"'}, "palm", ""),
+    ],
+)  # fmt: skip
+def test_the_hand_is_controlled_and_never_a_finger(tmp_path, changes, site, why):
+    path = replaced(tmp_path, MODELS / "gripper.xml", changes)
+    arm = arms.load(path)
+    assert (arm.site, arm.joints) == (site, ("j1", "j2", "j3"))
+    (note,) = arm.notes
+    assert why in note
+    assert 'site "ee_y"' in note or "ee_y" in changes  # what else there is
+
+
+def test_the_longest_limb_is_the_arm_and_a_torso_is_not_its_hand(tmp_path):
+    limb = '<body><joint axis="0 {k} 1"/><geom size="0.1"/>{inner}</body>'
+    head, arm = limb.format(k=0, inner=""), ""
+    for k in range(4):
+        arm = limb.format(k=k, inner=arm)
+    text = f'<mujoco><worldbody><body name="torso"><joint/><geom size="1"/>{head}{arm}{arm}</body></worldbody></mujoco>'
+    (tmp_path / "model.xml").write_text(text)
+    found = arms.load(tmp_path / "model.xml")
+    assert found.n == 5 and found.joints[0] == "torso_joint"
+    # of two that are alike, the first
+    assert found.model.jnt_bodyid[found.wiring.joint].tolist() == [1, 3, 4, 5, 6]
+
+
+@pytest.fixture
+def data():
+    model = mujoco.MjModel.from_xml_path(str(MODELS / "gripper.xml"))
+    data = mujoco.MjData(model)
+    data.qpos[:] = [0.4, -0.7, 0.3, 0.0, 0.0]
+    mujoco.mj_forward(model, data)
+    return data
+
+
+def pose_of(arm):
+    pose = arm.pose([0.4, -0.7, 0.3])
+    return pose[:3], Rotation.from_quat(pose[3:], scalar_first=True)
+
+
+def test_a_body_is_a_frame_as_mujoco_has_it(data):
+    arm = arms.load(MODELS / "gripper.xml", body="left")
+    assert arm.joints == ("j1", "j2", "j3", "l") and arm.site == "left" and arm.notes == ()
+    arm = arms.load(MODELS / "gripper.xml", body="palm")
+    position, turn = pose_of(arm)
+    body = data.body("palm")
+    assert_allclose(position, body.xpos, atol=1e-15)
+    assert_allclose(turn.as_matrix(), body.xmat.reshape(3, 3), atol=1e-15)
+    full = np.zeros((6, 5))
+    mujoco.mj_jacBody(data.model, data, full[:3], full[3:], body.id)
+    assert_allclose(arm.jacobian([0.4, -0.7, 0.3]), full[:, :3], atol=1e-15)
+
+
+@pytest.mark.parametrize("turned", [{"rpy": (0.1, 0.2, 0.3)}, {"quat": (1.0, 2.0, 3.0, 4.0)}, {}])
+@pytest.mark.parametrize(
+    "mass", [{}, {"mass": 0.7, "center": (0.0, 0.01, 0.05), "inertia": (3e-3, 4e-3, 5e-3)}]
+)
+def test_a_tool_is_a_frame_and_a_mass_on_a_body(data, turned, mass):
+    tool = ToolSection(body="palm", position=(0.1, 0.2, 0.3), **turned, **mass)
+    arm = arms.load(MODELS / "gripper.xml", tool=tool)
+    position, turn = pose_of(arm)
+    palm = Rotation.from_matrix(data.body("palm").xmat.reshape(3, 3))
+    assert_allclose(position, data.body("palm").xpos + palm.apply([0.1, 0.2, 0.3]), atol=1e-15)
+    rpy, quat = turned.get("rpy", (0, 0, 0)), turned.get("quat")
+    own = Rotation.from_quat(quat, scalar_first=True) if quat else Rotation.from_euler("xyz", rpy)
+    assert_allclose(turn.as_matrix(), (palm * own).as_matrix(), atol=1e-14)
+    # the weight that the drives bear more is m g at the center of mass: J^T f, by differences of its height
+    plain = arms.load(MODELS / "gripper.xml", body="palm")
+    q, h, m = np.array([0.4, -0.7, 0.3]), 1e-6, mass.get("mass", 0.0)
+    more = arm.rest_torques(q)[0] - plain.rest_torques(q)[0]
+
+    def height(at):
+        pose = arm.pose(at)
+        return (
+            pose[:3] + Rotation.from_quat(pose[3:], scalar_first=True).apply(mass.get("center", (0, 0, 0)))
+        )[2]
+
+    slope = [(height(q + h * e) - height(q - h * e)) / (2 * h) for e in np.eye(3)]
+    assert_allclose(more, m * 9.81 * np.array(slope), atol=1e-8)
+    # and the mass matrix grows by m J_c^T J_c + J_w^T R I R^T J_w
+    J = arm.jacobian(q)
+    to_center = turn.apply(mass.get("center", (0, 0, 0)))
+    of_center = J[:3] - np.cross(to_center, J[3:], axis=0)
+    moments = turn.as_matrix() @ np.diag(mass.get("inertia", (0, 0, 0))) @ turn.as_matrix().T
+    wanted = m * of_center.T @ of_center + J[3:].T @ moments @ J[3:]
+    assert_allclose(mass_matrix(arm, q) - mass_matrix(plain, q), wanted, atol=1e-14)
+
+
+def mass_matrix(arm, q):
+    data = mujoco.MjData(arm.model)
+    data.qpos[:3] = q
+    mujoco.mj_forward(arm.model, data)
+    full = np.zeros((arm.model.nv, arm.model.nv))
+    mujoco.mj_fullM(arm.model, data, full)
+    return full[:3, :3]
+
+
+def test_a_tool_may_be_another_model_with_joints_meshes_and_keyframes_of_its_own(tmp_path):
+    """The gripper of one file on the arm of another is what MuJoCo's own <attach> makes of both."""
+    (tmp_path / "hand").mkdir()
+    hand = tmp_path / "hand/hand.xml"
+    hand.write_text(
+        '<mujoco><compiler angle="radian"/><worldbody><body name="palm" pos="0 0 0.1"><freejoint/><geom size="0.1"/>'
+        '<site name="pinch" pos="0.2 0 0"/><site name="other" pos="0 1 0"/><body name="f"><joint name="f" type="slide" range="0 0.1"/>'
+        '<geom size="0.1"/></body></body></worldbody><keyframe><key name="open" qpos="0 0 0 1 0 0 0 0.05"/></keyframe></mujoco>'
+    )
+    path = ROOT / "models/planar_3link.xml"
+    tool = ToolSection(body="link_3", position=(1.0, 0.0, 0.0), rpy=(0.0, 0.5, 0.0), model=hand)
+    arm = arms.load(path, tool=tool)
+    assert arm.site == "tool_pinch" and arm.n == 3
+    assert arms.load(path, tool=tool.model_copy(update={"site": "other"})).site == "tool_other"
+    home = arm.configuration("home")
+    assert_allclose(home, [*arms.load(path).configuration("home"), 0.0])
+    assert_allclose(arm.model.key("tool_open").qpos[3:], [0.05])
+    pose, link = arm.pose(home[:3]), arms.load(path, body="link_3").pose(home[:3])
+    turn = Rotation.from_quat(link[3:], scalar_first=True)
+    inner = Rotation.from_euler("y", 0.5)
+    # the palm's own place is that of its floating body in the file
+    assert_allclose(
+        pose[:3], link[:3] + turn.apply(np.array([1.0, 0.0, 0.0]) + inner.apply([0.2, 0, 0.1])), atol=1e-15
+    )
+
+
+def test_tools_that_differ_are_stepped_apart():
+    """Worlds of one file share a model of MuJoCo's only where they hold the same."""
+    path = MODELS / "gripper.xml"
+    one, same, other = (arms.load(path, tool=ToolSection(body="palm", mass=m)) for m in (1.0, 1.0, 2.0))
+    assert one.variant == same.variant != other.variant
+    assert arms.load(path, body="palm").variant == ()
+
+
+@pytest.mark.parametrize(
+    ("named", "message", "about"),
+    [
+        ({"body": "plam"}, 'has no body "plam"; did you mean "palm"?; its bodies: a, b, c, palm, left, right', "body"),
+        ({"tool": ToolSection(body="plam")}, 'has no body "plam"', "tool.body"),
+        ({"tool": ToolSection(model=ROOT / "README.md")}, "README.md: ", "tool.model"),
+        ({"tool": ToolSection(body="palm", model=MODELS / "gripper.xml", site="no")}, 'has no site "tool_no"', "site"),
+    ],
+)  # fmt: skip
+def test_a_frame_that_is_not_there_is_one_line(named, message, about):
+    with pytest.raises(ModelError) as caught:
+        arms.load(MODELS / "gripper.xml", **named)
+    assert message in str(caught.value) and "\n" not in str(caught.value)
+    assert caught.value.about == about

@@ -1,0 +1,137 @@
+"""What an arm stands on, where it starts, and files that consist of others."""
+
+import os
+from pathlib import Path
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from project import ROOT
+from replacing import replaced
+from rmrc import arm as arms
+from rmrc.support.errors import ModelError
+from stl import tetrahedron
+
+MODELS = ROOT / "tests/models"
+FLOATING = MODELS / "floating.xml"
+
+
+def test_a_base_that_floats_stands_where_its_keyframe_has_it():
+    """Everything is where MuJoCo has it in that keyframe of the file itself; things that float go on floating."""
+    arm = arms.load(FLOATING)
+    author = mujoco.MjModel.from_xml_path(str(FLOATING))
+    data = mujoco.MjData(author)
+    key = author.key("near").id  # "far" has a joint beyond its limit
+    mujoco.mj_resetDataKeyframe(author, data, key)
+    mujoco.mj_forward(author, data)
+    assert arm.joints == ("turn", "palm_joint") and arm.model.nq == 9  # two, and seven of the cube
+    home = arm.configuration("home")
+    assert_allclose(home, data.qpos[7:])
+    ours = mujoco.MjData(arm.model)
+    ours.qpos[:] = home
+    mujoco.mj_forward(arm.model, ours)
+    # the author's quaternion is 0.6 0 0.8 0 of norm 1
+    assert_allclose(ours.xpos, data.xpos, atol=1e-14)
+    assert_allclose(ours.xmat, data.xmat, atol=1e-14)
+    full = np.zeros((6, author.nv))
+    mujoco.mj_jacBody(author, data, full[:3], full[3:], author.body("palm").id)
+    assert_allclose(arm.jacobian(home[:2]), full[:, 6:8], atol=1e-14)
+    # the controls of the author's actuators stay with their keyframes
+    assert_allclose(arm.model.key("near").ctrl, [0.5])
+    assert arm.notes[1:] == (
+        'joints without a name are called "palm_joint"',
+        'body "base" floats in the file; it is fixed where keyframe "near" has it',
+        'there is no keyframe home; "near" is taken for it, the first within limits',
+    )
+
+
+def test_a_base_floats_where_the_file_has_it_without_keyframes(tmp_path):
+    text = FLOATING.read_text().partition("<keyframe>")[0] + "</mujoco>"
+    (tmp_path / "model.xml").write_text(text)
+    arm = arms.load(tmp_path / "model.xml")
+    data = mujoco.MjData(mujoco.MjModel.from_xml_string(text))
+    mujoco.mj_forward(data.model, data)
+    assert_allclose(arm.pose([0, 0])[:3], data.body("palm").xpos, atol=1e-14)
+
+
+def test_a_free_base_is_refused_in_one_line():
+    with pytest.raises(ModelError) as caught:
+        arms.load(FLOATING, base="free")
+    assert caught.value.about == "base"
+    assert str(caught.value) == (
+        f'{FLOATING}: the base, body "base", must be fixed, got free: nothing drives a joint that floats, so no '
+        "rates of the arm hold its site; write base: fixed"
+    )
+    assert arms.load(MODELS / "gripper.xml", base="free").n == 3  # nothing floats there
+
+
+@pytest.mark.parametrize(
+    ("changes", "home", "note"),
+    [
+        ({}, [0.5, 0.1], '"near" is taken for it, the first within limits'),
+        ({'"near"': '"home"'}, [0.5, 0.1], ""),
+        ({'"far"': '"home"'}, [3.0, 0.0], ""),  # as its author wants it
+        (None, [0.5, 0.1], "number 0, which has no name"),  # the only one
+        ({'qpos="1 2 3 0.6 0 0.8 0 0.5': 'qpos="1 2 3 0.6 0 0.8 0 2'}, [0.0, 0.0], ""),  # neither is within
+    ],
+)  # fmt: skip
+def test_home_is_the_keyframe_of_that_name_or_the_only_one_or_one_within_limits(
+    tmp_path, changes, home, note
+):
+    if changes is None:
+        text = FLOATING.read_text()
+        first = text[text.index('<key name="far"') : text.index('<key name="near"')]
+        changes = {first: "", 'name="near" ': ""}
+    arm = arms.load(replaced(tmp_path, FLOATING, changes))
+    assert_allclose(arm.configuration("home")[:2], home)
+    told = [each for each in arm.notes if "keyframe home" in each]
+    assert (note in told[0]) if note else not told
+
+
+def test_home_is_within_limits_where_no_keyframe_says_what_it_is(tmp_path):
+    path = replaced(tmp_path, MODELS / "gripper.xml", {'name="j1"': 'name="j1" range="20 60"'})
+    arm = arms.load(path)
+    assert_allclose(arm.configuration("home")[:3], [np.radians(40), 0, 0])
+    assert 'beyond the limits of joint "j1"; home is their middle' in arm.notes[-1]
+
+
+def test_joints_may_be_named_in_any_order_and_go_outward():
+    arm = arms.load(MODELS / "gripper.xml", body="palm", joints=["j3", "j1"])
+    assert arm.joints == ("j1", "j3")
+    assert arm.notes == ("joints go from the world outward, and so do values for each of them: j1, j3",)
+    with pytest.raises(ModelError, match='must be listed once each, got "j1" more often'):
+        arms.load(MODELS / "gripper.xml", body="palm", joints=["j1", "j1"])
+
+
+def test_a_file_that_attaches_another_works_from_any_folder(tmp_path, monkeypatch):
+    """Meshes lie beside the file that is attached; MuJoCo's own model is the oracle."""
+    (tmp_path / "there/parts/meshes").mkdir(parents=True)
+    for name in ("attached.xml", "parts/part.xml"):
+        (tmp_path / "there" / name).write_bytes((MODELS / name).read_bytes())
+    (tmp_path / "there/parts/meshes/part.stl").write_bytes(tetrahedron(0.1))
+    (tmp_path / "here").mkdir()
+    oracle = mujoco.MjModel.from_xml_path(str(tmp_path / "there/attached.xml"))
+    monkeypatch.chdir(tmp_path / "here")
+    for path in (tmp_path / "there/attached.xml", tmp_path / "here/../there/attached.xml"):
+        arm = arms.load(path)
+        assert arm.site == "p_tcp" and arm.joints == ("base", "p_part")
+        assert_allclose(arm.model.mesh_vert, oracle.mesh_vert)
+        assert_allclose(arm.adapted(None, 0.001, gravity_compensation=False).mesh_vert, oracle.mesh_vert)
+    assert arms.load(Path(os.path.relpath(path))).n == 2
+    names = {file.name for file in arms.files((tmp_path / "there/attached.xml").resolve())}
+    assert names == {"attached.xml", "part.xml", "part.stl"}
+
+
+def test_what_the_others_are_told_at_home_is_what_the_keyframe_that_is_home_tells_them(tmp_path):
+    """The second actuator's control of 0.7 is in no way what holds its joint at 0.2."""
+    text = """<mujoco><worldbody><body><joint name="a"/><geom size="0.1"/><site name="tip"/></body>
+<body><joint name="b" range="-60 60"/><geom size="0.1"/></body></worldbody><actuator><position joint="b" kp="9"/></actuator>
+<keyframe><key name="{}" qpos="0.1 0.2" ctrl="0.7"/></keyframe></mujoco>"""
+    for name in ("home", "ready", ""):
+        path = tmp_path / "model.xml"
+        path.write_text(text.format(name).replace('name=""', ""))
+        arm = arms.load(path, "tip")
+        ctrl, act = arm.held("home", arm.configuration("home"))
+        assert ctrl.tolist() == [0.7] and act.size == 0

@@ -1,0 +1,142 @@
+"""A run that starts in a pose of the site, and runs along recorded motions and the axes of the hand."""
+
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_equal
+from scipy.spatial.transform import Rotation
+
+from project import ROOT
+from rmrc.arm import load
+from rmrc.recording.scene import Scene
+from rmrc.results.run import Run
+from rmrc.scenario import StartPose
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.start import start_positions
+from rmrc.support.errors import ScenarioError, TargetError
+from rmrc.support.spatial import pose_error
+
+PUMA = load(ROOT / "models/puma560.xml")
+NEAR = np.array([0.3, -0.9, 3.0, 0.2, 0.9, 0.3])
+ARM = ("arm.model=models/puma560.xml", "arm.site=tool", "arm.start=[0.3, -0.9, 3.0, 0.2, 0.9, 0.3]",
+       "task.axes=[x, y, z, rx, ry, rz]", "plant.kind=ideal")  # fmt: skip
+# What is promised of the search, in rad and in m over a length of 1 m.
+FOUND = 1e-9
+
+
+def start(**pose):
+    return start_positions(PUMA, StartPose.model_validate(pose), NEAR, 1.0)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_an_arm_starts_where_it_was_told_and_near_to_where_it_would(seed):
+    q = NEAR + np.random.default_rng(seed).uniform(-0.15, 0.15, 6)
+    pose = PUMA.pose(q)
+    found = start(position=pose[:3].tolist(), orientation=pose[3:].tolist())
+    assert np.linalg.norm(pose_error(PUMA.pose(found), pose)) < FOUND
+    # σ_6 there is above 0.05, so that there is no other posture near
+    assert_allclose(found, q, rtol=0, atol=1e-7)
+
+
+def test_roll_pitch_and_yaw_are_turned_about_x_then_y_then_z():
+    rpy = Rotation.from_quat(PUMA.pose(NEAR)[3:], scalar_first=True).as_euler("xyz")
+    rpy += [0.1, -0.1, 0.2]
+    found = start(orientation=rpy.tolist())
+    want = Rotation.from_euler("xyz", rpy)
+    assert (Rotation.from_quat(PUMA.pose(found)[3:], scalar_first=True) * want.inv()).magnitude() < FOUND
+    quat = want.as_quat(scalar_first=True)
+    assert_allclose(start(orientation=quat.tolist()), found, rtol=0, atol=1e-7)
+
+
+def test_what_a_pose_does_not_say_stays_or_is_free():
+    here = PUMA.pose(NEAR)
+    found = PUMA.pose(start(position=[here[0] + 0.05, here[1]]))
+    assert_allclose(found[:3], here[:3] + np.array([0.05, 0, 0]), rtol=0, atol=FOUND)
+
+
+def test_a_pose_out_of_reach_is_refused_with_how_far_it_is():
+    with pytest.raises(
+        TargetError, match=r"must be within reach, the nearest pose found is (\S+) m away"
+    ) as caught:
+        start(position=[3.0, 0.0, 0.5])
+    away = float(str(caught.value).split("found is ")[1].split()[0])
+    # the nearest of 2000 random postures is no nearer
+    nearest = min(np.linalg.norm(PUMA.pose(q)[:3] - [3.0, 0, 0.5]) for q in PUMA.sampled(2000))
+    assert 1.0 < away <= nearest
+
+
+def test_a_scenario_starts_in_its_pose_and_names_the_key_of_one_that_cannot_be(scenario):
+    pose = PUMA.pose(NEAR)[:3] + np.array([0.02, 0.03, -0.01])
+    prepared = prepare(scenario(*ARM, f"arm.pose={{position: {pose.tolist()}}}"))
+    assert_allclose(prepared.reference.pose[0, :3], pose, rtol=0, atol=FOUND)
+    with pytest.raises(
+        ScenarioError, match=r"arm\.pose: must be within reach, the nearest pose found is .* m away"
+    ):
+        prepare(scenario(*ARM, "arm.pose.position=[9, 0, 0]"))
+    assert (prepare(scenario(*ARM)).qpos[PUMA.wiring.qpos] == NEAR).all()
+
+
+PATH = "target.path=[{line: {by: [0.1, 0.05, -0.05], frame: site, turn: {axis: z, angle: 0.3}}}]"
+
+
+@pytest.mark.parametrize("columns", ["pose_ref", "pose", "q"])
+def test_a_run_is_a_target_of_another(simulate, tmp_path, columns):
+    """Its reference leads to the same joint positions, but for the cubic splines between rows that are the ticks.
+
+    The pose and the joints of a run lag behind its reference by 1e-4 at most here, and the replay as much again.
+    """
+    _, run = simulate(*ARM, PATH)
+    run.save(tmp_path / "run.npz")
+    limits = "target.limits={velocity: 1, acceleration: 20, angular_velocity: 5, angular_acceleration: 100}"
+    file = f"target.path=[{{file: {{path: {tmp_path}/run.npz, columns: {columns}}}}}]"
+    _, again = simulate(*ARM, file, limits)
+    assert len(again) == len(run)
+    assert_allclose(again["q"], run["q"], rtol=0, atol=1e-9 if columns == "pose_ref" else 2e-3)
+
+
+@pytest.mark.parametrize("frame", ["world", "site"])
+def test_a_free_turn_about_the_tool_leaves_it_out_of_all_figures(simulate, frame):
+    """A task of five rows of an arm of six joints follows a path that turns its tool about itself as well."""
+    turn = "target.path=[{line: {by: [0.05, 0.05, 0], turn: {axis: z, angle: 2.5, frame: site}}}]"
+    axes = f"task={{axes: [x, y, z, rx, ry], frame: {frame}}}"
+    _, run = simulate(*ARM, axes, turn, "control.inverse.method=pseudoinverse")
+    R = Rotation.from_quat(run["pose"][:, 3:], scalar_first=True)
+    wanted = Rotation.from_quat(run["pose_ref"][:, 3:], scalar_first=True)
+    tilt = np.arccos(np.clip(np.sum(R.apply([0, 0, 1]) * wanted.apply([0, 0, 1]), axis=1), -1, 1)).max()
+    if frame == "site":
+        assert tilt < 1e-3 and run.scorecard["orientation_error.max"].value < 1e-3
+        assert np.abs(run["pose_error"][-1, 5]) > 0.1  # the turn about the tool was not followed
+    else:  # negative control: the world's axes are not those of the tool
+        assert tilt > 0.1
+
+
+HAND = "task={axes: [x, y, z, rx, ry], frame: site}"
+
+
+def test_the_error_of_a_run_is_that_of_its_true_pose_along_the_hand_and_its_file_knows(simulate, tmp_path):
+    _, run = simulate(*ARM, HAND, PATH, "arm.encoder.offset=0.5 deg", "control.inverse.method=pseudoinverse")
+    assert_allclose(run["pose_error"], run.view.error(run["pose_ref"], run["pose"]), rtol=0, atol=1e-12)
+    plain = pose_error(run["pose_ref"], run["pose"])
+    assert np.abs(plain - run["pose_error"]).max() > 1e-3  # negative control: along the world's axes
+    run.save(tmp_path / "run.npz")
+    assert Run.read(tmp_path / "run.npz").view == run.view
+    values = [
+        {name: one.value for name, one in card.items()}
+        for card in (run.scorecard, Run.read(tmp_path / "run.npz").scorecard)
+    ]
+    assert_equal(*values)
+
+
+def test_what_dies_first_is_drawn_along_the_world(simulate):
+    prepared, run = simulate(*ARM, HAND, PATH, "control.inverse.method=pseudoinverse")
+    rows = np.array([0, len(run) // 2])
+    drawn, R = Scene(prepared).frames(run, rows), Rotation.from_quat(run["pose"][rows, 3:], scalar_first=True)
+    size = np.linalg.norm(drawn.dying_move, axis=1) / np.linalg.norm(run["u_min"][rows, :3], axis=1)
+    assert_allclose(drawn.dying_move / size[:, None], R.apply(run["u_min"][rows, :3]), rtol=0, atol=1e-12)
+    # all translations count and all that is held is the same plane: the ellipsoid along the hand is the world's
+    J = np.array([PUMA.jacobian(q) for q in run["q"][rows]])
+    for one, turn, axes in zip(
+        J, R.as_matrix(), Rotation.from_quat(drawn.axes, scalar_first=True).as_matrix(), strict=True
+    ):
+        held = (np.kron(np.eye(2), turn.T) @ one)[3:5]
+        u = np.linalg.svd(one[:3] @ (np.eye(6) - np.linalg.pinv(held) @ held))[0]
+        assert_allclose(np.abs(np.sum(u * axes, axis=0)), 1, rtol=0, atol=1e-9)

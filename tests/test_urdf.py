@@ -1,0 +1,209 @@
+"""URDF files: packages, meshes, masses, limits, joints that follow; beside MuJoCo's own reading of them."""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+from scipy.spatial.transform import Rotation
+
+from project import ROOT
+from replacing import replaced
+from rmrc import arm as arms
+from rmrc.support.errors import ModelError
+from stl import tetrahedron
+
+ARM = ROOT / "tests/models/arm.urdf"
+
+
+@pytest.fixture
+def folder(tmp_path):
+    """A package with a mesh, and the file two folders below its top."""
+    package = tmp_path / "ws/src/arm_v2"
+    (package / "meshes").mkdir(parents=True)
+    (package / "robots/urdf").mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>arm_description</name></package>")
+    (package / "meshes/link.stl").write_bytes(tetrahedron(0.2))
+    (package / "meshes/link.dae").write_text("<COLLADA/>")
+    return package / "robots/urdf"
+
+
+@pytest.fixture
+def arm(folder):
+    return arms.load(replaced(folder, ARM, {}))
+
+
+def test_the_chain_and_its_pose_are_those_of_the_file(arm):
+    """By the definition of URDF: each origin is a translation, then fixed x y z angles, then the joint."""
+    assert (arm.site, arm.joints) == ("tool0", ("shoulder", "elbow"))
+    q = np.array([0.3, -0.8])
+    turn = Rotation.from_euler("z", q[0])
+    elbow = turn * Rotation.from_euler("xyz", [0, 0.3, 0])
+    bent = elbow * Rotation.from_euler("y", q[1])
+    pose = arm.pose(q)
+    assert_allclose(pose[:3], turn.apply([0.5, 0, 0]) + bent.apply([0.4, 0, 0]), atol=1e-15)
+    whole = (bent * Rotation.from_euler("y", 1.5)).as_matrix()
+    assert_allclose(Rotation.from_quat(pose[3:], scalar_first=True).as_matrix(), whole, atol=1e-15)
+
+
+def test_limits_are_those_of_the_file_and_zero_is_none(arm):
+    assert_allclose(arm.position_limit, [[-2, 1], [-np.inf, np.inf]])
+    assert_allclose(arm.rate_limit, [1.5, np.inf])  # not 99, which is a transmission's
+    assert_allclose(arm.torque_limit, [40, np.inf])
+
+
+def test_a_joint_that_mimics_follows_by_an_equality(arm):
+    model = arm.model
+    assert model.neq == 1 and model.eq_type[0] == mujoco.mjtEq.mjEQ_JOINT
+    assert [model.joint(i).name for i in (model.eq_obj1id[0], model.eq_obj2id[0])] == ["right", "left"]
+    assert_allclose(model.eq_data[0, :5], [0.01, 1, 0, 0, 0])
+
+
+def test_meshes_are_found_in_packages_and_those_that_cannot_be_read_are_left_out(arm):
+    shapes = [shape for shape in arm.shapes() if shape.kind == "mesh"]
+    assert len(shapes) == 1  # the .dae is not there
+    # MuJoCo centers and turns it, as floats; distances between vertices stay, with the x axis scaled by a half
+    ends = shapes[0].vertices
+    spans = sorted(float(np.linalg.norm(ends[a] - ends[b])) for a in range(4) for b in range(a))
+    diagonal = np.hypot(0.1, 0.2)
+    assert_allclose(spans, [0.1, 0.2, 0.2, diagonal, diagonal, np.hypot(0.2, 0.2)], rtol=1e-6)
+    assert [shape.kind for shape in arm.shapes()] == [
+        "mesh"
+    ]  # the box is for contact, and has a better picture
+    assert arm.model.ngeom == 2
+    assert (
+        arm.notes[0]
+        == "body base is drawn without a mesh that is missing, or of a kind that MuJoCo cannot read"
+    )
+
+
+def test_links_without_mass_get_the_least_and_others_keep_theirs(arm):
+    masses = {arm.model.body(i).name: arm.model.body_mass[i] for i in range(1, arm.model.nbody)}
+    assert masses == {
+        "base": 0,
+        "upper": 2,
+        "lower": 1e-3,
+        "tool0": 0,
+        "left_finger": 0.1,
+        "right_finger": 0.1,
+    }
+    assert_allclose(arm.model.body("lower").inertia, 1e-6)
+    assert_allclose(sorted(arm.model.body("upper").inertia), [0.1, 0.2, 0.2])
+    assert (
+        arm.notes[1]
+        == "link lower moves without mass or inertia in the file; it has 0.001 kg and 1e-06 kg m^2 at least"
+    )
+
+
+@pytest.mark.parametrize(
+    ("moments", "kept"),
+    [
+        ('ixx="0.1" iyy="0.2" izz="0.4"', None),  # no body: 0.1 + 0.2 < 0.4
+        ('ixx="0.1" iyy="0.2" izz="-0.1"', None),
+        ('ixx="0.1" iyy="0.2" izz="0.3"', [0.1, 0.2, 0.3]),  # a flat one
+    ],
+)  # fmt: skip
+def test_an_inertia_that_no_body_can_have_is_mended_and_said(folder, moments, kept):
+    arm = arms.load(replaced(folder, ARM, {'ixx="0.1" iyy="0.2" izz="0.2"': moments}))
+    found = np.sort(arm.model.body("upper").inertia)
+    assert found[0] > 0 and found[0] + found[1] >= found[2] * (1 - 1e-12)
+    said = [note for note in arm.notes if "no body can have the inertia of link upper" in note]
+    assert bool(said) == (kept is None)
+    if kept is not None:
+        assert_allclose(found, kept, atol=1e-15)
+
+
+def test_a_package_can_be_a_folder_of_its_name_or_be_given(tmp_path):
+    (tmp_path / "ws/arm_description/meshes").mkdir(parents=True)
+    (tmp_path / "ws/robots").mkdir()
+    mesh = tmp_path / "ws/arm_description/meshes/link.stl"
+    mesh.write_bytes(tetrahedron(0.2))
+    path = replaced(tmp_path / "ws/robots", ARM, {})
+    assert arms.load(path).model.nmesh == 1
+    assert arms.files(path) == sorted([mesh, path])
+    (tmp_path / "else").mkdir()
+    path = replaced(tmp_path / "else", ARM, {})
+    lost = arms.load(path)
+    assert lost.model.nmesh == 0
+    assert lost.notes[0] == (
+        "package arm_description is nowhere above the file; give --package arm_description=FOLDER, or arm.packages"
+    )
+    given = arms.load(path, packages={"arm_description": tmp_path / "ws/arm_description"})
+    assert given.model.nmesh == 1 and given.variant != lost.variant
+
+
+def test_shapes_for_contact_that_cannot_be_read_are_left_out_and_said(folder):
+    arm = arms.load(replaced(folder, ARM, {'<box size="0.3 0.1 0.1"/>': '<mesh filename="none.stl"/>'}))
+    missing = "a mesh that is missing, or of a kind that MuJoCo cannot read"
+    assert arm.notes[:2] == (
+        f"body base is drawn without {missing}",
+        f"body upper makes contact without {missing}",
+    )
+
+
+def test_a_visual_mesh_of_mjcf_that_is_missing_is_left_out_only_if_nothing_else_changes(tmp_path):
+    text = (
+        (ROOT / "tests/models/gripper.xml")
+        .read_text()
+        .replace("<worldbody>", '<asset><mesh name="m" file="no.stl"/></asset><worldbody>')
+    )
+    path = tmp_path / "model.xml"
+    mesh = '<body name="palm" pos="0 0 0.1"><geom type="mesh" mesh="m" {}/>'
+    plain = '<body name="palm" pos="0 0 0.1">'
+    path.write_text(text.replace(plain, mesh.format('contype="0" conaffinity="0" mass="0"')))
+    arm = arms.load(path)
+    assert arm.notes[0].startswith("body palm is drawn without a mesh that is missing")
+    assert arm.model.ngeom == mujoco.MjModel.from_xml_path(str(ROOT / "tests/models/gripper.xml")).ngeom
+    for needed in ('contype="0" conaffinity="0"', 'mass="0"'):  # one weighs, the other makes contact
+        path.write_text(text.replace(plain, mesh.format(needed)))
+        with pytest.raises(ModelError, match=r"no\.stl") as caught:
+            arms.load(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_joints_that_float_are_fixed_and_a_base_called_world_is_the_world(folder):
+    changes = {'type="fixed"': 'type="floating"', '"base"': '"world"'}
+    arm = arms.load(replaced(folder, ARM, changes))
+    assert arm.site == "tool0" and "joint flange, which floats in the file, is fixed" in arm.notes
+    assert [arm.model.body(i).name for i in range(2)] == ["world", "upper"]
+
+
+def test_the_authors_section_for_mujoco_is_kept(folder):
+    section = '<mujoco><compiler meshdir="../../meshes" strippath="true" discardvisual="true"/></mujoco>'
+    name = "package://arm_description/meshes/link.stl"
+    arm = arms.load(
+        replaced(folder, ARM, {'<robot name="arm">': f'<robot name="arm">{section}', name: "x/link.stl"})
+    )
+    assert arm.model.nmesh == 0 and arm.model.ngeom == 1  # it discards what is visual
+    kept = section.replace(' discardvisual="true"', "")
+    arm = arms.load(
+        replaced(folder, ARM, {'<robot name="arm">': f'<robot name="arm">{kept}', name: "x/link.stl"})
+    )
+    assert arm.model.nmesh == 1
+
+
+@pytest.mark.parametrize(
+    ("changes", "says"),
+    [
+        ({'<link name="tool0"/>': '<xacro:gripper parent="tool0"/>'},
+         "arm.urdf:15: is a xacro file, which must be expanded first: xacro arm.urdf > arm.expanded.urdf"),
+        ({'upper="1"': 'upper="nan"'}, 'arm.urdf:6: limit of joint "shoulder": upper must be finite, got "nan"'),
+        ({'<link name="tool0"/>': ""}, "arm.urdf: "),
+        ({'<robot name="arm">': '<robot name="arm"><mujoco/>'}, "mujoco must have a compiler in it; write <compiler/>"),
+    ],
+)  # fmt: skip
+def test_what_will_not_do_is_one_line(folder, changes, says):
+    with pytest.raises(ModelError) as caught:
+        arms.load(replaced(folder, ARM, changes))
+    assert says in str(caught.value) and "\n" not in str(caught.value)
+
+
+def test_names_that_are_there_twice_are_not_said_by_mujoco(folder, capfd):
+    """MuJoCo's C prints a line on stderr where two shapes have one name."""
+    arms.load(replaced(folder, ARM, {}))
+    assert capfd.readouterr() == ("", "")
+    mujoco.MjSpec.from_string(
+        ARM.read_text().replace(
+            '<robot name="arm">', '<robot name="arm"><mujoco><compiler discardvisual="false"/></mujoco>'
+        )
+    )
+    assert "duplicate" in capfd.readouterr().err  # negative control
