@@ -519,7 +519,8 @@ def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
             reasons[name] = _unknown(name, card)
         elif isinstance(card[name].value, str):
             number = _NUMBERS.get(name, name.removesuffix("_joint"))
-            reasons[name] = f"is a name, and only numbers can be expected, such as {number}"
+            what = "a joint" if name.endswith("_joint") else "bodies"
+            reasons[name] = f"names {what}, and only numbers can be expected, such as {number}"
     return reasons
 
 
