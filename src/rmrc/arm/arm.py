@@ -366,6 +366,13 @@ class Arm:
         return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]
 
     @property
+    def is_balanced(self) -> bool:
+        """Whether gravity pulls at no joint of the arm: there is none, or the model compensates all of it."""
+        model, root = self.model, int(self.model.jnt_bodyid[self.wiring.joint[0]])
+        heavy = [b for b in range(root, model.nbody) if model.body_mass[b] > 0.0 and self._descends(b, root)]
+        return not model.opt.gravity.any() or all(model.body_gravcomp[b] == 1.0 for b in heavy)
+
+    @property
     def is_fixed(self) -> NDArray[np.bool_]:
         """Which bodies are fixed to the world, (nbody,)."""
         fixed: NDArray[np.bool_] = self.model.body_weldid == 0

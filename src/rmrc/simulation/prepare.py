@@ -16,7 +16,7 @@ from rmrc.law.record import Writer, records
 from rmrc.law.task import Task
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.lockstep import Course
-from rmrc.plants.plant import Plant
+from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.stages import Encoders
 from rmrc.plants.wiring import WIRING
 from rmrc.scenario import ArmSection, Problems, Scenario, angle
@@ -180,6 +180,24 @@ class Prepared:
     def encoder_offset(self) -> NDArray[np.float64]:
         """What the encoders say too much, (n,)."""
         return Encoders(self.scenario, self.arm).offset
+
+    @cached_property
+    def assumed(self) -> tuple[Assumed, ...]:
+        """What the run has otherwise than the model's author wrote it, and the limits that are missing."""
+        arm, law, physics = self.arm, self.law, self.plant.has_physics
+        limits = {
+            "rate": law.rate_limit,
+            "acceleration": law.acceleration_limit,
+            "torque": arm.torque_limit if physics else np.zeros(arm.n),
+            "position": np.abs(law.position_limit).max(axis=0),
+        }
+        missing = []
+        for name, limit in limits.items():
+            joints = [joint for joint, one in zip(arm.joints, limit, strict=True) if np.isinf(one)]
+            if joints:
+                which = "all joints" if len(joints) == arm.n else listed(joints)
+                missing.append(Assumed(f"no {name} limit: {which}", False))
+        return (*self.plant.assumed(), *missing)
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.

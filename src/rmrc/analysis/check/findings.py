@@ -215,7 +215,7 @@ def _moving(facts: Facts) -> _Findings:
             yield "diverged", f"{how} diverged {motion.diverged}", way
         if motion.contacts:
             yield "motion-contact", f"{how}: {_pairs(motion.contacts)}", "set arm.start, or exclude the pair"
-        share = float(motion.scorecard["tau.share"].value) if motion.scorecard else 0.0
+        share = float(motion.scorecard["tau.share_of_limit"].value) if motion.scorecard else 0.0
         if share >= 1.0 - 1e-9:
             yield (
                 "torque-saturated",
