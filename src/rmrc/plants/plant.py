@@ -101,6 +101,11 @@ class Plant(ABC):
         return PLANTS[self.name].physics
 
     @property
+    def compensates(self) -> bool:
+        """Whether its drives take damping and dry friction of the joints out."""
+        return False
+
+    @property
     @abstractmethod
     def substeps(self) -> int:
         """MuJoCo's steps in a control period; 0 where it computes kinematics and nothing else."""

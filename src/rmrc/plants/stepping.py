@@ -101,7 +101,8 @@ class Stepper:
         for name, values in zip(("ctrl", "act"), held, strict=True):
             if values.size:
                 self._batch.bind(name)[:, : values.shape[1]] = values
-        write_wiring(worlds, model, wiring, [plant.arm for plant in plants])
+        compensates = np.array([plant.compensates for plant in plants])
+        write_wiring(worlds, model, wiring, [plant.arm for plant in plants], compensates)
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
         seen = [self._batch.bind(field) for field in fields]

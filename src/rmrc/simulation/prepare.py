@@ -1,7 +1,7 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, TypeVar
@@ -59,13 +59,10 @@ class Cache:
         """Know some arms, as they were loaded.
 
         Args:
-            arms: They stand for their file, by the names of their site and joints.
+            arms: They stand for their file, by the names of their frame and joints; not stretched.
         """
         # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
-        named = None, None, "fixed", ()  # body, tool, base, packages
-        self._arms = _Recent[Arm](
-            32, {(arm.path.resolve(), arm.site, arm.joints, *named): arm for arm in arms}
-        )
+        self._arms = _Recent[Arm](32, {_key(arm): arm for arm in arms})
         self._references, self._tasks = _Recent[Reference](32), _Recent[Task](256)
 
     def arm(self, section: ArmSection) -> Arm:
@@ -124,6 +121,13 @@ class Cache:
         return self._tasks.get(
             key, lambda: Task(arm, rows, section.length, section.weights, joint_weights, section.frame)
         )
+
+
+def _key(arm: Arm) -> Hashable:
+    """Return what `Cache.arm` knows an arm by: what names it in a scenario."""
+    named = dict([arm.frame] if arm.frame else [])
+    frame = named.get("site"), arm.joints, named.get("body"), named.get("tool"), "fixed"
+    return arm.path.resolve(), *frame, tuple((name, folder.absolute()) for name, folder in arm.packages)
 
 
 @dataclass(frozen=True, eq=False)
