@@ -39,13 +39,6 @@ def _keep_and(control: Callable[[int], int], positions: Array, kept: Array, t: i
     return control(t)
 
 
-def _see_and(control: Callable[[int], int], contacts: Contacts, t: int) -> int:
-    """Do the tick, and note who touches."""
-    running = control(t)
-    contacts.see(t)
-    return running
-
-
 def _nothing(count: int) -> Array:
     """Return no values of so many worlds, of the type of what MuJoCo computes."""
     nothing = np.empty((count, 0))
@@ -120,7 +113,7 @@ class Stepper:
         self.contacts: Contacts | None = None
         if plants[0].has_physics and can_touch(model, wiring):
             self.contacts = Contacts(model, wiring, self._batch, worlds, ticks)
-            self._tick = partial(_see_and, self._tick, self.contacts)
+            self._tick = self.contacts.after(self._tick)
         self.positions: Array | None = None
         if has_others(wiring, model.nq):
             self.positions = np.empty((len(ticks), *positions.shape))
