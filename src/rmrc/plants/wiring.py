@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Arm, Wiring
 from rmrc.law.jit import Array
 from rmrc.law.record import JOINTS, Field
+from rmrc.plants.resistance import RESISTANCE, write_resistance
 
 WIRING = (
     Field("joint", np.int64, (JOINTS,)),
@@ -23,13 +24,19 @@ WIRING = (
     Field("wrench_column", np.int64),
     Field("travel_column", np.int64, (JOINTS,)),
     Field("travel_ratio", size=(JOINTS,)),
+    Field("travel_dof", np.int64, (JOINTS,)),
     # from the center of mass of the body that carries the site to the site, in the site's frame
     Field("lever", size=(3,)),
+    *RESISTANCE,
 )
 
 
 def write_wiring(
-    worlds: NDArray[np.void], model: mujoco.MjModel, wiring: Wiring, arms: Sequence[Arm]
+    worlds: NDArray[np.void],
+    model: mujoco.MjModel,
+    wiring: Wiring,
+    arms: Sequence[Arm],
+    compensates: NDArray[np.bool_],
 ) -> None:
     """Write these fields of the records of a batch.
 
@@ -38,6 +45,7 @@ def write_wiring(
         model: That the worlds share.
         wiring: Of the arm in it.
         arms: Of each world: the same arm, but for how it is stretched.
+        compensates: Whether the drives of each world take damping and friction out, (w,).
     """
     n = arms[0].n
     has_drives = (wiring.actuator >= 0).all()  # the ideal plant needs none
@@ -50,12 +58,14 @@ def write_wiring(
     worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + controls
     worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
     worlds["travel_column"] = -1
-    for address, travel in zip(wiring.travel_qpos, arms[0].travels, strict=True):
+    for address, dof, travel in zip(wiring.travel_qpos, wiring.travel_dof, arms[0].travels, strict=True):
         worlds["travel_column"][:, travel.hinge] = _column(model, "QPOS") + address
+        worlds["travel_dof"][:, travel.hinge] = dof
         worlds["travel_ratio"][:, travel.hinge] = travel.ratio
     carrier = model.body(wiring.body).name
     stretch = np.array([arm.stretch.get(carrier, 1.0) for arm in arms])
     worlds["lever"] = _lever(model, wiring) * stretch[:, None]
+    write_resistance(worlds, model, wiring, arms[0], compensates)
 
 
 def _column(model: mujoco.MjModel, component: str) -> int:
