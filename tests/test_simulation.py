@@ -14,6 +14,7 @@ import rmrc
 import rmrc.simulation.simulation as simulation_module
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
+from project import mostly_long
 from rmrc.arm import load
 from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import scorecard
@@ -268,7 +269,11 @@ OFF = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+HAVE_FAULTS = list(dict.fromkeys(name for name, _ in OFF.values()))
+OTHERS = [name for name in VARIANTS if name not in HAVE_FAULTS]
+
+
+@pytest.mark.parametrize("variant", [*HAVE_FAULTS, *mostly_long(OTHERS, 2)])
 def test_compiled_loop_equals_the_numpy_loop_over_a_whole_run_and_none_that_is_off_by_a_millionth(
     simulate, variant
 ):
@@ -581,7 +586,7 @@ def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_thread
         assert [one is not None for one in simulation.divergences()] == [False] * (len(prepared) - 1) + [True]
 
 
-@pytest.mark.parametrize("held", [1, 100, 10_000])
+@pytest.mark.parametrize("held", mostly_long([1, 100, 10_000], 2))
 def test_scorecards_and_blocks_do_not_depend_on_how_many_ticks_are_held(scenario, monkeypatch, held):
     encoders = VARIANTS["encoders off, drawn, slow, manipulability"]  # another way through a tick
     good = prepare(scenario(REACH))

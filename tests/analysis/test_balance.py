@@ -10,7 +10,7 @@ from hypothesis import given
 from numpy.testing import assert_allclose
 
 from chains import random_chain, seeds
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc import arm as arms
 from rmrc.analysis.statics.balance import Cost, balance, elsewhere, link_frames, wrench_costs
 from rmrc.analysis.statics.hold import FEEDBACK
@@ -340,7 +340,7 @@ def test_held_the_examples_of_the_notes_are_what_the_actuators_read():
     assert held.at_limit.all()
 
 
-@pytest.mark.parametrize("gravity", [False, True])
+@pytest.mark.parametrize("gravity", mostly_long([True, False], 2))
 def test_every_model_and_screws_hold_what_statics_says(made, gravity):
     for arm, q, wrench in all_arms(made):
         held = hold(arm, q, 0.1 * wrench, gravity)  # a newton or so: no wrist comes to its torque limit
