@@ -200,6 +200,9 @@ def bad_joint(world: Record, warning: NDArray[np.int32]) -> int:
             for j in range(world.n):
                 if world.dof[j] == warning[kind, 0]:
                     return j
+            for f in range(world.followers):
+                if world.follower_dof[f] == warning[kind, 0]:
+                    return int(world.follows[f])
             return -1
     return -2
 

@@ -1,6 +1,6 @@
 """The torque plant: computed torque, which takes the arm's own dynamics out, in MuJoCo's physics."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Self
@@ -9,12 +9,11 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Wiring
+from rmrc.arm import Arm, Wiring
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.plant import BeforeSteps, Wired
-from rmrc.plants.servo import Servo
 
 
 @compiled
@@ -36,10 +35,12 @@ def computed_torque(
     qfrc_passive: Array,
     mass: Array,
     mass_entries: NDArray[np.int64],
+    mass_factors: Array,
 ) -> None:
-    """Set tau = M qddot + bias − passive [Luh80].
+    """Set tau = Fᵀ (M F qddot + bias − passive) [Luh80].
 
-    The other degrees of freedom of the model are taken to be at rest.
+    With each joint, F moves those that follow it. The other degrees of freedom of the model are taken to be
+    at rest.
 
     Args:
         worlds: World records with the wanted acceleration, (w,).
@@ -47,15 +48,22 @@ def computed_torque(
         qfrc_bias: Gravity and velocity forces, (w, nv).
         qfrc_passive: Springs, dampers and gravity compensation, (w, nv).
         mass: Joint-space inertia, the entries of its lower triangle, (w, nM).
-        mass_entries: For each entry between two joints of the arm: both joints and its index, (e, 3).
+        mass_entries: For each entry between two joints that move with the arm: which of its joints moves
+            each, and its index, (e, 3).
+        mass_factors: How far they move for these, one times the other, (e,).
     """
     for w in range(worlds.shape[0]):
         world = worlds[w]
         for j in range(world.n):
             dof = world.dof[j]
             state[w, world.ctrl_column[j]] = qfrc_bias[w, dof] - qfrc_passive[w, dof]
+        for f in range(world.followers):
+            dof, ratio = world.follower_dof[f], world.follower_ratio[f]
+            column = world.ctrl_column[world.follows[f]]
+            state[w, column] += ratio * (qfrc_bias[w, dof] - qfrc_passive[w, dof])
         for e in range(mass_entries.shape[0]):
-            i, j, inertia = mass_entries[e, 0], mass_entries[e, 1], mass[w, mass_entries[e, 2]]
+            i, j = mass_entries[e, 0], mass_entries[e, 1]
+            inertia = mass_factors[e] * mass[w, mass_entries[e, 2]]
             state[w, world.ctrl_column[i]] += inertia * world.qddot[j]
             if i != j:  # only the lower triangle is stored
                 state[w, world.ctrl_column[j]] += inertia * world.qddot[i]
@@ -104,7 +112,7 @@ class Torque(Physical):
             known = wired.take([plant.known(wired.model, wired.wiring) for plant in plants])
         forces = [known.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
         arrays: tuple[Any, ...] = (
-            wired.worlds, batch.state, *forces, _mass_entries(wired.model, wired.wiring)
+            wired.worlds, batch.state, *forces, *_mass_entries(wired.model, wired.wiring, plants[0].arm)
         )  # fmt: skip
         set_torques = partial(machine_code(computed_torque, *arrays), *arrays)
 
@@ -116,24 +124,22 @@ class Torque(Physical):
 
         return before
 
-    def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield that it knows no screws, if the arm has one."""
-        if self.arm.travels:
-            hinge = self.arm.joints[self.arm.travels[0].hinge]
-            yield (
-                "plant.kind",
-                f'"{self.name}" knows no screw joints, and joint "{hinge}" of {self.arm.path} is one; '
-                f'take "{Servo.name}"',
-            )
 
-
-def _mass_entries(model: mujoco.MjModel, wiring: Wiring) -> NDArray[np.int64]:
-    """Return (joint, joint, index) of each stored entry of M between joints of the arm, (e, 3)."""
-    joint = {int(dof): j for j, dof in enumerate(wiring.dof)}
-    entries = [
-        (joint[row], joint[int(model.M_colind[e])], e)
-        for row in joint
-        for e in range(model.M_rowadr[row], model.M_rowadr[row] + model.M_rownnz[row])
-        if int(model.M_colind[e]) in joint
-    ]
-    return np.array(entries, np.int64)
+def _mass_entries(
+    model: mujoco.MjModel, wiring: Wiring, arm: Arm
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return (joint, joint, index) and the factor of each stored entry of M that moves with the arm."""
+    moved = {int(dof): (j, 1.0) for j, dof in enumerate(wiring.dof)}
+    for dof, one in zip(wiring.follower_dof, arm.followers, strict=True):
+        moved[int(dof)] = one.leader, one.ratio
+    entries, factors = [], []
+    for row, (i, ratio) in moved.items():
+        for e in range(model.M_rowadr[row], model.M_rowadr[row] + model.M_rownnz[row]):
+            column = int(model.M_colind[e])
+            if column in moved:
+                j, other = moved[column]
+                # of two joints that move as one, only the lower triangle is stored
+                twice = 2.0 if i == j and row != column else 1.0
+                entries.append((i, j, e))
+                factors.append(twice * ratio * other)
+    return np.array(entries, np.int64), np.array(factors)
