@@ -92,7 +92,7 @@ class Arm:
         site: Name of the controlled site.
         joints: Names, from the world outward, n of them.
         is_slide: Whether each joint slides, (n,).
-        followers: Joints on the chain that follow its joints.
+        followers: Joints that follow its joints, on the chain or not.
         ties: What else of the model ties its joints, in words: with any, they are no open chain.
         position_limit: Lower and upper, (n, 2) [rad or m]; infinite where the model has none.
         rate_limit: (n,) [rad/s or m/s]; infinite where the model has none.
@@ -321,7 +321,7 @@ class Arm:
 
     @property
     def followed_dofs(self) -> tuple[list[int], Array]:
-        """Addresses in qvel of all joints that move with the arm, and F: how far its joints move them, (…, n)."""
+        """Addresses in qvel of all joints that move with the arm, and how far those of the arm move them."""
         rows = [np.eye(self.n), *(one.ratio * np.eye(self.n)[[one.leader]] for one in self.followers)]
         return [*self.wiring.dof.tolist(), *self.wiring.follower_dof.tolist()], np.concatenate(rows)
 

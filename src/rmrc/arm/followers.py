@@ -1,4 +1,4 @@
-"""Which joints of a chain follow others: linear equalities of the model make them."""
+"""Which joints follow others: linear equalities of the model make them."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -69,10 +69,12 @@ def active_equalities(model: mujoco.MjModel) -> list[int]:
 
 
 def find_links(path: Path, model: mujoco.MjModel, chain: Sequence[str]) -> dict[str, Link]:
-    """Return what the joints of a chain follow, by name: through other joints, to one that follows none.
+    """Return what joints follow, by name: through other joints, to one that follows none.
+
+    Those of the chain come first, outward. Of other joints those are left out for which the error would be.
 
     Raises:
-        ModelError: A joint follows another by a polynomial, two of them, or in a circle.
+        ModelError: A joint of the chain follows another by a polynomial, two of them, or in a circle.
     """
     rules: dict[int, list[tuple[int, NDArray[np.float64]]]] = {}
     for i in active_equalities(model):
@@ -80,10 +82,15 @@ def find_links(path: Path, model: mujoco.MjModel, chain: Sequence[str]) -> dict[
             rule = int(model.eq_obj2id[i]), np.array(model.eq_data[i, :5])
             rules.setdefault(int(model.eq_obj1id[i]), []).append(rule)
     links = {}
-    for name in chain:
+    elsewhere = [name for joint in rules if (name := model.joint(joint).name) and name not in chain]
+    for name in (*chain, *elsewhere):
         joint = model.joint(name).id
-        if joint in rules:
-            links[name] = _followed(path, model, joint, rules)
+        try:
+            if joint in rules:
+                links[name] = _followed(path, model, joint, rules)
+        except ModelError:
+            if name in chain:
+                raise
     return links
 
 
@@ -127,7 +134,7 @@ def _name(model: mujoco.MjModel, joint: int) -> str:
 def followers(
     model: mujoco.MjModel, chain: Sequence[str], links: Mapping[str, Link], driven: Sequence[str]
 ) -> tuple[Follower, ...]:
-    """Return the joints of a chain that follow those that are driven.
+    """Return the joints that follow those that are driven, on the chain or not.
 
     Args:
         model: As its author wrote it.
@@ -145,7 +152,8 @@ def followers(
         joint, pitch = model.joint(name).id, 0.0
         kinds = int(model.jnt_type[link.leader]), int(model.jnt_type[joint])
         along = float(data.xaxis[link.leader] @ data.xaxis[joint])
-        beside = abs(chain.index(name) - chain.index(model.joint(link.leader).name)) == 1
+        ends = model.joint(link.leader).name, name
+        beside = name in chain and abs(chain.index(ends[0]) - chain.index(ends[1])) == 1
         if kinds == (HINGE, SLIDE) and beside and abs(abs(along) - 1.0) < PARALLEL:
             pitch = link.ratio if along > 0.0 else -link.ratio
         if link.leader in has_slide:

@@ -88,7 +88,7 @@ def load(
         keyframes=keyframes(model, joint.tolist(), limit, asked.prefix, notes),
         model=model,
         _spec=spec,
-        _links={name: link for name, link in links.items() if name not in {one.name for one in following}},
+        _links={name: links[name] for name in chain if name in links and links[name].leader not in joint},
         variant=asked.variant,
         notes=tuple(notes),
         obvious=obvious,
