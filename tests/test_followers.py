@@ -362,7 +362,7 @@ def test_verbs_that_solve_or_drive_refuse_a_tied_arm_and_inspect_says_so(rmrc, t
     told = says(f'… {model}: weld "drag" of body "target" to body "hand" … open chain; … active …')
     for verb in (
         ["run", scenario], ["compare", scenario, "--vary", "control.inverse.method=inverse,damped"], ["sweep", scenario, "--vary", "control.feedback=1,2"], ["tune", scenario],
-        ["ik", model, "--site", "tip", "--to-q", "0.1,0.2"], ["statics", model, "--site", "tip", "--wrench", "0,0,-1,0,0,0"], ["workspace", model, "--site", "tip"],
+        ["ik", model, "--site", "tip", "--to-q", "0.1,0.2"], ["statics", model, "--site", "tip", "--wrench", "0,0,-1,0,0,0"], ["workspace", model, "--site", "tip"], ["check", model], ["new", model],
     ):  # fmt: skip
         status, _, err = rmrc(*map(str, verb))
         assert status == 2 and err.strip().splitlines()[-1] == told, (verb, err)

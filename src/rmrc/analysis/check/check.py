@@ -81,6 +81,12 @@ def check(
 
 
 def _arm(model: Model, site: str | None, joints: Sequence[str] | None) -> Arm:
+    arm = _whole(model, site, joints)
+    arm.require_open()
+    return arm
+
+
+def _whole(model: Model, site: str | None, joints: Sequence[str] | None) -> Arm:
     if isinstance(model, Scenario):
         section = model.arm
         arm = arms.load(section.model, site or section.site, joints or section.joints)
