@@ -223,6 +223,7 @@ plant:
   bandwidth: 500.0
   timestep: 0.001
   gravity_compensation: true
+  friction_compensation: true
   payload: 0.0
   gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]

@@ -92,7 +92,6 @@ def test_rows_have_the_bits_of_one_thread_with_threads_and_with_workers_that_see
     assert sweep.dataset.file.read_bytes() == whole
 
 
-@pytest.mark.long
 def test_a_killed_workers_batch_is_run_again_and_the_file_is_the_same_to_the_byte(
     path, whole, workers, tmp_path
 ):
