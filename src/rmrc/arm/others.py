@@ -58,11 +58,11 @@ class Others:
 
         Args:
             model: As its author wrote it.
-            joints: Of the arm, the slides of screws among them.
+            joints: Of the arm, and those that follow them.
             site: That they move.
         """
         self.model, self._own, self._site = model, frozenset(int(joint) for joint in joints), site
-        pulls = [self._pulled(i) for i in range(model.nactuator)]
+        pulls = [self._found_pulled(i) for i in range(model.nactuator)]
         self.replaced = frozenset(i for i, pulled in enumerate(pulls) if pulled and pulled <= self._own)
         self.kept = tuple(i for i in range(model.nactuator) if i not in self.replaced)
         self._pulls = pulls
@@ -88,6 +88,10 @@ class Others:
                 if not linked <= moving and not linked.isdisjoint(moving):
                     moving, grown = moving | linked, True
         return frozenset(range(model.njnt)) - moving
+
+    def pulled(self, actuator: int) -> frozenset[int]:
+        """Return the joints that an actuator pulls at."""
+        return self._pulls[actuator]
 
     def holds(self, actuator: int) -> bool:
         """Return whether a constant control keeps what an actuator pulls at: it is a spring about that."""
@@ -214,8 +218,7 @@ class Others:
         trees = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in np.flatnonzero(model.jnt_type == _FREE)}
         return frozenset(j for j in range(model.njnt) if int(model.body_rootid[model.jnt_bodyid[j]]) in trees)
 
-    def _pulled(self, i: int) -> frozenset[int]:
-        """Return the joints that an actuator pulls at."""
+    def _found_pulled(self, i: int) -> frozenset[int]:
         model = self.model
         kind, (first, second) = int(model.actuator_trntype[i]), model.actuator_trnid[i]
         if kind in _JOINT_TARGETS:

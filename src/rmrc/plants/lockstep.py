@@ -145,10 +145,10 @@ def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
     status, compensated = 0, gravcomp.shape[0] > 0
     for j in range(world.n):
         out.tau_gravity[j] = gravcomp[world.dof[j]] if compensated else 0.0
-        if compensated and world.travel_column[j] >= 0:
-            out.tau_gravity[j] += world.travel_ratio[j] * gravcomp[world.travel_dof[j]]
         if abs(out.tau[j]) >= AT_LIMIT * world.torque_limit[j] > 0.0:
             status = TORQUE_LIMITED
+    for f in range(world.followers if compensated else 0):
+        out.tau_gravity[world.follows[f]] += world.follower_ratio[f] * gravcomp[world.follower_dof[f]]
     return status
 
 
@@ -220,6 +220,9 @@ def bad_joint(world: Record, warning: NDArray[np.int32]) -> int:
             for j in range(world.n):
                 if world.dof[j] == warning[kind, 0]:
                     return j
+            for f in range(world.followers):
+                if world.follower_dof[f] == warning[kind, 0]:
+                    return int(world.follows[f])
             return -1
     return -2
 

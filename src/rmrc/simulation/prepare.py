@@ -221,6 +221,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     cache = cache or Cache()
     try:
         arm = cache.arm(scenario.arm)
+        arm.require_open()
     except ModelError as error:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
     tell_assumed(note for note in arm.notes if note != arm.obvious or scenario.arm.site is None)
@@ -270,7 +271,7 @@ def _start(scenario: Scenario, arm: Arm, problems: Problems) -> NDArray[np.float
                 f"{arm.units[j]}, got {position:.6g}{_in_degrees(arm, j, position)}",
             )
     if scenario.arm.pose is not None:
-        own = [*arm.wiring.qpos, *arm.wiring.travel_qpos]
+        own = [*arm.wiring.qpos, *arm.wiring.follower_qpos]
         try:
             placed = arm.at(qpos)
             q = start_positions(placed, scenario.arm.pose, qpos[arm.wiring.qpos], scenario.task.length)
@@ -427,4 +428,6 @@ def writers(prepared: Prepared, reference: int) -> tuple[Writer, ...]:
 def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> NDArray[np.void]:
     """Return the records of worlds whose arms have the same joints, (w,): by `writers`, not yet wired."""
     beside = (*WIRING, *Hardware.memory)
-    return records(prepared[0].arm.n, *map(writers, prepared, references), beside=beside)
+    arm = prepared[0].arm
+    axes = arm.n + len(arm.followers)
+    return records(arm.n, *map(writers, prepared, references), beside=beside, axes=axes)
