@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from rmrc.arm.actuators import reset
 from rmrc.arm.compiling import compiled, in_our_words
 from rmrc.arm.differences import PAYLOAD, check_stretch, stretched_fields
+from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others
 from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import Travel, Wiring, find_chain, joints_above, wire
@@ -66,6 +67,9 @@ class Arm:
         keyframes: Configurations by name, each (nq,).
         model: The model as its author wrote it, but for what is stretched.
         variant: What else than the file makes the model: a tool, folders of packages.
+        frame: Key of a scenario's `arm` that names what is controlled, and its value; None where only default
+            names it.
+        packages: Names and folders of a URDF's packages that were given.
         notes: What was assumed where the file does not say it, a line each.
         home: Number of the keyframe that is `home`; None where none is.
         obvious: Which of them tells a choice of the site that hardly anybody would doubt; "" if none does.
@@ -86,6 +90,8 @@ class Arm:
     model: mujoco.MjModel
     _spec: mujoco.MjSpec
     variant: Hashable = ()
+    frame: NamedFrame | None = None
+    packages: tuple[tuple[str, Path], ...] = ()
     notes: tuple[str, ...] = ()
     obvious: str = ""
     home: int | None = None
@@ -360,6 +366,13 @@ class Arm:
         return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]
 
     @property
+    def is_balanced(self) -> bool:
+        """Whether gravity pulls at no joint of the arm: there is none, or the model compensates all of it."""
+        model, root = self.model, int(self.model.jnt_bodyid[self.wiring.joint[0]])
+        heavy = [b for b in range(root, model.nbody) if model.body_mass[b] > 0.0 and self._descends(b, root)]
+        return not model.opt.gravity.any() or all(model.body_gravcomp[b] == 1.0 for b in heavy)
+
+    @property
     def is_fixed(self) -> NDArray[np.bool_]:
         """Which bodies are fixed to the world, (nbody,)."""
         fixed: NDArray[np.bool_] = self.model.body_weldid == 0
@@ -465,8 +478,10 @@ class Arm:
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
         replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
-        for actuator in replaced:  # chosen before, as ids change with every one that goes
-            spec.delete(actuator)
+        gone = {actuator.name for actuator in replaced}
+        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
+        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
+            spec.delete(element)  # chosen before, as ids change with every one that goes
         for actuator in spec.actuators:  # a control that never changes can be as late as it likes
             actuator.delay, actuator.nsample = 0.0, 0
         if drive is not None:

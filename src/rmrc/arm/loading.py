@@ -11,7 +11,7 @@ import numpy as np
 from rmrc.arm import urdf
 from rmrc.arm.arm import Arm
 from rmrc.arm.bounds import bounded_memory
-from rmrc.arm.compiling import quiet_log, read
+from rmrc.arm.compiling import compiled, quiet_log, read
 from rmrc.arm.keyframes import keyframes, starting_key
 from rmrc.arm.limits import position_limit, rate_limit, torque_limit
 from rmrc.arm.mounting import Asked, mounted
@@ -53,7 +53,7 @@ def load(
     asked = Asked(site, body, tool, base, tuple(sorted((packages or {}).items())))
     spec, model, velocity, told = read(path, packages)
     notes = list(told)
-    model, site, obvious = mounted(path, spec, model, asked, notes)
+    model, site, frame, obvious = mounted(path, spec, model, asked, notes)
     chain = find_chain(path, model, site)
     travels = find_travels(path, model, chain)
     own = [name for name in chain if name not in travels]
@@ -66,6 +66,10 @@ def load(
     joint = np.array([model.joint(name).id for name in driven])
     limit = position_limit(model, driven, followed)
     rates = np.array([min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf)) for i in joint])
+    keys = keyframes(model, joint.tolist(), limit, asked.prefix, notes)
+    if urdf.is_urdf(path) and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
+        notes += apart
+        model = compiled(path, spec)
     return Arm(
         path=path,
         site=site,
@@ -75,10 +79,12 @@ def load(
         position_limit=limit,
         rate_limit=rates,
         torque_limit=np.array([torque_limit(model, i) for i in joint]),
-        keyframes=keyframes(model, joint.tolist(), limit, asked.prefix, notes),
+        keyframes=keys,
         model=model,
         _spec=spec,
         variant=asked.variant,
+        frame=frame,
+        packages=asked.packages,
         notes=tuple(notes),
         obvious=obvious,
         home=starting_key(model, joint.tolist(), asked.prefix),

@@ -8,7 +8,7 @@ world has an object. `rmrc.plants.kinds` finds it by its name.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self, TypeAlias
+from typing import ClassVar, NamedTuple, Self, TypeAlias
 
 import mujoco
 import numpy as np
@@ -46,6 +46,18 @@ class Wired:
     worlds: NDArray[np.void]
     batch: Batch
     take: Callable[[Sequence[Difference]], Batch]
+
+
+class Assumed(NamedTuple):
+    """What a run has otherwise than the model's author wrote it.
+
+    Attributes:
+        text: In words.
+        is_otherwise: Whether the author chose something else, or nothing.
+    """
+
+    text: str
+    is_otherwise: bool
 
 
 class Plant(ABC):
@@ -127,6 +139,10 @@ class Plant(ABC):
         """Return what is to be done before MuJoCo steps these worlds, or None if nothing is."""
         del plants, wired
         return None
+
+    def assumed(self) -> Iterator[Assumed]:
+        """Yield what it has otherwise than the model."""
+        yield from ()
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield key and message of what it cannot do with this arm."""

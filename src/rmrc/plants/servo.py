@@ -44,7 +44,7 @@ class RateServos:
 class Servo(Physical):
     """Servos that are told the rates."""
 
-    name = "servo"
+    name, drives = "servo", ("rate servos", "velocity")
     obey = staticmethod(tell_servos)
     fields = (*Physical.fields, Field("kv", size=(JOINTS,)))
 

@@ -159,7 +159,7 @@ class Torque(Physical):
     is known, from the same states.
     """
 
-    name = "torque"
+    name, drives = "torque", ("motors", "motor")
     obey = staticmethod(choose_acceleration)
     fields = (*Physical.fields, Field("bandwidth"), Field("substeps", np.int64))
     # the acceleration that the joints shall have, and the rates that were sent before
@@ -178,7 +178,7 @@ class Torque(Physical):
         return Motors()
 
     def write(self, world: np.void) -> None:
-        """Write the wrench, the bandwidth and the steps of a period."""
+        """Write the bandwidth and the steps of a period."""
         super().write(world)
         world["bandwidth"], world["substeps"] = self.section.bandwidth, self.substeps
 

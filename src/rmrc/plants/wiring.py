@@ -24,6 +24,7 @@ WIRING = (
     Field("wrench_column", np.int64),
     Field("travel_column", np.int64, (JOINTS,)),
     Field("travel_ratio", size=(JOINTS,)),
+    Field("travel_dof", np.int64, (JOINTS,)),
     # from the center of mass of the body that carries the site to the site, in the site's frame
     Field("lever", size=(3,)),
     *RESISTANCE,
@@ -57,8 +58,9 @@ def write_wiring(
     worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + controls
     worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
     worlds["travel_column"] = -1
-    for address, travel in zip(wiring.travel_qpos, arms[0].travels, strict=True):
+    for address, dof, travel in zip(wiring.travel_qpos, wiring.travel_dof, arms[0].travels, strict=True):
         worlds["travel_column"][:, travel.hinge] = _column(model, "QPOS") + address
+        worlds["travel_dof"][:, travel.hinge] = dof
         worlds["travel_ratio"][:, travel.hinge] = travel.ratio
     carrier = model.body(wiring.body).name
     stretch = np.array([arm.stretch.get(carrier, 1.0) for arm in arms])

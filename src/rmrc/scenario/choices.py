@@ -26,6 +26,8 @@ class Status(IntFlag):
     SINGULAR = 32
     STOPPED = 64
     STUCK = 128
+    CONTACT = 256
+    TORQUE_LIMITED = 512
 
 
 class Scales(NamedTuple):
