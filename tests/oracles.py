@@ -100,7 +100,7 @@ class NumpyLoop:
         self.model = prepared.plant.model([prepared.plant])
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = prepared.qpos
-        self.substeps = round(self.scenario.control.period / plant.timestep)
+        self.substeps = round(self.scenario.control.period / self.model.opt.timestep)
         self.kinematics = Kinematics(self.model, prepared.qpos, self.arm.joints)
         self.dof, self.qpos = self.kinematics.dof, self.kinematics.qpos
         self.ctrl = [

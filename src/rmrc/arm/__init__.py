@@ -5,9 +5,10 @@ the limits are read from joints and actuators, and `Arm.adapted` gives each join
 actuator that a plant needs. Nothing here steps the physics.
 """
 
-from rmrc.arm.arm import Arm, Chain, Drive
+from rmrc.arm.arm import Arm, Chain, Drive, Own
+from rmrc.arm.drives import DriveKind, OwnDrives
 from rmrc.arm.loading import files, load, load_asked
 from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Travel, Wiring
 
-__all__ = ["Arm", "Chain", "Drive", "Shape", "Travel", "Wiring", "files", "load", "load_asked"]
+__all__ = ["Arm", "Chain", "Drive", "DriveKind", "Own", "OwnDrives", "Shape", "Travel", "Wiring", "files", "load", "load_asked"]

@@ -62,7 +62,7 @@ def tick(
     site_xquat: Array,
     xanchor: Array,
     xaxis: Array,
-    actuator_force: Array,
+    force: Array,
     t: int,
 ) -> int:
     """Control all worlds for one tick; return how many of them are to be stepped.
@@ -79,7 +79,7 @@ def tick(
         site_xquat: Orientation of each site.
         xanchor: Joint anchors.
         xaxis: Joint axes.
-        actuator_force: Forces of the last step.
+        force: Forces of the last step.
         t: Number of the tick.
     """
     running, row = 0, t % ticks.shape[0]
@@ -87,7 +87,7 @@ def tick(
         world, out = worlds[w], ticks[row, w]
         if world.diverged >= 0 or t >= world.ticks:
             continue
-        sense(world, out, state[w], actuator_force[w])
+        sense(world, out, state[w], force[w])
         is_misled = read_joints(world, out, site_xpos[w], site_xquat[w])
         world.diverged_joint = bad_joint(world, warning[w])
         if world.diverged_joint >= -1:

@@ -57,10 +57,11 @@ class Plant(ABC):
         period: Control period [s].
         name: As it is declared.
         sense: Compiled, (world, out, state, force): writes `out.q`, `out.qdot` and `out.tau`, from MuJoCo's
-            state row and the actuators' forces.
+            state row and the forces of the last step.
         obey: Compiled, (world, out, state): brings `world.qdot_sent` into MuJoCo's state row.
         fields: Of the record of a world, those that `write` writes.
         memory: Those that the compiled functions keep for themselves, 0 at first.
+        forces: The field of MjData that `sense` gets for the forces of the last step.
         stage: How far MuJoCo computes what follows from a new state: all that `sense` reads is fresh.
         batches: How many of MuJoCo's it takes at most.
     """
@@ -70,6 +71,7 @@ class Plant(ABC):
     obey: ClassVar[Callable[..., None]]
     fields: ClassVar[tuple[Field, ...]] = ()
     memory: ClassVar[tuple[Field, ...]] = ()
+    forces: ClassVar[str] = "actuator_force"
     stage: ClassVar[mujoco.mjtStage]
     batches: ClassVar[int] = 1
 
@@ -122,6 +124,11 @@ class Plant(ABC):
         """Return what is to be done before MuJoCo steps these worlds, or None if nothing is."""
         del plants, wired
         return None
+
+    @property
+    def notes(self) -> Iterator[str]:
+        """What it took for granted where nobody said it, a line each."""
+        yield from ()
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield key and message of what it cannot do with this arm."""

@@ -49,7 +49,7 @@ class Servo(Physical):
         step. Less tracks worse, and much more makes servos chatter when they reach their torque limits.
         """
         kv = self.section.kv
-        return self.arm.inertia / self.section.timestep if kv is None else np.full(self.arm.n, kv)
+        return self.arm.inertia / self.timestep if kv is None else np.full(self.arm.n, kv)
 
     @classmethod
     def drive(cls, plants: Sequence[Self]) -> RateServos:

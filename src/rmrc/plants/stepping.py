@@ -64,8 +64,8 @@ class Stepper:
             plants: That of each world: of one class, and what they share is equal.
             worlds: Records with all parameters set, (w,); the wiring is written.
             qpos: Start, (w, nq).
-            held: Controls and activations of the actuators that are not the arm's, which the model has before
-                the others, (w, …) each.
+            held: Controls and activations of the actuators that the model has before those of the plant,
+                (w, …) each.
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
             ticks: Where the tick records go, (rows, w); with fewer rows than ticks, they are used again.
             batches: Where MuJoCo's part comes from.
@@ -94,7 +94,7 @@ class Stepper:
                 self._batch.bind(name)[:, : values.shape[1]] = values
         write_wiring(worlds, model, wiring, [plant.arm for plant in plants])
         # bound before the first forward, so that it fills them
-        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
+        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
         seen = [self._batch.bind(field) for field in fields]
         arrays: tuple[Any, ...] = (worlds, ticks, reference, self._batch.state, self._batch.warning, *seen)
         self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)

@@ -22,7 +22,7 @@ WIRING = (
     Field("ctrl_column", np.int64, (JOINTS,)),
     Field("wrench_column", np.int64),
     Field("travel_column", np.int64, (JOINTS,)),
-    Field("travel_ratio", size=(JOINTS,)),
+    Field("travel_ratio", size=(JOINTS,)), Field("travel_dof", np.int64, (JOINTS,)),
     # from the center of mass of the body that carries the site to the site, in the site's frame
     Field("lever", size=(3,)),
 )
@@ -44,21 +44,22 @@ def write_wiring(
     worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
     worlds["force"][:, :n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
     worlds["site"], worlds["body"] = wiring.site, wiring.body
-    worlds["qpos_column"][:, :n] = _column(model, "QPOS") + wiring.qpos
-    worlds["qvel_column"][:, :n] = _column(model, "QVEL") + wiring.dof
+    worlds["qpos_column"][:, :n] = column(model, "QPOS") + wiring.qpos
+    worlds["qvel_column"][:, :n] = column(model, "QVEL") + wiring.dof
     controls = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
-    worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + controls
-    worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
+    worlds["ctrl_column"][:, :n] = column(model, "CTRL") + controls
+    worlds["wrench_column"] = column(model, "XFRC_APPLIED") + 6 * wiring.body
     worlds["travel_column"] = -1
-    for address, travel in zip(wiring.travel_qpos, arms[0].travels, strict=True):
-        worlds["travel_column"][:, travel.hinge] = _column(model, "QPOS") + address
+    for address, dof, travel in zip(wiring.travel_qpos, wiring.travel_dof, arms[0].travels, strict=True):
+        worlds["travel_column"][:, travel.hinge] = column(model, "QPOS") + address
+        worlds["travel_dof"][:, travel.hinge] = dof
         worlds["travel_ratio"][:, travel.hinge] = travel.ratio
     carrier = model.body(wiring.body).name
     stretch = np.array([arm.stretch.get(carrier, 1.0) for arm in arms])
     worlds["lever"] = _lever(model, wiring) * stretch[:, None]
 
 
-def _column(model: mujoco.MjModel, component: str) -> int:
+def column(model: mujoco.MjModel, component: str) -> int:
     """Return where a component begins in a state row: components are stored in the order of their bits."""
     bit = int(getattr(mujoco.mjtState, f"mjSTATE_{component}"))
     return int(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION) & (bit - 1)))

@@ -134,7 +134,7 @@ class Prepared:
         scenario: As written.
         arm: The arm that it names.
         qpos: Where the model starts, (nq,).
-        held: Controls and activations of the actuators that are not the arm's: see `Arm.held`.
+        held: Controls and activations of the author's actuators: see `Arm.held`.
         reference: Poses and twists at each control tick.
         cache: What it shares with others.
     """
@@ -216,12 +216,14 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     problems.extend(hardware.plant.misfits())
     problems.raise_any()
     _doubt_start(scenario, arm)
+    tell_assumed(hardware.plant.notes)
     try:
         reference = cache.reference(scenario, arm, qpos[arm.wiring.qpos])
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([scenario.problem(key, text)]) from None
-    prepared = Prepared(scenario, arm, qpos, arm.held(scenario.arm.start, qpos), reference, cache)
+    held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
+    prepared = Prepared(scenario, arm, qpos, held, reference, cache)
     _check_duration(prepared, problems)
     problems.extend(hardware.plant.excesses(prepared.most_ticks))
     problems.raise_any()

@@ -134,7 +134,7 @@ class Result:
             "divergence": self.divergence and asdict(self.divergence),
             "scorecard": self.scorecard.nested(),
             "expect": [outcome.facts() for outcome in self.outcomes],
-            "assumed": list(self.prepared.arm.notes),
+            "assumed": [*self.prepared.arm.notes, *self.prepared.plant.notes],
             "scenario": self.prepared.scenario.model_dump(mode="json"),
         }
 
