@@ -37,11 +37,11 @@ def once(read):
     known = functools.cache(read)
 
     @functools.wraps(read)
-    def copied(path):
-        if path.resolve().parent != ROOT / "models":
-            return read(path)
-        spec, model = known(path)
-        return spec.copy(), copy.copy(model)
+    def copied(path, packages=None):
+        if packages or path.resolve().parent != ROOT / "models":
+            return read(path, packages)
+        found = known(path)
+        return found._replace(spec=found.spec.copy(), model=copy.copy(found.model))
 
     return copied
 

@@ -12,8 +12,8 @@ def whole(piece):
 class says(str):  # noqa: N801 - reads as a verb
     """Equals a text of the same pieces in the same order, with words of any kind in the place of each `…`.
 
-    At either end there may be none. The pieces are what a reader needs: where it is, what was given, the bound
-    or the choices, the way out.
+    At either end of a line there may be none. The pieces are what a reader needs: where it is, what was given, the
+    bound or the choices, the way out.
     """
 
     __slots__ = ()
@@ -22,7 +22,8 @@ class says(str):  # noqa: N801 - reads as a verb
     def __eq__(self, text):
         pattern = ".+".join(whole(piece.strip(" ")) for piece in self.strip("… ").split("…"))
         start, end = (".*" * one for one in (self.startswith("…"), self.endswith("…")))
-        return isinstance(text, str) and re.fullmatch(start + pattern + end, text) is not None
+        pattern = start + pattern.replace(".+\\\n", ".*\\\n") + end
+        return isinstance(text, str) and re.fullmatch(pattern, text) is not None
 
     def __ne__(self, text):
         return not self == text
