@@ -4,15 +4,12 @@ The oracle is a plain loop over MuJoCo, of the file as it is, with `rmrc.Control
 written by hand for each model, from the meaning of MJCF's elements.
 """
 
-import math
-
 import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from project import ROOT
-from rmrc import arm as arms
 from rmrc.law.controller import Controller
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import Status
@@ -35,7 +32,7 @@ def scenario(name, start="home", by=(0.05, 0.0, 0.05), seconds=0.3, period=PERIO
         "name": "drives", "arm": {"model": path, "site": "hand", "start": start}, "task": {"axes": ("x", "z")},
         "control": {"period": period, "feedback": 5.0, "limits": limits or {}},
         "target": {"path": ({"line": {"by": by}}, {"hold": {"for": seconds}})},
-        "plant": {"kind": "model", **plant},
+        "plant": {"kind": "model", "bandwidth": 100.0, **plant},
     })  # fmt: skip
 
 
@@ -94,18 +91,19 @@ class Loop:
         """Return computed torque [Luh80]."""
         M = np.zeros((2, 2))
         mujoco.mj_fullM(self.model, self.data, M)
-        qddot = (rates - self.before) / self.period + 500.0 * (rates - self.data.qvel)
+        qddot = (rates - self.before) / self.period + self.prepared.scenario.plant.bandwidth * (
+            rates - self.data.qvel
+        )
         return M @ qddot + self.load()
 
-    def moment(self):
-        """Return how fast actuators lengthen, (actuators, joints), by difference quotients of their lengths."""
-        h, lengths = 1e-6, []
-        other = mujoco.MjData(self.model)
-        for step in (*(h * np.eye(2)), *(-h * np.eye(2))):
-            other.qpos[:] = self.data.qpos + step
-            mujoco.mj_fwdPosition(self.model, other)
-            lengths.append(other.actuator_length.copy())
-        return (np.array(lengths[:2]) - np.array(lengths[2:])).T / (2 * h)
+    def stretch(self, *sites):
+        """Return how fast a straight cable between two sites lengthens, (n,), by their Jacobians."""
+        first, last = (self.model.site(name).id for name in sites)
+        J = np.zeros((2, 3, 2))
+        for site, jacobian in zip((first, last), J, strict=True):
+            mujoco.mj_jacSite(self.model, self.data, jacobian, None, site)
+        along = self.data.site_xpos[last] - self.data.site_xpos[first]
+        return along / np.linalg.norm(along) @ (J[1] - J[0])
 
 
 def moved(*scale):
@@ -127,7 +125,7 @@ def start_velocity(loop):
 
 def tell_velocity(loop, rates):
     # b: 4 ctrl + 0.5 − 2 length-rate = 0 at length-rate = −3 rate
-    loop.data.ctrl[:] = np.clip(rates[0], -3, 3), (-0.5 + 2 * -3 * rates[1]) / 4
+    loop.data.ctrl[:] = np.clip(rates[0], -1, 1), (-0.5 + 2 * -3 * rates[1]) / 4
 
 
 def tell_intvelocity(loop, rates):
@@ -174,16 +172,14 @@ def tell_tendon_motor(loop, rates):
 
 
 def start_cable(loop):
-    moment, load = loop.moment(), loop.load()
-    assert_allclose(moment[0, 1], 0.0, atol=1e-9)
-    assert_allclose(moment[1, 0], 0.0, atol=1e-9)
-    loop.data.ctrl[0] = loop.data.actuator_length[0] + load[0] / moment[0, 0] / 9000
+    loop.data.ctrl[0] = (
+        loop.data.actuator_length[0] + loop.load()[0] / loop.stretch("post", "bracket")[0] / 9000
+    )
 
 
 def tell_cable(loop, rates):
-    moment = loop.moment()
-    loop.data.ctrl[0] += moment[0, 0] * rates[0] * loop.period
-    loop.data.ctrl[1] = loop.torque(rates)[1] / moment[1, 1]
+    loop.data.ctrl[0] += loop.stretch("post", "bracket")[0] * rates[0] * loop.period
+    loop.data.ctrl[1] = loop.torque(rates)[1] / loop.stretch("bracket", "pin")[1]
 
 
 def start_late(loop):
@@ -198,30 +194,210 @@ def tell_pair(loop, rates):
     loop.data.ctrl[[1, 4]] = rates
 
 
-# Moments by difference quotients are off by their rounding, 1e-16/1e-6 of a length of 0.3, and the rest follows.
 LOOPS = {
-    "position": (nothing, moved(2.0, 1.0), EXACT),
-    "velocity": (start_velocity, tell_velocity, EXACT),
-    "intvelocity": (nothing, tell_intvelocity, EXACT),
-    "general": (start_general, moved(5.0, -1.0), EXACT),
-    "motor": (nothing, tell_motor, EXACT),
-    "compensated": (start_compensated, tell_compensated, EXACT),
-    "tendon": (start_tendon, tell_tendon, EXACT),
-    "tendon_motor": (nothing, tell_tendon_motor, EXACT),
-    "cable": (start_cable, tell_cable, 1e-7),
-    "late": (start_late, moved(1.0, 1.0), EXACT),
-    "pair": (nothing, tell_pair, EXACT),
+    "position": (nothing, moved(2.0, 1.0)),
+    "velocity": (start_velocity, tell_velocity),
+    "intvelocity": (nothing, tell_intvelocity),
+    "general": (start_general, moved(5.0, -1.0)),
+    "motor": (nothing, tell_motor),
+    "compensated": (start_compensated, tell_compensated),
+    "tendon": (start_tendon, tell_tendon),
+    "tendon_motor": (nothing, tell_tendon_motor),
+    "cable": (start_cable, tell_cable),
+    "late": (start_late, moved(1.0, 1.0)),
+    "pair": (nothing, tell_pair),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", LOOPS)
 def test_an_arm_does_what_a_plain_loop_over_its_file_does(name):
-    start, tell, tolerance = LOOPS[name]
+    start, tell = LOOPS[name]
     prepared, done = run(name)
     qpos, torque = Loop(prepared).run(start, tell)
-    assert_allclose(done["qpos"], qpos, atol=tolerance)
-    assert_allclose(done["tau"], torque, atol=1e3 * tolerance)  # up to 1e3 N·m for a radian
+    assert_allclose(done["qpos"], qpos, rtol=0, atol=EXACT)
+    assert_allclose(done["tau"], torque, rtol=0, atol=1e3 * EXACT)  # up to 1e3 N·m for a radian
     assert np.abs(done["qpos"][-1] - done["qpos"][0]).max() > 0.05
     # a loop that tells the drives a thousandth more is seen
     other, _ = Loop(prepared).run(start, lambda loop, rates: tell(loop, 1.001 * rates))
-    assert np.abs(other - qpos).max() > 10 * tolerance
+    assert np.abs(other - qpos).max() > 10 * EXACT
+
+
+# Start and timestep ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted({*LOOPS} - {"velocity"}))  # a rate servo bears weight only by moving
+def test_beside_its_keyframe_an_arm_starts_at_rest(name):
+    # nothing is asked of the site, and the law has no feedback: what moves is what the drives do not hold
+    still = scenario(name, start=(0.3, -0.7), by=(0.0, 0.0, 0.0)).set({
+        "control.feedback": 0.0, "target.path": [{"hold": {"for": 0.2}}],
+    })  # fmt: skip
+    (done,) = Simulation([prepare(still)]).run()
+    assert np.abs(done["q"] - [0.3, -0.7]).max() < 1e-9
+    weight = Loop(prepare(still))
+    mujoco.mj_forward(weight.model, weight.data)
+    assert_allclose(
+        done["tau"][-1], weight.load() + weight.model.jnt_actgravcomp * weight.data.qfrc_gravcomp, atol=1e-6
+    )
+    assert np.abs(done["tau"][-1]).max() > 0.1
+
+
+def test_a_payload_is_held_at_the_start_and_a_wrench_is_not():
+    still = scenario("tendon", start=(0.3, -0.7), payload=0.5).set({
+        "control.feedback": 0.0, "target.path": [{"hold": {"for": 0.2}}],
+    })  # fmt: skip
+    (done,) = Simulation([prepare(still)]).run()
+    assert np.abs(done["q"] - [0.3, -0.7]).max() < 1e-9
+    (pushed,) = Simulation([prepare(still.set({"plant.wrench": [0, 0, -5, 0, 0, 0]}))]).run()
+    assert np.abs(pushed["q"] - [0.3, -0.7]).max() > 1e-3
+
+
+def test_motors_do_not_know_a_payload():
+    loaded, bare = (run("motor", start=(0.3, -0.7), payload=payload)[1] for payload in (0.5, 0.0))
+    assert _off(loaded) > 1.2 * _off(bare)
+
+
+def _off(done):
+    """Return how far the site was from where it should be [m]."""
+    return np.abs(done["pose_error"][:, [0, 2]]).max()
+
+
+TIMESTEPS = {  # period, timestep written: taken, whether that is said
+    (0.004, None): (0.002, False), (0.002, None): (0.002, False), (0.001, None): (0.001, True),
+    (0.005, None): (0.005 / 3, True), (0.001, 0.0005): (0.0005, False),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("about", TIMESTEPS)
+def test_the_timestep_is_the_models_own_or_the_next_that_divides_the_period_which_is_said(about):
+    (period, written), (taken, is_said) = about, TIMESTEPS[about]
+    said = []
+    with heard_by(said.append):
+        prepared, done = run("position", period=period, timestep=written, seconds=0.1)
+    assert prepared.plant.timestep == pytest.approx(taken, rel=1e-15)
+    notes = [one for one in said if "plant.timestep" in one]
+    assert notes == (
+        [says(f"note: … {taken:g} s … 0.002 s … control.period … {period:g} s")] if is_said else []
+    )
+    assert [note for note in prepared.plant.notes if "timestep" in note] == [
+        one.removeprefix("note: ") for one in notes
+    ]
+    qpos, _ = Loop(prepared, taken).run(nothing, moved(2.0, 1.0))
+    assert_allclose(done["qpos"], qpos, rtol=0, atol=EXACT)
+
+
+def test_a_timestep_that_is_written_must_divide_the_period():
+    with pytest.raises(ValueError, match="integer multiple of plant.timestep, got 0.001 and 0.002"):
+        scenario("position", period=0.001, timestep=0.002)
+
+
+# Ranges ------------------------------------------------------------------------------------------------
+
+
+def test_a_command_stops_at_the_end_of_its_range_and_turns_at_once():
+    # the command ends at 1 rad; the law wants to go on for a second, then back
+    prepared = prepare(scenario("position", by=(0.0, 0.0, 0.0), limits={"position": False}).set({
+        "arm.start": [-0.4, 2.2], "control.feedback": 0.0,
+        "task.axes": ["x"], "target.path": [{"line": {"by": [-0.35, 0, 0]}}, {"line": {"by": [0.35, 0, 0]}}],
+    }))  # fmt: skip
+    (done,) = Simulation([prepared]).run()
+    is_clamped = (done["status"].astype(int) & int(Status.POSITION_LIMITED)) > 0
+    (loop_q, _) = Loop(prepared).run(*_clamped_position())
+    assert is_clamped.any() and not is_clamped.all()
+    assert_allclose(done["qpos"], loop_q, rtol=0, atol=EXACT)
+
+
+def _clamped_position():
+    def start(loop):
+        q, load = loop.data.qpos, loop.load()
+        loop.data.ctrl[:] = 2 * q[0] + load[0] / 2 / 300, min(q[1] + load[1] / 90, 2.5)
+
+    def tell(loop, rates):
+        loop.data.ctrl[:] += np.array([2.0, 1.0]) * rates * loop.period
+        loop.data.ctrl[1] = np.clip(loop.data.ctrl[1], -2.5, 2.5)
+
+    return start, tell
+
+
+def test_a_rate_beyond_the_range_of_a_servo_is_a_status():
+    _, done = run("velocity", by=(0.1, 0.0, 0.1))
+    assert not (done["status"].astype(int) & int(Status.RATE_LIMITED)).any()
+    fast = scenario("velocity", by=(0.2, 0.0, 0.2)).set({
+        "control.limits.rate": 50.0, "target.limits": {"velocity": 5.0, "acceleration": 60.0, "jerk": 6000.0}
+    })  # fmt: skip
+    (done,) = Simulation([prepare(fast)]).run()
+    told = (done["status"].astype(int) & int(Status.RATE_LIMITED)) > 0
+    # told a tick after the command that was cut
+    assert_array_equal(told[1:], np.abs(done["qdot_cmd"][:-1, 0]) > 1.0)
+    assert told.any()
+
+
+# Which drives ------------------------------------------------------------------------------------------
+
+BODY = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="shoulder" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".03" mass="1"/><body pos=".4 0 0">
+<joint name="elbow" axis="0 1 0"/><geom type="capsule" fromto=".1 0 0 .3 0 0" size=".02" mass=".6"/>
+<site name="hand" pos=".3 0 0"/></body></body></worldbody>
+<tendon><fixed name="both"><joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/></fixed></tendon>
+<actuator>{}</actuator></mujoco>"""
+POSITION, MOTOR = '<position name="p" joint="shoulder" kp="9"/>', '<motor name="m" joint="elbow"/>'
+
+REFUSED = {
+    "": ("shoulder, elbow", ""),
+    POSITION: ("elbow", ""),
+    f'{POSITION}<muscle name="m" joint="elbow" lengthrange="0 1"/>': ("elbow", "m"),
+    f'{POSITION}<damper name="m" joint="elbow" kv="1" ctrlrange="0 1"/>': ("elbow", "m"),
+    f'{POSITION}<motor name="m" joint="elbow" gear="0"/>': ("elbow", ""),
+    '<position name="p" tendon="both" kp="9"/>': ("shoulder, elbow", ""),
+    # a motor that also pulls at a joint with a servo keeps its control
+    f'{POSITION}<motor name="m" tendon="both"/>': ("elbow", "m"),
+    f'{POSITION}<general name="m" joint="elbow" dyntype="integrator"/>': ("elbow", "m"),
+    f'{POSITION}<general name="m" joint="elbow" biastype="affine" gainprm="1" biasprm="0 3 0"/>': ("elbow", "m"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("actuators", REFUSED)
+def test_joints_that_nothing_drives_are_named(tmp_path, actuators):
+    joints, idle = REFUSED[actuators]
+    path = tmp_path / "model.xml"
+    path.write_text(BODY.format(actuators))
+    with pytest.raises(ScenarioError) as caught:
+        prepare(scenario(path))
+    told = f"{idle} … " if idle else ""
+    assert str(caught.value) == says(f'plant.kind: "model" … {path} … {joints} alone … {told}"servo"')
+
+
+def test_a_motor_beside_a_servo_keeps_its_control_and_is_named():
+    prepared, _ = run("pair")
+    drives = prepared.arm.drives
+    assert [prepared.arm.model.actuator(i).name for i in drives.idle] == ["a3"]
+    assert any(note == says("… a3") for note in prepared.plant.notes)
+
+
+def test_other_plants_do_not_see_the_authors_drives():
+    # the same arm on servos of ours, with no actuator of the author's left
+    prepared, done = run("position", kind="servo", timestep=0.001)
+    assert prepared.plant.model([prepared.plant]).nactuator == 2
+    assert 1.2 * _off(done) < _off(run("position")[1])
+
+
+def test_gravity_compensation_is_the_authors_unless_the_scenario_says():
+    own, floating = run("tendon")[0], run("tendon", gravity_compensation=True)[0]
+    assert not own.plant.model([own.plant]).body_gravcomp.any()
+    assert floating.plant.model([floating.plant]).body_gravcomp[1:].all()
+    authors = run("compensated")[0]
+    assert_array_equal(authors.plant.model([authors.plant]).body_gravcomp, [0, 1, 0.5])
+
+
+def test_worlds_that_differ_are_each_as_alone():
+    worlds = [
+        prepare(scenario("cable", start=start, **plant))
+        for start, plant in (
+            ((0.3, -0.7), {"payload": 0.2}), ((-0.2, 0.9), {"payload": 0.1, "gravity": (0.0, 0.0, -3.0)}),
+            ((0.3, -0.7), {"payload": 0.3, "bandwidth": 100.0}),
+        )
+    ]  # fmt: skip
+    together = Simulation(worlds).run()
+    for one, done in zip(worlds, together, strict=True):
+        (alone,) = Simulation([one]).run()
+        assert_array_equal(done["qpos"], alone["qpos"])
+        assert_array_equal(done["tau"], alone["tau"])

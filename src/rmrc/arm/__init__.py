@@ -11,4 +11,17 @@ from rmrc.arm.loading import files, load, load_asked
 from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Travel, Wiring
 
-__all__ = ["Arm", "Chain", "Drive", "DriveKind", "Own", "OwnDrives", "Shape", "Travel", "Wiring", "files", "load", "load_asked"]
+__all__ = [
+    "Arm",
+    "Chain",
+    "Drive",
+    "DriveKind",
+    "Own",
+    "OwnDrives",
+    "Shape",
+    "Travel",
+    "Wiring",
+    "files",
+    "load",
+    "load_asked",
+]

@@ -430,7 +430,8 @@ class Arm:
             drive: What the actuators are; "own" for all those of the author, with his integrator; None for a
                 plant without physics, which needs kinematics alone.
             timestep: MuJoCo's step [s].
-            gravity_compensation: Whether the arm's bodies are made to float, as with balanced or compensated arms.
+            gravity_compensation: Whether the arm's bodies are made to float, as with balanced or compensated
+                arms.
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
@@ -473,14 +474,13 @@ class Arm:
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
         replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
-        for actuator in spec.actuators:  # a control that never changes can be as late as it likes
-            if actuator.id not in self.others.replaced:
-                actuator.delay, actuator.nsample = 0.0, 0
+        for actuator in (one for one in spec.actuators if one.id not in self.others.replaced):
+            actuator.delay, actuator.nsample = (
+                0.0,
+                0,
+            )  # a control that never changes can be as late as it likes
         if drive != "own":
-            for actuator in replaced:  # chosen before, as ids change with every one that goes
-                spec.delete(actuator)
-            if drive is not None:
-                self._add_actuators(spec, drive)
+            self._replace_actuators(spec, replaced, drive)
         if gravity_compensation:
             root = self.model.jnt_bodyid[self.wiring.joint[0]]
             for body in spec.bodies:
@@ -491,7 +491,13 @@ class Arm:
             site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
             spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
 
-    def _add_actuators(self, spec: mujoco.MjSpec, drive: Drive) -> None:
+    def _replace_actuators(
+        self, spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsActuator], drive: Drive | None
+    ) -> None:
+        for actuator in replaced:  # chosen before, as ids change with every one that goes
+            spec.delete(actuator)
+        if drive is None:
+            return
         for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
             actuator = spec.add_actuator(
                 name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT

@@ -109,7 +109,7 @@ class OwnDrives:
         return [j for j in range(moments.shape[1]) if np.abs(free[:, j]).max(initial=0.0) > _RANK]
 
     def forget(self, ctrl: Array, act: Array, has_ctrl: bool, has_act: bool) -> None:
-        """Write NaN over what no keyframe says of the drives.
+        """Write NaN over what no keyframe says of the drives, and 0 over what it does not say of the idle ones.
 
         Args:
             ctrl: Controls of the model, (nu,).
@@ -118,12 +118,14 @@ class OwnDrives:
             has_act: Whether the activations are.
         """
         model = self._model
-        for i in self.kinds:
-            first, count = int(model.actuator_actadr[i]), int(model.actuator_actnum[i])
+        for i in (*self.kinds, *self.idle):
+            unknown = np.nan if i in self.kinds else 0.0
             if not has_ctrl:
-                ctrl[model.actuator_ctrladr[i]] = np.nan
-            if not has_act and count:
-                act[first : first + count] = np.nan
+                first = int(model.actuator_ctrladr[i])
+                ctrl[first : first + int(model.actuator_ctrlnum[i])] = unknown
+            if not has_act:
+                first = max(0, int(model.actuator_actadr[i]))
+                act[first : first + int(model.actuator_actnum[i])] = unknown
 
     def named(self, actuators: Sequence[int]) -> str:
         """Return the names of actuators, or their numbers, as a list."""

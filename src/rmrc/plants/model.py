@@ -24,8 +24,8 @@ from rmrc.support.legible import listed
 POSITION, INTEGRATED, RATE, MOTOR = map(int, DriveKind)
 RATE_LIMITED, POSITION_LIMITED = int(Status.RATE_LIMITED), int(Status.POSITION_LIMITED)
 
-# A joint that no motor moves, but for rounding, gets no torque: of squares of moments over the largest.
-_SINGULAR = 1e-18
+# Less of the largest moment of a drive, or of the square of a joint's that others do not move too, is rounding.
+_NO_MOMENT, _SINGULAR = 1e-12, 1e-18
 # Decimal fractions such as 0.003/0.001 are off by some 1e-16.
 _ROUNDING = 1e-9
 
@@ -62,7 +62,7 @@ def ask(world: Record, out: Record, state: Array) -> None:
 @compiled
 def speed_of(world: Record, first: int, count: int, freedoms: Record, dofs: Array, moment: Array) -> float:
     """Return the speed of a drive at the rates that are sent."""
-    speed = 0.0
+    speed: float = 0.0
     for e in range(first, first + count):
         freedom = freedoms[dofs[e]]
         if freedom.joint >= 0:
@@ -232,9 +232,7 @@ def tell_motors(
 
 
 @compiled
-def loads(
-    world: Record, freedoms: Record, bias: Array, passive: Array, gravcomp: Array, tau: Array
-) -> None:
+def loads(world: Record, freedoms: Record, bias: Array, passive: Array, gravcomp: Array, tau: Array) -> None:
     """Write what the drives bear at the arm's joints, but for inertia: bias − passive."""
     for j in range(world.n):
         tau[j] = 0.0
@@ -254,6 +252,12 @@ def dense(n: int, first: int, count: int, freedoms: Record, dofs: Array, moment:
         freedom = freedoms[dofs[e]]
         if freedom.joint >= 0:
             row[freedom.joint] += moment[e] * freedom.ratio
+    largest = 0.0
+    for j in range(n):
+        largest = max(largest, abs(row[j]))
+    for j in range(n):
+        if abs(row[j]) <= _NO_MOMENT * largest:
+            row[j] = 0.0
 
 
 @entry

@@ -22,7 +22,8 @@ WIRING = (
     Field("ctrl_column", np.int64, (JOINTS,)),
     Field("wrench_column", np.int64),
     Field("travel_column", np.int64, (JOINTS,)),
-    Field("travel_ratio", size=(JOINTS,)), Field("travel_dof", np.int64, (JOINTS,)),
+    Field("travel_ratio", size=(JOINTS,)),
+    Field("travel_dof", np.int64, (JOINTS,)),
     # from the center of mass of the body that carries the site to the site, in the site's frame
     Field("lever", size=(3,)),
 )
