@@ -96,7 +96,6 @@ class NumpyLoop:
             prepared.arm,
             prepared.reference,
         )
-        plant = self.scenario.plant
         self.model = prepared.plant.model([prepared.plant])
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = prepared.qpos
@@ -159,7 +158,9 @@ class NumpyLoop:
 
     def tick(self):
         model, data, plant = self.model, self.data, self.scenario.plant
-        tau = data.actuator_force[self.ctrl].copy()
+        tau = (
+            data.qfrc_actuator[self.dof] if plant.kind == "model" else data.actuator_force[self.ctrl]
+        ).copy()
         if plant.kind == "ideal":
             mujoco.mj_forward(model, data)
             qdot, tau = self.last, np.zeros(self.arm.n)
@@ -176,7 +177,11 @@ class NumpyLoop:
             data.qpos[self.qpos] += self.scenario.control.period * cmd
         else:
             self.push()
-            data.ctrl[self.ctrl] = cmd if plant.kind == "servo" else self.torque(cmd, qdot)
+            data.ctrl[self.ctrl] = self.torque(cmd, qdot) if plant.kind == "torque" else cmd
+            if plant.kind == "model":  # MuJoCo cuts what is beyond the range of a control
+                assert not model.actuator_biasprm[self.ctrl, 1].any(), (
+                    "no oracle but for rate servos: write it here"
+                )
             mujoco.mj_step2(model, data)
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)

@@ -286,7 +286,7 @@ def test_the_timestep_is_the_models_own_or_the_next_that_divides_the_period_whic
 
 
 def test_a_timestep_that_is_written_must_divide_the_period():
-    with pytest.raises(ValueError, match="integer multiple of plant.timestep, got 0.001 and 0.002"):
+    with pytest.raises(ValueError, match=r"integer multiple of plant\.timestep, got 0\.001 and 0\.002"):
         scenario("position", period=0.001, timestep=0.002)
 
 

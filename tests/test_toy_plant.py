@@ -143,7 +143,7 @@ def test_it_is_in_the_schema_and_in_messages(toy):
     schema = toy.rmrc("schema")
     assert "time constant of the rates" in schema and "plant.lag " in schema
     kinds = json.loads(toy.rmrc("schema", "--json"))["$defs"]["PlantSection"]["properties"]["kind"]
-    assert kinds["enum"] == ["ideal", "servo", "torque", "lagging"]
+    assert kinds["enum"] == ["ideal", "servo", "torque", "model", "lagging"]
     assert kinds["description"].endswith("computed torques, or rates that follow with a lag")
     ended = toy.python(REFUSED)
     assert ended.stdout.splitlines() == [
@@ -169,7 +169,7 @@ def test_what_is_forgotten_is_said_at_import(tmp_path, module, old, new):
     edit(copy, module, (old, new))
     ended = copy.python("import rmrc.plants.kinds")
     assert ended.returncode == 1
-    assert "ImportError: plants are declared as ('ideal', 'servo', 'torque'" in ended.stderr
+    assert "ImportError: plants are declared as ('ideal', 'servo', 'torque', 'model'" in ended.stderr
 
 
 @pytest.mark.long

@@ -1,8 +1,8 @@
 """The drives that an arm's author gave it: which of his actuators move its joints, and what each is told.
 
-The force of an actuator is gain · u + bias₀ + bias₁ · length + bias₂ · speed, where u is its control or what its
-dynamics make of it. By these numbers it is a position servo, a servo of a position that it integrates, a rate
-servo or a motor, whatever element of MJCF it was written as.
+The force of an actuator is gain · u + bias₀ + bias₁ · length + bias₂ · speed, where u is its control or what
+its dynamics make of it. By these numbers it is a position servo, a servo of a position that it integrates, a
+rate servo or a motor, whatever element of MJCF it was written as.
 """
 
 from collections.abc import Sequence
@@ -41,8 +41,8 @@ class DriveKind(IntEnum):
 class OwnDrives:
     """The author's actuators that pull at an arm's joints and at no others.
 
-    A motor drives joints that no servo pulls at; beside a servo it keeps its control, as do actuators of other
-    kinds.
+    A motor drives joints that no servo pulls at. Beside a servo it keeps its control, and so do actuators of
+    other kinds.
 
     Attributes:
         kinds: What each drive is told, by its id.
@@ -72,7 +72,7 @@ class OwnDrives:
 
     @cached_property
     def joint_of(self) -> tuple[NDArray[np.int64], Array]:
-        """Which joint of the arm each degree of freedom belongs to, or -1, and its speed at a rate of 1, (nv,)."""
+        """Joint of the arm that each degree of freedom is of, or -1, and its speed at a rate of 1, (nv,)."""
         joint, ratio = np.full(self._model.nv, -1), np.zeros(self._model.nv)
         joint[self._wiring.dof], ratio[self._wiring.dof] = np.arange(len(self._wiring.dof)), 1.0
         for address, travel in zip(self._wiring.travel_dof, self._travels, strict=True):
@@ -109,7 +109,7 @@ class OwnDrives:
         return [j for j in range(moments.shape[1]) if np.abs(free[:, j]).max(initial=0.0) > _RANK]
 
     def forget(self, ctrl: Array, act: Array, has_ctrl: bool, has_act: bool) -> None:
-        """Write NaN over what no keyframe says of the drives, and 0 over what it does not say of the idle ones.
+        """Write NaN over what no keyframe says of the drives, and 0 over the same of the idle ones.
 
         Args:
             ctrl: Controls of the model, (nu,).

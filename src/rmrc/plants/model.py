@@ -24,7 +24,7 @@ from rmrc.support.legible import listed
 POSITION, INTEGRATED, RATE, MOTOR = map(int, DriveKind)
 RATE_LIMITED, POSITION_LIMITED = int(Status.RATE_LIMITED), int(Status.POSITION_LIMITED)
 
-# Less of the largest moment of a drive, or of the square of a joint's that others do not move too, is rounding.
+# A smaller share of a drive's largest moment is rounding, and of a joint's square what others leave of it.
 _NO_MOMENT, _SINGULAR = 1e-12, 1e-18
 # Decimal fractions such as 0.003/0.001 are off by some 1e-16.
 _ROUNDING = 1e-9
@@ -36,8 +36,8 @@ _DRIVE = np.dtype([
     ("scale", float), ("offset", float), ("stiffness", float), ("lower", float), ("upper", float),
     ("act_lower", float), ("act_upper", float),
 ])  # fmt: skip
-# A degree of freedom: the arm's joint that it belongs to or -1, its speed at a rate of 1 of that, and whether the
-# actuators compensate its gravity.
+# A degree of freedom: the arm's joint that it belongs to or -1, its speed at a rate of 1 of that, and whether
+# the actuators compensate its gravity.
 _FREEDOM = np.dtype([("joint", np.int64), ("ratio", float), ("is_balanced", np.int64)])
 
 
@@ -62,12 +62,12 @@ def ask(world: Record, out: Record, state: Array) -> None:
 @compiled
 def speed_of(world: Record, first: int, count: int, freedoms: Record, dofs: Array, moment: Array) -> float:
     """Return the speed of a drive at the rates that are sent."""
-    speed: float = 0.0
+    speed = 0.0
     for e in range(first, first + count):
         freedom = freedoms[dofs[e]]
         if freedom.joint >= 0:
             speed += moment[e] * freedom.ratio * world.qdot_sent[freedom.joint]
-    return speed
+    return float(speed)
 
 
 @compiled
@@ -76,7 +76,7 @@ def within(world: Record, drive: Record, control: float, limited: int) -> float:
     if drive.lower <= control <= drive.upper:
         return control
     world.clamped |= limited
-    return min(max(control, drive.lower), drive.upper)
+    return float(min(max(control, drive.lower), drive.upper))
 
 
 @entry
@@ -92,8 +92,8 @@ def tell_drives(
 ) -> None:
     """Set the controls of servos.
 
-    A position servo is told the integral of the rates, which stops at the end of its range; others are told the
-    rates.
+    A position servo is told the integral of the rates, which stops at the end of its range. Others are told
+    the rates.
 
     Args:
         worlds: World records with the rates that were sent, (w,).
@@ -128,19 +128,8 @@ def tell_drives(
 
 
 @compiled
-def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) -> None:
-    """Write the least forces f of drives that give the joints torques τ: Rᵀ f = τ, f = R N⁻¹ τ, N = Rᵀ R.
-
-    Joints that no drive moves get none. By N's Cholesky factor, in its place.
-
-    Args:
-        tau: Torques, (n,); written over.
-        R: Moments, (d, n).
-        count: How many drives there are.
-        n: How many joints.
-        N: Of use for nothing else, (n, n).
-        force: Forces, (d,), written.
-    """
+def factorize(R: Array, count: int, n: int, N: Array) -> None:
+    """Write the Cholesky factor of Rᵀ R; its diagonal is infinite where no drive moves a joint alone."""
     for i in range(n):
         for j in range(i + 1):
             N[i, j] = 0.0
@@ -152,7 +141,24 @@ def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) 
                 N[i, j] -= N[i, k] * N[j, k]
             if j < i:
                 N[i, j] = N[i, j] / N[j, j]
-        N[i, i] = math.sqrt(N[i, i]) if N[i, i] > _SINGULAR * size and size > 0.0 else math.inf
+        N[i, i] = math.sqrt(N[i, i]) if N[i, i] > _SINGULAR * size else math.inf
+
+
+@compiled
+def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) -> None:
+    """Write the least forces f of drives that give the joints torques τ: Rᵀ f = τ, so f = R (Rᵀ R)⁻¹ τ.
+
+    Joints that no drive moves get none.
+
+    Args:
+        tau: Torques, (n,); written over.
+        R: Moments, (d, n).
+        count: How many drives there are.
+        n: How many joints.
+        N: Of use for nothing else, (n, n).
+        force: Forces, (d,), written.
+    """
+    factorize(R, count, n, N)
     for i in range(n):
         for k in range(i):
             tau[i] -= N[i, k] * tau[k]
@@ -277,7 +283,7 @@ def settle(
     R: Array,
     N: Array,
 ) -> None:
-    """Set controls and activations that are NaN to those at which the drives hold the arm, within their ranges.
+    """Set controls and activations that are NaN to those that hold the arm, within their ranges.
 
     The forces are the least that bear what the joints bear at rest. A rate servo bears nothing at rest.
 
@@ -308,20 +314,25 @@ def settle(
                 R[d] = 0.0
         share_out(tau, R, drives.shape[0], world.n, N, force)
         for d in range(drives.shape[0]):
-            drive = drives[d]
-            control = drive.offset
-            if drive.kind == MOTOR:
-                control += drive.scale * force[d]
-            elif drive.kind != RATE:
-                control += drive.scale * (length[w, drive.output] + force[d] / drive.stiffness)
-            if drive.act >= 0 and math.isnan(state[w, drive.act]):
-                if drive.kind != INTEGRATED:
-                    control = min(max(control, drive.lower), drive.upper)
-                state[w, drive.act] = min(max(control, drive.act_lower), drive.act_upper)
-            if math.isnan(state[w, drive.ctrl]):
-                if drive.kind == INTEGRATED:
-                    control = 0.0
-                state[w, drive.ctrl] = min(max(control, drive.lower), drive.upper)
+            settle_drive(drives[d], state[w], length[w, drives[d].output], force[d])
+
+
+@compiled
+def settle_drive(drive: Record, state: Array, length: float, force: float) -> None:
+    """Set control and activation of a drive, if they are NaN, to those at which it gives a force at rest."""
+    control = drive.offset
+    if drive.kind == MOTOR:
+        control += drive.scale * force
+    elif drive.kind != RATE:
+        control += drive.scale * (length + force / drive.stiffness)
+    if drive.act >= 0 and math.isnan(state[drive.act]):
+        if drive.kind != INTEGRATED:
+            control = min(max(control, drive.lower), drive.upper)
+        state[drive.act] = min(max(control, drive.act_lower), drive.act_upper)
+    if math.isnan(state[drive.ctrl]):
+        if drive.kind == INTEGRATED:
+            control = 0.0
+        state[drive.ctrl] = min(max(control, drive.lower), drive.upper)
 
 
 class Model(Physical):

@@ -553,8 +553,8 @@ TORQUE = Plant(
 
 MODEL = Plant(
     "model", "the model's own actuators", "", (BANDWIDTH,), own=True,
-    equation="the model's own actuators, timestep and gravity compensation: position servos get the integral of "
-    "qdot_cmd, rate servos qdot_cmd, motors computed torque",
+    equation="the model's own actuators, in its own physics: position servos get the integral of qdot_cmd, "
+    "rate servos qdot_cmd, motors computed torque",
     others="own native actuators drives author authors robot real mjcf position position_servo",
 )  # fmt: skip
 

@@ -440,8 +440,8 @@ class PlantSection(_PlantKeys):
         def __init__(self, **values: Any) -> None: ...  # noqa: D107 - of a model
 
     timestep: Positive | None = key(
-        f"{PLANTS.physical}: MuJoCo's step; control.period is an integer multiple of it; null: "
-        f"{TIMESTEP:g}, and for {PLANTS.own} the model's own, or the next shorter that divides control.period",
+        f"{PLANTS.physical}: MuJoCo's step; control.period is an integer multiple of it; null: {TIMESTEP:g}, "
+        f"and for {PLANTS.own} the model's own, or the next shorter that divides control.period",
         None,
         "s",
     )
