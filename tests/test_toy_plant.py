@@ -121,7 +121,7 @@ def with_toys(folder):
     """Return a copy of the package that has the toy plant and the toy stage, and a scenario."""
     copy = Copy(folder)
     copy.add("scenario/choices.py", DECLARATION, before="PLANTS = ")
-    edit(copy, "scenario/choices.py", ("SERVO, TORQUE)", "SERVO, TORQUE, LAGGING)"))
+    edit(copy, "scenario/choices.py", ("TORQUE, MODEL)", "TORQUE, MODEL, LAGGING)"))
     (folder / "rmrc/plants/lagging.py").write_text(PLANT, "utf-8")
     copy.add("plants/kinds.py", "from rmrc.plants.lagging import Lagging\n", before="from rmrc.plants.plant")
     edit(copy, "plants/kinds.py", ("Servo, Torque)", "Servo, Torque, Lagging)"))
