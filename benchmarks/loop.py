@@ -70,7 +70,7 @@ def closed_loop(prepared: list[Prepared], threads: int = 1) -> tuple[float, Simu
 
 
 def controls_of(prepared: Prepared, rates: np.ndarray) -> np.ndarray:
-    """Return what all actuators were told, (worlds, ticks, nu), from the rates that were sent, (worlds, ticks, n).
+    """Return what all actuators were told, (worlds, ticks, nu), from the rates sent, (worlds, ticks, n).
 
     Actuators that are not the arm's come first. On the plant `model` all drives are position servos.
     """
@@ -135,7 +135,7 @@ def arm_rows(rounds: int) -> dict[str, dict[str, float]]:
 def robot_rows(rounds: int) -> dict[str, dict[str, float]]:
     """Return the closed loop of an arm with a gripper over the floor, on servos of ours and on its own."""
     return {
-        f"closed loop / C floor, fr3 with its gripper, {plant}, {worlds} world{'s' * (worlds > 1)}": over_floor(
+        f"closed loop / C floor, fr3, gripper, {plant}, {worlds} world{'s' * (worlds > 1)}": over_floor(
             [world("fr3", *ROBOT_PERIOD, f"plant.kind={plant}")] * worlds, rounds
         )
         for plant in ("servo", "model")
