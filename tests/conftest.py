@@ -26,7 +26,7 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 os.environ.pop("COLUMNS", None)
 
 # Compiling on the first example, and two busy cores, must not count as a slow test.
-settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=25)
+settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=16)
 # `--hypothesis-profile=many` has more.
 settings.register_profile("many", settings.get_profile("rmrc"), max_examples=200)
 settings.load_profile("rmrc")

@@ -42,26 +42,31 @@ class Kinematics:
     def __init__(self, model, qpos, joints):
         self.model, self.data = model, mujoco.MjData(model)
         self.data.qpos[:] = qpos
+        self.first = joints[0]
         self.dof = [int(model.joint(name).dofadr[0]) for name in joints]
         self.qpos = [int(model.joint(name).qposadr[0]) for name in joints]
         self.is_slide = np.array(
             [model.joint(name).type[0] == mujoco.mjtJoint.mjJNT_SLIDE for name in joints]
         )
 
-    def at(self, q, site):
-        """Return position, rotation matrix and Jacobian (6, n) of a site."""
+    def axes(self, frame, turn):
+        """Return the axes of a frame as columns: of the world, the first joint's parent, or a site that is turned."""
+        first = self.model.body_parentid[self.model.jnt_bodyid[self.model.joint(self.first).id]]
+        base = self.data.xmat[first].reshape(3, 3).copy()
+        return {"world": np.eye(3), "base": base, "site": turn}[frame]
+
+    def at(self, q, site, frame="world"):
+        """Return position, rotation matrix and Jacobian (6, n), along the axes of a frame, of a site."""
         self.data.qpos[self.qpos] = q
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         full = np.zeros((6, self.model.nv))
         mujoco.mj_jacSite(self.model, self.data, full[:3], full[3:], site)
-        return (
-            self.data.site_xpos[site].copy(),
-            self.data.site_xmat[site].reshape(3, 3).copy(),
-            full[:, self.dof],
-        )
+        turn = self.data.site_xmat[site].reshape(3, 3).copy()
+        along = np.kron(np.eye(2), self.axes(frame, turn)).T
+        return self.data.site_xpos[site].copy(), turn, along @ full[:, self.dof]
 
-    def structural_rank(self, site, rows, samples=20):
+    def structural_rank(self, site, rows, frame="world", samples=20):
         """Return the rank of a task almost everywhere: the largest that is found at random."""
         rng = np.random.default_rng(0)
         ranks = []
@@ -69,18 +74,18 @@ class Kinematics:
             q = np.where(
                 self.is_slide, rng.uniform(-1, 1, len(self.qpos)), rng.uniform(-3, 3, len(self.qpos))
             )
-            J = self.at(q, site)[2][rows]
+            J = self.at(q, site, frame)[2][rows]
             ranks.append(np.linalg.matrix_rank(J, tol=1e-9 * np.linalg.norm(J)))
         return max(ranks)
 
-    def gradient(self, f, q, site):
-        """Return the derivatives of f(Jacobians of a site) with respect to q, by differences of sixth order.
+    def gradient(self, f, q, site, frame):
+        """Return the derivatives of f(Jacobians of a site, along a frame) with respect to q, by differences of sixth order.
 
         With this step rounding gives 1e-13, and what is left out less.
         """
         step, factors = 2e-3, {-3: -1, -2: 9, -1: -45, 1: 45, 2: -9, 3: 1}
         moved = [q + i * step * joint for joint in np.eye(len(q)) for i in factors]
-        values = f(np.array([self.at(one, site)[2] for one in moved])).reshape(len(q), -1)
+        values = f(np.array([self.at(one, site, frame)[2] for one in moved])).reshape(len(q), -1)
         return values @ list(factors.values()) / (60 * step)
 
 
@@ -116,8 +121,8 @@ class NumpyLoop:
         )  # fmt: skip
         self.rows = [AXES.index(axis) for axis in task.axes]
         self.turns = Rotation.from_quat(self.reference.pose[:, 3:], scalar_first=True).as_matrix()
-        self.site = self.model.site(self.arm.site).id
-        self.rank = self.kinematics.structural_rank(self.site, self.rows)
+        self.site, self.frame = self.model.site(self.arm.site).id, task.frame
+        self.rank = self.kinematics.structural_rank(self.site, self.rows, task.frame)
         limits = control.limits
         self.rate = np.broadcast_to(self.arm.rate_limit if limits.rate is None else limits.rate, n)
         self.acceleration = np.broadcast_to(np.inf if limits.acceleration is None else limits.acceleration, n)
@@ -137,10 +142,14 @@ class NumpyLoop:
         # the same scales as the task's, all its weights 1
         self.wx_2, _ = scaling(np.ones(len(self.rows_2)), second.axes, self.scenario.task.length, [], [])
         point, turn, _ = self.kinematics.at(self.start, self.site_2)
-        wanted = np.concatenate([point, np.zeros(3)])
+        data, axes = self.kinematics.data, self.kinematics.axes(second.frame, turn)
+        body = self.model.body_parentid[self.model.jnt_bodyid[self.model.joint(self.arm.joints[0]).id]]
+        origin = {"world": np.zeros(3), "base": data.xpos[body].copy(), "site": point}[second.frame]
+        wanted = np.concatenate([axes.T @ (point - origin), np.zeros(3)])
         if second.to is not None:
             wanted[self.rows_2] = second.to
-        self.wanted_2 = wanted[:3], Rotation.from_rotvec(wanted[3:]).as_matrix() @ turn
+        turned = Rotation.from_rotvec(axes @ wanted[3:]).as_matrix() @ turn
+        self.wanted_2 = origin + axes @ wanted[:3], turned
 
     def run(self):
         """Return the columns of the whole run as a dict of arrays."""
@@ -168,6 +177,7 @@ class NumpyLoop:
             mujoco.mj_step1(model, data)
             qdot = data.qvel[self.dof].copy()
         q = data.qpos[self.qpos].copy()
+        self.kinematics.data.qpos[:] = data.qpos  # joints beside the arm move as well
         row = self.law(q + self.offset)
         row |= {"q": q, "qdot": qdot, "tau": tau}
         if self.offset.any():
@@ -177,11 +187,12 @@ class NumpyLoop:
             data.qpos[self.qpos] += self.scenario.control.period * cmd
         else:
             self.push()
-            data.ctrl[self.ctrl] = self.torque(cmd, qdot) if plant.kind == "torque" else cmd
             if plant.kind == "model":  # MuJoCo cuts what is beyond the range of a control
-                assert not model.actuator_biasprm[self.ctrl, 1].any(), (
-                    "no oracle but for rate servos: write it here"
-                )
+                others = model.actuator_biasprm[self.ctrl, 1].any()
+                assert not others, "no oracle but for rate servos: write it here"
+                data.ctrl[self.ctrl] = cmd
+            else:
+                data.ctrl[self.ctrl] = self.servo(cmd) if plant.kind == "servo" else self.torque(cmd, qdot)
             mujoco.mj_step2(model, data)
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)
@@ -202,14 +213,65 @@ class NumpyLoop:
         qddot = (cmd - self.last) / self.scenario.control.period
         qddot = qddot + self.scenario.plant.bandwidth * (cmd - qdot)
         bias = self.data.qfrc_bias - self.data.qfrc_passive
-        return M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
+        tau = M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
+        if self.scenario.plant.friction_compensation:
+            own = np.diag(M)[self.dof]
+            felt = self.felt_inertia(own)
+            tau += (felt - own) * qddot + self.friction(felt / own * qddot, qdot)
+        free = self.freed()
+        if len(free):  # M_uu of them and what implicit damping adds: they give way
+            felt = M[np.ix_(free, free)] + np.diag(self.model.opt.timestep * self.model.dof_damping[free])
+            way = np.linalg.solve(felt, -bias[free] - M[np.ix_(free, self.dof)] @ qddot)
+            tau += M[np.ix_(self.dof, free)] @ way
+        return tau
+
+    def servo(self, cmd):
+        """Return the rates that servos are told: those that are sent, and what resists these over the gain."""
+        if not self.scenario.plant.friction_compensation:
+            return cmd
+        damping = self.model.dof_damping[self.dof] * cmd
+        return (
+            cmd
+            + (damping + self.friction(np.zeros(self.arm.n), cmd)) / self.model.actuator_gainprm[self.ctrl, 0]
+        )
+
+    def friction(self, acceleration, rate):
+        """Return dry friction by the manual's formulas of constraints: impedance, regularization, reference."""
+        model, force = self.model, np.zeros(self.arm.n)
+        for j, dof in enumerate(self.dof):
+            if loss := model.dof_frictionloss[dof]:
+                dmin, dmax = model.dof_solimp[dof, :2]
+                R = (1 - dmin) / dmin * model.dof_invweight0[dof]
+                b = 2 / (dmax * max(model.dof_solref[dof, 0], 2 * model.opt.timestep))
+                force[j] = np.clip((acceleration[j] + b * rate[j]) / R, -loss, loss)
+        return force
+
+    def felt_inertia(self, own):
+        """Return torque over acceleration, by what a torque of 1 does in the implicit steps of a period."""
+        step, d, rate = self.model.opt.timestep, self.model.dof_damping[self.dof], np.zeros(self.arm.n)
+        for _ in range(self.substeps):
+            rate = (own * rate + step) / (own + step * d)
+        return self.substeps * step / rate
+
+    def freed(self):
+        """Return the degrees of freedom of the arm's tree that are not its own and that nothing drives."""
+        model = self.model
+        if self.scenario.arm.others == "hold":
+            return []
+        pulled = model.actuator_trnid[:, 0].tolist()
+        root = model.body_rootid[model.site_bodyid[self.site]]
+        return [
+            dof for dof, joint in enumerate(model.dof_jntid)
+            if joint not in pulled and model.body_rootid[model.dof_bodyid[dof]] == root
+        ]  # fmt: skip
 
     def law(self, q):
         """Return the row of a tick: (3), inverse, null space, pace, stop, limits."""
         control = self.scenario.control
-        point, turn, full = self.kinematics.at(q, self.site)
+        point, turn, full = self.kinematics.at(q, self.site, self.frame)
         J, error = full[self.rows], self.error(point, turn)
-        pose_ref, twist_ref, _ = self.wanted()
+        pose_ref, recorded_twist, _ = self.wanted()
+        twist_ref = np.kron(np.eye(2), self.kinematics.axes(self.frame, turn)).T @ recorded_twist
         u, sigma, vt = np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), full_matrices=False)
         forward = control.feedforward * twist_ref[self.rows]
         v = self.pace * forward + control.feedback * error[self.rows]
@@ -234,7 +296,7 @@ class NumpyLoop:
             "qdot_cmd": cmd,
             "pose_ref": pose_ref,
             "pose_error": error,
-            "twist_ref": self.pace * twist_ref,
+            "twist_ref": self.pace * recorded_twist,
             "sigma": sigma,
             "damping": lam,
             "path_time": self.path_tick * control.period,
@@ -246,7 +308,10 @@ class NumpyLoop:
     def error(self, point, turn):
         """Return the error (2) of an arm whose site is there."""
         wanted, _, turn_ref = self.wanted()
-        return pose_error(wanted[:3], turn_ref, point, turn)
+        return framed_error(
+            pose_error(wanted[:3], turn_ref, point, turn), self.kinematics.axes(self.frame, turn), turn.T @ turn_ref,
+            self.rows if self.frame == "site" else [],
+        )  # fmt: skip
 
     def wanted(self):
         """Return pose, twist and rotation matrix of the reference at the path time, between its ticks if need be."""
@@ -309,7 +374,7 @@ class NumpyLoop:
             wished = -nullspace.gain * slope / self.wq
         elif nullspace.objective == "manipulability":
             w = lambda full: np.prod(self.sigma(full[:, self.rows]), axis=-1)  # noqa: E731
-            wished = nullspace.gain * self.kinematics.gradient(w, q, self.site) / self.wq
+            wished = nullspace.gain * self.kinematics.gradient(w, q, self.site, self.frame) / self.wq
         elif nullspace.objective == "rates":
             wished = np.array(nullspace.rates)
         else:
@@ -320,8 +385,12 @@ class NumpyLoop:
     def second_task(self, q, N, resolved):
         """Return S_q y_2 (18) and the columns of the second task."""
         second, S_q = self.scenario.control.nullspace.secondary, 1 / np.sqrt(self.wq)
-        point, turn, full = self.kinematics.at(q, self.site_2)
-        error = pose_error(*self.wanted_2, point, turn)[self.rows_2]
+        point, turn, full = self.kinematics.at(q, self.site_2, second.frame)
+        axes = self.kinematics.axes(second.frame, turn)
+        rows = self.rows_2 if second.frame == "site" else []
+        error = framed_error(pose_error(*self.wanted_2, point, turn), axes, turn.T @ self.wanted_2[1], rows)[
+            self.rows_2
+        ]
         A, t = (
             scaled_jacobian(full[self.rows_2], self.wx_2, self.wq),
             np.sqrt(self.wx_2) * second.feedback * error,
@@ -357,7 +426,9 @@ class NumpyLoop:
             near = near or sigma[0] >= stop.condition * sigma[last]
         if near:
             smallest = lambda full: self.sigma(full[self.rows])[last]  # noqa: E731
-            ahead, behind = (smallest(self.kinematics.at(q + h * rates, self.site)[2]) for h in (1e-6, -1e-6))
+            ahead, behind = (
+                smallest(self.kinematics.at(q + h * rates, self.site, self.frame)[2]) for h in (1e-6, -1e-6)
+            )
             near = ahead <= behind
         step = stop.change * self.scenario.control.period
         self.share = max(0.0, self.share - step) if near else min(1.0, self.share + step)
@@ -447,6 +518,27 @@ def pose_error(point_ref, turn_ref, point, turn):
     """Return [p_ref − p; log(R_ref Rᵀ)] (2)."""
     w, *xyz = quat_of(turn_ref @ turn.T)
     return np.concatenate([point_ref - point, Rotation.from_quat([*xyz, w]).as_rotvec()])
+
+
+def framed_error(error, axes, left, rows):
+    """Return an error along some axes; of what is left to turn about one free axis of the site, the tilt of that axis.
+
+    Args:
+        error: In the world, (6,).
+        axes: As columns.
+        left: Rotation matrix that is left, as the site sees it.
+        rows: Of a task along the site's axes, else none.
+    """
+    own = np.kron(np.eye(2), axes).T @ error
+    free = {3, 4, 5} - set(rows)
+    if len(free) == 1:
+        k = np.eye(3)[free.pop() - 3]
+        square = np.cross(k, left @ k)
+        sine = np.linalg.norm(square)
+        tilt = square * (np.arctan2(sine, k @ left @ k) / sine if sine > 0 else 1.0)
+        about = Rotation.from_rotvec(-tilt) * Rotation.from_matrix(left)
+        own[3:] = tilt + about.as_rotvec()
+    return own
 
 
 def quat_of(matrix):

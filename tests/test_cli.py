@@ -335,7 +335,6 @@ def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
     ]
 
 
-@pytest.mark.long  # tests/study/test_verbs.py has it without a process
 def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
     from rmrc.recording.single import read_columns
 

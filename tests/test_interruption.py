@@ -195,7 +195,6 @@ def test_every_verb_that_runs_answers_a_polite_kill(hard, verb):
     assert took < PATIENCE
 
 
-@pytest.mark.long
 def test_nohup_stays_deaf_and_the_second_signal_does_not_wait(hard):
     code = "import rmrc.results.run, time; rmrc.results.run.Run.save = lambda *_: time.sleep(60)\n"
     process = start(

@@ -11,7 +11,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -504,7 +504,6 @@ def check_stanford_masses(model, q):
         assert_allclose(about_origin, np.diag(PAUL["inertia"][i]), atol=1e-9)
 
 
-@settings(max_examples=20, deadline=None)
 @given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_stanford_masses_are_the_tables_numbers_in_the_tables_frames(unit):
     model = loaded("stanford")
@@ -578,7 +577,6 @@ def check_puma_masses(model, q):
         assert_allclose(about_center, np.diag(moments), atol=ROUNDING)
 
 
-@settings(max_examples=20, deadline=None)
 @given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_puma_masses_are_the_tables_numbers_in_the_tables_frames(unit):
     model = loaded("puma560")
@@ -635,7 +633,6 @@ def check_puma_inertia(model, q):
     )
 
 
-@settings(max_examples=20, deadline=None)
 @given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_puma_has_the_published_gravity_torques_and_inertia(unit):
     model = loaded("puma560")
@@ -651,7 +648,6 @@ def waist_inertia(I1, I3, q):
     return 1.14 + I1 + I3 * c2**2 + others + 2 * (0.372 * c2 * s23 - 0.011 * c2 * c23)
 
 
-@settings(max_examples=20, deadline=None)
 @given(unit=st.lists(st.floats(0, 1), min_size=6, max_size=6))
 def test_two_published_constants_of_the_puma_do_not_follow_from_its_published_masses(unit):
     model = loaded("puma560")

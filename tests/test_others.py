@@ -127,7 +127,7 @@ def test_without_controls_in_the_keyframe_springs_hold_their_joints():
 
 @pytest.mark.parametrize("kind", ["servo", "torque"])
 def test_a_second_arm_holds_its_posture_as_its_own_actuators_do(kind):
-    prepared, done = run("two_arms", kind)
+    prepared, done = run("two_arms", kind, friction_compensation=False)
     # gear 2 at -0.5 rad: length -1; 100 ctrl + 3 + 100 = 0. The integrator's activation is its length, 1.2 rad.
     assert_allclose(prepared.held[0], [-1.03, 0.0])
     assert_allclose(prepared.held[1], [1.2])
@@ -465,3 +465,15 @@ target: {{path: [{{hold: {{for: 0.1}}}}]}}
     code, _, err = rmrc("run", str(file), "--out", str(tmp_path / "out"))
     told = [line for line in err.splitlines() if "error" in line]
     assert code == 2 and len(told) == 1 and str(path) in told[0] and "rate:elbow" in told[0], err
+
+
+def test_a_sensor_of_an_actuator_that_is_replaced_does_not_stop_a_plant(tmp_path):
+    (
+        tmp_path / "model.xml"
+    ).write_text("""<mujoco><worldbody><body name="hand"><joint name="j"/><geom size=".1"/></body>
+      </worldbody><actuator><motor name="m" joint="j"/></actuator>
+      <sensor><actuatorfrc actuator="m"/><jointpos joint="j"/></sensor></mujoco>""")
+    adapted = arms.load(tmp_path / "model.xml").adapted(
+        RateServos((1.0,)), TIMESTEP, gravity_compensation=True
+    )
+    assert adapted.nsensor == 1 and adapted.nu == 1

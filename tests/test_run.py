@@ -4,7 +4,7 @@ import threading
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from rmrc.results.columns import COLUMNS, Divergence
@@ -81,7 +81,6 @@ def test_what_is_saved_is_read_back_bit_for_bit(tmp_path, ticks, divergence):
     assert not back.is_complete
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.text(st.characters(exclude_categories=["Cs"])), st.floats(allow_nan=False))
 def test_any_name_and_any_number_come_back(tmp_path_factory, text, number):
     path = tmp_path_factory.mktemp("runs") / "run.npz"

@@ -222,11 +222,47 @@ def test_the_share_of_a_torque_is_the_largest_of_the_joints_that_have_a_limit():
     tau = [[1, -9, 3], [-2, 3, -40]]
     joints = ("a", "b", "c")
     got = values(make_run(2, joints, tau=tau, torque_limit=(4.0, 10.0, math.inf)))
-    assert got["tau.share"] == 0.9
+    assert got["tau.share_of_limit"] == 0.9
     got = values(make_run(2, joints, tau=tau, torque_limit=(2.0, 10.0, 100.0)))
-    assert got["tau.share"] == 1.0
+    assert got["tau.share_of_limit"] == 1.0
     for none in ((), (math.inf,) * 3):
-        assert math.isnan(values(make_run(2, joints, tau=tau, torque_limit=none))["tau.share"])
+        assert math.isnan(values(make_run(2, joints, tau=tau, torque_limit=none))["tau.share_of_limit"])
+
+
+def test_the_total_of_a_torque_has_what_compensates_gravity_and_its_share_may_exceed_the_limit():
+    tau, gravity = [[1, -4], [-2, 3]], [[2, -7], [-5, -3]]
+    got = values(make_run(2, tau=tau, tau_gravity=gravity, torque_limit=(5.0, 10.0)))
+    assert (got["tau_total.peak"], got["tau_total.peak_joint"], got["tau_total.peak_time"]) == (
+        11.0,
+        "elbow",
+        0.0,
+    )
+    assert (got["tau.share_of_limit"], got["tau_total.share_of_limit"]) == (0.4, 7 / 5)
+
+
+def test_contact_and_torque_limits_have_their_time_their_first_time_and_who_it_was():
+    status = [
+        0,
+        Status.CONTACT,
+        Status.TORQUE_LIMITED,
+        Status.TORQUE_LIMITED | Status.CONTACT,
+        Status.CONTACT,
+    ]
+    tau = [[0, 0], [9.9, 0], [9, -5], [10, 4], [0, 0]]  # the elbow is first, though the shoulder is later
+    run = make_run(
+        5, period=0.5, status=status, tau=tau, torque_limit=(10.0, 5.0), touching=("link", "floor")
+    )
+    got = values(run)
+    assert (got["contact.time"], got["contact.first_time"]) == (1.5, 0.5)
+    assert got["contact.first_bodies"] == "link – floor"
+    assert (got["torque_limited.time"], got["torque_limited.first_time"]) == (1.0, 1.0)
+    assert got["torque_limited.first_joint"] == "elbow"
+
+
+def test_the_name_of_before_is_told():
+    with pytest.raises(ScenarioError) as caught:
+        check(scorecard(make_run(2)), {"tau.share": Check(below=1.0)})
+    assert str(caught.value) == says("expect.tau.share: … tau.share_of_limit …")
 
 
 @pytest.mark.parametrize(("plant", "share"), [("servo", 1.0), ("ideal", math.nan)])
@@ -234,7 +270,7 @@ def test_the_share_of_a_run_that_asks_for_too_much_is_all_and_an_ideal_arm_has_n
     # blow_up drives the servos against their limits; MuJoCo clamps the force at the limit itself.
     scenario = load(ROOT / "scenarios/blow_up.yaml", [f"plant.kind={plant}"])
     (run,) = Simulation([prepare(scenario)]).run()
-    assert scorecard(run)["tau.share"].value == pytest.approx(share, abs=0.0, nan_ok=True)
+    assert scorecard(run)["tau.share_of_limit"].value == pytest.approx(share, abs=0.0, nan_ok=True)
 
 
 def test_singularity_figures_are_the_extremes_of_their_columns():
@@ -373,7 +409,10 @@ def test_figures_of_a_planar_arm_are_these():
     expected = {name.format(j) for name in joint for j in ("shoulder", "elbow")}
     expected |= {f"{g}.{s}" for g in groups for s in ("peak", "peak_time", "peak_joint")}
     expected |= {"joint_rate.rms", "joint_rate_cmd.rms"}
-    expected |= {"tau.share"}
+    expected |= {"tau.share_of_limit", "tau_total.share_of_limit"}
+    expected |= {f"tau_total.{s}" for s in ("peak", "peak_time", "peak_joint")}
+    expected |= {f"contact.{s}" for s in ("time", "first_time", "first_bodies")}
+    expected |= {f"torque_limited.{s}" for s in ("time", "first_time", "first_joint")}
     errors = ("position_error", "position_error_along", "position_error_across", "secondary_error")
     expected |= {f"{g}.{s}" for g in errors for s in ("rms", "max", "max_time", "end")}
     expected |= {"return.joint_change", "return.change_joint"}
@@ -419,11 +458,19 @@ def test_units_follow_the_kind_of_the_joint():
 def test_a_run_without_ticks_has_undefined_figures_and_zero_durations():
     got = values(make_run(0, axes=SPACE, planned=100))
     zero = {name for name in got if name.startswith("status_time.")}
-    zero |= {"stuck.longest", "duration", "ticks", "completed", "speed"}
+    zero |= {
+        "contact.time",
+        "torque_limited.time",
+        "stuck.longest",
+        "duration",
+        "ticks",
+        "completed",
+        "speed",
+    }
     for name, value in got.items():
         if name in zero:
             assert value == 0.0, name
-        elif name.endswith(("peak_joint", "change_joint")):
+        elif name.endswith(("_joint", "_bodies")):
             assert value == "", name
         else:
             assert name == "wall_time" or math.isnan(value), name
@@ -432,8 +479,10 @@ def test_a_run_without_ticks_has_undefined_figures_and_zero_durations():
 def test_a_run_of_one_tick_lacks_only_its_acceleration_and_what_did_not_happen():
     got = values(make_run(1, axes=SPACE, qdot=[[1.0, -2.0]]))
     undefined = {name for name, value in got.items() if value == "" or value != value}
-    # a run that knows no torque limits has no share of them, and one that was never stuck no time when that began
-    never = {"tau.share", "stuck.longest_time"}
+    # a run that knows no torque limits has no share of them, and what never was has no time when that began
+    never = {"tau.share_of_limit", "tau_total.share_of_limit", "stuck.longest_time"}
+    never |= {"contact.first_time", "contact.first_bodies"}
+    never |= {"torque_limited.first_time", "torque_limited.first_joint"}
     assert undefined == never | {name for name in got if name.startswith("joint_acceleration.")}
     assert (got["joint_rate.peak"], got["joint_rate.peak_joint"]) == (2.0, "elbow")
 
@@ -468,7 +517,8 @@ def test_nested_is_strict_json_and_follows_the_dots():
 )
 def test_nested_keeps_every_figure_whatever_the_joints_are_called(joints):
     # all its figures are defined
-    run = make_run(2, joints, status=[Status.STUCK] * 2, torque_limit=(1.0,) * len(joints))
+    status, ones = [Status.STUCK | Status.CONTACT | Status.TORQUE_LIMITED] * 2, (1.0,) * len(joints)
+    run = make_run(2, joints, status=status, tau=[ones] * 2, torque_limit=ones, touching=("a", "b"))
     card = scorecard(run)
 
     def flat(tree, prefix=""):
@@ -599,6 +649,8 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "joint_rate.sholder.rms",
         "tau.peak_joint",
         "return.change_joint",
+        "contact.first_bodies",
+        "torque_limited.first_joint",
         "orientation_error.max",
         "orientation_error_across.end",
         "error_along.max",
@@ -607,15 +659,17 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "",
     ]
     groups = (
-        "joint_rate, joint_rate_cmd, joint_acceleration, tau, position_error, position_error_along, "
-        "position_error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
-        "secondary_sigma, status_time, stuck, duration, ticks, completed, wall_time, speed"
+        "joint_rate, joint_rate_cmd, joint_acceleration, tau, tau_total, position_error, "
+        "position_error_along, position_error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
+        "secondary_sigma, status_time, stuck, contact, torque_limited, duration, ticks, completed, wall_time, speed"
     )
     reasons = {
         "joint_rate.peek": '… figure … "joint_rate.peak"…',
         "joint_rate.sholder.rms": '… figure … "joint_rate.shoulder.rms"…',
         "tau.peak_joint": "… joint … numbers … tau.peak",
         "return.change_joint": "… joint … numbers … return.joint_change",
+        "contact.first_bodies": "… bodies … numbers … contact.time",
+        "torque_limited.first_joint": "… joint … numbers … torque_limited.time",
         "orientation_error.max": "… rx, ry, rz … task.axes",
         "orientation_error_across.end": "… rx, ry, rz … task.axes",
         "error_along.max": '… figure … "position_error_along.max"…',
@@ -647,6 +701,6 @@ def test_the_names_that_mixed_meters_and_radians_lead_to_those_that_do_not():
 def test_every_number_of_a_scorecard_can_be_expected():
     joints = ("shoulder", "elbow")
     names = figure_names(joints, SPACE)
-    texts = {name for name in names if name.endswith(("peak_joint", "change_joint"))}
-    assert len(texts) == 5
+    texts = {name for name in names if name.endswith(("_joint", "_bodies"))}
+    assert len(texts) == 8
     assert refused(names, joints, SPACE).keys() == texts

@@ -38,6 +38,15 @@ SIX = (
     "task.axes=[x, y, z, rx, ry, rz]",
     "target.path=[{line: {by: [0.03, 0.03, 0.03], turn: {axis: z, angle: 0.1}}}]", COARSE,
 )  # fmt: skip
+XARM = (
+    "arm={model: models/xarm7.xml, site: tool, start: [0, -0.3, 0, 1.2, 0.5, 0.4, 0]}",
+    "task.axes=[x, y, z, rx, ry, rz]", "target.path=[{line: {by: [0.02, 0.02, 0.02], turn: {axis: z, angle: 0.1}}}]", COARSE,
+)  # fmt: skip
+STANDING = (
+    "arm={model: tests/models/standing.xml, site: hand, start: [0.3, -0.9, 1.2, 0.2, 0.9, 0.3]}", COARSE,
+    "target.path=[{line: {by: [0.02, 0.01, 0.02], turn: {axis: z, angle: 0.3}}}]", "task.axes=[x, y, z, rx, ry, rz]",
+)  # fmt: skip
+SMALL = "target.path=[{line: {by: [0.002, 0.002, 0.002]}}]"
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
 REACH = "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.5, 0]}}]"  # to 10 mm from full reach and back
 SHORT = "target.path=[{line: {by: [0.1, 0.1]}}]"
@@ -81,6 +90,30 @@ VARIANTS = {
         *PLANAR, METHOD + "transpose", "control.joint_weights=[3, 1, 0.5]", "task.weights=[1, 4]",
     ),
     "damped": NEAR,
+    "damping and friction": XARM,
+    "damping and friction, servos of a gain": (*XARM, "plant.kv=100"),
+    "damping and friction, uncompensated": (*XARM, "plant.friction_compensation=false"),
+    "damping and friction, torque": (*XARM, FINER, SMALL, "plant.kind=torque"),
+    "damping and friction, torque, some steps": (*XARM, FINER, SMALL, "plant.kind=torque", "plant.timestep=0.0005"),
+    "damping and friction, torque, uncompensated": (*XARM, FINER, SMALL, "plant.kind=torque", "plant.friction_compensation=false"),
+    "torque beside joints that give way": (
+        "arm={model: tests/models/idle_rail.xml, site: hand, joints: [shoulder, elbow], others: free}",
+        "task.axes=[x, z]", "target.path=[{line: {by: [0.03, 0, -0.03]}}]", "plant.kind=torque", FINER,
+    ),
+    "rows along the base": (*STANDING, "task.frame=base", "task.weights=[1, 4, 2, 0.1, 0.3, 0.2]"),
+    "rows along the site": (*STANDING, "task.frame=site", "task.weights=[1, 4, 2, 0.1, 0.3, 0.2]"),
+    "about a free axis of the site": (*STANDING, "task={frame: site, axes: [x, y, z, rx, ry]}"),
+    "about a free axis of the site, manipulability": (
+        *STANDING, "task={frame: site, axes: [x, z, ry, rz]}", OBJECTIVE + "manipulability",
+    ),
+    "second task along its site, beside one along the base": (
+        *STANDING, "task={frame: base, axes: [x, y, z]}",
+        *second("axes: [rx, ry], to: [0.2, -0.1], frame: site, priority: classical"),
+    ),
+    "second task along the base": (
+        *STANDING, "task={frame: site, axes: [x, y, z]}", *second("axes: [rx, ry, rz], to: [0.2, -0.1, 0.1], frame: base"),
+    ),
+    "slow along the site": (*STANDING, "task.frame=site", "control={at_singularity: slow, limits: {rate: 0.05}}"),
     "damped, constant": (*NEAR, SCHEDULE + "constant"),
     "damped, tall and weighted": (
         *BRIEF, "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]", SCHEDULE + "constant",

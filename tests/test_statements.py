@@ -135,7 +135,7 @@ def test_the_same_force_would_need_ten_times_the_elbow_of_a_bent_arm():
         "ten times what the elbow has",
     )
     prepared, _, figures = ran("hold_at_singularity")
-    assert figures["tau.share"] < 1 / 20
+    assert figures["tau.share_of_limit"] < 1 / 20
     bent = prepared.arm.jacobian(np.radians([-30.0, 60.0]))[:3].T @ [-1000.0, 0.0, 0.0]
     assert abs(bent[1]) == pytest.approx(10.0 * prepared.arm.torque_limit[1], rel=1e-12)
 
@@ -263,17 +263,17 @@ def test_the_plain_inverse_runs_into_all_limits_and_the_damped_one_into_none():
     _, _, plain = ran("stanford_wrist", "control.inverse.method=inverse")
     _, _, damped = ran("stanford_wrist")
     limits = ("RATE_LIMITED", "POSITION_LIMITED", "ACCELERATION_LIMITED")
-    assert plain["tau.share"] == 1.0 and all(plain[f"status_time.{one}"] > 0.05 for one in limits[:2])
-    assert damped["tau.share"] < 0.5 and not any(damped[f"status_time.{one}"] for one in limits)
+    assert plain["tau.share_of_limit"] == 1.0 and all(
+        plain[f"status_time.{one}"] > 0.05 for one in limits[:2]
+    )
+    assert damped["tau.share_of_limit"] < 0.5 and not any(damped[f"status_time.{one}"] for one in limits)
 
 
 def test_few_keys_have_no_default():
-    assert_says(
-        "README.md", "Everything but `name`, `arm.model`, `arm.site` and `target.path` has a default."
-    )
+    assert_says("README.md", "Everything but `name`, `arm.model` and `target.path` has a default.")
     required = {row.key for row in schema_rows() if row.default == "required"}
     top = {key for key in required if not key.startswith(("target.path", "expect", "sweep"))}
-    assert top | {"target.path"} == {"name", "arm.model", "arm.site", "target.path"}
+    assert top | {"target.path"} == {"name", "arm.model", "target.path"}
 
 
 def test_mistakes_of_a_text_come_all_at_once_and_those_of_its_model_after_them():
@@ -346,7 +346,7 @@ def test_an_fr3_is_singular_with_its_elbow_bent():
     _, run, damped = ran("fr3_elbow")
     _, through, plain = ran("fr3_elbow", "control.inverse.method=pseudoinverse")
     assert np.degrees(run["q"][:, 3]).max() < -30.0 and damped["return.joint_change"] < 1e-3
-    assert np.degrees(through["q"][:, 3]).max() > -26.7 and plain["tau.share"] == 1.0
+    assert np.degrees(through["q"][:, 3]).max() > -26.7 and plain["tau.share_of_limit"] == 1.0
     assert ratio(plain["position_error.max"], damped["position_error.max"]) == pytest.approx(2.0, abs=0.3)
 
 

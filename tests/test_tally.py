@@ -71,6 +71,7 @@ def columns_by_numpy(records):
     joints = {
         "joint_rate": one["qdot"], "joint_rate_cmd": one["qdot_cmd"],
         "joint_acceleration": np.diff(one["qdot"], axis=0) / PERIOD, "tau": one["tau"],
+        "tau_total": one["tau"] + one["tau_gravity"],
     }  # fmt: skip
     # two rows are translations and one is a rotation
     errors = {
@@ -112,6 +113,10 @@ def test_sums_and_extremes_are_those_that_numpy_finds_in_whole_columns(seed, spe
     status = records["status"][:, 0]
     wanted = [np.count_nonzero(status & one if one else status == 0) for one in (Status.OK, *Status)]
     assert tally["status"].tolist() == wanted
+    met = [status & one if one else status == 0 for one in (Status.OK, *Status)]
+    assert_array_equal(
+        tally["status_time"], [time[np.flatnonzero(one)[0]] if any(one) else np.nan for one in met]
+    )
     stretches = [len(one) for one in "".join(".#"[bool(s & Status.STUCK)] for s in status).split(".")]
     first = "".join(".#"[bool(s & Status.STUCK)] for s in status).index("#" * max(stretches))
     assert (tally["stuck_longest"], tally["stuck_time"]) == (max(stretches), time[first])

@@ -124,7 +124,7 @@ def with_toys(folder):
     edit(copy, "scenario/choices.py", ("TORQUE, MODEL)", "TORQUE, MODEL, LAGGING)"))
     (folder / "rmrc/plants/lagging.py").write_text(PLANT, "utf-8")
     copy.add("plants/kinds.py", "from rmrc.plants.lagging import Lagging\n", before="from rmrc.plants.plant")
-    edit(copy, "plants/kinds.py", ("Servo, Torque)", "Servo, Torque, Lagging)"))
+    edit(copy, "plants/kinds.py", ("Torque, Model)", "Torque, Model, Lagging)"))
 
     copy.add("scenario/sections.py", KEY, before="wrench: Wrench = key(")
     copy.add("plants/stages.py", STAGE, before="# In the order in which")

@@ -207,3 +207,40 @@ def test_names_that_are_there_twice_are_not_said_by_mujoco(folder, capfd):
         )
     )
     assert "duplicate" in capfd.readouterr().err  # negative control
+
+
+def test_links_that_are_within_each_other_at_home_do_not_touch_and_others_do(folder):
+    """Boxes of 0.3 m around hinges in a row, 0.1, 0.1 and 0.35 m apart: the first two joints leave three boxes
+    within the first and each other, the last is free of all; folded at the second hinge, it comes to the first two."""
+    box = '<collision><geometry><box size="0.3 0.3 0.3"/></geometry></collision>'
+    mass = '<inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>'
+    links = "".join(f'<link name="l{i}">{mass}{box}</link>' for i in range(4))
+    hinges = "".join(
+        f'<joint name="j{i}" type="revolute"><parent link="l{i - 1}"/><child link="l{i}"/><origin xyz="{x} 0 0"/>'
+        '<axis xyz="0 1 0"/><limit lower="-3" upper="3" velocity="1" effort="1"/></joint>'
+        for i, x in ((1, 0.1), (2, 0.1), (3, 0.35))
+    )
+    path = folder / "boxes.urdf"
+    path.write_text(f'<robot name="r">{links}{hinges}</robot>')
+    arm = arms.load(path)
+    assert [note for note in arm.notes if "do not touch: l0 and l1, l0 and l2" in note]
+    for fold, touching in ((0.0, set()), (2.5, {("l0", "l3"), ("l1", "l3")})):
+        data = mujoco.MjData(arm.model)
+        data.qpos[:] = [0.0, fold, 0.0]
+        mujoco.mj_forward(arm.model, data)
+        met = {tuple(arm.model.body(arm.model.geom_bodyid[g]).name for g in c.geom) for c in data.contact}
+        assert met == touching
+
+
+def test_a_color_that_is_none_is_gray_and_said(folder):
+    path = replaced(
+        folder,
+        ARM,
+        {
+            '<link name="lower"/>': """<link name="lower"><visual><geometry><sphere radius="0.1"/>
+      </geometry><material name="m"><color rgba="0.1 0.1 0.1 0 1"/></material></visual></link>"""
+        },
+    )
+    arm = arms.load(path)
+    assert any("color must be four numbers" in note for note in arm.notes)
+    assert_allclose(arm.model.geom_rgba[-1], [0.5, 0.5, 0.5, 1.0])

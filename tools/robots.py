@@ -96,7 +96,9 @@ def rmrc(*words: str, limit: float, folder: Path) -> Ended:
 def cell(code: int, out: str, err: str) -> str:
     """Return what a cell says of an end."""
     said = [line for line in err.splitlines() if line.strip()]
-    errors = [line for line in said if not re.match(r"rmrc: .* \.\.\.$", line)]  # notices end in dots
+    errors = [
+        line for line in said if not re.match(r"rmrc: (.* \.\.\.$|note: )", line)
+    ]  # notices end in dots
     if code == 70 or "Traceback" in err:
         raised = [line for line in said if re.match(r"[\w.]+(Error|Exception|Interrupt)\b", line)]
         return "TRACEBACK: " + (raised or said or ["nothing"])[-1].strip()

@@ -80,6 +80,9 @@ def test_what_does_not_fit_is_refused_in_one_line(name):
     with pytest.raises(QuestionError) as caught:
         ask(arms.load(TWO), site="wrist")
     assert str(caught.value) == says('… site "tip" … "wrist"; …')
+    with pytest.raises(QuestionError) as caught:
+        ask(TWO, site="tip", body="forearm")
+    assert str(caught.value) == says("… site or body …")
     with pytest.raises(ModelError) as caught:
         ask(ROOT / "models/planar_2links.xml")
     assert str(caught.value) == says('… "planar_2link.xml"…')

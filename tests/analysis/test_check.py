@@ -1,5 +1,8 @@
 """A model as a linter sees it: each fault is found, by its code, and a model without it is not blamed."""
 
+import json
+import re
+
 import mujoco
 import numpy as np
 import pytest
@@ -123,7 +126,23 @@ def test_every_code_is_tried():
         "plant-refused",
         "mujoco-warning",
     }  # of a bug, of screws, and of MuJoCo: below
-    assert FAULTS.keys() | ALWAYS | {"joint-idle"} | never == CODES.keys()
+    assumed = {"base-fixed", "assumed"}  # and of what was assumed: below
+    assert FAULTS.keys() | ALWAYS | {"joint-idle"} | never | assumed == CODES.keys()
+
+
+def test_what_was_assumed_is_told_by_findings_alone(rmrc, tmp_path):
+    """A base that floats, no keyframe, joints without a name and no site: each is a note, and no other line."""
+    text = written(tmp_path, home="").read_text()
+    base = '<body name="base"><freejoint/><geom size=".1" contype="0" conaffinity="0"/>'
+    floating = text.replace('<body name="one">', f'{base}<body name="one">')
+    floating = floating.replace("</worldbody>", "</body></worldbody>").replace('name="b" ', "")
+    floating = re.sub(r"<actuator>.*</actuator>|<site [^>]*>", "", floating, flags=re.DOTALL)
+    (tmp_path / "floating.xml").write_text(floating)
+    code, out, err = rmrc("check", "floating.xml", "--json")
+    found = {finding["code"]: finding["text"] for finding in json.loads(out)["findings"]}
+    assert code == 0 and "note" not in err
+    assert 'body "base" floats' in found["base-fixed"] and '"two_joint"' in found["assumed"]
+    assert 'body "three" is controlled' in found["frame"] and "no-home" in found
 
 
 def test_a_wrong_jacobian_is_found(tmp_path, monkeypatch):
@@ -178,11 +197,11 @@ def test_what_touches_is_what_mujoco_finds(tmp_path):
         (frozenset(model.geom(int(g)).name or f"geom{g}" for g in one.geom), round(-one.dist, 12))
         for one in data.contact if one.dist < 0.0
     }  # fmt: skip
-    found = contacts(arm, np.array([[0.1, 0.3, 1.2]]))
+    found = contacts(arm, arm.configuration("home")[None])
     assert {(frozenset(one.geoms), round(one.depth, 12)) for one in found} == expected and expected
     assert [one.depth for one in found] == sorted((one.depth for one in found), reverse=True)
     excluded = written(tmp_path, geom=FAULTS["home-contact"]["geom"])
-    assert len(contacts(load(excluded), np.array([[0.1, 0.3, 1.2]]))) < len(expected)
+    assert len(contacts(load(excluded), arm.configuration("home")[None])) < len(expected)
 
 
 def test_a_contact_that_no_joint_of_the_arm_can_undo_is_no_fault(tmp_path):
@@ -193,7 +212,7 @@ def test_a_contact_that_no_joint_of_the_arm_can_undo_is_no_fault(tmp_path):
     )  # fmt: skip
     path = written(tmp_path, more=fingers, home=f"{SOUND['home']} 0 0")
     arm = load(path)
-    (met,) = contacts(arm, np.array([[0.1, 0.3, 1.2]]))
+    (met,) = contacts(arm, arm.configuration("home")[None])
     assert not met.is_moved and {"home-contact", "home-touch"}.isdisjoint(found_in(path))
     assert [one.name for one in other_joints(arm)] == ["f0", "f1"]
 

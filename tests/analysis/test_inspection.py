@@ -159,7 +159,6 @@ def test_what_is_lost_and_what_stands_still_for_any_chain(tmp_path_factory, seed
 
 
 @given(seeds)
-@settings(max_examples=20, deadline=None)
 def test_the_words_name_the_directions_that_are_found(tmp_path_factory, seed):
     arm = chain_of(tmp_path_factory, seed)
     found = inspect(arm, arm.sampled(1, seed)[0], axes=AXES, frame="site")

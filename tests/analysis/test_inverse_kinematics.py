@@ -15,8 +15,8 @@ from scipy.spatial.transform import Rotation
 from chains import random_chain, seeds
 from project import ROOT
 from rmrc import arm as arms
-from rmrc.analysis.ik import solve as inverse
-from rmrc.analysis.ik.solve import goal_pose, solve_ik, solve_many
+from rmrc.analysis.ik.solve import checked_goals, goal_pose, solve_ik, solve_many
+from rmrc.law import descent
 from rmrc.law.task import choose
 from rmrc.support.errors import QuestionError
 from rmrc.textbook.newton import newton_raphson
@@ -70,7 +70,6 @@ def write(tmp_path):
 
 
 @given(seeds)
-@settings(max_examples=20, deadline=None)
 def test_any_chain_reaches_its_random_poses_within_its_limits(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("chain") / "chain.xml"
     path.write_text(random_chain(seed, ranges=True))
@@ -104,7 +103,7 @@ def test_threads_change_no_bit(monkeypatch):
     arm = load("stanford")
     task, goals = choose(arm), np.array([arm.pose(q) for q in arm.sampled(100, 12)])
     alone = solve_many(task, goals, threads=1)
-    monkeypatch.setattr(inverse, "SHARE", 7)
+    monkeypatch.setattr(descent, "SHARE", 7)
     shared = solve_many(task, goals, threads=2)
     for name in ("q", "error", "found", "steps", "tries"):
         assert_array_equal(getattr(shared, name), getattr(alone, name))
@@ -196,21 +195,21 @@ def test_no_other_turn_within_the_limits_is_nearer(seed):
     limit = np.transpose([lower, lower + rng.uniform(1.0, 14.0, 6)])
     q, near = rng.uniform(*limit.T), rng.uniform(*limit.T)
     comes_round = np.arange(6) < 5  # and a slide
-    found = inverse.unwound(SimpleNamespace(comes_round=comes_round), limit, q[None], near)[0]
+    found = descent.unwound(SimpleNamespace(comes_round=comes_round), limit, q[None], near)[0]
     assert found[5] == q[5]
     turns = q + 2 * np.pi * np.arange(-4, 5)[:, None]
     within = (turns >= limit[:, 0]) & (turns <= limit[:, 1])
     nearest = np.where(within, np.abs(turns - near), np.inf).min(axis=0)
     assert_allclose(np.exp(1j * found), np.exp(1j * q), atol=1e-12)
     assert ((found >= limit[:, 0]) & (found <= limit[:, 1])).all()
-    assert (np.abs(found - near)[:5] <= nearest[:5] + 5 * inverse.HALF_TURN).all()
+    assert (np.abs(found - near)[:5] <= nearest[:5] + 5 * descent.HALF_TURN).all()
 
 
 def test_both_quaternions_of_a_goal_are_one_goal():
     task = choose(load("puma560"))
     goal = task.arm.pose(task.arm.sampled(1, 3)[0])
     other = np.concatenate([goal[:3], -2.0 * goal[3:]])
-    assert_allclose(inverse.checked_goals(other, 1), [goal], atol=1e-15)
+    assert_allclose(checked_goals(other, 1), [goal], atol=1e-15)
     assert_allclose(solve_ik(task, other).q, solve_ik(task, goal).q, atol=1e-9)
 
 
@@ -316,7 +315,6 @@ def test_newton_goes_through_the_iterates_of_the_notes(write):
 
 
 @given(seeds)
-@settings(max_examples=20, deadline=None)
 def test_newton_is_the_textbooks_iterate_by_iterate(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("links") / "arm.xml"
     path.write_text(THREE_LINKS)

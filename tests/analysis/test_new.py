@@ -11,9 +11,10 @@ from rmrc.analysis.new.nearest import nearest_singularity
 from rmrc.analysis.new.new import ALIKE
 from rmrc.analysis.new.scaling import ASSUMED_RATE, scales, tidy
 from rmrc.analysis.new.text import flow
-from rmrc.arm import load
+from rmrc.arm import load, load_asked
 from rmrc.scenario.choices import PLANTS, Status
 from rmrc.support.errors import QuestionError
+from stl import tetrahedron
 
 SHIPPED = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))
 QUICK = ["planar_2link", "spherical_wrist", "planar_rp"]
@@ -225,6 +226,58 @@ def test_the_arm_of_a_scenario_keeps_its_stretch():
     assert found.scenario.arm.stretch == {"link_2": 1.2} and found.arm.stretch == {"link_2": 1.2}
     again = rmrc.run(found.scenario).scorecard
     assert again["position_error.max"].value == found.scorecards["servo"]["position_error.max"].value
+
+
+PLANAR = rmrc.load("line_tracking").arm.model
+FRAMES = {
+    "site": {"site": "tip"},
+    "body": {"body": "link_2"},
+    "tool": {"tool": {"position": [0.1, 0.0, 0.0], "rpy": [0.0, 0.0, "30 deg"], "mass": 0.2}},
+    "joints": {"site": "tip", "joints": ["elbow"]},
+}
+
+
+@pytest.mark.parametrize("name", FRAMES)
+def test_what_is_written_names_the_arm_it_was_made_for(tmp_path, name):
+    """By a file in another folder than the model, from which the arm is read anew."""
+    asked = rmrc.load("line_tracking").set(
+        {"arm.site": None, **{f"arm.{k}": v for k, v in FRAMES[name].items()}}
+    )
+    found = rmrc.new(asked, out=tmp_path / "mine.yaml")
+    section = rmrc.load(tmp_path / "mine.yaml").arm
+    assert (section.model, section.tool) == (PLANAR, asked.arm.tool)
+    q = found.arm.configuration("home")[found.arm.wiring.qpos] + 0.1
+    again = load_asked(section)
+    assert again.joints == found.arm.joints
+    np.testing.assert_array_equal(again.pose(q), load_asked(asked.arm).pose(q))
+
+
+def test_a_robot_of_a_package_without_sites_gets_a_scenario_that_runs(rmrc, tmp_path):
+    """A URDF whose package is given, whose fingers branch from the last link, and which has no keyframe."""
+    package = tmp_path / "elsewhere"
+    (package / "meshes").mkdir(parents=True)
+    (package / "meshes/link.stl").write_bytes(tetrahedron(0.2))
+    (tmp_path / "robot").mkdir()
+    (tmp_path / "robot/arm.urdf").write_text((ROOT / "tests/models/arm.urdf").read_text())
+    given = ["--package", f"arm_description={package}", "--body", "lower"]
+    assert rmrc("check", "robot/arm.urdf", *given)[0] == 0
+    assert rmrc("new", "robot/arm.urdf", *given, "-o", "mine/arm.yaml", "-q")[0] == 0
+    section = yaml.safe_load((tmp_path / "mine/arm.yaml").read_text())
+    assert section["arm"]["body"] == "lower" and "site" not in section["arm"]
+    assert section["arm"]["packages"] == {"arm_description": "../elsewhere"}
+    assert section["control"]["limits"]["rate"] == [1.5, ASSUMED_RATE]  # of the file, where it tells one
+    code, _, err = rmrc("run", "mine/arm.yaml", "--no-record", "-q")
+    assert code == 0, err
+
+
+def test_home_is_the_keyframe_that_stands_for_it(tmp_path):
+    path = gantry(tmp_path)
+    path.write_text(
+        path.read_text().replace("</mujoco>", '<keyframe><key name="a" qpos=".3 -.2"/></keyframe></mujoco>')
+    )
+    found = rmrc.new(path)
+    assert found.scenario.arm.start == "home" and "keyframe 'a'" in found.text
+    np.testing.assert_array_equal(found.move.start, [0.3, -0.2])
 
 
 def test_a_file_that_cannot_be_written_is_told_before_anything_is_tried(tmp_path, monkeypatch):

@@ -269,7 +269,6 @@ def test_the_worst_posture_is_worse_than_the_best():
 
 
 @given(seeds)
-@settings(max_examples=15, deadline=None)
 def test_nearest_singular_configurations_of_any_chain_are_singular(tmp_path_factory, seed):
     path = tmp_path_factory.mktemp("chain") / "chain.xml"
     path.write_text(random_chain(seed, 3 + seed % 4))

@@ -11,7 +11,8 @@ from project import ROOT
 
 TWO = str(ROOT / "models/planar_2link.xml")
 BEYOND = """<mujoco><compiler angle="radian"/><worldbody><body><joint name="a" axis="0 0 1" range="1 2" limited="true"/>
-<geom size=".1"/><site name="tool" pos="1 0 0"/></body></worldbody></mujoco>"""
+<geom size=".1"/><site name="tool" pos="1 0 0"/></body></worldbody>
+<keyframe><key name="home" qpos="0"/></keyframe></mujoco>"""
 
 
 @pytest.fixture

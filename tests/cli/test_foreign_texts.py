@@ -12,7 +12,7 @@ from project import ROOT, mostly_long
 from rmrc.support.legible import LONGEST
 
 NAMES = [
-    "[red]x[/red]",
+    "[red]w[/red]",
     "[/]",
     ":smile:",
     "[link=http://a.b]c",

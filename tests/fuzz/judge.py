@@ -28,7 +28,9 @@ UNFINISHED = re.compile(r"/\.[^/]*-[0-9a-f]{16}[^/]*$|\.part$|\.tmp$")
 
 # Figures that a run may leave undefined: of a second task, of paths that do not end where they begin, of no
 # standstill, of joints without a limit.
-UNDEFINED = re.compile(r"^(return|secondary_)|_joint$|^stuck.longest_time$|^tau.share$")
+UNDEFINED = re.compile(
+    r"^(return|secondary_)|_joint$|^stuck.longest_time$|^tau.*share_of_limit$|^(contact|torque_limited).first_"
+)
 
 
 class Finding(NamedTuple):

@@ -20,8 +20,8 @@ from .supervisor import TESTS, Bounds, supervise
 
 FROZEN = sorted((Path(__file__).parent / "regressions").glob("*.json"))
 
-# So many inputs of each class: some five seconds of one core in all.
-FIXED = 25
+# So many inputs of each class: some four seconds of one core in all.
+FIXED = 15
 
 
 def told(result):

@@ -12,10 +12,9 @@ import rmrc
 from project import ROOT
 from records import Unscaled, blank
 from rmrc.analysis import survey
-from rmrc.analysis.ik import descent
 from rmrc.analysis.workspace import folds
 from rmrc.arm import load
-from rmrc.law import controller, law, svd
+from rmrc.law import controller, descent, law, svd
 from rmrc.law.jit import _kind
 from rmrc.law.record import records, tick_type
 from rmrc.law.task import choose

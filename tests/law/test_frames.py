@@ -1,5 +1,7 @@
 """Rows along the axes of the world, the base or the site, against mj_jacSite and scipy's rotations."""
 
+import itertools
+
 import mujoco
 import numpy as np
 import pytest
@@ -8,7 +10,7 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from chains import random_chain, seeds
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.arm import load
 from rmrc.law.controller import Controller, resolve_rates
 from rmrc.law.kinematics import BASE, FRAMES, SITE, WORLD
@@ -238,10 +240,10 @@ def test_every_inverse_gives_the_rates_of_the_turned_problem(method):
     assert_allclose(got, want, rtol=1e-8, atol=1e-9)
 
 
-@pytest.mark.parametrize("frame", ["base", "site"])
-@pytest.mark.parametrize("on_excess", LIMITS.names)
-@pytest.mark.parametrize("policy", POLICIES.names)
-@pytest.mark.parametrize("objective", ["none", "secondary"])
+GRID = [*itertools.product(["base", "site"], LIMITS.names, POLICIES.names, ["none", "secondary"])]
+
+
+@pytest.mark.parametrize(("frame", "on_excess", "policy", "objective"), mostly_long(GRID, 5))
 def test_every_limit_policy_and_objective_runs_along_a_frame(simulate, frame, on_excess, policy, objective):
     _, run = simulate(
         "arm.model=models/puma560.xml", "arm.site=tool", "arm.start=[0.3, -0.9, 3.4, 0.2, 0.9, 0.3]", "plant.kind=ideal",

@@ -223,6 +223,7 @@ plant:
   bandwidth: 500.0
   timestep: null
   gravity_compensation: null
+  friction_compensation: true
   payload: 0.0
   gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]

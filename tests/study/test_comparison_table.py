@@ -93,7 +93,7 @@ def test_without_a_return_nothing_is_said():
 
 VALUES = {
     "joint_rate.peak": 1.125, "joint_rate_cmd.peak": 5.5, "joint_rate.rms": 2.25, "joint_acceleration.peak": 33.5,
-    "tau.share": 0.75, "position_error_along.max": 0.0044, "position_error_across.max": 0.0055,
+    "tau.share_of_limit": 0.75, "position_error_along.max": 0.0044, "position_error_across.max": 0.0055,
     "position_error.end": 0.0066, "status_time.DAMPED": 7.75,
 }  # fmt: skip
 NUMBERS = ["1.125", "5.500", "2.250", "33.50", "0.7500", "0.00440", "0.00550", "0.00660", "7.750"]
@@ -144,7 +144,9 @@ def test_the_table_has_a_column_for_each_status_that_occurs_in_any_variant_and_f
 
 
 def test_torques_without_a_limit_have_no_share():
-    text = markdown([row("servo", **{"tau.share": 0.5}), row("ideal", **{"tau.share": math.nan})])
+    text = markdown(
+        [row("servo", **{"tau.share_of_limit": 0.5}), row("ideal", **{"tau.share_of_limit": math.nan})]
+    )
     assert "| 0.5000 |" in text.splitlines()[3]
     assert text.splitlines()[4].endswith("| - |")
 

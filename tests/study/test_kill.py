@@ -39,9 +39,9 @@ def wait_for(process, folder, parts):
         time.sleep(0.005)
 
 
-@pytest.mark.long  # tests/study/test_resuming.py goes on in one process
+@pytest.mark.parametrize("interrupted", [False, pytest.param(True, marks=pytest.mark.long)])
 @pytest.mark.skipif(os.name != "posix", reason="signals")
-def test_killed_interrupted_and_gone_on_with_it_gives_the_file_of_one_go(tmp_path):
+def test_killed_interrupted_and_gone_on_with_it_gives_the_file_of_one_go(tmp_path, interrupted):
     path = tmp_path / "quick.yaml"
     path.write_text(TEXT)
     Sweep(path, folder=tmp_path / "whole").run()
@@ -58,15 +58,16 @@ def test_killed_interrupted_and_gone_on_with_it_gives_the_file_of_one_go(tmp_pat
     assert len(kept) == 48 // PARTS * done
     stamps = {one: one.stat().st_mtime_ns for one in folder.glob("part-*.parquet")}
 
-    process = started(path, tmp_path / "out")
-    wait_for(process, folder, done + 2)
-    process.send_signal(signal.SIGINT)
-    _, err = process.communicate(timeout=240)
-    assert process.returncode == 130
-    rows = ds.dataset(folder).count_rows()
-    assert rows < 48
-    assert told(err) == f"rmrc: interrupted after {rows} of 48 runs; the same command goes on\n"
-    assert {one: one.stat().st_mtime_ns for one in stamps} == stamps  # what was done is not done again
+    if interrupted:
+        process = started(path, tmp_path / "out")
+        wait_for(process, folder, done + 2)
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=240)
+        assert process.returncode == 130
+        rows = ds.dataset(folder).count_rows()
+        assert rows < 48
+        assert told(err) == f"rmrc: interrupted after {rows} of 48 runs; the same command goes on\n"
+        assert {one: one.stat().st_mtime_ns for one in stamps} == stamps  # what was done is not done again
 
     Sweep(path, folder=tmp_path / "out").run()
     assert file.read_bytes() == (tmp_path / "whole/quick.sweep.parquet").read_bytes()

@@ -8,13 +8,14 @@ from pathlib import Path
 import pytest
 
 from project import ROOT
-from rmrc.arm import files
+from rmrc.arm import files, load_asked
 from rmrc.scenario import Scenario, changes_of, draft_of, load
 from rmrc.study.parcel import Unpacked, pack
 from rmrc.study.rows import fingerprint
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
+from stl import tetrahedron
 from wording import says
 
 TEXT = """
@@ -138,6 +139,40 @@ def test_a_models_fingerprint_is_of_what_it_is_and_not_of_where_it_lies(path, tm
     )
     sweep = Sweep(path, [f"arm.model={folder}/arm.xml", "sweep.vary.control.feedback=[5, 6]"], tmp_path)
     assert fingerprint(sweep._prepare(0).arm) != prints[0]
+
+
+def test_the_packages_of_a_urdf_and_the_model_of_a_tool_are_packed(tmp_path):
+    for name in ("robot", "mesh_package/meshes", "tools", "worker"):
+        (tmp_path / name).mkdir(parents=True)
+    (tmp_path / "mesh_package/meshes/link.stl").write_bytes(tetrahedron(0.2))
+    text = (
+        (ROOT / "tests/models/arm.urdf")
+        .read_text()
+        .replace("package://arm_description", "package://meshes_of_arm")
+    )
+    (tmp_path / "robot/arm.urdf").write_text(text)
+    tool = '<mujoco><worldbody><body name="drill"><geom size=".02" mass="{}"/><site name="bit" pos="0 0 .1"/></body></worldbody></mujoco>'
+    for mass in (1, 2):
+        (tmp_path / f"tools/{mass}.xml").write_text(tool.format(mass))
+    (tmp_path / "quick.yaml").write_text(
+        "name: quick\narm: {model: robot/arm.urdf, packages: {meshes_of_arm: mesh_package}, tool: {model: tools/1.xml}}\n"
+        "task: {axes: [x, y]}\ntarget: {path: [{hold: {for: 0.01}}]}\n"
+    )
+    draft = draft_of(tmp_path / "quick.yaml", ["sweep.vary={arm.tool.model: [tools/1.xml, tools/2.xml]}"])
+    parcel = pack(draft)
+    assert {"robot/arm.urdf", "mesh_package/meshes/link.stl", "tools/1.xml", "tools/2.xml"} <= set(
+        parcel.files
+    )
+    before = Sweep(draft.scenario())._identify()
+    (tmp_path / "tools/2.xml").write_text(tool.format(3))
+    assert Sweep(draft.scenario())._identify() != before
+    meshes = load_asked(draft.scenario().arm).model.nmesh
+    for name in ("robot/arm.urdf", "mesh_package/meshes/link.stl", "tools/1.xml", "tools/2.xml"):
+        (tmp_path / name).unlink()
+    there = Unpacked(parcel, str(tmp_path / "worker"))
+    arm = there.study.prepare(changes_of({"arm.tool.model": "tools/2.xml"})).arm
+    assert arm.model.nmesh == meshes > 0
+    assert arm.model.body_mass[-1] == 2.0
 
 
 def test_a_recorded_motion_is_packed_and_its_contents_are_part_of_the_sweep(path, tmp_path):

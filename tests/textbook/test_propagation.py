@@ -5,7 +5,7 @@ from functools import partial
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -200,7 +200,6 @@ def as_links(frames, tip):
     return np.linalg.inv(poses[:-1]) @ poses[1:], np.linalg.inv(poses[-1]) @ tip
 
 
-@settings(max_examples=15, deadline=None)
 @given(seeds)
 def test_links_taken_from_any_arm_give_mujocos_jacobian(seed):
     model, data, joints, frames, tip = random_arm(seed)
@@ -212,7 +211,6 @@ def test_links_taken_from_any_arm_give_mujocos_jacobian(seed):
     assert_allclose(J, expected[:, model.jnt_dofadr[joints]], atol=ROUNDING)
 
 
-@settings(max_examples=15, deadline=None)
 @given(seeds)
 def test_reactions_are_the_forces_between_mujocos_bodies(seed):
     """The physics' own: what acts from parent to child if nothing moves, accelerates or weighs anything."""

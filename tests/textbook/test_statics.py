@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 from numpy.testing import assert_allclose
@@ -48,7 +48,6 @@ def test_the_two_examples_of_the_notes(degrees, force, tau):
     assert_allclose(equilibrium_torques(J, force), np.negative(tau), atol=1e-12)
 
 
-@settings(max_examples=20, deadline=None)
 @given(st.integers(1, 6), st.floats(-3, 3), st.integers(0, 2**32 - 1))
 def test_force_along_a_lost_direction_costs_no_torque_and_any_other_does(n, q1, seed):
     rng = np.random.default_rng(seed)

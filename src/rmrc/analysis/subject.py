@@ -1,8 +1,9 @@
 """Whom a question is about: an arm, from a file, a scenario or as it was loaded, and its joint positions."""
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -19,6 +20,9 @@ from rmrc.support.spatial import AXES
 
 Model: TypeAlias = Arm | Scenario | str | os.PathLike[str]
 """An arm, an MJCF file, the name of a shipped one, or a scenario, which also has start, axes and length."""
+
+Packages: TypeAlias = Mapping[str, str | os.PathLike[str]]
+"""Folders of the packages that a URDF names, by their names."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +54,8 @@ def subject(
     site: str | None = None,
     axes: Sequence[str] | None = None,
     length: float | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
 ) -> Subject:
     """Return the arm of a model, at joint positions.
 
@@ -61,6 +67,8 @@ def subject(
             `rmrc.arm.frames`.
         axes: Of x y z rx ry rz; None for those of a scenario, else to let the question choose.
         length: Characteristic length [m]; None for that of a scenario, else 1.
+        body: The body whose frame is in question, instead of a site.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
 
     Raises:
         ModelError: The file, the site or the keyframe is missing or will not do.
@@ -74,16 +82,11 @@ def subject(
     if q is not None and keyframe is not None:
         raise QuestionError("give q or keyframe, not both")
     start: str | Sequence[float] = "home"
+    arm = read_arm(model, site, body, packages)
     if isinstance(model, Scenario):
-        section, task = model.arm, model.task
-        arm = arms.load_asked(section)
-        arm = arm.stretched(section.stretch) if section.stretch else arm
-        start, axes = section.start, task.axes if axes is None else axes
+        task = model.task
+        start, axes = model.arm.start, task.axes if axes is None else axes
         length = task.length if length is None else length
-    else:
-        arm = model if isinstance(model, Arm) else arms.load(shipped.found(model, "models"), site)
-    if site not in (None, arm.site):
-        raise QuestionError(f'the arm has the site "{arm.site}", got site "{site}"; load it with that site')
     if q is None or isinstance(model, Scenario):
         arm = arm.at(arm.configuration(start if keyframe is None else keyframe))
     if q is None:
@@ -92,6 +95,48 @@ def subject(
         positions = numbers("q", q, arm.joints)
     _check(axes, length)
     return Subject(arm, positions, axes, 1.0 if length is None else length)
+
+
+def read_arm(
+    model: Model,
+    site: str | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
+    joints: Sequence[str] | None = None,
+) -> Arm:
+    """Return the arm of a model.
+
+    Args:
+        model: An arm, an MJCF or URDF file, or a scenario.
+        site: The point in question; None for that of the arm or scenario, else that of the hand.
+        body: The body whose frame is in question, instead of a site.
+        packages: Folders of a URDF's packages, by their names.
+        joints: That are driven; None for those of the arm or scenario, else all on the chain.
+
+    Raises:
+        ModelError: See `rmrc.arm.load`.
+        QuestionError: Both a site and a body are given, or an arm or scenario that has others.
+    """
+    if site is not None and body is not None:
+        raise QuestionError("give site or body, not both")
+    folders = {name: Path(folder) for name, folder in (packages or {}).items()}
+    if isinstance(model, Arm):
+        arm = model
+    elif isinstance(model, Scenario):
+        arm = arms.load_asked(model.arm)
+        arm = arm.stretched(model.arm.stretch) if model.arm.stretch else arm
+    else:
+        return arms.load(shipped.found(model, "models"), site, joints, body=body, packages=folders)
+    frame = arm.frame or ("site", arm.site)
+    own = {
+        "site": (site, arm.site), "body": (body, frame[1] if frame[0] == "body" else None),
+        "joints": (joints and tuple(joints), arm.joints), "packages": (folders or None, dict(arm.packages)),
+    }  # fmt: skip
+    for name, (wanted, has) in own.items():
+        if wanted not in (None, has):
+            told, known = (f'"{one}"' if isinstance(one, str) else one for one in (wanted, has))
+            raise QuestionError(f"the arm has {name} {known}, got {told}; load it with what is wanted")
+    return arm
 
 
 def numbers(what: str, values: ArrayLike, names: Sequence[str]) -> Array:

@@ -15,6 +15,7 @@ from rmrc.arm.actuators import reset
 from rmrc.arm.compiling import compiled, in_our_words
 from rmrc.arm.differences import PAYLOAD, check_stretch, stretched_fields
 from rmrc.arm.drives import OwnDrives
+from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others
 from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import Travel, Wiring, find_chain, joints_above, wire
@@ -69,6 +70,9 @@ class Arm:
         keyframes: Configurations by name, each (nq,).
         model: The model as its author wrote it, but for what is stretched.
         variant: What else than the file makes the model: a tool, folders of packages.
+        frame: Key of a scenario's `arm` that names what is controlled, and its value; None where only default
+            names it.
+        packages: Names and folders of a URDF's packages that were given.
         notes: What was assumed where the file does not say it, a line each.
         home: Number of the keyframe that is `home`; None where none is.
         obvious: Which of them tells a choice of the site that hardly anybody would doubt; "" if none does.
@@ -89,6 +93,8 @@ class Arm:
     model: mujoco.MjModel
     _spec: mujoco.MjSpec
     variant: Hashable = ()
+    frame: NamedFrame | None = None
+    packages: tuple[tuple[str, Path], ...] = ()
     notes: tuple[str, ...] = ()
     obvious: str = ""
     home: int | None = None
@@ -328,6 +334,14 @@ class Arm:
         return self._followed(weight), self._followed(-self._data.qfrc_spring)
 
     @property
+    def damping(self) -> Array:
+        """Damping of each joint at rest, (n,) [N·m·s/rad or N·s/m]."""
+        damping = np.array(self.model.dof_damping[self.wiring.dof])
+        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
+            damping[travel.hinge] += travel.ratio**2 * self.model.dof_damping[address]
+        return damping
+
+    @property
     def friction(self) -> Array:
         """Dry friction that can bear a part of a drive's load at rest, (n,) [N·m or N]."""
         loss = np.array(self.model.dof_frictionloss[self.wiring.dof])
@@ -364,6 +378,13 @@ class Arm:
     def body_names(self) -> list[str]:
         """Names of all bodies, the world first; a body without one goes by its number."""
         return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]
+
+    @property
+    def is_balanced(self) -> bool:
+        """Whether gravity pulls at no joint of the arm: there is none, or the model compensates all of it."""
+        model, root = self.model, int(self.model.jnt_bodyid[self.wiring.joint[0]])
+        heavy = [b for b in range(root, model.nbody) if model.body_mass[b] > 0.0 and self._descends(b, root)]
+        return not model.opt.gravity.any() or all(model.body_gravcomp[b] == 1.0 for b in heavy)
 
     @property
     def is_fixed(self) -> NDArray[np.bool_]:
@@ -494,8 +515,10 @@ class Arm:
     def _replace_actuators(
         self, spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsActuator], drive: Drive | None
     ) -> None:
-        for actuator in replaced:  # chosen before, as ids change with every one that goes
-            spec.delete(actuator)
+        gone = {actuator.name for actuator in replaced}
+        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
+        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
+            spec.delete(element)  # chosen before, as ids change with every one that goes
         if drive is None:
             return
         for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):

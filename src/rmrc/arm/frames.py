@@ -20,10 +20,12 @@ _TELLING = (
 # What is seen, measured or drawn there instead.
 _BESIDE = (
     "axis", "base", "cali", "cam", "camera", "center", "claw", "cylinder", "finger", "focus", "force", "ft",
-    "goal", "imu", "jaw", "knuckle", "lidar", "light", "marker", "object", "pad", "pads", "sensor", "target",
-    "thumb", "torque", "touch", "x", "y", "z",
+    "goal", "imu", "inner", "jaw", "knuckle", "lidar", "light", "marker", "motor", "object", "outer", "pad",
+    "pads", "sensor", "target", "thumb", "torque", "touch", "x", "y", "z",
 )  # fmt: skip
 _FINGERS = ("claw", "finger", "jaw", "knuckle", "thumb")
+# A thumb has so many joints.
+_LONGEST_FINGER = 5
 # A joint of the wrist may be called the gripper's.
 _TURNS = ("pitch", "roll", "rot", "wrist", "yaw")
 
@@ -84,7 +86,7 @@ def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
     elif len(beside) == 1:
         found = "site", beside[0], "as the only one on the last link"
     elif named:
-        found = "body", max(named, key=lambda b: (_rank(model.body(b).name), b == last, b)), "by its name"
+        found = "body", max(named, key=lambda b: (*_telling(model.body(b).name), b == last, b)), "by its name"
     else:
         branches = np.flatnonzero(
             (model.body_parentid == last) & (model.body_weldid != model.body_weldid[last])
@@ -113,10 +115,10 @@ def _trunk(model: mujoco.MjModel) -> list[int]:
         while True:
             ahead = [b for b in children[body] if depth[b] > 0]
             ways = [b for b in ahead if into_fingers or not _is_finger(model, b)]
-            # limbs that are no longer than what carries them, or as many as fingers, are a hand's
-            if not ways or (
-                joints > 0 and len(ahead) > 1 and (joints >= max(depth[b] for b in ahead) or len(ahead) > 3)
-            ):
+            # limbs no longer than what carries them, or as many and as short as fingers, are a hand's
+            longest = max((depth[b] for b in ahead), default=0)
+            is_hand = joints >= longest or (len(ahead) > 3 and longest <= _LONGEST_FINGER)
+            if not ways or (joints > 0 and len(ahead) > 1 and is_hand):
                 break
             body = max(ways, key=lambda b: depth[b])
             joints += len(_own(model, body))
@@ -178,6 +180,11 @@ def _rank(name: str) -> int:
     if _has(words, _BESIDE):
         return -1
     return max((rank for rank, known in enumerate(_TELLING, start=1) if _has(words, known)), default=0)
+
+
+def _telling(name: str) -> tuple[int, bool]:
+    """Return how telling a name is, and whether it is that of a frame, which was made to be named."""
+    return _rank(name), "frame" in _words(name)
 
 
 def _has(words: Sequence[str], known: Sequence[str]) -> bool:

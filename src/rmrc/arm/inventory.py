@@ -99,16 +99,16 @@ def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
     )
 
 
-def contacts(arm: Arm, q: NDArray[np.float64]) -> tuple[Contact, ...]:
-    """Return what touches at any of some joint positions (N, n), the others at `home`, the deepest first.
+def contacts(arm: Arm, qpos: NDArray[np.float64]) -> tuple[Contact, ...]:
+    """Return what touches at any of some configurations of the model, (N, nq), the deepest first.
 
     These are MuJoCo's contacts of negative distance, of each pair the deepest: pairs that the model excludes,
     bodies that are welded together and those of parent and child are left out as it leaves them out.
     """
     model, data, above = arm.model, mujoco.MjData(arm.model), _joints_above(arm)
     depths: dict[tuple[int, int], float] = {}
-    for positions in q:
-        data.qpos[:] = arm.configuration(positions)
+    for configuration in qpos:
+        data.qpos[:] = configuration
         mujoco.mj_fwdKinematics(model, data)
         mujoco.mj_collision(model, data)
         for contact in data.contact[: data.ncon]:

@@ -6,6 +6,8 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.arm.notes import Note
+
 Array = NDArray[np.float64]
 
 
@@ -52,7 +54,7 @@ def keyframes(
     if key is not None:
         called = f'"{name}"' if (name := model.key(key).name) else f"number {key}, which has no name,"
         why = "the only one" if len(_own(model, prefix)) == 1 else "the first within limits"
-        notes.append(f"there is no keyframe home; {called} is taken for it, {why}")
+        notes.append(Note("no-home", f"there is no keyframe home; {called} is taken for it, {why}"))
         return {**found, "home": np.array(model.key(key).qpos)}
     address, home = model.jnt_qposadr[joints], np.array(model.qpos0)
     beyond = np.flatnonzero((home[address] < limit[:, 0]) | (home[address] > limit[:, 1])).tolist()
@@ -62,9 +64,8 @@ def keyframes(
         ends = limit[j]
         home[address[j]] = ends.mean() if np.isfinite(ends).all() else np.clip(home[address[j]], *ends)
     names = ", ".join(f'"{model.joint(joints[j]).name}"' for j in beyond)
-    notes.append(
-        f"there is no keyframe home, and 0 is beyond the limits of joint {names}; home is their middle"
-    )
+    told = f"there is no keyframe home, and 0 is beyond the limits of joint {names}; home is their middle"
+    notes.append(Note("no-home", told))
     return {**found, "home": home}
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from rmrc.arm import urdf
 from rmrc.arm.arm import Arm
 from rmrc.arm.bounds import bounded_memory
-from rmrc.arm.compiling import quiet_log, read
+from rmrc.arm.compiling import compiled, quiet_log, read
 from rmrc.arm.keyframes import keyframes, starting_key
 from rmrc.arm.limits import position_limit, rate_limit, torque_limit
 from rmrc.arm.mounting import Asked, mounted
@@ -53,7 +53,7 @@ def load(
     asked = Asked(site, body, tool, base, tuple(sorted((packages or {}).items())))
     spec, model, velocity, told = read(path, packages)
     notes = list(told)
-    model, site, obvious = mounted(path, spec, model, asked, notes)
+    model, site, frame, obvious = mounted(path, spec, model, asked, notes)
     chain = find_chain(path, model, site)
     travels = find_travels(path, model, chain)
     own = [name for name in chain if name not in travels]
@@ -66,6 +66,10 @@ def load(
     joint = np.array([model.joint(name).id for name in driven])
     limit = position_limit(model, driven, followed)
     rates = np.array([min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf)) for i in joint])
+    keys = keyframes(model, joint.tolist(), limit, asked.prefix, notes)
+    if urdf.is_urdf(path) and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
+        notes += apart
+        model = compiled(path, spec)
     return Arm(
         path=path,
         site=site,
@@ -75,10 +79,12 @@ def load(
         position_limit=limit,
         rate_limit=rates,
         torque_limit=np.array([torque_limit(model, i) for i in joint]),
-        keyframes=keyframes(model, joint.tolist(), limit, asked.prefix, notes),
+        keyframes=keys,
         model=model,
         _spec=spec,
         variant=asked.variant,
+        frame=frame,
+        packages=asked.packages,
         notes=tuple(notes),
         obvious=obvious,
         home=starting_key(model, joint.tolist(), asked.prefix),
@@ -124,11 +130,12 @@ def _driven(
     return outward
 
 
-def files(path: Path) -> list[Path]:
+def files(path: Path, packages: Mapping[str, Path] | None = None) -> list[Path]:
     """Return a model's file and every file that it depends on: what it includes, meshes, textures.
 
     Args:
         path: The file, absolute.
+        packages: Folders of a URDF's packages, by their names.
 
     Returns:
         Those that are there; the file alone if it cannot be read as a model, which `load` then tells.
@@ -137,7 +144,7 @@ def files(path: Path) -> list[Path]:
     try:
         check_file(path)
         if urdf.is_urdf(path):
-            return sorted({path, *urdf.files(path)})
+            return sorted({path, *urdf.files(path, packages or {})})
         with bounded_memory():
             found = set(mujoco.mju_getXMLDependencies(str(path)))
             # which looks for height fields beside the model, where the compiler does not

@@ -4,7 +4,7 @@ from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
-from typing import NamedTuple
+from typing import Literal, NamedTuple, TypeAlias
 
 import mujoco
 import numpy as np
@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rmrc.arm.compiling import compiled, read
 from rmrc.arm.frames import default_frame
 from rmrc.arm.keyframes import starting_key
+from rmrc.arm.notes import Note
 from rmrc.arm.wiring import find_body, find_site, joints_above
 from rmrc.scenario.sections import ToolSection
 from rmrc.support.errors import ModelError
@@ -23,6 +24,10 @@ Array = NDArray[np.float64]
 
 _FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 _HIDDEN = 4  # group of sites that viewers hide
+
+
+NamedFrame: TypeAlias = tuple[Literal["site", "body", "tool"], str | ToolSection]
+"""Key of a scenario's `arm` that names a frame, and its value."""
 
 
 @dataclass(frozen=True)
@@ -60,11 +65,13 @@ class Mounted(NamedTuple):
     Attributes:
         model: Compiled.
         site: The name of a site at the frame.
+        frame: Key of a scenario's `arm` that names the frame, and its value; None if only its default does.
         obvious: Which note tells a choice of it that hardly anybody would doubt; "" if none does.
     """
 
     model: mujoco.MjModel
     site: str
+    frame: NamedFrame | None
     obvious: str = ""
 
 
@@ -90,25 +97,26 @@ def mounted(
     changed = _name(spec, model, above, notes)
     changed |= _fix(path, spec, model, above, asked, notes)
     if asked.tool is None and kind == "site":
-        return Mounted(compiled(path, spec) if changed else model, model.site(i).name, obvious)
+        site = model.site(i).name
+        return Mounted(compiled(path, spec) if changed else model, site, ("site", site), obvious)
     position, quat = np.zeros(3), np.array([1.0, 0.0, 0.0, 0.0])
     if kind == "site":
         position, quat = np.array(model.site(i).pos), np.array(model.site(i).quat)
     if asked.tool is None:
         site = _unused(spec, holder.name or "hand")
         holder.add_site(name=site, pos=position, quat=quat, group=_HIDDEN)
-        return Mounted(compiled(path, spec), site)
+        return Mounted(compiled(path, spec), site, ("body", holder.name) if holder.name else None)
     site = _attach(path, spec, holder, position, quat, asked.tool, asked.prefix, notes)
     model = compiled(path, spec)
     if asked.tool.site is not None:
-        return Mounted(model, find_site(path, model, f"{asked.prefix}{asked.tool.site}"))
+        site = find_site(path, model, f"{asked.prefix}{asked.tool.site}")
+        return Mounted(model, site, ("tool", asked.tool))
     frame = default_frame(model, asked.prefix) if asked.prefix else None
     if frame is not None and frame.kind == "site":
-        notes.append(
-            f'site "{model.site(frame.id).name}" is controlled, chosen {frame.why}{_or(frame.others)}'
-        )
+        told = f'site "{model.site(frame.id).name}" is controlled, chosen {frame.why}{_or(frame.others)}'
+        notes.append(Note("frame", told))
         site = model.site(frame.id).name
-    return Mounted(model, site)
+    return Mounted(model, site, ("tool", asked.tool))
 
 
 def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) -> tuple[str, int, str]:
@@ -126,7 +134,7 @@ def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) ->
         named = getattr(model, frame.kind)(frame.id).name
         called = f'{frame.kind} "{named}"' if named else f"{frame.kind} {frame.id}"
         does = "is controlled" if asked.tool is None else "carries the tool"
-        told = f"{called} {does}, chosen {frame.why}{_or(frame.others)}"
+        told = Note("frame", f"{called} {does}, chosen {frame.why}{_or(frame.others)}")
         notes.append(told)
         return frame.kind, frame.id, told if frame.is_clear else ""
     return frame.kind, frame.id, ""
@@ -182,7 +190,7 @@ def _fix(
     body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     body.pos, body.quat = pose[:3], pose[3:]
     at = "the file" if key is None else f'keyframe "{model.key(key).name}"'
-    notes.append(f"{called} floats in the file; it is fixed where {at} has it")
+    notes.append(Note("base-fixed", f"{called} floats in the file; it is fixed where {at} has it"))
     return True
 
 

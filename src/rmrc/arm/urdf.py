@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.arm.scan import Tag, tags
 from rmrc.support.errors import ModelError
@@ -61,17 +62,20 @@ def read(path: Path, packages: Mapping[str, Path]) -> Urdf:
     return _Reading(path, text, packages).done()
 
 
-def files(path: Path) -> set[Path]:
+def files(path: Path, packages: Mapping[str, Path]) -> set[Path]:
     """Return the meshes of a URDF file that are there, and what makes folders above it packages.
 
     Args:
         path: The file, absolute.
+        packages: Folders of packages, by their names.
 
     Raises:
         ModelError: It cannot be read.
     """
     meshes = {
-        Path(tag.attributes.get("filename", "")) for tag in tags(read(path, {}).text) if tag.name == "mesh"
+        Path(tag.attributes.get("filename", ""))
+        for tag in tags(read(path, packages).text)
+        if tag.name == "mesh"
     }
     marks = {above / "package.xml" for above in path.parents}
     return {file for file in meshes | marks if file.is_file()}
@@ -86,6 +90,7 @@ class _Reading:
         self._instead: list[tuple[tuple[int, int], str]] = []
         self._velocity: dict[str, float] = {}
         self._floating: list[str] = []
+        self._colors: list[str] = []  # lines
         self._unknown: dict[str, None] = {}  # packages; a dict keeps the order
         self._shapes = {""}  # names
         of_compiler = (tag.attributes for tag in self._tags if tag.name == "compiler" and not tag.closes)
@@ -125,6 +130,9 @@ class _Reading:
             self._shapes.add(name)
         elif tag.name == "mesh" and "filename" in tag.attributes:
             self._replace(tag, filename=str(self._found(tag.attributes["filename"])))
+        elif tag.name == "color" and not _is_color(tag.attributes.get("rgba", "")):
+            self._replace(tag, rgba="0.5 0.5 0.5 1")
+            self._colors.append(str(tag.line))
         elif tag.name == "joint" and names == ["robot"] and tag.attributes.get("type") == "floating":
             self._floating.append(tag.attributes.get("name", ""))
             self._replace(tag, type="fixed")
@@ -175,6 +183,10 @@ class _Reading:
         notes = []
         if self._floating:
             notes.append(f"joint {listed(self._floating)}, which floats in the file, is fixed")
+        if self._colors:
+            notes.append(
+                f"a color must be four numbers from 0 to 1; that of line {listed(self._colors)} is gray"
+            )
         if self._unknown:
             ways = " ".join(f"--package {name}=FOLDER" for name in self._unknown)
             notes.append(
@@ -194,6 +206,13 @@ def _positive(text: str) -> float | None:
         return value if (value := float(text)) > 0.0 else None
     except ValueError:
         return None
+
+
+def _is_color(text: str) -> bool:
+    try:
+        return len(values := text.split()) == 4 and all(0.0 <= float(value) <= 1.0 for value in values)
+    except ValueError:
+        return False
 
 
 def _package_of(folder: Path) -> str | None:
@@ -268,3 +287,32 @@ def _has_mass(body: mujoco.MjsBody) -> bool:
 def _give(body: mujoco.MjsBody, mass: float, inertia: float) -> None:
     body.explicitinertial, body.mass, body.inertia = True, mass, [inertia] * 3
     body.fullinertia = [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0]
+
+
+def keep_apart(spec: mujoco.MjSpec, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> list[str]:
+    """Have bodies of a URDF not touch that are within each other at home.
+
+    A URDF has no place for pairs that do not collide, and MuJoCo takes the convex hull of each mesh: links
+    near each other in the chain are within each other then, wherever they are.
+
+    Args:
+        spec: That the model was compiled from; pairs are added.
+        model: Its model.
+        qpos: Home, (nq,).
+
+    Returns:
+        What was assumed.
+    """
+    data = mujoco.MjData(model)
+    data.qpos[:] = qpos
+    mujoco.mj_fwdKinematics(model, data)
+    mujoco.mj_collision(model, data)
+    met = [contact.geom for contact in data.contact[: data.ncon] if contact.dist < 0.0]
+    pairs = sorted({tuple(sorted(int(model.geom_bodyid[geom]) for geom in pair)) for pair in met})
+    named = [tuple(model.body(body).name for body in pair) for pair in pairs]
+    for first, second in named:
+        spec.add_exclude(bodyname1=first, bodyname2=second)
+    if not named:
+        return []
+    told = listed(f"{first} and {second}" for first, second in named)
+    return [f"bodies that are within each other at home do not touch: {told}"]

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import notice
-from rmrc.cli.options import AsJson, Model, Site
+from rmrc.cli.options import AsJson, Body, Model, Packages, Site, asked
 from rmrc.cli.reports import show
 
 Joints = Annotated[
@@ -16,7 +16,13 @@ Seed = Annotated[int, typer.Option(help="Of the second of motion.", min=0)]
 
 
 def check(
-    model: Model, site: Site = None, joints: Joints = None, seed: Seed = 0, as_json: AsJson = False
+    model: Model,
+    site: Site = None,
+    body: Body = None,
+    package: Packages = None,
+    joints: Joints = None,
+    seed: Seed = 0,
+    as_json: AsJson = False,
 ) -> None:
     """Check a model as a linter would: what must be mended, what is missing, what is assumed.
 
@@ -28,5 +34,5 @@ def check(
         from rmrc.analysis.check.report import report
 
         driven = None if joints is None else [name.strip() for name in joints.split(",")]
-        found = ask(model, site=site, joints=driven, seed=seed)
+        found = ask(model, **asked(site, body, package), joints=driven, seed=seed)
     show(report(found), as_json)

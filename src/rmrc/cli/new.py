@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import notice, output, print_line
-from rmrc.cli.options import AsJson, Model, Quiet, Site
+from rmrc.cli.options import AsJson, Body, Model, Packages, Quiet, Site, read_arm
 from rmrc.cli.reports import show
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
@@ -24,6 +24,8 @@ Plant = Annotated[str, typer.Option(help="What obeys the rates: plant.kind of th
 def new(
     model: Model,
     site: Site = None,
+    body: Body = None,
+    package: Packages = None,
     plant: Plant = "servo",
     out: Out = None,
     force: Force = False,
@@ -42,7 +44,8 @@ def new(
         from rmrc.analysis.new.report import report
 
         path = Path(f"{model.stem}.yaml") if out is None else out
-        made = make(model, site=site, plant=plant, out=None if path == STDOUT else path, force=force)
+        arm = read_arm(model, site, body, package)
+        made = make(arm, plant=plant, out=None if path == STDOUT else path, force=force)
     if path == STDOUT:
         print(made.text, end="")
         return

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
@@ -82,6 +82,17 @@ def read_arm(model: Path, site: str | None, body: str | None, packages: list[str
     """
     from rmrc.arm import load
 
+    arm = load(model, **asked(site, body, packages))
+    tell_assumed(note for note in arm.notes if note != arm.obvious)  # the answer names the site
+    return arm
+
+
+def asked(site: str | None, body: str | None, packages: list[str] | None) -> dict[str, Any]:
+    """Return what options ask of a model, as the functions of the library have it.
+
+    Raises:
+        QuestionError: Both a site and a body are given, or a package is none.
+    """
     if site is not None and body is not None:
         raise QuestionError("give --site or --body, not both")
     folders = {}
@@ -92,9 +103,7 @@ def read_arm(model: Path, site: str | None, body: str | None, packages: list[str
                 f"--package must be NAME=FOLDER with a folder that is there, got {quoted(text)}"
             )
         folders[name] = Path(folder)
-    arm = load(model, site, body=body, packages=folders)
-    tell_assumed(note for note in arm.notes if note != arm.obvious)  # the answer names the site
-    return arm
+    return {"site": site, "body": body, "packages": folders}
 
 
 PICTURES = (".png", ".svg", ".pdf")

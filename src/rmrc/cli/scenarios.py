@@ -51,7 +51,7 @@ def run(
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario; leave NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
-    from rmrc.results import stuck
+    from rmrc.results import loads, stuck
     from rmrc.show import tables
     from rmrc.study.run import Job  # with numba and mujoco, which `schema` and `replay` do without
 
@@ -60,10 +60,17 @@ def run(
     left = _ran(job, job.name, quiet)
     (one,) = left.results
     console.print(tables.render(one.scorecard, one.outcomes))
+    for assumed in one.prepared.assumed:
+        if assumed.is_otherwise:
+            print_line(console, f"assumed: {assumed.text}")
+    for pair in one.run.resting:
+        print_line(console, f"touch from the start, which is no CONTACT: {' – '.join(pair)}")
     _list(console, left.files, record)
     still = stuck.told(one.run, job.prepared.arm)
     if still:
         complain(still)
+    for line in loads.told(one.scorecard, job.prepared.scenario.expect):
+        complain(line)
     raise typer.Exit(_exit_code(left, one))
 
 
@@ -103,6 +110,7 @@ def compare(
 
     The exit code is that of the runs, whatever the scenario expects: what was missed is in the table.
     """
+    from rmrc.results import loads
     from rmrc.show.terminal import render
     from rmrc.study.compare import Comparison
     from rmrc.study.compare_table import sheets
@@ -114,6 +122,8 @@ def compare(
     _list(console, left.files, record)
     runs = [one.run for one in left.results]
     for one in left.results:
+        for line in loads.told(one.scorecard, one.prepared.scenario.expect):
+            complain(f'variant "{one.variant.label}": {line}')
         if one.divergence:
             complain(f'error: variant "{one.variant.label}" {one.divergence}')
     ticks, planned = sum(map(len, runs)), sum(run.planned for run in runs)

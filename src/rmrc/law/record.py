@@ -96,7 +96,8 @@ TICK = (
     Field("sigma", size=(ROWS,)), Field("gain", size=(ROWS,)),
     Field("damping"), Field("manipulability"), Field("condition"),
     Field("u_min", size=(6,)), Field("v_min", size=(JOINTS,)),
-    Field("tau", size=(JOINTS,)), Field("path_time"), Field("path_rate"),
+    Field("tau", size=(JOINTS,)), Field("tau_gravity", size=(JOINTS,)),
+    Field("path_time"), Field("path_rate"),
     Field("secondary_error"), Field("secondary_sigma"), Field("status", np.int64),
 )  # fmt: skip
 

@@ -19,9 +19,13 @@ from rmrc.law.law import control, take_error
 from rmrc.law.record import Field
 from rmrc.plants.kinds import obey, sense
 from rmrc.plants.stages import sensed, sent
+from rmrc.scenario.choices import Status
 
 # MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
 LARGEST = 1e10
+# A drive is at its limit that gives all of it, but for the rounding of a gear.
+AT_LIMIT = 1.0 - 1e-9
+TORQUE_LIMITED = int(Status.TORQUE_LIMITED)
 BAD_FIRST, BAD_LAST = int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC)
 
 
@@ -63,6 +67,7 @@ def tick(
     xanchor: Array,
     xaxis: Array,
     force: Array,
+    qfrc_gravcomp: Array,
     t: int,
 ) -> int:
     """Control all worlds for one tick; return how many of them are to be stepped.
@@ -80,6 +85,7 @@ def tick(
         xanchor: Joint anchors.
         xaxis: Joint axes.
         force: Forces of the last step.
+        qfrc_gravcomp: What compensates gravity, of all degrees of freedom, or (w, 0) where nothing does.
         t: Number of the tick.
     """
     running, row = 0, t % ticks.shape[0]
@@ -103,6 +109,7 @@ def tick(
         out.time = t * world.period
         read_reference(world, out, reference[world.reference])
         control(world, out)
+        out.status |= read_loads(world, out, qfrc_gravcomp[w])
         if is_misled:  # the error is recorded as it is
             take_error(world, out.pose_ref, out.pose, out.pose_error)
         world.diverged_joint = bad_command(world, out)
@@ -130,6 +137,19 @@ def read_joints(world: Record, out: Record, xpos: Array, xquat: Array) -> bool:
     for i in range(7):
         world.pose[i] = out.pose[i]
     return sensed(world, out)
+
+
+@compiled
+def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
+    """Read what compensates gravity, and return TORQUE_LIMITED if a drive is at its limit."""
+    status, compensated = 0, gravcomp.shape[0] > 0
+    for j in range(world.n):
+        out.tau_gravity[j] = gravcomp[world.dof[j]] if compensated else 0.0
+        if compensated and world.travel_column[j] >= 0:
+            out.tau_gravity[j] += world.travel_ratio[j] * gravcomp[world.travel_dof[j]]
+        if abs(out.tau[j]) >= AT_LIMIT * world.torque_limit[j] > 0.0:
+            status = TORQUE_LIMITED
+    return status
 
 
 @compiled

@@ -14,7 +14,7 @@ from rmrc.arm import DriveKind, Own
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
 from rmrc.law.record import Field
 from rmrc.plants.physics import Physical
-from rmrc.plants.plant import BeforeSteps, Wired
+from rmrc.plants.plant import Assumed, BeforeSteps, Wired
 from rmrc.plants.servo import Servo
 from rmrc.plants.torque import Torque, choose_acceleration
 from rmrc.plants.wiring import column
@@ -342,10 +342,10 @@ class Model(Physical):
     motors what is known, from the same states.
     """
 
-    name = "model"
+    name, drives = "model", ("actuators", "")
     sense, obey = staticmethod(read_joints), staticmethod(ask)
     forces = "qfrc_actuator"
-    fields = Torque.fields
+    fields = (*Physical.fields, Field("bandwidth"))
     memory = (*Torque.memory, Field("clamped", np.int64))
     batches = 2
 
@@ -365,21 +365,20 @@ class Model(Physical):
         return "own"
 
     def write(self, world: np.void) -> None:
-        """Write the wrench and the bandwidth of motors."""
+        """Write the bandwidth of motors as well."""
         super().write(world)
         world["bandwidth"] = self.section.bandwidth
 
-    @property
-    def notes(self) -> Iterator[str]:
-        """Yield which timestep was taken, and which actuators are told nothing."""
+    def assumed(self) -> Iterator[Assumed]:
+        """Yield a timestep and gravity compensation that are not the model's, and idle actuators."""
         own, drives = float(self.arm.model.opt.timestep), self.arm.drives
-        if self.section.timestep is None and self.timestep != own:
-            yield (
-                f"plant.timestep is {self.timestep:g} s: the model's own {own:g} s does not divide "
-                f"control.period, {self.period:g} s"
-            )
+        if self.timestep != own:
+            why = "" if self.section.timestep else f", to divide the control period of {self.period:g} s"
+            yield Assumed(f"timestep {self.timestep:g} s instead of the model's {own:g} s{why}", True)
+        if self.section.is_compensated and not self.arm.is_balanced:
+            yield Assumed("gravity compensation of the arm, which the model does not have", False)
         if drives.idle:
-            yield f"these actuators pull at the arm and keep their controls: {drives.named(drives.idle)}"
+            yield Assumed(f"actuators of the arm keep their controls: {drives.named(drives.idle)}", True)
 
     @classmethod
     def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps:

@@ -1,5 +1,6 @@
 """What plants have in common that MuJoCo steps: gravity, a payload, a wrench, and what drives measure."""
 
+import math
 from abc import abstractmethod
 from collections.abc import Hashable, Iterator, Sequence
 from typing import ClassVar, Self
@@ -9,14 +10,18 @@ import numpy as np
 
 from rmrc.arm import Drive, Own, Wiring
 from rmrc.arm.differences import loaded_fields
+from rmrc.arm.inventory import actuators
 from rmrc.law.jit import Array, Record, compiled
-from rmrc.law.record import Field
-from rmrc.plants.plant import Plant
+from rmrc.law.record import JOINTS, Field
+from rmrc.plants.plant import Assumed, Plant
+from rmrc.support.legible import listed
 
 # Ten billion steps of MuJoCo are a day of a small arm on one core: more is a slip of a unit.
 MOST_STEPS = 10_000_000_000
 # So short a step [s] changes no position of an arm by a bit; gains of inertia over timestep are finite.
 _SHORTEST_STEP = 1e-12
+# MuJoCo's own, which a model has that says nothing [s].
+_UNSAID_TIMESTEP = 0.002
 
 
 @compiled
@@ -52,8 +57,11 @@ class Physical(Plant):
     """A plant with actuators, in MuJoCo's physics."""
 
     sense = staticmethod(read_drives)
-    fields: ClassVar[tuple[Field, ...]] = (Field("wrench", size=(6,)),)
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("wrench", size=(6,)), Field("torque_limit", size=(JOINTS,), start=math.inf),
+    )  # fmt: skip
     stage = mujoco.mjtStage.mjSTAGE_VEL
+    drives: ClassVar[tuple[str, str]]  # what they are called, and the kind of actuator that they are
 
     @classmethod
     @abstractmethod
@@ -99,8 +107,35 @@ class Physical(Plant):
         return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
 
     def write(self, world: np.void) -> None:
-        """Write the wrench."""
-        world["wrench"] = self.section.wrench
+        """Write the wrench, and the limits of the drives."""
+        world["wrench"], world["torque_limit"][: self.arm.n] = self.section.wrench, self.arm.torque_limit
+
+    def assumed(self) -> Iterator[Assumed]:
+        """Yield actuators that it replaces, and what of options and gravity is not the model's."""
+        model, section = self.arm.model, self.section
+        for kind, names in self._replaced().items():
+            text = f"{self.drives[0]} take the place of {kind} actuators: {listed(names)}"
+            yield Assumed(text, kind != self.drives[1])
+        integrator = mujoco.mjtIntegrator(model.opt.integrator)
+        if integrator != mujoco.mjtIntegrator.mjINT_IMPLICITFAST:
+            name = integrator.name.removeprefix("mjINT_")
+            yield Assumed(
+                f"integrator implicitfast instead of the model's {name}",
+                integrator != mujoco.mjtIntegrator.mjINT_EULER,  # what a model has that names none
+            )
+        if model.opt.timestep != self.timestep:
+            text = f"timestep {self.timestep:g} s instead of the model's {model.opt.timestep:g} s"
+            yield Assumed(text, model.opt.timestep != _UNSAID_TIMESTEP)
+        if section.is_compensated and not self.arm.is_balanced:
+            yield Assumed("gravity compensation of the arm, which the model does not have", False)
+
+    def _replaced(self) -> dict[str, list[str]]:
+        """Return names of the model's actuators that it replaces, by their kind."""
+        found = dict[str, list[str]]()
+        for one in actuators(self.arm):
+            if one.is_replaced:
+                found.setdefault(one.kind, []).append(one.name)
+        return found
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
         """Yield what is wrong with the steps of a run of so many control ticks."""

@@ -8,7 +8,7 @@ world has an object. `rmrc.plants.kinds` finds it by its name.
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Self, TypeAlias
+from typing import ClassVar, NamedTuple, Self, TypeAlias
 
 import mujoco
 import numpy as np
@@ -46,6 +46,18 @@ class Wired:
     worlds: NDArray[np.void]
     batch: Batch
     take: Callable[[Sequence[Difference]], Batch]
+
+
+class Assumed(NamedTuple):
+    """What a run has otherwise than the model's author wrote it.
+
+    Attributes:
+        text: In words.
+        is_otherwise: Whether the author chose something else, or nothing.
+    """
+
+    text: str
+    is_otherwise: bool
 
 
 class Plant(ABC):
@@ -91,6 +103,11 @@ class Plant(ABC):
         return PLANTS[self.name].physics
 
     @property
+    def compensates(self) -> bool:
+        """Whether its drives take damping and dry friction of the joints out."""
+        return False
+
+    @property
     @abstractmethod
     def substeps(self) -> int:
         """MuJoCo's steps in a control period; 0 where it computes kinematics and nothing else."""
@@ -125,9 +142,8 @@ class Plant(ABC):
         del plants, wired
         return None
 
-    @property
-    def notes(self) -> Iterator[str]:
-        """What it took for granted where nobody said it, a line each."""
+    def assumed(self) -> Iterator[Assumed]:
+        """Yield what it has otherwise than the model."""
         yield from ()
 
     def misfits(self) -> Iterator[tuple[str, str]]:

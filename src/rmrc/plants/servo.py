@@ -9,15 +9,21 @@ import numpy as np
 
 from rmrc.arm import Wiring
 from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.record import JOINTS, Field
 from rmrc.plants.physics import Physical, push
+from rmrc.plants.resistance import damping_at, friction_at
 
 
 @compiled
 def tell_servos(world: Record, out: Record, state: Array) -> None:
-    """Tell the servos the rates."""
+    """Tell the servos the rates, and what damping and friction take at these, as a rate of as much torque."""
     push(world, out, state)
     for j in range(world.n):
-        state[world.ctrl_column[j]] = world.qdot_sent[j]
+        rate = world.qdot_sent[j]
+        state[world.ctrl_column[j]] = rate
+        if world.resists[j]:
+            resistance = damping_at(world, j, rate) + friction_at(world, j, 0.0, rate)
+            state[world.ctrl_column[j]] += resistance / world.kv[j]
 
 
 @dataclass(frozen=True)
@@ -38,18 +44,25 @@ class RateServos:
 class Servo(Physical):
     """Servos that are told the rates."""
 
-    name = "servo"
+    name, drives = "servo", ("rate servos", "velocity")
     obey = staticmethod(tell_servos)
+    fields = (*Physical.fields, Field("kv", size=(JOINTS,)))
+
+    @property
+    def compensates(self) -> bool:
+        """Whether they are told what damping and dry friction of the joints take besides."""
+        return self.section.friction_compensation
 
     @property
     def kv(self) -> Array:
         """Gains, (n,) [N·m·s/rad or N·s/m].
 
-        Without a number of the scenario's it is inertia over timestep: a rate error is then gone after one
-        step. Less tracks worse, and much more makes servos chatter when they reach their torque limits.
+        Without a number of the scenario's it is inertia over timestep, with what a step of MuJoCo's takes
+        damping for: a rate error is then gone after one step. Less tracks worse, and much more makes servos
+        chatter when they reach their torque limits.
         """
-        kv = self.section.kv
-        return self.arm.inertia / self.timestep if kv is None else np.full(self.arm.n, kv)
+        kv, arm = self.section.kv, self.arm
+        return arm.inertia / self.timestep + arm.damping if kv is None else np.full(arm.n, kv)
 
     @classmethod
     def drive(cls, plants: Sequence[Self]) -> RateServos:
@@ -60,6 +73,11 @@ class Servo(Physical):
         gains = np.array([plant.kv for plant in plants])
         alike = (gains == gains[0]).all()
         return RateServos(tuple(gains[0].tolist()) if alike else (1.0,) * gains.shape[1])
+
+    def write(self, world: np.void) -> None:
+        """Write the wrench and the gains."""
+        super().write(world)
+        world["kv"][: self.arm.n] = self.kv
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return what is different, the gains of this world's servos among it."""

@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Wiring
 from rmrc.law.jit import Array, machine_code
 from rmrc.plants.batches import Batches
+from rmrc.plants.contacts import Contacts, can_touch
 from rmrc.plants.lockstep import tick
 from rmrc.plants.plant import Difference, Plant, Wired
 from rmrc.plants.wiring import write_wiring
@@ -38,6 +39,20 @@ def _keep_and(control: Callable[[int], int], positions: Array, kept: Array, t: i
     return control(t)
 
 
+def _see_and(control: Callable[[int], int], contacts: Contacts, t: int) -> int:
+    """Do the tick, and note who touches."""
+    running = control(t)
+    contacts.see(t)
+    return running
+
+
+def _nothing(count: int) -> Array:
+    """Return no values of so many worlds, of the type of what MuJoCo computes."""
+    nothing = np.empty((count, 0))
+    nothing.flags.writeable = False
+    return nothing
+
+
 class Stepper:
     """Worlds of one arm under one plant, stepped together on one thread.
 
@@ -45,6 +60,7 @@ class Stepper:
         worlds: Their records, (w,).
         ticks: What was recorded last, (rows, w): tick t is in row t modulo rows.
         positions: All of qpos beside them, (rows, w, nq); None where that is q in its order.
+        contacts: Of the arm; None where it can touch nothing.
         done: Ticks finished so far.
     """
 
@@ -92,12 +108,19 @@ class Stepper:
         for name, values in zip(("ctrl", "act"), held, strict=True):
             if values.size:
                 self._batch.bind(name)[:, : values.shape[1]] = values
-        write_wiring(worlds, model, wiring, [plant.arm for plant in plants])
+        compensates = np.array([plant.compensates for plant in plants])
+        write_wiring(worlds, model, wiring, [plant.arm for plant in plants], compensates)
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
         seen = [self._batch.bind(field) for field in fields]
+        is_compensated = plants[0].has_physics and model.ngravcomp > 0
+        seen.append(self._batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds)))
         arrays: tuple[Any, ...] = (worlds, ticks, reference, self._batch.state, self._batch.warning, *seen)
         self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
+        self.contacts: Contacts | None = None
+        if plants[0].has_physics and can_touch(model, wiring):
+            self.contacts = Contacts(model, wiring, self._batch, worlds, ticks)
+            self._tick = partial(_see_and, self._tick, self.contacts)
         self.positions: Array | None = None
         if has_others(wiring, model.nq):
             self.positions = np.empty((len(ticks), *positions.shape))

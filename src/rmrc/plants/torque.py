@@ -1,5 +1,6 @@
 """The torque plant: computed torque, which takes the arm's own dynamics out, in MuJoCo's physics."""
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -9,11 +10,12 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Wiring
+from rmrc.arm import Arm, Wiring
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.plant import BeforeSteps, Wired
+from rmrc.plants.resistance import friction_at
 from rmrc.plants.servo import Servo
 
 
@@ -36,10 +38,13 @@ def computed_torque(
     qfrc_passive: Array,
     mass: Array,
     mass_entries: NDArray[np.int64],
+    free: NDArray[np.int64],
+    free_damping: Array,
 ) -> None:
-    """Set tau = M qddot + bias − passive [Luh80].
+    """Set tau = M qddot + bias − passive [Luh80], and what damping and dry friction take besides.
 
-    The other degrees of freedom of the model are taken to be at rest.
+    Degrees of freedom that are free give way, M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm
+    feels as M_au qddot_u [Spong94]. All others of the model are taken to be at rest.
 
     Args:
         worlds: World records with the wanted acceleration, (w,).
@@ -47,7 +52,10 @@ def computed_torque(
         qfrc_bias: Gravity and velocity forces, (w, nv).
         qfrc_passive: Springs, dampers and gravity compensation, (w, nv).
         mass: Joint-space inertia, the entries of its lower triangle, (w, nM).
-        mass_entries: For each entry between two joints of the arm: both joints and its index, (e, 3).
+        mass_entries: For each entry between two joints of the arm: both joints and its index, (e, 3); free
+            degrees of freedom are numbered after the joints.
+        free: Addresses of those in qvel, (u,).
+        free_damping: What implicit steps add to their inertia, (u,).
     """
     for w in range(worlds.shape[0]):
         world = worlds[w]
@@ -56,9 +64,82 @@ def computed_torque(
             state[w, world.ctrl_column[j]] = qfrc_bias[w, dof] - qfrc_passive[w, dof]
         for e in range(mass_entries.shape[0]):
             i, j, inertia = mass_entries[e, 0], mass_entries[e, 1], mass[w, mass_entries[e, 2]]
+            if max(i, j) >= world.n:
+                continue
             state[w, world.ctrl_column[i]] += inertia * world.qddot[j]
             if i != j:  # only the lower triangle is stored
                 state[w, world.ctrl_column[j]] += inertia * world.qddot[i]
+            elif world.resists[i]:
+                state[w, world.ctrl_column[i]] += _resisted(world, i, inertia)
+        if len(free) > 0:
+            give_way(
+                world, state[w], qfrc_passive[w] - qfrc_bias[w], mass[w], mass_entries, free, free_damping
+            )
+
+
+@compiled
+def give_way(
+    world: Record,
+    state: Array,
+    force: Array,
+    mass: Array,
+    entries: NDArray[np.int64],
+    free: NDArray[np.int64],
+    damping: Array,
+) -> None:
+    """Add to the controls what the arm feels of degrees of freedom that give way; as `computed_torque`."""
+    n, inertias, coupling = world.n, np.diag(damping), np.zeros((len(free), world.n))
+    for e in range(entries.shape[0]):
+        i, j, inertia = entries[e, 0], entries[e, 1], mass[entries[e, 2]]
+        if min(i, j) >= n:
+            inertias[i - n, j - n] += inertia
+            inertias[j - n, i - n] = inertias[i - n, j - n]
+        elif max(i, j) >= n:
+            coupling[max(i, j) - n, min(i, j)] = inertia
+    answer = force[free]
+    for u in range(len(free)):
+        for j in range(n):
+            answer[u] -= coupling[u, j] * world.qddot[j]
+    _solve(inertias, answer)
+    for j in range(n):
+        for u in range(len(free)):
+            state[world.ctrl_column[j]] += coupling[u, j] * answer[u]
+
+
+@compiled
+def _resisted(world: Record, j: int, inertia: float) -> Any:
+    """Return what joint j resists its wanted acceleration with, beside the damping at its rate.
+
+    MuJoCo's implicit steps of h take damping d for an inertia: n of them, each (M + h d) Δq̇ = h (τ − d q̇),
+    reach the rate that is wanted if τ has M + e, e = n h d/(1 − (M/(M + h d))ⁿ) − M, instead of M. Dry
+    friction feels the acceleration of explicit steps, (M + e)/M as large.
+    """
+    wanted, added = world.qddot[j], 0.0
+    d, size = world.damping[j], abs(world.qdot[j])
+    slope = d[0] + size * (2.0 * d[1] + size * 3.0 * d[2])
+    if slope > 0.0:
+        left = (inertia / (inertia + world.period / world.substeps * slope)) ** world.substeps
+        added = world.period * slope / (1.0 - left) - inertia
+    return added * wanted + friction_at(world, j, (1.0 + added / inertia) * wanted, world.qdot[j])
+
+
+@compiled
+def _solve(A: Array, x: Array) -> None:
+    """Solve A y = x for y, written over x, by A = L Lᵀ, written over A, which is symmetric and positive."""
+    n = len(x)
+    for i in range(n):
+        for j in range(i + 1):
+            rest = A[i, j]
+            for k in range(j):
+                rest -= A[i, k] * A[j, k]
+            A[i, j] = math.sqrt(rest) if i == j else rest / A[j, j]
+        for k in range(i):
+            x[i] -= A[i, k] * x[k]
+        x[i] /= A[i, i]
+    for i in range(n - 1, -1, -1):
+        for k in range(i + 1, n):
+            x[i] -= A[k, i] * x[k]
+        x[i] /= A[i, i]
 
 
 @dataclass(frozen=True)
@@ -78,12 +159,17 @@ class Torque(Physical):
     is known, from the same states.
     """
 
-    name = "torque"
+    name, drives = "torque", ("motors", "motor")
     obey = staticmethod(choose_acceleration)
-    fields = (*Physical.fields, Field("bandwidth"))
+    fields = (*Physical.fields, Field("bandwidth"), Field("substeps", np.int64))
     # the acceleration that the joints shall have, and the rates that were sent before
     memory = (Field("qddot", size=(JOINTS,)), Field("sent_before", size=(JOINTS,)))
     batches = 2
+
+    @property
+    def compensates(self) -> bool:
+        """Whether tau has what damping and dry friction of the joints take at the wanted acceleration."""
+        return self.section.friction_compensation
 
     @classmethod
     def drive(cls, plants: Sequence[Self]) -> Motors:
@@ -92,9 +178,9 @@ class Torque(Physical):
         return Motors()
 
     def write(self, world: np.void) -> None:
-        """Write the wrench and the bandwidth."""
+        """Write the bandwidth and the steps of a period."""
         super().write(world)
-        world["bandwidth"] = self.section.bandwidth
+        world["bandwidth"], world["substeps"] = self.section.bandwidth, self.substeps
 
     @classmethod
     def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps:
@@ -103,8 +189,10 @@ class Torque(Physical):
         if any(plant.is_loaded for plant in plants):
             known = wired.take([plant.known(wired.model, wired.wiring) for plant in plants])
         forces = [known.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
+        model, free = wired.model, _free(wired.model, wired.wiring, plants[0].arm)
         arrays: tuple[Any, ...] = (
-            wired.worlds, batch.state, *forces, _mass_entries(wired.model, wired.wiring)
+            wired.worlds, batch.state, *forces, _mass_entries(model, [*wired.wiring.dof, *free]), free,
+            model.opt.timestep * model.dof_damping[free],
         )  # fmt: skip
         set_torques = partial(machine_code(computed_torque, *arrays), *arrays)
 
@@ -127,9 +215,17 @@ class Torque(Physical):
             )
 
 
-def _mass_entries(model: mujoco.MjModel, wiring: Wiring) -> NDArray[np.int64]:
-    """Return (joint, joint, index) of each stored entry of M between joints of the arm, (e, 3)."""
-    joint = {int(dof): j for j, dof in enumerate(wiring.dof)}
+def _free(model: mujoco.MjModel, wiring: Wiring, arm: Arm) -> NDArray[np.int64]:
+    """Return the degrees of freedom of the arm's tree that `arm.others: free` frees, (u,)."""
+    if not arm.frees_others:
+        return np.empty(0, np.int64)
+    in_tree = model.body_rootid[model.dof_bodyid] == model.body_rootid[wiring.body]
+    return np.flatnonzero(in_tree & np.isin(model.dof_jntid, list(arm.others.locked)))
+
+
+def _mass_entries(model: mujoco.MjModel, dofs: Sequence[int]) -> NDArray[np.int64]:
+    """Return (number, number, index) of each stored entry of M between some degrees of freedom, (e, 3)."""
+    joint = {int(dof): j for j, dof in enumerate(dofs)}
     entries = [
         (joint[row], joint[int(model.M_colind[e])], e)
         for row in joint

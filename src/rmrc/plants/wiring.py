@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Arm, Wiring
 from rmrc.law.jit import Array
 from rmrc.law.record import JOINTS, Field
+from rmrc.plants.resistance import RESISTANCE, write_resistance
 
 WIRING = (
     Field("joint", np.int64, (JOINTS,)),
@@ -26,11 +27,16 @@ WIRING = (
     Field("travel_dof", np.int64, (JOINTS,)),
     # from the center of mass of the body that carries the site to the site, in the site's frame
     Field("lever", size=(3,)),
+    *RESISTANCE,
 )
 
 
 def write_wiring(
-    worlds: NDArray[np.void], model: mujoco.MjModel, wiring: Wiring, arms: Sequence[Arm]
+    worlds: NDArray[np.void],
+    model: mujoco.MjModel,
+    wiring: Wiring,
+    arms: Sequence[Arm],
+    compensates: NDArray[np.bool_],
 ) -> None:
     """Write these fields of the records of a batch.
 
@@ -39,6 +45,7 @@ def write_wiring(
         model: That the worlds share.
         wiring: Of the arm in it.
         arms: Of each world: the same arm, but for how it is stretched.
+        compensates: Whether the drives of each world take damping and friction out, (w,).
     """
     n = arms[0].n
     has_drives = (wiring.actuator >= 0).all()  # the ideal plant needs none
@@ -58,6 +65,7 @@ def write_wiring(
     carrier = model.body(wiring.body).name
     stretch = np.array([arm.stretch.get(carrier, 1.0) for arm in arms])
     worlds["lever"] = _lever(model, wiring) * stretch[:, None]
+    write_resistance(worlds, model, wiring, arms[0], compensates)
 
 
 def column(model: mujoco.MjModel, component: str) -> int:

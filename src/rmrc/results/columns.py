@@ -46,6 +46,7 @@ COLUMNS: Mapping[str, Column] = {
     "u_min": Column("1", "task direction of the smallest singular value, scaled, along task.frame", "6"),
     "v_min": Column("1", "joint motion of the smallest singular value, scaled", "n"),
     "tau": Column("N·m or N", "actuator torques of the last step; 0 for the ideal plant", "n"),
+    "tau_gravity": Column("N·m or N", "what gravity compensation bears at each joint", "n"),
     "path_time": Column("s", "time along the path; behind `time` where it is slowed"),
     "path_rate": Column("1", "ṡ, the pace along the path"),
     "secondary_error": Column("m, rad", "norm of the second task's error; NaN without one"),
@@ -57,7 +58,7 @@ COLUMNS: Mapping[str, Column] = {
 
 
 # Files from before these were kept do without.
-ADDED = frozenset({"qpos"})
+ADDED = frozenset({"qpos", "tau_gravity"})
 
 
 @dataclass(frozen=True)
@@ -100,6 +101,8 @@ class Recorded:
         weights: Task weights, one an axis; none: all 1.
         torque_limit: Of each joint [N·m or N], infinite where it has none; none: no joint has one.
         view: Along whose axes the task axes are.
+        touching: The two bodies of the first contact; none: there was none.
+        resting: Pairs of bodies that touch from the start, which is no contact while they stay.
     """
 
     name: str
@@ -115,6 +118,8 @@ class Recorded:
     weights: tuple[float, ...] = ()
     torque_limit: tuple[float, ...] = ()
     view: View = WORLD_VIEW
+    touching: tuple[str, ...] = ()
+    resting: tuple[tuple[str, ...], ...] = ()
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""

@@ -34,6 +34,8 @@ class Run(Recorded):
             "divergence": self.divergence and vars(self.divergence),
             "wall_time": self.wall_time,
             "weights": self.weights,
+            "touching": self.touching,
+            "resting": self.resting,
             "torque_limit": [limit if math.isfinite(limit) else None for limit in self.torque_limit],
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
@@ -48,6 +50,8 @@ class Run(Recorded):
         with np.load(path, allow_pickle=False) as file:
             facts = json.loads(str(file["facts"]))
             columns = {name: file[name] for name in COLUMNS if name in file or name not in ADDED}
+        if "tau_gravity" not in columns:
+            columns["tau_gravity"] = np.full_like(columns["tau"], math.nan)
         divergence = facts["divergence"] and Divergence(**facts["divergence"])
         # files from before these were kept have neither
         limits = (math.inf if limit is None else limit for limit in facts.get("torque_limit", ()))
@@ -57,4 +61,5 @@ class Run(Recorded):
             facts["name"], tuple(facts["joints"]), tuple(facts["is_slide"]), tuple(facts["axes"]),
             facts["length"], facts["period"], columns, facts["planned"], divergence,
             facts["wall_time"], tuple(facts.get("weights", ())), tuple(limits), view,
+            tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
         )  # fmt: skip

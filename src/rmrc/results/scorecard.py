@@ -163,6 +163,7 @@ def tallies_of(runs: Sequence[Recorded]) -> NDArray[np.void]:
         [run.length for run in runs],
         [run.weights for run in runs],
         [run.period for run in runs],
+        [run.torque_limit for run in runs],
     )
 
 
@@ -195,11 +196,14 @@ def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorec
             arm, tallies, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
         ),
         _joints(arm, tallies, "tau", "actuator torque or force", tau_units),
-        _share(runs, tallies),
+        _share(runs, tallies, "tau", "actuator torque or force"),
+        _peak(arm, tallies, "tau_total", "torque or force with that of gravity compensation", tau_units),
+        _share(runs, tallies, "tau_total", "torque or force with that of gravity compensation"),
         _errors(arm, tallies),
         _return(runs, tallies),
         _singularity(tallies),
         _status_times(tallies),
+        _loads(runs, tallies),
         _effort(runs, tallies),
     )  # fmt: skip
     columns = (column for part in parts for column in part)
@@ -324,14 +328,9 @@ def _joints(
     row, n = JOINTS.index(group), len(arm.joints)
     peaks, times = tallies["peak"][:, row, :n], tallies["peak_time"][:, row, :n]
     rms = _rms(tallies["square"][:, row, :n], tallies)
-    where = [*range(len(tallies))], peaks.argmax(axis=1)
-    when = times[where].tolist()
-    joints = _named(arm, where[1], when)
-    unit = " or ".join(dict.fromkeys(units))  # where some slide, it is that of the joint
-    yield f"{group}.peak", peaks[where].tolist(), unit, f"largest {what}, of all joints and ticks"
-    yield f"{group}.peak_time", when, "s", f"when the largest {what} was reached first"
-    yield f"{group}.peak_joint", joints, "", f"which joint had the largest {what}"
+    yield from _peak(arm, tallies, group, what, units)
     if is_rate:
+        unit = _either(units)
         yield f"{group}.rms", rms.max(axis=1).tolist(), unit, f"largest of the joints' rms {what}"
     for j, (name, unit) in enumerate(zip(arm.joints, units, strict=True)):
         yield f"{group}.{name}.peak", peaks[:, j].tolist(), unit, f"largest {what} of {name}"
@@ -340,21 +339,39 @@ def _joints(
             yield f"{group}.{name}.rms", rms[:, j].tolist(), unit, f"{what} of {name}, rms over time"
 
 
+def _peak(
+    arm: Recorded, tallies: NDArray[np.void], group: str, what: str, units: tuple[str, ...]
+) -> _Figures:
+    """Yield the largest magnitude of all joints, when and where it was."""
+    row, n = JOINTS.index(group), len(arm.joints)
+    peaks, times = tallies["peak"][:, row, :n], tallies["peak_time"][:, row, :n]
+    where = [*range(len(tallies))], peaks.argmax(axis=1)
+    when = times[where].tolist()
+    yield f"{group}.peak", peaks[where].tolist(), _either(units), f"largest {what}, of all joints and ticks"
+    yield f"{group}.peak_time", when, "s", f"when the largest {what} was reached first"
+    yield f"{group}.peak_joint", _named(arm, where[1], when), "", f"which joint had the largest {what}"
+
+
+def _either(units: tuple[str, ...]) -> str:
+    """Return the unit of a value of any joint: where some slide, it is that of the joint."""
+    return " or ".join(dict.fromkeys(units))
+
+
 def _named(arm: Recorded, joints: NDArray[np.intp], values: Sequence[float]) -> list[str]:
     """Return the names of joints, and none where the value is undefined."""
     return ["" if math.isnan(value) else arm.joints[j] for j, value in zip(joints, values, strict=True)]
 
 
-def _share(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
+def _share(runs: Sequence[Recorded], tallies: NDArray[np.void], group: str, what: str) -> _Figures:
     """Yield the largest share of its limit that a joint's torque took, of the joints that have a limit."""
     n = len(runs[0].joints)
-    peaks = tallies["peak"][:, JOINTS.index("tau"), :n]
+    peaks = tallies["peak"][:, JOINTS.index(group), :n]
     limits = np.array([run.torque_limit or (math.inf,) * n for run in runs])
     limited = np.isfinite(limits) & (limits > 0.0)
     shares = np.where(limited, peaks / np.where(limited, limits, 1.0), -math.inf).max(axis=1)
     shares[~limited.any(axis=1)] = math.nan
-    what = "largest actuator torque or force as a share of its joint's limit; undefined without a limit"
-    yield "tau.share", shares.tolist(), "1", what
+    meaning = f"largest {what} as a share of its joint's limit; undefined without a limit"
+    yield f"{group}.share_of_limit", shares.tolist(), "1", meaning
 
 
 def _errors(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
@@ -433,6 +450,25 @@ def _status_times(tallies: NDArray[np.void]) -> _Figures:
     yield "stuck.share", share.tolist(), "1", "share of the ticks in which it is stuck"
 
 
+def _loads(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
+    """Yield how long and since when the arm touches something, or a drive is at its limit, and which."""
+
+    def times(one: Status) -> tuple[list[float], list[float]]:
+        seconds = tallies["status"][:, one.bit_length()] * tallies["period"]
+        return seconds.tolist(), tallies["status_time"][:, one.bit_length()].tolist()
+
+    seconds, first = times(Status.CONTACT)
+    bodies = [" – ".join(run.touching) for run in runs]
+    yield "contact.time", seconds, "s", "time in which the arm touches something"
+    yield "contact.first_time", first, "s", "when the arm touched something first"
+    yield "contact.first_bodies", bodies, "", "which two bodies touched first"
+    seconds, first = times(Status.TORQUE_LIMITED)
+    joints = _named(runs[0], tallies["limited"], first)
+    yield "torque_limited.time", seconds, "s", "time in which a drive is at its limit"
+    yield "torque_limited.first_time", first, "s", "when a drive was at its limit first"
+    yield "torque_limited.first_joint", joints, "", "whose drive was at its limit first"
+
+
 def _effort(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     durations = (tallies["ticks"] * tallies["period"]).tolist()
     walls = [run.wall_time for run in runs]
@@ -467,7 +503,13 @@ def _blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
 
 
 # The number that belongs to a name, where it is not called alike.
-_NUMBERS = {"return.change_joint": "return.joint_change"}
+_NUMBERS = {
+    "return.change_joint": "return.joint_change",
+    "contact.first_bodies": "contact.time",
+    "torque_limited.first_joint": "torque_limited.time",
+}
+# What figures were called before.
+_BEFORE = {"tau.share": "tau.share_of_limit"}
 
 
 def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
@@ -477,7 +519,8 @@ def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
             reasons[name] = _unknown(name, card)
         elif isinstance(card[name].value, str):
             number = _NUMBERS.get(name, name.removesuffix("_joint"))
-            reasons[name] = f"names a joint, and only numbers can be expected, such as {number}"
+            what = "a joint" if name.endswith("_joint") else "bodies"
+            reasons[name] = f"names {what}, and only numbers can be expected, such as {number}"
     return reasons
 
 
@@ -487,6 +530,8 @@ def _unknown(name: str, card: Scorecard) -> str:
     for (error, rows), other in zip(kinds.items(), reversed(kinds), strict=True):
         if name.startswith(error) and name.replace(error, other) in card:
             return f"needs one of {', '.join(rows)} in task.axes"
+    if name in _BEFORE:
+        return f"is called {_BEFORE[name]} now"
     # the names of before, when meters and radians were added up
     split = [f"{kind.removesuffix('error')}{name}" for kind in kinds]
     parts = [f'"{part}"' for part in split if part in card]

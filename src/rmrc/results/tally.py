@@ -17,8 +17,8 @@ from rmrc.scenario.choices import Status
 from rmrc.support.spatial import AXES
 
 # Rows of a tally's fields; of EXTREMES, the first four are smallest values.
-JOINTS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
-RATE, COMMAND, ACCELERATION, TAU = range(4)
+JOINTS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau", "tau_total")
+RATE, COMMAND, ACCELERATION, TAU, TAU_TOTAL = range(5)
 ERRORS = (
     "position_error",
     "orientation_error",
@@ -32,7 +32,7 @@ WHOLE, ALONG, ACROSS, SECONDARY = 0, 2, 4, 6  # of the first three the positions
 EXTREMES = ("sigma", "manipulability", "path_rate", "secondary_sigma", "condition", "damping")
 SIGMA, MANIPULABILITY, PACE, LEFT, CONDITION, DAMPING = range(6)
 BITS = len(Status)
-STUCK = int(Status.STUCK)
+STUCK, TORQUE_LIMITED = int(Status.STUCK), int(Status.TORQUE_LIMITED)
 
 
 def tally_type(n: int) -> np.dtype[np.void]:
@@ -40,7 +40,9 @@ def tally_type(n: int) -> np.dtype[np.void]:
 
     Rows are those of JOINTS, ERRORS and EXTREMES. Extremes are the largest magnitudes, and of EXTREMES the
     largest values, for which the first four have a minus; each has the time at which it was reached first.
-    They are NaN before the first tick. `status` counts the ticks without a status, then those with each bit.
+    They are NaN before the first tick. `status` counts the ticks without a status, then those with each bit,
+    and `status_time` has when each of these was first. `limited` is the joint of the drive that was the first
+    at its limit, or -1.
     """
     return _tally_type(capacity(n))
 
@@ -51,7 +53,7 @@ def _tally_type(c: int) -> np.dtype[np.void]:
     return np.dtype(
         [
             # given: joints, singular values, S_x of the six rows, with 0 for those that do not count; period
-            ("n", np.int64), ("k", np.int64), ("scale", f, (6,)), ("period", f),
+            ("n", np.int64), ("k", np.int64), ("scale", f, (6,)), ("period", f), ("torque_limit", f, (c,)),
             # ticks that were added, and what of the first and of the last one is needed
             ("ticks", np.int64), ("q_first", f, (c,)), ("q", f, (c,)), ("qdot", f, (c,)),
             ("pose_ref_first", f, (7,)), ("pose_ref", f, (7,)), ("path_time", f),
@@ -61,7 +63,7 @@ def _tally_type(c: int) -> np.dtype[np.void]:
             ("error_square", f, (len(ERRORS),)), ("error_max", f, (len(ERRORS),)),
             ("error_max_time", f, (len(ERRORS),)), ("error_end", f, (len(ERRORS),)),
             ("extreme", f, (len(EXTREMES),)), ("extreme_time", f, (len(EXTREMES),)),
-            ("status", np.int64, (BITS + 1,)),
+            ("status", np.int64, (BITS + 1,)), ("status_time", f, (BITS + 1,)), ("limited", np.int64),
             # ticks in which the arm is stuck, of this stretch and of the longest so far, and when each began
             ("stuck", np.int64), ("stuck_began", f), ("stuck_longest", np.int64), ("stuck_time", f),
         ]
@@ -74,6 +76,7 @@ def begin(
     length: Sequence[float],
     weights: Sequence[Sequence[float]],
     period: Sequence[float],
+    torque_limit: Sequence[Sequence[float]] = (),
 ) -> NDArray[np.void]:
     """Return the tallies of worlds before their first ticks, (w,).
 
@@ -83,6 +86,7 @@ def begin(
         length: Characteristic length of each task [m].
         weights: Task weights of each world, one an axis; none: all 1.
         period: Control periods [s].
+        torque_limit: Of the joints of each world, infinite where there is none; none: no joint has one.
 
     >>> begin(2, [["x", "rz"]], [0.5], [[1.0, 4.0]], [0.001])["scale"]
     array([[2., 0., 0., 0., 0., 2.]])
@@ -90,12 +94,15 @@ def begin(
     tallies = np.zeros(len(axes), tally_type(n))
     for name in ("peak", "peak_time", "error_max", "error_max_time", "error_end", "extreme", "extreme_time"):
         tallies[name] = math.nan
-    tallies["stuck_time"] = math.nan
+    tallies["stuck_time"] = tallies["status_time"] = math.nan
+    tallies["limited"], tallies["torque_limit"] = -1, math.inf
     tallies["n"], tallies["k"] = n, [min(n, len(one)) for one in axes]
     for w, one in enumerate(axes):
         rows = [AXES.index(axis) for axis in one]
         meters = [length[w] if row < 3 else 1.0 for row in rows]
         tallies["scale"][w, rows] = np.sqrt(weights[w] or np.ones(len(rows))) / meters
+        if torque_limit and torque_limit[w]:
+            tallies["torque_limit"][w, :n] = torque_limit[w]
     tallies["period"] = period
     return tallies
 
@@ -129,9 +136,7 @@ def _add_tick(tally: Record, tick: Record) -> None:
     _add_joints(tally, tick)
     _add_errors(tally, tick)
     _add_extremes(tally, tick)
-    tally.status[0] += tick.status == 0
-    for bit in range(BITS):
-        tally.status[bit + 1] += (tick.status >> bit) & 1
+    _add_status(tally, tick)
     if tick.status & STUCK:
         if tally.stuck == 0:
             tally.stuck_began = tick.time
@@ -149,6 +154,25 @@ def _add_tick(tally: Record, tick: Record) -> None:
 
 
 @compiled
+def _add_status(tally: Record, tick: Record) -> None:
+    """Count the bits; the drive that is nearest to its limit is the first that has reached it."""
+    left, bit = tick.status, 0
+    while bit == 0 or left:
+        if left & 1 if bit else left == 0:
+            if tally.status[bit] == 0:
+                tally.status_time[bit] = tick.time
+            tally.status[bit] += 1
+        left >>= bit > 0
+        bit += 1
+    if tally.limited < 0 and tick.status & TORQUE_LIMITED:
+        most = 0.0
+        for j in range(tally.n):
+            share = abs(tick.tau[j]) / tally.torque_limit[j]
+            if share > most:
+                most, tally.limited = share, j
+
+
+@compiled
 def _add_joints(tally: Record, tick: Record) -> None:
     """Add rates, torques and the difference quotients of the rates, each at the later of its ticks."""
     for j in range(tally.n):
@@ -159,8 +183,10 @@ def _add_joints(tally: Record, tick: Record) -> None:
                 value = tick.qdot_cmd[j]
             elif row == ACCELERATION:
                 value = (tick.qdot[j] - tally.qdot[j]) / tally.period
-            else:
+            elif row == TAU:
                 value = tick.tau[j]
+            else:
+                value = tick.tau[j] + tick.tau_gravity[j]
             before = tally.ticks - (row == ACCELERATION)  # values before this one
             if before < 0:
                 continue

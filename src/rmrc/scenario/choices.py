@@ -26,6 +26,8 @@ class Status(IntFlag):
     SINGULAR = 32
     STOPPED = 64
     STUCK = 128
+    CONTACT = 256
+    TORQUE_LIMITED = 512
 
 
 class Scales(NamedTuple):
@@ -535,11 +537,11 @@ SERVO = Plant(
         Parameter(
             "kv",
             "servo: torque or force for a given rate error, of all joints or of each; "
-            "null: each joint's inertia at home over the timestep",
+            "null: each joint's inertia at home over the timestep, and its damping",
             None, "N·m·s/rad or N·s/m", null=math.nan, kind="each",
         ),
     ),
-    equation="torque = kv · (qdot_cmd − qdot) on each joint, in MuJoCo's physics",
+    equation="torque = kv · (qdot_cmd − qdot), and what resists the joint at qdot_cmd, in MuJoCo's physics",
     others="velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
 )  # fmt: skip
 BANDWIDTH = Parameter(
@@ -547,7 +549,7 @@ BANDWIDTH = Parameter(
 )
 TORQUE = Plant(
     "torque", "computed torques", "Luh80", (BANDWIDTH,),
-    equation="computed torque: M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias",
+    equation="computed torque: M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias + friction",
     others="computed_torque effort inverse_dynamics motor force acceleration",
 )  # fmt: skip
 

@@ -118,7 +118,8 @@ class Carried(NamedTuple):
 
     Attributes:
         folder: Where its file was.
-        models: Files that stand for models and recorded motions, by the names that the scenario has for them.
+        models: Files that stand for models and recorded motions, and folders for those of packages, by the
+            names that the scenario has for them.
     """
 
     folder: Path
@@ -198,6 +199,21 @@ class Draft:
             vary.get("arm.tool.model", ())
         )
         return list(dict.fromkeys(map(str, filter(None, [*names, *held]))))
+
+    @property
+    def packages(self) -> list[dict[str, str]]:
+        """The folders of packages that its arms and its sweep have, by their names; as `models`."""
+        data = self.document.value
+        vary = (data.get("sweep") or {}).get("vary") or {}
+        arms = [data["arm"], *vary.get("arm", ())]
+        given = [*(arm.get("packages") for arm in arms), *vary.get("arm.packages", ())]
+        inner = [
+            (name.removeprefix("arm.packages."), vary[name])
+            for name in vary
+            if name.startswith("arm.packages.")
+        ]
+        given += [{name: folder} for name, folders in inner for folder in folders]
+        return [{name: str(folder) for name, folder in one.items()} for one in given if one]
 
     @property
     def motions(self) -> list[str]:

@@ -49,6 +49,7 @@ from rmrc.scenario.values import (
 )
 from rmrc.scenario.wording import show
 from rmrc.support.problems import Key
+from rmrc.support.spatial import quat_from_rpy
 
 
 def sort_axes(section: "Section | Derived", beside: str) -> None:
@@ -130,12 +131,7 @@ class ToolSection(Choice):
         """How its frame is turned, as a quaternion w x y z."""
         if self.quat is not None:
             return self.quat
-        halves = [angle / 2.0 for angle in self.rpy or (0.0, 0.0, 0.0)]
-        (cr, cp, cy), (sr, sp, sy) = map(math.cos, halves), map(math.sin, halves)
-        return (
-            cy * cp * cr + sy * sp * sr, cy * cp * sr - sy * sp * cr,
-            cy * sp * cr + sy * cp * sr, sy * cp * cr - cy * sp * sr,
-        )  # fmt: skip
+        return tuple(quat_from_rpy(self.rpy or (0.0, 0.0, 0.0)).tolist())
 
     @model_validator(mode="after")
     def _fitting(self) -> Self:
@@ -389,10 +385,10 @@ class TargetLimitsSection(Section):
 
     velocity: Positive = key("largest speed", 0.25, "m/s")
     acceleration: Positive = key("largest acceleration", 1.0, "m/s²")
-    jerk: Positive = key("largest jerk", 10.0, "m/s³")
+    jerk: Positive = key("largest jerk; a recorded motion is not held against it", 10.0, "m/s³")
     angular_velocity: Positive = key("largest angular speed", 1.0, "rad/s")
     angular_acceleration: Positive = key("largest angular acceleration", 4.0, "rad/s²")
-    angular_jerk: Positive = key("largest angular jerk", 40.0, "rad/s³")
+    angular_jerk: Positive = key("largest angular jerk; as `jerk`", 40.0, "rad/s³")
 
 
 class TargetSection(Section):
@@ -449,6 +445,11 @@ class PlantSection(_PlantKeys):
         f"{PLANTS.physical}: whether gravity is balanced by the arm itself; null: true, and for {PLANTS.own} "
         "as the model has it",
         None,
+    )
+    friction_compensation: Switch = key(
+        "servo, torque: whether the drives also give what damping and dry friction of the joints take at the "
+        "rates that they are told",
+        default=True,
     )
     payload: NotNegative = key(
         f"{PLANTS.physical}: point mass at the site, which neither the law nor the gravity compensation "

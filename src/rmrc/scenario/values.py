@@ -181,8 +181,8 @@ def _file(path: Path, info: ValidationInfo, near: Callable[[Path, Path], str]) -
 
 def _folder(path: Path, info: ValidationInfo) -> Path:
     """Make the path absolute; where a scenario is read (context), the folder must be there."""
-    context = info.context or {"folder": Path()}
-    full: Path = Path(os.path.abspath(context["folder"] / path))
+    context = info.context or {"folder": Path(), "models": {}}
+    full: Path = Path(os.path.abspath(context["folder"] / context["models"].get(str(path), path)))
     if info.context and not full.is_dir():
         raise rule(f'no such folder "{visible(str(full))}"')
     return full

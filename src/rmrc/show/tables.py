@@ -1,7 +1,7 @@
 """Scorecards and the keys of a scenario as tables: for a terminal, and as markdown for a recording.
 
-Both forms show the same sheets, and these hold every figure. Nothing depends on color alone, is cut
-off, or is read as markup.
+Both forms show the same sheets, and these hold every figure that says something. Nothing depends on color
+alone, is cut off, or is read as markup.
 """
 
 from collections.abc import Sequence
@@ -19,7 +19,7 @@ from rmrc.show.terminal import Fitted, as_table
 if TYPE_CHECKING:  # with numba, which a table of keys does without
     from rmrc.results.scorecard import Figure, Outcome, Scorecard
 
-_PEAKS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau")
+_PEAKS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau", "tau_total")
 _ERRORS = (
     "position_error",
     "orientation_error",
@@ -112,10 +112,18 @@ def schema_text(rows: Sequence[SchemaRow]) -> str:
 
 
 class _Figures:
-    """The figures of a card; those not yet shown are left over for the last sheet."""
+    """The figures of a card; those not yet shown are left over for the last sheet.
+
+    What says nothing is not shown: torques with gravity compensation where there is none, and what did not
+    happen of contacts and of drives at their limits.
+    """
 
     def __init__(self, card: "Scorecard") -> None:
-        self.card, self.left = card, dict(card)
+        silent = [group for group in ("contact.", "torque_limited.") if not card[f"{group}time"].value]
+        if all(_same(card[f"tau_total.{name}"], card[f"tau.{name}"]) for name in ("peak", "share_of_limit")):
+            silent.append("tau_total.")
+        self.card = card
+        self.left = {name: one for name, one in card.items() if not name.startswith(tuple(silent))}
 
     def text(self, name: str) -> str:
         """Return a figure as text, and nothing for one that this card does not have."""
@@ -148,7 +156,7 @@ def _outcomes(outcomes: Sequence["Outcome"]) -> Sheet:
 
 def _peaks(figures: _Figures) -> Sheet:
     rows = []
-    for group in _PEAKS:
+    for group in (one for one in _PEAKS if f"{one}.peak" in figures.left):
         peak, joint, time, rms = figures.texts(group, "peak", "peak_joint", "peak_time", "rms")
         rows.append((group, peak, figures.unit(f"{group}.peak"), joint, time, rms))
     return Sheet("Peaks", ("", "peak", "unit", "joint", "at [s]", "rms"), rows, frozenset({0, 2, 3}))
@@ -200,6 +208,10 @@ def _status(figures: _Figures) -> Sheet:
 
 
 # Texts ------------------------------------------------------------------------------------------
+
+
+def _same(one: "Figure", other: "Figure") -> bool:
+    return _text(one) == _text(other)
 
 
 def _text(figure: "Figure") -> str:

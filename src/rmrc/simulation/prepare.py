@@ -1,7 +1,7 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, TypeVar
@@ -16,7 +16,7 @@ from rmrc.law.record import Writer, records
 from rmrc.law.task import Task
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.lockstep import Course
-from rmrc.plants.plant import Plant
+from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.stages import Encoders
 from rmrc.plants.wiring import WIRING
 from rmrc.scenario import ArmSection, Problems, Scenario, angle
@@ -59,13 +59,10 @@ class Cache:
         """Know some arms, as they were loaded.
 
         Args:
-            arms: They stand for their file, by the names of their site and joints.
+            arms: They stand for their file, by the names of their frame and joints; not stretched.
         """
         # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
-        named = None, None, "fixed", ()  # body, tool, base, packages
-        self._arms = _Recent[Arm](
-            32, {(arm.path.resolve(), arm.site, arm.joints, *named): arm for arm in arms}
-        )
+        self._arms = _Recent[Arm](32, {_key(arm): arm for arm in arms})
         self._references, self._tasks = _Recent[Reference](32), _Recent[Task](256)
 
     def arm(self, section: ArmSection) -> Arm:
@@ -126,6 +123,13 @@ class Cache:
         )
 
 
+def _key(arm: Arm) -> Hashable:
+    """Return what `Cache.arm` knows an arm by: what names it in a scenario."""
+    named = dict([arm.frame] if arm.frame else [])
+    frame = named.get("site"), arm.joints, named.get("body"), named.get("tool"), "fixed"
+    return arm.path.resolve(), *frame, tuple((name, folder.absolute()) for name, folder in arm.packages)
+
+
 @dataclass(frozen=True, eq=False)
 class Prepared:
     """All that a world needs.
@@ -177,6 +181,24 @@ class Prepared:
         """What the encoders say too much, (n,)."""
         return Encoders(self.scenario, self.arm).offset
 
+    @cached_property
+    def assumed(self) -> tuple[Assumed, ...]:
+        """What the run has otherwise than the model's author wrote it, and the limits that are missing."""
+        arm, law, physics = self.arm, self.law, self.plant.has_physics
+        limits = {
+            "rate": law.rate_limit,
+            "acceleration": law.acceleration_limit,
+            "torque": arm.torque_limit if physics else np.zeros(arm.n),
+            "position": np.abs(law.position_limit).max(axis=0),
+        }
+        missing = []
+        for name, limit in limits.items():
+            joints = [joint for joint, one in zip(arm.joints, limit, strict=True) if np.isinf(one)]
+            if joints:
+                which = "all joints" if len(joints) == arm.n else listed(joints)
+                missing.append(Assumed(f"no {name} limit: {which}", False))
+        return (*self.plant.assumed(), *missing)
+
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
 
@@ -216,7 +238,6 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     problems.extend(hardware.plant.misfits())
     problems.raise_any()
     _doubt_start(scenario, arm)
-    tell_assumed(hardware.plant.notes)
     try:
         reference = cache.reference(scenario, arm, qpos[arm.wiring.qpos])
     except TargetError as error:

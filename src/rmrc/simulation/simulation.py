@@ -46,7 +46,7 @@ class _Shard:
     wall_time: float = 0.0
 
     def __post_init__(self) -> None:
-        self._tallies = tallies_of([self._about(one, {}) for one in self.prepared])
+        self._tallies = tallies_of(self._abouts())
         self._adder = adder(self._tallies, self.batch.ticks)
         self._adding = threading.Lock()
 
@@ -80,7 +80,7 @@ class _Shard:
 
     def run(self, w: int, first: int, last: int) -> Run:
         """Return ticks [first, last) of world w, or what there is of them."""
-        prepared, world = self.prepared[w], self.batch.worlds[w]
+        world = self.batch.worlds[w]
         diverged = int(world["diverged"])
         count = max(0, min(last, int(self._ends()[w])) - first)
         begin = first % len(self.batch.ticks)
@@ -94,15 +94,19 @@ class _Shard:
             values = qpos if column.width == "nq" else rows[name]
             columns[name] = values[:, : width[column.width]] if column.width in width else values
         divergence = self.divergence(w) if first <= diverged <= last else None
-        return self._about(prepared, columns, divergence)
+        return self._about(w, columns, divergence)
+
+    def _abouts(self) -> list[Run]:
+        return [self._about(w, {}) for w in range(len(self.prepared))]
 
     def _about(
         self,
-        prepared: Prepared,
+        w: int,
         columns: Mapping[str, NDArray[np.generic]],
         divergence: Divergence | None = None,
     ) -> Run:
         """Return a run of a world with what is known beside its columns."""
+        prepared, contacts = self.prepared[w], self.batch.contacts
         arm, scenario = prepared.arm, prepared.scenario
         return Run(
             name=scenario.name,
@@ -118,12 +122,14 @@ class _Shard:
             weights=scenario.task.weights or (),
             torque_limit=tuple(arm.torque_limit.tolist()) if prepared.plant.has_physics else (),
             view=prepared.task.view,
+            touching=contacts.first.get(w, ()) if contacts else (),
+            resting=tuple(contacts.resting.get(w, ())) if contacts else (),
         )
 
     def scorecards(self) -> list[Scorecard]:
         """Return the figures of each world as far as it came."""
         self._add()
-        return figures([self._about(one, {}) for one in self.prepared], self._tallies)
+        return figures(self._abouts(), self._tallies)
 
     def _add(self) -> None:
         """Add to the tallies what was stepped since: each tick once, wherever an interrupt came."""

@@ -14,8 +14,7 @@ from rmrc.support.spatial import (
     pose_error,
     pose_inverse,
     pose_product,
-    quat_from_axis_angle,
-    quat_multiply,
+    quat_from_rpy,
 )
 
 Array = NDArray[np.float64]
@@ -68,6 +67,5 @@ def _goal(arm: Arm, section: StartPose, now: Array) -> Array:
     if turn is not None and len(turn) == 4:
         goal[3:] = normalize(turn)
     elif turn is not None:
-        roll, pitch, yaw = quat_from_axis_angle(np.eye(3), turn)
-        goal[3:] = quat_multiply(yaw, quat_multiply(pitch, roll))
+        goal[3:] = quat_from_rpy(turn)
     return pose_product(frame, goal)

@@ -25,7 +25,7 @@ _FIGURES = (
         "joint_rate_cmd.peak": "command\npeak",
         "joint_rate.rms": "rate\nrms",
         "joint_acceleration.peak": "accel.\npeak",
-        "tau.share": "torque\npeak",
+        "tau.share_of_limit": "torque\npeak",
     },
     {
         "position_error_along.max": "pos.\nerror\nalong",

@@ -6,7 +6,7 @@ import shutil
 import tempfile
 import weakref
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -40,6 +40,7 @@ class Parcel:
         models: And recorded motions, by the names that the scenario has for them; those that are no files are
             not here.
         files: Of models and what they depend on, by their paths from the root.
+        folders: Of packages, by the names that the scenario has for them, as paths from the root.
     """
 
     draft: Draft
@@ -47,6 +48,7 @@ class Parcel:
     root: str
     models: Mapping[str, Model]
     files: Mapping[str, bytes]
+    folders: Mapping[str, str] = field(default_factory=dict)
 
     @cached_property
     def digest(self) -> str:
@@ -66,17 +68,23 @@ def pack(draft: Draft) -> Parcel:
     """
     folder = draft.folder.resolve()
     named = {name: (folder / name).resolve() for name in draft.models}
-    needed = {name: files(file) for name, file in named.items() if file.is_file()}
+    packages = [{name: (folder / one).resolve() for name, one in some.items()} for some in draft.packages]
+    needed = {name: sorted({one for some in (packages or [{}]) for one in files(file, some)})
+              for name, file in named.items() if file.is_file()}  # fmt: skip
     for name in draft.motions:
         named[name] = (folder / name).resolve()
         needed[name] = [named[name]]
     everything = sorted({file for some in needed.values() for file in some})
     contents = {file: file.read_bytes() for file in everything}
-    root = os.path.commonpath([file.parent for file in everything]) if everything else str(folder)
+    folders = {one: (folder / one).resolve() for some in draft.packages for one in some.values()}
+    above = [*(file.parent for file in everything), *folders.values()]
+    root = os.path.commonpath(above) if above else str(folder)
     places = {file: file.relative_to(root).as_posix() for file in everything}
     models = {name: Model(places[named[name]], _digest(named[name], some, contents))
               for name, some in needed.items()}  # fmt: skip
-    return Parcel(draft, str(folder), root, models, {places[file]: data for file, data in contents.items()})
+    inside = {name: one.relative_to(root).as_posix() for name, one in folders.items()}
+    data = {places[file]: data for file, data in contents.items()}
+    return Parcel(draft, str(folder), root, models, data, inside)
 
 
 def _digest(model: Path, some: Sequence[Path], contents: Mapping[Path, bytes]) -> str:
@@ -106,6 +114,9 @@ class Unpacked:
             file.parent.mkdir(parents=True, exist_ok=True)
             file.write_bytes(data)
         models = {name: self._inside(model.file) for name, model in parcel.models.items()}
+        for name, place in parcel.folders.items():
+            models[name] = self._inside(place)
+            models[name].mkdir(parents=True, exist_ok=True)
         self.study = Study(parcel.draft.carried(Carried(Path(parcel.folder), models)))
 
     def _inside(self, name: str) -> Path:

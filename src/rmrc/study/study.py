@@ -134,7 +134,7 @@ class Result:
             "divergence": self.divergence and asdict(self.divergence),
             "scorecard": self.scorecard.nested(),
             "expect": [outcome.facts() for outcome in self.outcomes],
-            "assumed": [*self.prepared.arm.notes, *self.prepared.plant.notes],
+            "assumed": [*self.prepared.arm.notes, *(one.text for one in self.prepared.assumed)],
             "scenario": self.prepared.scenario.model_dump(mode="json"),
         }
 
@@ -148,6 +148,10 @@ class Ran(Result):
     """
 
     run: Run
+
+    def facts(self) -> dict[str, Any]:
+        """Return what is known about it, and who touches from the start, ready for strict JSON."""
+        return super().facts() | {"resting": [list(pair) for pair in self.run.resting]}
 
 
 class Reduce(Protocol[P_co]):

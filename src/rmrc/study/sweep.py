@@ -30,6 +30,9 @@ from rmrc.study.summary import Summary, summarize
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 
+# Keys with which the model varies, or the files that it is made of.
+_MODELS = ("arm.model.", "arm.tool.", "arm.packages.")
+
 # A batch is about two seconds of one core (some 5 us a tick of a small arm, and a run takes as long as some
 # 500 ticks before its first one): the most that a killed process loses, and a hundred times what starting a
 # batch and writing its part take. Of large sweeps it is up to five times longer, so that a cluster has not
@@ -167,7 +170,7 @@ class Sweep:
         swept = self.scenario.sweep.model_dump(mode="json")
         # recorded motions, and models that are varied, count with what is in their files, and in those that
         # these depend on
-        models_vary = not {"arm", "arm.model"}.isdisjoint(self.plan.keys)
+        models_vary = any(key == "arm" or f"{key}.".startswith(_MODELS) for key in self.plan.keys)
         named = (*(self.scenario.draft.models if models_vary else ()), *self.scenario.draft.motions)
         if named:
             files = self._parcel.models

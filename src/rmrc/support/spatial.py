@@ -127,6 +127,22 @@ def quat_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
     return np.concatenate([scalar, vector], axis=-1)
 
 
+def quat_from_rpy(angles: ArrayLike) -> Array:
+    """Return the rotation by roll, pitch and yaw: about x, then y, then z, all fixed.
+
+    Args:
+        angles: (3,) [rad].
+
+    Returns:
+        [w, x, y, z], unit, (4,).
+
+    >>> quat_from_rpy([0.0, 0.0, np.pi]).round(12)
+    array([0., 0., 0., 1.])
+    """
+    roll, pitch, yaw = quat_from_axis_angle(np.eye(3), angles)
+    return quat_multiply(yaw, quat_multiply(pitch, roll))
+
+
 def quat_to_matrix(q: ArrayLike) -> Array:
     """Return the rotation matrix of a unit quaternion.
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc import arm as arms
 from rmrc.analysis.check.facts import Facts
 from rmrc.analysis.check.findings import Finding, found
 from rmrc.analysis.check.motion import motions
@@ -13,11 +12,8 @@ from rmrc.analysis.inspect.directions import examine
 from rmrc.analysis.inspect.routes import ROUTES, jacobians
 from rmrc.analysis.new.nearest import nearest_singularity
 from rmrc.analysis.new.scaling import scales
-from rmrc.analysis.subject import Model
-from rmrc.arm import Arm
+from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm.inventory import actuators, contacts, other_joints
-from rmrc.scenario import Scenario
-from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
 
@@ -39,14 +35,22 @@ class Checked(Facts):
 
 
 def check(
-    model: Model, *, site: str | None = None, joints: Sequence[str] | None = None, seed: int = 0
+    model: Model,
+    *,
+    site: str | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
+    joints: Sequence[str] | None = None,
+    seed: int = 0,
 ) -> Checked:
     """Check whether a model is ready to be driven, and tell what must be mended.
 
     Args:
         model: An arm, an MJCF file, the name of a shipped one, or a scenario, whose arm is checked.
-        site: The point that is controlled; None for that of the arm or scenario, else the
-            default of `rmrc.arm.load`.
+        site: The point that is controlled; None for that of the arm or scenario, else that of the hand: see
+            `rmrc.arm.frames`.
+        body: The body whose frame is controlled, instead of a site.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         joints: That are driven; None for those of the arm or scenario, else all on the chain.
         seed: Of the second of motion.
 
@@ -59,18 +63,18 @@ def check(
         >>> one.is_ready, [finding.code for finding in one.findings if finding.level == "warning"]
         (True, [])
     """
-    arm = _arm(model, site, joints)
+    arm = read_arm(model, site, body, packages, joints)
     suits = scales(arm)
     if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
         raise QuestionError(
-            f"{arm.path}: its joints do not move site {quoted(arm.site)}; choose another with --site"
+            f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"
         )
     home = arm.configuration("home")[arm.wiring.qpos]
     start = np.clip(home, *arm.position_limit.T)
     sigma, lost, slow, _ = examine(suits.task, arm.jacobian(home), np.eye(3), "world")
     words = [one.words for one in lost] + [one.words for one in slow]
     near = nearest_singularity(suits, np.clip(home, suits.lower, suits.upper))
-    touching = contacts(arm, home[None])
+    touching = contacts(arm, arm.configuration("home")[None])
     routes = jacobians(arm, home)
     facts = Facts(
         arm, suits, home, sigma, tuple(words), near, actuators(arm), other_joints(arm), touching,
@@ -78,17 +82,3 @@ def check(
         motions(suits, start, frozenset(contact.geoms for contact in touching), seed), seed,
     )  # fmt: skip
     return Checked(**vars(facts), findings=found(facts))
-
-
-def _arm(model: Model, site: str | None, joints: Sequence[str] | None) -> Arm:
-    if isinstance(model, Scenario):
-        section = model.arm
-        arm = arms.load(section.model, site or section.site, joints or section.joints)
-        return arm.stretched(section.stretch) if section.stretch else arm
-    if not isinstance(model, Arm):
-        return arms.load(shipped.found(model, "models"), site, joints)
-    if site not in (None, model.site) or (joints is not None and tuple(joints) != model.joints):
-        raise QuestionError(
-            f'the arm has the site "{model.site}" and its own joints; load it with those wanted'
-        )
-    return model

@@ -12,6 +12,7 @@ from rmrc.analysis.check.motion import BOUND
 from rmrc.analysis.inspect.directions import SLOW
 from rmrc.analysis.new.scaling import ASSUMED_RATE
 from rmrc.arm.inventory import Contact
+from rmrc.arm.notes import code_of
 from rmrc.support.legible import listed
 
 Level = Literal["error", "warning", "note"]
@@ -43,8 +44,10 @@ CODES: dict[str, tuple[Level, str]] = {
     "mujoco-warning": ("warning", "MuJoCo warned in a second of motion"),
     "range-missing": ("note", "a joint has no range"),
     "acceleration-limit": ("note", "MJCF has no place for acceleration limits"),
-    "no-home": ("note", "there is no keyframe home: all joints at 0 stand for it"),
-    "frame": ("note", "there are other sites that could be controlled"),
+    "no-home": ("note", "there is no keyframe home: what stands for it is told"),
+    "frame": ("note", "there are other frames that could be controlled"),
+    "base-fixed": ("note", "the base floats in the file, and is fixed"),
+    "assumed": ("note", "something else was assumed where the file does not say it, or cannot be read"),
     "axes": ("note", "the arm moves fewer than six directions"),
     "actuator-replaced": ("note", "a plant puts its own drive where the model has one"),
     "actuator-other": ("note", "an actuator of the model does not drive a joint of the arm"),
@@ -103,6 +106,8 @@ def _start(facts: Facts) -> _Findings:
     if "home" not in arm.keyframes:
         known = f"; its keyframes: {listed(sorted(arm.keyframes))}" if arm.keyframes else ""
         yield "no-home", f"no keyframe home, so all joints start at the model's zero{known}", "set arm.start"
+    for note in arm.notes:
+        yield code_of(note), note, ""
     if facts.sigma[-1] <= SLOW * facts.sigma[0]:
         for words in facts.lost[:1]:
             yield "home-singular", f"at home the arm {words}", "set arm.start away from it"
@@ -166,7 +171,8 @@ def _limits(facts: Facts) -> _Findings:
 
 def _model(facts: Facts) -> _Findings:
     arm = facts.arm
-    if others := [name for name in arm.sites if name != arm.site]:
+    others = [name for name in arm.sites if name != arm.site]
+    if others and "frame" not in map(code_of, arm.notes):
         yield (
             "frame",
             f"site {arm.site} is controlled; other sites: {listed(others)}",
@@ -209,7 +215,7 @@ def _moving(facts: Facts) -> _Findings:
             yield "diverged", f"{how} diverged {motion.diverged}", way
         if motion.contacts:
             yield "motion-contact", f"{how}: {_pairs(motion.contacts)}", "set arm.start, or exclude the pair"
-        share = float(motion.scorecard["tau.share"].value) if motion.scorecard else 0.0
+        share = float(motion.scorecard["tau.share_of_limit"].value) if motion.scorecard else 0.0
         if share >= 1.0 - 1e-9:
             yield (
                 "torque-saturated",

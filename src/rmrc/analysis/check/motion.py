@@ -1,8 +1,9 @@
 """A second of seeded, bounded motion of an arm on every plant: contacts, warnings, divergence."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
+from pathlib import Path
 from typing import TypeAlias
 
 import numpy as np
@@ -66,7 +67,8 @@ def motions(
         seed: Which positions.
     """
     arm = scales.task.arm
-    cache, written = Cache(*() if arm.stretch else (arm,)), _scenario(scales, start, seed)
+    told = replace(arm, notes=())  # findings tell them
+    cache, written = Cache(*() if arm.stretch else (told,)), _scenario(scales, start, seed)
     reference = prepare(written, cache).reference
     hurry = reference.duration / DURATION
     limits = written.target.limits.model_dump()
@@ -86,7 +88,7 @@ def _motion(
     except ScenarioError as error:
         return Motion(plant, refused=error.problems[0].text)
     run = simulation.run()[0]
-    looked = run["q"][:: max(1, len(run) // LOOKS)]
+    looked = run["qpos"][:: max(1, len(run) // LOOKS)]
     met = contacts(arm, looked[np.isfinite(looked).all(axis=1)])
     new = tuple(contact for contact in met if contact.is_moved and contact.geoms not in touching)
     return Motion(plant, "", scorecard(run), _divergence(run), new, simulation.warnings()[0])
@@ -117,7 +119,7 @@ def _scenario(scales: Scales, start: Array, seed: int) -> Scenario:
             path.append({"turn": about})
     values = {
         "name": "check",
-        "arm": identity(arm, arm.path.resolve()) | {"start": start.tolist()},
+        "arm": identity(arm, Path.resolve) | {"start": start.tolist()},
         "task": {"axes": list(task.axes), "length": task.length},
         "control": {"inverse": {"damping": {"maximum": scales.quartile, "below": scales.quartile}},
                     "limits": {"rate": scales.rate.tolist()}},

@@ -13,7 +13,7 @@ from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 
 # Figures that are told of each motion.
-FIGURES = ("joint_rate.peak", "position_error.max", "tau.share")
+FIGURES = ("joint_rate.peak", "position_error.max", "tau.share_of_limit")
 
 
 def report(found: Checked) -> Report:

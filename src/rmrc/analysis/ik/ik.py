@@ -18,7 +18,7 @@ from rmrc.analysis.ik.solve import (
     kept_limit,
     solve_ik,
 )
-from rmrc.analysis.subject import Model, numbers, subject
+from rmrc.analysis.subject import Model, Packages, numbers, subject
 from rmrc.law.descent import unwound
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError
@@ -68,6 +68,8 @@ def ik(
     pose: ArrayLike | None = None,
     keyframe: str | None = None,
     site: str | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
     axes: Sequence[str] | None = None,
     length: float | None = None,
     method: Method = "damped",
@@ -86,8 +88,10 @@ def ik(
         to_q: The goal instead: where these joint positions put the site, (n,) [rad or m].
         pose: The goal instead: [p, quat w x y z], (7,); what does not count is not looked at.
         keyframe: Joint positions to begin at by name; None for the start of a scenario, else `home`.
-        site: The point that is to get there; None for that of the arm or scenario, else the one that the most
-            joints move.
+        site: The point that is to get there; None for that of the arm or scenario, else that of the hand: see
+            `rmrc.arm.frames`.
+        body: The body whose frame is to get there, instead of a site.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         axes: Rows that count, of x y z rx ry rz; None for those of a scenario, else those that the arm can
             move independently.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
@@ -117,7 +121,7 @@ def ik(
         raise QuestionError(f'method must be one of {", ".join(METHODS)}, got "{method}"')
     if every and method != "damped":
         raise QuestionError(f'every takes the method "damped" alone, got "{method}"')
-    asked = subject(model, q, keyframe, site, axes, length)
+    asked = subject(model, q, keyframe, site, axes, length, body, packages)
     task, start = asked.task, asked.q
     goal = _goal(task, to, quat, to_q, pose)
     if not every:

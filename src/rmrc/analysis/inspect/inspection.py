@@ -11,7 +11,7 @@ from rmrc.analysis.inspect.directions import LOST, SLOW, Lost, Motion, Slow, exa
 from rmrc.analysis.inspect.routes import Array, jacobians
 from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
-from rmrc.analysis.subject import Model, numbers, subject
+from rmrc.analysis.subject import Model, Packages, numbers, subject
 from rmrc.arm import Arm
 from rmrc.law.task import SAMPLES, Task
 from rmrc.support.errors import QuestionError, did_you_mean
@@ -151,6 +151,8 @@ def inspect(
     *,
     keyframe: str | None = None,
     site: str | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
     axes: Sequence[str] | None = None,
     length: float | None = None,
     frame: str = "world",
@@ -165,6 +167,8 @@ def inspect(
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
         site: The point in question; None for that of the arm or scenario, else that of the hand: see
             `rmrc.arm.frames`.
+        body: The body whose frame is in question, instead of a site.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         axes: Rows that count, of x y z rx ry rz along world axes; None for those of a scenario, else those
             that the arm can move independently, see `rmrc.law.task.choose`.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
@@ -185,7 +189,7 @@ def inspect(
         'shoulder and elbow turn against each other, 1 : -2, without moving x and y of the site, \
 which turns about -z'
     """
-    asked = subject(model, q, keyframe, site, axes, length)
+    asked = subject(model, q, keyframe, site, axes, length, body, packages)
     arm, q, task = asked.arm, asked.q, asked.task
     if frame not in FRAMES:
         hint = did_you_mean(frame, FRAMES)

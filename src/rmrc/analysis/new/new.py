@@ -13,7 +13,7 @@ from rmrc.analysis.new.move import Move, moves
 from rmrc.analysis.new.scaling import Scales, scales, tidy
 from rmrc.analysis.new.text import PERIOD
 from rmrc.analysis.new.text import text as written
-from rmrc.analysis.subject import Model, subject
+from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm import Arm
 from rmrc.arm.inventory import contacts
 from rmrc.results.leaving import refuse_unwritable
@@ -93,6 +93,8 @@ def new(
     model: Model,
     *,
     site: str | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
     plant: str = SERVO.name,
     out: str | os.PathLike[str] | None = None,
     force: bool = False,
@@ -101,7 +103,10 @@ def new(
 
     Args:
         model: An arm, an MJCF file, or the name of a shipped one.
-        site: The point that is controlled; None for that of the arm, else the default of `rmrc.arm.load`.
+        site: The point that is controlled; None for that of the arm, else that of the hand: see
+            `rmrc.arm.frames`.
+        body: The body whose frame is controlled, instead of a site.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         plant: Kind of the plant.
         out: File to write, whole or not at all; None: nothing is written.
         force: Whether it may be overwritten.
@@ -122,11 +127,11 @@ def new(
     if path is not None:
         refuse_there(path, force)
         refuse_unwritable([path])
-    arm = subject(model, site=site).arm
+    arm = read_arm(model, site, body, packages)
     suits, cache = scales(arm), Cache(*() if arm.stretch else (arm,))
     if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
         raise QuestionError(
-            f"{arm.path}: its joints do not move site {quoted(arm.site)}; choose another with --site"
+            f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"
         )
     best = _best(suits, cache)
     move = best.move
@@ -135,7 +140,11 @@ def new(
     if best.words:
         said.insert(0, f"No move without a fault was found; of this one: {', '.join(best.words)}.")
     folder = Path() if path is None else path.parent
-    one = written(suits, move, _seen_from(arm.path, folder), _name(arm.path), plant, expect, said)
+
+    def seen(path: Path) -> str:
+        return _seen_from(path, folder)
+
+    one = written(suits, move, seen, _name(arm.path), plant, expect, said)
     found = New(
         arm, one, loads(_placed(suits, move, plant, expect, said)), suits, move, plant, best.words, cards
     )
@@ -162,7 +171,7 @@ def refuse_there(path: Path, force: bool) -> None:
 def _placed(suits: Scales, move: Move, plant: str, expect: Mapping[str, Any], said: list[str]) -> str:
     """Return the text of a scenario that is read in any folder."""
     path = suits.task.arm.path
-    return written(suits, move, path.resolve(), _name(path), plant, expect, said)
+    return written(suits, move, Path.resolve, _name(path), plant, expect, said)
 
 
 def _best(suits: Scales, cache: Cache) -> _Trial:
@@ -199,9 +208,9 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
     )
     is_damped = move.how == "aside" or _value(card, "sigma.min") < 0.5 * move.epsilon
     arm = suits.task.arm
-    first = contacts(arm, move.start[None])
+    first = contacts(arm, arm.configuration(move.start)[None])
     touches = {one.geoms for one in first}
-    looked = contacts(arm, run["q"][:: max(1, len(run) // LOOKS)])
+    looked = contacts(arm, run["qpos"][:: max(1, len(run) // LOOKS)])
     met = any(one.is_moved and one.geoms not in touches for one in looked)
     return _Trial(
         move,

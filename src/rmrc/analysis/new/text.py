@@ -2,9 +2,9 @@
 
 import math
 import textwrap
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -14,7 +14,8 @@ from rmrc.analysis.new.scaling import ASSUMED_RATE, PATH_SHARE, Scales, tidy
 from rmrc.arm import Arm
 from rmrc.law.task import Array
 from rmrc.scenario import inline
-from rmrc.support.legible import visible
+from rmrc.scenario.sections import ToolSection
+from rmrc.support.legible import quoted, visible
 
 # Columns of a comment.
 WIDTH = 100
@@ -27,11 +28,14 @@ PERIOD = 0.001
 RISE, JERK_RISE = 0.25, 0.1
 HOLD = 0.5
 
+Seen: TypeAlias = Callable[[Path], Path | str]
+"""Returns what a scenario has for a path."""
+
 
 def text(
     scales: Scales,
     move: Move,
-    model: Path | str,
+    seen: Seen,
     name: str,
     plant: str,
     expect: Mapping[str, Any],
@@ -42,14 +46,14 @@ def text(
     Args:
         scales: What suits the arm.
         move: What it does.
-        model: As `arm.model` has it.
+        seen: What the scenario has for a path.
         name: Of the scenario.
         plant: Its kind.
         expect: Checks by name of figure.
         said: What the comment on `expect` says.
     """
     parts = (
-        _head(scales, move, name), _arm(scales, move, model), _task(scales), _control(scales, move),
+        _head(scales, move, name), _arm(scales, move, seen), _task(scales), _control(scales, move),
         _target(move), f"plant: {{kind: {plant}}}   # what obeys; --set plant.kind=ideal has no physics",
         _expect(expect, said),
     )  # fmt: skip
@@ -76,34 +80,58 @@ def _head(scales: Scales, move: Move, name: str) -> str:
     return "\n".join([*lines, f"name: {name}"])
 
 
-def identity(arm: Arm, model: Path | str) -> dict[str, Any]:
+def identity(arm: Arm, seen: Seen) -> dict[str, Any]:
     """Return the keys of `arm` in a scenario that name an arm: all but where it starts.
 
     Args:
         arm: The arm.
-        model: As `arm.model` has it.
+        seen: What the scenario has for a path.
     """
-    stretch = {"stretch": dict(arm.stretch)} if arm.stretch else {}
-    return {"model": str(model), "site": arm.site, "joints": list(arm.joints), **stretch}
+    keys: dict[str, Any] = {"model": str(seen(arm.path))}
+    if arm.frame is not None:
+        key, value = arm.frame
+        keys[key] = value if isinstance(value, str) else _tool(value, seen)
+    if arm.packages:
+        keys["packages"] = {name: str(seen(folder)) for name, folder in arm.packages}
+    keys["joints"] = list(arm.joints)
+    return keys | ({"stretch": dict(arm.stretch)} if arm.stretch else {})
 
 
-def _arm(scales: Scales, move: Move, model: Path | str) -> str:
+def _tool(tool: ToolSection, seen: Seen) -> dict[str, Any]:
+    keys = tool.model_dump(mode="json", exclude_defaults=True)
+    return keys if tool.model is None else {**keys, "model": str(seen(tool.model))}
+
+
+def _arm(scales: Scales, move: Move, seen: Seen) -> str:
     arm = scales.task.arm
     told = {
         "site": f"the point that is controlled; this model has {len(arm.sites)}",
+        "body": "whose frame is controlled; arm.site names a site instead",
+        "tool": "whose frame is controlled",
+        "packages": "where those lie that the file names",
         "stretch": "factor on all lengths of a body",
     }
     lines = ["arm:"]
-    for key, value in identity(arm, model).items():
+    for key, value in identity(arm, seen).items():
         lines.append(f"  {key}: {inline(value)}{f'   # {told[key]}' if key in told else ''}")
     if move.is_home:
-        lines.append("  start: home   # the keyframe of that name, or all joints at 0 where there is none")
+        lines.append(f"  start: home   # {_home(arm)}")
     else:
         lines += comment(
             "rad or m; home itself is near a singularity, at a limit, or too far from the one above", 2
         )
         lines.append(f"  start: {inline([float(value) for value in move.start])}")
     return "\n".join(lines)
+
+
+def _home(arm: Arm) -> str:
+    """Return what home is."""
+    name = "home" if arm.home is None else arm.model.key(arm.home).name
+    if name != "home":
+        return f"keyframe {quoted(name) if name else arm.home}, as none is called home"
+    if arm.home is None and "home" in arm.keyframes:
+        return "no keyframe, so all joints at 0, or in the middle of their range where 0 is beyond it"
+    return "the keyframe of that name, or all joints at 0 where there is none"
 
 
 def _task(scales: Scales) -> str:

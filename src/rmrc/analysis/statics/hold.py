@@ -183,6 +183,7 @@ def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
         "target": {"path": ({"hold": {"for": seconds}},)},
         "plant": {
             "kind": SERVO.name, "kv": tuple(arm.inertia / PERIOD), "timestep": TIMESTEP,
+            "friction_compensation": False,
             "gravity_compensation": not wanted.bears_weight, "wrench": tuple(wanted.wrench),
         },
     })  # fmt: skip

@@ -8,7 +8,7 @@ from numpy.typing import ArrayLike
 
 from rmrc.analysis.statics.balance import Balance, Costs, Elsewhere, balance, elsewhere, wrench_costs
 from rmrc.analysis.statics.hold import HoldResult, hold_wrench
-from rmrc.analysis.subject import Model, numbers, subject
+from rmrc.analysis.subject import Model, Packages, numbers, subject
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import rotate
 
@@ -42,6 +42,8 @@ def statics(
     *,
     keyframe: str | None = None,
     site: str | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
     frame: str = "world",
     at: str | None = None,
     gravity: bool = False,
@@ -59,6 +61,8 @@ def statics(
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
         site: The point in question; None for that of the arm or scenario, else that of the hand: see
             `rmrc.arm.frames`.
+        body: The body whose frame is in question, instead of a site.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         frame: Along whose axes the wrench is given: `world` or `site`.
         at: Another site of the same body, at which the wrench is to be told as well.
         gravity: Whether the drives bear the arm's weight; else it is compensated.
@@ -80,7 +84,7 @@ def statics(
         >>> found.costs[1].directions[0].cost.value  # a force along z
         'nothing, anywhere'
     """
-    asked = subject(model, q, keyframe, site, length=length)
+    asked = subject(model, q, keyframe, site, length=length, body=body, packages=packages)
     force_alone = np.shape(wrench) == (3,)
     acts = numbers("wrench", np.append(wrench, np.zeros(3)) if force_alone else wrench, WRENCH)
     if frame not in FRAMES:

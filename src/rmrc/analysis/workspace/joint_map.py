@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from rmrc.analysis.subject import Model, subject
+from rmrc.analysis.subject import Model, Packages, subject
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.workspace.folds import zero_curves
 from rmrc.analysis.workspace.footprint import MAPPED, refuse_excess
@@ -56,6 +56,8 @@ def joint_map(
     *,
     keyframe: str | None = None,
     site: str | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
     axes: Sequence[str] | None = None,
     length: float | None = None,
     cells: int = 200,
@@ -72,6 +74,8 @@ def joint_map(
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
         site: The point in question; None for that of the arm or scenario, else that of the hand: see
             `rmrc.arm.frames`.
+        body: The body whose frame is in question, instead of a site.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         axes: Rows of the twist whose singular values are taken; None for those of a scenario, else those that
             the arm can move independently.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
@@ -89,7 +93,7 @@ def joint_map(
         >>> found.ends["sigma_min"][0], len(found.singular)  # stretched: theta_2 = 0
         (0.0, 1)
     """
-    asked = subject(model, q, keyframe, site, axes, length)
+    asked = subject(model, q, keyframe, site, axes, length, body, packages)
     arm, task, positions = asked.arm, asked.task, asked.q
     k, joints = min(len(task.rows), arm.n), _joints(arm, over)
     refuse_excess(cells, MAPPED * (cells + 1) ** 2)

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.subject import Model, numbers, subject
+from rmrc.analysis.subject import Model, Packages, numbers, subject
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.analysis.workspace.folds import covering
 from rmrc.analysis.workspace.footprint import CELL, NODE, refuse_excess
@@ -24,6 +24,8 @@ def workspace(
     *,
     keyframe: str | None = None,
     site: str | None = None,
+    body: str | None = None,
+    packages: Packages | None = None,
     through: ArrayLike | None = None,
     axes: Sequence[str] | None = None,
     length: float | None = None,
@@ -44,6 +46,8 @@ def workspace(
         keyframe: Joint positions by name; None for the start of a scenario, else `home`.
         site: The point in question; None for that of the arm or scenario, else that of the hand: see
             `rmrc.arm.frames`.
+        body: The body whose frame is in question, instead of a site.
+        packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         through: A point of the plane, (3,) [m]; None for the site at q.
         axes: Rows of the twist whose singular values are taken; None for those of a scenario, else the linear
             ones that can move.
@@ -64,7 +68,7 @@ def workspace(
         >>> round(found.free.area / np.pi)
         72
     """
-    asked = subject(model, q, keyframe, site, axes, length)
+    asked = subject(model, q, keyframe, site, axes, length, body, packages)
     arm, home = asked.arm, asked.q
     point = None if through is None else numbers("through", through, ("x", "y", "z"))
     part = choose_slice(arm, plane, home, point)

@@ -89,12 +89,12 @@ def _spread(part: Slice, own: Survey, values: dict[Measure, Array], ends: Ends, 
     points = part.coordinates(own.pose[:, :3])
     middle = 0.5 * (points.min(axis=0) + points.max(axis=0))
     away = np.linalg.norm(points - middle, axis=1)
-    chosen: list[int] = []
-    for i in np.lexsort((-away, values["sigma_min"].round(6))):
-        if worse[i] and all(np.linalg.norm(points[i] - points[j]) >= apart for j in chosen):
-            chosen.append(int(i))
-            if len(chosen) == POINTS:
-                break
+    order = np.lexsort((-away, values["sigma_min"].round(6)))
+    left, chosen = order[worse[order]], list[int]()
+    while len(left) and len(chosen) < POINTS:
+        first, rest = left[0], left[1:]
+        chosen.append(int(first))
+        left = rest[np.linalg.norm(points[rest] - points[first], axis=1) >= apart]
     return chosen
 
 

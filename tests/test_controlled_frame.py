@@ -54,6 +54,26 @@ def test_the_longest_limb_is_the_arm_and_a_torso_is_not_its_hand(tmp_path):
     assert found.model.jnt_bodyid[found.wiring.joint].tolist() == [1, 3, 4, 5, 6]
 
 
+def test_a_torso_with_as_many_branches_as_a_hand_has_fingers_is_none(tmp_path):
+    """Two arms, a head and a laser: what is longer than any finger is an arm."""
+    limb = '<body><joint axis="0 {k} 1"/><geom size="0.1"/>{inner}</body>'
+    short, arm, finger = limb.format(k=0, inner=""), "", ""
+    for k in range(6):
+        arm, finger = limb.format(k=k, inner=arm), limb.format(k=k, inner=finger) if k < 4 else finger
+    for limbs, joints in (((short, short, arm, arm), 7), ((finger,) * 4, 1)):
+        body = f'<body name="torso"><joint/><geom size="1"/>{"".join(limbs)}</body>'
+        (tmp_path / "model.xml").write_text(f"<mujoco><worldbody>{body}</worldbody></mujoco>")
+        assert arms.load(tmp_path / "model.xml").n == joints
+
+
+def test_a_link_that_is_a_frame_is_taken_before_the_link_that_carries_it(tmp_path):
+    for name, chosen in (("gripper_frame_link", "gripper_frame_link"), ("grip_2", "gripper_link")):
+        text = f'''<mujoco><worldbody><body><joint/><geom size=".1"/><body name="gripper_link"><joint/><geom size=".1"/>
+          <body name="{name}" pos="0 0 .1"/></body></body></worldbody></mujoco>'''
+        (tmp_path / "model.xml").write_text(text)
+        assert arms.load(tmp_path / "model.xml").site == chosen
+
+
 @pytest.fixture
 def data():
     model = mujoco.MjModel.from_xml_path(str(MODELS / "gripper.xml"))

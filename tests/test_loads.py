@@ -1,0 +1,282 @@
+"""What is put on an arm: contact, drives at their limits, and the load that gravity compensation bears.
+
+The oracles are plain loops over MuJoCo, which look at `data.contact` and clamp forces by hand, and levers.
+"""
+
+import json
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.plants.contacts import can_touch
+from rmrc.results import loads
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+
+PERIOD, TIMESTEP = 0.002, 0.001
+DOWN_AND_UP = ({"line": {"by": (0.0, 0.0, -0.3)}}, {"line": {"by": (0.0, 0.0, 0.3)}})
+HOLD = ({"hold": {"for": 0.3}},)
+
+FLOOR = '<geom name="floor" type="plane" size="2 2 .1" pos="0 0 -.2"/>'
+CUBE = '<body name="cube" pos="0 1 -.17"><freejoint/><geom type="box" size=".02 .02 .02" mass=".1"/></body>'
+# Fingers that close on each other, each on a slide that nothing drives: locked.
+FINGERS = "".join(
+    f'<body name="{name}" pos=".3 {y} 0"><joint name="{name}" type="slide" axis="0 1 0"/>'
+    f'<geom type="box" size=".05 .01 .01" pos=".05 0 0" mass=".05"/></body>'
+    for name, y in (("left", 0.0099), ("right", -0.0099))
+)
+LOCKED_AND_HELD = '<actuator><position joint="left" kp="500" kv="10"/></actuator>'
+
+
+def arm(tmp_path, world=FLOOR, hand="", more="", joint="", q="0.2 0.6", name="arm"):
+    """Write a model of two links above a floor, and return its path."""
+    text = f"""<mujoco>
+  <worldbody>{world}
+    <body name="upper" pos="0 0 .2"><joint name="shoulder" axis="0 1 0" {joint}/>
+      <geom type="capsule" size=".03" fromto="0 0 0 .4 0 0" mass="2"/>
+      <body name="lower" pos=".4 0 0"><joint name="elbow" axis="0 1 0" {joint}/>
+        <geom type="capsule" size=".03" fromto="0 0 0 .3 0 0" mass="1"/><site name="hand" pos=".3 0 0"/>{hand}
+      </body></body>
+  </worldbody>{more}
+</mujoco>"""
+    path = tmp_path / f"{name}.xml"
+    path.write_text(text)
+    model = mujoco.MjModel.from_xml_string(text)
+    qpos = np.array(model.qpos0)
+    qpos[[model.joint(one).qposadr[0] for one in ("shoulder", "elbow")]] = [float(one) for one in q.split()]
+    key = f'<keyframe><key name="home" qpos="{" ".join(map(str, qpos))}"/></keyframe>'
+    path.write_text(text.replace("</mujoco>", f"{key}</mujoco>"))
+    return path
+
+
+def written(path, pieces=DOWN_AND_UP, expect=None, **plant):
+    """Return a scenario as its file has it."""
+    return {
+        "name": "loaded", "arm": {"model": str(path), "site": "hand", "joints": ["shoulder", "elbow"]},
+        "task": {"axes": ["x", "z"]}, "control": {"period": PERIOD, "feedback": 20.0},
+        "target": {"path": list(pieces)}, "plant": {"kind": "servo", "timestep": TIMESTEP, **plant},
+        "expect": expect or {},
+    }  # fmt: skip
+
+
+def scenario(*about, **options):
+    return Scenario.model_validate(written(*about, **options))
+
+
+def run(*about, **options):
+    prepared = prepare(scenario(*about, **options))
+    (done,) = Simulation([prepared]).run()
+    assert done.divergence is None
+    return done
+
+
+def pairs_by_mujoco(path, done):
+    """Return at each tick the pairs of bodies that touch, one of them the arm's, by MuJoCo at the same qpos."""
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data, found = mujoco.MjData(model), []
+    names = [model.body(b).name for b in range(model.nbody)]
+    own = {"upper", "lower", "left", "right"}
+    for qpos in done["qpos"]:
+        data.qpos[:] = qpos
+        mujoco.mj_forward(model, data)
+        touching = (
+            (names[model.geom_bodyid[a]], names[model.geom_bodyid[b]])
+            for a, b in data.contact.geom[: data.ncon]
+        )
+        found.append({frozenset(pair) for pair in touching if own & set(pair)})
+    return found
+
+
+def is_in_contact(done):
+    return done["status"] & Status.CONTACT > 0
+
+
+@pytest.mark.parametrize("world", [FLOOR, FLOOR + CUBE], ids=["floor", "floor and cube"])
+def test_contact_is_where_a_plain_loop_finds_one(tmp_path, world):
+    path = arm(tmp_path, world)
+    done = run(path)
+    wanted = np.array([bool(pairs) for pairs in pairs_by_mujoco(path, done)])
+    assert 50 < np.count_nonzero(wanted) < len(done) - 50
+    assert_array_equal(is_in_contact(done), wanted)
+    card = done.scorecard
+    assert card["contact.time"].value == pytest.approx(np.count_nonzero(wanted) * PERIOD, rel=1e-12)
+    assert card["contact.first_time"].value == done["time"][wanted.argmax()]
+    assert card["contact.first_bodies"].value == "lower – floor"
+
+
+def test_links_that_meet_are_in_contact_and_worlds_without_columns_say_the_same(tmp_path):
+    hand = '<geom name="hook" type="box" size=".02 .02 .02" pos=".35 0 -.02"/>'
+    base = '<body name="block" pos=".5 0 -.05"><geom type="box" size=".05 .05 .05"/></body>'
+    paths = [arm(tmp_path, base, hand), arm(tmp_path, FLOOR, name="other"), arm(tmp_path, "", name="free")]
+    worlds = [prepare(scenario(path)) for path in paths]
+    kept, others = Simulation(worlds), Simulation(worlds, keep_columns=False)
+    runs = kept.run()
+    others.step()
+    bodies = [one.scorecard["contact.first_bodies"].value for one in runs]
+    assert bodies == ["lower – block", "lower – floor", ""]
+    for one, card in zip(runs, others.scorecards(), strict=True):
+        for name in ("contact.time", "contact.first_time", "contact.first_bodies"):
+            assert_array_equal(card[name].value, one.scorecard[name].value)
+
+
+@pytest.mark.parametrize(
+    ("world", "more"),
+    [
+        (FLOOR.replace("-.2", "-2") + CUBE.replace("-.17", "-1.98"), ""),  # a cube that rests
+        (
+            FLOOR,
+            '<contact><exclude body1="world" body2="lower"/><exclude body1="world" body2="upper"/></contact>',
+        ),
+        (FLOOR.replace("/>", ' contype="0" conaffinity="0"/>'), ""),
+    ],
+    ids=["cube on the floor", "excluded", "no shape collides"],
+)
+def test_what_touches_no_arm_or_is_excluded_is_no_contact(tmp_path, world, more):
+    done = run(arm(tmp_path, world, more=more))
+    assert not is_in_contact(done).any() and done.touching == () and done.resting == ()
+
+
+def test_arms_that_cannot_touch_are_not_looked_at(tmp_path):
+    def looks(path, site="hand", joints=("shoulder", "elbow")):
+        known = arms.load(path, site, joints)
+        return can_touch(known.model, known.wiring)
+
+    assert looks(arm(tmp_path)) and not looks(
+        arm(tmp_path, "", more='<option><flag contact="disable"/></option>')
+    )
+    assert not looks(ROOT / "models/planar_2link.xml", "tip")
+
+
+def test_a_hand_that_is_closed_from_the_start_rests_and_a_floor_does_not(tmp_path):
+    closed = run(arm(tmp_path, "", FINGERS, LOCKED_AND_HELD), HOLD)
+    assert not is_in_contact(closed).any()
+    assert closed.resting == (("left", "right"),)
+    low = run(arm(tmp_path, FLOOR.replace("-.2", "-.01"), q="0 0.7", name="low"), HOLD)
+    assert is_in_contact(low).all() and low.resting == ()
+    assert low.scorecard["contact.first_bodies"].value == "lower – floor"
+
+
+def test_what_rested_and_came_apart_is_contact_when_it_meets_again(tmp_path):
+    # a heavy block floats half a millimeter into the tip, which leaves it and comes back
+    block = '<body name="cube" pos=".62 0 -.1442"><freejoint/><geom type="box" size=".1 .1 .02" mass="100"/></body>'
+    path = arm(tmp_path, block, more='<option gravity="0 0 0"/>')
+    done = run(path, ({"line": {"by": (0.0, 0.0, 0.1)}}, {"line": {"by": (0.0, 0.0, -0.11)}}))
+    touching = np.array([bool(pairs) for pairs in pairs_by_mujoco(path, done)])
+    apart = int(np.argmin(touching))
+    assert touching[0] and apart > 5 and touching[apart:].any()
+    assert done.resting == (("lower", "cube"),)
+    assert_array_equal(is_in_contact(done), touching & (np.arange(len(done)) >= apart))
+
+
+def test_drives_are_at_their_limit_where_a_plain_loop_clamps_them(tmp_path):
+    weightless = '<option gravity="0 0 0"/>'
+    free = run(arm(tmp_path, "", more=weightless, name="free"))
+    most = 0.5 * free.scorecard["tau.peak"].value
+    path = arm(tmp_path, "", more=weightless, joint=f'actuatorfrcrange="-{most} {most}"')
+    done, kv = run(path), prepare(scenario(path)).plant.kv
+    spec = mujoco.MjSpec.from_file(str(path))
+    spec.option.timestep, spec.option.integrator = TIMESTEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+    for key in list(spec.keys):
+        spec.delete(key)
+    for joint, gain in zip(done.joints, kv, strict=True):
+        servo = spec.add_actuator(name=joint, target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+        servo.set_to_velocity(kv=gain)
+        servo.forcelimited, servo.forcerange = mujoco.mjtLimited.mjLIMITED_TRUE, [-most, most]
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    data.qpos[:] = done["qpos"][0]
+    clamped = [np.zeros(2, bool)]
+    for command in done["qdot_cmd"][:-1]:
+        data.ctrl[:] = command
+        for _ in range(round(PERIOD / TIMESTEP)):
+            asked = kv * (command - data.qvel)  # what a drive without a limit gives
+            mujoco.mj_step(model, data)
+        clamped.append(np.abs(asked) >= most)
+    is_limited = np.any(clamped, axis=1)
+    assert 5 < np.count_nonzero(is_limited) < len(done) - 50
+    assert_array_equal(done["status"] & Status.TORQUE_LIMITED > 0, is_limited)
+    card, first = done.scorecard, int(np.argmax(is_limited))
+    assert card["torque_limited.first_time"].value == done["time"][first]
+    assert card["torque_limited.first_joint"].value == done.joints[int(np.argmax(clamped[first]))]
+    assert card["tau.share_of_limit"].value == pytest.approx(1.0, abs=1e-12)
+    assert not (free["status"] & Status.TORQUE_LIMITED).any()  # negative control
+
+
+def test_what_compensation_bears_is_the_weight_at_its_levers(tmp_path):
+    path = arm(tmp_path, "", joint='actuatorfrcrange="-40 40"', q="-0.3 0.8")
+    on, off = (run(path, HOLD, gravity_compensation=is_on) for is_on in (True, False))
+    # m g x of both links about each joint; a positive turn about y moves the links down
+    a, ab = -0.3, 0.5
+    at_elbow = 1.0 * 9.81 * 0.15 * np.cos(ab)
+    at_shoulder = at_elbow + 9.81 * np.cos(a) * (2.0 * 0.2 + 1.0 * 0.4)
+    weight = np.array([-at_shoulder, -at_elbow])
+    # With it the arm stays where it is to rounding; without it the servos give way by 1 mrad, and settle.
+    assert_allclose(on["tau_gravity"][-1], weight, rtol=1e-9)
+    assert_allclose(off["tau"][-1], weight, rtol=5e-3)
+    assert np.abs(on["tau"]).max() < 1e-3 * np.abs(weight).max()
+    assert not off["tau_gravity"].any()
+    shares = [one.scorecard["tau_total.share_of_limit"].value for one in (on, off)]
+    assert shares[0] == pytest.approx(at_shoulder / 40.0, rel=1e-9)
+    assert shares[1] == pytest.approx(at_shoulder / 40.0, rel=0.05)  # before it settles
+    assert on.scorecard["tau.share_of_limit"].value < 0.01 * shares[0]
+    ideal = run(path, HOLD, kind="ideal")
+    assert not ideal["tau_gravity"].any()
+
+
+def test_a_screw_bears_what_its_slide_does():
+    path = ROOT / "models/helical.xml"
+    known = arms.load(path)
+    about = written(path, HOLD) | {"arm": {"model": str(path)}, "task": {"axes": ["x", "y", "z"]}}
+    (done,) = Simulation([prepare(Scenario.model_validate(about))]).run()
+    weight, _ = known.rest_torques(done["q"][-1])
+    assert_allclose(done["tau_gravity"][-1], weight, rtol=1e-9, atol=1e-9)
+    assert known.travels and np.abs(weight[known.travels[0].hinge]) > 0.1
+
+
+# What is told --------------------------------------------------------------------------------------
+
+
+def test_a_run_with_contact_says_so_in_a_line_unless_it_is_expected(tmp_path):
+    path = arm(tmp_path)
+    (line,) = loads.told(run(path).scorecard, ())
+    assert "CONTACT" in line and "lower – floor" in line and "expect" in line
+    assert list(loads.told(run(path).scorecard, ("contact.time",))) == []
+    assert list(loads.told(run(path, HOLD).scorecard, ())) == []
+
+
+@pytest.mark.parametrize(("expected", "code"), [({}, 0), ({"contact.time": {"below": 0.001}}, 1)])
+def test_the_verb_tells_contact_and_leaves_the_verdict_to_what_is_expected(rmrc, tmp_path, expected, code):
+    (tmp_path / "one.yaml").write_text(json.dumps(written(arm(tmp_path), expect=expected)))
+    got, out, err = rmrc("run", str(tmp_path / "one.yaml"), "--no-record", "--out", str(tmp_path))
+    assert got == code and "lower – floor" in out
+    assert ("lower – floor" in err) == (not expected) and ("missed: contact.time" in err) == bool(expected)
+    known = json.loads((tmp_path / "loaded.json").read_text())
+    assert known["scorecard"]["contact"]["first_bodies"] == "lower – floor" and known["resting"] == []
+
+
+def test_what_was_assumed_is_known_and_only_what_the_author_had_otherwise_is_told(tmp_path):
+    more = (
+        '<option timestep="0.0005" integrator="RK4"/><actuator><position name="drive" joint="elbow" kp="50"/>'
+        '<velocity name="rate" joint="shoulder" kv="5"/></actuator>'
+    )
+    about = scenario(arm(tmp_path, more=more))
+    assumed = {one.text: one.is_otherwise for one in prepare(about).assumed}
+    assert assumed == {
+        "rate servos take the place of position actuators: drive": True,
+        "rate servos take the place of velocity actuators: rate": False,
+        "integrator implicitfast instead of the model's RK4": True,
+        "timestep 0.001 s instead of the model's 0.0005 s": True,
+        "gravity compensation of the arm, which the model does not have": False,
+        "no rate limit: all joints": False,
+        "no acceleration limit: all joints": False,
+        "no torque limit: all joints": False,
+        "no position limit: all joints": False,
+    }
+    plain = prepare(scenario(arm(tmp_path, name="plain"), kind="ideal")).assumed
+    assert not any(one.is_otherwise for one in plain) and not any("torque" in one.text for one in plain)

@@ -1,0 +1,164 @@
+"""Damping and dry friction of joints, and what the drives give for them; joints beside the arm that give way."""
+
+import re
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose
+
+from project import ROOT
+from rmrc.arm import load
+from rmrc.scenario import Scenario
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+
+# One joint without gravity: what it does at a constant rate is told by the balance of its torques alone.
+WHEEL = """<mujoco><worldbody><body name="wheel"><joint name="j" axis="0 0 1" {joint}/>
+<geom type="box" size=".1 .1 .1" mass="3"/><site name="tip" pos=".2 0 0"/></body></worldbody>{tail}</mujoco>"""
+INERTIA = 3 * (0.2**2 + 0.2**2) / 12
+DAMPED, DRY, DRAG = 'damping="2"', 'frictionloss="0.5"', 'damping="2 0.4 0.3"'
+FLAG = '<mujoco><option><flag contact="disable"/></option>'
+TURN, PERIOD = 0.4, 0.001
+KINDS = ("servo", "torque")
+
+
+def turning(path, kind, site="tip", compensates=True, period=PERIOD, rate=TURN, start="home", **plant):
+    """Return an arm that goes round with its hand and stops, and what it did."""
+    scenario = Scenario.model_validate({
+        "name": "turning", "arm": {"model": path, "site": site, "start": start}, "task": {"axes": ("rz",)},
+        "control": {"period": period, "inverse": {"method": "pseudoinverse"},
+                    "limits": {"on_excess": "none", "position": False}},
+        "target": {"path": ({"turn": {"axis": "z", "angle": 0.5}}, {"hold": {"for": 0.2}}),
+                   "limits": {"angular_velocity": rate, "angular_acceleration": 2.0, "angular_jerk": 20.0}},
+        "plant": {"kind": kind, "friction_compensation": compensates, **plant},
+    })  # fmt: skip
+    prepared = prepare(scenario)
+    (done,) = Simulation([prepared]).run()
+    assert done.divergence is None
+    return prepared, done
+
+
+@pytest.fixture
+def wheel(tmp_path):
+    """Return a function: attributes of the joint -> file of the model."""
+
+    def write(joint, tail=""):
+        path = tmp_path / "wheel.xml"
+        path.write_text(WHEEL.format(joint=joint, tail=tail))
+        return path
+
+    return write
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("joint", [DAMPED, DRY, DRAG, f"{DRAG} {DRY}"])
+def test_the_torque_at_a_constant_rate_is_what_resists_it_and_the_rate_is_kept(wheel, kind, joint):
+    """damping · q̇ + loss: the numbers of the file, far beyond the rate at which dry friction still creeps."""
+    _, done = turning(wheel(joint), kind)
+    middle = np.abs(done["qdot"][:, 0] - TURN) < 1e-6
+    assert middle.sum() > 200
+    given = {DAMPED: 2.0 * TURN, DRY: 0.0, DRAG: 2.0 * TURN + 0.4 * TURN**2 + 0.3 * TURN**3}
+    damping = next(torque for name, torque in given.items() if joint.startswith(name))
+    assert_allclose(done["tau"][middle, 0][1:], damping + 0.5 * (DRY in joint), atol=1e-4)
+    # what the joint lacks of its rate at any tick is what a free one lacks, but for dry friction at rest
+    _, free = turning(wheel(""), kind)
+    lag = [np.abs(one["pose_error"][:, 5]).max() for one in (done, free)]
+    assert lag[0] < (2.0 if DRY in joint else 1.01) * lag[1] + 1e-5
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_without_compensation_it_lags(wheel, kind):
+    """The negative control of the test above."""
+    _, done = turning(
+        wheel(f"{DAMPED} {DRY}"), kind, compensates=False, **{"kv": 10.0} if kind == "servo" else {}
+    )
+    _, free = turning(wheel(f"{DAMPED} {DRY}"), kind, **{"kv": 10.0} if kind == "servo" else {})
+    lag, little = (np.abs(one["pose_error"][:, 5]).max() for one in (done, free))
+    assert lag > 3 * little
+
+
+@pytest.mark.parametrize("joint", [DAMPED, DRY, DRAG, f"{DAMPED} {DRY}"])
+@pytest.mark.parametrize("steps", [1, 4])
+def test_computed_torque_gives_the_acceleration_that_it_wants(wheel, joint, steps):
+    """Δq̇ = period · q̈ to rounding, with the implicit steps of damping and the creep of dry friction as they are.
+
+    With several steps a period, dry friction that changes on the way is left out, and the slope of a drag.
+    """
+    prepared, done = turning(wheel(joint), "torque", timestep=PERIOD / steps)
+    sent, qdot = done["qdot_cmd"][:, 0], done["qdot"][:, 0]
+    wanted = (sent - np.concatenate([[0.0], sent[:-1]])) + PERIOD * prepared.scenario.plant.bandwidth * (
+        sent - qdot
+    )
+    exact = (steps == 1 and joint != DRAG) or joint == DAMPED
+    assert_allclose(np.diff(qdot), wanted[:-1], rtol=0, atol=1e-9 if exact else 1e-4)
+    assert np.abs(wanted).max() > 1e-3
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_joint_that_nothing_resists_is_driven_to_the_bit_as_before(wheel, kind):
+    runs = [turning(wheel('armature="0.01"'), kind, compensates=one)[1] for one in (True, False)]
+    for name in ("q", "qdot", "tau"):
+        np.testing.assert_array_equal(runs[0][name], runs[1][name])
+
+
+def test_servos_take_a_step_with_damping_as_one_without():
+    """kv = M/h + d by (26): M + h d is the inertia that an implicit step of h feels."""
+    arm = load(ROOT / "models/xarm7.xml", "tool")
+    data = mujoco.MjData(arm.model)
+    data.qpos[:] = arm.configuration("home")
+    mujoco.mj_fwdPosition(arm.model, data)
+    M = np.zeros((arm.model.nv,) * 2)
+    mujoco.mj_fullM(arm.model, data, M)
+    prepared, _ = turning(arm.path, "servo", site="tool", start=(0.0, -0.3, 0.0, 1.2, 0.0, 1.5, 0.0))
+    assert_allclose(prepared.plant.kv, np.diag(M) / 0.001 + [10, 10, 5, 5, 5, 2, 2], rtol=1e-12)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(("model", "site"), [("xarm7", "tool"), ("fr3", "tool"), ("so101", "tool")])
+def test_the_robots_turn_as_if_nothing_resisted_them(kind, model, site):
+    """Off by a milliradian at most on the way, at half a milliradian free, and by a hundredth of that at the end."""
+    _, done = turning(ROOT / f"models/{model}.xml", kind, site=site)
+    error = np.abs(done["pose_error"][:, 5])
+    assert error.max() < 2e-3
+    assert error[-1] < 2e-5
+    if kind == "servo" and model == "xarm7":
+        _, lagging = turning(ROOT / f"models/{model}.xml", kind, site=site, compensates=False)
+        assert np.abs(lagging["pose_error"][:, 5]).max() > 2.0 * error.max()  # negative control
+
+
+def test_servos_at_their_torque_limits_do_not_chatter(tmp_path):
+    """Torque jumps from one limit to the other at 1 % of the ticks at most, where servos of a larger gain do so often."""
+    text = (ROOT / "models/xarm7.xml").read_text().replace("common/", f"{ROOT}/models/common/")
+    path = tmp_path / "weak.xml"
+    path.write_text(re.sub('forcerange="[^"]*"', 'forcerange="-1.4 1.4"', text))
+    prepared, done = turning(path, "servo", site="tool", rate=1.5)
+    _, stiff = turning(path, "servo", site="tool", rate=1.5, kv=tuple(50.0 * prepared.plant.kv))
+    tau = done["tau"]
+    assert (np.abs(tau) > 1.399).any(axis=1).mean() > 0.2
+    jumps = [(np.abs(np.diff(one["tau"], axis=0)) > 1.4).any(axis=1).mean() for one in (done, stiff)]
+    assert jumps[0] < 0.01 < 0.05 < jumps[1]
+
+
+@pytest.mark.parametrize("damping", ["", 'damping="3"'])
+def test_computed_torque_beside_joints_that_give_way_gives_the_acceleration_that_it_wants(tmp_path, damping):
+    """The rail and the turntable are pushed by the arm and move, and the arm moves as if they were at rest."""
+    text = (ROOT / "tests/models/idle_rail.xml").read_text()
+    path = tmp_path / "rail.xml"
+    path.write_text(text.replace('name="rail"', f'name="rail" {damping}').replace("<mujoco>", FLAG))
+    scenario = Scenario.model_validate({
+        "name": "rail", "task": {"axes": ("x", "z")},
+        "arm": {"model": path, "site": "hand", "joints": ("shoulder", "elbow"), "others": "free"},
+        "control": {"period": PERIOD, "feedback": 0.0},
+        "target": {"path": ({"line": {"by": (0.03, 0.0, -0.03)}},)},
+        "plant": {"kind": "torque", "gravity_compensation": False},
+    })  # fmt: skip
+    prepared = prepare(scenario)
+    (done,) = Simulation([prepared]).run()
+    assert done.divergence is None and done.is_complete
+    sent, qdot = done["qdot_cmd"], done["qdot"]
+    before = np.vstack([np.zeros(2), sent[:-1]])
+    wanted = sent - before + PERIOD * prepared.scenario.plant.bandwidth * (sent - qdot)
+    assert_allclose(np.diff(qdot, axis=0), wanted[:-1], rtol=0, atol=1e-9)
+    others = np.ptp(np.delete(done["qpos"], prepared.arm.wiring.qpos, axis=1), axis=0)
+    assert others.min() > 0.01  # or there was nothing to feel
