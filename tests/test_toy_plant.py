@@ -156,8 +156,8 @@ def test_it_is_in_the_schema_and_in_messages(toy):
     ("module", "old", "new"),
     mostly_long(
         [
-            ("plants/kinds.py", "Torque, Lagging)", "Torque)"),
-            ("scenario/choices.py", "TORQUE, LAGGING)", "TORQUE)"),
+            ("plants/kinds.py", "Model, Lagging)", "Model)"),
+            ("scenario/choices.py", "MODEL, LAGGING)", "MODEL)"),
             ("plants/lagging.py", 'name = "lagging"', 'name = "laging"'),
         ],
         3,
