@@ -18,7 +18,16 @@ from project import mostly_long
 from rmrc.arm import load
 from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import scorecard
-from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES, Status
+from rmrc.scenario.choices import (
+    INVERSES,
+    LIMITS,
+    OBJECTIVES,
+    PLANTS,
+    POLICIES,
+    PRIORITIES,
+    SCHEDULES,
+    Status,
+)
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import BLOCK, HELD, Simulation
 from screws import screw_chain
@@ -212,6 +221,8 @@ VARIANTS = {
     "ideal": (*NEAR, "plant.kind=ideal"),
     "torque": (FINER, SHORT, "plant.kind=torque"),
     "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", FINER),
+    "model": (SHORT, "plant.kind=model"),
+    "model, 6 joints, pushed": (*STANFORD, *SIX, "plant={kind: model, wrench: [5, -3, 1, 0, 0, 2], bandwidth: 10}"),
     "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
 }  # fmt: skip
 
@@ -340,7 +351,7 @@ def nan_at(prepared, tick):
     return dataclasses.replace(prepared, reference=reference)
 
 
-@pytest.mark.parametrize("plant", ["ideal", "servo", "torque"])
+@pytest.mark.parametrize("plant", PLANTS.names)
 def test_divergence_stops_its_own_world_and_keeps_what_it_has(scenario, plant, tmp_path, monkeypatch):
     good = prepare(scenario(REACH, f"plant.kind={plant}"))
     (alone,) = Simulation([good]).run()

@@ -25,7 +25,7 @@ SCALARS = (
     "!!binary aGk=", "!!set {a}", "!!python/object/apply:os.system [id]", "!x y", "|", ">", "*a", "&a", "&a 1", "?", "-", "{}", "[]",
     "[[]]", "{a: }", "{a: 1, a: 2}", "[1, 2, 3]", "[1, 2]", "[0, 0, 0]", "[~]", '"60 deg"', "60 deg", "1e999 deg", "nan deg", "60 degrees",
     "-0.0", "0", "-1", "1", "2", "1.5", "1e+308", "-1e+308", "1e-320", "1e+400", "9" * 400, "[red]x[/red]", "[/]", "=", "<<", "%", "@", "`",
-    "home", "tip", "damped", "inverse", "x", "[x]", "[x, x]", "[rz, x]", "slow", "stop", "servo", "torque", "redistribute", "\u0663", "\u00bd",
+    "home", "tip", "damped", "inverse", "x", "[x]", "[x, x]", "[rz, x]", "slow", "stop", "servo", "torque", "model", "redistribute", "\u0663", "\u00bd",
     "\ud55c", "{line: {by: [1, 0]}}", "[{hold: {for: 0.01}}]", "../models/fuzz.xml", "../models", "/dev/null", "/dev/zero", "..", "a" * 3000,
 )  # fmt: skip
 

@@ -5,7 +5,7 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import mujoco
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike, NDArray
 from rmrc.arm.actuators import reset
 from rmrc.arm.compiling import compiled, in_our_words
 from rmrc.arm.differences import PAYLOAD, check_stretch, stretched_fields
+from rmrc.arm.drives import OwnDrives
 from rmrc.arm.followers import Follower, Link
 from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others
@@ -27,6 +28,8 @@ Array = NDArray[np.float64]
 
 # Makes an actuator what drives a joint, given by its position in the arm; equal ones do the same.
 Drive: TypeAlias = Callable[[mujoco.MjsActuator, int], None]
+# What drives an arm by the actuators that its author gave it.
+Own: TypeAlias = Literal["own"]
 
 # Models for plants that an arm keeps, those compiled last: few sweeps ask for more by turns.
 _ADAPTED = 8
@@ -158,6 +161,11 @@ class Arm:
         wiring = self.wiring
         return Others(self.model, [*wiring.joint, *wiring.follower_joint], wiring.site)
 
+    @cached_property
+    def drives(self) -> OwnDrives:
+        """What of the author's actuators drives the arm."""
+        return OwnDrives(self.model, self.others, self.wiring, self.followers)
+
     def at(self, qpos: Array, frees_others: bool = False) -> "Arm":
         """Return the arm where the joints that are not its own stand elsewhere; itself where nothing changes.
 
@@ -172,7 +180,7 @@ class Arm:
         if frees_others == self.frees_others and np.array_equal(rest, self._rest):
             return self
         arm = replace(self, rest=rest, frees_others=frees_others)
-        shared = ("wiring", "axis_names", "others", "_bare_spec", "_untextured")
+        shared = ("wiring", "axis_names", "others", "drives", "_bare_spec", "_untextured")
         vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
         return arm
 
@@ -287,7 +295,7 @@ class Arm:
         self._place(qpos, start)
         return qpos
 
-    def held(self, start: str | Sequence[float], qpos: Array) -> tuple[Array, Array]:
+    def held(self, start: str | Sequence[float], qpos: Array, own: bool = False) -> tuple[Array, Array]:
         """Return controls and activations of the actuators that are not the arm's, as `adapted` orders them.
 
         They are those of the keyframe. Where it has none, actuators that can hold their joints do.
@@ -296,8 +304,10 @@ class Arm:
             start: A keyframe's name, or positions of the arm's joints; these go with the keyframe `home` if
                 the others stand where it has them, and with none if not.
             qpos: Where the model starts, (nq,).
+            own: Whether the arm's own drives are among them. They have the keyframe's if the arm stands where
+                it does, and NaN if not: `rmrc.plants.model` finds what holds the arm.
         """
-        if not self.others.kept:
+        if not (self.others.kept or own):
             return np.empty(0), np.empty(0)
         elsewhere = self.others.addresses
         is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
@@ -308,7 +318,11 @@ class Arm:
         key = stands_for.get(name) if name else None
         given = (None, None) if key is None else (list(key.ctrl), list(key.act))
         ctrl, act = (np.array(values) if values else None for values in given)
-        return self.others.controls(qpos, ctrl, act)
+        ctrl, act = self.others.controls(qpos, ctrl, act, every=own)
+        if own:
+            stands = key is not None and np.array_equal(qpos, self.configuration(name or "home"))
+            self.drives.forget(ctrl, act, *(bool(values) and stands for values in given))
+        return ctrl, act
 
     def _place(self, qpos: Array, q: Sequence[float] | Array) -> None:
         qpos[self.wiring.qpos] = q
@@ -506,9 +520,9 @@ class Arm:
         mujoco.mj_fwdKinematics(self.model, self._data)
 
     def adapted(
-        self, drive: Drive | None, timestep: float, gravity_compensation: bool, *, loaded: bool = False
+        self, drive: Drive | Own | None, timestep: float, gravity_compensation: bool, *, loaded: bool = False
     ) -> mujoco.MjModel:
-        """Return the model with the actuators of a plant: one on each joint of the arm, or none.
+        """Return the model with the actuators of a plant: one on each joint of the arm, its own, or none.
 
         It is compiled once for all who ask for the same, and none of them may write to it.
 
@@ -521,9 +535,11 @@ class Arm:
         share this model.
 
         Args:
-            drive: What the actuators are; None for a plant without physics, which needs kinematics alone.
+            drive: What the actuators are; "own" for all those of the author, with his integrator; None for a
+                plant without physics, which needs kinematics alone.
             timestep: MuJoCo's step [s].
-            gravity_compensation: Whether the arm's bodies float, as with balanced or compensated arms.
+            gravity_compensation: Whether the arm's bodies are made to float, as with balanced or compensated
+                arms.
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
@@ -538,7 +554,7 @@ class Arm:
         return model
 
     def _compiled(
-        self, drive: Drive | None, timestep: float, gravity_compensation: bool, loaded: bool
+        self, drive: Drive | Own | None, timestep: float, gravity_compensation: bool, loaded: bool
     ) -> mujoco.MjModel:
         spec = self._bare_spec.copy()
         locks = drive is not None and not self.frees_others and bool(self.others.locked)
@@ -548,7 +564,8 @@ class Arm:
                 self.others.lock(spec, self.path)
         option = spec.option
         option.timestep = timestep
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        if drive != "own":
+            option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
         if drive is None:
@@ -559,20 +576,19 @@ class Arm:
         return model
 
     def _adapt(
-        self, spec: mujoco.MjSpec, drive: Drive | None, gravity_compensation: bool, loaded: bool
+        self, spec: mujoco.MjSpec, drive: Drive | Own | None, gravity_compensation: bool, loaded: bool
     ) -> None:
         """Take keyframes and the arm's actuators out, and put in what a plant needs: see `adapted`."""
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
         replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
-        gone = {actuator.name for actuator in replaced}
-        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
-        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
-            spec.delete(element)  # chosen before, as ids change with every one that goes
-        for actuator in spec.actuators:  # a control that never changes can be as late as it likes
-            actuator.delay, actuator.nsample = 0.0, 0
-        if drive is not None:
-            self._add_actuators(spec, drive)
+        for actuator in (one for one in spec.actuators if one.id not in self.others.replaced):
+            actuator.delay, actuator.nsample = (
+                0.0,
+                0,
+            )  # a control that never changes can be as late as it likes
+        if drive != "own":
+            self._replace_actuators(spec, replaced, drive)
         if gravity_compensation:
             root = self.model.jnt_bodyid[self.wiring.joint[0]]
             for body in spec.bodies:
@@ -583,7 +599,15 @@ class Arm:
             site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
             spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
 
-    def _add_actuators(self, spec: mujoco.MjSpec, drive: Drive) -> None:
+    def _replace_actuators(
+        self, spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsActuator], drive: Drive | None
+    ) -> None:
+        gone = {actuator.name for actuator in replaced}
+        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
+        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
+            spec.delete(element)  # chosen before, as ids change with every one that goes
+        if drive is None:
+            return
         for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
             actuator = spec.add_actuator(
                 name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT

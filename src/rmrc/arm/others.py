@@ -105,7 +105,13 @@ class Others:
             and model.actuator_biasprm[actuator, 1] < 0.0
         )
 
-    def controls(self, qpos: Array, ctrl: Array | None, act: Array | None) -> tuple[Array, Array]:
+    def pulls(self, actuator: int) -> frozenset[int]:
+        """Return the joints that an actuator pulls at."""
+        return self._pulls[actuator]
+
+    def controls(
+        self, qpos: Array, ctrl: Array | None, act: Array | None, every: bool = False
+    ) -> tuple[Array, Array]:
         """Return controls and activations of the actuators that are kept, in their order.
 
         Where the keyframe has none, an actuator that can hold gets those at which it gives no force at the
@@ -115,6 +121,7 @@ class Others:
             qpos: Where the model starts, (nq,).
             ctrl: Controls of the keyframe, (nu,), or None if it has none.
             act: Its activations, (na,), or None.
+            every: Whether to return those of all actuators.
         """
         model = self.model
         data = mujoco.MjData(model)
@@ -128,6 +135,8 @@ class Others:
             for i in filter(self.holds, self.kept):
                 length = float(data.actuator_length[model.actuator_outadr[i]])
                 self._hold(i, length, controls, states, ctrl, act)
+        if every:
+            return controls, states
         return (
             _spans(controls, model.actuator_ctrladr, model.actuator_ctrlnum, self.kept),
             _spans(states, model.actuator_actadr, model.actuator_actnum, self.kept),

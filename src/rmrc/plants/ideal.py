@@ -40,4 +40,4 @@ class Ideal(Plant):
     def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
         """Return a model without actuators of the arm; what kinematics do not need is the first world's."""
         section = plants[0].section
-        return plants[0].arm.adapted(None, section.timestep, section.gravity_compensation)
+        return plants[0].arm.adapted(None, section.step, section.is_compensated)

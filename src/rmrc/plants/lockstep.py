@@ -66,7 +66,7 @@ def tick(
     site_xquat: Array,
     xanchor: Array,
     xaxis: Array,
-    actuator_force: Array,
+    force: Array,
     qfrc_gravcomp: Array,
     t: int,
 ) -> int:
@@ -84,7 +84,7 @@ def tick(
         site_xquat: Orientation of each site.
         xanchor: Joint anchors.
         xaxis: Joint axes.
-        actuator_force: Forces of the last step.
+        force: Forces of the last step.
         qfrc_gravcomp: What compensates gravity, of all degrees of freedom, or (w, 0) where nothing does.
         t: Number of the tick.
     """
@@ -93,7 +93,7 @@ def tick(
         world, out = worlds[w], ticks[row, w]
         if world.diverged >= 0 or t >= world.ticks:
             continue
-        sense(world, out, state[w], actuator_force[w])
+        sense(world, out, state[w], force[w])
         is_misled = read_joints(world, out, site_xpos[w], site_xquat[w])
         world.diverged_joint = bad_joint(world, warning[w])
         if world.diverged_joint >= -1:

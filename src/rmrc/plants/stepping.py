@@ -73,8 +73,8 @@ class Stepper:
             plants: That of each world: of one class, and what they share is equal.
             worlds: Records with all parameters set, (w,); the wiring is written.
             qpos: Start, (w, nq).
-            held: Controls and activations of the actuators that are not the arm's, which the model has before
-                the others, (w, …) each.
+            held: Controls and activations of the actuators that the model has before those of the plant,
+                (w, …) each.
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
             ticks: Where the tick records go, (rows, w); with fewer rows than ticks, they are used again.
             batches: Where MuJoCo's part comes from.
@@ -104,7 +104,7 @@ class Stepper:
         compensates = np.array([plant.compensates for plant in plants])
         write_wiring(worlds, model, wiring, [plant.arm for plant in plants], compensates)
         # bound before the first forward, so that it fills them
-        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
+        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
         seen = [self._batch.bind(field) for field in fields]
         is_compensated = plants[0].has_physics and model.ngravcomp > 0
         seen.append(self._batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds)))

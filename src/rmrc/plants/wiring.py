@@ -55,15 +55,15 @@ def write_wiring(
     worlds["joint"][:, : len(wiring.axis)], worlds["dof"][:, :n] = wiring.axis, wiring.dof
     worlds["force"][:, :n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
     worlds["site"], worlds["body"] = wiring.site, wiring.body
-    worlds["qpos_column"][:, :n] = _column(model, "QPOS") + wiring.qpos
-    worlds["qvel_column"][:, :n] = _column(model, "QVEL") + wiring.dof
+    worlds["qpos_column"][:, :n] = column(model, "QPOS") + wiring.qpos
+    worlds["qvel_column"][:, :n] = column(model, "QVEL") + wiring.dof
     controls = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
-    worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + controls
-    worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
+    worlds["ctrl_column"][:, :n] = column(model, "CTRL") + controls
+    worlds["wrench_column"] = column(model, "XFRC_APPLIED") + 6 * wiring.body
     followers = worlds["followers"] = len(arms[0].followers)
     worlds["follows"][:, :followers] = [one.leader for one in arms[0].followers]
     worlds["follower_ratio"][:, :followers] = [one.ratio for one in arms[0].followers]
-    worlds["follower_column"][:, :followers] = _column(model, "QPOS") + wiring.follower_qpos
+    worlds["follower_column"][:, :followers] = column(model, "QPOS") + wiring.follower_qpos
     worlds["follower_dof"][:, :followers] = wiring.follower_dof
     carrier = model.body(wiring.body).name
     stretch = np.array([arm.stretch.get(carrier, 1.0) for arm in arms])
@@ -71,7 +71,7 @@ def write_wiring(
     write_resistance(worlds, model, wiring, arms[0], compensates)
 
 
-def _column(model: mujoco.MjModel, component: str) -> int:
+def column(model: mujoco.MjModel, component: str) -> int:
     """Return where a component begins in a state row: components are stored in the order of their bits."""
     bit = int(getattr(mujoco.mjtState, f"mjSTATE_{component}"))
     return int(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION) & (bit - 1)))

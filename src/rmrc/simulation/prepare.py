@@ -138,7 +138,7 @@ class Prepared:
         scenario: As written.
         arm: The arm that it names.
         qpos: Where the model starts, (nq,).
-        held: Controls and activations of the actuators that are not the arm's: see `Arm.held`.
+        held: Controls and activations of the author's actuators: see `Arm.held`.
         reference: Poses and twists at each control tick.
         cache: What it shares with others.
     """
@@ -244,7 +244,8 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([scenario.problem(key, text)]) from None
-    prepared = Prepared(scenario, arm, qpos, arm.held(scenario.arm.start, qpos), reference, cache)
+    held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
+    prepared = Prepared(scenario, arm, qpos, held, reference, cache)
     _check_duration(prepared, problems)
     problems.extend(hardware.plant.excesses(prepared.most_ticks))
     problems.raise_any()
