@@ -81,13 +81,7 @@ def load(
         is_slide=model.jnt_type[joint] == SLIDE,
         followers=following,
         position_limit=limit,
-        rate_limit=leading_limit(
-            model,
-            driven,
-            following,
-            lambda i: min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf)),
-            -1,
-        ),
+        rate_limit=leading_limit(model, driven, following, lambda i: _rate(model, velocity, i), -1),
         torque_limit=leading_limit(model, driven, following, lambda i: torque_limit(model, i), 1),
         keyframes=keys,
         model=model,
@@ -100,10 +94,7 @@ def load(
         obvious=obvious,
         home=starting_key(model, joint.tolist(), asked.prefix),
     )
-    if not (ties := find_ties(model, arm.configuration("home"), *arm.followed_dofs, arm.others)):
-        return arm
-    note = f"{listed(ties)} {'ties' if len(ties) == 1 else 'tie'} the arm, and is left out of its kinematics"
-    return replace(arm, ties=ties, notes=(*notes, note))
+    return _with_ties(arm)
 
 
 def load_asked(section: ArmSection) -> Arm:
@@ -116,6 +107,21 @@ def load_asked(section: ArmSection) -> Arm:
         section.model, section.site, section.joints, body=section.body, tool=section.tool, base=section.base,
         packages=section.packages,
     )  # fmt: skip
+
+
+def _rate(model: mujoco.MjModel, velocity: Mapping[str, float], i: int) -> float:
+    """Return the rate limit of a joint: the least of the model's own and a URDF's."""
+    return min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf))
+
+
+def _with_ties(arm: Arm) -> Arm:
+    """Return the arm with the equalities of its model that tie it, which no Jacobian here knows."""
+    ties = find_ties(arm.model, arm.configuration("home"), *arm.followed_dofs, arm.others)
+    if not ties:
+        return arm
+    verbs = ("tie", "are") if len(ties) > 1 else ("ties", "is")
+    note = f"{listed(ties)} {verbs[0]} the arm, and {verbs[1]} left out of its kinematics"
+    return replace(arm, ties=ties, notes=(*arm.notes, note))
 
 
 def _driven(

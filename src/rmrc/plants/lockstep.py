@@ -144,11 +144,12 @@ def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
     """Read what compensates gravity, and return TORQUE_LIMITED if a drive is at its limit."""
     status, compensated = 0, gravcomp.shape[0] > 0
     for j in range(world.n):
-        out.tau_gravity[j] = gravcomp[world.dof[j]] if compensated else 0.0
+        out.tau_gravity[j] = world.gravity_apart[j] * gravcomp[world.dof[j]] if compensated else 0.0
         if abs(out.tau[j]) >= AT_LIMIT * world.torque_limit[j] > 0.0:
             status = TORQUE_LIMITED
     for f in range(world.followers if compensated else 0):
-        out.tau_gravity[world.follows[f]] += world.follower_ratio[f] * gravcomp[world.follower_dof[f]]
+        load = world.follower_ratio[f] * gravcomp[world.follower_dof[f]]
+        out.tau_gravity[world.follows[f]] += world.gravity_apart[world.follows[f]] * load
     return status
 
 

@@ -358,6 +358,11 @@ class Model(Physical):
         steps = max(1, math.ceil(self.period / own * (1.0 - _ROUNDING)))
         return own if abs(self.period - steps * own) <= _ROUNDING * self.period else self.period / steps
 
+    @property
+    def gravity_apart(self) -> Array:
+        """0 of the joints whose gravity the actuators compensate: their forces have it."""
+        return np.where(self.arm.model.jnt_actgravcomp[self.arm.wiring.joint], 0.0, 1.0)
+
     @classmethod
     def drive(cls, plants: Sequence[Self]) -> Own:
         """Return that the drives are the author's."""

@@ -59,6 +59,7 @@ class Physical(Plant):
     sense = staticmethod(read_drives)
     fields: ClassVar[tuple[Field, ...]] = (
         Field("wrench", size=(6,)), Field("torque_limit", size=(JOINTS,), start=math.inf),
+        Field("gravity_apart", size=(JOINTS,)),
     )  # fmt: skip
     stage = mujoco.mjtStage.mjSTAGE_VEL
     drives: ClassVar[tuple[str, str]]  # what they are called, and the kind of actuator that they are
@@ -84,6 +85,11 @@ class Physical(Plant):
         return self.section.payload > 0.0
 
     @property
+    def gravity_apart(self) -> Array:
+        """1 of joints whose `tau` is without what compensates gravity, 0 of those whose `tau` has it, (n,)."""
+        return np.ones(self.arm.n)
+
+    @property
     def shares(self) -> Hashable:
         """What worlds must have in common: besides the arm their steps, and a body where a payload goes."""
         section = self.section
@@ -107,8 +113,9 @@ class Physical(Plant):
         return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
 
     def write(self, world: np.void) -> None:
-        """Write the wrench, and the limits of the drives."""
+        """Write the wrench, the limits of the drives, and where they have no part in gravity compensation."""
         world["wrench"], world["torque_limit"][: self.arm.n] = self.section.wrench, self.arm.torque_limit
+        world["gravity_apart"][: self.arm.n] = self.gravity_apart
 
     def assumed(self) -> Iterator[Assumed]:
         """Yield actuators that it replaces, and what of options and gravity is not the model's."""
