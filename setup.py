@@ -7,7 +7,7 @@ from setuptools import setup
 from setuptools.command.build_py import build_py
 
 # Where `rmrc.support.shipped` looks in an installed package; in a clone it finds them where they are.
-EXAMPLES = {"models": "*.xml", "scenarios": "*.yaml"}
+EXAMPLES = {"models": ("*.xml",), "scenarios": ("*.yaml", "*.csv")}
 
 
 class BuildWithExamples(build_py):
@@ -37,7 +37,8 @@ class BuildWithExamples(build_py):
         package = Path(self.build_lib, "rmrc/_examples")
         return {
             file: package / file
-            for folder, pattern in EXAMPLES.items()
+            for folder, patterns in EXAMPLES.items()
+            for pattern in patterns
             for file in sorted(Path(folder).rglob(pattern))
         }
 

@@ -1,6 +1,6 @@
 """How much the closed loop costs over the physics alone, as ratios measured in one run.
 
-    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|methods]
+    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|methods|robots]
 
 The floor is MuJoCo's own C loop: the same batch, from the same state, fed with the very controls that the
 closed loop sent, so that both step the same motion. The closed loop adds the law (decomposition, scheduled
@@ -47,13 +47,16 @@ ARMS = {
     "planar_3link": ("tip", "x, y", "0.3, 0.3, 0", "-0.3, -0.3, 0"),
     "stanford": ("wrist", "x, y, z, rx, ry, rz", "0.2, 0.2, 0.2", "-0.2, -0.2, -0.2"),
 }
+# An arm of seven joints with a gripper, at its own timestep.
+ROBOT = ("tool", "x, y, z, rx, ry, rz", "0.1, 0.1, 0.1", "-0.1, -0.1, -0.1")
+ROBOT_PERIOD = ("control.period=0.002", "plant.timestep=0.002")
 # Seconds of stepping that go into one ratio.
 TIMING = 0.5
 
 
 def world(arm: str, *overrides: str) -> Prepared:
     """Return the benchmark's scenario for an arm: there and back, always moving."""
-    site, axes, by, back = ARMS[arm]
+    site, axes, by, back = ARMS.get(arm, ROBOT)
     text = SCENARIO.format(root=ROOT, model=arm, site=site, axes=axes, by=by, back=back)
     return prepare(loads(text, overrides=overrides))
 
@@ -66,8 +69,20 @@ def closed_loop(prepared: list[Prepared], threads: int = 1) -> tuple[float, Simu
     return time.perf_counter() - started, simulation
 
 
+def controls_of(prepared: Prepared, rates: np.ndarray) -> np.ndarray:
+    """Return what all actuators were told, (worlds, ticks, nu), from the rates sent, (worlds, ticks, n).
+
+    Actuators that are not the arm's come first. On the plant `model` all drives are position servos.
+    """
+    held = np.array(np.broadcast_to(prepared.held[0], (*rates.shape[:2], len(prepared.held[0]))))
+    if prepared.scenario.plant.kind != "model":
+        return np.concatenate([held, rates], axis=-1)
+    held[..., list(prepared.arm.drives.kinds)] += prepared.scenario.control.period * np.cumsum(rates, axis=1)
+    return held
+
+
 def floor(prepared: Prepared, controls: np.ndarray) -> float:
-    """Return seconds of stepping the same motions open loop, in C; controls are (worlds, ticks, n)."""
+    """Return seconds of stepping the same motions open loop, in C; controls are (worlds, ticks, nu)."""
     model = prepared.plant.model([prepared.plant])
     batch = Batch(model, len(controls), 1, persistent=True)
     batch.bind("qpos")[:] = prepared.qpos
@@ -98,7 +113,9 @@ def spread(found: list[float]) -> dict[str, float]:
 
 def over_floor(prepared: list[Prepared], rounds: int) -> dict[str, float]:
     """Closed loop over floor, of worlds on one arm with paths of one length."""
-    controls = np.array([run["qdot_cmd"] for run in closed_loop(prepared)[1].runs()])
+    controls = controls_of(
+        prepared[0], np.array([run["qdot_cmd"] for run in closed_loop(prepared)[1].runs()])
+    )
     found = ratios(rounds, lambda: closed_loop(prepared)[0], lambda: floor(prepared[0], controls))
     found["floor_us"] = min(floor(prepared[0], controls) for _ in range(5)) / controls[..., 0].size * 1e6
     return found
@@ -111,6 +128,17 @@ def arm_rows(rounds: int) -> dict[str, dict[str, float]]:
             [world(arm)] * worlds, rounds
         )
         for arm in ARMS
+        for worlds in (1, 64)
+    }
+
+
+def robot_rows(rounds: int) -> dict[str, dict[str, float]]:
+    """Return the closed loop of an arm with a gripper over the floor, on servos of ours and on its own."""
+    return {
+        f"closed loop / C floor, fr3, gripper, {plant}, {worlds} world{'s' * (worlds > 1)}": over_floor(
+            [world("fr3", *ROBOT_PERIOD, f"plant.kind={plant}")] * worlds, rounds
+        )
+        for plant in ("servo", "model")
         for worlds in (1, 64)
     }
 
@@ -211,13 +239,14 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--only", choices=["arms", "methods"], help="measure these rows alone")
+    parser.add_argument("--only", choices=["arms", "methods", "robots"], help="measure these rows alone")
     arguments = parser.parse_args()
     rounds = arguments.rounds
     if arguments.only:
-        show((arm_rows if arguments.only == "arms" else method_rows)(rounds), {}, arguments.json)
+        rows = {"arms": arm_rows, "methods": method_rows, "robots": robot_rows}[arguments.only]
+        show(rows(rounds), {}, arguments.json)
         return
-    table = arm_rows(rounds) | method_rows(rounds)
+    table = arm_rows(rounds) | robot_rows(rounds) | method_rows(rounds)
     table["1 thread / 2 threads, stanford, 128 worlds"] = two_threads(rounds)
     for worlds in (1, 64):
         name = f"plain numpy loop / closed loop, stanford, {worlds} world{'s' * (worlds > 1)}"

@@ -23,6 +23,7 @@ class Unscaled:
     def write(self, world):
         m, n = self.m, self.n
         world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
+        world["axes"], world["leader"][:n], world["ratio"][:n] = n, np.arange(n), 1.0
         world["row"], world["row_scale"], world["joint_scale"] = np.arange(6), 1.0, 1.0
         world["position_limit"], world["position_range"] = 2 * [[[-np.inf], [np.inf]]]
         world["rate_limit"] = world["acceleration_limit"] = np.inf

@@ -236,7 +236,7 @@ def test_a_screw_bears_what_its_slide_does():
     (done,) = Simulation([prepare(Scenario.model_validate(about))]).run()
     weight, _ = known.rest_torques(done["q"][-1])
     assert_allclose(done["tau_gravity"][-1], weight, rtol=1e-9, atol=1e-9)
-    assert known.travels and np.abs(weight[known.travels[0].hinge]) > 0.1
+    assert known.followers and np.abs(weight[known.followers[0].leader]) > 0.1
 
 
 # What is told --------------------------------------------------------------------------------------

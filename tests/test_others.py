@@ -76,7 +76,7 @@ def plain_loop(prepared, done, ctrl, act=0.0):
     spec.option.timestep, spec.option.integrator = TIMESTEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     own = [body for body in spec.bodies if any(joint.name in arm.joints for joint in body.joints)]
     for body in [*own, *(one for link in own for one in link.find_all("body"))]:
-        body.gravcomp = float(plant.gravity_compensation)
+        body.gravcomp = float(plant.is_compensated)
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = prepared.qpos

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from project import mostly_long
 from rmrc.scenario.choices import SCHEDULES, Status
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
@@ -225,7 +226,7 @@ ROBUST = {
 ROBUST |= {name: (f"control.inverse.method={name}",) for name in ("filtered", "jparse")}
 
 
-@pytest.mark.parametrize("law", ROBUST)
+@pytest.mark.parametrize("law", mostly_long(ROBUST, 2))
 def test_a_robust_arm_comes_back_from_full_reach_and_from_beyond(scenario, law):
     known, worlds, names = Cache(), [], []
     for path in (REACH, BEYOND):

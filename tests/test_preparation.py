@@ -8,7 +8,6 @@ from rmrc.arm import load
 from rmrc.law.task import Task
 from rmrc.simulation.prepare import prepare, world_records
 from rmrc.support.errors import ScenarioError
-from screws import screw_chain
 from wording import says
 
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
@@ -70,14 +69,6 @@ def test_a_second_task_that_cannot_be_is_refused(scenario):
     problem = refusal(scenario, *SECOND, "control.nullspace.secondary.site=wirst")
     place = "--set control.nullspace.secondary.site: … models/planar_3link.xml"
     assert problem == says(f'{place}: … site "wirst" … "wrist"… wrist, tip')
-
-
-def test_computed_torque_is_refused_for_a_screw(scenario, tmp_path):
-    path = tmp_path / "screw.xml"
-    path.write_text(screw_chain())
-    shared = (f"arm.model={path}", "arm.start=home", "task.axes=[x, y, z]")
-    told = says(f'--set plant.kind: "torque" … joint "screw" … {path} … "servo"')
-    assert refusal(scenario, *shared, "plant.kind=torque") == told
 
 
 def test_slow_is_refused_without_what_it_scales(scenario):

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from project import ROOT
 from rmrc import arm as arms
@@ -60,6 +61,9 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("fr3_elbow", "control.inverse.method=pseudoinverse"),
         ("xarm7_wrist", "control.inverse.method=pseudoinverse"),
         ("so101_five_joints", "task.weights=[1, 1, 1, 1, 1, 1]"),
+        ("spray_past_the_wrist", "task.axes=[x, y, z, rx, ry, rz]"),
+        ("recorded_motion", "control.feedforward=false"),
+        ("start_by_pose", "arm.pose.orientation=[160 deg, 0, 0]"),
         # blind to the buckling: what the elbow does moves the tip neither in x nor in y
         ("hold_at_singularity", "task.axes=[x, y]"),
     ],
@@ -156,6 +160,40 @@ def test_five_joints_point_where_their_shoulder_has_turned_to():
     )  # the tool is 8 mm off its roll
     error = np.linalg.norm(run["pose_error"][:, 3:], axis=1)
     assert error.max() == pytest.approx(abs(turned).max(), abs=0.01)
+
+
+def test_a_recorded_circle_is_followed_as_its_formula_has_it():
+    run, _ = outcomes("recorded_motion")
+    t, T = run["time"], 4.0
+    angle = 2 * np.pi * t / T - np.sin(2 * np.pi * t / T)
+    circle = np.stack([1 + 0.2 * np.cos(angle), 0.5 + 0.2 * np.sin(angle)], axis=1)
+    # A cubic spline of rows h apart is off by 5/384 h⁴ max |p⁗|; at rest at both ends as the circle is. With the
+    # angle's rate up to 2 ω, ω = 2π/T, the fourth derivative is at most 0.2 (16 + 24 + 3 + 8 + 1) ω⁴.
+    bound = 5 / 384 * 0.1**4 * 0.2 * 52 * (2 * np.pi / T) ** 4
+    off = np.linalg.norm(run["pose_ref"][:, :2] - circle, axis=1)
+    assert 1e-7 < off.max() < bound < 1e-4
+    assert np.linalg.norm(run["twist_ref"][:, :2], axis=1).max() == pytest.approx(0.8 * np.pi / T, rel=1e-3)
+
+
+def test_a_ur5e_that_starts_by_a_pose_stands_there_and_drills_with_three_joints():
+    run, _ = outcomes("start_by_pose")
+    np.testing.assert_allclose(run["pose"][0], [0.5, 0.1, 0.3, 0, 1, 0, 0], atol=1e-8)
+    np.testing.assert_allclose(run["pose_ref"][:, :2], [[0.5, 0.1]] * len(run), atol=1e-8)
+    assert run["pose_ref"][:, 2].min() == pytest.approx(0.25, abs=1e-8)
+    moved = np.ptp(run["q"], axis=0)
+    assert moved[1:4].min() > 0.05 and moved[[0, 4, 5]].max() < 2e-4
+
+
+def test_a_jet_that_may_turn_about_itself_has_no_wrist_singularity():
+    run, _ = outcomes("spray_past_the_wrist")
+    assert np.degrees(run["q"][:, 4]).min() < -20  # through theta_5 = 0
+    # At theta_5 = 0 axes 4 and 6 are one: the six rows of mj_jacSite lose a direction, and the five do not.
+    arm = arms.load_asked(load(ROOT / "scenarios/spray_past_the_wrist.yaml").arm)
+    q = run["q"][np.argmin(np.abs(run["q"][:, 4]))]
+    axes = Rotation.from_quat(arm.pose(q)[3:], scalar_first=True).as_matrix().T
+    J = np.vstack([axes @ arm.jacobian(q)[:3], axes @ arm.jacobian(q)[3:]])
+    six, five = (np.linalg.svd(rows, compute_uv=False)[-1] for rows in (J, J[:5]))
+    assert six < 1e-3 < 0.25 < five
 
 
 def test_stanford_wrist_passes_its_singularity_at_one_degree():

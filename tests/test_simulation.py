@@ -14,10 +14,20 @@ import rmrc
 import rmrc.simulation.simulation as simulation_module
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
+from project import mostly_long
 from rmrc.arm import load
 from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import scorecard
-from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, PRIORITIES, SCHEDULES, Status
+from rmrc.scenario.choices import (
+    INVERSES,
+    LIMITS,
+    OBJECTIVES,
+    PLANTS,
+    POLICIES,
+    PRIORITIES,
+    SCHEDULES,
+    Status,
+)
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import BLOCK, HELD, Simulation
 from screws import screw_chain
@@ -211,6 +221,8 @@ VARIANTS = {
     "ideal": (*NEAR, "plant.kind=ideal"),
     "torque": (FINER, SHORT, "plant.kind=torque"),
     "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", FINER),
+    "model": (SHORT, "plant.kind=model"),
+    "model, 6 joints, pushed": (*STANFORD, *SIX, "plant={kind: model, wrench: [5, -3, 1, 0, 0, 2], bandwidth: 10}"),
     "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
 }  # fmt: skip
 
@@ -268,7 +280,11 @@ OFF = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("variant", VARIANTS)
+HAVE_FAULTS = list(dict.fromkeys(name for name, _ in OFF.values()))
+OTHERS = [name for name in VARIANTS if name not in HAVE_FAULTS]
+
+
+@pytest.mark.parametrize("variant", [*HAVE_FAULTS, *mostly_long(OTHERS, 2)])
 def test_compiled_loop_equals_the_numpy_loop_over_a_whole_run_and_none_that_is_off_by_a_millionth(
     simulate, variant
 ):
@@ -335,7 +351,7 @@ def nan_at(prepared, tick):
     return dataclasses.replace(prepared, reference=reference)
 
 
-@pytest.mark.parametrize("plant", ["ideal", "servo", "torque"])
+@pytest.mark.parametrize("plant", PLANTS.names)
 def test_divergence_stops_its_own_world_and_keeps_what_it_has(scenario, plant, tmp_path, monkeypatch):
     good = prepare(scenario(REACH, f"plant.kind={plant}"))
     (alone,) = Simulation([good]).run()
@@ -581,7 +597,7 @@ def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_thread
         assert [one is not None for one in simulation.divergences()] == [False] * (len(prepared) - 1) + [True]
 
 
-@pytest.mark.parametrize("held", [1, 100, 10_000])
+@pytest.mark.parametrize("held", mostly_long([1, 100, 10_000], 2))
 def test_scorecards_and_blocks_do_not_depend_on_how_many_ticks_are_held(scenario, monkeypatch, held):
     encoders = VARIANTS["encoders off, drawn, slow, manipulability"]  # another way through a tick
     good = prepare(scenario(REACH))

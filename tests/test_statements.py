@@ -341,13 +341,14 @@ def test_an_fr3_is_singular_with_its_elbow_bent():
         "fr3_elbow",
         "singular, with theta_4 = -26.76 deg: bent, and not where the forearm is straight",
         "damped, the elbow stops short of that and comes back as it went; the pseudoinverse goes through, with drives "
-        "at their limits, and the hand is off by twice as much",
+        "at their limits, and the hand is off by twice as much at least",
     )
     _, run, damped = ran("fr3_elbow")
     _, through, plain = ran("fr3_elbow", "control.inverse.method=pseudoinverse")
     assert np.degrees(run["q"][:, 3]).max() < -30.0 and damped["return.joint_change"] < 1e-3
     assert np.degrees(through["q"][:, 3]).max() > -26.7 and plain["tau.share_of_limit"] == 1.0
-    assert ratio(plain["position_error.max"], damped["position_error.max"]) == pytest.approx(2.0, abs=0.3)
+    # on which side of the singularity it ends is chance: 0.029 m or 0.277 m, as time steps and speeds have it
+    assert ratio(plain["position_error.max"], damped["position_error.max"]) > 1.9
 
 
 def test_the_wrist_of_an_xarm7_is_not_singular_where_its_axes_are_parallel():
@@ -378,6 +379,51 @@ def test_the_weights_say_what_an_arm_of_five_joints_gives_up():
     assert np.degrees(kept["orientation_error.max"]) == pytest.approx(22.0, abs=0.5)
     _, run, _ = ran("so101_five_joints", "task.weights=[1,1,1,1,1,1]")
     assert run["pose"][:, 1].max() == pytest.approx(0.006, abs=5e-4)
+
+
+def test_a_round_jet_turns_by_itself_where_six_rows_flip_the_wrist():
+    scenario_says(
+        "spray_past_the_wrist",
+        "1 deg beside theta_5 = 0",
+        "sigma_min stays above 0.26 and theta_5 passes through 0",
+        "a jet that turns by 1.6 deg about itself",
+        "sigma_min falls to 0.005 and the wrist flips at 4 rad/s",
+    )
+    _, run, figures = ran("spray_past_the_wrist")
+    assert figures["sigma.min"] > 0.26 and run["q"][:, 4].min() < 0
+    assert np.degrees(np.ptp(run["pose_error"][:, 5])) == pytest.approx(1.6, abs=0.05)
+    _, run, figures = ran("spray_past_the_wrist", "task.axes=[x, y, z, rx, ry, rz]")
+    assert figures["sigma.min"] == pytest.approx(0.005, abs=5e-4)
+    assert figures["joint_rate.peak"] == pytest.approx(4.0, abs=0.01)
+    # of the wanted hand, axis 6 comes by axis 4 of an arm that stands there as near as it says: with 1/6 of the rows'
+    # errors the plain six rows are off; the ideal law without limits is not
+    _, run, _ = ran(
+        "spray_past_the_wrist",
+        "task.axes=[x,y,z,rx,ry,rz]",
+        "plant.kind=ideal",
+        "control.limits={on_excess: none, position: false}",
+    )
+    assert np.degrees(np.abs(run["q"][:, 4])).min() == pytest.approx(1.0, abs=0.05)
+
+
+def test_a_spline_of_a_recorded_circle_is_off_by_hundredths_of_a_millimeter():
+    scenario_says(
+        "recorded_motion",
+        "has 41 rows of a circle, 0.1 s apart",
+        "is off the circle by 0.008 mm",
+        "peaks at 2 (2 pi 0.2)/T = 0.63 m/s, more than target.limits allow by default",
+    )
+    _, run, _ = ran("recorded_motion")
+    away = np.linalg.norm(run["pose_ref"][:, :2] - [1.0, 0.5], axis=1) - 0.2
+    assert np.abs(away).max() == pytest.approx(8e-6, abs=1e-6)
+    with pytest.raises(ScenarioError, match=r"speed: auto"):
+        ran("recorded_motion", "target.limits.velocity=0.25")
+
+
+def test_straight_down_is_a_motion_in_the_plane_of_the_links():
+    scenario_says("start_by_pose", "shoulder_lift, elbow and wrist_1 do it, and the other three rest")
+    _, run, _ = ran("start_by_pose")
+    assert (np.ptp(run["q"], axis=0) > 0.05).tolist() == [False, True, True, True, False, False]
 
 
 # Questions --------------------------------------------------------------------------------------

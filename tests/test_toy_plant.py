@@ -121,10 +121,10 @@ def with_toys(folder):
     """Return a copy of the package that has the toy plant and the toy stage, and a scenario."""
     copy = Copy(folder)
     copy.add("scenario/choices.py", DECLARATION, before="PLANTS = ")
-    edit(copy, "scenario/choices.py", ("SERVO, TORQUE)", "SERVO, TORQUE, LAGGING)"))
+    edit(copy, "scenario/choices.py", ("TORQUE, MODEL)", "TORQUE, MODEL, LAGGING)"))
     (folder / "rmrc/plants/lagging.py").write_text(PLANT, "utf-8")
     copy.add("plants/kinds.py", "from rmrc.plants.lagging import Lagging\n", before="from rmrc.plants.plant")
-    edit(copy, "plants/kinds.py", ("Servo, Torque)", "Servo, Torque, Lagging)"))
+    edit(copy, "plants/kinds.py", ("Torque, Model)", "Torque, Model, Lagging)"))
 
     copy.add("scenario/sections.py", KEY, before="wrench: Wrench = key(")
     copy.add("plants/stages.py", STAGE, before="# In the order in which")
@@ -143,7 +143,7 @@ def test_it_is_in_the_schema_and_in_messages(toy):
     schema = toy.rmrc("schema")
     assert "time constant of the rates" in schema and "plant.lag " in schema
     kinds = json.loads(toy.rmrc("schema", "--json"))["$defs"]["PlantSection"]["properties"]["kind"]
-    assert kinds["enum"] == ["ideal", "servo", "torque", "lagging"]
+    assert kinds["enum"] == ["ideal", "servo", "torque", "model", "lagging"]
     assert kinds["description"].endswith("computed torques, or rates that follow with a lag")
     ended = toy.python(REFUSED)
     assert ended.stdout.splitlines() == [
@@ -156,8 +156,8 @@ def test_it_is_in_the_schema_and_in_messages(toy):
     ("module", "old", "new"),
     mostly_long(
         [
-            ("plants/kinds.py", "Torque, Lagging)", "Torque)"),
-            ("scenario/choices.py", "TORQUE, LAGGING)", "TORQUE)"),
+            ("plants/kinds.py", "Model, Lagging)", "Model)"),
+            ("scenario/choices.py", "MODEL, LAGGING)", "MODEL)"),
             ("plants/lagging.py", 'name = "lagging"', 'name = "laging"'),
         ],
         3,
@@ -169,7 +169,7 @@ def test_what_is_forgotten_is_said_at_import(tmp_path, module, old, new):
     edit(copy, module, (old, new))
     ended = copy.python("import rmrc.plants.kinds")
     assert ended.returncode == 1
-    assert "ImportError: plants are declared as ('ideal', 'servo', 'torque'" in ended.stderr
+    assert "ImportError: plants are declared as ('ideal', 'servo', 'torque', 'model'" in ended.stderr
 
 
 @pytest.mark.long

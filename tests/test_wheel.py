@@ -17,7 +17,7 @@ pytestmark = pytest.mark.long  # it builds, and the installed law is compiled an
 
 SHIPPED = {
     f"rmrc/_examples/{path.relative_to(ROOT)}"
-    for path in [*(ROOT / "models").rglob("*.xml"), *(ROOT / "scenarios").glob("*.yaml")]
+    for path in [*(ROOT / "models").rglob("*.xml"), *(ROOT / "scenarios").glob("*.*[lv]")]
 }
 
 

@@ -130,7 +130,9 @@ def test_init_copies_all_out(rmrc, tmp_path, folder):
     copied = files(tmp_path / folder)
     assert folder != "there" or copied.pop(shipped.Path("mine.txt")) == b""
     ours = {**files(ROOT / "scenarios"), **files(ROOT / "models")}
-    assert {path.name for path in copied} == {path.name for path in ours if path.suffix in (".yaml", ".xml")}
+    assert {path.name for path in copied} == {
+        path.name for path in ours if path.suffix in (".yaml", ".xml", ".csv")
+    }
     assert all(content == (ROOT / path).read_bytes() for path, content in copied.items())
     assert rmrc("run", f"{folder}/scenarios/line_tracking.yaml", "--no-record", "-q")[0] == 0
 

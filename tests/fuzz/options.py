@@ -265,7 +265,7 @@ def _new(chance):
     if chance.odds(0.3):
         argv += ["--site", chance.pick((*shipped.sites(name), "none", chance.word()))]
     if chance.odds(0.3):
-        argv += ["--plant", chance.pick(("ideal", "servo", "torque", "", chance.word()))]
+        argv += ["--plant", chance.pick(("ideal", "servo", "torque", "model", "", chance.word()))]
     argv += chance.pick(
         ([], ["-o", "-"], ["-o", "a.yaml"], ["-o", "dir"], ["-o", "none/a.yaml"], ["-o", "\x1b.yaml"])
     )

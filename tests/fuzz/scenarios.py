@@ -25,7 +25,7 @@ SCALARS = (
     "!!binary aGk=", "!!set {a}", "!!python/object/apply:os.system [id]", "!x y", "|", ">", "*a", "&a", "&a 1", "?", "-", "{}", "[]",
     "[[]]", "{a: }", "{a: 1, a: 2}", "[1, 2, 3]", "[1, 2]", "[0, 0, 0]", "[~]", '"60 deg"', "60 deg", "1e999 deg", "nan deg", "60 degrees",
     "-0.0", "0", "-1", "1", "2", "1.5", "1e+308", "-1e+308", "1e-320", "1e+400", "9" * 400, "[red]x[/red]", "[/]", "=", "<<", "%", "@", "`",
-    "home", "tip", "damped", "inverse", "x", "[x]", "[x, x]", "[rz, x]", "slow", "stop", "servo", "torque", "redistribute", "\u0663", "\u00bd",
+    "home", "tip", "damped", "inverse", "x", "[x]", "[x, x]", "[rz, x]", "slow", "stop", "servo", "torque", "model", "redistribute", "\u0663", "\u00bd",
     "\ud55c", "{line: {by: [1, 0]}}", "[{hold: {for: 0.01}}]", "../models/fuzz.xml", "../models", "/dev/null", "/dev/zero", "..", "a" * 3000,
 )  # fmt: skip
 
@@ -37,7 +37,8 @@ KEYS = (
     "at_singularity", "slow", "change", "patience", "longest", "stop", "sigma", "condition", "target", "path", "line", "by", "turn",
     "axis", "angle", "arc", "center", "hold", "for", "velocity", "jerk", "angular_velocity", "plant", "kind", "kv", "bandwidth",
     "timestep", "gravity_compensation", "payload", "gravity", "wrench", "expect", "above", "equals", "within", "sweep", "vary", "draw",
-    "sampler", "samples", "repeat", "<<", "", "?", "1", "null", "[x]", "\x1b[31m", "[red]", "a.b", "joint_rate.peak", "__class__",
+    "frame", "tilt", "set", "configurations", "file", "columns", "from", "speed", "pose", "orientation", "body", "tool", "rpy", "quat", "mass",
+    "inertia", "base", "others", "packages", "friction_compensation", "sampler", "samples", "repeat", "<<", "", "?", "1", "null", "[x]", "\x1b[31m", "[red]", "a.b", "joint_rate.peak", "__class__",
 )  # fmt: skip
 
 
@@ -147,8 +148,25 @@ RIGHT = {
     "control.feedforward": (False,),
     "task.axes": (["x"], ["x", "y"], ["y", "x"], ["x", "y", "z"], ["rz"], ["x", "y", "rz"], ["rx", "ry", "rz"], ["x", "y", "z", "rx", "ry", "rz"]),
     "task.length": (0.1, 10.0),
+    "task.frame": ("world", "base", "site"),
+    "target.frame": ("world", "base", "site", "start"),
+    "target.offset": ([0.01, 0.0], [0.0, 0.0, -0.1]),
     "arm.encoder": ({"offset": 0.01}, {"deviation": "1 deg", "seed": 3}),
     "arm.start": ("home",),
+    "arm.pose": (
+        {"position": [0.5, 0.3]}, {"position": [0.4, 0.1, 0.5], "orientation": ["180 deg", 0, 0]}, {"orientation": [1, 0, 0, 0.1]},
+        {"position": [0.3, 0.0, 0.2], "frame": "base"}, {"position": [9.0, 9.0, 9.0]},
+    ),
+    "arm.site": (None,),
+    "arm.body": ("link_2", "link_6", "link1"),
+    "arm.tool": (
+        {"position": [0.1, 0.0, 0.0]}, {"body": "link_2", "mass": 0.5, "center": [0.0, 0.1, 0.0]}, {"rpy": [0, "90 deg", 0]},
+        {"quat": [1, 1, 0, 0], "mass": 1.0, "inertia": [0.1, 0.1, 0.1]}, {"model": "../models/torus_3r.xml"},
+    ),
+    "arm.base": ("fixed", "free"),
+    "arm.others": ("hold", "free"),
+    "arm.packages": ({}, {"a": "."}, {"a": "../models"}),
+    "plant.friction_compensation": (True, False),
     "plant": (*({"kind": name} for name in PLANTS.names), {"kind": "servo", "payload": 2.0, "gravity": [0.0, -9.81, 0.0]}),
     "plant.wrench": ([10.0, 0.0, -10.0, 0.0, 1.0, 0.0],),
     "target.path": (
@@ -157,6 +175,10 @@ RIGHT = {
         [{"turn": {"axis": "z", "angle": "90 deg"}}, {"hold": {"for": 0.05}}],
         [{"line": {"to": [9.0, 9.0], "turn": {"to": [0.0, 1.0, 0.0, 0.0]}}}],
         [{"hold": {"for": 0.001}}],
+        [{"line": {"by": [0.05, 0.0, 0.05], "frame": "site", "tilt": {"to": "z"}}}, {"tilt": {"axis": "x", "to": [0, 1, 0], "frame": "base"}}],
+        [{"set": {"by": [0.01, 0.0], "for": 0.05}}, {"set": {"turn": {"axis": "z", "angle": 0.1}, "for": 0.02}}],
+        [{"configurations": ["home", [0.1, 0.2]]}], [{"configurations": ["home"]}, {"hold": {"for": 0.02}}],
+        [{"file": {"path": "recorded_motion.csv", "from": "start", "speed": "auto"}}], [{"file": {"path": "recorded_motion.csv", "columns": "q"}}],
     ),
     "expect": ({}, {"sigma.min": {"above": 0.0}}, {"position_error.max": {"below": 0.001}}),
 }  # fmt: skip

@@ -40,7 +40,7 @@ FITTING = {
     "control.nullspace.secondary.axes": st.just(["z", "x"]),
     "control.period": st.sampled_from([0.001, 0.002, 0.0015]),
     "control": st.just({"feedback": 3, "inverse": {"method": "inverse"}}),
-    "plant.kind": st.sampled_from(["ideal", "servo", "torque"]),
+    "plant.kind": st.sampled_from(["ideal", "servo", "torque", "model"]),
     "plant.wrench[3]": positive,
     "plant.gravity": st.just([0, 0, -1.62]),
     "plant": st.just({"kind": "ideal"}),

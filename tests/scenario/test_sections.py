@@ -32,7 +32,7 @@ def test_the_defaults_are_those_of_the_contract():
     assert (scenario.control.period, scenario.control.feedback) == (0.001, 20.0)
     assert scenario.control.inverse.method == "damped"
     assert (scenario.control.inverse.damping.maximum, scenario.control.inverse.damping.below) == (0.1, 0.3)
-    assert (scenario.plant.kind, scenario.plant.kv, scenario.plant.timestep) == ("servo", None, 0.001)
+    assert (scenario.plant.kind, scenario.plant.kv, scenario.plant.step) == ("servo", None, 0.001)
     assert scenario.expect == {}
 
 
@@ -221,8 +221,8 @@ plant:
   kind: servo
   kv: null
   bandwidth: 500.0
-  timestep: 0.001
-  gravity_compensation: true
+  timestep: null
+  gravity_compensation: null
   friction_compensation: true
   payload: 0.0
   gravity: null

@@ -81,7 +81,7 @@ def jacobians(task: Task, q: Array, threads: int | None = None) -> tuple[Array, 
 
 def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *arrays: Array) -> None:
     """Let threads work on the rows of arrays, SHARE at a time."""
-    record = records(task.arm.n, [task])
+    record = records(task.arm.n, [task], axes=len(task.arm.axis_names))
     compiled = machine_code(kernel, record[0], *arrays)
 
     def share(first: int) -> None:

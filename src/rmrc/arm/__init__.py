@@ -5,9 +5,24 @@ the limits are read from joints and actuators, and `Arm.adapted` gives each join
 actuator that a plant needs. Nothing here steps the physics.
 """
 
-from rmrc.arm.arm import Arm, Chain, Drive
+from rmrc.arm.arm import Arm, Chain, Drive, Own
+from rmrc.arm.drives import DriveKind, OwnDrives
+from rmrc.arm.followers import Follower
 from rmrc.arm.loading import files, load, load_asked
 from rmrc.arm.shapes import Shape
-from rmrc.arm.wiring import Travel, Wiring
+from rmrc.arm.wiring import Wiring
 
-__all__ = ["Arm", "Chain", "Drive", "Shape", "Travel", "Wiring", "files", "load", "load_asked"]
+__all__ = [
+    "Arm",
+    "Chain",
+    "Drive",
+    "DriveKind",
+    "Follower",
+    "Own",
+    "OwnDrives",
+    "Shape",
+    "Wiring",
+    "files",
+    "load",
+    "load_asked",
+]

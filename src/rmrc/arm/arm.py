@@ -5,19 +5,21 @@ from collections.abc import Callable, Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rmrc.arm.actuators import reset
 from rmrc.arm.compiling import compiled, in_our_words
 from rmrc.arm.differences import PAYLOAD, check_stretch, stretched_fields
+from rmrc.arm.drives import OwnDrives
+from rmrc.arm.followers import Follower, Link
 from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others
 from rmrc.arm.shapes import Shape, visible
-from rmrc.arm.wiring import Travel, Wiring, find_chain, joints_above, wire
+from rmrc.arm.wiring import SLIDE, Wiring, find_chain, joints_above, wire
 from rmrc.support.errors import ModelError, did_you_mean
 from rmrc.support.legible import listed
 from rmrc.support.spatial import matrix_to_quat
@@ -26,6 +28,8 @@ Array = NDArray[np.float64]
 
 # Makes an actuator what drives a joint, given by its position in the arm; equal ones do the same.
 Drive: TypeAlias = Callable[[mujoco.MjsActuator, int], None]
+# What drives an arm by the actuators that its author gave it.
+Own: TypeAlias = Literal["own"]
 
 # Models for plants that an arm keeps, those compiled last: few sweeps ask for more by turns.
 _ADAPTED = 8
@@ -35,32 +39,65 @@ _ADAPTED = 8
 class Chain:
     """The arm's geometry with all its joints at 0: what forward kinematics needs, and no more.
 
+    It has an axis for each joint, and for each joint that follows one; both halves of a screw have one axis.
+
     Attributes:
-        axis: Unit vector of each joint, in the world, (n, 3).
-        step: From a point on the axis before (the first: the world's origin) to one on this axis, (n, 3) [m].
+        names: Of the joint on each axis, outward, ℓ of them.
+        leader: Which joint of the arm moves it, (ℓ,).
+        ratio: How far, for each rad or m of that joint, (ℓ,).
+        pitch: As `Arm.pitch`, (ℓ,).
+        axis: Unit vectors in the world, (ℓ, 3).
+        step: From a point on the axis before (the first: the world's origin) to one on this axis, (ℓ, 3) [m].
         tip_step: From the last of these points to the site, (3,) [m].
         tip_quat: Orientation of the site, (4,).
     """
 
+    names: tuple[str, ...]
+    leader: NDArray[np.int64]
+    ratio: Array
+    pitch: Array
     axis: Array
     step: Array
     tip_step: Array
     tip_quat: Array
+
+    def positions(self, q: ArrayLike) -> Array:
+        """Return how far each axis is from where it is with all joints at 0, (ℓ,), for positions (n,)."""
+        return np.asarray(self.ratio * np.asarray(q, dtype=np.float64)[self.leader])
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """`hinge`, `slide` or `screw` of each axis."""
+        return _kinds(self.pitch)
+
+    def gathered(self, values: Array, n: int) -> Array:
+        """Return the sums over the axes of each joint, times their ratios, (..., n), of values (..., ℓ)."""
+        if len(self.names) == n:
+            return values
+        sums = np.zeros((*values.shape[:-1], n))
+        for a, (leader, ratio) in enumerate(zip(self.leader, self.ratio, strict=True)):
+            sums[..., leader] += ratio * values[..., a]
+        return sums
+
+
+def _kinds(pitch: Array) -> tuple[str, ...]:
+    return tuple("slide" if np.isinf(h) else "screw" if h else "hinge" for h in pitch)
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
     """A chain of hinge, slide and screw joints from the world to a site.
 
-    A screw joint is a hinge with a slide along its axis that follows it by an equality of the model; the
-    hinge's angle is its position.
+    Joints that follow one of them by an equality of the model move with it: stages of a telescope, mimic
+    joints. A screw joint is a hinge with a slide along its axis that follows it.
 
     Attributes:
         path: The MJCF or URDF file.
         site: Name of the controlled site.
         joints: Names, from the world outward, n of them.
         is_slide: Whether each joint slides, (n,).
-        travels: The slides of screw joints.
+        followers: Joints that follow its joints, on the chain or not.
+        ties: What else of the model ties its joints, in words: with any, they are no open chain.
         position_limit: Lower and upper, (n, 2) [rad or m]; infinite where the model has none.
         rate_limit: (n,) [rad/s or m/s]; infinite where the model has none.
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
@@ -82,18 +119,20 @@ class Arm:
     site: str
     joints: tuple[str, ...]
     is_slide: NDArray[np.bool_]
-    travels: tuple[Travel, ...]
+    followers: tuple[Follower, ...]
     position_limit: Array
     rate_limit: Array
     torque_limit: Array
     keyframes: Mapping[str, Array]
     model: mujoco.MjModel
     _spec: mujoco.MjSpec
+    _links: Mapping[str, Link] = field(default_factory=dict)
     variant: Hashable = ()
     frame: NamedFrame | None = None
     packages: tuple[tuple[str, Path], ...] = ()
     notes: tuple[str, ...] = ()
     obvious: str = ""
+    ties: tuple[str, ...] = ()
     home: int | None = None
     stretch: Mapping[str, float] = field(default_factory=dict)
     rest: Array | None = None
@@ -120,8 +159,12 @@ class Arm:
     def others(self) -> Others:
         """What of the model is not the arm."""
         wiring = self.wiring
-        slides = [self.model.joint(travel.name).id for travel in self.travels]
-        return Others(self.model, [*wiring.joint, *slides], wiring.site)
+        return Others(self.model, [*wiring.joint, *wiring.follower_joint], wiring.site)
+
+    @cached_property
+    def drives(self) -> OwnDrives:
+        """What of the author's actuators drives the arm."""
+        return OwnDrives(self.model, self.others, self.wiring, self.followers)
 
     def at(self, qpos: Array, frees_others: bool = False) -> "Arm":
         """Return the arm where the joints that are not its own stand elsewhere; itself where nothing changes.
@@ -137,7 +180,7 @@ class Arm:
         if frees_others == self.frees_others and np.array_equal(rest, self._rest):
             return self
         arm = replace(self, rest=rest, frees_others=frees_others)
-        shared = ("wiring", "others", "_bare_spec", "_untextured")
+        shared = ("wiring", "axis_names", "others", "drives", "_bare_spec", "_untextured")
         vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
         return arm
 
@@ -148,7 +191,7 @@ class Arm:
 
     def wire(self, model: mujoco.MjModel) -> Wiring:
         """Resolve the names of the arm in a model that was compiled from the author's."""
-        return wire(model, self.joints, [travel.name for travel in self.travels], self.site)
+        return wire(model, self.joints, [one.name for one in self.followers], self.axis_names, self.site)
 
     @property
     def pitch(self) -> Array:
@@ -157,9 +200,15 @@ class Arm:
         0 of a hinge, inf of a slide, else a screw's: as in `rmrc.textbook.screws`.
         """
         pitch = np.where(self.is_slide, np.inf, 0.0)
-        for travel in self.travels:
-            pitch[travel.hinge] = travel.pitch
+        for one in self.followers:
+            if one.is_screw:
+                pitch[one.leader] = one.pitch
         return pitch
+
+    @property
+    def leads(self) -> NDArray[np.bool_]:
+        """Which joints others follow, (n,), as no half of a screw."""
+        return np.isin(np.arange(self.n), [one.leader for one in self.followers if not one.is_screw])
 
     @property
     def units(self) -> tuple[str, ...]:
@@ -168,13 +217,20 @@ class Arm:
 
     @property
     def comes_round(self) -> NDArray[np.bool_]:
-        """Which joints are where they were after a whole turn, (n,): hinges that are no screws."""
-        return np.asarray(self.pitch == 0.0)
+        """Which joints are where they were after a whole turn, (n,).
+
+        Hinges that are no screws, and whose followers turn whole turns as well.
+        """
+        comes = np.asarray(self.pitch == 0.0)
+        for joint, one in zip(self.wiring.follower_joint, self.followers, strict=True):
+            slides = self.model.jnt_type[joint] == SLIDE
+            comes[one.leader] &= one.ratio == (0.0 if slides else round(one.ratio))
+        return comes
 
     @property
     def kinds(self) -> tuple[str, ...]:
         """`hinge`, `slide` or `screw` of each joint."""
-        return tuple("slide" if np.isinf(h) else "screw" if h else "hinge" for h in self.pitch)
+        return _kinds(self.pitch)
 
     @cached_property
     def inertia(self) -> Array:
@@ -186,12 +242,29 @@ class Arm:
         return np.diag(self._followed(self._followed(full).T))
 
     @cached_property
+    def axis_names(self) -> tuple[str, ...]:
+        """Names of the joints on the axes of the chain, outward: its own, and those that follow them."""
+        moving = {*self.joints, *(one.name for one in self.followers if not one.is_screw)}
+        return tuple(name for name in find_chain(self.path, self.model, self.site) if name in moving)
+
+    @cached_property
     def chain(self) -> Chain:
         """Geometry with all joints of the arm at 0, and those that are not the arm's at rest."""
         self._kinematics(np.zeros(self.n))
-        axis, anchor = self._data.xaxis[self.wiring.joint], self._data.xanchor[self.wiring.joint]
+        names, joint = self.axis_names, self.wiring.axis
+        following = {one.name: one for one in self.followers}
+        leaders = np.array(
+            [one.leader if (one := following.get(name)) else self.joints.index(name) for name in names]
+        )
+        axis, anchor = self._data.xaxis[joint], self._data.xanchor[joint]
         tip = self._data.site_xpos[self.wiring.site]
+        pitch = np.where(self.model.jnt_type[joint] == SLIDE, np.inf, 0.0)
+        is_own = np.array([name not in following for name in names])
         return Chain(
+            names=names,
+            leader=leaders,
+            ratio=np.array([one.ratio if (one := following.get(name)) else 1.0 for name in names]),
+            pitch=np.where(is_own, self.pitch[leaders], pitch),
             axis=np.array(axis),
             step=np.diff(anchor, axis=0, prepend=np.zeros((1, 3))),
             tip_step=tip - anchor[-1],
@@ -222,7 +295,7 @@ class Arm:
         self._place(qpos, start)
         return qpos
 
-    def held(self, start: str | Sequence[float], qpos: Array) -> tuple[Array, Array]:
+    def held(self, start: str | Sequence[float], qpos: Array, own: bool = False) -> tuple[Array, Array]:
         """Return controls and activations of the actuators that are not the arm's, as `adapted` orders them.
 
         They are those of the keyframe. Where it has none, actuators that can hold their joints do.
@@ -231,8 +304,10 @@ class Arm:
             start: A keyframe's name, or positions of the arm's joints; these go with the keyframe `home` if
                 the others stand where it has them, and with none if not.
             qpos: Where the model starts, (nq,).
+            own: Whether the arm's own drives are among them. They have the keyframe's if the arm stands where
+                it does, and NaN if not: `rmrc.plants.model` finds what holds the arm.
         """
-        if not self.others.kept:
+        if not (self.others.kept or own):
             return np.empty(0), np.empty(0)
         elsewhere = self.others.addresses
         is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
@@ -243,19 +318,32 @@ class Arm:
         key = stands_for.get(name) if name else None
         given = (None, None) if key is None else (list(key.ctrl), list(key.act))
         ctrl, act = (np.array(values) if values else None for values in given)
-        return self.others.controls(qpos, ctrl, act)
+        ctrl, act = self.others.controls(qpos, ctrl, act, every=own)
+        if own:
+            stands = key is not None and np.array_equal(qpos, self.configuration(name or "home"))
+            self.drives.forget(ctrl, act, *(bool(values) and stands for values in given))
+        return ctrl, act
 
     def _place(self, qpos: Array, q: Sequence[float] | Array) -> None:
         qpos[self.wiring.qpos] = q
-        for address, travel in zip(self.wiring.travel_qpos, self.travels, strict=True):
-            qpos[address] = travel.offset + travel.ratio * qpos[self.wiring.qpos[travel.hinge]]
+        for address, one in zip(self.wiring.follower_qpos, self.followers, strict=True):
+            qpos[address] = one.offset + one.ratio * qpos[self.wiring.qpos[one.leader]]
+        for name, link in self._links.items():  # what follows joints that are not the arm's
+            leader = qpos[self.model.jnt_qposadr[link.leader]] if link.leader >= 0 else 0.0
+            qpos[self.model.joint(name).qposadr[0]] = link.offset + link.ratio * leader
 
     def _followed(self, columns: Array) -> Array:
         """Return the columns of the arm's joints, (..., n), from those of the model, (..., nv)."""
         own = columns[..., self.wiring.dof]
-        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
-            own[..., travel.hinge] += travel.ratio * columns[..., address]
+        for address, one in zip(self.wiring.follower_dof, self.followers, strict=True):
+            own[..., one.leader] += one.ratio * columns[..., address]
         return own
+
+    @property
+    def followed_dofs(self) -> tuple[list[int], Array]:
+        """Addresses in qvel of all joints that move with the arm, and how far those of the arm move them."""
+        rows = [np.eye(self.n), *(one.ratio * np.eye(self.n)[[one.leader]] for one in self.followers)]
+        return [*self.wiring.dof.tolist(), *self.wiring.follower_dof.tolist()], np.concatenate(rows)
 
     def sampled(self, count: int, seed: int = 0) -> Array:
         """Return random joint positions, (count, n), the same at every call, evenly between the limits.
@@ -273,16 +361,29 @@ class Arm:
         """Names of all sites of the model that have one."""
         return tuple(name for i in range(self.model.nsite) if (name := self.model.site(i).name))
 
+    def require_open(self) -> None:
+        """Refuse an arm that is no open chain, which no law here can drive.
+
+        Raises:
+            ModelError: An equality ties it.
+        """
+        if self.ties:
+            raise ModelError(
+                f"{self.path}: {listed(self.ties)} {'ties' if len(self.ties) == 1 else 'tie'} the arm, which "
+                'is then no open chain; set active="false" there in a copy of the model, or take it out',
+                "model",
+            )
+
     @property
     def idle(self) -> tuple[str, ...]:
         """Names of the joints that move the controlled site and are not driven."""
-        known = {*self.joints, *(travel.name for travel in self.travels)}
+        known = {*self.joints, *(one.name for one in self.followers)}
         return tuple(name for name in find_chain(self.path, self.model, self.site) if name not in known)
 
     def moves(self, site: str) -> NDArray[np.bool_]:
-        """Return which joints of the arm move a site, (n,): those between the world and its body."""
+        """Return which axes of the chain move a site, (ℓ,): those between the world and its body."""
         body = int(self.model.site_bodyid[self.model.site(site).id])
-        return np.isin(self.wiring.joint, joints_above(self.model, body))
+        return np.isin(self.wiring.axis, joints_above(self.model, body))
 
     def pose(self, q: Sequence[float] | Array, site: str | None = None) -> Array:
         """Return a site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,).
@@ -323,16 +424,16 @@ class Arm:
     def damping(self) -> Array:
         """Damping of each joint at rest, (n,) [N·m·s/rad or N·s/m]."""
         damping = np.array(self.model.dof_damping[self.wiring.dof])
-        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
-            damping[travel.hinge] += travel.ratio**2 * self.model.dof_damping[address]
+        for address, one in zip(self.wiring.follower_dof, self.followers, strict=True):
+            damping[one.leader] += one.ratio**2 * self.model.dof_damping[address]
         return damping
 
     @property
     def friction(self) -> Array:
         """Dry friction that can bear a part of a drive's load at rest, (n,) [N·m or N]."""
         loss = np.array(self.model.dof_frictionloss[self.wiring.dof])
-        for address, travel in zip(self.wiring.travel_dof, self.travels, strict=True):
-            loss[travel.hinge] += abs(travel.ratio) * self.model.dof_frictionloss[address]
+        for address, one in zip(self.wiring.follower_dof, self.followers, strict=True):
+            loss[one.leader] += abs(one.ratio) * self.model.dof_frictionloss[address]
         return loss
 
     def frames(self, qpos: Array) -> tuple[Array, Array]:
@@ -419,9 +520,9 @@ class Arm:
         mujoco.mj_fwdKinematics(self.model, self._data)
 
     def adapted(
-        self, drive: Drive | None, timestep: float, gravity_compensation: bool, *, loaded: bool = False
+        self, drive: Drive | Own | None, timestep: float, gravity_compensation: bool, *, loaded: bool = False
     ) -> mujoco.MjModel:
-        """Return the model with the actuators of a plant: one on each joint of the arm, or none.
+        """Return the model with the actuators of a plant: one on each joint of the arm, its own, or none.
 
         It is compiled once for all who ask for the same, and none of them may write to it.
 
@@ -434,9 +535,11 @@ class Arm:
         share this model.
 
         Args:
-            drive: What the actuators are; None for a plant without physics, which needs kinematics alone.
+            drive: What the actuators are; "own" for all those of the author, with his integrator; None for a
+                plant without physics, which needs kinematics alone.
             timestep: MuJoCo's step [s].
-            gravity_compensation: Whether the arm's bodies float, as with balanced or compensated arms.
+            gravity_compensation: Whether the arm's bodies are made to float, as with balanced or compensated
+                arms.
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
@@ -451,7 +554,7 @@ class Arm:
         return model
 
     def _compiled(
-        self, drive: Drive | None, timestep: float, gravity_compensation: bool, loaded: bool
+        self, drive: Drive | Own | None, timestep: float, gravity_compensation: bool, loaded: bool
     ) -> mujoco.MjModel:
         spec = self._bare_spec.copy()
         locks = drive is not None and not self.frees_others and bool(self.others.locked)
@@ -461,7 +564,8 @@ class Arm:
                 self.others.lock(spec, self.path)
         option = spec.option
         option.timestep = timestep
-        option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        if drive != "own":
+            option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
         option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
         if drive is None:
@@ -472,20 +576,19 @@ class Arm:
         return model
 
     def _adapt(
-        self, spec: mujoco.MjSpec, drive: Drive | None, gravity_compensation: bool, loaded: bool
+        self, spec: mujoco.MjSpec, drive: Drive | Own | None, gravity_compensation: bool, loaded: bool
     ) -> None:
         """Take keyframes and the arm's actuators out, and put in what a plant needs: see `adapted`."""
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
         replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
-        gone = {actuator.name for actuator in replaced}
-        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
-        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
-            spec.delete(element)  # chosen before, as ids change with every one that goes
-        for actuator in spec.actuators:  # a control that never changes can be as late as it likes
-            actuator.delay, actuator.nsample = 0.0, 0
-        if drive is not None:
-            self._add_actuators(spec, drive)
+        for actuator in (one for one in spec.actuators if one.id not in self.others.replaced):
+            actuator.delay, actuator.nsample = (
+                0.0,
+                0,
+            )  # a control that never changes can be as late as it likes
+        if drive != "own":
+            self._replace_actuators(spec, replaced, drive)
         if gravity_compensation:
             root = self.model.jnt_bodyid[self.wiring.joint[0]]
             for body in spec.bodies:
@@ -496,7 +599,15 @@ class Arm:
             site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
             spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
 
-    def _add_actuators(self, spec: mujoco.MjSpec, drive: Drive) -> None:
+    def _replace_actuators(
+        self, spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsActuator], drive: Drive | None
+    ) -> None:
+        gone = {actuator.name for actuator in replaced}
+        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
+        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
+            spec.delete(element)  # chosen before, as ids change with every one that goes
+        if drive is None:
+            return
         for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
             actuator = spec.add_actuator(
                 name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT

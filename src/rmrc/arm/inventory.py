@@ -86,7 +86,7 @@ def actuators(arm: Arm) -> tuple[Actuator, ...]:
 def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
     """Return the joints of the model that are neither the arm's nor follow one of them."""
     model, idle = arm.model, arm.idle
-    own = {*arm.joints, *(travel.name for travel in arm.travels)}
+    own = {*arm.joints, *(one.name for one in arm.followers)}
     return tuple(
         OtherJoint(
             model.joint(i).name or f"joint{i}",

@@ -1,12 +1,13 @@
 """What a model says that its joints may do: position, rate and torque limits."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm.wiring import DRIVES_JOINT, Travel
+from rmrc.arm.followers import Follower
+from rmrc.arm.wiring import DRIVES_JOINT
 
 Array = NDArray[np.float64]
 
@@ -15,21 +16,46 @@ NO_BIAS, NO_DYNAMICS = int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtDyn.mjDYN_
 FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
 
 
-def position_limit(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[Travel]) -> Array:
-    """Return the range of each joint, (n, 2); a screw joint also ends where its slide does."""
+def position_limit(model: mujoco.MjModel, joints: Sequence[str], followers: Sequence[Follower]) -> Array:
+    """Return the range of each joint, (n, 2); a joint also ends where one that follows it does."""
 
     def limit(name: str) -> Array:
         joint = model.joint(name).id
         return np.array(model.jnt_range[joint] if model.jnt_limited[joint] else [-np.inf, np.inf])
 
     limits = np.array([limit(name) for name in joints])
-    for travel in travels:
-        if travel.ratio != 0.0:
-            ends = np.sort((limit(travel.name) - travel.offset) / travel.ratio)
-            limits[travel.hinge] = (
-                max(limits[travel.hinge, 0], ends[0]),
-                min(limits[travel.hinge, 1], ends[1]),
+    for one in followers:
+        if one.ratio != 0.0:
+            ends = np.sort((limit(one.name) - one.offset) / one.ratio)
+            limits[one.leader] = (
+                max(limits[one.leader, 0], ends[0]),
+                min(limits[one.leader, 1], ends[1]),
             )
+    return limits
+
+
+def leading_limit(
+    model: mujoco.MjModel,
+    joints: Sequence[str],
+    followers: Sequence[Follower],
+    limit: Callable[[int], float],
+    power: int,
+) -> Array:
+    """Return the tightest limit of each joint and of those that follow it, (n,).
+
+    Args:
+        model: As its author wrote it.
+        joints: Names of the arm's joints, n of them.
+        followers: Joints that follow them.
+        limit: Of a joint, by its id.
+        power: Of the ratio, by which the limit of a follower becomes one of its leader: −1 for rates, 1 for
+            torques, which do the same work.
+    """
+    limits = np.array([limit(model.joint(name).id) for name in joints])
+    for one in followers:
+        if one.ratio != 0.0:
+            own = limit(model.joint(one.name).id) * abs(one.ratio) ** power
+            limits[one.leader] = min(limits[one.leader], own)
     return limits
 
 

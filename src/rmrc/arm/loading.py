@@ -12,13 +12,16 @@ from rmrc.arm import urdf
 from rmrc.arm.arm import Arm
 from rmrc.arm.bounds import bounded_memory
 from rmrc.arm.compiling import compiled, quiet_log, read
+from rmrc.arm.followers import Link, find_links, followers
 from rmrc.arm.keyframes import keyframes, starting_key
-from rmrc.arm.limits import position_limit, rate_limit, torque_limit
+from rmrc.arm.limits import leading_limit, position_limit, rate_limit, torque_limit
 from rmrc.arm.mounting import Asked, mounted
 from rmrc.arm.scan import check_file
-from rmrc.arm.wiring import SLIDE, Travel, find_chain, find_travels
+from rmrc.arm.ties import find_ties
+from rmrc.arm.wiring import SLIDE, find_chain
 from rmrc.scenario.sections import ArmSection, ToolSection
 from rmrc.support.errors import ModelError, did_you_mean
+from rmrc.support.legible import listed
 from rmrc.support.shipped import suggestion
 
 
@@ -55,33 +58,35 @@ def load(
     notes = list(told)
     model, site, frame, obvious = mounted(path, spec, model, asked, notes)
     chain = find_chain(path, model, site)
-    travels = find_travels(path, model, chain)
-    own = [name for name in chain if name not in travels]
-    driven = tuple(own) if joints is None else _driven(path, site, own, travels, joints, notes)
-    followed = tuple(
-        replace(travel, hinge=driven.index(own[travel.hinge]))
-        for travel in travels.values()
-        if own[travel.hinge] in driven
-    )
+    links = find_links(path, model, chain)
+    own = [name for name in chain if name not in links]
+    driven = tuple(own) if joints is None else _driven(path, model, site, own, links, joints, notes)
+    if not driven:
+        raise ModelError(
+            f'{path}: each joint on the chain to site "{site}" follows another by an equality; choose a site '
+            "that a joint moves that follows none",
+            "site",
+        )
+    following = followers(model, chain, links, driven)
     joint = np.array([model.joint(name).id for name in driven])
-    limit = position_limit(model, driven, followed)
-    rates = np.array([min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf)) for i in joint])
+    limit = position_limit(model, driven, following)
     keys = keyframes(model, joint.tolist(), limit, asked.prefix, notes)
     if urdf.is_urdf(path) and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
         notes += apart
         model = compiled(path, spec)
-    return Arm(
+    arm = Arm(
         path=path,
         site=site,
         joints=driven,
         is_slide=model.jnt_type[joint] == SLIDE,
-        travels=followed,
+        followers=following,
         position_limit=limit,
-        rate_limit=rates,
-        torque_limit=np.array([torque_limit(model, i) for i in joint]),
+        rate_limit=leading_limit(model, driven, following, lambda i: _rate(model, velocity, i), -1),
+        torque_limit=leading_limit(model, driven, following, lambda i: torque_limit(model, i), 1),
         keyframes=keys,
         model=model,
         _spec=spec,
+        _links={name: links[name] for name in chain if name in links and links[name].leader not in joint},
         variant=asked.variant,
         frame=frame,
         packages=asked.packages,
@@ -89,6 +94,7 @@ def load(
         obvious=obvious,
         home=starting_key(model, joint.tolist(), asked.prefix),
     )
+    return _with_ties(arm)
 
 
 def load_asked(section: ArmSection) -> Arm:
@@ -103,17 +109,32 @@ def load_asked(section: ArmSection) -> Arm:
     )  # fmt: skip
 
 
+def _rate(model: mujoco.MjModel, velocity: Mapping[str, float], i: int) -> float:
+    """Return the rate limit of a joint: the least of the model's own and a URDF's."""
+    return min(rate_limit(model, i), velocity.get(model.joint(i).name, np.inf))
+
+
+def _with_ties(arm: Arm) -> Arm:
+    """Return the arm with the equalities of its model that tie it, which no Jacobian here knows."""
+    ties = find_ties(arm.model, arm.configuration("home"), *arm.followed_dofs, arm.others)
+    if not ties:
+        return arm
+    verbs = ("tie", "are") if len(ties) > 1 else ("ties", "is")
+    note = f"{listed(ties)} {verbs[0]} the arm, and {verbs[1]} left out of its kinematics"
+    return replace(arm, ties=ties, notes=(*arm.notes, note))
+
+
 def _driven(
-    path: Path, site: str, own: Sequence[str], travels: Mapping[str, Travel], joints: Sequence[str],
-    notes: list[str],
+    path: Path, model: mujoco.MjModel, site: str, own: Sequence[str], links: Mapping[str, Link],
+    joints: Sequence[str], notes: list[str],
 ) -> tuple[str, ...]:  # fmt: skip
     """Return the joints that shall be driven, outward."""
     for name in joints:
-        if name in travels:
-            raise ModelError(
-                f'{path}: joint "{name}" follows "{own[travels[name].hinge]}" by an equality; drive that one',
-                "joints",
-            )
+        if name in links:
+            leader = model.joint(links[name].leader).name if links[name].leader >= 0 else ""
+            way = f"drive {'that one' if leader in own else 'another'}"
+            how = f'follows "{leader}"' if leader else "is held"
+            raise ModelError(f'{path}: joint "{name}" {how} by an equality; {way}', "joints")
         if name not in own:
             raise ModelError(
                 f'{path}: no hinge or slide joint "{name}" on the chain to site "{site}"'

@@ -58,11 +58,11 @@ class Others:
 
         Args:
             model: As its author wrote it.
-            joints: Of the arm, the slides of screws among them.
+            joints: Of the arm, and those that follow them.
             site: That they move.
         """
         self.model, self._own, self._site = model, frozenset(int(joint) for joint in joints), site
-        pulls = [self._pulled(i) for i in range(model.nactuator)]
+        pulls = [self._found_pulled(i) for i in range(model.nactuator)]
         self.replaced = frozenset(i for i, pulled in enumerate(pulls) if pulled and pulled <= self._own)
         self.kept = tuple(i for i in range(model.nactuator) if i not in self.replaced)
         self._pulls = pulls
@@ -89,6 +89,10 @@ class Others:
                     moving, grown = moving | linked, True
         return frozenset(range(model.njnt)) - moving
 
+    def pulled(self, actuator: int) -> frozenset[int]:
+        """Return the joints that an actuator pulls at."""
+        return self._pulls[actuator]
+
     def holds(self, actuator: int) -> bool:
         """Return whether a constant control keeps what an actuator pulls at: it is a spring about that."""
         model = self.model
@@ -101,7 +105,13 @@ class Others:
             and model.actuator_biasprm[actuator, 1] < 0.0
         )
 
-    def controls(self, qpos: Array, ctrl: Array | None, act: Array | None) -> tuple[Array, Array]:
+    def pulls(self, actuator: int) -> frozenset[int]:
+        """Return the joints that an actuator pulls at."""
+        return self._pulls[actuator]
+
+    def controls(
+        self, qpos: Array, ctrl: Array | None, act: Array | None, every: bool = False
+    ) -> tuple[Array, Array]:
         """Return controls and activations of the actuators that are kept, in their order.
 
         Where the keyframe has none, an actuator that can hold gets those at which it gives no force at the
@@ -111,6 +121,7 @@ class Others:
             qpos: Where the model starts, (nq,).
             ctrl: Controls of the keyframe, (nu,), or None if it has none.
             act: Its activations, (na,), or None.
+            every: Whether to return those of all actuators.
         """
         model = self.model
         data = mujoco.MjData(model)
@@ -124,6 +135,8 @@ class Others:
             for i in filter(self.holds, self.kept):
                 length = float(data.actuator_length[model.actuator_outadr[i]])
                 self._hold(i, length, controls, states, ctrl, act)
+        if every:
+            return controls, states
         return (
             _spans(controls, model.actuator_ctrladr, model.actuator_ctrlnum, self.kept),
             _spans(states, model.actuator_actadr, model.actuator_actnum, self.kept),
@@ -214,8 +227,7 @@ class Others:
         trees = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in np.flatnonzero(model.jnt_type == _FREE)}
         return frozenset(j for j in range(model.njnt) if int(model.body_rootid[model.jnt_bodyid[j]]) in trees)
 
-    def _pulled(self, i: int) -> frozenset[int]:
-        """Return the joints that an actuator pulls at."""
+    def _found_pulled(self, i: int) -> frozenset[int]:
         model = self.model
         kind, (first, second) = int(model.actuator_trntype[i]), model.actuator_trnid[i]
         if kind in _JOINT_TARGETS:

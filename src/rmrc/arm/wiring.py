@@ -1,4 +1,4 @@
-"""Where an arm is found in a model: its site, the chain of joints to it, and which joints follow others."""
+"""Where an arm is found in a model: its site, and the chain of joints to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,32 +13,7 @@ from rmrc.support.legible import listed
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 HINGE, SLIDE = int(mujoco.mjtJoint.mjJNT_HINGE), int(mujoco.mjtJoint.mjJNT_SLIDE)
-JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
 DRIVES_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
-
-# A screw's slide points along its hinge to what eight digits of an axis in a file leave of 1 − cos.
-PARALLEL = 1e-9
-
-
-@dataclass(frozen=True)
-class Travel:
-    """The slide of a screw joint: an equality of the model makes it follow its hinge.
-
-    position = offset + ratio · (position of the hinge)
-
-    Attributes:
-        name: Of the slide.
-        hinge: Which joint of the arm it follows.
-        ratio: [m/rad]
-        offset: [m]
-        pitch: Way along the hinge's axis: ± ratio, as the slide points along it or back [m/rad].
-    """
-
-    name: str
-    hinge: int
-    ratio: float
-    offset: float
-    pitch: float
 
 
 @dataclass(frozen=True)
@@ -47,29 +22,35 @@ class Wiring:
 
     Attributes:
         joint: Joint ids, (n,).
+        axis: Id of the joint on each axis of the chain, (ℓ,): see `Chain`.
         qpos: Addresses in qpos, (n,).
         dof: Addresses in qvel, (n,).
         actuator: Actuator ids, (n,); -1 where the model has none.
-        travel_qpos: Addresses in qpos of the slides of screw joints, in the order of `Arm.travels`.
-        travel_dof: Their addresses in qvel.
+        follower_joint: Ids of the joints that follow others, in the order of `Arm.followers`.
+        follower_qpos: Their addresses in qpos.
+        follower_dof: Their addresses in qvel.
         site: Site id.
         body: Id of the body that carries the site.
     """
 
     joint: NDArray[np.int64]
+    axis: NDArray[np.int64]
     qpos: NDArray[np.int64]
     dof: NDArray[np.int64]
     actuator: NDArray[np.int64]
-    travel_qpos: NDArray[np.int64]
-    travel_dof: NDArray[np.int64]
+    follower_joint: NDArray[np.int64]
+    follower_qpos: NDArray[np.int64]
+    follower_dof: NDArray[np.int64]
     site: int
     body: int
 
 
-def wire(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[str], site: str) -> Wiring:
-    """Resolve the names of joints, of the slides that follow them, and of the site."""
+def wire(
+    model: mujoco.MjModel, joints: Sequence[str], followers: Sequence[str], axes: Sequence[str], site: str
+) -> Wiring:
+    """Resolve the names of joints, of those that follow them, of all that have an axis, and of the site."""
     ids = np.array([model.joint(name).id for name in joints])
-    slides = np.array([model.joint(name).id for name in travels], np.int64)
+    following = np.array([model.joint(name).id for name in followers], np.int64)
     drives = {
         int(model.actuator_trnid[i, 0]): i
         for i in range(model.nactuator)
@@ -77,11 +58,13 @@ def wire(model: mujoco.MjModel, joints: Sequence[str], travels: Sequence[str], s
     }
     return Wiring(
         joint=ids,
+        axis=np.array([model.joint(name).id for name in axes], np.int64),
         qpos=model.jnt_qposadr[ids].astype(np.int64),
         dof=model.jnt_dofadr[ids].astype(np.int64),
         actuator=np.array([drives.get(int(i), -1) for i in ids]),
-        travel_qpos=model.jnt_qposadr[slides].astype(np.int64),
-        travel_dof=model.jnt_dofadr[slides].astype(np.int64),
+        follower_joint=following,
+        follower_qpos=model.jnt_qposadr[following].astype(np.int64),
+        follower_dof=model.jnt_dofadr[following].astype(np.int64),
         site=model.site(site).id,
         body=int(model.site_bodyid[model.site(site).id]),
     )
@@ -147,39 +130,3 @@ def find_chain(path: Path, model: mujoco.MjModel, site: str) -> list[str]:
     if not chain:
         raise ModelError(f'{path}: no joint moves site "{site}"; choose a site on a moving body', "site")
     return chain[::-1]
-
-
-def find_travels(path: Path, model: mujoco.MjModel, chain: Sequence[str]) -> dict[str, Travel]:
-    """Return the slides of screw joints by name; `hinge` counts the joints of the chain that follow none.
-
-    Raises:
-        ModelError: A joint of the chain follows another in any other way, which no Jacobian here knows.
-    """
-    data = mujoco.MjData(model)
-    mujoco.mj_fwdKinematics(model, data)
-    leaders: dict[str, tuple[str, NDArray[np.float64]]] = {}
-    for i in np.flatnonzero((model.eq_type == JOINT_EQUALITY) & (model.eq_active0 == 1)):
-        follower = model.joint(int(model.eq_obj1id[i])).name
-        leader = model.joint(int(model.eq_obj2id[i])).name if model.eq_obj2id[i] >= 0 else ""
-        if follower in chain:
-            leaders[follower] = leader, np.array(model.eq_data[i, :5])
-    own = [name for name in chain if name not in leaders]
-    travels = {}
-    for follower, (leader, polynomial) in leaders.items():
-        slide, hinge = model.joint(follower), model.joint(leader) if leader in own else None
-        along = 0.0
-        if hinge is not None and abs(chain.index(leader) - chain.index(follower)) == 1:
-            along = float(data.xaxis[hinge.id] @ data.xaxis[slide.id])
-        is_screw = hinge is not None and (hinge.type[0], slide.type[0]) == (HINGE, SLIDE)
-        if not (is_screw and abs(abs(along) - 1.0) < PARALLEL and not polynomial[2:].any()):
-            how = f'follows "{leader}"' if leader else "is held"
-            raise ModelError(
-                f'{path}: joint "{follower}" {how} by an equality; on the chain to a site that '
-                "may only make a screw: a slide along the axis of the hinge beside it, polycoef a b 0 0 0"
-            )
-        start, ratio = polynomial[0] + model.qpos0[slide.qposadr[0]], float(polynomial[1])
-        offset = float(start - ratio * model.qpos0[model.joint(leader).qposadr[0]])
-        travels[follower] = Travel(
-            follower, own.index(leader), ratio, offset, ratio if along > 0.0 else -ratio
-        )
-    return travels

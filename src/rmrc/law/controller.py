@@ -28,7 +28,7 @@ from rmrc.law.kinematics import (
     second_jacobian,
 )
 from rmrc.law.law import Law, control, resolve
-from rmrc.law.record import JOINTS, MEMORY, ROWS, Field, records, tick_type
+from rmrc.law.record import CHAIN, MEMORY, ROWS, Field, records, tick_type
 from rmrc.law.task import Task
 from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, SCHEDULES, Choice, Choices, Status
 from rmrc.support.errors import ModelError, did_you_mean
@@ -96,7 +96,7 @@ class Controller:
         """
         task, n = law.task, law.task.arm.n
         self.law = law
-        self._world = records(n, [task, law, Sight(law, data)])
+        self._world = records(n, [task, law, Sight(law, data)], axes=len(task.arm.axis_names))
         ticks = np.zeros(1, tick_type(n))
         (world,), (tick,) = self._world, ticks
         self.command = Command(tick, n, min(len(task.rows), n))
@@ -134,7 +134,7 @@ class Sight:
     """Where kinematics are read: it owns the numbers of joints and sites in MuJoCo's arrays, if any."""
 
     fields: ClassVar[tuple[Field, ...]] = (
-        Field("sites", np.int64), Field("joint", np.int64, (JOINTS,)),
+        Field("sites", np.int64), Field("joint", np.int64, (CHAIN,)),
         Field("site", np.int64, (2,)), Field("body", np.int64, (2,)), Field("site_quat", size=(2, 4)),
     )  # fmt: skip
 
@@ -145,7 +145,7 @@ class Sight:
         self._model = None if data is None else data.model
         if self._model is not None:
             try:
-                self._joint = arm.wire(self._model).joint
+                self._joint = arm.wire(self._model).axis
                 names = [arm.site, second.site] if second else [arm.site]
                 self._sites = np.array([self._model.site(name).id for name in names])
             except KeyError as error:

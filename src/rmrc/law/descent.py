@@ -80,7 +80,7 @@ def search(
 ) -> tuple[Array, Array, NDArray[np.int64]]:  # fmt: skip
     """Return q (N, n), |e| (N,) and tally (N, 3) of `reach`, on all cores."""
     n = task.arm.n
-    record = records(n, [task, Bounds(limit)])
+    record = records(n, [task, Bounds(limit)], axes=len(task.arm.axis_names))
     # Machine code does not look at the layout of what it is given.
     goals, first, more = (np.ascontiguousarray(one) for one in (goals, first, more))
     q, error, tally = np.empty((len(goals), n)), np.empty(len(goals)), np.zeros((len(goals), 3), np.int64)

@@ -13,21 +13,27 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
         ∂[v_l; ω_l]/∂q_j = [ω_j × v_l; ω_j × ω_l]  for j before l,  [ω_l × v_j; 0] else
 
     The columns of sliding joints have ω = 0, so the same terms serve them. Along the axes of the site, which
-    every joint turns, −[ω_j × v_l; ω_j × ω_l] is added to all: what is left of the first case is 0.
+    every joint turns, −[ω_j × v_l; ω_j × ω_l] is added to all: what is left of the first case is 0. Where
+    joints follow others, j and l are axes of the chain, each of which moves by a ratio of its leader.
 
     Args:
         world: Reads J, the frame of its rows, the decomposition and the scales.
         i: Which singular value.
         gradient: Written, (n,) [1/rad or 1/m].
     """
-    J, n, turns = world.J, world.n, world.frame == SITE
+    J, n, turns = world.J if world.axes == world.n else world.columns, world.axes, world.frame == SITE
     fx, fy, fz, mx, my, mz = expanded(world, i)
+    for a in range(n):
+        leader = world.leader[a]
+        world.axis_rate[a] = world.ratio[a] * (world.joint_scale[leader] * world.v[i, leader])
+    for j in range(world.n):
+        gradient[j] = 0.0
     for j in range(n):
         ax = ay = az = bx = by = bz = 0.0
         for l in range(n):  # noqa: E741  the index of the slopes (15) of docs/theory.md
-            x = world.joint_scale[l] * world.v[i, l]
+            x = world.axis_rate[l]
             ox, oy, oz = x * J[3, l], x * J[4, l], x * J[5, l]
-            if l <= j:  # the joints of an arm are in this order
+            if l <= j:  # the axes of a chain are in this order
                 bx, by, bz = bx + ox, by + oy, bz + oz
             if (l > j) != turns:
                 vx, vy, vz = x * J[0, l], x * J[1, l], x * J[2, l]
@@ -36,7 +42,7 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
                 az += vx * fy - vy * fx + ox * my - oy * mx
         if turns:
             ax, ay, az = -ax, -ay, -az
-        gradient[j] = (
+        gradient[world.leader[j]] += world.ratio[j] * (
             J[3, j] * ax + J[4, j] * ay + J[5, j] * az
             + J[0, j] * (fy * bz - fz * by) + J[1, j] * (fz * bx - fx * bz) + J[2, j] * (fx * by - fy * bx)
         )  # fmt: skip

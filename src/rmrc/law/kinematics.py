@@ -19,37 +19,66 @@ def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array,
     The axes come from MuJoCo's fresh kinematics, so nothing is differentiated.
 
     Args:
-        world: Reads the joints' ids, kinds and pitches.
+        world: Reads ids, kinds, pitches and ratios of the axes; their own columns are written where some
+            joints follow others.
         point: The site's origin, (3,) [m].
         anchors: A point on each of MuJoCo's joint axes, (njnt, 3) [m].
         axes: Unit vector of each joint axis, (njnt, 3).
         J: Written, (6, n).
     """
-    for j in range(world.n):
-        joint = world.joint[j]
-        write_column(world, j, point, anchors[joint], axes[joint], J)
+    if world.axes == world.n:
+        write_columns(world, point, anchors, axes, J)
+    else:
+        write_columns(world, point, anchors, axes, world.columns)
+        gather(world, world.columns, J)
+
+
+@compiled
+def write_columns(world: Record, point: Array, anchors: Array, axes: Array, columns: Array) -> None:
+    """Write what each axis contributes to the twist of a point, (6, ℓ), as `geometric_jacobian` is asked."""
+    for a in range(world.axes):
+        joint = world.joint[a]
+        write_column(world, a, point, anchors[joint], axes[joint], columns)
 
 
 @compiled
 def second_jacobian(world: Record, point: Array, anchors: Array, axes: Array) -> None:
     """Write J_2, as `geometric_jacobian`, of the second task's site; joints behind it do not move it."""
-    geometric_jacobian(world, point, anchors, axes, world.J_2)
-    for j in range(world.n):
-        if not world.moves_2[j]:
+    C = world.J_2 if world.axes == world.n else world.columns_2
+    write_columns(world, point, anchors, axes, C)
+    for a in range(world.axes):
+        if not world.moves_2[a]:
             for i in range(6):
-                world.J_2[i, j] = 0.0
+                C[i, a] = 0.0
+    if world.axes > world.n:
+        gather(world, C, world.J_2)
 
 
 @compiled
 def chain_jacobian(world: Record, J: Array) -> None:
     """Write J (6, n), as `geometric_jacobian`, where `follow_chain` was last."""
-    for j in range(world.n):
-        write_column(world, j, world.pose, world.anchor[j], world.axis[j], J)
+    if world.axes == world.n:
+        for j in range(world.n):
+            write_column(world, j, world.pose, world.anchor[j], world.axis[j], J)
+    else:
+        for a in range(world.axes):
+            write_column(world, a, world.pose, world.anchor[a], world.axis[a], world.columns)
+        gather(world, world.columns, J)
+
+
+@compiled
+def gather(world: Record, columns: Array, J: Array) -> None:
+    """Write J (6, n) from the columns of the axes, (6, ℓ): with each joint move those that follow it."""
+    for i in range(6):
+        for j in range(world.n):
+            J[i, j] = 0.0
+        for a in range(world.axes):
+            J[i, world.leader[a]] += world.ratio[a] * columns[i, a]
 
 
 @compiled
 def write_column(world: Record, j: int, point: Array, anchor: Array, axis: Array, J: Array) -> None:
-    """Write what joint j contributes to the twist of a point.
+    """Write what axis j contributes to the twist of a point.
 
     A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
     [Whitney72], one with a screw of pitch h [z × (p − o) + h z; z] [Selig92].
@@ -74,7 +103,8 @@ def follow_chain(world: Record, q: Array) -> None:
     """Write where the joints q put the axes, their anchors and the site, by the product of exponentials.
 
     T(q) = exp(S_1 q_1) … exp(S_n q_n) T(0) [Brockett84], carried outward as a rotation and a point on the
-    next axis. It serves where there are too many configurations for MuJoCo's own kinematics.
+    next axis. It serves where there are too many configurations for MuJoCo's own kinematics. Axes of joints
+    that follow others are among them, and move with these.
 
     Args:
         world: Reads the arm's geometry at 0; `anchor`, `axis` and `pose` are written.
@@ -82,17 +112,18 @@ def follow_chain(world: Record, q: Array) -> None:
     """
     x = y = z = 0.0
     turn = (1.0, 0.0, 0.0, 0.0)
-    for j in range(world.n):
+    for j in range(world.axes):
+        moved = world.ratio[j] * q[world.leader[j]]
         dx, dy, dz = _turned(turn, world.zero_step[j])
         x, y, z = x + dx, y + dy, z + dz
         ax, ay, az = _turned(turn, world.zero_axis[j])
         world.anchor[j, 0], world.anchor[j, 1], world.anchor[j, 2] = x, y, z
         world.axis[j, 0], world.axis[j, 1], world.axis[j, 2] = ax, ay, az
         if world.is_slide[j]:
-            way = q[j]
+            way = moved
         else:
-            way = world.pitch[j] * q[j]
-            c, s = math.cos(0.5 * q[j]), math.sin(0.5 * q[j])
+            way = world.pitch[j] * moved
+            c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
             turn = quat_product((c, s * ax, s * ay, s * az), turn)
         x, y, z = x + way * ax, y + way * ay, z + way * az
     dx, dy, dz = _turned(turn, world.tip_step)

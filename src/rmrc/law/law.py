@@ -140,6 +140,8 @@ def control(world: Record, tick: Record) -> None:
         turn = frame_turn(world.frame, world.frame_quat, world.pose)
         turn_twist(turn, world.twist_task)
         turn_columns(turn, world.J, world.n)
+        if world.axes > world.n:  # whose slopes are those of its axes
+            turn_columns(turn, world.columns, world.axes)
     feedforward = world.feedforward * world.pace
     for i in range(6):
         world.twist_cmd[i] = feedforward * world.twist_task[i] + world.feedback * tick.pose_error[i]

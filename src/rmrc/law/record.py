@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 
 ROWS = 6  # a twist has six rows, so a task has at most as many, and so has sigma
 JOINTS = -1  # in the size of a field: as many as the record holds
+CHAIN = -2  # as many as axes of the chain: more than joints, where some follow others
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
 
 
@@ -27,7 +28,7 @@ class Field(NamedTuple):
     Attributes:
         name: As compiled code reads it.
         kind: `np.float64` or `np.int64`: every field takes whole words, so that none is misaligned.
-        size: Its shape, of numbers, ROWS and JOINTS; () of a single value.
+        size: Its shape, of numbers, ROWS, JOINTS and CHAIN; () of a single value.
         start: What it holds before anything is written.
 
     >>> Field("position_limit", size=(2, JOINTS))
@@ -58,6 +59,7 @@ MEASUREMENT = (
     Field("q", size=(JOINTS,)), Field("qdot", size=(JOINTS,)),
     Field("pose", size=(7,)), Field("J", size=(ROWS, JOINTS)),
     Field("pose_2", size=(7,)), Field("J_2", size=(ROWS, JOINTS)),
+    Field("columns", size=(ROWS, CHAIN)), Field("columns_2", size=(ROWS, CHAIN)),
 )  # fmt: skip
 
 # From tick to tick: vectors of the decomposition, last command, ticks of the path behind it, its pace and
@@ -74,7 +76,7 @@ MEMORY = (
 # bounds and parts of the rates; a second decomposition, of what is left of A for a second task, or for the
 # joints that are not saturated.
 SCRATCH = (
-    Field("axis", size=(JOINTS, 3)), Field("anchor", size=(JOINTS, 3)),
+    Field("axis", size=(CHAIN, 3)), Field("anchor", size=(CHAIN, 3)), Field("axis_rate", size=(CHAIN,)),
     Field("twist_task", size=(6,)), Field("twist_cmd", size=(6,)),
     Field("task", size=(ROWS,)), Field("asked", size=(ROWS,)), Field("error"),
     Field("A", size=(ROWS, JOINTS)), Field("qdot0", size=(JOINTS,)),
@@ -102,20 +104,23 @@ TICK = (
 )  # fmt: skip
 
 
-def records(n: int, *worlds: Sequence[Writer], beside: Sequence[Field] = ()) -> NDArray[np.void]:
+def records(
+    n: int, *worlds: Sequence[Writer], beside: Sequence[Field] = (), axes: int = 0
+) -> NDArray[np.void]:
     """Return the records of worlds with n joints, (w,), as their Writers fill them.
 
     Args:
         n: Number of joints.
         worlds: The Writers of each world: of the same classes, in the same order.
         beside: Fields that no Writer writes: those of all worlds at once, and the memory of plants.
+        axes: Number of axes of the chain, where it has more than n.
 
     Raises:
         ValueError: A field has two owners.
     """
     owned = [field for writer in worlds[0] for field in writer.fields]
     fields = (*owned, *beside, *MEASUREMENT, *MEMORY, *SCRATCH)
-    made = np.zeros(len(worlds), _type(capacity(n), fields))
+    made = np.zeros(len(worlds), _type(capacity(n), fields, capacity(max(n, axes))))
     for field in fields:
         if field.start:
             made[field.name] = field.start
@@ -127,7 +132,7 @@ def records(n: int, *worlds: Sequence[Writer], beside: Sequence[Field] = ()) -> 
 
 def tick_type(n: int) -> np.dtype[np.void]:
     """Return the record of one tick of one world: what a run's columns are cut from."""
-    return _type(capacity(n), TICK)
+    return _type(capacity(n), TICK, 0)
 
 
 def capacity(n: int) -> int:
@@ -142,7 +147,6 @@ def capacity(n: int) -> int:
 # Cached, so that equal types are one object: a call of compiled code compares the types of its arguments,
 # which takes longer than the law when it has to look into them.
 @cache
-def _type(c: int, fields: tuple[Field, ...]) -> np.dtype[np.void]:
-    return np.dtype(
-        [(f.name, f.kind, tuple(c if size == JOINTS else size for size in f.size)) for f in fields]
-    )
+def _type(joints: int, fields: tuple[Field, ...], axes: int) -> np.dtype[np.void]:
+    sizes = {JOINTS: joints, CHAIN: axes}
+    return np.dtype([(f.name, f.kind, tuple(sizes.get(size, size) for size in f.size)) for f in fields])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm
 from rmrc.law.kinematics import FRAMES
-from rmrc.law.record import JOINTS, ROWS, Field
+from rmrc.law.record import CHAIN, JOINTS, ROWS, Field
 from rmrc.scenario import Frame, SecondarySection
 from rmrc.support.spatial import (
     AXES,
@@ -121,9 +121,10 @@ class Task:
         # along whose axes they are, the orientation of the base, and the axis about which the site is free
         Field("frame", np.int64), Field("frame_quat", size=(4,)), Field("free", np.int64),
         Field("joint_scale", size=(JOINTS,)),
-        # geometry of the arm at 0
-        Field("is_slide", np.int64, (JOINTS,)), Field("pitch", size=(JOINTS,)),
-        Field("zero_axis", size=(JOINTS, 3)), Field("zero_step", size=(JOINTS, 3)),
+        # axes of the chain, outward: the joint that moves each, how far, what it is, and where it is at 0
+        Field("axes", np.int64), Field("leader", np.int64, (CHAIN,)), Field("ratio", size=(CHAIN,)),
+        Field("is_slide", np.int64, (CHAIN,)), Field("pitch", size=(CHAIN,)),
+        Field("zero_axis", size=(CHAIN, 3)), Field("zero_step", size=(CHAIN, 3)),
         Field("tip_step", size=(3,)), Field("tip_quat", size=(4,)),
     )  # fmt: skip
 
@@ -175,12 +176,14 @@ class Task:
     def write(self, world: np.void) -> None:
         """Write its fields of a world's record."""
         world["frame"], world["frame_quat"], world["free"] = self.view.codes
-        arm, chain, m, n = self.arm, self.arm.chain, len(self.rows), self.arm.n
+        chain, m, n = self.arm.chain, len(self.rows), self.arm.n
         world["n"], world["m"], world["k"] = n, m, min(m, n)
         world["row"][:m], world["row_scale"][:m] = self.rows, self.row_scale
         world["joint_scale"][:n] = self.joint_scale
-        world["is_slide"][:n], world["pitch"][:n] = arm.is_slide, arm.pitch
-        world["zero_axis"][:n], world["zero_step"][:n] = chain.axis, chain.step
+        axes = world["axes"] = len(chain.names)
+        world["leader"][:axes], world["ratio"][:axes] = chain.leader, chain.ratio
+        world["is_slide"][:axes], world["pitch"][:axes] = np.isinf(chain.pitch), chain.pitch
+        world["zero_axis"][:axes], world["zero_step"][:axes] = chain.axis, chain.step
         world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
 
 
@@ -195,7 +198,7 @@ class SecondTask:
         # rows, scales, the site and the joints that move it, and where it shall be
         Field("m_2", np.int64), Field("row_2", np.int64, (ROWS,)), Field("row_scale_2", size=(ROWS,)),
         Field("frame_2", np.int64), Field("frame_quat_2", size=(4,)), Field("free_2", np.int64),
-        Field("site_2", np.int64), Field("moves_2", np.int64, (JOINTS,)), Field("pose_ref_2", size=(7,)),
+        Field("site_2", np.int64), Field("moves_2", np.int64, (CHAIN,)), Field("pose_ref_2", size=(7,)),
     )  # fmt: skip
 
     def __init__(self, first: Task, section: SecondarySection, start: Array) -> None:

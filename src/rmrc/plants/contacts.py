@@ -5,7 +5,7 @@ among it. What touches from the start on is at rest while it stays: parts of the
 or a hand that is closed, and what floats, such as a thing that is held. A floor is none of these.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import mujoco
 import numpy as np
@@ -91,7 +91,7 @@ class Contacts:
         self.first: dict[int, Pair] = {}
         self.resting: dict[int, list[Pair]] = {}
         self._rests: dict[int, set[Pair]] = {}  # still
-        self._model, self._batch, self._worlds, self._ticks = model, batch, worlds, ticks
+        self._model, self._batch, self._worlds, self._status = model, batch, worlds, ticks["status"]
         self._is_own, self._may_rest = _moved(model, wiring), _floats(model)
         self._may_rest |= self._is_own
         self._counts = batch.bind("nefc")  # each contact that is included has rows
@@ -99,9 +99,22 @@ class Contacts:
         self._known = b""  # the last of them: bytes compare in a tenth of a microsecond
         self._more = set[int]()  # worlds with contacts that do not count, so that their number says less
         self._touching: list[int] = []
+        self._is_busy = True
         self._data: mujoco.MjData | None = None
 
-    def see(self, t: int) -> None:
+    def after(self, control: Callable[[int], int]) -> Callable[[int], int]:
+        """Return what does a tick and notes who touches, in no more time than it must where nobody does."""
+        counts = self._counts.tobytes
+
+        def control_and_look(t: int) -> int:
+            running = control(t)
+            if self._is_busy or counts() != self._known:
+                self._see(t)
+            return running
+
+        return control_and_look
+
+    def _see(self, t: int) -> None:
         """Note who touches at tick t, which was written."""
         counts = self._counts.tobytes()
         again = self._more if t % LOOK_EVERY == 0 else ()
@@ -111,8 +124,10 @@ class Contacts:
             touching = set(self._touching) - looked
             self._touching = sorted(touching.union(w for w in looked if self._touches(w, t)))
             self._last[:] = self._counts
-        if self._touching:
-            self._ticks["status"][t % len(self._ticks), self._touching] |= CONTACT
+            self._is_busy = bool(self._touching or self._more)
+        row = self._status[t % len(self._status)]
+        for w in self._touching:
+            row[w] |= CONTACT
 
     def _touches(self, w: int, t: int) -> bool:
         """Look at the contacts of a world; return whether any of them counts."""

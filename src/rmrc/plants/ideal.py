@@ -20,12 +20,12 @@ def read_positions(world: Record, out: Record, state: Array, force: Array) -> No
 
 @compiled
 def integrate(world: Record, out: Record, state: Array) -> None:  # noqa: ARG001 - as all
-    """Move each joint, and the slide of a screw with its hinge: q⁺ = q + period · qdot."""
+    """Move each joint, and those that follow it: q⁺ = q + period · qdot."""
     for j in range(world.n):
-        rate = world.qdot_sent[j]
-        state[world.qpos_column[j]] += world.period * rate
-        if world.travel_column[j] >= 0:
-            state[world.travel_column[j]] += world.travel_ratio[j] * world.period * rate
+        state[world.qpos_column[j]] += world.period * world.qdot_sent[j]
+    for f in range(world.followers):
+        rate = world.qdot_sent[world.follows[f]]
+        state[world.follower_column[f]] += world.follower_ratio[f] * world.period * rate
 
 
 class Ideal(Plant):
@@ -40,4 +40,4 @@ class Ideal(Plant):
     def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
         """Return a model without actuators of the arm; what kinematics do not need is the first world's."""
         section = plants[0].section
-        return plants[0].arm.adapted(None, section.timestep, section.gravity_compensation)
+        return plants[0].arm.adapted(None, section.step, section.is_compensated)

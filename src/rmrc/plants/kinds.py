@@ -2,12 +2,13 @@
 
 from rmrc.law.jit import chain
 from rmrc.plants.ideal import Ideal
+from rmrc.plants.model import Model
 from rmrc.plants.plant import Plant
 from rmrc.plants.servo import Servo
 from rmrc.plants.torque import Torque
 from rmrc.scenario.choices import PLANTS
 
-CLASSES: tuple[type[Plant], ...] = (Ideal, Servo, Torque)
+CLASSES: tuple[type[Plant], ...] = (Ideal, Servo, Torque, Model)
 
 KINDS = {kind.name: kind for kind in CLASSES}
 if KINDS.keys() != set(PLANTS.names):

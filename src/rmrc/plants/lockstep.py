@@ -66,7 +66,7 @@ def tick(
     site_xquat: Array,
     xanchor: Array,
     xaxis: Array,
-    actuator_force: Array,
+    force: Array,
     qfrc_gravcomp: Array,
     t: int,
 ) -> int:
@@ -84,7 +84,7 @@ def tick(
         site_xquat: Orientation of each site.
         xanchor: Joint anchors.
         xaxis: Joint axes.
-        actuator_force: Forces of the last step.
+        force: Forces of the last step.
         qfrc_gravcomp: What compensates gravity, of all degrees of freedom, or (w, 0) where nothing does.
         t: Number of the tick.
     """
@@ -93,7 +93,7 @@ def tick(
         world, out = worlds[w], ticks[row, w]
         if world.diverged >= 0 or t >= world.ticks:
             continue
-        sense(world, out, state[w], actuator_force[w])
+        sense(world, out, state[w], force[w])
         is_misled = read_joints(world, out, site_xpos[w], site_xquat[w])
         world.diverged_joint = bad_joint(world, warning[w])
         if world.diverged_joint >= -1:
@@ -144,11 +144,12 @@ def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
     """Read what compensates gravity, and return TORQUE_LIMITED if a drive is at its limit."""
     status, compensated = 0, gravcomp.shape[0] > 0
     for j in range(world.n):
-        out.tau_gravity[j] = gravcomp[world.dof[j]] if compensated else 0.0
-        if compensated and world.travel_column[j] >= 0:
-            out.tau_gravity[j] += world.travel_ratio[j] * gravcomp[world.travel_dof[j]]
+        out.tau_gravity[j] = world.gravity_apart[j] * gravcomp[world.dof[j]] if compensated else 0.0
         if abs(out.tau[j]) >= AT_LIMIT * world.torque_limit[j] > 0.0:
             status = TORQUE_LIMITED
+    for f in range(world.followers if compensated else 0):
+        load = world.follower_ratio[f] * gravcomp[world.follower_dof[f]]
+        out.tau_gravity[world.follows[f]] += world.gravity_apart[world.follows[f]] * load
     return status
 
 
@@ -220,6 +221,9 @@ def bad_joint(world: Record, warning: NDArray[np.int32]) -> int:
             for j in range(world.n):
                 if world.dof[j] == warning[kind, 0]:
                     return j
+            for f in range(world.followers):
+                if world.follower_dof[f] == warning[kind, 0]:
+                    return int(world.follows[f])
             return -1
     return -2
 

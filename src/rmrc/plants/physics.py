@@ -8,7 +8,7 @@ from typing import ClassVar, Self
 import mujoco
 import numpy as np
 
-from rmrc.arm import Drive, Wiring
+from rmrc.arm import Drive, Own, Wiring
 from rmrc.arm.differences import loaded_fields
 from rmrc.arm.inventory import actuators
 from rmrc.law.jit import Array, Record, compiled
@@ -59,19 +59,25 @@ class Physical(Plant):
     sense = staticmethod(read_drives)
     fields: ClassVar[tuple[Field, ...]] = (
         Field("wrench", size=(6,)), Field("torque_limit", size=(JOINTS,), start=math.inf),
+        Field("gravity_apart", size=(JOINTS,)),
     )  # fmt: skip
     stage = mujoco.mjtStage.mjSTAGE_VEL
     drives: ClassVar[tuple[str, str]]  # what they are called, and the kind of actuator that they are
 
     @classmethod
     @abstractmethod
-    def drive(cls, plants: Sequence[Self]) -> Drive:
+    def drive(cls, plants: Sequence[Self]) -> Drive | Own:
         """Return the actuators of the model that worlds share."""
+
+    @property
+    def timestep(self) -> float:
+        """MuJoCo's step [s]."""
+        return self.section.step
 
     @property
     def substeps(self) -> int:
         """MuJoCo's steps in a control period."""
-        return round(self.period / self.section.timestep)
+        return round(self.period / self.timestep)
 
     @property
     def is_loaded(self) -> bool:
@@ -79,17 +85,22 @@ class Physical(Plant):
         return self.section.payload > 0.0
 
     @property
+    def gravity_apart(self) -> Array:
+        """1 of joints whose `tau` is without what compensates gravity, 0 of those whose `tau` has it, (n,)."""
+        return np.ones(self.arm.n)
+
+    @property
     def shares(self) -> Hashable:
         """What worlds must have in common: besides the arm their steps, and a body where a payload goes."""
         section = self.section
-        return super().shares, section.timestep, section.gravity_compensation, self.substeps, self.is_loaded
+        return super().shares, self.timestep, section.is_compensated, self.substeps, self.is_loaded
 
     @classmethod
     def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
         """Return the model with the plant's actuators: see `Arm.adapted`."""
         first = plants[0]
-        timestep, compensated = first.section.timestep, first.section.gravity_compensation
-        return first.arm.adapted(cls.drive(plants), timestep, compensated, loaded=first.is_loaded)
+        compensated = first.section.is_compensated
+        return first.arm.adapted(cls.drive(plants), first.timestep, compensated, loaded=first.is_loaded)
 
     def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
         """Return lengths, gravity and payload of this world."""
@@ -102,8 +113,9 @@ class Physical(Plant):
         return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
 
     def write(self, world: np.void) -> None:
-        """Write the wrench, and the limits of the drives."""
+        """Write the wrench, the limits of the drives, and where they have no part in gravity compensation."""
         world["wrench"], world["torque_limit"][: self.arm.n] = self.section.wrench, self.arm.torque_limit
+        world["gravity_apart"][: self.arm.n] = self.gravity_apart
 
     def assumed(self) -> Iterator[Assumed]:
         """Yield actuators that it replaces, and what of options and gravity is not the model's."""
@@ -118,10 +130,10 @@ class Physical(Plant):
                 f"integrator implicitfast instead of the model's {name}",
                 integrator != mujoco.mjtIntegrator.mjINT_EULER,  # what a model has that names none
             )
-        if model.opt.timestep != section.timestep:
-            text = f"timestep {section.timestep:g} s instead of the model's {model.opt.timestep:g} s"
+        if model.opt.timestep != self.timestep:
+            text = f"timestep {self.timestep:g} s instead of the model's {model.opt.timestep:g} s"
             yield Assumed(text, model.opt.timestep != _UNSAID_TIMESTEP)
-        if section.gravity_compensation and not self.arm.is_balanced:
+        if section.is_compensated and not self.arm.is_balanced:
             yield Assumed("gravity compensation of the arm, which the model does not have", False)
 
     def _replaced(self) -> dict[str, list[str]]:
@@ -134,7 +146,7 @@ class Physical(Plant):
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
         """Yield what is wrong with the steps of a run of so many control ticks."""
-        timestep, steps = self.section.timestep, ticks * float(self.substeps)
+        timestep, steps = self.timestep, ticks * float(self.substeps)
         if steps > MOST_STEPS:
             yield (
                 "plant.timestep",

@@ -69,10 +69,11 @@ class Plant(ABC):
         period: Control period [s].
         name: As it is declared.
         sense: Compiled, (world, out, state, force): writes `out.q`, `out.qdot` and `out.tau`, from MuJoCo's
-            state row and the actuators' forces.
+            state row and the forces of the last step.
         obey: Compiled, (world, out, state): brings `world.qdot_sent` into MuJoCo's state row.
         fields: Of the record of a world, those that `write` writes.
         memory: Those that the compiled functions keep for themselves, 0 at first.
+        forces: The field of MjData that `sense` gets for the forces of the last step.
         stage: How far MuJoCo computes what follows from a new state: all that `sense` reads is fresh.
         batches: How many of MuJoCo's it takes at most.
     """
@@ -82,6 +83,7 @@ class Plant(ABC):
     obey: ClassVar[Callable[..., None]]
     fields: ClassVar[tuple[Field, ...]] = ()
     memory: ClassVar[tuple[Field, ...]] = ()
+    forces: ClassVar[str] = "actuator_force"
     stage: ClassVar[mujoco.mjtStage]
     batches: ClassVar[int] = 1
 

@@ -56,11 +56,11 @@ def write_resistance(
     loss, inertia, decay = _friction(model)
     own = wiring.dof
     damping_of, loss_of, inertia_of = damping[own], loss[own], inertia[own]
-    for address, travel in zip(wiring.travel_dof, arm.travels, strict=True):
-        ratio = abs(travel.ratio)
-        damping_of[travel.hinge] += damping[address] * ratio ** np.array([2.0, 3.0, 4.0])
-        loss_of[travel.hinge] += ratio * loss[address]
-        inertia_of[travel.hinge] += ratio**2 * inertia[address]
+    for address, one in zip(wiring.follower_dof, arm.followers, strict=True):
+        ratio = abs(one.ratio)
+        damping_of[one.leader] += damping[address] * ratio ** np.array([2.0, 3.0, 4.0])
+        loss_of[one.leader] += ratio * loss[address]
+        inertia_of[one.leader] += ratio**2 * inertia[address]
     resists = damping_of.any(axis=1) | (loss_of > 0.0)
     worlds["resists"][:, : arm.n] = resists & compensates[:, None]
     worlds["damping"][:, : arm.n], worlds["friction_loss"][:, : arm.n] = damping_of, loss_of

@@ -62,7 +62,7 @@ class Servo(Physical):
         chatter when they reach their torque limits.
         """
         kv, arm = self.section.kv, self.arm
-        return arm.inertia / self.section.timestep + arm.damping if kv is None else np.full(arm.n, kv)
+        return arm.inertia / self.timestep + arm.damping if kv is None else np.full(arm.n, kv)
 
     @classmethod
     def drive(cls, plants: Sequence[Self]) -> RateServos:

@@ -39,13 +39,6 @@ def _keep_and(control: Callable[[int], int], positions: Array, kept: Array, t: i
     return control(t)
 
 
-def _see_and(control: Callable[[int], int], contacts: Contacts, t: int) -> int:
-    """Do the tick, and note who touches."""
-    running = control(t)
-    contacts.see(t)
-    return running
-
-
 def _nothing(count: int) -> Array:
     """Return no values of so many worlds, of the type of what MuJoCo computes."""
     nothing = np.empty((count, 0))
@@ -80,8 +73,8 @@ class Stepper:
             plants: That of each world: of one class, and what they share is equal.
             worlds: Records with all parameters set, (w,); the wiring is written.
             qpos: Start, (w, nq).
-            held: Controls and activations of the actuators that are not the arm's, which the model has before
-                the others, (w, …) each.
+            held: Controls and activations of the actuators that the model has before those of the plant,
+                (w, …) each.
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
             ticks: Where the tick records go, (rows, w); with fewer rows than ticks, they are used again.
             batches: Where MuJoCo's part comes from.
@@ -111,7 +104,7 @@ class Stepper:
         compensates = np.array([plant.compensates for plant in plants])
         write_wiring(worlds, model, wiring, [plant.arm for plant in plants], compensates)
         # bound before the first forward, so that it fills them
-        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force")
+        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
         seen = [self._batch.bind(field) for field in fields]
         is_compensated = plants[0].has_physics and model.ngravcomp > 0
         seen.append(self._batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds)))
@@ -120,7 +113,7 @@ class Stepper:
         self.contacts: Contacts | None = None
         if plants[0].has_physics and can_touch(model, wiring):
             self.contacts = Contacts(model, wiring, self._batch, worlds, ticks)
-            self._tick = partial(_see_and, self._tick, self.contacts)
+            self._tick = self.contacts.after(self._tick)
         self.positions: Array | None = None
         if has_others(wiring, model.nq):
             self.positions = np.empty((len(ticks), *positions.shape))

@@ -1,7 +1,7 @@
 """The torque plant: computed torque, which takes the arm's own dynamics out, in MuJoCo's physics."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, Self
@@ -16,7 +16,6 @@ from rmrc.law.record import JOINTS, Field
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.plant import BeforeSteps, Wired
 from rmrc.plants.resistance import friction_at
-from rmrc.plants.servo import Servo
 
 
 @compiled
@@ -38,13 +37,15 @@ def computed_torque(
     qfrc_passive: Array,
     mass: Array,
     mass_entries: NDArray[np.int64],
+    mass_factors: Array,
     free: NDArray[np.int64],
     free_damping: Array,
 ) -> None:
-    """Set tau = M qddot + bias − passive [Luh80], and what damping and dry friction take besides.
+    """Set tau = Fᵀ (M F qddot + bias − passive) [Luh80], and what damping and dry friction take besides.
 
-    Degrees of freedom that are free give way, M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm
-    feels as M_au qddot_u [Spong94]. All others of the model are taken to be at rest.
+    With each joint, F moves those that follow it; without any, it is 1. Degrees of freedom that are free give
+    way, M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm feels as M_au qddot_u [Spong94]. All
+    others of the model are taken to be at rest.
 
     Args:
         worlds: World records with the wanted acceleration, (w,).
@@ -52,8 +53,10 @@ def computed_torque(
         qfrc_bias: Gravity and velocity forces, (w, nv).
         qfrc_passive: Springs, dampers and gravity compensation, (w, nv).
         mass: Joint-space inertia, the entries of its lower triangle, (w, nM).
-        mass_entries: For each entry between two joints of the arm: both joints and its index, (e, 3); free
-            degrees of freedom are numbered after the joints.
+        mass_entries: For each entry between two joints that move with the arm: which of its joints moves
+            each, its index, and whether it is the inertia of one of the arm's, (e, 4); free degrees of
+            freedom are numbered after the joints.
+        mass_factors: How far they move for these, one times the other, (e,).
         free: Addresses of those in qvel, (u,).
         free_damping: What implicit steps add to their inertia, (u,).
     """
@@ -62,19 +65,24 @@ def computed_torque(
         for j in range(world.n):
             dof = world.dof[j]
             state[w, world.ctrl_column[j]] = qfrc_bias[w, dof] - qfrc_passive[w, dof]
+        for f in range(world.followers):
+            dof, column = world.follower_dof[f], world.ctrl_column[world.follows[f]]
+            state[w, column] += world.follower_ratio[f] * (qfrc_bias[w, dof] - qfrc_passive[w, dof])
         for e in range(mass_entries.shape[0]):
-            i, j, inertia = mass_entries[e, 0], mass_entries[e, 1], mass[w, mass_entries[e, 2]]
+            i, j = mass_entries[e, 0], mass_entries[e, 1]
+            inertia = mass_factors[e] * mass[w, mass_entries[e, 2]]
             if max(i, j) >= world.n:
                 continue
             state[w, world.ctrl_column[i]] += inertia * world.qddot[j]
             if i != j:  # only the lower triangle is stored
                 state[w, world.ctrl_column[j]] += inertia * world.qddot[i]
-            elif world.resists[i]:
+            elif world.resists[i] and mass_entries[e, 3]:
+                if world.followers > 0:
+                    inertia = _carried(i, mass[w], mass_entries, mass_factors)
                 state[w, world.ctrl_column[i]] += _resisted(world, i, inertia)
         if len(free) > 0:
-            give_way(
-                world, state[w], qfrc_passive[w] - qfrc_bias[w], mass[w], mass_entries, free, free_damping
-            )
+            force = qfrc_passive[w] - qfrc_bias[w]
+            give_way(world, state[w], force, mass[w], mass_entries, mass_factors, free, free_damping)
 
 
 @compiled
@@ -84,18 +92,19 @@ def give_way(
     force: Array,
     mass: Array,
     entries: NDArray[np.int64],
+    factors: Array,
     free: NDArray[np.int64],
     damping: Array,
 ) -> None:
     """Add to the controls what the arm feels of degrees of freedom that give way; as `computed_torque`."""
     n, inertias, coupling = world.n, np.diag(damping), np.zeros((len(free), world.n))
     for e in range(entries.shape[0]):
-        i, j, inertia = entries[e, 0], entries[e, 1], mass[entries[e, 2]]
+        i, j, inertia = entries[e, 0], entries[e, 1], factors[e] * mass[entries[e, 2]]
         if min(i, j) >= n:
             inertias[i - n, j - n] += inertia
             inertias[j - n, i - n] = inertias[i - n, j - n]
         elif max(i, j) >= n:
-            coupling[max(i, j) - n, min(i, j)] = inertia
+            coupling[max(i, j) - n, min(i, j)] += inertia
     answer = force[free]
     for u in range(len(free)):
         for j in range(n):
@@ -104,6 +113,16 @@ def give_way(
     for j in range(n):
         for u in range(len(free)):
             state[world.ctrl_column[j]] += coupling[u, j] * answer[u]
+
+
+@compiled
+def _carried(j: int, mass: Array, entries: NDArray[np.int64], factors: Array) -> Any:
+    """Return the inertia that joint j feels alone, of all that moves with it."""
+    inertia = 0.0
+    for e in range(entries.shape[0]):
+        if entries[e, 0] == j and entries[e, 1] == j:
+            inertia += factors[e] * mass[entries[e, 2]]
+    return inertia
 
 
 @compiled
@@ -190,8 +209,9 @@ class Torque(Physical):
             known = wired.take([plant.known(wired.model, wired.wiring) for plant in plants])
         forces = [known.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
         model, free = wired.model, _free(wired.model, wired.wiring, plants[0].arm)
+        masses = _mass_entries(model, wired.wiring, plants[0].arm, free)
         arrays: tuple[Any, ...] = (
-            wired.worlds, batch.state, *forces, _mass_entries(model, [*wired.wiring.dof, *free]), free,
+            wired.worlds, batch.state, *forces, *masses, free,
             model.opt.timestep * model.dof_damping[free],
         )  # fmt: skip
         set_torques = partial(machine_code(computed_torque, *arrays), *arrays)
@@ -204,16 +224,6 @@ class Torque(Physical):
 
         return before
 
-    def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield that it knows no screws, if the arm has one."""
-        if self.arm.travels:
-            hinge = self.arm.joints[self.arm.travels[0].hinge]
-            yield (
-                "plant.kind",
-                f'"{self.name}" knows no screw joints, and joint "{hinge}" of {self.arm.path} is one; '
-                f'take "{Servo.name}"',
-            )
-
 
 def _free(model: mujoco.MjModel, wiring: Wiring, arm: Arm) -> NDArray[np.int64]:
     """Return the degrees of freedom of the arm's tree that `arm.others: free` frees, (u,)."""
@@ -223,13 +233,21 @@ def _free(model: mujoco.MjModel, wiring: Wiring, arm: Arm) -> NDArray[np.int64]:
     return np.flatnonzero(in_tree & np.isin(model.dof_jntid, list(arm.others.locked)))
 
 
-def _mass_entries(model: mujoco.MjModel, dofs: Sequence[int]) -> NDArray[np.int64]:
-    """Return (number, number, index) of each stored entry of M between some degrees of freedom, (e, 3)."""
-    joint = {int(dof): j for j, dof in enumerate(dofs)}
-    entries = [
-        (joint[row], joint[int(model.M_colind[e])], e)
-        for row in joint
-        for e in range(model.M_rowadr[row], model.M_rowadr[row] + model.M_rownnz[row])
-        if int(model.M_colind[e]) in joint
-    ]
-    return np.array(entries, np.int64)
+def _mass_entries(
+    model: mujoco.MjModel, wiring: Wiring, arm: Arm, free: NDArray[np.int64]
+) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """Return mass_entries (e, 4) and mass_factors (e,), as `computed_torque` has them."""
+    moved = {int(dof): (j, 1.0) for j, dof in enumerate([*wiring.dof, *free])}
+    for dof, one in zip(wiring.follower_dof, arm.followers, strict=True):
+        moved[int(dof)] = one.leader, one.ratio
+    own, entries, factors = set(wiring.dof.tolist()), [], []
+    for row, (i, ratio) in moved.items():
+        for e in range(model.M_rowadr[row], model.M_rowadr[row] + model.M_rownnz[row]):
+            column = int(model.M_colind[e])
+            if column in moved:
+                j, other = moved[column]
+                # of two joints that move as one, only the lower triangle is stored
+                twice = 2.0 if i == j and row != column else 1.0
+                entries.append((i, j, e, row == column and row in own))
+                factors.append(twice * ratio * other)
+    return np.array(entries, np.int64), np.array(factors)

@@ -8,23 +8,26 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
 from rmrc.law.jit import Array
-from rmrc.law.record import JOINTS, Field
+from rmrc.law.record import CHAIN, JOINTS, Field
 from rmrc.plants.resistance import RESISTANCE, write_resistance
 
 WIRING = (
-    Field("joint", np.int64, (JOINTS,)),
+    Field("joint", np.int64, (CHAIN,)),
     Field("dof", np.int64, (JOINTS,)),
     Field("force", np.int64, (JOINTS,)),
     Field("site", np.int64),
     Field("body", np.int64),
-    # columns of the state row; of the slide of a screw joint, or -1, with what it moves for each radian
+    # columns of the state row
     Field("qpos_column", np.int64, (JOINTS,)),
     Field("qvel_column", np.int64, (JOINTS,)),
     Field("ctrl_column", np.int64, (JOINTS,)),
     Field("wrench_column", np.int64),
-    Field("travel_column", np.int64, (JOINTS,)),
-    Field("travel_ratio", size=(JOINTS,)),
-    Field("travel_dof", np.int64, (JOINTS,)),
+    # joints that follow others, both halves of a screw apart: which, how far, where their numbers are
+    Field("followers", np.int64),
+    Field("follows", np.int64, (CHAIN,)),
+    Field("follower_ratio", size=(CHAIN,)),
+    Field("follower_column", np.int64, (CHAIN,)),
+    Field("follower_dof", np.int64, (CHAIN,)),
     # from the center of mass of the body that carries the site to the site, in the site's frame
     Field("lever", size=(3,)),
     *RESISTANCE,
@@ -49,26 +52,26 @@ def write_wiring(
     """
     n = arms[0].n
     has_drives = (wiring.actuator >= 0).all()  # the ideal plant needs none
-    worlds["joint"][:, :n], worlds["dof"][:, :n] = wiring.joint, wiring.dof
+    worlds["joint"][:, : len(wiring.axis)], worlds["dof"][:, :n] = wiring.axis, wiring.dof
     worlds["force"][:, :n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
     worlds["site"], worlds["body"] = wiring.site, wiring.body
-    worlds["qpos_column"][:, :n] = _column(model, "QPOS") + wiring.qpos
-    worlds["qvel_column"][:, :n] = _column(model, "QVEL") + wiring.dof
+    worlds["qpos_column"][:, :n] = column(model, "QPOS") + wiring.qpos
+    worlds["qvel_column"][:, :n] = column(model, "QVEL") + wiring.dof
     controls = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
-    worlds["ctrl_column"][:, :n] = _column(model, "CTRL") + controls
-    worlds["wrench_column"] = _column(model, "XFRC_APPLIED") + 6 * wiring.body
-    worlds["travel_column"] = -1
-    for address, dof, travel in zip(wiring.travel_qpos, wiring.travel_dof, arms[0].travels, strict=True):
-        worlds["travel_column"][:, travel.hinge] = _column(model, "QPOS") + address
-        worlds["travel_dof"][:, travel.hinge] = dof
-        worlds["travel_ratio"][:, travel.hinge] = travel.ratio
+    worlds["ctrl_column"][:, :n] = column(model, "CTRL") + controls
+    worlds["wrench_column"] = column(model, "XFRC_APPLIED") + 6 * wiring.body
+    followers = worlds["followers"] = len(arms[0].followers)
+    worlds["follows"][:, :followers] = [one.leader for one in arms[0].followers]
+    worlds["follower_ratio"][:, :followers] = [one.ratio for one in arms[0].followers]
+    worlds["follower_column"][:, :followers] = column(model, "QPOS") + wiring.follower_qpos
+    worlds["follower_dof"][:, :followers] = wiring.follower_dof
     carrier = model.body(wiring.body).name
     stretch = np.array([arm.stretch.get(carrier, 1.0) for arm in arms])
     worlds["lever"] = _lever(model, wiring) * stretch[:, None]
     write_resistance(worlds, model, wiring, arms[0], compensates)
 
 
-def _column(model: mujoco.MjModel, component: str) -> int:
+def column(model: mujoco.MjModel, component: str) -> int:
     """Return where a component begins in a state row: components are stored in the order of their bits."""
     bit = int(getattr(mujoco.mjtState, f"mjSTATE_{component}"))
     return int(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION) & (bit - 1)))

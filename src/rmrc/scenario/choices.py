@@ -479,10 +479,12 @@ class Plant(Choice):
 
     Attributes:
         physics: Whether MuJoCo steps it, with gravity, loads and torques; else it has kinematics alone.
+        own: Whether it is the model as its author wrote it: drives, timestep, gravity compensation.
         equation: What it does with the commanded rates, as the README's table says.
     """
 
     physics: bool = True
+    own: bool = False
     equation: str = ""
 
 
@@ -510,13 +512,18 @@ class Plants:
 
     @property
     def parameters(self) -> Iterator[Parameter]:
-        """What each has for itself."""
-        return (parameter for one in self.options for parameter in one.parameters)
+        """What they read, each once."""
+        return iter(dict.fromkeys(parameter for one in self.options for parameter in one.parameters))
 
     @property
     def physical(self) -> str:
         """The names of those that MuJoCo steps."""
         return ", ".join(one.name for one in self.options if one.physics)
+
+    @property
+    def own(self) -> str:
+        """The names of those that are the model as its author wrote it."""
+        return ", ".join(one.name for one in self.options if one.own)
 
 
 IDEAL = Plant(
@@ -537,11 +544,20 @@ SERVO = Plant(
     equation="torque = kv · (qdot_cmd − qdot), and what resists the joint at qdot_cmd, in MuJoCo's physics",
     others="velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
 )  # fmt: skip
+BANDWIDTH = Parameter(
+    "bandwidth", "torque, and motors of the model: acceleration for a given rate error", 500.0, "1/s"
+)
 TORQUE = Plant(
-    "torque", "computed torques", "Luh80",
-    (Parameter("bandwidth", "torque: acceleration for a given rate error", 500.0, "1/s"),),
+    "torque", "computed torques", "Luh80", (BANDWIDTH,),
     equation="computed torque: M (Δqdot_cmd/period + bandwidth · (qdot_cmd − qdot)) + bias + friction",
     others="computed_torque effort inverse_dynamics motor force acceleration",
 )  # fmt: skip
 
-PLANTS = Plants("servo", (IDEAL, SERVO, TORQUE))
+MODEL = Plant(
+    "model", "the model's own actuators", "", (BANDWIDTH,), own=True,
+    equation="the model's own actuators, in its own physics: position servos get the integral of qdot_cmd, "
+    "rate servos qdot_cmd, motors computed torque",
+    others="own native actuators drives author authors robot real mjcf position position_servo",
+)  # fmt: skip
+
+PLANTS = Plants("servo", (IDEAL, SERVO, TORQUE, MODEL))

@@ -424,6 +424,10 @@ else:
     )
 
 
+# MuJoCo's step where neither the scenario nor the plant says another [s].
+TIMESTEP = 0.001
+
+
 class PlantSection(_PlantKeys):
     """What obeys the commanded rates."""
 
@@ -431,11 +435,16 @@ class PlantSection(_PlantKeys):
 
         def __init__(self, **values: Any) -> None: ...  # noqa: D107 - of a model
 
-    timestep: Positive = key(
-        f"{PLANTS.physical}: MuJoCo's step; control.period is an integer multiple of it", 0.001, "s"
+    timestep: Positive | None = key(
+        f"{PLANTS.physical}: MuJoCo's step; control.period is an integer multiple of it; null: {TIMESTEP:g}, "
+        f"and for {PLANTS.own} the model's own, or the next shorter that divides control.period",
+        None,
+        "s",
     )
-    gravity_compensation: Switch = key(
-        f"{PLANTS.physical}: whether gravity is balanced by the arm itself", default=True
+    gravity_compensation: Switch | None = key(
+        f"{PLANTS.physical}: whether gravity is balanced by the arm itself; null: true, and for {PLANTS.own} "
+        "as the model has it",
+        None,
     )
     friction_compensation: Switch = key(
         "servo, torque: whether the drives also give what damping and dry friction of the joints take at the "
@@ -452,6 +461,17 @@ class PlantSection(_PlantKeys):
         f"{PLANTS.physical}: gravity along world axes; null: the model's own", None, "m/s²"
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
+
+    @property
+    def step(self) -> float:
+        """MuJoCo's step, where the model has no say in it [s]."""
+        return TIMESTEP if self.timestep is None else self.timestep
+
+    @property
+    def is_compensated(self) -> bool:
+        """Whether the bodies of the arm are made to float; if not, they are as the model has them."""
+        wanted = self.gravity_compensation
+        return not PLANTS[self.kind].own if wanted is None else wanted
 
 
 class Check(Choice):
@@ -558,8 +578,11 @@ class Sections(Section):
         return self
 
 
-def uneven(kind: str, period: float, timestep: float) -> str | None:
+def uneven(kind: str, period: float, timestep: float | None) -> str | None:
     """Return why a control period is not made of whole steps, if so; a plant without physics has none."""
+    if timestep is None and PLANTS[kind].own:
+        return None
+    timestep = TIMESTEP if timestep is None else timestep
     ratio = period / timestep
     # 1e-9: decimal fractions such as 0.003/0.001 are off by some 1e-16, real mistakes by far more.
     whole = 0.5 < ratio < math.inf and abs(ratio - round(ratio)) <= 1e-9 * ratio

@@ -138,7 +138,7 @@ class Prepared:
         scenario: As written.
         arm: The arm that it names.
         qpos: Where the model starts, (nq,).
-        held: Controls and activations of the actuators that are not the arm's: see `Arm.held`.
+        held: Controls and activations of the author's actuators: see `Arm.held`.
         reference: Poses and twists at each control tick.
         cache: What it shares with others.
     """
@@ -221,6 +221,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     cache = cache or Cache()
     try:
         arm = cache.arm(scenario.arm)
+        arm.require_open()
     except ModelError as error:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
     tell_assumed(note for note in arm.notes if note != arm.obvious or scenario.arm.site is None)
@@ -243,7 +244,8 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([scenario.problem(key, text)]) from None
-    prepared = Prepared(scenario, arm, qpos, arm.held(scenario.arm.start, qpos), reference, cache)
+    held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
+    prepared = Prepared(scenario, arm, qpos, held, reference, cache)
     _check_duration(prepared, problems)
     problems.extend(hardware.plant.excesses(prepared.most_ticks))
     problems.raise_any()
@@ -270,7 +272,7 @@ def _start(scenario: Scenario, arm: Arm, problems: Problems) -> NDArray[np.float
                 f"{arm.units[j]}, got {position:.6g}{_in_degrees(arm, j, position)}",
             )
     if scenario.arm.pose is not None:
-        own = [*arm.wiring.qpos, *arm.wiring.travel_qpos]
+        own = [*arm.wiring.qpos, *arm.wiring.follower_qpos]
         try:
             placed = arm.at(qpos)
             q = start_positions(placed, scenario.arm.pose, qpos[arm.wiring.qpos], scenario.task.length)
@@ -427,4 +429,6 @@ def writers(prepared: Prepared, reference: int) -> tuple[Writer, ...]:
 def world_records(prepared: Sequence[Prepared], references: Sequence[int]) -> NDArray[np.void]:
     """Return the records of worlds whose arms have the same joints, (w,): by `writers`, not yet wired."""
     beside = (*WIRING, *Hardware.memory)
-    return records(prepared[0].arm.n, *map(writers, prepared, references), beside=beside)
+    arm = prepared[0].arm
+    axes = arm.n + len(arm.followers)
+    return records(arm.n, *map(writers, prepared, references), beside=beside, axes=axes)

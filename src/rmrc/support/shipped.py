@@ -14,6 +14,7 @@ from typing import Literal
 from rmrc.support.errors import did_you_mean
 
 Folder = Literal["scenarios", "models"]
+MOTION = ".csv"  # of the files that scenarios follow, beside them
 SUFFIX: Mapping[Folder, str] = {"scenarios": ".yaml", "models": ".xml"}
 
 # Characters of what a file is about, at least: less says nothing.
@@ -114,7 +115,7 @@ def _copy(folder: Path) -> None:
     """Copy all shipped files into a folder, with the modes of new files."""
     for name, suffix in SUFFIX.items():
         source = (root() or Path()) / name
-        for file in sorted(source.rglob(f"*{suffix}")):
+        for file in sorted(file for file in source.rglob("*") if file.suffix in (suffix, MOTION)):
             copy = folder / name / file.relative_to(source)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(file, copy)

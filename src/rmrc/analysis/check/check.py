@@ -64,6 +64,7 @@ def check(
         (True, [])
     """
     arm = read_arm(model, site, body, packages, joints)
+    arm.require_open()
     suits = scales(arm)
     if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
         raise QuestionError(

@@ -122,6 +122,7 @@ def ik(
     if every and method != "damped":
         raise QuestionError(f'every takes the method "damped" alone, got "{method}"')
     asked = subject(model, q, keyframe, site, axes, length, body, packages)
+    asked.arm.require_open()
     task, start = asked.task, asked.q
     goal = _goal(task, to, quat, to_q, pose)
     if not every:

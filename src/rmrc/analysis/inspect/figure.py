@@ -78,7 +78,7 @@ def figure(found: Sequence[Inspection]) -> Figure:
 
 def moving_planes(arm: Arm) -> list[list[int]]:
     """Return the planes to draw, two of the world's axes each: that of a planar arm, else x-y and x-z."""
-    slides, axis = arm.is_slide, np.abs(arm.chain.axis)
+    slides, axis = np.isinf(arm.chain.pitch), np.abs(arm.chain.axis)
     for normal in range(3):
         across = np.all(axis[slides, normal] < PARALLEL)
         if (
@@ -92,7 +92,7 @@ def moving_planes(arm: Arm) -> list[list[int]]:
 
 
 def skeleton(found: Inspection) -> Array:
-    """Return what a stick figure joins: base, a point on each joint's axis, site, (n + 2, 3) [m]."""
+    """Return what a stick figure joins: base, a point on each axis, site, (ℓ + 2, 3) [m]."""
     arm = found.arm
     poses, _ = arm.frames(arm.configuration(found.q)[None])
     frames = accumulate(link_transforms(arm, found.q)[0], np.matmul)
@@ -144,7 +144,7 @@ def _draw(
     axes.plot(*points.T, "-", color=gray, linewidth=3.0, solid_capstyle="round", zorder=3)
     axes.plot(*points[0], "^", color=gray, markersize=11, zorder=4)
     for kind, mark in MARKS.items():
-        at = points[1:-1][[found.arm.kinds[i] == kind for i in range(found.arm.n)]]
+        at = points[1:-1][[one == kind for one in found.arm.chain.kinds]]
         axes.plot(
             *at.T, mark, markerfacecolor="white", markeredgecolor=gray, markersize=8, zorder=5, linestyle=""
         )
@@ -154,7 +154,7 @@ def _draw(
 def _legend(found: Sequence[Inspection], scales: tuple[float, float], cut: float) -> list[Line2D]:
     """Return what the marks mean, the scales of the ellipses, and which number is which configuration."""
     arm = found[0].arm
-    kinds = {arm.kinds[i] for i in range(arm.n)}
+    kinds = set(arm.chain.kinds)
     marks = [("base", "^", "black")]
     marks += [(kind, mark, "white") for kind, mark in MARKS.items() if kind in kinds]
     marks.append(("site", "x", "black"))

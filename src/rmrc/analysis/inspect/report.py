@@ -297,7 +297,7 @@ def _torques(balance: Balance) -> Sheet:
 def _reactions(balance: Balance) -> Sheet:
     rows = [
         (joint, *(number(_clean(value)) for value in reaction))
-        for joint, reaction in zip(balance.arm.joints, balance.reaction_world, strict=True)
+        for joint, reaction in zip(balance.arm.axis_names, balance.reaction_world, strict=True)
     ]
     return Sheet(
         "Force [N] and moment [N m] on the link behind each joint by the one before, there, in the world",

@@ -36,7 +36,7 @@ def jacobians(arm: Arm, q: Sequence[float] | Array) -> dict[str, Array]:
     return {
         "mujoco": arm.jacobian(q),
         "screws": jacobian_by_screws(arm, q),
-        "propagation": jacobian_by_propagation(links, pitch, tip),
+        "propagation": arm.chain.gathered(jacobian_by_propagation(links, pitch, tip), arm.n),
         "differences": jacobian_by_differences(arm, q),
     }
 
@@ -51,15 +51,16 @@ def jacobian_by_screws(arm: Arm, q: Sequence[float] | Array) -> Array:
     Returns:
         Rows [v; ω] of the site along world axes, (6, n).
     """
-    screws = joint_screw(arm.chain.axis, _points(arm), arm.pitch)
-    tip = product_of_exponentials(screws, q, _tip_at_zero(arm))[:3, 3]
-    return geometric_from_screws(space_jacobian(screws, q), tip)
+    screws = joint_screw(arm.chain.axis, _points(arm), arm.chain.pitch)
+    moved = arm.chain.positions(q)
+    tip = product_of_exponentials(screws, moved, _tip_at_zero(arm))[:3, 3]
+    return arm.chain.gathered(geometric_from_screws(space_jacobian(screws, moved), tip), arm.n)
 
 
 def link_transforms(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array, Array]:
     """Return the link transforms of the arm, for `rmrc.textbook.propagation`.
 
-    Frame {i} is fixed in link i, its z along the axis of joint i; at q = 0 its origin is MuJoCo's anchor. It
+    Frame {i} is fixed in link i, its z along axis i of the chain; at q = 0 its origin is MuJoCo's anchor. It
     moves as a modified DH link of no length and twist: q turns about z, or slides along it.
 
     Args:
@@ -67,9 +68,9 @@ def link_transforms(arm: Arm, q: Sequence[float] | Array) -> tuple[Array, Array,
         q: Joint positions, (n,) [rad or m].
 
     Returns:
-        T_i-1_i, (n, 4, 4); the pitch of each joint, (n,) [m/rad]; and T_n_site, (4, 4).
+        T_i-1_i, (ℓ, 4, 4); the pitch of each axis, (ℓ,) [m/rad]; and T_n_site, (4, 4).
     """
-    q, pitch, n = np.asarray(q, dtype=np.float64), arm.pitch, arm.n
+    q, pitch, n = arm.chain.positions(q), arm.chain.pitch, len(arm.chain.pitch)
     still = np.zeros((n + 2, 4, 4))
     still[:] = np.eye(4)
     still[1:-1, :3, :3], still[1:-1, :3, 3] = _turned_to(arm.chain.axis), _points(arm)
@@ -98,7 +99,7 @@ def jacobian_by_differences(arm: Arm, q: Sequence[float] | Array) -> Array:
 
 
 def _points(arm: Arm) -> Array:
-    """Return a point on each joint's axis at q = 0, (n, 3) [m]."""
+    """Return a point on each axis at q = 0, (ℓ, 3) [m]."""
     return np.cumsum(arm.chain.step, axis=0)
 
 

@@ -129,6 +129,7 @@ def new(
         refuse_there(path, force)
         refuse_unwritable([path])
     arm = read_arm(model, site, body, packages)
+    arm.require_open()
     suits, cache = scales(arm), Cache(*() if arm.stretch else (arm,))
     if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
         raise QuestionError(

@@ -40,10 +40,12 @@ class Balance:
         bears_weight: Whether the drives bear the arm's weight; else it is compensated.
         gravity: What the drives give against gravity, (n,); 0 if gravity is compensated.
         springs: What the drives give against springs of the joints, (n,).
-        frames: T_0_i of each link, (n, 4, 4), as `link_frames` has them.
+        frames: T_0_i of the link behind each axis of the chain, (ℓ, 4, 4), as `link_frames` has them.
         reaction: [f; n] of the wrench alone that each link takes from the one before, at the origin and
-            along the axes of its frame, (n, 6) [N, N·m].
-        propagated: The component of it that each joint's drive gives, (n,): `equilibrium` by the other route.
+            along the axes of its frame, (ℓ, 6) [N, N·m].
+        driven: The component of it that moves each axis, (ℓ,): the drive gives it, or what makes a joint
+            follow another.
+        propagated: What each drive gives of all axes that it moves, (n,): `equilibrium` by the other route.
     """
 
     arm: Arm
@@ -56,6 +58,7 @@ class Balance:
     springs: Array
     frames: Array
     reaction: Array
+    driven: Array
     propagated: Array
 
     @property
@@ -76,21 +79,21 @@ class Balance:
 
     @property
     def reaction_world(self) -> Array:
-        """The reactions along world axes, at the same points, (n, 6) [N, N·m]."""
+        """The reactions along world axes, at the same points, (ℓ, 6) [N, N·m]."""
         R = self.frames[:, :3, :3]
         halves = self.reaction.reshape(-1, 2, 3)
         return np.asarray(np.einsum("iab,ihb->iha", R, halves).reshape(-1, 6))
 
     @property
     def structure(self) -> Array:
-        """The reactions without what the drives give: what bearings and links take, own frames, (n, 6).
+        """The reactions without what the drives give: what bearings and links take, own frames, (ℓ, 6).
 
         It does no work in the joint's own motion: a screw's nut takes its share of a thrust as a moment.
         """
         taken = np.array(self.reaction)
         # A drive pushes along a slide, and turns a hinge or the hinge of a screw.
-        along = np.where(self.arm.is_slide, 2, 5)
-        taken[np.arange(self.arm.n), along] -= self.propagated
+        along = np.where(np.isinf(self.arm.chain.pitch), 2, 5)
+        taken[np.arange(len(taken)), along] -= self.driven
         return taken
 
     @property
@@ -133,11 +136,13 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
     to_tip = tip[:3, :3].T
     pressed = -np.concatenate([to_tip @ wrench[:3], to_tip @ wrench[3:]])
     reaction = inward_wrenches(links, pressed, np.linalg.inv(frames[-1]) @ tip)
+    driven = actuator_torques(reaction, arm.chain.pitch)
     return Balance(
         arm=arm, q=q, wrench=wrench,
         equivalent=joint_torques(J, wrench), equilibrium=equilibrium_torques(J, wrench),
         bears_weight=gravity, gravity=weight if gravity else np.zeros(arm.n), springs=springs,
-        frames=frames, reaction=reaction, propagated=actuator_torques(reaction, arm.pitch),
+        frames=frames, reaction=reaction, driven=driven,
+        propagated=arm.chain.gathered(driven, arm.n),
     )  # fmt: skip
 
 
@@ -188,9 +193,9 @@ def elsewhere(arm: Arm, q: ArrayLike, wrench: ArrayLike, site: str) -> Elsewhere
 
 
 def link_frames(arm: Arm, q: ArrayLike) -> tuple[Array, Array]:
-    """Return the frame of each link, T_0_i (n, 4, 4), and of the site, (4, 4), as the joints put them.
+    """Return the frame of each link, T_0_i (ℓ, 4, 4), and of the site, (4, 4), as the joints put them.
 
-    Each has its origin on the joint's axis and z along it; with all joints at 0 its axes are the world's,
+    Each has its origin on an axis of the chain and z along it; with all joints at 0 its axes are the world's,
     turned the shortest way that brings z there. By the product of exponentials, which asks of MuJoCo the
     arm's geometry at 0 alone [Lynch17, §4.1].
 
@@ -200,9 +205,9 @@ def link_frames(arm: Arm, q: ArrayLike) -> tuple[Array, Array]:
     """
     chain = arm.chain
     points = np.cumsum(chain.step, axis=0)
-    motions = exp_screw(joint_screw(chain.axis, points, arm.pitch), q)
-    frames, so_far = np.empty((arm.n, 4, 4)), np.eye(4)
-    for i in range(arm.n):
+    motions = exp_screw(joint_screw(chain.axis, points, chain.pitch), chain.positions(q))
+    frames, so_far = np.empty((len(points), 4, 4)), np.eye(4)
+    for i in range(len(points)):
         so_far = so_far @ motions[i]
         frames[i] = so_far @ _pose(_turn_to(chain.axis[i]), points[i])
     return frames, so_far @ _pose(quat_to_matrix(chain.tip_quat), points[-1] + chain.tip_step)

@@ -120,7 +120,7 @@ def hold_wrench(
     ended, rate = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rate(run)
     # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
     moving = np.array(prepared.scenario.plant.kv) * rate
-    share = SHARE_OF_SCREWS if arm.travels else SHARE
+    share = SHARE_OF_SCREWS if arm.followers else SHARE
     return HoldResult(
         wanted=wanted, ended=ended, measured=run["tau"][-1],
         drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),

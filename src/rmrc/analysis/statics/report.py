@@ -60,7 +60,7 @@ def _values(found: Statics) -> dict[str, Any]:
         "q": balance.q, "wrench_on_arm": balance.wrench,
         "at": other and _elsewhere_values(other),
         "torque": _torque_values(balance),
-        "links": [_link_values(balance, j) for j in range(balance.arm.n)],
+        "links": [_link_values(balance, j) for j in range(len(balance.reaction))],
         "disagreement": balance.disagreement, "length": found.length,
         "costs": {group.kind: _cost_values(group) for group in found.costs},
         "held": held and _held_values(held),
@@ -85,8 +85,8 @@ def _torque_values(balance: Balance) -> dict[str, Any]:
 
 def _link_values(balance: Balance, j: int) -> dict[str, Any]:
     return {
-        "joint": balance.arm.joints[j], "frame": balance.frames[j], "reaction": balance.reaction[j],
-        "reaction_world": balance.reaction_world[j], "drive": balance.propagated[j],
+        "joint": balance.arm.axis_names[j], "frame": balance.frames[j], "reaction": balance.reaction[j],
+        "reaction_world": balance.reaction_world[j], "drive": balance.driven[j],
         "structure": balance.structure[j],
     }  # fmt: skip
 
@@ -191,13 +191,14 @@ def _links(balance: Balance) -> list[Sheet]:
         ("along its own axes, z along the joint", balance.reaction),
         ("along world axes", balance.reaction_world),
     ):
-        rows = [(name, *map(shown, row)) for name, row in zip(arm.joints, table, strict=True)]
+        rows = [(name, *map(shown, row)) for name, row in zip(arm.axis_names, table, strict=True)]
         title = f"What each link takes from the one before, at its joint; {axes}"
         sheets.append(Sheet(title, ("joint", *units), rows))
     rows = []
     for j, (fx, fy, fz, nx, ny, nz) in enumerate(balance.structure):
         taken = (fz, np.hypot(fx, fy), nz, np.hypot(nx, ny))
-        rows.append((_with_unit(arm, j), shown(balance.propagated[j]), *map(shown, taken)))
+        unit = "N" if np.isinf(arm.chain.pitch[j]) else "N·m"
+        rows.append((f"{arm.axis_names[j]} [{unit}]", shown(balance.driven[j]), *map(shown, taken)))
     title = "Of that the drive gives one component, and bearings and links the rest"
     headings = ("joint", "drive", "thrust [N]", "radial force [N]", "moment about [N·m]", "bending [N·m]")
     note = (

@@ -85,6 +85,7 @@ def statics(
         'nothing, anywhere'
     """
     asked = subject(model, q, keyframe, site, length=length, body=body, packages=packages)
+    asked.arm.require_open()
     force_alone = np.shape(wrench) == (3,)
     acts = numbers("wrench", np.append(wrench, np.zeros(3)) if force_alone else wrench, WRENCH)
     if frame not in FRAMES:

@@ -94,6 +94,7 @@ def joint_map(
         (0.0, 1)
     """
     asked = subject(model, q, keyframe, site, axes, length, body, packages)
+    asked.arm.require_open()
     arm, task, positions = asked.arm, asked.task, asked.q
     k, joints = min(len(task.rows), arm.n), _joints(arm, over)
     refuse_excess(cells, MAPPED * (cells + 1) ** 2)

@@ -281,7 +281,8 @@ class Search:
             turned = np.arctan2(b, a) + rng.choice([-1.0, 1.0], len(q)) * np.arccos((a - f) / np.hypot(a, b))
             slid = -f / b
         change = np.where(self.arm.is_slide[which], slid, turned)
-        change[(self.arm.pitch != 0.0)[which] & ~self.arm.is_slide[which]] = np.nan
+        # neither circle nor line
+        change[(self.arm.leads | (self.arm.pitch != 0.0) & ~self.arm.is_slide)[which]] = np.nan
         moved = q.copy()
         moved[np.arange(len(q)), which] += change
         moved = self.wrapped(moved[np.isfinite(change)], ranges)

@@ -69,6 +69,7 @@ def workspace(
         72
     """
     asked = subject(model, q, keyframe, site, axes, length, body, packages)
+    asked.arm.require_open()
     arm, home = asked.arm, asked.q
     point = None if through is None else numbers("through", through, ("x", "y", "z"))
     part = choose_slice(arm, plane, home, point)

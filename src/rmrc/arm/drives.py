@@ -1,0 +1,156 @@
+"""The drives that an arm's author gave it: which of his actuators move its joints, and what each is told.
+
+The force of an actuator is gain · u + bias₀ + bias₁ · length + bias₂ · speed, where u is its control or what
+its dynamics make of it. By these numbers it is a position servo, a servo of a position that it integrates, a
+rate servo or a motor, whatever element of MJCF it was written as.
+"""
+
+from collections.abc import Sequence
+from enum import IntEnum
+from functools import cached_property
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm.followers import Follower
+from rmrc.arm.others import Others
+from rmrc.arm.wiring import Wiring
+from rmrc.support.legible import listed
+
+Array = NDArray[np.float64]
+
+# MuJoCo's arrays hold plain integers, which its enums do not equal.
+_FIXED, _NO_BIAS, _AFFINE = (
+    int(mujoco.mjtGain.mjGAIN_FIXED), int(mujoco.mjtBias.mjBIAS_NONE), int(mujoco.mjtBias.mjBIAS_AFFINE)
+)  # fmt: skip
+_STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
+_FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
+# Of moments of which the largest is 1: less is rounding.
+_RANK = 1e-9
+
+
+class DriveKind(IntEnum):
+    """What an actuator is told."""
+
+    POSITION = 0  # where to be
+    INTEGRATED = 1  # how fast to move where it shall be
+    RATE = 2  # how fast to move
+    MOTOR = 3  # what force to give
+
+
+class OwnDrives:
+    """The author's actuators that pull at an arm's joints and at no others.
+
+    A motor drives joints that no servo pulls at. Beside a servo it keeps its control, and so do actuators of
+    other kinds.
+
+    Attributes:
+        kinds: What each drive is told, by its id.
+        idle: Ids of those that pull at the arm's joints and are told nothing.
+    """
+
+    def __init__(
+        self, model: mujoco.MjModel, others: Others, wiring: Wiring, followers: Sequence[Follower]
+    ) -> None:
+        """Look at the actuators of a model.
+
+        Args:
+            model: As its author wrote it.
+            others: What of it is not the arm.
+            wiring: Of the arm.
+            followers: Joints that follow those of the arm.
+        """
+        self._model, self._others, self._wiring, self._followers = model, others, wiring, followers
+        kinds = {i: kind for i in sorted(others.replaced) if (kind := kind_of(model, i)) is not None}
+        served = {joint for i, kind in kinds.items() if kind < DriveKind.MOTOR for joint in others.pulls(i)}
+        self.kinds = {
+            i: kind
+            for i, kind in kinds.items()
+            if kind < DriveKind.MOTOR or served.isdisjoint(others.pulls(i))
+        }
+        self.idle = tuple(i for i in sorted(others.replaced) if i not in self.kinds)
+
+    @cached_property
+    def joint_of(self) -> tuple[NDArray[np.int64], Array]:
+        """Joint of the arm that each degree of freedom is of, or -1, and its speed at a rate of 1, (nv,)."""
+        joint, ratio = np.full(self._model.nv, -1), np.zeros(self._model.nv)
+        joint[self._wiring.dof], ratio[self._wiring.dof] = np.arange(len(self._wiring.dof)), 1.0
+        for address, one in zip(self._wiring.follower_dof, self._followers, strict=True):
+            joint[address], ratio[address] = one.leader, one.ratio
+        return joint, ratio
+
+    def moments(self, data: mujoco.MjData) -> Array:
+        """Return how fast each drive shortens or lengthens at a rate of 1 of each joint, (d, n)."""
+        joint, ratio = self.joint_of
+        moments = np.zeros((len(self.kinds), len(self._wiring.dof)))
+        for row, i in zip(moments, self.kinds, strict=True):
+            k = int(self._model.actuator_outadr[i])
+            first, count = int(data.moment_rowadr[k]), int(data.moment_rownnz[k])
+            for e in range(first, first + count):
+                dof = int(data.moment_colind[e])
+                if joint[dof] >= 0:
+                    row[joint[dof]] += ratio[dof] * data.actuator_moment[e]
+        return moments
+
+    def undriven(self, qpos: Array) -> list[int]:
+        """Return the joints of the arm that the drives cannot move one by one, by their positions in it.
+
+        Args:
+            qpos: A configuration of the model, (nq,).
+        """
+        data = mujoco.MjData(self._model)
+        data.qpos[:] = qpos
+        mujoco.mj_fwdPosition(self._model, data)
+        moments = self.moments(data)
+        size = np.abs(moments).max(axis=1, initial=0.0)
+        moments = moments[size > mujoco.mjMINVAL] / size[size > mujoco.mjMINVAL, None]
+        _, sigma, right = np.linalg.svd(moments, full_matrices=True)
+        free = right[int((sigma > _RANK).sum()) :]
+        return [j for j in range(moments.shape[1]) if np.abs(free[:, j]).max(initial=0.0) > _RANK]
+
+    def forget(self, ctrl: Array, act: Array, has_ctrl: bool, has_act: bool) -> None:
+        """Write NaN over what no keyframe says of the drives, and 0 over the same of the idle ones.
+
+        Args:
+            ctrl: Controls of the model, (nu,).
+            act: Its activations, (na,).
+            has_ctrl: Whether the controls are a keyframe's.
+            has_act: Whether the activations are.
+        """
+        model = self._model
+        for i in (*self.kinds, *self.idle):
+            unknown = np.nan if i in self.kinds else 0.0
+            if not has_ctrl:
+                first = int(model.actuator_ctrladr[i])
+                ctrl[first : first + int(model.actuator_ctrlnum[i])] = unknown
+            if not has_act:
+                first = max(0, int(model.actuator_actadr[i]))
+                act[first : first + int(model.actuator_actnum[i])] = unknown
+
+    def named(self, actuators: Sequence[int]) -> str:
+        """Return the names of actuators, or their numbers, as a list."""
+        return listed(self._model.actuator(i).name or f"actuator{i}" for i in actuators)
+
+
+def kind_of(model: mujoco.MjModel, i: int) -> DriveKind | None:
+    """Return what an actuator is told, or None if it is a muscle or another that is no plain drive."""
+    gain, bias, dynamics = (
+        int(kinds[i]) for kinds in (model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype)
+    )
+    if (
+        gain != _FIXED
+        or bias not in (_NO_BIAS, _AFFINE)
+        or dynamics not in (_STATELESS, _INTEGRATOR, *_FILTERS)
+        or abs(model.actuator_gainprm[i, 0]) <= mujoco.mjMINVAL
+        or model.actuator_ctrlnum[i] != 1
+        or model.actuator_plugin[i] >= 0
+        or model.opt.disableactuator >> int(model.actuator_group[i]) & 1
+    ):
+        return None
+    stiffness, damping = -model.actuator_biasprm[i, 1:3] if bias == _AFFINE else (0.0, 0.0)
+    if stiffness > 0.0:
+        return DriveKind.INTEGRATED if dynamics == _INTEGRATOR else DriveKind.POSITION
+    if stiffness < 0.0 or damping < 0.0 or dynamics == _INTEGRATOR:
+        return None
+    return DriveKind.RATE if damping > 0.0 else DriveKind.MOTOR

@@ -1,0 +1,104 @@
+"""What ties an arm, so that it is no open chain: welds, connects and other equalities."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm.followers import active_equalities
+from rmrc.arm.others import Others
+
+Array = NDArray[np.float64]
+
+# MuJoCo's arrays hold plain integers, which its enums do not equal.
+_EQUALITY = int(mujoco.mjtConstraint.mjCNSTR_EQUALITY)
+_KINDS = {
+    int(mujoco.mjtEq.mjEQ_CONNECT): ("connect", mujoco.mjtObj.mjOBJ_BODY),
+    int(mujoco.mjtEq.mjEQ_WELD): ("weld", mujoco.mjtObj.mjOBJ_BODY),
+    int(mujoco.mjtEq.mjEQ_JOINT): ("joint equality", mujoco.mjtObj.mjOBJ_JOINT),
+    int(mujoco.mjtEq.mjEQ_TENDON): ("tendon equality", mujoco.mjtObj.mjOBJ_TENDON),
+}
+_SITE = int(mujoco.mjtObj.mjOBJ_SITE)
+
+# Configurations at which the constraints are looked at besides the start. What ties the arm does so at all of
+# them: at one alone, a linkage may be stretched.
+_SAMPLES = 2
+# A smaller share of the largest entry is rounding.
+_ROUNDING = 1e-9
+
+
+def find_ties(
+    model: mujoco.MjModel, qpos: Array, dofs: Sequence[int], follow: Array, others: Others
+) -> tuple[str, ...]:
+    """Return the equalities that take freedom from the joints of an arm, in words.
+
+    With the rows G of all equalities, those motions of the arm are free that other joints can make up for.
+    The arm is tied if (1 − G_o G_o⁺) G_a is not 0, with the columns a of the arm and o of the joints that are
+    free to move: neither locked nor held by an actuator. So a weld to the world, a mocap body or a second arm
+    ties it; a thing welded into the hand, and a linkage within a gripper, do not.
+
+    Args:
+        model: As its author wrote it.
+        qpos: Where it starts, (nq,).
+        dofs: Addresses in qvel of all joints on the chain that move with the arm.
+        follow: How far these move for each joint of the arm, (len(dofs), n).
+        others: What is not the arm.
+    """
+    if not active_equalities(model):
+        return ()
+    held = others.locked.union(*(others.pulled(i) for i in others.kept if others.holds(i)))
+    still = {dof for joint in held for dof in _dofs(model, joint)}
+    free = [dof for dof in range(model.nv) if dof not in still and dof not in set(dofs)]
+    data, rng = mujoco.MjData(model), np.random.default_rng(0)
+    tied: set[int] | None = None
+    for sample in range(1 + _SAMPLES):
+        data.qpos[:] = qpos
+        if sample:
+            mujoco.mj_integratePos(model, data.qpos, rng.uniform(-0.5, 0.5, model.nv), 1.0)
+        rows, number = _rows(model, data)
+        own, loose = rows[:, dofs] @ follow, rows[:, free]
+        if not own.any():
+            return ()
+        kept = own - loose @ (np.linalg.pinv(loose, rcond=_ROUNDING) @ own) if loose.any() else own
+        acts = np.abs(kept).max(axis=1) > _ROUNDING * np.abs(rows).max()
+        here = set(number[acts].tolist())
+        tied = here if tied is None else tied & here
+    return tuple(_in_words(model, i) for i in sorted(tied or ()))
+
+
+def _rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np.int32]]:
+    """Return the rows of all equalities that act, (rows, nv), and the number of the equality of each."""
+    mujoco.mj_fwdKinematics(model, data)
+    data.ncon = 0
+    mujoco.mj_makeConstraint(model, data)
+    if mujoco.mj_isSparse(model):
+        full = np.zeros((data.nefc, model.nv))
+        mujoco.mju_sparse2dense(full, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
+    else:
+        full = np.array(data.efc_J).reshape(data.nefc, model.nv)
+    chosen = data.efc_type == _EQUALITY
+    return full[chosen], np.array(data.efc_id)[chosen]
+
+
+def _dofs(model: mujoco.MjModel, joint: int) -> range:
+    first = int(model.jnt_dofadr[joint])
+    return range(first, int(model.jnt_dofadr[joint + 1]) if joint + 1 < model.njnt else model.nv)
+
+
+def _in_words(model: mujoco.MjModel, i: int) -> str:
+    """Return such as `weld "grip" of body "hand" to body "mocap"`."""
+    kind, of = _KINDS.get(int(model.eq_type[i]), ("equality", None))
+    name = f'{kind} "{model.equality(i).name}"' if model.equality(i).name else f"{kind} {i}"
+    if of is None:
+        return name
+    of = mujoco.mjtObj.mjOBJ_SITE if model.eq_objtype[i] == _SITE else of
+    word = of.name.removeprefix("mjOBJ_").lower()
+    ids = [int(one) for one in (model.eq_obj1id[i], model.eq_obj2id[i]) if one >= 0]
+    first, *rest = (
+        f'{word} "{mujoco.mj_id2name(model, of, one) or f"{word}{one}"}"'
+        if one or word != "body"
+        else "the world"
+        for one in ids
+    )
+    return f"{name} of {first}" + "".join(f" to {one}" for one in rest)

@@ -1,0 +1,370 @@
+"""Joints that follow others: the arm moves them with their leaders, in kinematics, law and plants.
+
+The oracles are the equalities themselves, mj_jacSite with the followers' columns added, differences of poses, and
+plain loops over MuJoCo that place what follows.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from numpy.testing import assert_allclose
+
+from chains import random_chain, random_followers, seeds
+from project import ROOT
+from rmrc import arm as arms
+from rmrc.analysis.inspect.routes import jacobians as routes
+from rmrc.analysis.statics.balance import balance
+from rmrc.analysis.survey import jacobians, survey
+from rmrc.law.controller import Controller
+from rmrc.law.law import Law
+from rmrc.law.task import Task, choose
+from rmrc.scenario import Scenario
+from rmrc.scenario.sections import ControlSection
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import ModelError
+from screws import screw_chain
+from wording import says
+
+MODELS = ROOT / "tests/models"
+# Products of eight rotations with lengths of about 1 m, and ratios of up to some ten between the joints.
+ROUNDING = 1e-11
+
+
+def made(folder, text):
+    path = folder / "model.xml"
+    path.write_text(text)
+    return arms.load(path, "tip")
+
+
+@pytest.fixture
+def write(tmp_path):
+    return lambda text: made(tmp_path, text)
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    return tmp_path_factory.mktemp("followers")
+
+
+def moved(arm):
+    """Return F (nv, n): how far each joint of the model moves with the arm's, as configurations are affine in q."""
+    zero = arm.configuration(np.zeros(arm.n))
+    rows = np.zeros((arm.n, arm.model.nv))
+    for row, one in zip(rows, np.eye(arm.n), strict=True):
+        mujoco.mj_differentiatePos(arm.model, row, 1.0, zero, arm.configuration(one))
+    return rows.T
+
+
+def projected(arm, q, site="tip"):
+    """Return J (6, n): each column of mj_jacSite, those of followers times their ratios added."""
+    data = mujoco.MjData(arm.model)
+    data.qpos[:] = arm.configuration(q)
+    mujoco.mj_fwdPosition(arm.model, data)
+    full = np.zeros((6, arm.model.nv))
+    mujoco.mj_jacSite(arm.model, data, full[:3], full[3:], arm.model.site(site).id)
+    return full @ moved(arm)
+
+
+@given(seeds)
+def test_any_chain_with_any_followers_moves_as_its_equalities_say(folder, seed):
+    n = 1 + seed % 8
+    arm = made(folder, random_chain(seed, n, followers=True))
+    rules = random_followers(seed, n)
+    following = {rule[0] for rule in rules}
+    assert set(arm.joints) == {f"j{j}" for j in range(n)} - following and not arm.ties
+    (q,) = arm.sampled(1, seed)
+    model, qpos = arm.model, arm.configuration(q)
+    beyond = {
+        name: qpos[model.joint(name).qposadr[0]] - model.joint(name).qpos0[0]
+        for name in {*following, *(r[1] for r in rules)}
+    }
+    for follower, leader, a, b in rules:
+        assert beyond[follower] == pytest.approx(a + b * beyond[leader], abs=ROUNDING)
+    J = projected(arm, q)
+    size = max(1.0, np.abs(J).max())
+    assert_allclose(arm.jacobian(q), J, atol=ROUNDING * size)
+    assert_allclose(jacobians(choose(arm), q[None])[1][0], J, atol=ROUNDING * size)
+    assert_allclose(survey(choose(arm), q[None]).pose[0, :3], arm.pose(q)[:3], atol=ROUNDING * size)
+    for name, other in routes(arm, q).items():
+        # differences: see DIFFERENCE_STEP; third derivatives grow with the cube of the ratios
+        assert_allclose(other, J, atol=(1e-8 * size**2 if name == "differences" else ROUNDING * size))
+    # statics: the same power by MuJoCo's columns and from link to link
+    wrench = np.random.default_rng(seed).normal(size=6)
+    borne = balance(arm, q, wrench)
+    assert_allclose(borne.propagated, -J.T @ wrench, atol=ROUNDING * size * 10)
+
+
+@settings(max_examples=20)
+@given(seeds)
+def test_the_law_sees_the_same_arm_in_mujocos_data_and_in_its_own_chain(folder, seed):
+    arm = made(folder, random_chain(seed, 5, followers=True))
+    (q,) = arm.sampled(1, seed)
+    data = mujoco.MjData(arm.model)
+    data.qpos[:] = arm.configuration(q)
+    mujoco.mj_fwdPosition(arm.model, data)
+    law = Law(choose(arm), ControlSection(), q)
+    twist, J = np.random.default_rng(seed).normal(size=6), projected(arm, q)
+    for attached in (data, None):
+        if attached is None and arm.idle:
+            continue
+        controller = Controller(law, attached)
+        controller.step(q, np.zeros(arm.n), arm.pose(q), twist)
+        assert_allclose(controller._world[0]["J"][:, : arm.n], J, atol=ROUNDING * max(1.0, np.abs(J).max()))
+
+
+@pytest.mark.parametrize("frame", ["world", "site"])
+def test_the_gradient_of_manipulability_knows_the_followers(write, frame):
+    """The wish is the gradient in the null space, against differences of sixth order: 1e-9 at this step."""
+    seed = next(
+        s
+        for s in range(100)
+        if len(random_followers(s, 7)) == 3 and "side" not in str(random_followers(s, 7))
+    )
+    arm = write(random_chain(seed, 7, followers=True))
+    n, rows, step = arm.n, [0, 1, 2], 2e-3
+    (q,) = arm.sampled(1, 4)
+
+    def A(at):
+        data = mujoco.MjData(arm.model)
+        data.qpos[:] = arm.configuration(at)
+        mujoco.mj_kinematics(arm.model, data)
+        R = data.site("tip").xmat.reshape(3, 3) if frame == "site" else np.eye(3)
+        return R.T @ projected(arm, at)[:3]
+
+    def w(at):
+        return np.prod(np.linalg.svd(A(at), compute_uv=False))
+
+    factors = {-3: -1, -2: 9, -1: -45, 1: 45, 2: -9, 3: 1}
+    slope = [sum(f * w(q + i * step * e) for i, f in factors.items()) / (60 * step) for e in np.eye(n)]
+    section = ControlSection.model_validate(
+        {
+            "inverse": {"method": "pseudoinverse"},
+            "nullspace": {"objective": "manipulability"},
+            "feedback": 0.0,
+        }
+    )
+    controller = Controller(Law(Task(arm, np.array(rows), frame=frame), section, q))
+    controller.step(q, np.zeros(n), arm.pose(q), np.zeros(6))
+    N = np.eye(n) - np.linalg.pinv(A(q)) @ A(q)
+    size = max(1.0, np.abs(slope).max())
+    assert np.abs(N @ slope).max() > 1e-3
+    assert_allclose(controller._world[0]["qdot0"][:n], N @ slope, rtol=0, atol=1e-7 * size)
+
+
+# Plants -----------------------------------------------------------------------------------------------------------
+
+TIMESTEP = 0.001
+
+
+def ran(model, kind, by, **plant):
+    """Return a world, and what it did: a short move and a pause."""
+    axes = ("x", "y", "z") if model == "telescope" else ("x", "z")
+    prepared = prepare(Scenario.model_validate({
+        "name": "followers", "arm": {"model": MODELS / f"{model}.xml", "site": "tip"}, "task": {"axes": axes},
+        "control": {"period": TIMESTEP, "feedback": 20.0, "inverse": {"method": "inverse"}, "limits": {"on_excess": "none"}},
+        "target": {"path": ({"line": {"by": by}}, {"hold": {"for": 0.1}})},
+        "plant": {"kind": kind, "timestep": TIMESTEP, **plant},
+    }))  # fmt: skip
+    (run,) = Simulation([prepared]).run()
+    assert run.divergence is None and run.is_complete
+    return prepared, run
+
+
+MOVES = {"telescope": (0.1, 0.05, -0.02), "mimic": (-0.1, 0.0, 0.05)}
+
+
+@pytest.mark.parametrize("model", MOVES)
+def test_the_ideal_plant_is_a_plain_loop_that_places_followers(model):
+    prepared, run = ran(model, "ideal", MOVES[model])
+    arm, rows = prepared.arm, prepared.task.rows
+    q = prepared.qpos[arm.wiring.qpos]
+    for t in range(len(run)):
+        # sums of some hundred rounded steps
+        assert_allclose(run["q"][t], q, atol=1e-12)
+        wanted = run["twist_ref"][t] + 20.0 * run["pose_error"][t]
+        if t % 50 == 0:
+            assert_allclose(run["pose"][t], arm.pose(q), atol=1e-11)
+            assert_allclose(projected(arm, q)[rows] @ run["qdot_cmd"][t], wanted[rows], atol=1e-9)
+        q = q + TIMESTEP * run["qdot_cmd"][t]
+    assert (
+        np.abs(run["pose_error"][-1, :3][rows[rows < 3]]).max() < 1e-5
+    )  # a step of 1 ms, and a pause of two time constants
+
+
+# How far followers lag [m or rad]: the equalities of these models are as stiff as MuJoCo makes them with this step.
+# Measured were 1.5e-3 and 6e-5 behind servos, whose rates jump at the start, and 8e-8 behind computed torque, which
+# knows what follows. With MuJoCo's own stiffness, 20 ms, it is up to 1e-2.
+LAG = {"telescope servo": 3e-3, "mimic servo": 2e-4, "telescope torque": 1e-6, "mimic torque": 1e-6}
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+@pytest.mark.parametrize("model", MOVES)
+def test_in_the_physics_followers_stay_with_their_leaders(model, kind):
+    prepared, run = ran(model, kind, MOVES[model])
+    arm = prepared.arm
+    for at in run["qpos"]:
+        assert_allclose(at, arm.configuration(at[arm.wiring.qpos]), atol=LAG[f"{model} {kind}"])
+    assert np.abs(run["pose_error"][:, :3][:, prepared.task.rows]).max() < 5e-3
+    assert np.abs(run["pose_error"][-1, :3][prepared.task.rows]).max() < 3e-4
+
+
+@pytest.mark.parametrize("model", MOVES)
+def test_computed_torque_bears_followers_too(model):
+    """tau = Fᵀ (M F q̈ + bias − passive) of the author's model where the run was, with nothing compensated."""
+    prepared, run = ran(model, "torque", MOVES[model], gravity_compensation=False)
+    arm, F, data = prepared.arm, moved(prepared.arm), mujoco.MjData(prepared.arm.model)
+    bandwidth = prepared.scenario.plant.bandwidth
+    both = []
+    for t in range(1, len(run) - 1, 29):
+        data.qpos[:], data.qvel[:] = run["qpos"][t], F @ run["qdot"][t]
+        mujoco.mj_forward(arm.model, data)
+        M = np.zeros((arm.model.nv, arm.model.nv))
+        mujoco.mj_fullM(arm.model, data, M)
+        cmd, before = run["qdot_cmd"][t], run["qdot_cmd"][t - 1]
+        wanted = (cmd - before) / TIMESTEP + bandwidth * (cmd - run["qdot"][t])
+        force = M @ F @ wanted + data.qfrc_bias - data.qfrc_passive
+        # followers are off by their lag, in position and rate
+        assert_allclose(run["tau"][t + 1], F.T @ force, atol=2e-3 * np.abs(F.T @ force).max())
+        both.append([F.T @ force, force[arm.wiring.dof]])
+    whole, alone = np.moveaxis(both, 1, 0)[..., arm.leads]  # negative control: without what follows
+    assert np.abs(whole - alone).max() > 0.1 * np.abs(whole).max()
+
+
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_a_screw_rises_in_the_physics(tmp_path, kind):
+    arm = made(tmp_path, screw_chain())
+    prepared = prepare(Scenario.model_validate({
+        "name": "screw", "arm": {"model": arm.path, "site": "tip"}, "task": {"axes": ("x", "y", "z")},
+        "control": {"period": TIMESTEP, "inverse": {"method": "inverse"}},
+        "target": {"path": ({"line": {"by": (0.0, 0.03, 0.01)}},)}, "plant": {"kind": kind, "timestep": TIMESTEP},
+    }))  # fmt: skip
+    (run,) = Simulation([prepared]).run()
+    assert run.is_complete and np.abs(run["pose_error"][:, :3]).max() < 1e-3
+
+
+def test_limits_of_followers_bound_their_leaders():
+    arm = arms.load(MODELS / "telescope.xml", "tip")
+    # s1 and s2 have ranges, s4 a servo of 0.3 m/s, s2 a motor of 500 N.
+    assert_allclose(arm.position_limit[1], [-0.05, 0.13])
+    assert arm.rate_limit[1] == 0.3 and arm.torque_limit[1] == 500.0
+    assert_allclose(arm.configuration("home")[1:5], 0.05)
+
+
+# What cannot be followed -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("equality", "told"),
+    [
+        ('<joint joint1="travel" joint2="screw" polycoef="0 0.05 1 0 0"/>', 'joint "travel" … "screw" … linear … 0 0.05 1 0 0'),
+        ('<joint joint1="travel" joint2="screw"/><joint joint1="travel" joint2="swing"/>', 'joint "travel" … "screw" … "swing" …'),
+        ('<joint joint1="travel" joint2="screw"/><joint joint1="screw" joint2="travel"/>', 'joint "travel" … "screw" … circle …'),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_followed_is_refused_by_name(write, equality, told):
+    with pytest.raises(ModelError) as caught:
+        write(screw_chain(equality=equality))
+    assert str(caught.value).split("model.xml: ")[1] == says(told)
+
+
+@pytest.mark.parametrize(
+    ("equality", "joints"),
+    [
+        ('<joint joint1="travel" joint2="swing" polycoef="0 0.05 0 0 0"/>', ("turn", "screw", "swing")),
+        ('<joint joint1="travel" polycoef="0.02 0 0 0 0"/>', ("turn", "screw", "swing")),
+        ('<joint joint1="screw" joint2="travel" polycoef="0 20 0 0 0"/>', ("turn", "travel", "swing")),
+        ('<joint joint1="swing" joint2="screw" polycoef="0 1 0 0 0"/>', ("turn", "screw", "travel")),
+        ('<joint joint1="swing" joint2="screw" polycoef="0 1 2 0 0" active="false"/>', ("turn", "screw", "travel", "swing")),
+    ],
+)  # fmt: skip
+def test_any_joint_may_follow_any_other(write, equality, joints):
+    arm = write(screw_chain(equality=equality))
+    assert arm.joints == joints
+    (q,) = arm.sampled(1)
+    J = routes(arm, q)
+    assert_allclose(J["differences"], J["mujoco"], atol=1e-7)
+    assert_allclose(J["screws"], J["mujoco"], atol=1e-10)
+    if "0.02 0 0" in equality:  # held where the equality has it, from qpos0
+        assert arm.configuration(q)[2] == pytest.approx(0.03) and arm.idle == ("travel",)
+
+
+def test_hinges_come_round_if_their_followers_do(write):
+    mimic = arms.load(MODELS / "mimic.xml", "tip")
+    assert mimic.comes_round.tolist() == [True, True] and mimic.leads.tolist() == [False, True]
+    half = write((MODELS / "mimic.xml").read_text().replace("0 -1 0 0 0", "0 -0.5 0 0 0"))
+    assert half.comes_round.tolist() == [True, False]
+
+
+# What ties an arm ---------------------------------------------------------------------------------------------------
+
+TWO_LINKS = """<mujoco><compiler angle="radian"/><default><joint axis="0 1 0"/>
+<geom type="capsule" size="0.03" contype="0" conaffinity="0"/></default><worldbody>{world}
+<body name="upper" pos="0 0 0.5"><joint name="shoulder"/><geom fromto="0 0 0 0.5 0 0"/><site name="mid" pos="0.3 0 0"/>
+<body name="hand" pos="0.5 0 0"><joint name="elbow"/><geom fromto="0 0 0 0.4 0 0"/><site name="tip" pos="0.4 0 0"/>{hand}
+</body></body></worldbody>{more}</mujoco>"""
+CUBE = '<body name="cube" pos="0.9 0 0.5"><freejoint/><geom type="box" size="0.02 0.02 0.02"/></body>'
+FOUR_BAR = """<body name="crank" pos="0.4 0 0"><joint name="crank"/><geom fromto="0 0 0 0 0 0.1"/>
+<body name="bar" pos="0 0 0.1"><joint name="bar"/><geom fromto="0 0 0 0.1 0 0"/></body></body>
+<body name="rocker" pos="0.5 0 0"><joint name="rocker"/><geom fromto="0 0 0 0 0 0.1"/></body>"""
+SECOND = """<body name="other" pos="1.4 0 0.5"><joint name="o1"/><geom fromto="0 0 0 -0.3 0 0"/>
+<body name="grip" pos="-0.3 0 0"><joint name="o2"/><geom fromto="0 0 0 -0.2 0 0"/></body></body>"""
+TENDONS = """<tendon><fixed name="both"><joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/></fixed>
+<fixed name="one"><joint joint="crank" coef="1"/></fixed></tendon>"""
+
+
+@pytest.mark.parametrize(
+    ("world", "hand", "more", "tie"),
+    [
+        ("", "", '<equality><weld name="w" body1="hand"/></equality>', 'weld "w" … "hand" … world'),
+        ("", "", '<equality><connect body1="upper" anchor="0.2 0 0"/></equality>', 'connect 0 … "upper" … world'),
+        ('<site name="here"/>', "", '<equality><weld name="w" site1="here" site2="tip"/></equality>', 'weld … site "here" … "tip"'),
+        ("", "", '<equality><weld name="w" body1="hand" body2="upper"/></equality>', 'weld "w" …'),
+        ("", "", '<equality><weld name="w" body1="hand" active="false"/></equality>', ""),
+        ("", "", '<option><flag equality="disable"/></option><equality><weld name="w" body1="hand"/></equality>', ""),
+        (CUBE, "", '<equality><weld name="w" body1="hand" body2="cube"/></equality>', ""),
+        (CUBE, "", '<equality><weld name="w" body1="hand" body2="cube"/><weld name="v" body1="cube"/></equality>', 'weld "w" … "v" …'),
+        ("", FOUR_BAR, '<equality><connect body1="bar" body2="rocker" anchor="0.1 0 0"/></equality>', ""),
+        ("", FOUR_BAR, f'{TENDONS}<equality><tendon name="t" tendon1="both"/></equality>', 'tendon equality "t" … "both"'),
+        ("", FOUR_BAR, f'{TENDONS}<equality><tendon name="t" tendon1="both" tendon2="one"/></equality>', ""),
+        (SECOND, "", '<equality><connect name="c" body1="grip" body2="hand" anchor="-0.2 0 0"/></equality>', ""),
+        (SECOND, "", '<equality><connect name="c" body1="grip" body2="hand" anchor="-0.2 0 0"/></equality>'
+         '<actuator><position joint="o1" kp="100"/><position joint="o2" kp="100"/></actuator>', 'connect "c" … "grip" … "hand"'),
+        ("", FOUR_BAR, '<equality><joint joint1="crank" joint2="elbow"/><joint name="j" joint1="crank" joint2="shoulder"/></equality>',
+         'joint equality … "crank" … "elbow" … "j" …'),
+        ("", FOUR_BAR, '<equality><joint joint1="crank" joint2="elbow"/></equality><actuator><position joint="crank" kp="9"/></actuator>', ""),
+    ],
+)  # fmt: skip
+def test_what_takes_freedom_from_the_joints_ties_the_arm(write, world, hand, more, tie):
+    arm = write(TWO_LINKS.format(world=world, hand=hand, more=more))
+    if not tie:
+        assert arm.ties == () and arm.notes == ()
+        arm.require_open()
+        return
+    with pytest.raises(ModelError) as caught:
+        arm.require_open()
+    assert str(caught.value) == says(f"{arm.path}: {tie} … open chain … active …")
+
+
+def test_of_a_linkage_the_part_that_is_an_open_chain_may_be_driven():
+    assert arms.load(MODELS / "loop.xml", "hand").ties
+    upper = arms.load(MODELS / "loop.xml", body="upper")
+    assert upper.joints == ("shoulder",) and upper.ties == ()
+
+
+def test_verbs_that_solve_or_drive_refuse_a_tied_arm_and_inspect_says_so(rmrc, tmp_path):
+    model, scenario = MODELS / "mocap_weld.xml", tmp_path / "tied.yaml"
+    scenario.write_text(
+        f"name: tied\narm: {{model: {model}, site: tip, start: [0.3, 0.5]}}\ntask: {{axes: [x, z]}}\n"
+        "target: {path: [{line: {by: [-0.05, 0, 0]}}]}\n"
+    )
+    told = says(f'… {model}: weld "drag" of body "target" to body "hand" … open chain; … active …')
+    for verb in (
+        ["run", scenario], ["compare", scenario, "--vary", "control.inverse.method=inverse,damped"], ["sweep", scenario, "--vary", "control.feedback=1,2"], ["tune", scenario],
+        ["ik", model, "--site", "tip", "--to-q", "0.1,0.2"], ["statics", model, "--site", "tip", "--wrench", "0,0,-1,0,0,0"], ["workspace", model, "--site", "tip"], ["check", model], ["new", model],
+    ):  # fmt: skip
+        status, _, err = rmrc(*map(str, verb))
+        assert status == 2 and err.strip().splitlines()[-1] == told, (verb, err)
+    status, out, err = rmrc("inspect", str(model), "--site", "tip")
+    assert status == 0 and "drag" in out + err and "grip" not in out + err

@@ -1,0 +1,396 @@
+"""The plant `model`: an arm under its author's own actuators, kind by kind.
+
+The oracle is a plain loop over MuJoCo, of the file as it is, with `rmrc.Controller`; what each actuator is told is
+written by hand for each model, from the meaning of MJCF's elements.
+"""
+
+import mujoco
+import numpy as np
+import pytest
+from numpy.testing import assert_allclose, assert_array_equal
+
+from project import ROOT
+from rmrc.law.controller import Controller
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import ScenarioError
+from wording import says
+
+MODELS = ROOT / "tests/models/drives"
+PERIOD = 0.004
+# A thousand steps of numbers near 1, each rounded to 1e-16 and carried on by stiff servos, are off by 1e-12.
+EXACT = 1e-9
+
+
+def scenario(name, start="home", by=(0.05, 0.0, 0.05), seconds=0.3, period=PERIOD, limits=None, **plant):
+    """Return a short move, and a pause."""
+    path = MODELS / f"{name}.xml" if isinstance(name, str) else name
+    return Scenario.model_validate({
+        "name": "drives", "arm": {"model": path, "site": "hand", "start": start}, "task": {"axes": ("x", "z")},
+        "control": {"period": period, "feedback": 5.0, "limits": limits or {}},
+        "target": {"path": ({"line": {"by": by}}, {"hold": {"for": seconds}})},
+        "plant": {"kind": "model", "bandwidth": 100.0, **plant},
+    })  # fmt: skip
+
+
+def run(*about, **options):
+    """Return the world and what it did."""
+    prepared = prepare(scenario(*about, **options))
+    (done,) = Simulation([prepared]).run()
+    assert done.divergence is None
+    return prepared, done
+
+
+class Loop:
+    """A plain loop over MuJoCo.
+
+    Attributes:
+        qdot: Rates of the last tick.
+    """
+
+    def __init__(self, prepared, timestep=None):
+        self.model = mujoco.MjModel.from_xml_path(str(prepared.arm.path))
+        self.model.opt.timestep = timestep or self.model.opt.timestep
+        self.prepared, self.period = prepared, prepared.scenario.control.period
+        self.data = data = mujoco.MjData(self.model)
+        mujoco.mj_resetDataKeyframe(self.model, data, 0)
+        data.qpos[:] = prepared.qpos
+        self.controller = Controller(prepared.law, data)
+        self.before = np.zeros(2)
+
+    def run(self, start, tell):
+        """Return qpos and joint torques at each tick.
+
+        Args:
+            start: Called once with this loop.
+            tell: Called each tick with this loop and the rates, to set the controls.
+        """
+        model, data, found = self.model, self.data, []
+        mujoco.mj_forward(model, data)
+        start(self)
+        data.qfrc_actuator[:] = 0.0
+        for pose, twist in zip(self.prepared.reference.pose, self.prepared.reference.twist, strict=True):
+            mujoco.mj_fwdPosition(model, data)
+            mujoco.mj_fwdVelocity(model, data)
+            found.append((data.qpos.copy(), data.qfrc_actuator.copy()))
+            rates = self.controller.step(data.qpos, data.qvel, pose, twist).qdot.copy()
+            tell(self, rates)
+            self.before = rates
+            mujoco.mj_step(model, data, round(self.period / model.opt.timestep))
+        return tuple(map(np.array, zip(*found, strict=True)))
+
+    def load(self):
+        """Return what the drives bear at rest: bias − passive, less what they compensate themselves, (n,)."""
+        data, own = self.data, self.model.jnt_actgravcomp
+        return data.qfrc_bias - data.qfrc_passive - own * data.qfrc_gravcomp
+
+    def torque(self, rates):
+        """Return computed torque [Luh80]."""
+        M = np.zeros((2, 2))
+        mujoco.mj_fullM(self.model, self.data, M)
+        qddot = (rates - self.before) / self.period + self.prepared.scenario.plant.bandwidth * (
+            rates - self.data.qvel
+        )
+        return M @ qddot + self.load()
+
+    def stretch(self, *sites):
+        """Return how fast a straight cable between two sites lengthens, (n,), by their Jacobians."""
+        first, last = (self.model.site(name).id for name in sites)
+        J = np.zeros((2, 3, 2))
+        for site, jacobian in zip((first, last), J, strict=True):
+            mujoco.mj_jacSite(self.model, self.data, jacobian, None, site)
+        along = self.data.site_xpos[last] - self.data.site_xpos[first]
+        return along / np.linalg.norm(along) @ (J[1] - J[0])
+
+
+def moved(*scale):
+    """Return what integrates rates, each by a factor, into controls."""
+
+    def tell(loop, rates):
+        loop.data.ctrl[:] += np.array(scale) * rates * loop.period
+
+    return tell
+
+
+def nothing(loop):
+    """Leave what the keyframe has."""
+
+
+def start_velocity(loop):
+    loop.data.ctrl[:] = 0.0
+
+
+def tell_velocity(loop, rates):
+    # b: 4 ctrl + 0.5 − 2 length-rate = 0 at length-rate = −3 rate
+    loop.data.ctrl[:] = np.clip(rates[0], -1, 1), (-0.5 + 2 * -3 * rates[1]) / 4
+
+
+def tell_intvelocity(loop, rates):
+    loop.data.ctrl[:] = rates * [1.0, 0.5]
+
+
+def start_general(loop):
+    # a: 40 u + 3 − 200 q = load; b: −60 u − 60 q = load
+    q, load = loop.data.qpos, loop.load()
+    loop.data.ctrl[:] = (load[0] - 3 + 200 * q[0]) / 40, -(load[1] + 60 * q[1]) / 60
+    loop.data.act[:] = loop.data.ctrl[0]
+
+
+def tell_motor(loop, rates):
+    # the least controls times gears: shares as the gears are, 5 and 3
+    first, second = loop.torque(rates)
+    loop.data.ctrl[:] = np.clip(first * 5 / 34, -20, 20), first * 3 / 34, -(second - 0.4) / 2
+
+
+def start_compensated(loop):
+    q, load = loop.data.qpos, loop.load()
+    loop.data.ctrl[1] = q[1] + load[1] / 90
+
+
+def tell_compensated(loop, rates):
+    loop.data.ctrl[:] = loop.torque(rates)[0], loop.data.ctrl[1] + rates[1] * loop.period
+
+
+def start_tendon(loop):
+    q, load = loop.data.qpos, loop.load()
+    # shoulder: a; elbow: a − b/2
+    a, b = load[0], 2 * (load[0] - load[1])
+    loop.data.ctrl[:] = q.sum() + a / 200, np.clip(-q[1] / 2 + b / 400, -1, 1)
+
+
+def tell_tendon(loop, rates):
+    loop.data.ctrl[:] += np.array([rates.sum(), -rates[1] / 2]) * loop.period
+    loop.data.ctrl[1] = np.clip(loop.data.ctrl[1], -1, 1)
+
+
+def tell_tendon_motor(loop, rates):
+    first, second = loop.torque(rates)
+    loop.data.ctrl[:] = (first + second) / 10, first - second
+
+
+def start_cable(loop):
+    loop.data.ctrl[0] = (
+        loop.data.actuator_length[0] + loop.load()[0] / loop.stretch("post", "bracket")[0] / 9000
+    )
+
+
+def tell_cable(loop, rates):
+    loop.data.ctrl[0] += loop.stretch("post", "bracket")[0] * rates[0] * loop.period
+    loop.data.ctrl[1] = loop.torque(rates)[1] / loop.stretch("bracket", "pin")[1]
+
+
+def start_late(loop):
+    q, load = loop.data.qpos, loop.load()
+    loop.data.ctrl[:] = q + load / [300.0, 90.0]
+    loop.data.act[:] = loop.data.ctrl[1]
+    mujoco.mj_initCtrlHistory(loop.model, loop.data, 0, None, np.full((7, 1), loop.data.ctrl[0]))
+
+
+def tell_pair(loop, rates):
+    loop.data.ctrl[[0, 3]] += rates * loop.period
+    loop.data.ctrl[[1, 4]] = rates
+
+
+LOOPS = {
+    "position": (nothing, moved(2.0, 1.0)),
+    "velocity": (start_velocity, tell_velocity),
+    "intvelocity": (nothing, tell_intvelocity),
+    "general": (start_general, moved(5.0, -1.0)),
+    "motor": (nothing, tell_motor),
+    "compensated": (start_compensated, tell_compensated),
+    "tendon": (start_tendon, tell_tendon),
+    "tendon_motor": (nothing, tell_tendon_motor),
+    "cable": (start_cable, tell_cable),
+    "late": (start_late, moved(1.0, 1.0)),
+    "pair": (nothing, tell_pair),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", LOOPS)
+def test_an_arm_does_what_a_plain_loop_over_its_file_does(name):
+    start, tell = LOOPS[name]
+    prepared, done = run(name)
+    qpos, torque = Loop(prepared).run(start, tell)
+    assert_allclose(done["qpos"], qpos, rtol=0, atol=EXACT)
+    assert_allclose(done["tau"], torque, rtol=0, atol=1e3 * EXACT)  # up to 1e3 N·m for a radian
+    assert np.abs(done["qpos"][-1] - done["qpos"][0]).max() > 0.05
+    # a loop that tells the drives a thousandth more is seen
+    other, _ = Loop(prepared).run(start, lambda loop, rates: tell(loop, 1.001 * rates))
+    assert np.abs(other - qpos).max() > 10 * EXACT
+
+
+# Start and timestep ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", sorted({*LOOPS} - {"velocity"}))  # a rate servo bears weight only by moving
+def test_beside_its_keyframe_an_arm_starts_at_rest(name):
+    # nothing is asked of the site, and the law has no feedback: what moves is what the drives do not hold
+    still = scenario(name, start=(0.3, -0.7), by=(0.0, 0.0, 0.0)).set({
+        "control.feedback": 0.0, "target.path": [{"hold": {"for": 0.2}}],
+    })  # fmt: skip
+    (done,) = Simulation([prepare(still)]).run()
+    assert np.abs(done["q"] - [0.3, -0.7]).max() < 1e-9
+    weight = Loop(prepare(still))
+    mujoco.mj_forward(weight.model, weight.data)
+    assert_allclose(
+        done["tau"][-1], weight.load() + weight.model.jnt_actgravcomp * weight.data.qfrc_gravcomp, atol=1e-6
+    )
+    assert np.abs(done["tau"][-1]).max() > 0.1
+
+
+def test_a_payload_is_held_at_the_start_and_a_wrench_is_not():
+    still = scenario("tendon", start=(0.3, -0.7), payload=0.5).set({
+        "control.feedback": 0.0, "target.path": [{"hold": {"for": 0.2}}],
+    })  # fmt: skip
+    (done,) = Simulation([prepare(still)]).run()
+    assert np.abs(done["q"] - [0.3, -0.7]).max() < 1e-9
+    (pushed,) = Simulation([prepare(still.set({"plant.wrench": [0, 0, -5, 0, 0, 0]}))]).run()
+    assert np.abs(pushed["q"] - [0.3, -0.7]).max() > 1e-3
+
+
+def test_motors_do_not_know_a_payload():
+    loaded, bare = (run("motor", start=(0.3, -0.7), payload=payload)[1] for payload in (0.5, 0.0))
+    assert _off(loaded) > 1.2 * _off(bare)
+
+
+def _off(done):
+    """Return how far the site was from where it should be [m]."""
+    return np.abs(done["pose_error"][:, [0, 2]]).max()
+
+
+TIMESTEPS = {  # period, timestep written: taken, whether that is said
+    (0.004, None): (0.002, False), (0.002, None): (0.002, False), (0.001, None): (0.001, True),
+    (0.005, None): (0.005 / 3, True), (0.001, 0.0005): (0.0005, True),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("about", TIMESTEPS)
+def test_the_timestep_is_the_models_own_or_the_next_that_divides_the_period_which_is_said(about):
+    (period, written), (taken, is_said) = about, TIMESTEPS[about]
+    prepared, done = run("position", period=period, timestep=written, seconds=0.1)
+    assert prepared.plant.timestep == pytest.approx(taken, rel=1e-15)
+    notes = [one.text for one in prepared.assumed if one.text.startswith("timestep")]
+    why = f"to divide … {period:g} s" if written is None else ""
+    assert notes == ([says(f"timestep {taken:g} s … 0.002 s … {why}")] if is_said else [])
+    qpos, _ = Loop(prepared, taken).run(nothing, moved(2.0, 1.0))
+    assert_allclose(done["qpos"], qpos, rtol=0, atol=EXACT)
+
+
+def test_a_timestep_that_is_written_must_divide_the_period():
+    with pytest.raises(ValueError, match=r"integer multiple of plant\.timestep, got 0\.001 and 0\.002"):
+        scenario("position", period=0.001, timestep=0.002)
+
+
+# Ranges ------------------------------------------------------------------------------------------------
+
+
+def test_a_command_stops_at_the_end_of_its_range_and_turns_at_once():
+    # the command ends at 1 rad; the law wants to go on for a second, then back
+    prepared = prepare(scenario("position", by=(0.0, 0.0, 0.0), limits={"position": False}).set({
+        "arm.start": [-0.4, 2.2], "control.feedback": 0.0,
+        "task.axes": ["x"], "target.path": [{"line": {"by": [-0.35, 0, 0]}}, {"line": {"by": [0.35, 0, 0]}}],
+    }))  # fmt: skip
+    (done,) = Simulation([prepared]).run()
+    is_clamped = (done["status"].astype(int) & int(Status.POSITION_LIMITED)) > 0
+    (loop_q, _) = Loop(prepared).run(*_clamped_position())
+    assert is_clamped.any() and not is_clamped.all()
+    assert_allclose(done["qpos"], loop_q, rtol=0, atol=EXACT)
+
+
+def _clamped_position():
+    def start(loop):
+        q, load = loop.data.qpos, loop.load()
+        loop.data.ctrl[:] = 2 * q[0] + load[0] / 2 / 300, min(q[1] + load[1] / 90, 2.5)
+
+    def tell(loop, rates):
+        loop.data.ctrl[:] += np.array([2.0, 1.0]) * rates * loop.period
+        loop.data.ctrl[1] = np.clip(loop.data.ctrl[1], -2.5, 2.5)
+
+    return start, tell
+
+
+def test_a_rate_beyond_the_range_of_a_servo_is_a_status():
+    _, done = run("velocity", by=(0.1, 0.0, 0.1))
+    assert not (done["status"].astype(int) & int(Status.RATE_LIMITED)).any()
+    fast = scenario("velocity", by=(0.2, 0.0, 0.2)).set({
+        "control.limits.rate": 50.0, "target.limits": {"velocity": 5.0, "acceleration": 60.0, "jerk": 6000.0}
+    })  # fmt: skip
+    (done,) = Simulation([prepare(fast)]).run()
+    told = (done["status"].astype(int) & int(Status.RATE_LIMITED)) > 0
+    # told a tick after the command that was cut
+    assert_array_equal(told[1:], np.abs(done["qdot_cmd"][:-1, 0]) > 1.0)
+    assert told.any()
+
+
+# Which drives ------------------------------------------------------------------------------------------
+
+BODY = """<mujoco><option timestep="0.002"/><worldbody><body><joint name="shoulder" axis="0 1 0"/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".03" mass="1"/><body pos=".4 0 0">
+<joint name="elbow" axis="0 1 0"/><geom type="capsule" fromto=".1 0 0 .3 0 0" size=".02" mass=".6"/>
+<site name="hand" pos=".3 0 0"/></body></body></worldbody>
+<tendon><fixed name="both"><joint joint="shoulder" coef="1"/><joint joint="elbow" coef="1"/></fixed></tendon>
+<actuator>{}</actuator></mujoco>"""
+POSITION, MOTOR = '<position name="p" joint="shoulder" kp="9"/>', '<motor name="m" joint="elbow"/>'
+
+REFUSED = {
+    "": ("shoulder, elbow", ""),
+    POSITION: ("elbow", ""),
+    f'{POSITION}<muscle name="m" joint="elbow" lengthrange="0 1"/>': ("elbow", "m"),
+    f'{POSITION}<damper name="m" joint="elbow" kv="1" ctrlrange="0 1"/>': ("elbow", "m"),
+    f'{POSITION}<motor name="m" joint="elbow" gear="0"/>': ("elbow", ""),
+    '<position name="p" tendon="both" kp="9"/>': ("shoulder, elbow", ""),
+    # a motor that also pulls at a joint with a servo keeps its control
+    f'{POSITION}<motor name="m" tendon="both"/>': ("elbow", "m"),
+    f'{POSITION}<general name="m" joint="elbow" dyntype="integrator"/>': ("elbow", "m"),
+    f'{POSITION}<general name="m" joint="elbow" biastype="affine" gainprm="1" biasprm="0 3 0"/>': ("elbow", "m"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("actuators", REFUSED)
+def test_joints_that_nothing_drives_are_named(tmp_path, actuators):
+    joints, idle = REFUSED[actuators]
+    path = tmp_path / "model.xml"
+    path.write_text(BODY.format(actuators))
+    with pytest.raises(ScenarioError) as caught:
+        prepare(scenario(path))
+    told = f"{idle} … " if idle else ""
+    assert str(caught.value) == says(f'plant.kind: "model" … {path} … {joints} alone … {told}"servo"')
+
+
+def test_a_motor_beside_a_servo_keeps_its_control_and_is_named():
+    prepared, _ = run("pair")
+    drives = prepared.arm.drives
+    assert [prepared.arm.model.actuator(i).name for i in drives.idle] == ["a3"]
+    assert any(one.text == says("actuators … a3") for one in prepared.assumed)
+
+
+def test_other_plants_do_not_see_the_authors_drives():
+    # the same arm on servos of ours, with no actuator of the author's left
+    prepared, done = run("position", kind="servo", timestep=0.001)
+    assert prepared.plant.model([prepared.plant]).nactuator == 2
+    assert 1.2 * _off(done) < _off(run("position")[1])
+
+
+def test_gravity_compensation_is_the_authors_unless_the_scenario_says():
+    own, floating = run("tendon")[0], run("tendon", gravity_compensation=True)[0]
+    assert not own.plant.model([own.plant]).body_gravcomp.any()
+    assert floating.plant.model([floating.plant]).body_gravcomp[1:].all()
+    authors = run("compensated")[0]
+    assert_array_equal(authors.plant.model([authors.plant]).body_gravcomp, [0, 1, 0.5])
+
+
+def test_worlds_that_differ_are_each_as_alone():
+    worlds = [
+        prepare(scenario("cable", start=start, **plant))
+        for start, plant in (
+            ((0.3, -0.7), {"payload": 0.2}), ((-0.2, 0.9), {"payload": 0.1, "gravity": (0.0, 0.0, -3.0)}),
+            ((0.3, -0.7), {"payload": 0.3, "bandwidth": 100.0}),
+        )
+    ]  # fmt: skip
+    together = Simulation(worlds).run()
+    for one, done in zip(worlds, together, strict=True):
+        (alone,) = Simulation([one]).run()
+        assert_array_equal(done["qpos"], alone["qpos"])
+        assert_array_equal(done["tau"], alone["tau"])
