@@ -237,6 +237,10 @@ def test_beside_its_keyframe_an_arm_starts_at_rest(name):
     assert_allclose(
         done["tau"][-1], weight.load() + weight.model.jnt_actgravcomp * weight.data.qfrc_gravcomp, atol=1e-6
     )
+    # what bears the weight counts once, be it the actuators or not
+    data, own = weight.data, weight.model.jnt_actgravcomp
+    borne = data.qfrc_bias - data.qfrc_passive + (1 - own) * data.qfrc_gravcomp
+    assert_allclose(done["tau"][-1] + done["tau_gravity"][-1], borne, atol=1e-6)
     assert np.abs(done["tau"][-1]).max() > 0.1
 
 

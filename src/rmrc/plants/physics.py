@@ -86,7 +86,7 @@ class Physical(Plant):
 
     @property
     def gravity_apart(self) -> Array:
-        """1 of joints whose `tau` is without what compensates gravity, 0 of those whose `tau` has it, (n,)."""
+        """1 of joints whose `tau` is without gravity compensation, 0 of those whose `tau` has it, (n,)."""
         return np.ones(self.arm.n)
 
     @property
