@@ -15,6 +15,7 @@ from rmrc import arm as arms
 from rmrc.analysis.statics.balance import Cost, balance, elsewhere, link_frames, wrench_costs
 from rmrc.analysis.statics.hold import FEEDBACK
 from rmrc.analysis.statics.statics import statics
+from rmrc.scenario.sections import ToolSection
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import pose_error, quat_to_matrix
 from screws import screw_chain
@@ -361,6 +362,16 @@ def test_any_chain_holds_what_statics_says(chain):
         arm = chain(seed)
         held = hold(arm, *at_random(arm, seed), gravity=seed % 2 == 0)
         assert held.agrees, (seed, held.difference, held.allowed, held.rate)
+
+
+@pytest.mark.parametrize("frame", ["body", "tool", "none"])
+def test_what_carries_no_site_is_held_too(frame):
+    """The body of a hand that is chosen, one that is named, and a tool of 0.2 kg at some way from it."""
+    tool = ToolSection(body="palm", position=(0.1, 0.0, 0.05), mass=0.2)
+    asked = {"body": {"body": "palm"}, "tool": {"tool": tool}, "none": {}}[frame]
+    arm = arms.load(ROOT / "tests/models/gripper.xml", **asked)
+    held = hold(arm, arm.configuration("home")[arm.wiring.qpos], [0, 0, -1, 0, 0, 0], gravity=frame == "tool")
+    assert held.agrees, (held.difference, held.allowed)
 
 
 def test_singular_or_not_every_joint_is_held():

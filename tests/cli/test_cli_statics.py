@@ -175,3 +175,16 @@ def test_what_diverges_exits_3_and_ctrl_c_130(rmrc, monkeypatch):
     monkeypatch.setattr("rmrc.analysis.statics.statics.hold_wrench", interrupted)
     code, _, err = rmrc("statics", TWO, "--wrench", "0,1,0", "--hold", "1")
     assert (code, err) == (130, "rmrc: interrupted while holding\n")
+
+
+@pytest.mark.parametrize(
+    ("more", "said"), [("range='0 2'", "a is at the end of the range"), ("range='-1 2'", "")]
+)
+def test_what_bears_a_part_beside_the_drives_is_said_with_the_way_out(rmrc, tmp_path, more, said):
+    """A hinge that stands at the end of its range is pressed against it, and one off its end is not."""
+    (tmp_path / "arm.xml").write_text(f"""<mujoco><compiler angle="radian"/><worldbody><body name="hand">
+      <joint name="a" axis="0 1 0" {more} limited="true"/><geom size=".1" pos=".5 0 0"/><site name="tool" pos="1 0 0"/>
+      </body></worldbody></mujoco>""")
+    code, out, _ = rmrc("statics", "arm.xml", "--wrench", "0,0,5,0,0,0", "--hold", "2")
+    assert code == (1 if said else 0) and said in " ".join(out.split())
+    assert ("--q or --keyframe" in " ".join(out.split())) == bool(said)

@@ -79,10 +79,11 @@ FAULTS = (
 
 @dataclass(frozen=True, eq=False)
 class _Trial:
-    """A move as it was run on the ideal plant, with which of `FAULTS` it has, all of them or the first."""
+    """A move as it was run on the ideal plant, with which of `FAULTS` it has: all, or the first and why."""
 
     move: Move
     faults: tuple[bool, ...]
+    why: str = ""
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -186,7 +187,8 @@ def _best(suits: Scales, cache: Cache) -> _Trial:
             break
     if best is None or best.faults[0]:
         raise QuestionError(
-            f"{suits.task.arm.path}: no move from near home could be run; `rmrc check` tells why"
+            f"{suits.task.arm.path}: no move from near home could be run{best.why if best else ''}; give "
+            "another --site or --body, and see what `rmrc check` tells"
         )
     return best
 
@@ -196,8 +198,8 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
         return _Trial(move, (True,))
     try:
         run = _run(suits, move, IDEAL.name, cache, COARSE)
-    except ScenarioError:
-        return _Trial(move, (True,))
+    except ScenarioError as error:
+        return _Trial(move, (True,), f": {error.problems[0].text}")
     card = scorecard(run)
     if run.divergence or not run.is_complete:
         return _Trial(move, (True,))

@@ -9,10 +9,12 @@ actuators should read.
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.analysis.new.text import identity
 from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.law.task import Task
 from rmrc.results.run import Run
@@ -171,7 +173,8 @@ def hold_scenario(wanted: Balance, seconds: float) -> Scenario:
     return Scenario.model_validate({
         "name": "hold",
         "arm": {
-            "model": arm.path.resolve(), "site": arm.site, "start": tuple(wanted.q), "joints": arm.joints,
+            **{key: value for key, value in identity(arm, Path.resolve).items() if key != "stretch"},
+            "start": tuple(wanted.q),  # the arm that is given is stretched already
         },
         "task": {"axes": (axis,)},
         "control": {
