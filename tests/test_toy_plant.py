@@ -144,7 +144,7 @@ def test_it_is_in_the_schema_and_in_messages(toy):
     assert "time constant of the rates" in schema and "plant.lag " in schema
     kinds = json.loads(toy.rmrc("schema", "--json"))["$defs"]["PlantSection"]["properties"]["kind"]
     assert kinds["enum"] == ["ideal", "servo", "torque", "model", "lagging"]
-    assert kinds["description"].endswith("computed torques, or rates that follow with a lag")
+    assert kinds["description"].endswith("the model's own actuators, or rates that follow with a lag")
     ended = toy.python(REFUSED)
     assert ended.stdout.splitlines() == [
         says("--set plant.lag: … 0 … -1"),

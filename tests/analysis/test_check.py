@@ -115,9 +115,9 @@ def test_an_idle_joint_is_told(tmp_path):
 
 
 def test_a_plant_that_refuses_is_told():
-    """Computed torque knows no screws."""
-    found = found_in(ROOT / "models/helical.xml")["plant-refused"]
-    assert found.text.startswith("the torque plant refuses it: ")
+    """The model plant needs actuators that move each joint."""
+    found = found_in(ROOT / "tests/models/gripper.xml")["plant-refused"]
+    assert found.text.startswith("the model plant refuses it: ")
 
 
 def test_every_code_is_tried():
@@ -125,7 +125,7 @@ def test_every_code_is_tried():
         "jacobian-routes",
         "plant-refused",
         "mujoco-warning",
-    }  # of a bug, of screws, and of MuJoCo: below
+    }  # of a bug, of actuators, and of MuJoCo: below
     assumed = {"base-fixed", "assumed"}  # and of what was assumed: below
     assert FAULTS.keys() | ALWAYS | {"joint-idle"} | never | assumed == CODES.keys()
 

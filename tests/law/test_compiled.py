@@ -18,11 +18,13 @@ from rmrc.law import controller, descent, law, svd
 from rmrc.law.jit import _kind
 from rmrc.law.record import records, tick_type
 from rmrc.law.task import choose
-from rmrc.plants import lockstep, torque
+from rmrc.plants import lockstep, model, torque
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
-from rmrc.scenario import ControlSection
+from rmrc.scenario import ControlSection, Scenario
 from rmrc.simulation import reference
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
 
 MOVES = (
     reference.sample, lockstep.tick, torque.computed_torque, tally.add,
@@ -36,6 +38,7 @@ EXAMINES = (
     descent.reach,
     svd.svd,
 )
+DRIVES = (model.settle, model.tell_drives, model.tell_motors)
 
 
 def kept(function):
@@ -64,6 +67,19 @@ def test_what_examines_an_arm_is_kept_on_disk():
     assert [entry for entry in EXAMINES if not kept(entry)] == []
 
 
+@pytest.mark.compiles
+def test_what_tells_the_authors_drives_is_kept_on_disk():
+    for name in ("position", "motor"):
+        path = ROOT / f"tests/models/drives/{name}.xml"
+        scenario = Scenario.model_validate({
+            "name": name, "arm": {"model": path, "site": "hand"}, "task": {"axes": ("x", "z")},
+            "control": {"period": 0.004}, "target": {"path": ({"hold": {"for": 0.02}},)},
+            "plant": {"kind": "model"},
+        })  # fmt: skip
+        Simulation([prepare(scenario)]).run()
+    assert [entry for entry in DRIVES if not kept(entry)] == []
+
+
 def test_what_compiles_comes_first(request):
     compiles = [item.get_closest_marker("compiles") is not None for item in request.session.items]
     assert compiles == sorted(compiles, reverse=True)
@@ -73,7 +89,7 @@ def test_what_compiles_comes_first(request):
 def test_every_entry_is_one_of_these():
     sources = [path.read_text("utf-8") for path in (ROOT / "src/rmrc").rglob("*.py")]
     entries = [name for text in sources for name in re.findall(r"^@entry\ndef (\w+)", text, re.MULTILINE)]
-    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES))
+    assert sorted(entries) == sorted(entry.__name__ for entry in (*MOVES, *EXAMINES, *DRIVES))
 
 
 def test_arguments_that_are_of_one_kind_are_of_one_type():

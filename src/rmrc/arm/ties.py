@@ -76,7 +76,8 @@ def _rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np
         full = np.zeros((data.nefc, model.nv))
         mujoco.mju_sparse2dense(full, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
     else:
-        full = np.array(data.efc_J).reshape(data.nefc, model.nv)
+        # behind the rows there can be room that MuJoCo counted and did not use
+        full = np.array(data.efc_J)[: data.nefc * model.nv].reshape(data.nefc, model.nv)
     chosen = data.efc_type == _EQUALITY
     return full[chosen], np.array(data.efc_id)[chosen]
 

@@ -21,7 +21,17 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
         i: Which singular value.
         gradient: Written, (n,) [1/rad or 1/m].
     """
-    J, n, turns = world.J if world.axes == world.n else world.columns, world.axes, world.frame == SITE
+    # J and columns may be of two types, of which no one variable can be
+    if world.axes == world.n:
+        gradient_of(world, i, world.J, gradient)
+    else:
+        gradient_of(world, i, world.columns, gradient)
+
+
+@compiled
+def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
+    """Write the gradient that `sigma_gradient` is asked for, from what each axis contributes, (6, ℓ)."""
+    n, turns = world.axes, world.frame == SITE
     fx, fy, fz, mx, my, mz = expanded(world, i)
     for a in range(n):
         leader = world.leader[a]

@@ -44,14 +44,21 @@ def write_columns(world: Record, point: Array, anchors: Array, axes: Array, colu
 @compiled
 def second_jacobian(world: Record, point: Array, anchors: Array, axes: Array) -> None:
     """Write J_2, as `geometric_jacobian`, of the second task's site; joints behind it do not move it."""
-    C = world.J_2 if world.axes == world.n else world.columns_2
-    write_columns(world, point, anchors, axes, C)
+    if world.axes == world.n:
+        write_moving(world, point, anchors, axes, world.J_2)
+    else:
+        write_moving(world, point, anchors, axes, world.columns_2)
+        gather(world, world.columns_2, world.J_2)
+
+
+@compiled
+def write_moving(world: Record, point: Array, anchors: Array, axes: Array, columns: Array) -> None:
+    """Write what each axis contributes to the twist of the second task's site, (6, ℓ)."""
+    write_columns(world, point, anchors, axes, columns)
     for a in range(world.axes):
         if not world.moves_2[a]:
             for i in range(6):
-                C[i, a] = 0.0
-    if world.axes > world.n:
-        gather(world, C, world.J_2)
+                columns[i, a] = 0.0
 
 
 @compiled

@@ -80,7 +80,9 @@ WORLD_VIEW = View()
 
 def _turned(R: Array, rows: Array) -> Array:
     """Return R times each three rows of (..., 3 k) or (..., 3 k, n)."""
-    threes = rows.reshape(*R.shape[:-2], -1, 3, rows.shape[-1] if rows.ndim == R.ndim else 1)
+    columns = rows.shape[-1:] if rows.ndim == R.ndim else (1,)
+    count = rows.shape[R.ndim - 2] // 3  # said, as there may be none of (...)
+    threes = rows.reshape(*R.shape[:-2], count, 3, *columns)
     return np.asarray((R[..., None, :, :] @ threes).reshape(rows.shape))
 
 
