@@ -368,3 +368,30 @@ def test_verbs_that_solve_or_drive_refuse_a_tied_arm_and_inspect_says_so(rmrc, t
         assert status == 2 and err.strip().splitlines()[-1] == told, (verb, err)
     status, out, err = rmrc("inspect", str(model), "--site", "tip")
     assert status == 0 and "drag" in out + err and "grip" not in out + err
+
+
+@pytest.mark.long
+def test_an_arm_with_more_axes_than_its_record_has_joints_moves(tmp_path):
+    """Eight joints fill a record; with a ninth axis what belongs to joints and to axes is of two types."""
+    text, ends = "", ""
+    for j in range(8):
+        text += f'<body name="b{j}" pos=".15 0 0"><joint name="j{j}" axis="0 {j % 2} {1 - j % 2}"/><geom size=".02"/>'
+        ends += "</body>"
+    text += '<body name="out"><joint name="out" type="slide" axis="1 0 0"/><geom size=".02"/><site name="tip"/></body>'
+    follows = '<equality><joint joint1="out" joint2="j7" polycoef="0 .1 0 0 0"/></equality>'
+    home = '<keyframe><key name="home" qpos="0 .3 -.2 .4 .3 -.5 .2 .6 .06"/></keyframe>'
+    path = tmp_path / "nine.xml"
+    path.write_text(f"<mujoco><worldbody>{text}{ends}</worldbody>{follows}{home}</mujoco>")
+    scenario = Scenario.model_validate({
+        "name": "nine", "arm": {"model": path, "site": "tip"},
+        "control": {"nullspace": {"objective": "manipulability"}},
+        "target": {"path": ({"line": {"by": (-0.1, 0.05, 0.0)}},)}, "plant": {"kind": "ideal"},
+    })  # fmt: skip
+    (run,) = Simulation([prepare(scenario)]).run()
+    model = mujoco.MjModel.from_xml_path(str(path))
+    data = mujoco.MjData(model)
+    data.qpos[:] = run["qpos"][-1]
+    mujoco.mj_forward(model, data)
+    assert_allclose(run["qpos"][-1][8], 0.1 * run["q"][-1][7], atol=ROUNDING)
+    assert_allclose(run["pose"][-1][:3], data.site("tip").xpos, atol=ROUNDING)
+    assert np.abs(run["pose_error"]).max() < 1e-2 and np.ptp(run["qpos"][:, 8]) > 1e-3

@@ -21,7 +21,7 @@ from .supervisor import TESTS, Bounds, supervise
 FROZEN = sorted((Path(__file__).parent / "regressions").glob("*.json"))
 
 # So many inputs of each class: some four seconds of one core in all.
-FIXED = 15
+FIXED = 25
 
 
 def told(result):
