@@ -40,7 +40,8 @@ def written_and_run(rmrc, name, plant, folder):
     path = folder / "mine.yaml"
     assert rmrc("new", str(model(name)), "-o", str(path), "--plant", plant)[0] == 0
     code, _, err = rmrc("run", str(path), "--no-record", "--quiet")
-    assert (code, err) == (0, "")
+    # of drives that a rise of the rates brings to their limits it may say so
+    assert code == 0 and all("TORQUE_LIMITED" in line for line in err.splitlines())
 
 
 @pytest.mark.parametrize("name", QUICK)
@@ -57,10 +58,6 @@ def test_what_is_written_runs_and_meets_what_it_expects(rmrc, tmp_path, name):
 @pytest.mark.parametrize("plant", PLANTS.names)
 @pytest.mark.parametrize("name", SHIPPED)
 def test_it_does_so_for_every_model_on_every_plant(rmrc, tmp_path, name, plant):
-    if (name, plant) == ("helical", "torque"):  # computed torque knows no screws, and says so
-        code, _, err = rmrc("new", str(model(name)), "--plant", plant)
-        assert code == 2 and "plant.kind" in err and not list(tmp_path.iterdir())
-        return
     written_and_run(rmrc, name, plant, tmp_path)
 
 
