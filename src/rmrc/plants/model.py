@@ -16,7 +16,7 @@ from rmrc.law.record import Field
 from rmrc.plants.physics import Physical
 from rmrc.plants.plant import Assumed, BeforeSteps, Wired
 from rmrc.plants.servo import Servo
-from rmrc.plants.torque import Torque, choose_acceleration
+from rmrc.plants.torque import Torque, choose_acceleration, substitute
 from rmrc.plants.wiring import column
 from rmrc.scenario.choices import Status
 from rmrc.support.legible import listed
@@ -159,14 +159,7 @@ def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) 
         force: Forces, (d,), written.
     """
     factorize(R, count, n, N)
-    for i in range(n):
-        for k in range(i):
-            tau[i] -= N[i, k] * tau[k]
-        tau[i] /= N[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            tau[i] -= N[k, i] * tau[k]
-        tau[i] /= N[i, i]
+    substitute(N, n, tau)
     for d in range(count):
         force[d] = 0.0
         for j in range(n):

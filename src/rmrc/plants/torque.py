@@ -152,13 +152,20 @@ def _solve(A: Array, x: Array) -> None:
             for k in range(j):
                 rest -= A[i, k] * A[j, k]
             A[i, j] = math.sqrt(rest) if i == j else rest / A[j, j]
+    substitute(A, n, x)
+
+
+@compiled
+def substitute(L: Array, n: int, x: Array) -> None:
+    """Solve L Lᵀ y = x for y, written over x, (n,); L is a lower triangle, and what is above is not read."""
+    for i in range(n):
         for k in range(i):
-            x[i] -= A[i, k] * x[k]
-        x[i] /= A[i, i]
+            x[i] -= L[i, k] * x[k]
+        x[i] /= L[i, i]
     for i in range(n - 1, -1, -1):
         for k in range(i + 1, n):
-            x[i] -= A[k, i] * x[k]
-        x[i] /= A[i, i]
+            x[i] -= L[k, i] * x[k]
+        x[i] /= L[i, i]
 
 
 @dataclass(frozen=True)
