@@ -60,7 +60,17 @@ class Lagging(Ideal):
 
 KEY = """    delay: NotNegative = key("time from a command to the plant, in whole control periods", 0.0, "s")
 """
-STAGE = '''
+STAGE = '''"""Commands that arrive late."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rmrc.law.jit import Record, compiled
+from rmrc.law.record import JOINTS, Field
+from rmrc.plants.stage import Stage
+
+
 @compiled
 def send_late(world: Record, out: Record) -> None:
     """Send what was commanded so many ticks ago, at first nothing."""
@@ -84,8 +94,6 @@ class Delay(Stage):
         """Yield delays of more ticks than a record holds."""
         if self.scenario.plant.delay > 16 * self.scenario.control.period:
             yield "plant.delay", f"must be at most 16 control periods, got {self.scenario.plant.delay:g} s"
-
-
 '''
 
 SCENARIO = """
@@ -127,7 +135,8 @@ def with_toys(folder):
     edit(copy, "plants/kinds.py", ("Torque, Model)", "Torque, Model, Lagging)"))
 
     copy.add("scenario/sections.py", KEY, before="wrench: Wrench = key(")
-    copy.add("plants/stages.py", STAGE, before="# In the order in which")
+    (folder / "rmrc/plants/late.py").write_text(STAGE, "utf-8")
+    copy.add("plants/stages.py", "from rmrc.plants.late import Delay\n", before="from rmrc.plants.stage ")
     edit(copy, "plants/stages.py", ("(Encoders,)", "(Encoders, Delay)"))
     (folder / "toy.yaml").write_text(SCENARIO, "utf-8")
     return copy

@@ -6,7 +6,8 @@ from rmrc.arm import Arm
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.kinds import CLASSES, KINDS
 from rmrc.plants.plant import Plant
-from rmrc.plants.stages import STAGES, Stage
+from rmrc.plants.stage import Stage
+from rmrc.plants.stages import STAGES
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import PLANTS
 
