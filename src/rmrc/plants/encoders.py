@@ -14,7 +14,7 @@ _MOST_OFF = 1e6
 
 
 @compiled
-def add_offset(world: Record, out: Record) -> None:
+def add_offset(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
     """Have the law take the joints to be at q + offset."""
     for j in range(world.n):
         world.q[j] = out.q[j] + world.encoder_offset[j]
@@ -38,9 +38,14 @@ class Encoders(Stage):
             return offset
         return offset + encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
 
+    @property
+    def is_used(self) -> bool:
+        """Whether any is off."""
+        return bool(self.offset.any())
+
     def write(self, world: np.void) -> None:
         """Write the offset, and whether there is any."""
-        world["is_off"], world["encoder_offset"][: self.arm.n] = self.offset.any(), self.offset
+        world["is_off"], world["encoder_offset"][: self.arm.n] = self.is_used, self.offset
 
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield offsets beyond reason, and what needs encoders that are right."""

@@ -325,6 +325,7 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
         ("control.limits.rate", control.limits.rate),
         ("control.limits.acceleration", control.limits.acceleration),
         ("control.limits.braking", control.limits.braking),
+        ("plant.lag", scenario.plant.lag),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
