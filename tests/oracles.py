@@ -22,6 +22,7 @@ from oracle_inverse import (
     second_inverse,
 )
 from oracle_limits import bounds, fastest_pace, held_at_stops, next_pace, redistributed, slowed_change
+from oracle_way import Way
 from rmrc.scenario.choices import Status
 
 __all__ = [
@@ -131,7 +132,11 @@ class NumpyLoop:
         self.offset = np.random.default_rng(encoder.seed).normal(encoder.offset, encoder.deviation, n)
         if control.nullspace.objective == "secondary":
             self.start_second(control.nullspace.secondary)
-        self.last = np.zeros(n)
+        self.last, self.told, self.way = (
+            np.zeros(n),
+            np.zeros(n),
+            Way(self.scenario.plant, self.scenario.control.period, n),
+        )
         self.path_tick, self.pace, self.share = 0.0, 1.0, 1.0
         self.fastest, self.falling, self.advance, self.waited, self.still = None, 0.0, 0.0, 0.0, 0.0
 
@@ -172,7 +177,7 @@ class NumpyLoop:
         ).copy()
         if plant.kind == "ideal":
             mujoco.mj_forward(model, data)
-            qdot, tau = self.last, np.zeros(self.arm.n)
+            qdot, tau = self.told, np.zeros(self.arm.n)
         else:
             mujoco.mj_step1(model, data)
             qdot = data.qvel[self.dof].copy()
@@ -182,7 +187,7 @@ class NumpyLoop:
         row |= {"q": q, "qdot": qdot, "tau": tau}
         if self.offset.any():
             row["pose_error"] = self.error(*self.kinematics.at(q, self.site)[:2])
-        cmd = row["qdot_cmd"]
+        cmd = row["qdot_arrived"] = self.way.tell(row["qdot_cmd"])
         if plant.kind == "ideal":
             data.qpos[self.qpos] += self.scenario.control.period * cmd
         else:
@@ -196,7 +201,7 @@ class NumpyLoop:
             mujoco.mj_step2(model, data)
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)
-        self.last = cmd
+        self.last, self.told = row["qdot_cmd"], cmd
         return row
 
     def push(self):
@@ -210,7 +215,7 @@ class NumpyLoop:
     def torque(self, cmd, qdot):
         M = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, self.data, M)
-        qddot = (cmd - self.last) / self.scenario.control.period
+        qddot = (cmd - self.told) / self.scenario.control.period
         qddot = qddot + self.scenario.plant.bandwidth * (cmd - qdot)
         bias = self.data.qfrc_bias - self.data.qfrc_passive
         tau = M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]

@@ -11,6 +11,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
+import rmrc.simulation.footprint as footprint_module
 import rmrc.simulation.simulation as simulation_module
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
@@ -28,8 +29,9 @@ from rmrc.scenario.choices import (
     SCHEDULES,
     Status,
 )
+from rmrc.simulation.footprint import HELD
 from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import BLOCK, HELD, Simulation
+from rmrc.simulation.simulation import BLOCK, Simulation
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
@@ -223,6 +225,21 @@ VARIANTS = {
     "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", FINER),
     "model": (SHORT, "plant.kind=model"),
     "model, 6 joints, pushed": (*STANFORD, *SIX, "plant={kind: model, wrench: [5, -3, 1, 0, 0, 2], bandwidth: 10}"),
+    "late": (*NEAR, "plant={kind: ideal, delay: 0.02}", "control.feedback=5"),
+    "late now and then, and lost, torque": (
+        FINER, SHORT, "plant={kind: torque, delay: 0.003, jitter: 0.009, loss: 0.2, seed: 3}", "control.feedback=5",
+    ),
+    "lost, limits": (*PLANAR, DRIFT, "plant={loss: 0.5}", "control.limits={acceleration: 1, on_excess: clamp}"),
+    "lagging, slow": (
+        *PLANAR, "control.at_singularity=slow", "control.limits.rate=0.3", "plant={delay: 0.008, lag: [0.05, 0, 0.01]}",
+    ),
+    "late, stop": (*NEAR, "control.at_singularity=stop", "plant.delay=0.016", "control.feedback=5"),
+    "swinging, model": (
+        SHORT, COARSE, "plant={kind: model, jitter: 0.001, resonance: {frequency: 12, damping: 0.05}}", "control.feedback=3",
+    ),
+    "swinging and lagging, torque": (
+        SHORT, FINER, "plant={kind: torque, lag: 0.02, resonance: {frequency: 40, damping: 1.5}}", "control.feedback=5",
+    ),
     "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
 }  # fmt: skip
 
@@ -274,6 +291,12 @@ OFF = {
     "encoder.offset": (
         "encoders off, 6 joints, damped", "arm.encoder.offset=[0.01, -0.02, 0.005, 0.03, -0.01, 0.02000002]",
     ),
+    "delay": ("late", "plant.delay=0.02000002"),
+    "jitter": ("late now and then, and lost, torque", "plant.jitter=0.009000009"),
+    "loss": ("lost, limits", "plant.loss=0.45"),
+    "lag": ("lagging, slow", "plant.lag=[0.05, 0, 0.01000001]"),
+    "resonance.frequency": ("swinging, model", "plant.resonance.frequency=12.000012"),
+    "resonance.damping": ("swinging, model", "plant.resonance.damping=0.05000005"),
     "encoder.deviation": (
         "encoders off, drawn, slow, manipulability", "arm.encoder.deviation=[0.5 deg, 1.000001 deg, 0]",
     ),
@@ -581,7 +604,7 @@ def step_without_columns(prepared, threads=1, on_block=None):
 
 
 def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_threads(scenario, monkeypatch):
-    monkeypatch.setattr(simulation_module, "HELD", 300)  # so that rows are used again and again
+    monkeypatch.setattr(footprint_module, "HELD", 300)  # so that rows are used again and again
     # Many laws, all plants, encoders that are off, one world that diverges, and runs of different lengths.
     chosen = [(REACH,), *list(VARIANTS.values())[::2], ()]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
@@ -603,7 +626,7 @@ def test_scorecards_and_blocks_do_not_depend_on_how_many_ticks_are_held(scenario
     good = prepare(scenario(REACH))
     prepared = [good, nan_at(good, 700), prepare(scenario()), prepare(scenario(*encoders))]
     runs = Simulation(prepared).run()
-    monkeypatch.setattr(simulation_module, "HELD", held)
+    monkeypatch.setattr(footprint_module, "HELD", held)
     pieces = [[] for _ in prepared]
     simulation = step_without_columns(prepared, on_block=lambda world, part: pieces[world].append(part))
     assert_same_scorecards(simulation.scorecards(), [scorecard(run) for run in runs])
@@ -636,7 +659,7 @@ def skips_a_tick(advance):
 
 def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scenario, monkeypatch):
     held = 64
-    monkeypatch.setattr(simulation_module, "HELD", held)
+    monkeypatch.setattr(footprint_module, "HELD", held)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
     seen, stop = [], threading.Event()
@@ -659,7 +682,7 @@ def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scen
 
 
 def test_without_columns_an_interrupt_within_a_tick_keeps_the_ticks_that_were_written(scenario, monkeypatch):
-    monkeypatch.setattr(simulation_module, "HELD", 64)
+    monkeypatch.setattr(footprint_module, "HELD", 64)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
     simulation = Simulation(prepared, keep_columns=False)

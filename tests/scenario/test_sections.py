@@ -228,7 +228,11 @@ plant:
   gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
   delay: 0.0
+  jitter: 0.0
+  loss: 0.0
   lag: 0.0
+  resonance: {frequency: null, damping: 0.1}
+  seed: 0
 expect: {}
 sweep:
   vary: {}

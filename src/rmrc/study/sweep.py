@@ -47,6 +47,9 @@ _PARTS = 16
 # Months of one core, at some milliseconds each.
 _MOST_RUNS = 10**9
 
+# Keys that may bring chance in, beside those of the encoders.
+_CHANCE = ("arm", "plant", "plant.jitter", "plant.loss")
+
 # Of a column of 64 bits.
 _MOST_SEED = 2**63 - 1
 
@@ -145,17 +148,18 @@ class Sweep:
                 f"must give 2 runs or more, got {len(self.plan)}; "
                 "for example --vary control.inverse.method=damped,pseudoinverse",
             )
-        encoder = self.scenario.arm.encoder
-        has_chance = any(key == "arm" or key.startswith("arm.encoder") for key in self.plan.keys)
+        encoder, plant = self.scenario.arm.encoder, self.scenario.plant
+        has_chance = bool(any(_each(encoder.deviation)) or plant.jitter or plant.loss)
+        has_chance |= any(key in _CHANCE or key.startswith("arm.encoder") for key in self.plan.keys)
         most = _MOST_SEED - self.plan.samples * self.plan.repeat + 1
         if self.plan.seed > most:
             key = "arm.encoder.seed" if self.scenario.sweep.seed is None else "sweep.seed"
             problems.add(key, f"must be <= {most}, got {self.plan.seed}")
-        if self.plan.repeat > 1 and not (has_chance or any(_each(encoder.deviation))):
+        if self.plan.repeat > 1 and not has_chance:
             problems.add(
                 "sweep.repeat",
                 f"must be 1 where nothing is left to chance, got {self.plan.repeat}; "
-                "give arm.encoder.deviation",
+                "give arm.encoder.deviation, plant.jitter or plant.loss",
             )
         problems.raise_any()
 
