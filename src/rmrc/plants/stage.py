@@ -62,3 +62,8 @@ class Stage(ABC):
     @abstractmethod
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield key and message of what it cannot do in this scenario."""
+
+    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
+        """Yield key and message of what is too much in a run of so many control ticks."""
+        del ticks
+        yield from ()

@@ -97,8 +97,18 @@ class Transport(Stage):
         world["transport_seed"] = word(plant.seed)
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield nothing: any time will do."""
+        """Yield nothing: any arm can be told late."""
         yield from ()
+
+    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
+        """Yield a delay within which the run ends."""
+        if self.latency >= ticks:
+            period, delay = self.scenario.control.period, self.scenario.plant.delay
+            yield (
+                "plant.delay",
+                f"must be less than the {ticks * period:g} s that the run takes, as no command would arrive, "
+                f"got {delay:g} s; lower it, or lengthen target.path",
+            )
 
 
 def _ticks(time: float, period: float) -> float:
