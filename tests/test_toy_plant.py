@@ -137,7 +137,7 @@ def with_toys(folder):
     copy.add("scenario/sections.py", KEY, before="wrench: Wrench = key(")
     (folder / "rmrc/plants/late.py").write_text(STAGE, "utf-8")
     copy.add("plants/stages.py", "from rmrc.plants.late import Delay\n", before="from rmrc.plants.stage ")
-    edit(copy, "plants/stages.py", ("(Encoders,)", "(Encoders, Delay)"))
+    edit(copy, "plants/stages.py", ("(Encoders, Integral)", "(Encoders, Integral, Delay)"))
     (folder / "toy.yaml").write_text(SCENARIO, "utf-8")
     return copy
 

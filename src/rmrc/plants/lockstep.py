@@ -136,7 +136,10 @@ def read_joints(world: Record, out: Record, xpos: Array, xquat: Array) -> bool:
         out.pose[3 + i] = xquat[world.site, i]
     for i in range(7):
         world.pose[i] = out.pose[i]
-    return sensed(world, out)
+    is_misled = sensed(world, out)
+    for j in range(world.n):
+        out.q_believed[j] = world.q[j]
+    return is_misled
 
 
 @compiled

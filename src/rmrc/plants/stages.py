@@ -4,10 +4,11 @@ from collections.abc import Callable
 
 from rmrc.law.jit import chain
 from rmrc.plants.encoders import Encoders
+from rmrc.plants.integral import Integral
 from rmrc.plants.stage import Stage
 
 # In the order in which they are passed.
-STAGES: tuple[type[Stage], ...] = (Encoders,)
+STAGES: tuple[type[Stage], ...] = (Encoders, Integral)
 
 
 def _chain(slot: str) -> Callable[..., bool]:

@@ -76,7 +76,7 @@ class Scene:
 
     def __init__(self, prepared: Prepared) -> None:
         """Look at the arm where it starts."""
-        arm = prepared.arm
+        arm = prepared.true_arm
         self._arm = arm
         self._joint_scale = prepared.task.joint_scale
         rows = prepared.task.rows

@@ -69,7 +69,7 @@ class Track:
         Args:
             paint: What is drawn for each geometry.
         """
-        scene, arm = self.scene, self._prepared.arm
+        scene, arm = self.scene, self._prepared.true_arm
         for body in sorted({shape.body for shape in scene.shapes}):
             if scene.is_fixed[body]:
                 pose = arm.frames(self._prepared.qpos[None])[0][0, body]

@@ -28,11 +28,12 @@ class Column:
 
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
-    "q": Column("joint", "joint positions, the true ones where encoders are off", "n"),
+    "q": Column("joint", "joint positions, the true ones", "n"),
+    "q_believed": Column("joint", "joint positions that the law took for these", "n"),
     "qpos": Column(
         "rad, m or quat w x y z", "positions of all joints of the model, as MuJoCo orders them", "nq"
     ),
-    "qdot": Column("joint/s", "joint rates, measured", "n"),
+    "qdot": Column("joint/s", "joint rates, the true ones", "n"),
     "qdot_cmd": Column("joint/s", "joint rates, sent", "n"),
     "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
@@ -58,7 +59,7 @@ COLUMNS: Mapping[str, Column] = {
 
 
 # Files from before these were kept do without.
-ADDED = frozenset({"qpos", "tau_gravity"})
+ADDED = frozenset({"qpos", "q_believed", "tau_gravity"})
 
 
 @dataclass(frozen=True)

@@ -279,6 +279,10 @@ OneOrEach = Annotated[
 AngleOrEach = Annotated[
     Annotated[Angle, Tag("<one>")] | Annotated[Positions, Tag("<list>")], Discriminator(_one_or_list)
 ]
+NotNegativeOrEach = Annotated[
+    Annotated[NotNegative, Tag("<one>")] | Annotated[tuple[NotNegative, ...], Count(1), Tag("<list>")],
+    Discriminator(_one_or_list),
+]
 NotNegativeAngleOrEach = Annotated[
     Annotated[NotNegativeAngle, Tag("<one>")]
     | Annotated[tuple[NotNegativeAngle, ...], Count(1), Tag("<list>")],
