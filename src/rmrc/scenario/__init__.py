@@ -66,8 +66,8 @@ __all__ = [
     "ControlSection", "Draft", "EncoderSection", "FileSegment", "Frame", "FrictionSection", "Hold",
     "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection",
     "PathFrame", "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Section",
-    "Segment", "Set", "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection", "TargetSection",
-    "TaskSection", "Tilt", "TiltSegment", "ToolSection", "Turn", "TurnSegment", "Variant", "angle", "block",
-    "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows",
-    "variants",
+    "Segment", "Set", "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection",
+    "TargetSection", "TaskSection", "Tilt", "TiltSegment", "ToolSection", "Turn", "TurnSegment", "Variant",
+    "angle", "block", "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of",
+    "schema_rows", "variants",
 ]  # fmt: skip
