@@ -11,6 +11,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
+import rmrc.simulation.footprint as footprint_module
 import rmrc.simulation.simulation as simulation_module
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
@@ -28,8 +29,9 @@ from rmrc.scenario.choices import (
     SCHEDULES,
     Status,
 )
+from rmrc.simulation.footprint import HELD
 from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import BLOCK, HELD, Simulation
+from rmrc.simulation.simulation import BLOCK, Simulation
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
@@ -626,7 +628,7 @@ def step_without_columns(prepared, threads=1, on_block=None):
 
 
 def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_threads(scenario, monkeypatch):
-    monkeypatch.setattr(simulation_module, "HELD", 300)  # so that rows are used again and again
+    monkeypatch.setattr(footprint_module, "HELD", 300)  # so that rows are used again and again
     # Many laws, all plants, encoders that are off, one world that diverges, and runs of different lengths.
     chosen = [(REACH,), *list(VARIANTS.values())[::2], ()]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
@@ -648,7 +650,7 @@ def test_scorecards_and_blocks_do_not_depend_on_how_many_ticks_are_held(scenario
     good = prepare(scenario(REACH))
     prepared = [good, nan_at(good, 700), prepare(scenario()), prepare(scenario(*encoders))]
     runs = Simulation(prepared).run()
-    monkeypatch.setattr(simulation_module, "HELD", held)
+    monkeypatch.setattr(footprint_module, "HELD", held)
     pieces = [[] for _ in prepared]
     simulation = step_without_columns(prepared, on_block=lambda world, part: pieces[world].append(part))
     assert_same_scorecards(simulation.scorecards(), [scorecard(run) for run in runs])
@@ -681,7 +683,7 @@ def skips_a_tick(advance):
 
 def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scenario, monkeypatch):
     held = 64
-    monkeypatch.setattr(simulation_module, "HELD", held)
+    monkeypatch.setattr(footprint_module, "HELD", held)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
     seen, stop = [], threading.Event()
@@ -704,7 +706,7 @@ def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scen
 
 
 def test_without_columns_an_interrupt_within_a_tick_keeps_the_ticks_that_were_written(scenario, monkeypatch):
-    monkeypatch.setattr(simulation_module, "HELD", 64)
+    monkeypatch.setattr(footprint_module, "HELD", 64)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
     simulation = Simulation(prepared, keep_columns=False)

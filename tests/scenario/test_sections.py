@@ -230,6 +230,8 @@ plant:
   payload: 0.0
   gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+  delay: 0.0
+  lag: 0.0
   friction: {coulomb: 0.0, viscous: 0.0}
   stretch: {}
   joint_offset: 0.0

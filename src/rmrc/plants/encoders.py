@@ -20,23 +20,21 @@ from rmrc.plants.stage import Stage, refuse_unseen
 _MOST_OFF = 1e6
 # Finer steps [rad, m] are lost in the rounding of positions, and their number overflows.
 _FINEST = 1e-12
-# Positions that a record keeps, one a tick, a power of two: at 1 kHz, those of a quarter of a second.
-HISTORY = 256
+# No run has so many ticks, and compiled code counts them in 64 bits.
+_NEVER = 2.0**52
 # Decimal fractions such as 0.003/0.001 are off by some 1e-16.
 _ROUNDING = 1e-9
 
 
 @compiled
-def read_encoders(world: Record, out: Record) -> None:
+def read_encoders(world: Record, out: Record, past: Record, t: int) -> None:
     """Have the law take the joints to be where their encoders say."""
     if not world.differentiates:
         for j in range(world.n):
             world.q[j] = out.q[j] + world.encoder_offset[j]
         return
-    t = world.readings
-    world.readings += 1
     if world.encoder_delay > 0.0:
-        look_back(world, out, t)
+        look_back(world, past, t)
     for j in range(world.n):
         world.q[j] += world.encoder_offset[j]
     if world.is_noisy:
@@ -54,15 +52,13 @@ def read_encoders(world: Record, out: Record) -> None:
 
 
 @compiled
-def look_back(world: Record, out: Record, t: int) -> None:
+def look_back(world: Record, past: Record, t: int) -> None:
     """Write where the joints were, between two ticks if need be; before the first they were where it is."""
-    whole = int(world.encoder_delay)
-    part = world.encoder_delay - whole
-    now, before = max(t - whole, 0) % HISTORY, max(t - whole - 1, 0) % HISTORY
+    when, rows = max(t - world.encoder_delay, 0.0), past.shape[0]
+    before, after = math.floor(when), math.ceil(when)
+    first, last = past[before % rows].q, past[after % rows].q
     for j in range(world.n):
-        world.q_history[t % HISTORY, j] = out.q[j]
-        later = world.q_history[now, j]
-        world.q[j] = later + part * (world.q_history[before, j] - later)
+        world.q[j] = last[j] + (after - when) * (first[j] - last[j])
 
 
 @compiled
@@ -97,7 +93,6 @@ class Encoders(Stage):
         Field("encoder_resolution", size=(JOINTS,)),
     )  # fmt: skip
     memory = (
-        Field("readings", np.int64), Field("q_history", size=(HISTORY, JOINTS)),
         Field("q_read", size=(JOINTS,)), Field("qdot_read", size=(JOINTS,)),
     )  # fmt: skip
 
@@ -123,8 +118,13 @@ class Encoders(Stage):
     @property
     def delay(self) -> float:
         """How old a reading is, in ticks."""
-        ticks = self.scenario.arm.encoder.delay / self.scenario.control.period
-        return round(ticks) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks
+        ticks = min(self.scenario.arm.encoder.delay / self.scenario.control.period, _NEVER)
+        return float(round(ticks)) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks
+
+    @property
+    def span(self) -> int:
+        """How many ticks back a reading is from, at most."""
+        return math.ceil(self.delay)
 
     @property
     def is_used(self) -> bool:
@@ -154,13 +154,6 @@ class Encoders(Stage):
         if np.any(steps[steps > 0.0] < _FINEST):
             finest = float(steps[steps > 0.0].min())
             yield "arm.encoder.resolution", f"must be 0 or at least {_FINEST:g} rad or m, got {finest:g}"
-        period = self.scenario.control.period
-        if self.delay > HISTORY - 2:
-            yield (
-                "arm.encoder.delay",
-                f"must be at most {HISTORY - 2} control periods, {(HISTORY - 2) * period:g} s, got "
-                f"{encoder.delay:g} s; lower it, or raise control.period",
-            )
         off = any(np.any(getattr(encoder, name)) for name in _SIZES)
         for key, is_used in (
             ("arm.encoder", off or encoder.delay), ("plant.stretch", plant.stretch),

@@ -5,20 +5,17 @@ from collections.abc import Iterator
 import numpy as np
 
 from rmrc.law.jit import Record, compiled
-from rmrc.law.record import JOINTS, Field
+from rmrc.law.record import Field
 from rmrc.plants.stage import Stage, refuse_unseen
 
 
 @compiled
-def integrate_commands(world: Record, out: Record) -> None:  # noqa: ARG001 - as all stages
+def integrate_commands(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
     """Have the law take q⁺ = q + period · qdot_cmd, from where the encoders said that it started."""
-    for j in range(world.n):
-        if world.has_begun:
-            world.q_integral[j] += world.period * world.qdot_cmd_last[j]
-        else:
-            world.q_integral[j] = world.q[j]
-        world.q[j] = world.q_integral[j]
-    world.has_begun = 1
+    if t > 0:
+        last = past[(t - 1) % past.shape[0]]
+        for j in range(world.n):
+            world.q[j] = last.q_believed[j] + world.period * last.qdot_cmd[j]
 
 
 class Integral(Stage):
@@ -26,12 +23,16 @@ class Integral(Stage):
 
     slot, uses, change = "sensed", "integrates", staticmethod(integrate_commands)
     fields = (Field("integrates", np.int64),)
-    memory = (Field("has_begun", np.int64), Field("q_integral", size=(JOINTS,)))
 
     @property
     def is_used(self) -> bool:
         """Whether the law takes the integral."""
         return bool(self.scenario.control.state == "integrated")
+
+    @property
+    def span(self) -> int:
+        """How many ticks back it looks: to what it believed, and commanded."""
+        return int(self.is_used)
 
     def write(self, world: np.void) -> None:
         """Write whether it is used."""

@@ -2,9 +2,9 @@
 
 A stage of the slot `sensed` changes what the law is told of the joints, `world.q` and `world.qdot`: the law
 then takes the arm to be there. One of the slot `sent` changes what the plant is told, `world.qdot_sent`. The
-truth is recorded, and what the law commanded. The site of a second task is where MuJoCo has it, so that a
-stage which changes q must refuse one. A stage is a compiled function and a class of `Stage`, in a module
-that says what it stands for; `rmrc.plants.stages` has them in order.
+truth is recorded, and what the law commanded; a stage may look back at it. The site of a second task is where
+MuJoCo has it, so that a stage which changes q must refuse one. A stage is a compiled function and a class of
+`Stage`, in a module that says what it stands for; `rmrc.plants.stages` has them in order.
 """
 
 from abc import ABC, abstractmethod
@@ -24,7 +24,8 @@ class Stage(ABC):
     Attributes:
         slot: Whether it changes what is sensed, before the law, or what is sent, after it.
         uses: The field of a record that says whether its world has it.
-        change: Compiled, (world, out): does what it does.
+        change: Compiled, (world, out, past, t): does what it does at tick t, whose record is `out`; that of
+            an earlier tick k is `past[k % len(past)]`.
         fields: Of the record of a world, those that `write` writes; `uses` is one of them.
         memory: Those that `change` keeps for itself, 0 at first.
     """
@@ -43,6 +44,16 @@ class Stage(ABC):
             arm: That it names.
         """
         self.scenario, self.arm = scenario, arm
+
+    @property
+    @abstractmethod
+    def is_used(self) -> bool:
+        """Whether its world has it."""
+
+    @property
+    def span(self) -> int:
+        """How many ticks back it looks."""
+        return 0
 
     @abstractmethod
     def write(self, world: np.void) -> None:

@@ -5,15 +5,17 @@ from collections.abc import Callable
 from rmrc.law.jit import chain
 from rmrc.plants.encoders import Encoders
 from rmrc.plants.integral import Integral
+from rmrc.plants.response import Lag
 from rmrc.plants.stage import Stage
+from rmrc.plants.transport import Transport
 
 # In the order in which they are passed.
-STAGES: tuple[type[Stage], ...] = (Encoders, Integral)
+STAGES: tuple[type[Stage], ...] = (Encoders, Integral, Transport, Lag)
 
 
 def _chain(slot: str) -> Callable[..., bool]:
     used = {f"world.{stage.uses}": stage.change for stage in STAGES if stage.slot == slot}
-    return chain(slot, "world, out", used)
+    return chain(slot, "world, out, past, t", used)
 
 
 sensed, sent = _chain("sensed"), _chain("sent")

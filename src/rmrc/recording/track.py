@@ -2,7 +2,8 @@
 
 Its entities stand below a prefix, so that a recording can hold many worlds:
 
-    columns/<name>   every column of the run at every tick; float64 scalars, status as int64
+    columns/<name>   every column of the run at every tick; float64 scalars, status as int64; what arrives
+                     is left out where it is what is commanded, what is believed where it is true
     arm/<body>       poses, with the geometries as static children
     tip/..           position and trail
 """
@@ -18,6 +19,7 @@ from rmrc.recording import stream
 from rmrc.recording.layout import geometry, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Values
+from rmrc.results.columns import SAME
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import AXES
@@ -122,7 +124,11 @@ class Track:
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         """Write what is known at every tick (T,) of a block."""
         index = stream.index(ticks, part["time"])
+        hardware = self._prepared.hardware
+        is_same = {"qdot_arrived": hardware.is_direct, "q_believed": not hardware.is_misled}
         for name, values in part.columns.items():
+            if name in SAME and is_same[name]:
+                continue
             kind = stream.STATUS if name == "status" else stream.SCALARS
             self.send(f"columns/{name}", index, Values(kind, values))
 

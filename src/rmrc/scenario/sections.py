@@ -496,6 +496,10 @@ class PlantSection(_PlantKeys):
         f"{PLANTS.physical}: gravity along world axes; null: the model's own", None, "m/s²"
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
+    delay: NotNegative = key("dead time: how long a command is on its way to the plant", 0.0, "s")
+    lag: NotNegativeOrEach = key(
+        "time constant with which the rates of all joints, or of each, follow what arrived", 0.0, "s"
+    )
     friction: FrictionSection = key(
         f"{PLANTS.physical}: friction of the joints that no compensation knows of", FrictionSection()
     )

@@ -17,7 +17,6 @@ from rmrc.law.record import Writer, records
 from rmrc.law.task import Task
 from rmrc.plants.encoders import Encoders
 from rmrc.plants.hardware import Hardware
-from rmrc.plants.integral import Integral
 from rmrc.plants.lockstep import Course
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.wiring import WIRING
@@ -192,11 +191,6 @@ class Prepared:
     def true_arm(self) -> Arm:
         """The arm that moves: another than the law knows where `plant.stretch` says so."""
         return self.arm.stretched(self.plant.stretch) if self.scenario.plant.stretch else self.arm
-
-    @property
-    def is_misled(self) -> bool:
-        """Whether the law takes the arm to be elsewhere than it is."""
-        return any(stage(self.scenario, self.arm).is_used for stage in (Encoders, Integral))
 
     @cached_property
     def assumed(self) -> tuple[Assumed, ...]:
@@ -376,6 +370,7 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
         ("control.limits.rate", control.limits.rate),
         ("control.limits.acceleration", control.limits.acceleration),
         ("control.limits.braking", control.limits.braking),
+        ("plant.lag", scenario.plant.lag),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
