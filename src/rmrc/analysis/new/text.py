@@ -50,11 +50,11 @@ def text(
         name: Of the scenario.
         plant: Its kind.
         expect: Checks by name of figure.
-        said: What the comment on `expect` says.
+        said: The comment on `expect`, its lines.
     """
     parts = (
         _head(scales, move, name), _arm(scales, move, seen), _task(scales), _control(scales, move),
-        _target(move), f"plant: {{kind: {plant}}}   # what obeys; --set plant.kind=ideal has no physics",
+        _target(move), f"plant: {{kind: {plant}}}   # ideal has no physics, model the robot's own drives",
         _expect(expect, said),
     )  # fmt: skip
     return "\n".join(parts) + "\n"
@@ -231,9 +231,7 @@ def _segment(by: Array, turn: Array) -> dict[str, Any]:
 def _expect(expect: Mapping[str, Any], said: Sequence[str]) -> str:
     if not expect:
         return ""
-    return "\n".join(
-        [*comment(" ".join(said)), "expect:", *(f"  {name}: {flow(one)}" for name, one in expect.items())]
-    )
+    return "\n".join([*said, "expect:", *(f"  {name}: {flow(one)}" for name, one in expect.items())])
 
 
 def flow(value: Any) -> str:
