@@ -60,6 +60,15 @@ TaskAxes = Annotated[
         help="Rows that count, of x y z rx ry rz; default: those that the arm can move independently.",
     ),
 ]
+TaskFrame = Annotated[
+    str | None,
+    typer.Option(
+        "--task-frame",
+        metavar="world|base|site",
+        help="Along whose axes the rows are, as task.frame of a scenario.",
+        show_default="world",
+    ),
+]
 Length = Annotated[
     float,
     typer.Option(
