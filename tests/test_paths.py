@@ -352,5 +352,5 @@ def test_an_acceleration_that_jumps_is_refused_and_slowed_until_it_does_not(tmp_
     before, now, after = (spline(np.clip(fine + d, 0.0, slow.duration), 1) for d in (-0.025, 0.0, 0.025))
     jerk = np.abs(before - 2 * now + after).max() / 0.025**2
     assert 9.5 < jerk < 10.0 * 1.03  # the duration is that of whole ticks
-    gentle = reference({"file": {"path": file}}, limits=RAMP | {"jerk": 200.0})
+    gentle = reference({"file": {"path": file}}, limits=RAMP | {"acceleration": 2.0, "jerk": 500.0})
     assert gentle.duration == pytest.approx(0.8, abs=PERIOD)

@@ -253,6 +253,18 @@ def test_a_value_on_a_line_is_read_back():
     assert yaml.safe_load(flow(value)) == value
 
 
+def test_joints_and_length_are_those_that_are_asked_for(rmrc, tmp_path):
+    options = ["--joints", "shoulder, elbow", "--length", "0.7"]
+    assert rmrc("new", str(model("planar_3link")), *options, "-o", "mine.yaml", "-q")[0] == 0
+    written = yaml.safe_load((tmp_path / "mine.yaml").read_text())
+    assert written["arm"]["joints"] == ["shoulder", "elbow"] and written["task"]["length"] == 0.7
+    assert "rms distance" not in (tmp_path / "mine.yaml").read_text()
+    assert rmrc("run", "mine.yaml", "--no-record", "-q")[0] == 0
+    for option, value in (("--length", "0"), ("--joints", "shoulder,knee")):
+        code, _, err = rmrc("new", str(model("planar_3link")), option, value, "-o", "other.yaml")
+        assert code == 2 and value.split(",")[-1] in err.splitlines()[-1]
+
+
 def test_the_arm_of_a_scenario_keeps_its_stretch():
     one = rmrc.load("line_tracking").set({"arm.stretch": {"link_2": 1.2}})
     found = rmrc.new(one)

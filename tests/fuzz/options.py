@@ -269,6 +269,10 @@ def _new(chance):
     if chance.odds(0.3):
         argv += ["--site", chance.pick((*shipped.sites(name), "none", chance.word()))]
     if chance.odds(0.3):
+        argv += ["--joints", chance.pick((",".join(shipped.joints(name)), "", ",", chance.word()))]
+    if chance.odds(0.2):
+        argv += ["--length", chance.pick(("0.5", "0", "-1", "nan", "1e300", chance.number()))]
+    if chance.odds(0.3):
         argv += ["--plant", chance.pick((*PLANTS.names, "", chance.word()))]
     argv += chance.pick(
         ([], ["-o", "-"], ["-o", "a.yaml"], ["-o", "dir"], ["-o", "none/a.yaml"], ["-o", "\x1b.yaml"])
@@ -281,6 +285,8 @@ def _inspect(chance):
     argv = ["inspect", _model_path(chance, name), *_about_model(chance, name)]
     if chance.odds(0.2):
         argv += ["--axes", _axes(chance)]
+    if chance.odds(0.2):
+        argv += ["--task-frame", chance.pick(("world", "site", "base", "x", "", chance.word()))]
     if chance.odds(0.2):
         argv += ["--frame", chance.pick(("world", "site", "base", "x", "", chance.word()))]
     if chance.odds(0.2):
@@ -305,6 +311,8 @@ def _statics(chance):
         _numbers(chance, chance.pick((3, 6, 6))),
         *_about_model(chance, name),
     ]
+    if chance.odds(0.2):
+        argv += ["--task-frame", chance.pick(("world", "site", "base", "x", "", chance.word()))]
     if chance.odds(0.2):
         argv += ["--frame", chance.pick(("world", "site", "x", "", "SITE"))]
     if chance.odds(0.2):

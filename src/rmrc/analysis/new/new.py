@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,6 +94,8 @@ def new(
     site: str | None = None,
     body: str | None = None,
     packages: Packages | None = None,
+    joints: Sequence[str] | None = None,
+    length: float | None = None,
     plant: str = SERVO.name,
     out: str | os.PathLike[str] | None = None,
     force: bool = False,
@@ -106,6 +108,8 @@ def new(
             `rmrc.arm.frames`.
         body: The body whose frame is controlled, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
+        joints: That are driven; None for those of the arm or scenario, else all on the chain.
+        length: Characteristic length [m]; None for the rms distance of the site from the hinges' axes.
         plant: Kind of the plant.
         out: File to write, whole or not at all; None: nothing is written.
         force: Whether it may be overwritten.
@@ -126,9 +130,11 @@ def new(
     if path is not None:
         refuse_there(path, force)
         refuse_unwritable([path])
-    arm = read_arm(model, site, body, packages)
+    if length is not None and not (np.isfinite(length) and length > 0.0):
+        raise QuestionError(f"length must be > 0 and finite, got {length:g}")
+    arm = read_arm(model, site, body, packages, joints)
     arm.require_open()
-    suits, cache = scales(arm), Cache(*() if arm.stretch else (arm,))
+    suits, cache = scales(arm, length), Cache(*() if arm.stretch else (arm,))
     if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
         raise QuestionError(
             f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"

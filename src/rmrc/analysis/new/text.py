@@ -27,6 +27,7 @@ PERIOD = 0.001
 # The target reaches its speed in a quarter of a second, and its acceleration in a tenth.
 RISE, JERK_RISE = 0.25, 0.1
 HOLD = 0.5
+RMS = ": the rms distance of the site from the hinges' axes"
 
 Seen: TypeAlias = Callable[[Path], Path | str]
 """Returns what a scenario has for a path."""
@@ -142,9 +143,7 @@ def _task(scales: Scales) -> str:
         [
             "task:",
             f"  axes: [{rows}]   # rows of the twist that count: {why}",
-            *comment(
-                "m; what is worth a radian in sigma: the rms distance of the site from the hinges' axes", 2
-            ),
+            *comment(f"m; what is worth a radian in sigma{'' if scales.is_length_given else RMS}", 2),
             f"  length: {inline(task.length)}",
         ]
     )
