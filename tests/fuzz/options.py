@@ -1,5 +1,7 @@
 """What is typed: options of every verb, right and wrong, on shipped models and scenarios."""
 
+from typer.main import get_command
+
 from rmrc.cli import app
 from rmrc.scenario.choices import PLANTS
 
@@ -7,7 +9,8 @@ from . import shipped
 from .case import Case
 from .scenarios import FAST, KEYS, SCALARS
 
-VERBS = tuple(one.callback.__name__ for one in app.registered_commands)
+COMMANDS = get_command(app).commands
+VERBS = tuple(COMMANDS)
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FIGURES = (
     "joint_rate.peak",
@@ -571,6 +574,25 @@ def _init(chance):
     return ["init", *([] if chance.odds(0.05) else [folder]), *chance.pick(([], ["--help"], ["x"]))], files
 
 
+def _declared(verb):
+    """Return what makes options of a verb that has no function of its own: those that it declares."""
+    options = [one for one in COMMANDS[verb].params if one.param_type_name == "option" and one.name != "help"]
+
+    def make(chance):
+        name = _model(chance)
+        path = _model_path(chance, name) if chance.odds(0.3) else _scenario_path(chance, _scenario(chance))
+        argv = [verb, path, *(FAST if any(one.name == "set_" for one in options) else ())]
+        for one in options:
+            if one.name not in ("set_", "out", "cluster", "threads") and chance.odds(0.25):
+                argv += [
+                    chance.pick(one.opts),
+                    *([] if one.is_flag else [chance.pick((chance.number(), chance.word()))]),
+                ]
+        return argv, {}
+
+    return make
+
+
 def _root(chance):
     return chance.pick(
         (
@@ -588,7 +610,7 @@ def _root(chance):
 
 
 # What makes the options of each verb, and its share of them: of most, a small one.
-_VERB = {verb: globals()[f"_{verb}"] for verb in (*VERBS, "root")}
+_VERB = {verb: globals().get(f"_{verb}") or _declared(verb) for verb in (*VERBS, "root")}
 _VERBS = dict.fromkeys(_VERB, 2) | {
     "check": 3, "run": 22, "compare": 3, "sweep": 10, "tune": 5, "replay": 5, "inspect": 15, "statics": 10, "ik": 16,
     "workspace": 5,
