@@ -23,19 +23,20 @@ from rmrc.study.margins.kicks import KICK, resting, twin_of
 from rmrc.study.study import Result, Study
 from rmrc.textbook.stability import edge_frequency
 
-# An oscillation at the edge keeps its first amplitude. In the least time that is waited, of a loop whose
-# feedback is 1 % below its edge less than this is left.
-STILL_RINGS = 0.7
+# An oscillation at the edge keeps its amplitude. From the middle third to the last of the shortest run, of a
+# loop of dead times whose feedback is 1 % below its edge less than this is left.
+STILL_RINGS = 0.8
 # The response to a kick is in the order of it, or more by the 1/σ of joints. Less than this share of the kick
-# is nothing that could be told from what else happens.
-_LEAST = 0.03
+# is nothing that could be told from what else happens. More than the other is no answer to a kick: the two
+# parted at a singularity or a stop, which fades, or swing as limits let them, each on its own.
+_LEAST, _MOST = 0.03, 100.0
 # A joint that goes to and fro at a limit is sent forth and back with this share of its largest rate at least.
 _TO_AND_FRO = 0.1
 # A path is cut into so many stretches at most, each with a kick and so many windows, if it is long enough;
 # else it is one stretch, of so many windows with what follows it.
-_STRETCHES, _WINDOWS, _FEWEST = 8, 40, 16
-# The last third of a stretch is looked at in so many parts, each of a window at least.
-_PARTS = 5
+_STRETCHES, _WINDOWS, _FEWEST = 8, 40, 20
+# The last third of a stretch is looked at in so many parts, each of two windows at least.
+_PARTS = 3
 # World-ticks that are run at once: 300 MB of an arm with seven joints.
 _TICKS = 2_000_000
 _LIMITED = int(
@@ -177,11 +178,13 @@ def without_trend(values: Array, width: int) -> Array:
 
 
 def still_ringing(swings: Array, first: int, last: int) -> float:
-    """Return how much of the response to a kick rings to the end of a stretch [1].
+    """Return how much of a kick still rings at the end of a stretch [1]; 1: it neither fades nor grows.
 
-    It is the least amplitude of the parts of the last third over the largest before; or, where it grows all
-    through the last third, the amplitude of its last part over that of its first, if that is more: at a stop,
-    or past a singularity, the two may part by more than the kick, and that fades or grows as well.
+    It is the least amplitude of the parts of the last third over the largest of the middle third. Where it
+    grows all through the last third, it is the amplitude of its last part over that of its first, if that is
+    more: at a stop, or past a singularity, the two part by more than the kick did, and that may fade or grow
+    as well. And it is 1 where they swing each on its own, as far as limits let them, and not by much less in
+    the end.
 
     Only joints count that swing to either side in each part, and by enough to be told.
 
@@ -190,16 +193,19 @@ def still_ringing(swings: Array, first: int, last: int) -> float:
         first: First tick of the stretch, that of the kick.
         last: One past its last.
     """
-    third = last - (last - first) // 3
-    parts = np.array_split(swings[third:last], _PARTS)
+    third = (last - first) // 3
+    middle, end = swings[last - 2 * third : last - third], swings[last - third : last]
+    parts = np.array_split(end, _PARTS)
     peaks = np.array([np.abs(part).max(axis=0) for part in parts])
-    is_swinging = np.all([_both_ways(part, 0.0) for part in parts], axis=0)
-    chosen = peaks[:, is_swinging & (peaks.min(axis=0) >= _LEAST)]
-    if not chosen.size:
+    weakest, largest = peaks.min(axis=0), peaks.max(axis=0)
+    is_swinging = np.all([_both_ways(part, 0.0) for part in parts], axis=0) & (weakest >= _LEAST)
+    if not is_swinging.any():
         return 0.0
-    left = chosen.min(axis=0) / np.abs(swings[first:third]).max()
-    grown = np.where(chosen[-1] >= chosen.max(axis=0), chosen[-1] / chosen[0], 0.0)
-    return float(np.maximum(left, np.where(grown >= 1.0, grown, 0.0)).max())
+    left = weakest / max(np.abs(middle).max(), _LEAST)
+    grown = np.where(peaks[-1] >= largest, peaks[-1] / peaks[0], 0.0)
+    alone = (weakest >= _MOST) & (peaks[-1] >= 0.5 * largest)
+    found = np.maximum(left, np.where(grown >= 1.0, grown, alone))
+    return float(found[is_swinging].max())
 
 
 def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int) -> bool:
