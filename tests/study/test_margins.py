@@ -4,19 +4,19 @@ import math
 import os
 import signal
 import threading
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.scenario import changes_of, loads
+from rmrc.scenario.choices import Status
 from rmrc.study.margins.kicks import KICK, Kicked, resting, twin_of
 from rmrc.study.margins.margins import Asking
 from rmrc.study.margins.report import report
-from rmrc.study.margins.ringing import judged, reverses, still_ringing, window, without_trend
+from rmrc.study.margins.ringing import STILL_RINGS, judged, reverses, still_ringing, window, without_trend
 from rmrc.study.margins.search import ACCURACY, bears, gain_margins
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
@@ -82,20 +82,26 @@ def late_swings(scenario, feedback):
     return np.abs(np.diff(q, 3, axis=0)).max()
 
 
-@pytest.mark.parametrize("kind", ["servo", "torque", "model"])
+ARMS = {
+    "servo": {}, "torque": {},
+    "model": {"arm.model": str(ROOT / "models/ur5e.xml"), "arm.start": "home", "arm.site": None},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("kind", mostly_long(["servo", "torque", "model"], 99))
 def test_edges_of_physical_plants_part_plain_runs_that_settle_from_those_that_swing(kind):
-    """A run that starts off its path: settled, what joints do from tick to tick is smooth; else it is not."""
-    model = ROOT / ("models/ur5e.xml" if kind == "model" else "models/planar_2link.xml")
-    arm = {"arm.model": str(model), "arm.start": "home", "arm.site": None, "task.axes": ["x", "y", "z", "rx", "ry", "rz"]}  # fmt: skip
-    more = arm if kind == "model" else {}
+    """A plain run alone: at rest behind its path, the arm is still, or swings from tick to tick."""
     one = loads(TEXT).set(
-        {"plant.kind": kind, "plant.timestep": 0.002, "plant.delay": 0.03, "control.period": 0.002, **more,
-         "control.inverse.method": "damped", "target.path": [{"line": {"by": [0.05, 0.0]}}, {"hold": {"for": 3.0}}]}
+        {
+            **ARMS[kind], "plant.kind": kind, "plant.delay": 0.03, "plant.timestep": 0.002,
+            "control.period": 0.002, "control.inverse.method": "damped",
+            "target.path": [{"line": {"by": [0.05, 0.0]}}, {"hold": {"for": 4.0}}],
+        }
     )  # fmt: skip
-    (edge,) = gain_margins(Study(one), [()], threads=1)
+    (edge,) = gain_margins(Study(one), [()])
     assert edge.is_found
     stable, unstable = (late_swings(one, 10.0 * edge.value * share) for share in (0.85, 1.2))
-    assert unstable > 100.0 * stable
+    assert unstable > 20.0 * stable
 
 
 def test_more_delay_leaves_less_gain_and_a_finer_search_comes_nearer(short):
@@ -125,7 +131,7 @@ def test_a_loop_that_is_unstable_as_written_is_told_by_how_much_its_gain_must_fa
     shown = report(found)
     assert not shown.met
     assert shown.problem == says(
-        "the loop is unstable as written: it keeps ringing … up to 0.46… times its 60 1/s …"
+        "the loop is unstable as written: it keeps ringing … up to … times its 60 1/s …"
     )
 
 
@@ -144,37 +150,37 @@ def test_what_was_recommended_without_delay_is_unstable_with_eight_milliseconds(
 
 
 def test_a_limit_cycle_that_swallows_the_kick_is_told_by_its_commands(short):
-    one = short.prepare(changes_of({"control.feedback": 400.0, "control.limits.rate": 0.2}))
-    longer = resting(one, 600)
-    (run,) = short.step([longer])
-    found = judge(short, **{"control.feedback": 400.0, "control.limits.rate": 0.2})
-    assert found.is_unstable
-    limited = run.run["status"].astype(int) & int(rmrc.scenario.choices.Status.RATE_LIMITED) != 0
-    assert reverses(run.run["qdot_cmd"], limited, 0, 600)
-    assert not reverses(run.run["qdot_cmd"], np.zeros(600, bool), 0, 600)
+    changes = {"control.feedback": 500.0, "control.limits.rate": 1.0}
+    longer = resting(short.prepare(changes_of(changes)), 600)
+    (ran,) = short.step([longer])
+    limited = ran.run["status"].astype(int) & Status.RATE_LIMITED != 0
+    assert reverses(ran.run["qdot_cmd"], limited, 0, 600)
+    assert not reverses(ran.run["qdot_cmd"], np.zeros(600, bool), 0, 600)
+    assert not reverses(np.abs(ran.run["qdot_cmd"]), limited, 0, 600)
+    assert judge(short, **changes).is_unstable
+
+
+@pytest.mark.parametrize("feedback", [250.0, 400.0, 1e4])
+def test_a_loop_without_limits_is_unstable_wherever_it_swings_to(short, feedback):
+    assert judge(short, **{"control.feedback": feedback, "control.limits.on_excess": "none"}).is_unstable
 
 
 def test_what_diverges_is_unstable(short):
-    found = judge(
-        short, **{"control.feedback": 1e4, "control.limits.rate": None, "control.limits.on_excess": "none"}
-    )
+    found = judge(short, **{"control.feedback": 1e12, "control.limits.on_excess": "none"})
     assert found.reason == "diverged" and found.time > 0.0 and found.left == math.inf
 
 
 # What is none --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    ("name", "is_ordinary"),
-    [(path.stem, path.stem in ("beyond_reach", "blow_up", "stop_and_wait", "slow_wrist", "at_the_stop"))
-     for path in sorted((ROOT / "scenarios").glob("*.yaml"))],
-)  # fmt: skip
-def test_scenarios_are_stable_as_they_are_written(name, is_ordinary, request):
-    if not is_ordinary and "long" not in (request.config.getoption("-m") or ""):
-        pytest.skip("with -m long")
-    study = Study(name)
-    if study.prepare().scenario.control.feedback:
-        assert judge(study).reason == ""
+# First those where worlds and their twins part: at a stop, a limit, or a singularity.
+HARD = ["at_the_stop", "blow_up", "beyond_reach", "slow_wrist", "stop_and_wait"]
+OTHERS = sorted({path.stem for path in (ROOT / "scenarios").glob("*.yaml")} - {*HARD, "example_5_5"})
+
+
+@pytest.mark.parametrize("name", [*HARD[:3], *mostly_long([*HARD[3:], *OTHERS], 99)])
+def test_scenarios_are_stable_as_they_are_written(name):
+    assert judge(Study(name)).reason == ""
 
 
 T = np.arange(3000)
@@ -186,7 +192,7 @@ T = np.arange(3000)
         (np.sin(0.3 * T), True),
         (1e-3 * np.exp(0.004 * T) * np.sin(0.3 * T), True),
         (np.exp(-0.004 * T) * np.sin(0.3 * T), False),
-        (np.exp(-0.0001 * T) * np.sin(0.3 * T), True),  # fades so slowly that nobody waits for it
+        (np.exp(-0.00003 * T) * np.sin(0.3 * T), True),  # fades so slowly that nobody waits for it
         (np.exp(0.004 * T), False),  # parts, as past a singularity, and does not swing
         (0.002 * np.sin(0.3 * T), False),  # what rounding or a last digit leaves
         (np.where(T < 1000, 0.1, 100.0 * np.exp(-0.004 * (T - 1000.0))) * np.sin(0.3 * T), False),
@@ -197,7 +203,7 @@ T = np.arange(3000)
 def test_what_is_called_ringing(swings, rings):
     flat = np.zeros((3000, 2))
     flat[:, 1] = swings
-    assert (still_ringing(flat, 0, 3000) >= 0.7) == rings
+    assert (still_ringing(flat, 0, 3000) >= STILL_RINGS) == rings
 
 
 def test_the_mean_around_each_is_taken_away():
@@ -240,16 +246,16 @@ def test_a_window_is_a_period_of_the_slowest_oscillation(short):
 
 def test_without_feedback_there_is_no_loop(short):
     one = short.prepare(changes_of({"control.feedback": 0})).scenario
-    with pytest.raises(ScenarioError, match=says("control.feedback: must be > 0, got 0: …")):
+    with pytest.raises(ScenarioError) as error:
         rmrc.margins(one)
+    assert str(error.value) == says("control.feedback: must be > 0, got 0: … feedback …")
 
 
 @pytest.mark.parametrize("accuracy", [0.0, 0.001, 2.0, math.nan])
 def test_the_accuracy_is_within_reason(accuracy):
-    with pytest.raises(
-        ScenarioError, match=says(f"--accuracy: must be between 0.005 and 0.5, got {accuracy:g}")
-    ):
+    with pytest.raises(ScenarioError) as error:
         rmrc.margins("line_tracking", accuracy=accuracy)
+    assert str(error.value) == f"--accuracy: must be between 0.005 and 0.5, got {accuracy:g}"
 
 
 def test_what_was_found_is_kept_when_it_is_interrupted(short):
@@ -269,8 +275,7 @@ def test_what_was_found_is_kept_when_it_is_interrupted(short):
 
 def test_the_kick_is_small_against_all_that_is_judged(short):
     """Twice or half the kick, the same edge: the loop answers it as a linear one does."""
-    one = replace(short.prepare(), reference=short.prepare().reference)
-    longer = resting(one, 300)
+    longer = resting(short.prepare(), 300)
     runs = short.step([longer, twin_of(longer, (0,), KICK), twin_of(longer, (0,), 2.0 * KICK)])
     q = [ran.run["q"] for ran in runs]
     assert_allclose(q[2] - q[0], 2.0 * (q[1] - q[0]), atol=1e-5 * KICK)

@@ -24,12 +24,13 @@ from rmrc.study.study import Result, Study
 from rmrc.textbook.stability import edge_frequency
 
 # An oscillation at the edge keeps its amplitude. From the middle third to the last of the shortest run, of a
-# loop of dead times whose feedback is 1 % below its edge less than this is left.
-STILL_RINGS = 0.8
+# loop of dead times whose feedback is half a percent below its edge less than this is left.
+STILL_RINGS = 0.9
 # The response to a kick is in the order of it, or more by the 1/σ of joints. Less than this share of the kick
-# is nothing that could be told from what else happens. More than the other is no answer to a kick: the two
-# parted at a singularity or a stop, which fades, or swing as limits let them, each on its own.
-_LEAST, _MOST = 0.03, 100.0
+# is nothing that could be told from what else happens. More than the next, in the end, is no answer to a kick:
+# the two parted at a singularity or a stop, which fades, or swing on their own, as far as limits let them. More
+# than the last is the arm's whole motion.
+_LEAST, _MOST, _ALL = 0.03, 10.0, 1e5
 # A joint that goes to and fro at a limit is sent forth and back with this share of its largest rate at least.
 _TO_AND_FRO = 0.1
 # A path is cut into so many stretches at most, each with a kick and so many windows, if it is long enough;
@@ -197,15 +198,15 @@ def still_ringing(swings: Array, first: int, last: int) -> float:
     middle, end = swings[last - 2 * third : last - third], swings[last - third : last]
     parts = np.array_split(end, _PARTS)
     peaks = np.array([np.abs(part).max(axis=0) for part in parts])
-    weakest, largest = peaks.min(axis=0), peaks.max(axis=0)
-    is_swinging = np.all([_both_ways(part, 0.0) for part in parts], axis=0) & (weakest >= _LEAST)
-    if not is_swinging.any():
+    swings_on = np.all([_both_ways(part, 0.0) for part in parts], axis=0) & (peaks.min(axis=0) >= _LEAST)
+    if not swings_on.any():
         return 0.0
+    peaks = peaks[:, swings_on]
+    weakest, largest = peaks.min(axis=0), peaks.max(axis=0)
     left = weakest / max(np.abs(middle).max(), _LEAST)
     grown = np.where(peaks[-1] >= largest, peaks[-1] / peaks[0], 0.0)
-    alone = (weakest >= _MOST) & (peaks[-1] >= 0.5 * largest)
-    found = np.maximum(left, np.where(grown >= 1.0, grown, alone))
-    return float(found[is_swinging].max())
+    alone = (weakest >= _ALL) | ((weakest >= _MOST) & (peaks[-1] >= 0.5 * largest))
+    return float(np.maximum(left, np.where(grown >= 1.0, grown, alone)).max())
 
 
 def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int) -> bool:
