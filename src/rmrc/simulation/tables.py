@@ -37,8 +37,8 @@ def read_table(path: Path, is_log: bool = False) -> Table:
     """Read a CSV or Parquet file.
 
     A CSV file may begin with comments, of which the last may have the names of the columns. Commas,
-    semicolons, tabs or blanks are between its cells; where it is semicolons, a comma may stand for the decimal
-    point.
+    semicolons, tabs or blanks are between its cells; where it is semicolons, a comma may stand for the
+    decimal point.
 
     Args:
         path: Of the file; what is not `.parquet` is CSV.

@@ -1,11 +1,12 @@
 """Which delay, lag and gain explain the positions of one joint best, and within which bounds.
 
 The positions y are taken to be y = offset + drift t + g x(t; d, L) + noise, with x of `response`. For given d
-and L the rest is linear, and is projected out [Golub73]. The delay that is best at L = 0 is looked for on a grid
-of all delays; from there Gauss-Newton follows the best delay d(L) up the lags, and a golden section finds the
-best lag. An interval is where S(d, L) ≤ S + κ σ² on the profile over L: that needs no inner optimum, as L = 0 is
-a bound where d and L act alike. κ is z², or t² times what the scores of 12 stretches of the log vary by over what
-they would in white noise [Bester11], if that is more: what the model leaves unexplained widens the intervals.
+and L the rest is linear, and is projected out [Golub73]. The delay that is best at L = 0 is looked for on a
+grid of all delays; from there Gauss-Newton follows the best delay d(L) up the lags, and a golden section
+finds the best lag. An interval is where S(d, L) ≤ S + κ σ² on the profile over L: that needs no inner
+optimum, as L = 0 is a bound where d and L act alike. κ is z², or t² times what the scores of 12 stretches of
+the log vary by over what they would in white noise [Bester11], if that is more: what the model leaves
+unexplained widens the intervals.
 """
 
 import math
@@ -23,8 +24,8 @@ Mask = NDArray[np.bool_]
 
 # Of a normal distribution 95 % are within so many standard deviations.
 Z = 1.959964
-# What the scores of so many stretches of the log sum up to tells how sure a weight is: it is within so many of
-# their standard deviations with 95 %, by Student's distribution.
+# What the scores of so many stretches of the log sum up to tells how sure a weight is: it is within so many
+# of their standard deviations with 95 %, by Student's distribution.
 BATCHES, T = 12, 2.200985
 # The earliest that positions may seem to answer: stamps of two clocks differ, or positions are read late [s].
 EARLIEST = 0.1
@@ -32,8 +33,8 @@ EARLIEST = 0.1
 DELAYS, LAGS = 300, 14
 # A golden section ends after so many steps: 1e-6 of two steps of the grid.
 GOLDEN_STEPS, GOLDEN = 32, (math.sqrt(5.0) - 1.0) / 2.0
-# Of the beginning, and behind a gap, so many times the delay is left out: it answers commands that the log does
-# not have. What remains of them decays with the lag, and is fitted.
+# Of the beginning, and behind a gap, so many times the delay is left out: it answers commands that the log
+# does not have. What remains of them decays with the lag, and is fitted.
 SKIPPED = 1.5
 # Rows that are fitted at least.
 LEAST_ROWS = 30

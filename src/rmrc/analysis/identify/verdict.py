@@ -53,7 +53,8 @@ def untold(fitted: Fitted, noise: Interval, step: float, period: float, longest:
     if total.half > max(period, SHARE * abs(total.value)) or fitted.explained < EXPLAINED:
         return (
             f"delay and lag together are not told better than {1e3 * total.half:.2g} ms: it moves "
-            f"{moved:.2g} with a noise of {floor:.2g}; move it farther, with sharper starts and stops, or for longer"
+            f"{moved:.2g} with a noise of {floor:.2g}; move it farther, with sharper starts and stops, or "
+            "for longer"
         )
     return ""
 
