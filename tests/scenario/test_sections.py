@@ -227,6 +227,8 @@ plant:
   payload: 0.0
   gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+  delay: 0.0
+  lag: 0.0
 expect: {}
 sweep:
   vary: {}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Shape
 from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS, Scene
 from rmrc.scenario.choices import Status
-from rmrc.show.palette import HUES, WHITE, mix
+from rmrc.show.palette import BLACK, HUES, WHITE, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import rotate
 
@@ -48,8 +48,14 @@ Green half axes: {VELOCITY_SECONDS:g} s · σ_i. Violet: c/σ_i, as long as the 
 σ = {FORCE_EQUAL:g} of the reach, at most {FORCE_LONGEST:g} of the reach.
 σ_i here are those of the translations that the task has, with its rotations held; joint rates and \
 torques have norm 1.
-Plots: bold and pale are the same joint, measured and commanded.
+Plots: bold and pale are the same joint, measured and commanded{{arriving}}.
 """
+
+
+def legend(prepared: Prepared) -> str:
+    """Return the texts of the picture and of its plots."""
+    arriving = "" if prepared.hardware.is_direct else "; dark is what of that arrives at the plant"
+    return LEGEND.format(arriving=arriving)
 
 
 def geometry(shape: Shape) -> rr.AsComponents:
@@ -119,6 +125,7 @@ def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
             colors=packed([mix(hue, WHITE, 0.55) for hue in hues]),
             widths=1.2,
         ),
+        **_arriving(prepared, hues),
         "columns/sigma": rr.SeriesLines(
             names=[f"σ_{i + 1}" for i in range(k - 1)] + ["σ_min"],
             colors=packed(shades),
@@ -132,6 +139,14 @@ def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
     for name, (text, color) in extra_curves(prepared).items():
         looks[f"columns/{name}"] = rr.SeriesLines(names=[text], colors=packed([color]), widths=3.0)
     return looks
+
+
+def _arriving(prepared: Prepared, hues: Sequence[int]) -> dict[str, rr.AsComponents]:
+    """Return how rates look that arrive at the plant, where that is not what is commanded."""
+    if prepared.hardware.is_direct:
+        return {}
+    colors = packed([mix(hue, BLACK, 0.35) for hue in hues])
+    return {"columns/qdot_arrived": rr.SeriesLines(names=["arriving"] * len(hues), colors=colors, widths=2.2)}
 
 
 def extra_curves(prepared: Prepared) -> dict[str, tuple[str, int]]:
@@ -160,12 +175,13 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
     )
     is_slowed = prepared.scenario.control.at_singularity == "slow"
     axis = time_axis(prepared.reference.duration, is_open=is_slowed)
+    rates = [f"/columns/{name}" for name in ("qdot", "qdot_cmd", "qdot_arrived")]
     extra = [f"/columns/{name}" for name in extra_curves(prepared)]
     plots = rrb.Vertical(
         *(
             plot(name, contents, axis)
             for name, contents in (
-                ("Joint rates", ["/columns/qdot", "/columns/qdot_cmd"]),
+                ("Joint rates", rates[: 2 if prepared.hardware.is_direct else 3]),
                 ("Singular values σ and damping λ", ["/columns/sigma", "/columns/damping", *extra]),
                 ("Tip error", ["/error"]),
             )

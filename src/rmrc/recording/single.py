@@ -27,12 +27,12 @@ from rerun.chunk import RrdReader
 from rmrc.recording import stream
 from rmrc.recording.layout import (
     CYAN,
-    LEGEND,
     STATUS_COLORS,
     YELLOW,
     blueprint,
     curves,
     lane,
+    legend,
     marks,
     ramp,
     xyzw,
@@ -41,7 +41,7 @@ from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import repair
-from rmrc.results.columns import ADDED, COLUMNS
+from rmrc.results.columns import ADDED, COLUMNS, completed
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import Prepared
@@ -75,7 +75,7 @@ class Recorder:
         for looks in (marks(scene), curves(prepared)):
             for entity, look in looks.items():
                 self._out.log(entity, look)
-        self._out.log_text("text/legend", LEGEND)
+        self._out.log_text("text/legend", legend(prepared))
         self._out.log_text("text/scenario", f"```yaml\n{scenario.to_yaml()}```\n")
 
     def __enter__(self) -> Self:
@@ -204,7 +204,7 @@ def read_columns(path: Path, variant: str | None = None) -> dict[str, NDArray[np
         complete.append(int(gaps[0]) if len(gaps) else len(ticks))
         values = np.concatenate([values for _, values in found])[order]
         columns[name] = values if COLUMNS[name].width else values[:, 0]
-    return {name: values[: min(complete)].copy() for name, values in columns.items()}
+    return completed({name: values[: min(complete)].copy() for name, values in columns.items()})
 
 
 _Pieces = dict[str, list[tuple[NDArray[np.int64], NDArray[np.generic]]]]

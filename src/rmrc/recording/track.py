@@ -2,7 +2,8 @@
 
 Its entities stand below a prefix, so that a recording can hold many worlds:
 
-    columns/<name>   every column of the run at every tick; float64 scalars, status as int64
+    columns/<name>   every column of the run at every tick; float64 scalars, status as int64; what arrives
+                     is left out where it is what is commanded
     arm/<body>       poses, with the geometries as static children
     tip/..           position and trail
 """
@@ -18,6 +19,7 @@ from rmrc.recording import stream
 from rmrc.recording.layout import geometry, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Values
+from rmrc.results.columns import SAME
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import AXES
@@ -116,7 +118,10 @@ class Track:
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         """Write what is known at every tick (T,) of a block."""
         index = stream.index(ticks, part["time"])
+        same = SAME if self._prepared.hardware.is_direct else {}
         for name, values in part.columns.items():
+            if name in same:
+                continue
             kind = stream.STATUS if name == "status" else stream.SCALARS
             self.send(f"columns/{name}", index, Values(kind, values))
 

@@ -29,6 +29,7 @@ from rmrc.scenario.values import (
     Names,
     NotNegative,
     NotNegativeAngleOrEach,
+    NotNegativeOrEach,
     Number,
     OneOrEach,
     Point,
@@ -461,6 +462,10 @@ class PlantSection(_PlantKeys):
         f"{PLANTS.physical}: gravity along world axes; null: the model's own", None, "m/s²"
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
+    delay: NotNegative = key("dead time: how long a command is on its way to the plant", 0.0, "s")
+    lag: NotNegativeOrEach = key(
+        "time constant with which the rates of all joints, or of each, follow what arrived", 0.0, "s"
+    )
 
     @property
     def step(self) -> float:

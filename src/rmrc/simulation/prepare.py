@@ -14,10 +14,10 @@ from rmrc.arm import Arm
 from rmrc.law.law import Law, rate_limit
 from rmrc.law.record import Writer, records
 from rmrc.law.task import Task
+from rmrc.plants.encoders import Encoders
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.lockstep import Course
 from rmrc.plants.plant import Assumed, Plant
-from rmrc.plants.stages import Encoders
 from rmrc.plants.wiring import WIRING
 from rmrc.scenario import ArmSection, Problems, Scenario, angle
 from rmrc.scenario.choices import INVERSES, PLANTS
@@ -325,6 +325,7 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
         ("control.limits.rate", control.limits.rate),
         ("control.limits.acceleration", control.limits.acceleration),
         ("control.limits.braking", control.limits.braking),
+        ("plant.lag", scenario.plant.lag),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
