@@ -66,8 +66,8 @@ if TYPE_CHECKING:
 __all__ = [
     "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
-    "TargetError", "check", "compare", "identify", "ik", "inspect", "load", "loads", "margins", "new", "prepare",
-    "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
+    "TargetError", "check", "compare", "identify", "ik", "inspect", "load", "loads", "margins", "new",
+    "prepare", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there

@@ -56,9 +56,10 @@ def read_table(path: Path, is_log: bool = False) -> Table:
 
     skipped: list[Any] = []
     try:
-        table: Any = (
-            pq.read_table(path) if path.suffix == ".parquet" else _csv(path.read_bytes(), is_log, skipped)
-        )
+        is_csv = path.suffix != ".parquet"
+        # pyarrow tells a bad row to its handler as UTF-8, and ends where it is none
+        text = path.read_bytes().decode("utf-8", "replace") if is_csv else ""
+        table: Any = _csv(text.encode(), is_log, skipped) if is_csv else pq.read_table(path)
     except pa.ArrowException as error:
         raise ValueError(str(error).splitlines()[0]) from None
     numbers, texts = dict[str, Array](), dict[str, str]()

@@ -38,8 +38,9 @@ GOLDEN_STEPS, GOLDEN = 32, (math.sqrt(5.0) - 1.0) / 2.0
 SKIPPED = 1.5
 # Rows that are fitted at least.
 LEAST_ROWS = 30
-# A position that is off from those beside it by so many standard deviations is a mistake of the log.
-OUTLIER = 8.0
+# A position that is off from those beside it by so many standard deviations is a mistake of the log, if that
+# is this share of the motion as well: less does no harm, and may be what the model leaves unexplained.
+OUTLIER, HARM = 8.0, 1e-4
 
 
 class Interval(NamedTuple):
@@ -147,7 +148,7 @@ def fit(samples: Samples, longest: float, resolution: float) -> Fitted | None:
         return None
     work = _Search(samples.kept(rows), longest)
     best = work.best(first)
-    wrong = _spikes(work.residual(best), resolution)
+    wrong = _spikes(work.residual(best), max(resolution, HARM / OUTLIER * float(np.ptp(work.y))))
     if wrong.any():
         work = _Search(work.samples.kept(~wrong), longest)
         best = work.best(best.delay + best.lag)
@@ -221,7 +222,7 @@ class _Search:
             cost, gain, step, curvature = tried
             if gained <= 1e-9 * cost:
                 break
-        return Point(lag, delay, cost, curvature, gain)
+        return Point(float(lag), float(delay), cost, curvature, gain)
 
     def columns(self, lagged: Lagged, delay: float) -> tuple[Array, Array]:
         """Return travel and what remains of the rates before each part, (N, k), and the rates, (N,)."""
@@ -351,9 +352,14 @@ def _spread(residual: Array, column: Array) -> float:
     return max(plain, T * float(np.sqrt(sums @ sums * BATCHES / (BATCHES - 1)))) / square
 
 
-def _spikes(residual: Array, resolution: float) -> Mask:
-    """Return which rows are off from the four beside them: no arm moves so."""
+def _spikes(residual: Array, least: float) -> Mask:
+    """Return which rows are off from the four beside them: no arm moves so.
+
+    Args:
+        residual: (N,).
+        least: What is taken for their standard deviation at least.
+    """
     padded = np.pad(residual, 2, mode="edge")
     off = residual - np.median(sliding_window_view(padded, 5), axis=1)
     size = 1.4826 * float(np.median(np.abs(off - np.median(off))))
-    return np.asarray(np.abs(off) > OUTLIER * max(size, resolution, 1e-9 * float(np.ptp(residual)), 1e-15))
+    return np.asarray(np.abs(off) > OUTLIER * max(size, least))

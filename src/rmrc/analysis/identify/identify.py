@@ -13,6 +13,8 @@ from rmrc.support.errors import QuestionError
 
 # Longer than any arm is known to take [s].
 LONGEST = 0.5
+# Periods that are no lag.
+NONE = 0.02
 
 
 @dataclass(frozen=True, eq=False)
@@ -101,11 +103,13 @@ def identify(
     told = {joint.name: joint.fit for joint in joints if joint.fit is not None and not joint.trouble}
     if not told:
         return Identified(read, joints, None, (), ())
-    if all(one.lag.low == 0.0 for one in told.values()):  # no lag is needed; a delay is the worse of the two
+    if all(
+        one.lag.low <= NONE * read.period for one in told.values()
+    ):  # no lag is needed; a delay is the worse of the two
         delay, lags = _together([one.total for one in told.values()]), dict.fromkeys(told, 0.0)
     else:
         delay = _together([one.delay for one in told.values()])
-        lags = {name: fit_lag(one, delay.value, longest) for name, one in told.items()}
+        lags = {name: fit_lag(one, max(delay.value, 0.0), longest) for name, one in told.items()}
     middle = float(np.median(list(lags.values())))
     apart = [
         f"{name} by {1e3 * (one.delay.value - delay.value):.2g} ms"

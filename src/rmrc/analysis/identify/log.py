@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +29,8 @@ STEPS = 2e-4, 0.2
 GAP, GAP_TIME = 10, 0.05
 # Steps this near to their median are regular.
 REGULAR = 0.2
+# A log is regular, and has its commands in all rows, if so many steps and cells are so.
+MOST = 0.8
 # This share of the positions is repeated, while the arm moves, where they are read less often than logged.
 STALE = 0.3
 # A log of more is thinned to about so many positions.
@@ -112,11 +115,11 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
     path = Path(source)
     try:
         if path.suffix == ".npz":
-            with np.load(path, allow_pickle=False) as file:
+            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 facts = json.loads(str(file["facts"])) if "facts" in file else {}
                 return path.name, _flat(file, facts.get("joints", ())), {}
         table = read_table(path, is_log=True)
-    except (ValueError, KeyError, EOFError) as error:
+    except (ValueError, KeyError, EOFError, BadZipFile) as error:
         raise QuestionError(f"{path}: is no log, give CSV, Parquet or npz: {line(str(error))}") from None
     texts = listed((f"{name} ({quoted(text)})" for name, text in table.texts.items()), 8)
     if not table.numbers:
@@ -253,26 +256,37 @@ def _is_coarse(q: Array) -> bool:
 
 
 def _filled(time: Array, rates: Array, period: float) -> tuple[Array, Array, list[str]]:
-    """Return commands with those that a regular log lacks, on a straight line between their neighbors."""
+    """Return commands with those that a regular log lacks, on a straight line between their neighbors.
+
+    Where it has most commands: those of another rate than the rows are held until the next.
+    """
     steps = np.diff(time)
-    regular = np.abs(steps - period) <= REGULAR * period
     missing = np.round(steps / period).astype(int) - 1
     short = (missing > 0) & (missing < GAP)
-    if regular.mean() < 0.8 or not short.any():
+    if np.mean(np.abs(steps - period) <= REGULAR * period) < MOST:
         return time, rates, []
-    more = np.concatenate(
-        [
-            time[i] + steps[i] * np.arange(1, n + 1) / (n + 1)
-            for i, n in zip(np.flatnonzero(short), missing[short], strict=True)
-        ]
+    more = [
+        time[i] + steps[i] * np.arange(1, n + 1) / (n + 1)
+        for i, n in zip(np.flatnonzero(short), missing[short], strict=True)
+    ]
+    whole, columns, lacking = np.sort(np.concatenate([time, *more])), [], 0
+    for column in rates.T:
+        known = np.isfinite(column)
+        if known.mean() < MOST:
+            columns.append(np.interp(whole, time, column))  # a missing cell stays NaN, and is left out
+            continue
+        filled = np.interp(whole, time[known], column[known])
+        before = np.interp(whole, time[known], np.arange(known.sum()))
+        gap = np.diff(time[known], append=np.inf)[before.astype(int)] >= GAP * period
+        filled[gap & (before % 1.0 > 0.0)] = np.nan
+        columns.append(filled)
+        lacking += int((~known).sum())
+    count = sum(map(len, more))
+    told = [f"{count:,} that are missing"] * bool(count) + [f"{lacking:,} cells of commands that are"] * bool(
+        lacking
     )
-    whole = np.sort(np.concatenate([time, more]))
-    columns = [np.interp(whole, time, column) for column in rates.T]  # a missing cell stays NaN
-    return (
-        whole,
-        np.column_stack(columns),
-        [f"{len(more):,} that are missing: commands between taken from a straight line"],
-    )
+    notes = [f"{' and '.join(told)}: commands in between are taken from a straight line"] if told else []
+    return whole, np.column_stack(columns), notes
 
 
 def _samples(time: Array, q: Array, sent_at: Array, rate: Array, begins: Array) -> Samples | None:

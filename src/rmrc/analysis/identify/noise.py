@@ -49,4 +49,6 @@ def white_noise(residual: Array, step: float) -> Interval:
     square = float(second @ second) / (6.0 * max(len(second), 1))
     spread = Z * np.sqrt(140.0 / max(len(second), 1)) / 6.0
     ends = (square * (1.0 + far) - step**2 / 12.0 for far in (0.0, -spread, spread))
-    return Interval(*(float(np.sqrt(max(one, 0.0))) for one in ends))
+    value, low, high = (float(np.sqrt(max(one, 0.0))) for one in ends)
+    # a noise below that of the rounding is hidden by it where the joint is slow
+    return Interval(value, low, max(high, step / np.sqrt(12.0)) if low == 0.0 else high)

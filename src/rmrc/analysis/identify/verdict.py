@@ -61,7 +61,7 @@ def untold(fitted: Fitted, noise: Interval, step: float, period: float, longest:
 
 def odd(fitted: Fitted, noise: Interval, step: float, period: float) -> Iterator[str]:
     """Yield what is odd about a joint whose delay and lag are told."""
-    gain, delay, lag, total = fitted.gain, fitted.delay, fitted.lag, fitted.total
+    gain, lag, total = fitted.gain, fitted.lag, fitted.total
     if gain.value < 0.0:
         yield "moves against its commands: the sign of one of the columns is turned"
     for size, first, second in ((DEGREES, "positions", "commands"), (1.0 / DEGREES, "commands", "positions")):
@@ -71,9 +71,9 @@ def odd(fitted: Fitted, noise: Interval, step: float, period: float) -> Iterator
     else:
         if abs(abs(gain.value) - 1.0) > OFF and not gain.low <= 1.0 <= gain.high:
             yield f"does {gain.value:.4g} times its commanded rates: a scenario knows no such gain"
-    if delay.high < -period / 2.0:
+    if total.high < -period / 2.0:
         yield (
-            f"answers {-1e3 * delay.value:.3g} ms before its commands: stamp position and command "
+            f"answers {-1e3 * total.value:.3g} ms before its commands: stamp position and command "
             "by one clock; a delay of 0 is written"
         )
     elif lag.low == 0.0 and lag.high > 0.1 * abs(total.value) and lag.high > 0.1 * period:
