@@ -54,6 +54,7 @@ THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
 REACH = "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.5, 0]}}]"  # to 10 mm from full reach and back
 SHORT = "target.path=[{line: {by: [0.1, 0.1]}}]"
 BRIEF = (SHORT, COARSE)
+SHORT_AND_FINE = (SHORT, FINER)
 NEAR = (
     COARSE, "arm.start=[15 deg, -30 deg]", "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.95, 0]}}]",
 )  # fmt: skip
@@ -218,6 +219,35 @@ VARIANTS = {
         *FOLDED, DRIFT, "arm.encoder={deviation: 0.5 deg, seed: 1}", "control.limits={acceleration: 2, on_excess: clamp}",
         "control.at_singularity=stop", "plant={kind: torque, wrench: [5, -3, 1, 0, 0, 2]}", FINER,
     ),
+    "encoders late and noisy": (
+        *STANFORD, *SIX, "arm.encoder={delay: 0.018, noise: [1.0e-5, 0, 2.0e-5, 0, 1.0e-4, 1.0e-5], seed: 7}",
+    ),
+    "encoders late, coarse and noisy": (
+        *STANFORD, *SIX, "arm.encoder={delay: 0.016, resolution: [1.0e-4, 0, 1.0e-5, 0, 1.0e-3, 1.0e-4], noise: 1.0e-4}",
+    ),
+    "encoders late, filtered rates, torque": (
+        *SHORT_AND_FINE, "arm.encoder={delay: 0.003, noise: 1.0e-6, offset: 0.01}", "control.rate_filter=0.004",
+        "plant={kind: torque, bandwidth: 30}",
+    ),
+    "integrated, encoders off, limits": (
+        *FOLDED, DRIFT, "control.state=integrated", "arm.encoder={offset: 0.01, noise: 1.0e-3}", "plant.kv=50",
+        "control.limits={acceleration: 2, on_excess: clamp}", "plant.wrench=[5, -3, 1, 0, 0, 2]",
+    ),
+    "integrated, slow": (
+        *NEAR, "control.state=integrated", "control.at_singularity=slow", "control.limits={rate: 0.5, acceleration: 5}",
+    ),
+    "other lengths, stop": (
+        *PLANAR, DRIFT, "plant.stretch={link_2: 1.1, link_3: 0.97}", "control.at_singularity=stop",
+        "control.stop={sigma: 0.82}", "plant.wrench=[5, -3, 1, 0, 0, 2]",
+    ),
+    "other lengths and zeros, 6 joints, torque": (
+        *STANFORD, *SIX, FINER, "plant={kind: torque, stretch: {link_1: 1.02}, joint_offset: [0.01, -0.02, 0.005, 0, 0, 0.02]}",
+        OBJECTIVE + "posture",
+    ),
+    "friction that nobody knows": (*XARM, "plant.friction={coulomb: 0.5, viscous: [1, 2, 0, 1, 1, 1, 1]}"),
+    "friction that nobody knows, torque": (
+        *XARM, FINER, SMALL, "plant={kind: torque, friction: {coulomb: 0.2, viscous: 1}}",
+    ),
     "no feed-forward": (*BRIEF, "control.feedforward=false",),
     "no feedback": (*BRIEF, "control.feedback=0",),
     "ideal": (*NEAR, "plant.kind=ideal"),
@@ -297,6 +327,21 @@ OFF = {
     "lag": ("lagging, slow", "plant.lag=[0.05, 0, 0.01000001]"),
     "resonance.frequency": ("swinging, model", "plant.resonance.frequency=12.000012"),
     "resonance.damping": ("swinging, model", "plant.resonance.damping=0.05000005"),
+    "encoder.delay": ("encoders late and noisy", "arm.encoder.delay=0.01800002"),
+    "encoder.noise": (
+        "encoders late and noisy", "arm.encoder.noise=[1.0e-5, 0, 2.0e-5, 0, 1.0e-4, 1.001e-5]",
+    ),
+    "encoder.resolution": (
+        "encoders late, coarse and noisy", "arm.encoder.resolution=[1.0e-4, 0, 1.0e-5, 0, 1.01e-3, 1.0e-4]",
+    ),
+    "rate_filter": ("encoders late, filtered rates, torque", "control.rate_filter=0.004000004"),
+    "integrated": ("integrated, encoders off, limits", "plant.kv=50.00005"),
+    "plant.stretch": ("other lengths, stop", "plant.stretch.link_3=0.970001"),
+    "plant.joint_offset": (
+        "other lengths and zeros, 6 joints, torque", "plant.joint_offset=[0.01, -0.02, 0.005, 0, 0, 0.02000002]",
+    ),
+    "plant.friction.coulomb": ("friction that nobody knows", "plant.friction.coulomb=0.5000005"),
+    "plant.friction.viscous": ("friction that nobody knows, torque", "plant.friction.viscous=1.000001"),
     "encoder.deviation": (
         "encoders off, drawn, slow, manipulability", "arm.encoder.deviation=[0.5 deg, 1.000001 deg, 0]",
     ),

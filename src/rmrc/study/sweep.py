@@ -149,7 +149,8 @@ class Sweep:
                 "for example --vary control.inverse.method=damped,pseudoinverse",
             )
         encoder, plant = self.scenario.arm.encoder, self.scenario.plant
-        has_chance = bool(any(_each(encoder.deviation)) or plant.jitter or plant.loss)
+        drawn = encoder.deviation, encoder.noise, plant.jitter, plant.loss
+        has_chance = any(map(any, map(_each, drawn)))
         has_chance |= any(key in _CHANCE or key.startswith("arm.encoder") for key in self.plan.keys)
         most = _MOST_SEED - self.plan.samples * self.plan.repeat + 1
         if self.plan.seed > most:
@@ -159,7 +160,7 @@ class Sweep:
             problems.add(
                 "sweep.repeat",
                 f"must be 1 where nothing is left to chance, got {self.plan.repeat}; "
-                "give arm.encoder.deviation, plant.jitter or plant.loss",
+                "give arm.encoder.deviation, arm.encoder.noise, plant.jitter or plant.loss",
             )
         problems.raise_any()
 
