@@ -30,18 +30,14 @@ def block(found: Identified) -> str:
     if lacking:
         texts.append(f"Not told by the log, and taken from the others: {', '.join(lacking)}.")
     texts.append(
-        "The delay is that of command and measurement together: a log does not tell them apart, and a loop feels "
-        f"their sum. With 95 % it is from {_time(low)} to {_time(high)} s."
+        "The delay is that of command and measurement together: a log does not tell them apart, and a loop "
+        f"feels their sum. With 95 % it is from {_time(low)} to {_time(high)} s."
     )
     values = np.array([
         np.median(told, axis=0) if one.trouble or one.noise is None else (one.noise.value, one.resolution)
         for one in found.joints
     ])  # fmt: skip
-    lines = [
-        line
-        for text in texts
-        for line in wrap(visible(text), WIDTH, initial_indent="# ", subsequent_indent="# ")
-    ]
+    lines = [one for text in texts for one in wrap(f"# {visible(text)}", WIDTH, subsequent_indent="# ")]
     lines += ["plant:", f"  delay: {_time(found.delay.value)}"]
     lines += _key("  lag", found.lag, _time)
     encoder = [*_key("    noise", values[:, 0], _small), *_key("    resolution", values[:, 1], _small)]

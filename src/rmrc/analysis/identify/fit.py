@@ -323,8 +323,8 @@ def _solved(columns: Array, values: Array) -> Array:
 def _golden(point: Callable[[float], Point], low: float, high: float) -> Point:
     """Return the best of the points at lags between two."""
     inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)]
-    points = [point(one) for one in inner]
-    while high - low > NEAR * high:
+    points, near = [point(one) for one in inner], NEAR * high
+    while high - low > near:
         if points[0].cost < points[1].cost:
             high, points[1] = points[1].lag, points[0]
             points[0] = point(high - GOLDEN * (high - low))
