@@ -400,11 +400,9 @@ def test_what_cannot_be_is_one_line_with_the_way_out(scenario, overrides, told):
 def test_joints_before_the_site_of_a_second_task_are_to_be_driven_too(scenario, tmp_path):
     finger = '<body pos=".3 0 0"><joint name="grip" axis="0 1 0"/><geom size=".01" mass=".1"/><site name="end"/></body>'
     path = tmp_path / "fingered.xml"
-    path.write_text(
-        DRIVEN.format(kp=1).replace(
-            '<site name="hand" pos=".3 0 0"/>', f'<site name="hand" pos=".3 0 0"/>{finger}'
-        )
-    )
+    site = '<site name="hand" pos=".3 0 0"/>'
+    text = DRIVEN.format(kp=1).replace(site, site + finger).replace('"-1.2 1.5"', '"-1.2 1.5 0"')
+    path.write_text(text)
     shared = (
         f"arm={{model: {path}, site: hand}}",
         "task.axes=[x]",
