@@ -442,6 +442,8 @@ def test_a_profile_of_ones_own_is_a_file_beside_the_scenario(tmp_path):
     assert prepare(one).expected_profile.name == "mine"
     assert load_profile(one.expect["profile"]).loop.delay.value == (0.01, 0.02)
     assert one.draft.profiles == ["mine.yaml"]
+    vary = "sweep.vary={control.limits.profile: [null, franka_fr3, b.yaml], control.limits: [{profile: c.yaml}, {}]}"
+    assert draft_of(own(tmp_path), [vary]).profiles == ["c.yaml", "b.yaml"]
 
 
 @pytest.mark.parametrize(
