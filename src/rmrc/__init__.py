@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from rmrc.scenario import Scenario, load, loads
     from rmrc.simulation.prepare import Prepared, prepare
     from rmrc.simulation.simulation import Simulation
+    from rmrc.study.margins.margins import margins
     from rmrc.study.study import Study
     from rmrc.study.verbs import compare, run, sweep
     from rmrc.support.errors import (
@@ -60,8 +61,8 @@ if TYPE_CHECKING:
 __all__ = [
     "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
-    "TargetError", "check", "compare", "ik", "inspect", "load", "loads", "new", "prepare", "resolve_rates",
-    "run", "statics", "sweep", "tune", "workspace",
+    "TargetError", "check", "compare", "ik", "inspect", "load", "loads", "margins", "new", "prepare",
+    "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
@@ -78,6 +79,7 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.scenario": ("Scenario", "load", "loads"),
         "rmrc.simulation.prepare": ("Prepared", "prepare"),
         "rmrc.simulation.simulation": ("Simulation",),
+        "rmrc.study.margins.margins": ("margins",),
         "rmrc.study.study": ("Study",),
         "rmrc.study.verbs": ("compare", "run", "sweep"),
         "rmrc.support.errors": tuple(name for name in __all__ if name.endswith(("Error", "Warning"))),

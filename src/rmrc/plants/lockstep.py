@@ -90,11 +90,11 @@ def tick(
     """
     running, row = 0, t % ticks.shape[0]
     for w in range(worlds.shape[0]):
-        world, out = worlds[w], ticks[row, w]
+        world, out, past = worlds[w], ticks[row, w], ticks[:, w]
         if world.diverged >= 0 or t >= world.ticks:
             continue
         sense(world, out, state[w], force[w])
-        is_misled = read_joints(world, out, site_xpos[w], site_xquat[w])
+        is_misled = read_joints(world, out, past, t, site_xpos[w], site_xquat[w])
         world.diverged_joint = bad_joint(world, warning[w])
         if world.diverged_joint >= -1:
             world.diverged = t
@@ -116,7 +116,7 @@ def tick(
         if world.diverged_joint >= 0:
             world.diverged = t
             continue
-        send(world, out)
+        send(world, out, past, t)
         obey(world, out, state[w])
         proceed(world, t)
         if t + 1 < world.ticks:
@@ -125,7 +125,7 @@ def tick(
 
 
 @compiled
-def read_joints(world: Record, out: Record, xpos: Array, xquat: Array) -> bool:
+def read_joints(world: Record, out: Record, past: Record, t: int, xpos: Array, xquat: Array) -> bool:
     """Read what is sensed of joints and site; does a stage have the law take the arm to be elsewhere?"""
     for j in range(world.n):
         world.q[j] = out.q[j]
@@ -136,7 +136,10 @@ def read_joints(world: Record, out: Record, xpos: Array, xquat: Array) -> bool:
         out.pose[3 + i] = xquat[world.site, i]
     for i in range(7):
         world.pose[i] = out.pose[i]
-    return sensed(world, out)
+    is_misled = sensed(world, out, past, t)
+    for j in range(world.n):
+        out.q_believed[j] = world.q[j]
+    return is_misled
 
 
 @compiled
@@ -194,11 +197,13 @@ def read_reference(world: Record, out: Record, reference: Array) -> None:
 
 
 @compiled
-def send(world: Record, out: Record) -> None:
-    """Send what is commanded through the stages after the law."""
+def send(world: Record, out: Record, past: Record, t: int) -> None:
+    """Send what is commanded through the stages after the law, and record what arrives."""
     for j in range(world.n):
         world.qdot_sent[j] = world.qdot_cmd_last[j] = out.qdot_cmd[j]
-    sent(world, out)
+    sent(world, out, past, t)
+    for j in range(world.n):
+        out.qdot_arrived[j] = world.qdot_sent[j]
 
 
 @compiled

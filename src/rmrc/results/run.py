@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 
 from rmrc.law.task import WORLD_VIEW, View
-from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded
+from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.scenario.profile import Profile
 from rmrc.support.files import written_whole
@@ -53,7 +53,7 @@ class Run(Recorded):
         """Return the run in a file that `save` wrote."""
         with np.load(path, allow_pickle=False) as file:
             facts = json.loads(str(file["facts"]))
-            columns = {name: file[name] for name in COLUMNS if name in file or name not in ADDED}
+            columns = completed({name: file[name] for name in COLUMNS if name in file or name not in ADDED})
         if "tau_gravity" not in columns:
             columns["tau_gravity"] = np.full_like(columns["tau"], math.nan)
         divergence = facts["divergence"] and Divergence(**facts["divergence"])

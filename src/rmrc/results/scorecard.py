@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from rmrc.law.record import tick_type
 from rmrc.law.task import View
-from rmrc.results.columns import Recorded
+from rmrc.results.columns import COLUMNS, Recorded
 from rmrc.results.tally import CONDITIONS, ERRORS, EXTREMES, JOINTS, adder, begin
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.choices import Status
@@ -149,7 +149,7 @@ def scorecard(run: Recorded) -> Scorecard:
     add = adder(tally, rows)
     for first in range(0, len(run), _ROWS):
         last = min(first + _ROWS, len(run))
-        for name in rows.dtype.names or ():
+        for name in filter(COLUMNS.__contains__, rows.dtype.names or ()):
             column = run[name][first:last]
             field = rows[name][: last - first, 0]
             field[(..., slice(column.shape[1])) if column.ndim == 2 else ...] = column

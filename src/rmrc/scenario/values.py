@@ -277,6 +277,10 @@ PositiveOrAuto = Annotated[
 OneOrEach = Annotated[
     Annotated[Positive, Tag("<one>")] | Annotated[Weights, Tag("<list>")], Discriminator(_one_or_list)
 ]
+NotNegativeOrEach = Annotated[
+    Annotated[NotNegative, Tag("<one>")] | Annotated[tuple[NotNegative, ...], Count(1), Tag("<list>")],
+    Discriminator(_one_or_list),
+]
 AngleOrEach = Annotated[
     Annotated[Angle, Tag("<one>")] | Annotated[Positions, Tag("<list>")], Discriminator(_one_or_list)
 ]

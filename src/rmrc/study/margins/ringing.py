@@ -1,0 +1,209 @@
+"""Whether a loop is unstable: a world and its twin are run, and what a kick did to it rings on or fades.
+
+What the worlds have in common (path, noise, friction, where the arm sticks) is in neither's favor: it is the
+difference of the two that is judged. What is slow in it (damped directions, motion in the null space, another
+way out of a singularity) is no oscillation, and is taken away.
+"""
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.law.jit import Array
+from rmrc.results.run import Run
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import Prepared
+from rmrc.study.margins.kicks import KICK, resting, twin_of
+from rmrc.study.study import Result, Study
+from rmrc.textbook.stability import edge_frequency
+
+# An oscillation at the edge keeps its first amplitude. In the least time that is waited, of a loop whose
+# feedback is 1 % below its edge less than this is left.
+STILL_RINGS = 0.7
+# The response to a kick is in the order of it, up to the 1/σ of joints. Less than the one is nothing that
+# could be told from what else happens, and more than the other is no response but an event.
+_LEAST, _MOST = 0.04, 30.0
+# A path is cut into so many stretches at most, each with a kick and so many windows, if it is long enough;
+# else it is one stretch, of so many windows with what follows it.
+_STRETCHES, _WINDOWS, _FEWEST = 8, 40, 16
+# World-ticks that are run at once: 300 MB of an arm with seven joints.
+_TICKS = 2_000_000
+LIMITED = int(Status.RATE_LIMITED | Status.ACCELERATION_LIMITED)
+
+Reason = Literal["", "diverged", "rings", "reverses"]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a world and its twin showed.
+
+    Attributes:
+        reason: Why the loop is unstable: it diverged, rings on after a kick, or reverses from limit to limit;
+            "": it is not.
+        time: When: of the end, or of the start of the stretch [s]; NaN where it is stable.
+        left: Of the response to a kick, what still rings at the end of the stretch where most of it does [1].
+    """
+
+    reason: Reason
+    time: float
+    left: float
+
+    @property
+    def is_unstable(self) -> bool:
+        """Whether the loop is unstable."""
+        return self.reason != ""
+
+
+class _Track:
+    """Of a run, what is judged."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[Array, ...]] = []
+
+    def add(self, part: Run) -> None:
+        self._parts.append(tuple(part[name] for name in ("q", "qdot_cmd", "path_time", "status")))
+
+    def columns(self) -> tuple[Array, ...]:
+        return tuple(np.concatenate(parts) for parts in zip(*self._parts, strict=True))
+
+
+def judged(
+    study: Study, worlds: Sequence[Prepared], stop: threading.Event, threads: int = 1
+) -> list[Judged | None]:
+    """Return whether the loops of worlds are unstable, None of those that were interrupted; two runs each.
+
+    Args:
+        study: That prepared them.
+        worlds: Whose control.feedback is positive.
+        stop: Once it is set, the runs end.
+        threads: How many step their share of the worlds.
+
+    Raises:
+        ScenarioError: They do not fit into memory.
+    """
+    found: list[Judged | None] = []
+    while len(found) < len(worlds):
+        some, ticks = list[Prepared](), 0
+        for world in worlds[len(found) :]:
+            longer = resting(world, (_FEWEST + 1) * window(world.scenario))
+            ticks += 2 * longer.most_ticks
+            if some and ticks > _TICKS:
+                break
+            some.append(longer)
+        found += _judged(study, some, stop, threads)
+    return found
+
+
+def _judged(
+    study: Study, worlds: Sequence[Prepared], stop: threading.Event, threads: int
+) -> Sequence[Judged | None]:
+    """Judge worlds that are stepped at once."""
+    if stop.is_set():
+        return [None] * len(worlds)
+    pairs = [one for world in worlds for one in (world, twin_of(world, _starts(world), KICK))]
+    tracks = [_Track() for _ in pairs]
+    results = study.watch(pairs, lambda index, part: tracks[index].add(part), stop, threads)
+    if stop.is_set():
+        return [None] * len(worlds)
+    return [_judge(results[i : i + 2], tracks[i : i + 2]) for i in range(0, len(pairs), 2)]
+
+
+def lateness(scenario: Scenario) -> tuple[float, float]:
+    """Return how late commands act in a scenario: dead time, and the longest lag [s]."""
+    return scenario.plant.delay, float(np.max(scenario.plant.lag))
+
+
+def window(scenario: Scenario) -> int:
+    """Return the ticks of a period of an oscillation, the longest that a loop may ring with; odd.
+
+    At its edge a loop of dead times rings with K, or more slowly where rates lag; beyond it, faster.
+    """
+    period, feedback = scenario.control.period, scenario.control.feedback
+    slowest = min(feedback, edge_frequency(period, *lateness(scenario)))
+    return max(5, math.ceil(2.0 * math.pi / (slowest * period)) | 1)
+
+
+def _starts(world: Prepared) -> tuple[int, ...]:
+    """Return where on the path the stretches start, in ticks."""
+    ticks = world.reference.ticks
+    count = min(_STRETCHES, max(1, ticks // (_WINDOWS * window(world.scenario))))
+    return tuple(i * ticks // count for i in range(count))
+
+
+def _judge(results: Sequence[Result], tracks: Sequence[_Track]) -> Judged:
+    """Judge a world and its twin."""
+    world, period = results[0].prepared, results[0].prepared.scenario.control.period
+    for one in results:
+        if one.divergence:
+            return Judged("diverged", one.divergence.time, math.inf)
+    (q, sent, path_time, status), (moved, *_) = (track.columns() for track in tracks)
+    ticks, width = min(len(q), len(moved)), window(world.scenario)
+    apart = (moved[:ticks] - q[:ticks]) / (world.task.joint_scale * KICK)
+    swings = without_trend(apart, width)
+    starts = np.searchsorted(path_time, (np.array(_starts(world)) - 0.5) * period)
+    found = []
+    for first, last in zip(starts, [*(starts[1:] - width // 2), len(swings)], strict=True):
+        if last - first >= _FEWEST * width:  # shorter is one that a slowed path comes to late
+            left = still_ringing(swings, first, last, width)
+            turns = reverses(sent, status.astype(np.int64) & LIMITED != 0, first, last, width)
+            reason: Reason = "rings" if left >= STILL_RINGS else "reverses" if turns else ""
+            found.append(Judged(reason, first * period if reason else math.nan, left))
+    # the first that is unstable, with what is left of the worst; the first stretch is never too short
+    judgment = next((one for one in found if one.is_unstable), found[0])
+    return replace(judgment, left=max(one.left for one in found))
+
+
+def without_trend(values: Array, width: int) -> Array:
+    """Return what is left of values (T, n) without their mean over `width` ticks around each.
+
+    Before the first they are 0; of the last, half a width has no mean and is left out.
+    """
+    half = width // 2
+    total = np.concatenate([np.zeros((half + 1, values.shape[1])), values]).cumsum(axis=0)
+    mean = (total[width:] - total[:-width]) / width
+    return np.asarray(values[: len(mean)] - mean)
+
+
+def still_ringing(swings: Array, first: int, last: int, width: int) -> float:
+    """Return how much of the response to a kick rings to the end of a stretch [1].
+
+    It is the least amplitude of the windows in the last third, of the joint that swings most of those that
+    change sign in each window on average, over the largest in the first third.
+
+    Args:
+        swings: In units of the kick, (T, n).
+        first: First tick of the stretch, that of the kick.
+        last: One past its last.
+        width: Ticks of a window.
+    """
+    third = (last - first) // 3
+    response = float(np.abs(swings[first : first + third]).max())
+    end = swings[last - third : last]
+    peaks = np.array([np.abs(part).max(axis=0) for part in _windows(end, width)])
+    is_swinging = np.count_nonzero(np.diff(np.signbit(end), axis=0), axis=0) >= len(peaks)
+    weakest = np.where(is_swinging, peaks.min(axis=0), 0.0).max()
+    return float(weakest) / min(max(response, _LEAST), _MOST)
+
+
+def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int, width: int) -> bool:
+    """Say whether a joint's command reverses from limit to limit, in each window to the end of a stretch.
+
+    That is an oscillation that may swallow a kick: between limits, where a loop goes is no question of where
+    it was.
+    """
+    third = (last - first) // 3
+    is_back = np.signbit(sent[last - third : last])
+    turned = [np.any(part[1:] != part[:-1], axis=0) for part in _windows(is_back, width)]
+    limited = [np.mean(part) >= 0.5 for part in _windows(is_limited[last - third : last], width)]
+    return bool(np.all(limited) and np.all(turned, axis=0).any())
+
+
+def _windows(values: NDArray[Any], width: int) -> list[NDArray[Any]]:
+    """Cut values into windows of so many ticks or a little more."""
+    return np.array_split(values, len(values) // width)
