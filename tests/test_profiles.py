@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -397,6 +398,22 @@ def test_joints_brake_before_the_positions_of_the_profile_so_that_no_rate_near_a
         allowed = rate_bounds_of_the_header(q)[1][:, j]
         fast = braked < RATES[j] - 1e-3
         assert (braked[fast] < allowed[fast]).all()
+
+
+def test_joints_that_are_driven_into_their_ends_keep_to_the_rates_there(tmp_path):
+    """All but jerk, which the law bounds by itself: the joints race to their ends, where the rates fall to 0."""
+    published = yaml.safe_load(SHIPPED["franka_fr3_before_5_9"].read_text())
+    del published["jerk"]
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(published))
+    race = ["task.axes=[z]", "control.nullspace={objective: rates, rates: [2, 0, 0, 0, 0, 0, 5]}"]
+    held = ["target.path=[{hold: {for: 3}}]", f"expect={{profile: {tmp_path}/own.yaml}}", *race]
+    verdicts = []
+    for limits in ("profile: franka_fr3_before_5_9", f"rate: {RATES.tolist()}, acceleration: 9.999"):
+        (run,) = Simulation([prepare(load(FR3, [*held, f"control.limits={{{limits}}}"]))]).run()
+        left = (HEADER["q_max"] - run["q"][-1])[[0, 6]]
+        assert (np.abs(left) < 0.02).all()  # negative control: they do get there
+        verdicts.append(run.scorecard["profile.first_condition"].value)
+    assert verdicts == ["", "rate"]
 
 
 def test_every_shipped_profile_names_a_source_for_each_number_and_is_read():
