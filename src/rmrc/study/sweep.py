@@ -21,7 +21,7 @@ from rmrc.study.dataset import Contents, Dataset
 from rmrc.study.executors import Crew
 from rmrc.study.executors import threads as in_threads
 from rmrc.study.parcel import Parcel, pack
-from rmrc.study.picks import Choice, chosen
+from rmrc.study.picks import Choice, chosen, figures_of
 from rmrc.study.plan import plan_of
 from rmrc.study.rows import AsRows, digest, figure_columns, fingerprint, last_columns, own_columns
 from rmrc.study.run import Job
@@ -305,7 +305,7 @@ class Sweep:
 
     def summary(self) -> Summary:
         """Return what the rows say that are there."""
-        return summarize(self.dataset, self.check().columns, tuple(self.scenario.expect))
+        return summarize(self.dataset, self.check().columns, figures_of(self.scenario.expect))
 
     def chosen(self, choice: Choice) -> list[int]:
         """Return the indices of the worst or the best rows, those first; of equal ones, the first.
