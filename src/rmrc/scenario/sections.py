@@ -348,13 +348,18 @@ class NullspaceSection(Derived):
 
 @derived("limits")
 class LimitsSection(Derived):
-    """The bounds on joint positions, rates and accelerations."""
+    """The bounds on joint positions, rates, accelerations and jerk."""
 
     rate: OneOrEach | None = key(
         "largest rate, of all joints or of each; null: the model's own", None, "rad/s or m/s"
     )
     acceleration: OneOrEach | None = key(
         "largest acceleration, of all joints or of each; null: none", None, "rad/s² or m/s²"
+    )
+    jerk: OneOrEach | None = key(
+        "largest jerk, of all joints or of each, stops and braking with it; null: none",
+        None,
+        "rad/s³ or m/s³",
     )
     position: Switch = key("whether joints brake before the position limits of the model", default=True)
     braking: OneOrEach = key(
@@ -377,7 +382,7 @@ class ControlSection(Derived):
         "joint weights W_q, one a joint: a heavier joint moves less; null: all 1", None, "1"
     )
     nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
-    limits: LimitsSection = key("bounds on joint positions, rates and accelerations", LimitsSection())
+    limits: LimitsSection = key("bounds on joint positions, rates, accelerations and jerk", LimitsSection())
 
 
 class TargetLimitsSection(Section):

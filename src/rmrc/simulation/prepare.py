@@ -324,6 +324,7 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
         ("control.nullspace.rates", control.nullspace.rates),
         ("control.limits.rate", control.limits.rate),
         ("control.limits.acceleration", control.limits.acceleration),
+        ("control.limits.jerk", control.limits.jerk),
         ("control.limits.braking", control.limits.braking),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
