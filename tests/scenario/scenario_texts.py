@@ -55,7 +55,7 @@ control:
   joint_weights: [1.0, 4.0]
   nullspace: {objective: posture, gain: 2.0, posture: [0.1, 10 deg], rates: [0.5, -0.5],
               secondary: {site: elbow, axes: [y], frame: base, to: [0.3], feedback: 4.0, priority: classical, damping: 0.01}}
-  limits: {rate: [1.0, 2.0], acceleration: [3.0, 4.0], position: false, braking: 5.0, on_excess: clamp}
+  limits: {rate: [1.0, 2.0], acceleration: [3.0, 4.0], jerk: [500.0, 600.0], position: false, braking: 5.0, on_excess: clamp}
   at_singularity: damp
   slow: {change: 3.0, patience: 0.5, longest: 2.0}
   stop: {sigma: 0.1, condition: 50.0, change: 4.0}

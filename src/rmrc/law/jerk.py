@@ -12,7 +12,6 @@ import math
 
 from rmrc.law.braking import brake, brake_gently, is_far, largest_change, steady_stop, stops_within
 from rmrc.law.jit import Array, Record, compiled
-from rmrc.law.redistribution import ROUNDING
 from rmrc.scenario.choices import LIMITS, Status
 
 CLAMP = LIMITS.code("clamp")
@@ -123,7 +122,7 @@ def ease(world: Record, rates: Array) -> int:
             rates[j] = min(max(rate, lower), upper)
         else:
             rates[j] = max(min(rate, upper), lower)
-        if rates[j] != rate:
+        if rates[j] != rate and abs(rates[j]) < world.rate_limit[j]:
             bits |= POSITION_LIMITED
     return bits
 
@@ -199,10 +198,10 @@ def scale_to_changes(world: Record, rates: Array, group: int) -> int:
     for j in range(world.n):
         change = rates[j] - world.qdot_cmd_last[j]
         most = change_to_rate(world, j, math.copysign(1.0, change))
-        bound = min(most, world.change_limit[j])
-        if world.group[j] == group and abs(change) > bound * (1.0 + ROUNDING):
+        bound, slack = min(most, world.change_limit[j]), SLACK * world.jerk_step[j]
+        if world.group[j] == group and abs(change) > bound + slack:
             bits |= ACCELERATION_LIMITED if bound < most else JERK_LIMITED
-            part = min(part, bound / abs(change))
+            part = min(part, (bound + slack) / abs(change))
     for j in range(world.n if part < 1.0 else 0):
         if world.group[j] == group:
             rates[j] = world.qdot_cmd_last[j] + part * (rates[j] - world.qdot_cmd_last[j])

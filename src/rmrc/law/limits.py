@@ -10,8 +10,9 @@ from rmrc.law.redistribution import ROUNDING, saturate
 from rmrc.law.stops import give_way, given_back, is_beyond
 from rmrc.scenario.choices import LIMITS, Status
 
-# A limit is broken if by more than this share of it, and rounding of the rates.
-ALL_OF = 1.0 + 1e-9
+# A limit is broken if by more than this share of it, and rounding: that of rates adds up, twice, while a
+# change comes to zero over hundreds of ticks, to this share of the rate.
+ALL_OF, ADDED_UP = 1.0 + 1e-9, 1e-10
 NONE = LIMITS.code("none")
 RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
     int, (Status.RATE_LIMITED, Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED)
@@ -229,7 +230,7 @@ def broken(world: Record, rates: Array) -> int:
     """Return the bits of the limits that had to give way to others."""
     bits = 0
     for j in range(world.n):
-        change, rounding = rates[j] - world.qdot_cmd_last[j], ROUNDING * abs(rates[j])
+        change, rounding = rates[j] - world.qdot_cmd_last[j], ADDED_UP * abs(rates[j])
         if abs(change) > world.change_limit[j] * ALL_OF + rounding:
             bits |= ACCELERATION_EXCEEDED
         if abs(change - world.change_last[j]) > world.jerk_step[j] * ALL_OF + rounding:
