@@ -14,7 +14,7 @@ from wording import says
 DECLARATION = """
 LAGGING = Plant(
     "lagging", "rates that follow with a lag", "",
-    (Parameter("lag", "lagging: time constant of the rates", 0.05, "s"),), physics=False,
+    (Parameter("follow", "lagging: time constant of the rates", 0.05, "s"),), physics=False,
 )
 
 """
@@ -39,7 +39,7 @@ def read_rates(world: Record, out: Record, state: Array, force: Array) -> None:
 @compiled
 def follow(world: Record, out: Record, state: Array) -> None:
     """Come nearer to the rates that were sent, and integrate."""
-    share = world.period / (world.lag + world.period)
+    share = world.period / (world.follow + world.period)
     for j in range(world.n):
         world.lagging_rate[j] += share * (world.qdot_sent[j] - world.lagging_rate[j])
         state[world.qpos_column[j]] += world.period * world.lagging_rate[j]
@@ -50,42 +50,59 @@ class Lagging(Ideal):
 
     name = "lagging"
     sense, obey = staticmethod(read_rates), staticmethod(follow)
-    fields = (Field("lag"),)
+    fields = (Field("follow"),)
     memory = (Field("lagging_rate", size=(JOINTS,)),)
 
     def write(self, world: np.void) -> None:
         """Write the time constant."""
-        world["lag"] = self.section.lag
+        world["follow"] = self.section.follow
 '''
 
-KEY = """    delay: NotNegative = key("time from a command to the plant, in whole control periods", 0.0, "s")
+KEY = """    hold: Positive = key("how many control periods each command holds", 1.0, "1")
 """
-STAGE = '''
+STAGE = '''"""Commands that are taken only now and then."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rmrc.law.jit import Record, compiled
+from rmrc.law.record import Field
+from rmrc.plants.stage import Stage
+
+
 @compiled
-def send_late(world: Record, out: Record) -> None:
-    """Send what was commanded so many ticks ago, at first nothing."""
+def send_first(world: Record, out: Record, past: Record, t: int) -> None:
+    """Send what was commanded at the first of some ticks."""
+    first = past[(t - t % world.hold) % len(past)]
     for j in range(world.n):
-        for late in range(world.delay):
-            world.on_the_way[late, j], world.qdot_sent[j] = world.qdot_sent[j], world.on_the_way[late, j]
+        world.qdot_sent[j] = first.qdot_cmd[j]
 
 
-class Delay(Stage):
-    """A delay of whole control periods between law and plant."""
+class Hold(Stage):
+    """Commands that hold for some control periods."""
 
-    slot, uses, change = "sent", "delay", staticmethod(send_late)
-    fields = (Field("delay", np.int64),)
-    memory = (Field("on_the_way", size=(16, JOINTS)),)
+    slot, uses, change = "sent", "is_held", staticmethod(send_first)
+    fields = (Field("is_held", np.int64), Field("hold", np.int64))
+
+    @property
+    def is_used(self) -> bool:
+        """Whether some command is not taken."""
+        return self.scenario.plant.hold > 1.0
+
+    @property
+    def span(self) -> int:
+        """How many ticks a command holds beyond its own."""
+        return round(self.scenario.plant.hold) - 1
 
     def write(self, world: np.void) -> None:
-        """Write the delay in ticks."""
-        world["delay"] = round(self.scenario.plant.delay / self.scenario.control.period)
+        """Write for how many ticks."""
+        world["is_held"], world["hold"] = self.is_used, self.span + 1
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield delays of more ticks than a record holds."""
-        if self.scenario.plant.delay > 16 * self.scenario.control.period:
-            yield "plant.delay", f"must be at most 16 control periods, got {self.scenario.plant.delay:g} s"
-
-
+        """Yield commands that hold for too long."""
+        if self.scenario.plant.hold > 1000.0:
+            yield "plant.hold", f"must be at most 1000, got {self.scenario.plant.hold:g}"
 '''
 
 SCENARIO = """
@@ -99,7 +116,7 @@ plant: {kind: lagging}
 REFUSED = """
 from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare
-for text in ("plant.lag=-1", "plant.delay=1.0"):
+for text in ("plant.follow=-1", "plant.hold=2000"):
     try:
         prepare(load("toy.yaml", [text]))
     except ValueError as error:
@@ -127,8 +144,9 @@ def with_toys(folder):
     edit(copy, "plants/kinds.py", ("Torque, Model)", "Torque, Model, Lagging)"))
 
     copy.add("scenario/sections.py", KEY, before="wrench: Wrench = key(")
-    copy.add("plants/stages.py", STAGE, before="# In the order in which")
-    edit(copy, "plants/stages.py", ("(Encoders,)", "(Encoders, Delay)"))
+    (folder / "rmrc/plants/hold.py").write_text(STAGE, "utf-8")
+    copy.add("plants/stages.py", "from rmrc.plants.hold import Hold\n", before="from rmrc.plants.response ")
+    edit(copy, "plants/stages.py", ("(Encoders, ", "(Encoders, Hold, "))
     (folder / "toy.yaml").write_text(SCENARIO, "utf-8")
     return copy
 
@@ -141,14 +159,14 @@ def toy(tmp_path_factory):
 
 def test_it_is_in_the_schema_and_in_messages(toy):
     schema = toy.rmrc("schema")
-    assert "time constant of the rates" in schema and "plant.lag " in schema
+    assert "time constant of the rates" in schema and "plant.follow " in schema
     kinds = json.loads(toy.rmrc("schema", "--json"))["$defs"]["PlantSection"]["properties"]["kind"]
     assert kinds["enum"] == ["ideal", "servo", "torque", "model", "lagging"]
     assert kinds["description"].endswith("the model's own actuators, or rates that follow with a lag")
     ended = toy.python(REFUSED)
     assert ended.stdout.splitlines() == [
-        says("--set plant.lag: … 0 … -1"),
-        "--set plant.delay: must be at most 16 control periods, got 1 s",
+        says("--set plant.follow: … 0 … -1"),
+        "--set plant.hold: must be at most 1000, got 2000",
     ], ended.stderr
 
 
@@ -181,32 +199,35 @@ def test_verbs_run_it(toy):
             return dict(columns)
 
     assert_lags(run("lagging"), lag=0.05)
-    assert_lags(run("slower", "plant.lag=0.1"), lag=0.1)
+    assert_lags(run("slower", "plant.follow=0.1"), lag=0.1)
     with pytest.raises(AssertionError):
         assert_lags(run("ideal", "plant.kind=ideal"), lag=0.05)
-    assert_lags(run("late", "plant.delay=0.008"), lag=0.05, delay=4)
+    assert_lags(run("held", "plant.hold=4"), lag=0.05, hold=4)
 
-    ideal_late = run("ideal_late", "plant.kind=ideal", "plant.delay=0.008")
-    sent, moved = ideal_late["qdot_cmd"], np.diff(ideal_late["q"], axis=0)
-    assert_allclose(moved[4:], 0.002 * sent[:-5], rtol=0, atol=1e-15)  # rounding of q
-    assert not moved[:4].any()
+    ideal = run("ideal_held", "plant.kind=ideal", "plant.hold=4")
+    moved = np.diff(ideal["q"], axis=0)
+    assert_allclose(moved, 0.002 * held(ideal["qdot_cmd"], 4)[:-1], rtol=0, atol=1e-15)  # rounding of q
 
     kinds = "plant.kind=ideal,lagging,servo"
     toy.rmrc("compare", "toy.yaml", "--vary", kinds, "--out", "out", "--no-record", "-q")
     compared = json.loads((toy.folder / "out/toy.compare.json").read_text())
     error = {one["label"]: one["scorecard"]["position_error"]["max"] for one in compared["variants"]}
-    toy.rmrc("sweep", "toy.yaml", "--vary", "plant.lag=0.01,0.05,0.1", "--out", "out", "-q")
+    toy.rmrc("sweep", "toy.yaml", "--vary", "plant.follow=0.01,0.05,0.1", "--out", "out", "-q")
     rows = pq.read_table(toy.folder / "out/toy.sweep.parquet").to_pydict()
-    assert rows["plant.lag"] == [0.01, 0.05, 0.1]
+    assert rows["plant.follow"] == [0.01, 0.05, 0.1]
     peaks = rows["position_error.max"]
     assert error["ideal"] < peaks[0] < peaks[1] < peaks[2]  # the slower, the worse
     assert peaks[1] == error["lagging"]
 
 
-def assert_lags(columns, lag, delay=0, period=0.002):
+def held(commands, ticks):
+    """Return the first of so many commands in the place of each."""
+    return np.repeat(commands[::ticks], ticks, axis=0)[: len(commands)]
+
+
+def assert_lags(columns, lag, hold=1, period=0.002):
     """Hold rates and positions against a recurrence of the commands."""
-    sent = np.zeros_like(columns["qdot_cmd"])
-    sent[delay:] = columns["qdot_cmd"][: len(sent) - delay]
+    sent = held(columns["qdot_cmd"], hold)
     rate, q = np.zeros(sent.shape[1]), columns["q"][0].copy()
     for t in range(len(sent)):
         # a rounding in a thousand ticks each, and what they add up to

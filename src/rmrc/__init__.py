@@ -21,6 +21,10 @@ Or ask about an arm, by its MJCF file or the name of a shipped one:
     rmrc.check("my.xml").findings                  # what must be mended, is missing, or is assumed
     rmrc.new("my.xml", out="my.yaml")              # a first scenario for it, which runs as it is
 
+Or have a log of a real one tell its delay, lag and noise:
+
+    rmrc.identify("log.csv").delay
+
 Nothing is written unless a folder is given. Each name is loaded when it is first used, because MuJoCo and the
 compiled law take a third of a second.
 """
@@ -32,6 +36,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from rmrc.analysis.check.check import check
+    from rmrc.analysis.identify.identify import identify
     from rmrc.analysis.ik.ik import ik
     from rmrc.analysis.inspect.inspection import inspect
     from rmrc.analysis.new.new import new
@@ -43,6 +48,7 @@ if TYPE_CHECKING:
     from rmrc.scenario import Scenario, load, loads
     from rmrc.simulation.prepare import Prepared, prepare
     from rmrc.simulation.simulation import Simulation
+    from rmrc.study.margins.margins import margins
     from rmrc.study.study import Study
     from rmrc.study.verbs import compare, run, sweep
     from rmrc.support.errors import (
@@ -60,13 +66,14 @@ if TYPE_CHECKING:
 __all__ = [
     "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
-    "TargetError", "check", "compare", "ik", "inspect", "load", "loads", "new", "prepare", "resolve_rates",
-    "run", "statics", "sweep", "tune", "workspace",
+    "TargetError", "check", "compare", "identify", "ik", "inspect", "load", "loads", "margins", "new",
+    "prepare", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
     _HOMES = {
         "rmrc.analysis.check.check": ("check",),
+        "rmrc.analysis.identify.identify": ("identify",),
         "rmrc.analysis.ik.ik": ("ik",),
         "rmrc.analysis.inspect.inspection": ("inspect",),
         "rmrc.analysis.new.new": ("new",),
@@ -78,6 +85,7 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.scenario": ("Scenario", "load", "loads"),
         "rmrc.simulation.prepare": ("Prepared", "prepare"),
         "rmrc.simulation.simulation": ("Simulation",),
+        "rmrc.study.margins.margins": ("margins",),
         "rmrc.study.study": ("Study",),
         "rmrc.study.verbs": ("compare", "run", "sweep"),
         "rmrc.support.errors": tuple(name for name in __all__ if name.endswith(("Error", "Warning"))),

@@ -172,7 +172,8 @@ arm:
   pose: null
   joints: null
   others: hold
-  encoder: {offset: 0.0, deviation: 0.0, seed: 0}
+  encoder: {offset: 0.0, deviation: 0.0, noise: 0.0, resolution: 0.0, delay: 0.0,
+    seed: 0}
   stretch: {}
 task:
   axes: [x, y, z, rx, ry, rz]
@@ -181,6 +182,8 @@ task:
   weights: null
 control:
   period: 0.001
+  state: measured
+  rate_filter: 0.0
   inverse:
     method: damped
     tolerance: 1.0e-06
@@ -205,7 +208,8 @@ control:
       feedback: 5.0
       priority: robust
       damping: 0.05
-  limits: {rate: null, acceleration: null, jerk: null, position: true, braking: 10.0, on_excess: scale}
+  limits: {profile: null, rate: null, acceleration: null, jerk: null, position: true,
+    braking: 10.0, on_excess: scale}
   at_singularity: damp
   slow: {change: 10.0, patience: 1.0, longest: 10.0}
   stop: {sigma: 0.1, condition: null, change: 20.0}
@@ -227,6 +231,11 @@ plant:
   payload: 0.0
   gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
+  delay: 0.0
+  lag: 0.0
+  friction: {coulomb: 0.0, viscous: 0.0}
+  stretch: {}
+  joint_offset: 0.0
 expect: {}
 sweep:
   vary: {}

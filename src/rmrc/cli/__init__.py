@@ -4,7 +4,8 @@
 1  an expectation was not met, a      129  SIGHUP; what was recorded is kept
    goal not reached, a wrench not     130  Ctrl-C; what was recorded is kept
    held, nothing keeps the limits,    141  the reader of a pipe had enough
-   a model must be mended             143  SIGTERM; what was recorded is kept
+   a model must be mended, a loop is  143  SIGTERM; what was recorded is kept
+   unstable, a log tells no delay
 2  bad input, or output that cannot
    be written; one line says what
 3  a world diverged; what it recorded is kept
@@ -18,7 +19,21 @@ from typing import Annotated, NoReturn
 import typer
 
 import rmrc
-from rmrc.cli import check, examples, ik, inspect, new, scenarios, statics, streams, sweep, tune, workspace
+from rmrc.cli import (
+    check,
+    examples,
+    identify,
+    ik,
+    inspect,
+    margins,
+    new,
+    scenarios,
+    statics,
+    streams,
+    sweep,
+    tune,
+    workspace,
+)
 from rmrc.cli.console import (
     EXIT_INPUT,
     EXIT_INTERNAL,
@@ -41,7 +56,8 @@ Exit codes:
     0  all went well
     1  an expectation was not met, a goal not reached,
        a wrench not held, nothing keeps the limits,
-       a model must be mended
+       a model must be mended, a loop is unstable,
+       a log tells no delay
     2  bad input, or output that cannot be written
     3  a world diverged; what it recorded is kept
    70  an internal error; the trace says where
@@ -64,10 +80,12 @@ for verb in (
     scenarios.compare,
     sweep.sweep,
     tune.tune,
+    margins.margins,
     scenarios.replay,
     scenarios.schema,
     check.check,
     new.new,
+    identify.identify,
     inspect.inspect,
     statics.statics,
     ik.ik,

@@ -96,8 +96,9 @@ SCRATCH = (
 )  # fmt: skip
 
 TICK = (
-    Field("time"),
-    Field("q", size=(JOINTS,)), Field("qdot", size=(JOINTS,)), Field("qdot_cmd", size=(JOINTS,)),
+    Field("time"), Field("q", size=(JOINTS,)), Field("q_believed", size=(JOINTS,)),
+    Field("qdot", size=(JOINTS,)), Field("qdot_cmd", size=(JOINTS,)),
+    Field("qdot_arrived", size=(JOINTS,)),
     Field("pose", size=(7,)), Field("pose_ref", size=(7,)),
     Field("twist_ref", size=(6,)), Field("pose_error", size=(6,)),
     Field("sigma", size=(ROWS,)), Field("gain", size=(ROWS,)),
@@ -106,6 +107,7 @@ TICK = (
     Field("tau", size=(JOINTS,)), Field("tau_gravity", size=(JOINTS,)),
     Field("path_time"), Field("path_rate"),
     Field("secondary_error"), Field("secondary_sigma"), Field("status", np.int64),
+    Field("arrival"),  # no column: when its command is there, in ticks, where it takes time
 )  # fmt: skip
 
 

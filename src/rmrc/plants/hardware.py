@@ -6,7 +6,8 @@ from rmrc.arm import Arm
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.kinds import CLASSES, KINDS
 from rmrc.plants.plant import Plant
-from rmrc.plants.stages import STAGES, Stage
+from rmrc.plants.stage import Stage
+from rmrc.plants.stages import STAGES
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import PLANTS
 
@@ -42,6 +43,21 @@ class Hardware:
         section = scenario.plant
         self.plant = KINDS[section.kind](section, arm, scenario.control.period)
         self.stages = tuple(stage(scenario, arm) for stage in STAGES)
+
+    @property
+    def span(self) -> int:
+        """How many ticks back its stages look."""
+        return max(stage.span for stage in self.stages)
+
+    @property
+    def is_misled(self) -> bool:
+        """Whether the law takes the arm to be elsewhere than it is."""
+        return any(stage.is_used for stage in self.stages if stage.slot == "sensed")
+
+    @property
+    def is_direct(self) -> bool:
+        """Whether the plant is told what the law commands, at once."""
+        return not any(stage.is_used for stage in self.stages if stage.slot == "sent")
 
     def write(self, world: np.void) -> None:
         """Write which plant it is, and its parameters and those of the stages."""

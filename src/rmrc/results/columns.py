@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from rmrc.law.task import WORLD_VIEW, View
 from rmrc.scenario.choices import Status
+from rmrc.scenario.profile import Profile
 
 
 @dataclass(frozen=True)
@@ -28,12 +29,14 @@ class Column:
 
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
-    "q": Column("joint", "joint positions, the true ones where encoders are off", "n"),
+    "q": Column("joint", "joint positions, the true ones", "n"),
+    "q_believed": Column("joint", "joint positions that the law took for these", "n"),
     "qpos": Column(
         "rad, m or quat w x y z", "positions of all joints of the model, as MuJoCo orders them", "nq"
     ),
-    "qdot": Column("joint/s", "joint rates, measured", "n"),
+    "qdot": Column("joint/s", "joint rates, the true ones", "n"),
     "qdot_cmd": Column("joint/s", "joint rates, sent", "n"),
+    "qdot_arrived": Column("joint/s", "joint rates that reach the plant, on the mean of the tick", "n"),
     "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "twist wanted, [v; ω] along world axes", "6"),
@@ -58,7 +61,16 @@ COLUMNS: Mapping[str, Column] = {
 
 
 # Files from before these were kept do without.
-ADDED = frozenset({"qpos", "tau_gravity"})
+ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "q_believed"})
+
+# Where nothing stands between, the first is the second to the bit; files that lack it are of such runs.
+SAME = {"qdot_arrived": "qdot_cmd", "q_believed": "q"}
+
+
+def completed(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
+    """Return the columns of a file in order, with those that it lacks because others are the same."""
+    found = {name: columns.get(name, columns.get(SAME.get(name, ""))) for name in COLUMNS}
+    return {name: values for name, values in found.items() if values is not None}
 
 
 @dataclass(frozen=True)
@@ -103,6 +115,9 @@ class Recorded:
         view: Along whose axes the task axes are.
         touching: The two bodies of the first contact; none: there was none.
         resting: Pairs of bodies that touch from the start, which is no contact while they stay.
+        chatter_floor: Acceleration of each joint above which a change of sign counts as chatter [rad/s² or
+            m/s²]; none: `rmrc.results.tally.CHATTER_FLOOR` for all.
+        profile: What the commands are held against, or None.
     """
 
     name: str
@@ -120,6 +135,8 @@ class Recorded:
     view: View = WORLD_VIEW
     touching: tuple[str, ...] = ()
     resting: tuple[tuple[str, ...], ...] = ()
+    chatter_floor: tuple[float, ...] = ()
+    profile: Profile | None = None
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""

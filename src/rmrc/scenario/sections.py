@@ -4,12 +4,22 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from rmrc.scenario import choices
 from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.keys import split
 from rmrc.scenario.path import PathFrame, Segment
+from rmrc.scenario.profile import ProfileName, load_profile
 from rmrc.scenario.values import (
     Angle,
     AngleOrEach,
@@ -29,6 +39,7 @@ from rmrc.scenario.values import (
     Names,
     NotNegative,
     NotNegativeAngleOrEach,
+    NotNegativeOrEach,
     Number,
     OneOrEach,
     Point,
@@ -63,7 +74,7 @@ def sort_axes(section: "Section | Derived", beside: str) -> None:
 
 
 class EncoderSection(Section):
-    """How far the arm's encoders are off: the law works with q + offset, where the arm is at q."""
+    """What the arm's encoders say: the law works with that, where the arm is at q."""
 
     offset: AngleOrEach = key("what the encoders of all joints, or of each, say too much", 0.0, "rad or m")
     deviation: NotNegativeAngleOrEach = key(
@@ -72,7 +83,16 @@ class EncoderSection(Section):
         0.0,
         "rad or m",
     )
-    seed: Seed = key("what is drawn: the same seed, the same offsets", 0)
+    noise: NotNegativeAngleOrEach = key(
+        "standard deviation of white noise, drawn at every tick, of all joints or of each", 0.0, "rad or m"
+    )
+    resolution: NotNegativeAngleOrEach = key(
+        "what is read is rounded to a multiple of this, of all joints or of each; 0: to nothing",
+        0.0,
+        "rad or m",
+    )
+    delay: NotNegative = key("how old what is read is when the law takes it", 0.0, "s")
+    seed: Seed = key("what is drawn: the same seed, the same offsets and noise", 0)
 
 
 class StartPose(Choice):
@@ -181,10 +201,11 @@ class ArmSection(Section):
         "them, or are free to move; what hangs at a free joint beside the arm is free anyway",
         "hold",
     )
-    encoder: EncoderSection = key("how far its encoders are off", EncoderSection())
+    encoder: EncoderSection = key("what its encoders say", EncoderSection())
     stretch: dict[str, Positive] = key(
         "factor on all lengths of a body, by its name: where bodies, sites, joints and shapes sit on it, and "
-        "their sizes; its mass stays, its inertia is the factor's square times as large",
+        "their sizes; its mass stays, its inertia is the factor's square times as large; the law knows "
+        "it, as it does not know `plant.stretch`",
         {},
         "1",
     )
@@ -350,6 +371,12 @@ class NullspaceSection(Derived):
 class LimitsSection(Derived):
     """The bounds on joint positions, rates, accelerations and jerk."""
 
+    profile: ProfileName | None = key(
+        "what the controller of a robot accepts, as its vendor publishes it: the name of a shipped profile, "
+        "or a file; it sets rate, acceleration, jerk, braking and control.period where they are not written, "
+        "and joints brake before its positions as well; null: none",
+        None,
+    )
     rate: OneOrEach | None = key(
         "largest rate, of all joints or of each; null: the model's own", None, "rad/s or m/s"
     )
@@ -369,12 +396,30 @@ class LimitsSection(Derived):
         "rad/s² or m/s²",
     )
 
+    @model_validator(mode="after")
+    def _by_profile(self) -> Self:
+        for name, value in load_profile(self.profile).limits.items() if self.profile else ():
+            if name not in self.model_fields_set:  # frozen is a promise to users; it is still being made
+                self.__dict__[name] = value
+        return self
+
 
 @derived("")
 class ControlSection(Derived):
     """The control law."""
 
     period: Positive = key("time between two control ticks", 0.001, "s")
+    state: Literal["measured", "integrated"] = key(
+        "what the law takes for q: what the encoders say; or the integral of its own commands from what they "
+        "said at the start",
+        "measured",
+    )
+    rate_filter: NotNegative = key(
+        "time constant of a first-order filter of rates that are differentiated: with a resolution, noise or "
+        "delay of arm.encoder, computed torque takes difference quotients of what the encoders say",
+        0.0,
+        "s",
+    )
     inverse: InverseSection = key("how the Jacobian is inverted", InverseSection())
     feedback: NotNegative = key("K: twist for a given pose error", 20.0, "1/s")
     feedforward: Switch = key("whether the reference twist is part of the command", default=True)
@@ -383,6 +428,13 @@ class ControlSection(Derived):
     )
     nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
     limits: LimitsSection = key("bounds on joint positions, rates, accelerations and jerk", LimitsSection())
+
+    @model_validator(mode="after")
+    def _by_profile(self) -> Self:
+        published = load_profile(self.limits.profile).period if self.limits.profile else None
+        if published and "period" not in self.model_fields_set:
+            self.__dict__["period"] = published.value
+        return self
 
 
 class TargetLimitsSection(Section):
@@ -429,6 +481,19 @@ else:
     )
 
 
+class FrictionSection(Section):
+    """Friction of the joints that is not in the model: no drive takes it out."""
+
+    coulomb: NotNegativeOrEach = key(
+        "dry friction, of all joints or of each, beside that of the model", 0.0, "N·m or N"
+    )
+    viscous: NotNegativeOrEach = key(
+        "torque or force for a given rate, of all joints or of each, beside the damping of the model",
+        0.0,
+        "N·m·s/rad or N·s/m",
+    )
+
+
 # MuJoCo's step where neither the scenario nor the plant says another [s].
 TIMESTEP = 0.001
 
@@ -466,6 +531,25 @@ class PlantSection(_PlantKeys):
         f"{PLANTS.physical}: gravity along world axes; null: the model's own", None, "m/s²"
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
+    delay: NotNegative = key("dead time: how long a command is on its way to the plant", 0.0, "s")
+    lag: NotNegativeOrEach = key(
+        "time constant with which the rates of all joints, or of each, follow what arrived", 0.0, "s"
+    )
+    friction: FrictionSection = key(
+        f"{PLANTS.physical}: friction of the joints that no compensation knows of", FrictionSection()
+    )
+    stretch: dict[str, Positive] = key(
+        "factor on all lengths of a body, by its name, that the law does not know of, as of an arm that "
+        "was never calibrated: beside `arm.stretch`, which it knows",
+        {},
+        "1",
+    )
+    joint_offset: AngleOrEach = key(
+        "how far all joints, or each, are beyond where the law takes them to be, from the start on: their "
+        "zeros are off",
+        0.0,
+        "rad or m",
+    )
 
     @property
     def step(self) -> float:
@@ -508,6 +592,24 @@ class Check(Choice):
         return self
 
 
+# What is expected of the commands, beside figures.
+PROFILE = "profile"
+
+
+_ACCEPTED = (
+    "the commands must keep to what the controller of a robot accepts, as its vendor publishes it: the name "
+    "of a shipped profile, or a file; null: it is not asked"
+)
+
+
+def _check_or_profile(value: object) -> str:
+    return "<text>" if isinstance(value, str) else "<one>"
+
+
+Expected = Annotated[
+    Annotated[Check, Tag("<one>")] | Annotated[ProfileName, Tag("<text>")], Discriminator(_check_or_profile)
+]
+
 # More keys than this are no sweep of anything that a person reads, and Sobol's
 # sequence has its numbers for so many.
 MOST_DRAWN = 20
@@ -533,7 +635,7 @@ class SweepSection(Section):
         "how many samples are drawn for each combination of `vary`; Sobol's are most even for powers of 2", 64
     )
     repeat: Annotated[int, Field(strict=True, ge=1)] = key(
-        "how often each of them is run, each time with other encoder offsets", 1
+        "how often each of them is run, each time with other encoder offsets and noise", 1
     )
     seed: Seed | None = key(
         "what is drawn, and what each run's arm.encoder.seed counts from; null: that of the arm",
@@ -572,8 +674,26 @@ class Sections(Section):
     control: ControlSection = key("the control law", ControlSection())
     target: TargetSection = key("where the site shall go")
     plant: PlantSection = key("what obeys the commanded rates", PlantSection())
-    expect: dict[str, Check] = key("what is expected, by figure of the scorecard", {})
+    expect: dict[str, Expected] = key(
+        "what is expected, by figure of the scorecard",
+        {},
+        schema={"properties": {PROFILE: {"type": "string", "default": None, "description": _ACCEPTED}}},
+    )
     sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
+
+    @field_validator("expect", mode="before")
+    @classmethod
+    def _profile_by_name(cls, expect: object) -> object:
+        """Refuse a text for a figure, and a check for the profile, before a text is taken for a profile."""
+        for name, value in expect.items() if isinstance(expect, dict) else ():
+            if name != PROFILE and isinstance(value, str):
+                raise rule(f"must be a mapping, got {show(value)}", ("expect", name))
+            if name == PROFILE and not isinstance(value, str | None):
+                wanted = "must be the name of a profile, such as franka_fr3, or a file of one"
+                raise rule(f"{wanted}, got {show(value)}", ("expect", name))
+        if isinstance(expect, dict) and PROFILE in expect and expect[PROFILE] is None:
+            return {name: value for name, value in expect.items() if name != PROFILE}
+        return expect
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Self:

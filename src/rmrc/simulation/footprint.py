@@ -49,6 +49,19 @@ class Footprint(NamedTuple):
         return memory.excess(LIBRARIES + self.held, self.reserved)
 
 
+def rows_of(prepared: Sequence[Prepared], keep_columns: bool = True) -> int:
+    """Return how many ticks are held of runs that are stepped together.
+
+    Args:
+        prepared: The worlds.
+        keep_columns: Whether every tick is kept; else those that stages look back to, and some.
+    """
+    longest = max(one.most_ticks for one in prepared)
+    if keep_columns:
+        return longest
+    return min(longest, max(1 + max(one.hardware.span for one in prepared), HELD // len(prepared)))
+
+
 def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> Footprint:
     """Return what runs take that are stepped together, if each is as long as it may be.
 
@@ -63,9 +76,7 @@ def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded:
     held, reserved = RECORDER * recorded, 0
     for worlds in alike.values():
         references = {id(one.reference): one.reference.ticks for one in worlds}.values()
-        rows = max(one.most_ticks for one in worlds)
-        if not keep_columns:
-            rows = min(rows, max(1, HELD // len(worlds)))
+        rows = rows_of(worlds, keep_columns)
         held += rows * len(worlds) * tick_type(worlds[0].arm.n).itemsize
         if has_others(worlds[0].arm.wiring, len(worlds[0].qpos)):
             held += rows * len(worlds) * worlds[0].qpos.nbytes

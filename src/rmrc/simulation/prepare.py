@@ -1,7 +1,7 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, TypeVar
@@ -11,16 +11,20 @@ from numpy.typing import NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm
+from rmrc.arm.differences import check_stretch
 from rmrc.law.law import Law, rate_limit
 from rmrc.law.record import Writer, records
 from rmrc.law.task import Task
+from rmrc.plants.encoders import Encoders
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.lockstep import Course
 from rmrc.plants.plant import Assumed, Plant
-from rmrc.plants.stages import Encoders
 from rmrc.plants.wiring import WIRING
-from rmrc.scenario import ArmSection, Problems, Scenario, angle
+from rmrc.results.tally import CHATTER_FLOOR
+from rmrc.scenario import ArmSection, Problems, Scenario, angle, inline
 from rmrc.scenario.choices import INVERSES, PLANTS
+from rmrc.scenario.profile import Profile, load_profile
+from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.start import start_positions
 from rmrc.simulation.trajectory import Places, make_reference
@@ -82,10 +86,12 @@ class Cache:
 
     def placed(self, arm: Arm, section: ArmSection, qpos: NDArray[np.float64]) -> Arm:
         """Return an arm where the joints that are not its own stand as in a configuration, (nq,)."""
-        placed = arm.at(qpos, frees_others=section.others == "free")
+        mocap = arm.mocap_at(section.start) if arm.model.nmocap else None
+        placed = arm.at(qpos, section.others == "free", mocap)
         if placed.rest is None or placed is arm:
             return placed
-        return self._arms.get((arm, placed.rest.tobytes(), section.others), lambda: placed)
+        there = b"" if placed.mocap is None else placed.mocap.tobytes()
+        return self._arms.get((arm, placed.rest.tobytes(), section.others, there), lambda: placed)
 
     def reference(self, scenario: Scenario, arm: Arm, q: NDArray[np.float64]) -> Reference:
         """Return the target of a scenario whose arm starts at joint positions q, (n,).
@@ -136,8 +142,8 @@ class Prepared:
 
     Attributes:
         scenario: As written.
-        arm: The arm that it names.
-        qpos: Where the model starts, (nq,).
+        arm: The arm that it names, as the law knows it.
+        qpos: Where the model starts, (nq,), the true positions.
         held: Controls and activations of the author's actuators: see `Arm.held`.
         reference: Poses and twists at each control tick.
         cache: What it shares with others.
@@ -174,12 +180,34 @@ class Prepared:
     @cached_property
     def law(self) -> Law:
         """What is asked of the joints."""
-        return Law(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos])
+        return Law(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos] - self.joint_offset)
 
     @property
     def encoder_offset(self) -> NDArray[np.float64]:
         """What the encoders say too much, (n,)."""
         return Encoders(self.scenario, self.arm).offset
+
+    @property
+    def joint_offset(self) -> NDArray[np.float64]:
+        """How far the joints are beyond where the law takes them to be, (n,)."""
+        return np.full(self.arm.n, self.scenario.plant.joint_offset)
+
+    @cached_property
+    def true_arm(self) -> Arm:
+        """The arm that moves: another than the law knows where `plant.stretch` says so."""
+        return self.arm.stretched(self.plant.stretch) if self.scenario.plant.stretch else self.arm
+
+    @cached_property
+    def chatter_floor(self) -> tuple[float, ...]:
+        """Acceleration above which a change of sign counts as chatter, (n,); see `rmrc.results.tally`."""
+        floor = np.minimum(self.law.rate_limit, 0.1 * self.law.acceleration_limit)
+        return tuple(np.where(np.isfinite(floor), floor, CHATTER_FLOOR).tolist())
+
+    @cached_property
+    def expected_profile(self) -> Profile | None:
+        """What the commands are held against."""
+        name = self.scenario.expect.get(PROFILE)
+        return load_profile(name) if isinstance(name, str) else None
 
     @cached_property
     def assumed(self) -> tuple[Assumed, ...]:
@@ -197,7 +225,23 @@ class Prepared:
             if joints:
                 which = "all joints" if len(joints) == arm.n else listed(joints)
                 missing.append(Assumed(f"no {name} limit: {which}", False))
-        return (*self.plant.assumed(), *missing)
+        if arm.moves_at(self.scenario.arm.start):
+            missing.append(Assumed("a start at rest: velocities of the keyframe are not taken", True))
+        return (*self.plant.assumed(), *self._by_profile(), *missing)
+
+    def _by_profile(self) -> Iterator[Assumed]:
+        """Yield what the profile of `control.limits` sets, but for what is written otherwise."""
+        control = self.scenario.control
+        if control.limits.profile is None:
+            return
+        profile, texts = load_profile(control.limits.profile), []
+        if profile.period and control.period == profile.period.value:
+            texts.append(f"control.period {control.period:g}")
+        for key, values in profile.limits.items():
+            if getattr(control.limits, key) == values:
+                same = len(set(values)) == 1
+                texts.append(f"control.limits.{key} {inline(values[0] if same else list(values))}")
+        yield Assumed(f"by profile {profile.name}: {', '.join(texts) or 'nothing'}", False)
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
@@ -226,9 +270,12 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
     tell_assumed(note for note in arm.notes if note != arm.obvious or scenario.arm.site is None)
     problems = Problems(scenario)
-    qpos = _start(scenario, arm, problems)
-    arm = cache.placed(arm, scenario.arm, qpos)
+    believed = _start(scenario, arm, problems)
+    arm = cache.placed(arm, scenario.arm, believed)
+    _check_profiles(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
+    _check_stretch(scenario, arm, problems)
+    qpos = _true_start(scenario, arm, believed, problems)
     _check_scales(scenario, problems)
     hardware = Hardware(scenario, arm)
     for stage in hardware.stages:
@@ -240,7 +287,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     problems.raise_any()
     _doubt_start(scenario, arm)
     try:
-        reference = cache.reference(scenario, arm, qpos[arm.wiring.qpos])
+        reference = cache.reference(scenario, arm, believed[arm.wiring.qpos])
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([scenario.problem(key, text)]) from None
@@ -283,6 +330,33 @@ def _start(scenario: Scenario, arm: Arm, problems: Problems) -> NDArray[np.float
     return qpos
 
 
+def _check_stretch(scenario: Scenario, arm: Arm, problems: Problems) -> None:
+    try:
+        check_stretch(arm.path, arm.model, scenario.plant.stretch)
+    except ModelError as error:
+        problems.add(f"plant.{error.about}", str(error))
+
+
+def _true_start(
+    scenario: Scenario, arm: Arm, believed: NDArray[np.float64], problems: Problems
+) -> NDArray[np.float64]:
+    """Return where an arm stands that the law takes to be elsewhere, (nq,)."""
+    offset = scenario.plant.joint_offset
+    if not np.any(offset) or (isinstance(offset, tuple) and len(offset) != arm.n):
+        return believed
+    q = believed[arm.wiring.qpos] + offset
+    for name, position, (lower, upper), unit in zip(
+        arm.joints, q, arm.position_limit, arm.units, strict=True
+    ):
+        if not lower <= position <= upper:
+            problems.add(
+                "plant.joint_offset",
+                f'puts joint "{name}" at {position:.6g} {unit} at the start, beyond its limits [{lower:.6g}, '
+                f"{upper:.6g}] {unit}; lower it, or start elsewhere",
+            )
+    return arm.placed(believed, q)
+
+
 def _in_degrees(arm: Arm, j: int, position: float) -> str:
     """Return the way out for a position beyond a turn that would be within the limits in degrees."""
     lower, upper = arm.position_limit[j]
@@ -314,18 +388,47 @@ def _positions_instead(start: object, arm: Arm) -> str:
     return f"; write [{', '.join([start.strip()] * arm.n)}], a position for each joint"
 
 
+def _check_profiles(scenario: Scenario, arm: Arm, problems: Problems) -> None:
+    """Refuse a profile of a robot that the arm is not, or whose conditions are on another period."""
+    limits, expected = scenario.control.limits.profile, scenario.expect.get(PROFILE)
+    for key, name in (("control.limits.profile", limits), ("expect.profile", expected)):
+        if not isinstance(name, str):
+            continue
+        profile, period = load_profile(name), scenario.control.period
+        if profile.joints != arm.n:
+            has = f"the arm has {arm.n} ({', '.join(arm.joints)})"
+            problems.add(key, f"{profile.name} is of a robot with {profile.joints} joints, and {has}")
+            continue
+        published = profile.period.value if profile.period else period
+        differs = abs(published - period) > 1e-9 * period
+        if key == "expect.profile" and differs and (profile.acceleration or profile.jerk):
+            problems.add(
+                key,
+                f"{profile.name} bounds the differences of commands that are {published:g} s apart, and "
+                f"control.period is {period:g} s; write control.period: {published:g}",
+            )
+
+
 def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     control = scenario.control
+    by_profile = load_profile(control.limits.profile).limits if control.limits.profile else {}
     for key, values in (
         ("arm.encoder.offset", scenario.arm.encoder.offset),
         ("arm.encoder.deviation", scenario.arm.encoder.deviation),
+        ("arm.encoder.noise", scenario.arm.encoder.noise),
+        ("arm.encoder.resolution", scenario.arm.encoder.resolution),
+        ("plant.friction.coulomb", scenario.plant.friction.coulomb),
+        ("plant.friction.viscous", scenario.plant.friction.viscous),
+        ("plant.joint_offset", scenario.plant.joint_offset),
         ("control.joint_weights", control.joint_weights),
         ("control.nullspace.posture", control.nullspace.posture),
         ("control.nullspace.rates", control.nullspace.rates),
-        ("control.limits.rate", control.limits.rate),
-        ("control.limits.acceleration", control.limits.acceleration),
-        ("control.limits.jerk", control.limits.jerk),
-        ("control.limits.braking", control.limits.braking),
+        *(  # of what a profile sets, the profile has been told
+            (f"control.limits.{name}", values)
+            for name in ("rate", "acceleration", "jerk", "braking")
+            if (values := getattr(control.limits, name)) != by_profile.get(name)
+        ),
+        ("plant.lag", scenario.plant.lag),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
@@ -408,6 +511,9 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: Problems) -> None:
             "control.at_singularity",
             '"slow" scales the feed-forward, so it needs control.feedforward: true, got false',
         )
+    rate = control.limits.rate
+    if isinstance(rate, tuple) and len(rate) != arm.n:  # which has been told
+        return
     if not np.isfinite(rate_limit(arm, control.limits)).all():
         problems.add(
             "control.at_singularity",

@@ -20,7 +20,7 @@ from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, figures, tallies_of
 from rmrc.results.tally import adder
-from rmrc.simulation.footprint import HELD, refuse_excess
+from rmrc.simulation.footprint import refuse_excess, rows_of
 from rmrc.simulation.prepare import Prepared, world_records
 from rmrc.support.threads import side_by_side
 
@@ -124,6 +124,8 @@ class _Shard:
             view=prepared.task.view,
             touching=contacts.first.get(w, ()) if contacts else (),
             resting=tuple(contacts.resting.get(w, ())) if contacts else (),
+            chatter_floor=prepared.chatter_floor,
+            profile=prepared.expected_profile,
         )
 
     def scorecards(self) -> list[Scorecard]:
@@ -292,16 +294,13 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batche
         reference.write(wanted[r, : reference.ticks])
         wanted[r, reference.ticks :] = 0.0
     worlds = world_records(chosen, [order[id(one.reference)] for one in chosen])
-    rows = int(worlds["ticks"].max())
-    if not keeps:
-        rows = min(rows, max(1, HELD // len(chosen)))
     batch = Stepper(
         [one.plant for one in chosen],
         worlds,
         np.array([one.qpos for one in chosen]),
         (np.array([one.held[0] for one in chosen]), np.array([one.held[1] for one in chosen])),
         wanted,
-        np.empty((rows, len(chosen)), tick_type(chosen[0].arm.n)),
+        np.empty((rows_of(chosen, keeps), len(chosen)), tick_type(chosen[0].arm.n)),
         batches,
     )
     return _Shard(members, chosen, batch, keeps)

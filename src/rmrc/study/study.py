@@ -335,6 +335,25 @@ class Study:
         results = _results(simulation, range(len(worlds)), worlds, stop)
         return [Ran(**vars(one), run=run) for one, run in zip(results, runs, strict=True)]
 
+    def watch(
+        self, worlds: Sequence[Prepared], watcher: Watcher, stop: threading.Event, threads: int = 1
+    ) -> list[Result]:
+        """Return what comes of a few variants, stepped together; their ticks are for a watcher alone.
+
+        Args:
+            worlds: The variants.
+            watcher: Called with each block of ticks, from any thread, one call at a time.
+            stop: Once it is set, the runs end.
+            threads: How many step their share of the variants.
+
+        Raises:
+            ScenarioError: They do not fit into memory.
+        """
+        with self._lock:
+            simulation = Simulation(worlds, threads, keep_columns=False, batches=self._batches)
+        simulation.step(watcher, stop)
+        return _results(simulation, range(len(worlds)), worlds, stop)
+
     # Many variants, by a crew ----------------------------------------------------------------
 
     def check(self, variants: Variants, crew: Crew, on_runs: OnRuns | None = None) -> Checked:

@@ -1,0 +1,55 @@
+"""The verb `margins`: how much more delay, lag and gain a loop bears."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rmrc.cli.console import EXIT_INTERRUPTED, complain, interruption, progress
+from rmrc.cli.options import AsJson, Quiet, Threads, drawable
+from rmrc.cli.reports import show
+from rmrc.cli.scenarios import Overrides, ScenarioFile
+
+# As many as a search takes as a rule, for the progress bar.
+_RUNS = 80
+
+
+def margins(
+    scenario: ScenarioFile,
+    accuracy: Annotated[
+        float, typer.Option(help="How near to the edges to come: relative, 0.005 to 0.5.")
+    ] = 0.02,
+    set_: Overrides = None,
+    picture: Annotated[
+        Path | None, typer.Option(help="Draw what was tried into this file: .png, .svg or .pdf.")
+    ] = None,
+    as_json: AsJson = False,
+    threads: Threads = None,
+    quiet: Quiet = False,
+) -> None:
+    """Find how much more gain, dead time and lag the loop bears before it is unstable, by runs.
+
+    Each setting is run twice, with the reference of the second moved for a moment: the loop is unstable if
+    that rings on. Beside it stand the rule K <= 1/(delay + T/2 + lag) and the exact edge of the ideal plant.
+    Exit code 1: the loop is unstable as written.
+    """
+    from rmrc.results.leaving import refuse_unwritable
+    from rmrc.study.margins.margins import Asking
+    from rmrc.study.margins.report import report
+
+    files = [path for path in (drawable(picture),) if path is not None]
+    with interruption("interrupted before the first run"):
+        work = Asking(scenario, set_ or (), accuracy=accuracy, threads=threads)
+        refuse_unwritable(files)
+        work.compile()
+    with progress(f"{work.scenario.name}: margins", _RUNS, quiet or as_json, unit="runs") as on_runs:
+        found = work.run(on_runs)
+    if found.interrupted:
+        complain(f"interrupted after {found.runs} runs")
+    answer = report(found)
+    for path in files:
+        if answer.draw is not None:
+            answer.draw(path)
+    show(answer, as_json, quiet, files)
+    if found.interrupted:
+        raise typer.Exit(EXIT_INTERRUPTED)

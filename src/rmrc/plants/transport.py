@@ -1,0 +1,92 @@
+"""The way of a command to the plant: it takes time.
+
+Times here are in ticks: command k, sent at time k, arrives at `arrival`, and is in effect from then on. What
+arrives within a tick counts by its share of it: the plant is told the mean over the tick, which is all that
+a plant which integrates can tell.
+"""
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.record import JOINTS, Field
+from rmrc.plants.stage import Stage
+
+# No run has so many ticks, and compiled code counts them in 64 bits.
+_NEVER = 2.0**52
+# Decimal fractions such as 0.3/0.1 are off by some 1e-16: a whole number of ticks is one.
+_ROUNDING = 1e-9
+
+
+@compiled
+def carry(world: Record, out: Record, past: Record, t: int) -> None:
+    """Tell the plant what is in effect during tick t, [t, t + 1): of all that is there, what was sent last.
+
+    From the command that was sent last back in time: each is in effect from its arrival to the arrival of
+    one that was sent later. What was in effect before this tick, or nothing, has what is left.
+    """
+    out.arrival = t + world.latency
+    end, newest, rows = t + 1.0, -1, past.shape[0]
+    for j in range(world.n):
+        world.qdot_sent[j] = -0.0  # a sum that begins so keeps the sign of zero
+    for k in range(min(t, math.floor(end - world.latency)), max(world.arrived, t - world.span - 1), -1):
+        command = past[k % rows]
+        if command.arrival < end:
+            begin = max(command.arrival, float(t))
+            add(world, end - begin, command.qdot_cmd)
+            newest, end = max(newest, k), begin
+        if end <= t:
+            break
+    if end > t:
+        add(world, end - t, world.in_effect)
+    if newest >= 0:
+        world.arrived = newest
+        for j in range(world.n):
+            world.in_effect[j] = past[newest % rows].qdot_cmd[j]
+
+
+@compiled
+def add(world: Record, share: float, rates: Array) -> None:
+    """Have rates be in effect for a share of the tick."""
+    for j in range(world.n):
+        world.qdot_sent[j] += share * rates[j]
+
+
+class Transport(Stage):
+    """Commands are on their way for a time."""
+
+    slot, uses, change = "sent", "is_late", staticmethod(carry)
+    fields = (Field("is_late", np.int64), Field("latency"), Field("span", np.int64))
+    # the command that is in effect, and its number
+    memory = (Field("in_effect", size=(JOINTS,)), Field("arrived", np.int64, start=-1))
+
+    @property
+    def latency(self) -> float:
+        """How long a command takes at least, in ticks."""
+        return _ticks(self.scenario.plant.delay, self.scenario.control.period)
+
+    @property
+    def is_used(self) -> bool:
+        """Whether there is a delay."""
+        return self.latency > 0.0
+
+    @property
+    def span(self) -> int:
+        """How many ticks a command takes at most."""
+        return math.ceil(self.latency)
+
+    def write(self, world: np.void) -> None:
+        """Write how long commands take."""
+        world["is_late"], world["latency"], world["span"] = self.is_used, self.latency, self.span
+
+    def misfits(self) -> Iterator[tuple[str, str]]:
+        """Yield nothing: any time will do."""
+        yield from ()
+
+
+def _ticks(time: float, period: float) -> float:
+    """Return a time in ticks."""
+    ticks = min(time / period, _NEVER)
+    return float(round(ticks)) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks

@@ -1,0 +1,205 @@
+"""A scenario -> its margins: how much more delay, lag and gain its loop bears before it is unstable."""
+
+import os
+import threading
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from rmrc.scenario import Scenario, Source, draft_of
+from rmrc.simulation.prepare import Prepared
+from rmrc.study.margins.ringing import Judged, lateness
+from rmrc.study.margins.search import ACCURACY, Edge, Search, close_in, delay, gain, lag
+from rmrc.study.study import OnRuns, Study
+from rmrc.support.errors import ScenarioError
+from rmrc.support.interruption import interruptible
+from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag, rule_gain
+
+# No finer: at its edge a loop takes forever to show on which side of it it is.
+_FINEST, _COARSEST = 0.005, 0.5
+
+
+@dataclass(frozen=True)
+class Margin:
+    """How much more of something a loop bears.
+
+    Attributes:
+        name: `gain`, a factor on control.feedback; `delay` or `lag`, what can be added [s].
+        edge: Between which two of its values the loop becomes unstable; infinite above: no edge was found.
+        bound: The largest value that would be tried.
+        ideal: The edge of the ideal plant, by equation; infinite where any is borne.
+        rule: What the rule of thumb allows; below 1, or negative, where it allows less than there is.
+        tried: Value and judgment of each that was tried, by rising value.
+    """
+
+    name: str
+    edge: Edge
+    bound: float
+    ideal: float
+    rule: float
+    tried: tuple[tuple[float, Judged], ...]
+
+    @property
+    def value(self) -> float:
+        """The margin: the edge, or what the loop was still stable with where none was found."""
+        return self.edge.value
+
+
+@dataclass(frozen=True)
+class Margins:
+    """The margins of a scenario.
+
+    Attributes:
+        scenario: The scenario.
+        late: Dead time of its commands, and the longest lag [s].
+        written: How the loop is as written; None: interrupted before.
+        gain: The factor on control.feedback at the edge; below 1 where the loop is unstable as written.
+        delay: The dead time that can be added [s]; None where the loop is unstable as written.
+        lag: The lag that can be added to that of every joint [s]; None as well.
+        rule: The feedback by the rule of thumb [1/s].
+        ideal: The feedback at the edge of the ideal plant [1/s].
+        runs: How many were made.
+        interrupted: Whether Ctrl-C ended the search.
+    """
+
+    scenario: Scenario
+    late: tuple[float, float]
+    written: Judged | None
+    gain: Margin
+    delay: Margin | None
+    lag: Margin | None
+    rule: float
+    ideal: float
+    runs: int
+    interrupted: bool
+
+    @property
+    def is_stable(self) -> bool:
+        """Whether the loop is stable as written."""
+        return self.written is not None and not self.written.is_unstable
+
+    @property
+    def all(self) -> tuple[Margin, ...]:
+        """The margins that there are."""
+        return tuple(one for one in (self.gain, self.delay, self.lag) if one is not None)
+
+
+class Asking:
+    """A scenario whose margins are asked for, checked."""
+
+    def __init__(
+        self,
+        source: Source,
+        overrides: Sequence[str] = (),
+        *,
+        accuracy: float = ACCURACY,
+        threads: int | None = None,
+    ) -> None:
+        """Check everything before the first run.
+
+        Args:
+            source: The scenario, or its file.
+            overrides: `KEY=VALUE` texts.
+            accuracy: Of the edges, relative: of the gain, and of how late commands are in all.
+            threads: How many step their share of the runs; None: one a core.
+
+        Raises:
+            ScenarioError: All that is wrong.
+        """
+        if not _FINEST <= accuracy <= _COARSEST:
+            wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
+            raise ScenarioError.about("--accuracy", wrong)
+        self._study, self._accuracy = Study(draft_of(source, overrides)), accuracy
+        self._threads = threads or os.cpu_count() or 1
+        self._prepared: Prepared = self._study.prepare()
+        self.scenario = self._prepared.scenario
+        if self.scenario.control.feedback == 0.0:
+            wrong = "must be > 0, got 0: without feedback there is no loop that could be unstable"
+            raise ScenarioError([self.scenario.problem("control.feedback", wrong)])
+
+    def compile(self) -> None:
+        """Load the compiled law, or compile it the first time, which takes seconds."""
+        self._study.compile([self._prepared])
+
+    def run(self, on_runs: OnRuns | None = None) -> Margins:
+        """Find the margins; Ctrl-C ends the search with what was found so far.
+
+        Args:
+            on_runs: Called with the number of runs of each round.
+
+        Raises:
+            ScenarioError: The runs do not fit into memory.
+        """
+        one, count = self.scenario, 0
+
+        def counted(runs: int) -> None:
+            nonlocal count
+            count += runs
+            if on_runs is not None:
+                on_runs(runs)
+
+        with interruptible() as stop:
+            nominal = replace(gain(one), guess=1.0, least=1.0, most=1.0)
+            self._close_in({"gain": nominal}, stop, counted)
+            written = nominal.known.get(1.0)
+            searches = {"gain": gain(one)}
+            if written is not None and not written.is_unstable:
+                searches |= {"delay": delay(one), "lag": lag(one)}
+            if written is not None:
+                for search in searches.values():
+                    search.known[1.0] = written
+                self._close_in(searches, stop, counted)
+            interrupted = stop.is_set()
+        found = {name: self._margin(name, search) for name, search in searches.items()}
+        late, period = lateness(one), one.control.period
+        return Margins(
+            one, late, written, found["gain"], found.get("delay"), found.get("lag"),
+            rule_gain(period, *late), edge_gain(period, *late), count, interrupted,
+        )  # fmt: skip
+
+    def _close_in(self, searches: Mapping[str, Search], stop: threading.Event, on_runs: OnRuns) -> None:
+        chosen = list(searches.values())
+        for search in chosen:
+            search.accuracy = self._accuracy
+        close_in(self._study, chosen, stop, self._threads, on_runs)
+
+    def _margin(self, name: str, search: Search) -> Margin:
+        """Return what a search found, with what the ideal plant would bear."""
+        feedback, period = self.scenario.control.feedback, self.scenario.control.period
+        tau, slowest = lateness(self.scenario)
+        rule = 1.0 / feedback - 1.0 / rule_gain(period, tau, slowest)  # of what makes commands late
+        if name == "gain":
+            rule = rule_gain(period, tau, slowest) / feedback
+            ideal = edge_gain(period, tau, slowest) / feedback
+        elif name == "delay":
+            ideal = max(0.0, edge_delay(feedback, period, slowest) - tau)
+        else:
+            ideal = max(0.0, edge_lag(feedback, period, tau) - slowest)
+        low, high = search.edge
+        edge = Edge(search.value(low) if low else 0.0, search.value(high))
+        return Margin(name, edge, search.value(search.most), ideal, rule, tuple(search.tried))
+
+
+def margins(
+    scenario: Source,
+    *,
+    accuracy: float = ACCURACY,
+    threads: int | None = None,
+    on_runs: OnRuns | None = None,
+) -> Margins:
+    """Find how much more gain, delay and lag a loop bears before it is unstable, by runs.
+
+    The function behind `rmrc margins`.
+
+    Args:
+        scenario: The scenario, its file, or the name of a shipped one.
+        accuracy: Of the edges, relative: of the gain, and of how late commands are in all.
+        threads: How many step their share of the runs; None: one a core.
+        on_runs: Called with the number of runs of each round.
+
+    Returns:
+        The margins; Ctrl-C ends the search with what was found so far.
+
+    Raises:
+        ScenarioError: All that is wrong, before the first run; or the runs do not fit into memory.
+    """
+    return Asking(scenario, accuracy=accuracy, threads=threads).run(on_runs)

@@ -1,0 +1,250 @@
+"""Whether a loop is unstable: a world and its twin are run, and what a kick did to it rings on or fades.
+
+What the worlds have in common (path, noise, friction, where the arm sticks) is in neither's favor: it is the
+difference of the two that is judged. What is slow in it (damped directions, motion in the null space, another
+way out of a singularity) is no oscillation, and is taken away.
+"""
+
+import math
+import threading
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rmrc.law.jit import Array
+from rmrc.results.run import Run
+from rmrc.scenario import Scenario
+from rmrc.scenario.choices import Status
+from rmrc.simulation.prepare import Prepared
+from rmrc.study.margins.kicks import KICK, resting, twin_of
+from rmrc.study.study import Result, Study
+from rmrc.textbook.stability import edge_frequency
+
+# An oscillation at the edge keeps its amplitude. From the middle third to the last of the shortest run, of a
+# loop of dead times whose feedback is half a percent below its edge less than this is left.
+STILL_RINGS = 0.9
+# The response to a kick is in the order of it, or more by the 1/σ of joints. Less than this share of the kick
+# is nothing that could be told from what else happens. More than the next, in the end, is no answer to a
+# kick: the two parted at a singularity or a stop, which fades, or swing on their own, as far as limits let
+# them. More than the last is the arm's whole motion.
+_LEAST, _MOST, _ALL = 0.03, 10.0, 1e5
+# Encoders round the two differently, by a step here and there: a kick is so many steps, and less than these
+# tell nothing.
+_STEPS, _TELLING_STEPS = 30.0, 10.0
+# A joint that goes to and fro at a limit is sent forth and back with this share of its largest rate at least.
+_TO_AND_FRO = 0.1
+# A path is cut into so many stretches at most, each with a kick and so many windows, if it is long enough;
+# else it is one stretch, of so many windows with what follows it.
+_STRETCHES, _WINDOWS, _FEWEST = 8, 40, 20
+# The last third of a stretch is looked at in so many parts, each of two windows at least.
+_PARTS = 3
+# World-ticks that are run at once: 300 MB of an arm with seven joints.
+_TICKS = 2_000_000
+_LIMITED = int(
+    Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED | Status.TORQUE_LIMITED
+)
+
+Reason = Literal["", "diverged", "rings", "reverses"]
+
+
+@dataclass(frozen=True)
+class Judged:
+    """What a world and its twin showed.
+
+    Attributes:
+        reason: Why the loop is unstable: it diverged, rings on after a kick, or reverses from limit to limit;
+            "": it is not.
+        time: When: of the end, or of the start of the stretch [s]; NaN where it is stable.
+        left: Of the response to a kick, what still rings at the end of the stretch where most of it does [1].
+    """
+
+    reason: Reason
+    time: float
+    left: float
+
+    @property
+    def is_unstable(self) -> bool:
+        """Whether the loop is unstable."""
+        return self.reason != ""
+
+
+class _Track:
+    """Of a run, what is judged."""
+
+    def __init__(self) -> None:
+        self._parts: list[tuple[Array, ...]] = []
+
+    def add(self, part: Run) -> None:
+        self._parts.append(tuple(part[name] for name in ("q", "qdot_cmd", "path_time", "status")))
+
+    def columns(self) -> tuple[Array, ...]:
+        return tuple(np.concatenate(parts) for parts in zip(*self._parts, strict=True))
+
+
+def judged(
+    study: Study, worlds: Sequence[Prepared], stop: threading.Event, threads: int = 1
+) -> list[Judged | None]:
+    """Return whether the loops of worlds are unstable, None of those that were interrupted; two runs each.
+
+    Args:
+        study: That prepared them.
+        worlds: Whose control.feedback is positive.
+        stop: Once it is set, the runs end.
+        threads: How many step their share of the worlds.
+
+    Raises:
+        ScenarioError: They do not fit into memory.
+    """
+    found: list[Judged | None] = []
+    while len(found) < len(worlds):
+        some, ticks = list[Prepared](), 0
+        for world in worlds[len(found) :]:
+            longer = resting(world, (_FEWEST + 1) * window(world.scenario))
+            ticks += 2 * longer.most_ticks
+            if some and ticks > _TICKS:
+                break
+            some.append(longer)
+        found += _judged(study, some, stop, threads)
+    return found
+
+
+def _judged(
+    study: Study, worlds: Sequence[Prepared], stop: threading.Event, threads: int
+) -> Sequence[Judged | None]:
+    """Judge worlds that are stepped at once."""
+    if stop.is_set():
+        return [None] * len(worlds)
+    pairs = [one for world in worlds for one in (world, twin_of(world, _starts(world), kick_of(world)))]
+    tracks = [_Track() for _ in pairs]
+    results = study.watch(pairs, lambda index, part: tracks[index].add(part), stop, threads)
+    if stop.is_set():
+        return [None] * len(worlds)
+    return [_judge(results[i : i + 2], tracks[i : i + 2]) for i in range(0, len(pairs), 2)]
+
+
+def lateness(scenario: Scenario) -> tuple[float, float]:
+    """Return how late a loop is beside T/2: dead time there and back, and the longest lag [s]."""
+    return scenario.plant.delay + scenario.arm.encoder.delay, float(np.max(scenario.plant.lag))
+
+
+def window(scenario: Scenario) -> int:
+    """Return the ticks of a period of an oscillation, the longest that a loop may ring with; odd.
+
+    At its edge a loop of dead times rings with K, or more slowly where rates lag; beyond it, faster.
+    """
+    period, feedback = scenario.control.period, scenario.control.feedback
+    slowest = min(feedback, edge_frequency(period, *lateness(scenario)))
+    return max(5, math.ceil(2.0 * math.pi / (slowest * period)) | 1)
+
+
+def kick_of(world: Prepared) -> float:
+    """Return how far a kick moves the reference of a world's twin [rad], of lengths times `task.length`."""
+    return max(KICK, _STEPS * _step(world))
+
+
+def _step(world: Prepared) -> float:
+    """Return the largest step of its encoders, as its task scales joints [1]."""
+    return float(np.max(world.scenario.arm.encoder.resolution / world.task.joint_scale))
+
+
+def _starts(world: Prepared) -> tuple[int, ...]:
+    """Return where on the path the stretches start, in ticks."""
+    ticks = world.reference.ticks
+    count = min(_STRETCHES, max(1, ticks // (_WINDOWS * window(world.scenario))))
+    return tuple(i * ticks // count for i in range(count))
+
+
+def _judge(results: Sequence[Result], tracks: Sequence[_Track]) -> Judged:
+    """Judge a world and its twin."""
+    world, period = results[0].prepared, results[0].prepared.scenario.control.period
+    for one in results:
+        if one.divergence:
+            return Judged("diverged", one.divergence.time, math.inf)
+    (q, sent, path_time, status), (moved, *_) = (track.columns() for track in tracks)
+    ticks, width = min(len(q), len(moved)), window(world.scenario)
+    kick = kick_of(world)
+    least = max(_LEAST, _TELLING_STEPS * _step(world) / kick)
+    apart = (moved[:ticks] - q[:ticks]) / (world.task.joint_scale * kick)
+    swings = without_trend(apart, width)
+    starts = np.searchsorted(path_time, (np.array(_starts(world)) - 0.5) * period)
+    found = []
+    for first, last in zip(starts, [*(starts[1:] - width // 2), len(swings)], strict=True):
+        if last - first >= _FEWEST * width:  # shorter is one that a slowed path comes to late
+            left = still_ringing(swings, first, last, least)
+            turns = reverses(sent, status.astype(np.int64) & _LIMITED != 0, first, last)
+            reason: Reason = "rings" if left >= STILL_RINGS else "reverses" if turns else ""
+            found.append(Judged(reason, float(first * period) if reason else math.nan, left))
+    # the first that is unstable, with what is left of the worst; the first stretch is never too short
+    judgment = next((one for one in found if one.is_unstable), found[0])
+    return replace(judgment, left=max(one.left for one in found))
+
+
+def without_trend(values: Array, width: int) -> Array:
+    """Return what is left of values (T, n) without their mean over `width` ticks around each.
+
+    Before the first they are 0; of the last, half a width has no mean and is left out.
+    """
+    half = width // 2
+    total = np.concatenate([np.zeros((half + 1, values.shape[1])), values]).cumsum(axis=0)
+    mean = (total[width:] - total[:-width]) / width
+    return np.asarray(values[: len(mean)] - mean)
+
+
+def still_ringing(swings: Array, first: int, last: int, least: float = _LEAST) -> float:
+    """Return how much of a kick still rings at the end of a stretch [1]; 1: it neither fades nor grows.
+
+    It is the least amplitude of the parts of the last third over the largest of the middle third. Where it
+    grows all through the last third, it is the amplitude of its last part over that of its first, if that is
+    more: at a stop, or past a singularity, the two part by more than the kick did, and that may fade or grow
+    as well. And it is 1 where they swing each on its own, as far as limits let them, and not by much less in
+    the end.
+
+    Only joints count that swing to either side in each part, and by enough to be told.
+
+    Args:
+        swings: In units of the kick, (T, n).
+        first: First tick of the stretch, that of the kick.
+        last: One past its last.
+        least: Amplitude that can be told.
+    """
+    third = (last - first) // 3
+    middle, end = swings[last - 2 * third : last - third], swings[last - third : last]
+    parts = np.array_split(end, _PARTS)
+    peaks = np.array([np.abs(part).max(axis=0) for part in parts])
+    swings_on = np.all([_both_ways(part, 0.0) for part in parts], axis=0) & (peaks.min(axis=0) >= least)
+    if not swings_on.any():
+        return 0.0
+    peaks = peaks[:, swings_on]
+    weakest, largest = peaks.min(axis=0), peaks.max(axis=0)
+    left = weakest / max(np.abs(middle).max(), least)
+    grown = np.where(peaks[-1] >= largest, peaks[-1] / peaks[0], 0.0)
+    alone = (weakest >= _ALL) | ((weakest >= _MOST) & (peaks[-1] >= 0.5 * largest))
+    return float(np.maximum(left, np.where(grown >= 1.0, grown, alone)).max())
+
+
+def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int) -> bool:
+    """Say whether a joint is sent to and fro at a limit, in each part of the last third of a stretch.
+
+    Such an oscillation may swallow a kick: where limits act, the rates are no question of where the arm is.
+
+    Args:
+        sent: Commanded rates, (T, n).
+        is_limited: Where a limit acts, (T,).
+        first: First tick of the stretch.
+        last: One past its last.
+    """
+    third = slice(last - (last - first) // 3, last)
+    if not all(part.any() for part in np.array_split(is_limited[third], _PARTS)):
+        return False
+    least = _TO_AND_FRO * np.abs(sent).max(axis=0)
+    return bool(
+        np.all([_both_ways(part, least) for part in np.array_split(sent[third], _PARTS)], axis=0).any()
+    )
+
+
+def _both_ways(values: Array, least: ArrayLike) -> NDArray[np.bool_]:
+    """Say which columns of values (t, n) go beyond ±least, to either side."""
+    return np.asarray((values.max(axis=0) > least) & (values.min(axis=0) < -np.asarray(least)))

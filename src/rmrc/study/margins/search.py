@@ -1,0 +1,230 @@
+"""Where a loop becomes unstable: settings are tried side by side, on a grid that closes in on the edge."""
+
+import math
+import threading
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from rmrc.scenario import Change, Scenario, changes_of
+from rmrc.study.margins.ringing import Judged, judged, lateness
+from rmrc.study.study import OnRuns, Study
+from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
+
+# Around the edge of the ideal plant; then so many points between the two that are nearest to the edge, until
+# these differ by less than the accuracy.
+_GRID = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0)
+_POINTS = 6
+ACCURACY = 0.02
+# Where the edge is not near, each round goes on by these, up to so many times the edge of the ideal plant,
+# and down to this share of the feedback as written.
+_STEPS = (1.5, 2.25, 3.4, 5.0)
+_BEYOND, _LOWEST = 10.0, 0.01
+
+
+class Edge(NamedTuple):
+    """Between which two the edge is.
+
+    Attributes:
+        low: Of those that are stable, the next to the edge; of all tried, the loop is stable up to it.
+            0: none is.
+        high: Of those that are not, the next to it; infinite: none was found.
+    """
+
+    low: float
+    high: float
+
+    @property
+    def value(self) -> float:
+        """The edge: the geometric mean of both, or the one that there is."""
+        return math.sqrt(self.low * self.high) if self.is_found else max(self.low, 0.0) or self.high
+
+    @property
+    def is_found(self) -> bool:
+        """Whether there is one on either side."""
+        return self.low > 0.0 and self.high < math.inf
+
+
+@dataclass
+class Search:
+    """The search for one edge, along one direction.
+
+    Attributes:
+        changes: What makes the setting with a factor.
+        guess: Where the edge may be.
+        most: The largest factor that is tried.
+        least: The smallest one.
+        value: What is asked for, by factor: the factor itself, or a time [s].
+        accuracy: Relative, of the factor.
+        known: What was found, by factor.
+    """
+
+    changes: Callable[[float], tuple[Change, ...]]
+    guess: float
+    most: float
+    least: float
+    value: Callable[[float], float] = float
+    accuracy: float = ACCURACY
+    known: dict[float, Judged] = field(default_factory=dict)
+
+    @property
+    def edge(self) -> Edge:
+        """What is known of it."""
+        high = min((one for one, found in self.known.items() if found.is_unstable), default=math.inf)
+        return Edge(max((one for one in self.known if one < high), default=0.0), high)
+
+    @property
+    def tried(self) -> list[tuple[float, Judged]]:
+        """Value and judgment of each that was tried, by rising value."""
+        return [(self.value(factor), self.known[factor]) for factor in sorted(self.known)]
+
+    def next(self) -> list[float]:
+        """Return the factors to try next; none: the edge is known, or there is none within bounds."""
+        low, high = self.edge
+        if self.known.keys() <= {1.0} and not high <= 1.0 <= self.guess:
+            wanted = [self.guess * share for share in _GRID]
+        elif low == 0.0:
+            wanted = [high / step for step in _STEPS] if high > self.least else []
+        elif high == math.inf:
+            wanted = [low * step for step in _STEPS] if low < self.most else []
+        elif high > low * (1.0 + self.accuracy):
+            wanted = list(np.geomspace(low, high, _POINTS + 2)[1:-1])
+        else:
+            return []
+        within = (float(min(max(one, self.least), self.most)) for one in wanted)
+        return [one for one in dict.fromkeys(within) if one not in self.known]
+
+
+def gain(scenario: Scenario, base: Sequence[Change] = ()) -> Search:
+    """Return the search for the factor on control.feedback."""
+    period, feedback = scenario.control.period, scenario.control.feedback
+    guess = edge_gain(period, *lateness(scenario)) / feedback
+
+    def changes(factor: float) -> tuple[Change, ...]:
+        return (*base, *changes_of({"control.feedback": feedback * factor}))
+
+    return Search(changes, guess, _BEYOND * max(1.0, guess), min(_LOWEST, 0.1 * guess))
+
+
+def delay(scenario: Scenario) -> Search:
+    """Return the search for a longer dead time, by the factor on how late commands are in all."""
+    ideal, base = edge_delay(*_loop(scenario)[:2], lateness(scenario)[1]), scenario.plant.delay
+
+    def changes(factor: float) -> tuple[Change, ...]:
+        return changes_of({"plant.delay": base + added(scenario, factor)})
+
+    return _later(scenario, ideal - base, changes)
+
+
+def lag(scenario: Scenario) -> Search:
+    """Return the search for a longer lag of all joints, by the factor on how late commands are in all."""
+    longest = edge_lag(*_loop(scenario)[:2], lateness(scenario)[0])
+    base = np.atleast_1d(scenario.plant.lag)
+
+    def changes(factor: float) -> tuple[Change, ...]:
+        lags = [float(one) for one in base + added(scenario, factor)]
+        return changes_of({"plant.lag": lags if len(lags) > 1 else lags[0]})
+
+    return _later(scenario, longest - base.max(), changes)
+
+
+def close_in(
+    study: Study,
+    searches: Sequence[Search],
+    stop: threading.Event,
+    threads: int = 1,
+    on_runs: OnRuns | None = None,
+) -> None:
+    """Go on with searches until each has its edge, or until they are interrupted; all side by side.
+
+    Args:
+        study: Of the scenario.
+        searches: Written: what is known of them grows.
+        stop: Once it is set, the runs end.
+        threads: How many step their share of the runs.
+        on_runs: Called with the number of runs of each round.
+
+    Raises:
+        ScenarioError: A setting is wrong, or they do not fit into memory.
+    """
+    while not stop.is_set():
+        wanted = [(search, factor) for search in searches for factor in search.next()]
+        if not wanted:
+            return
+        worlds = [study.prepare(search.changes(factor)) for search, factor in wanted]
+        for (search, factor), one in zip(wanted, judged(study, worlds, stop, threads), strict=True):
+            if one is not None:
+                search.known[factor] = one
+        if on_runs is not None:
+            on_runs(2 * len(wanted))
+
+
+def bears(
+    study: Study,
+    settings: Sequence[Sequence[Change]],
+    factor: float = 2.0,
+    *,
+    threads: int = 1,
+    stop: threading.Event | None = None,
+) -> list[bool | None]:
+    """Return whether loops stay stable with so many times their feedback; None if interrupted. Two runs each.
+
+    Args:
+        study: Of the scenario.
+        settings: What makes each of it; with a positive feedback.
+        factor: On `control.feedback`.
+        threads: How many step their share of the runs.
+        stop: Once it is set, the runs end.
+
+    Raises:
+        ScenarioError: A setting is wrong, or they do not fit into memory.
+    """
+    worlds = [study.prepare(gain(study.prepare(one).scenario, one).changes(factor)) for one in settings]
+    found = judged(study, worlds, stop or threading.Event(), threads)
+    return [None if one is None else not one.is_unstable for one in found]
+
+
+def gain_margins(
+    study: Study,
+    settings: Sequence[Sequence[Change]],
+    *,
+    threads: int = 1,
+    stop: threading.Event | None = None,
+) -> list[Edge]:
+    """Return the gain margins of settings as far as they were found: factors on their feedback at the edge.
+
+    Args:
+        study: Of the scenario.
+        settings: What makes each of it; with a positive feedback.
+        threads: How many step their share of the runs.
+        stop: Once it is set, the runs end.
+
+    Raises:
+        ScenarioError: A setting is wrong, or they do not fit into memory.
+    """
+    searches = [gain(study.prepare(one).scenario, one) for one in settings]
+    close_in(study, searches, stop or threading.Event(), threads)
+    return [search.edge for search in searches]
+
+
+def _loop(scenario: Scenario) -> tuple[float, float, float]:
+    """Return feedback, period, and how late commands are in all."""
+    period = scenario.control.period
+    return scenario.control.feedback, period, sum(lateness(scenario)) + 0.5 * period
+
+
+def added(scenario: Scenario, factor: float) -> float:
+    """Return what makes commands so many times as late as they are [s]."""
+    return (factor - 1.0) * _loop(scenario)[2]
+
+
+def _later(scenario: Scenario, guess: float, changes: Callable[[float], tuple[Change, ...]]) -> Search:
+    """Return a search for more time that commands may take."""
+    late = _loop(scenario)[2]
+    factor = 1.0 + max(guess, 0.0) / late
+    if not factor < math.inf:
+        factor = 1.0 + 1.0 / (scenario.control.feedback * late)
+    return Search(changes, max(factor, 1.0 + ACCURACY), _BEYOND * factor, 1.0, partial(added, scenario))

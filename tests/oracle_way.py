@@ -1,0 +1,84 @@
+"""The way of commands to the plant, written by its definition: all that was sent, sorted by time, and expm.
+
+Nothing here shares code with the compiled stages: random numbers are numpy's own, filters are matrix exponentials.
+"""
+
+import math
+from itertools import pairwise
+
+import numpy as np
+from scipy.linalg import expm
+
+TRANSPORT = 1  # the stream of jitter and loss
+
+
+def drawn(seed, tick):
+    """Return u of the jitter and u of the loss of a command, as theory.md says."""
+    key = int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]) + (TRANSPORT << 64)
+    numbers = np.random.Philox(counter=(tick - 1) % 2**256, key=key).random_raw(2)
+    return (numbers >> np.uint64(11)) * 2.0**-53
+
+
+def response(A, b, T):
+    """Return what takes (x, u) over a tick of dx/dt = A x + b u: the state at its end, and the mean of x[0]."""
+    n = len(b)
+    # beside x: u, which stays, and the integral of x[0]
+    M = np.zeros((n + 2, n + 2))
+    M[:n, :n], M[:n, n], M[n + 1, 0] = A, b, 1.0
+    E = expm(M * T)
+    return E[:n, : n + 1], E[n + 1, : n + 1] / T
+
+
+class Way:
+    """What a plant is told: commands late and lost, then what filters make of them."""
+
+    def __init__(self, plant, period, n):
+        self.plant, self.period, self.n = plant, period, n
+        self.sent, self.filters = [], []
+        lags = np.broadcast_to(plant.lag, n)
+        if lags.any():
+            steps = [response(np.array([[-1 / L]]), np.array([1 / L]), period) if L else None for L in lags]
+            self.filters.append((steps, np.zeros((n, 1))))
+
+    def tell(self, cmd):
+        """Send a command; return what the plant is told in its tick."""
+        t, plant = len(self.sent), self.plant
+        self.sent.append((t * self.period + plant.delay, cmd.copy()))
+        told = self.mean_between(t * self.period, (t + 1) * self.period)
+        for steps, x in self.filters:
+            for j, step in enumerate(steps):
+                if step is not None:
+                    end, mean = step
+                    known = np.append(x[j], told[j])
+                    x[j], told[j] = end @ known, mean @ known
+        return told
+
+    def mean_between(self, first, last):
+        """Return the mean of what is in effect: of all that has arrived by then, what was sent last."""
+        slack = 1e-9 * self.period  # decimal fractions are none of the binary system
+        times = sorted({first, last, *(a for a, _ in self.sent if first + slack < a < last - slack)})
+        total = np.zeros(self.n)
+        for a, b in pairwise(times):
+            there = [cmd for arrival, cmd in self.sent if arrival <= a + slack]
+            if there:
+                total += (b - a) * there[-1]
+        return total / (last - first)
+
+
+def ends(coefficients):
+    """Return the largest root of a polynomial, by its size."""
+    return max(map(abs, np.roots(coefficients)))
+
+
+def edge(stays_within):
+    """Return the largest gain of a loop that is stable, by bisection: a function says whether one is."""
+    lower, upper = 0.0, 8.0
+    while upper - lower > 1e-6:
+        middle = (lower + upper) / 2
+        lower, upper = (middle, upper) if stays_within(middle) else (lower, middle)
+    return lower
+
+
+def formula(d):
+    """Return the gain times the period at which an integrator with so many ticks of delay is at its edge."""
+    return 2 * math.sin(math.pi / (2 * (2 * d + 1)))
