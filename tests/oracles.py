@@ -472,6 +472,9 @@ class NumpyLoop:
         limits, period = self.scenario.control.limits, self.scenario.control.period
         if limits.on_excess == "none":
             return rates, Status.OK
+        assert limits.jerk is None, (
+            "no oracle for a whole tick with jerk: tests/test_jerk.py has its properties"
+        )
         position = self.arm.position_limit if limits.position else np.tile([-np.inf, np.inf], (len(q), 1))
         deceleration = np.minimum(limits.braking, self.acceleration)
         rest_lo, rest_up, lower, upper = bounds(

@@ -370,7 +370,7 @@ class NullspaceSection(Derived):
 
 @derived("limits")
 class LimitsSection(Derived):
-    """The bounds on joint positions, rates and accelerations."""
+    """The bounds on joint positions, rates, accelerations and jerk."""
 
     profile: ProfileName | None = key(
         "what the controller of a robot accepts, as its vendor publishes it: the name of a shipped profile, "
@@ -384,7 +384,11 @@ class LimitsSection(Derived):
     acceleration: OneOrEach | None = key(
         "largest acceleration, of all joints or of each; null: none", None, "rad/s² or m/s²"
     )
-    jerk: OneOrEach | None = key("largest jerk, of all joints or of each; null: none", None, "rad/s³ or m/s³")
+    jerk: OneOrEach | None = key(
+        "largest jerk, of all joints or of each, stops and braking with it; null: none",
+        None,
+        "rad/s³ or m/s³",
+    )
     position: Switch = key("whether joints brake before the position limits of the model", default=True)
     braking: OneOrEach = key(
         "deceleration with which a joint stops before its position limit, of all joints or of each; "
@@ -424,7 +428,7 @@ class ControlSection(Derived):
         "joint weights W_q, one a joint: a heavier joint moves less; null: all 1", None, "1"
     )
     nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
-    limits: LimitsSection = key("bounds on joint positions, rates and accelerations", LimitsSection())
+    limits: LimitsSection = key("bounds on joint positions, rates, accelerations and jerk", LimitsSection())
 
     @model_validator(mode="after")
     def _by_profile(self) -> Self:
