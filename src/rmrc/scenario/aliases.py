@@ -77,6 +77,7 @@ KEYS = {
     "control.limits.rate": "velocity qdot qdot_max max_rate joint_velocity joint_rate speed"
     " rates velocities max_velocity",
     "control.limits.acceleration": "accel qddot qddot_max max_acceleration",
+    "control.limits.jerk": "qdddot max_jerk joint_jerk",
     "control.joint_weights": "wq w_q",
     "target": "trajectory goal reference",
     "target.path": "waypoints points segments pieces",
