@@ -543,6 +543,15 @@ def _replay(chance):
     return ["replay", name, *chance.pick(([], ["--web"], ["--web", "--web"], ["-x"]))], files
 
 
+def _margins(chance):
+    argv = ["margins", _scenario_path(chance, _scenario(chance)), *FAST, "--threads", "1"]
+    wrong = chance.odds(0.8)  # most of them: a search takes a second
+    accuracy = ("0", "-1", "nan", "inf", "x", "", "1e-9") if wrong else ("0.5",)
+    argv += ["--accuracy", chance.pick(accuracy), *_sets(chance)]
+    more = ([], ["--json"], ["--quiet"], ["--picture", "x.txt"], ["--picture", "x.png"])
+    return argv + chance.pick(more), {}
+
+
 def _schema(chance):
     return ["schema", *chance.pick(([], [], ["--json"], ["--jso"], ["x"], ["--help"], [chance.word()]))], {}
 
@@ -553,6 +562,7 @@ def _root(chance):
         "compare",
         "sweep",
         "tune",
+        "margins",
         "replay",
         "schema",
         "check",
@@ -578,9 +588,9 @@ def _root(chance):
 
 
 _VERB = {
-    "check": _check, "new": _new, "run": _run, "compare": _compare, "sweep": _sweep, "tune": _tune, "replay": _replay, "schema": _schema, "inspect": _inspect,
+    "check": _check, "new": _new, "run": _run, "compare": _compare, "sweep": _sweep, "tune": _tune, "margins": _margins, "replay": _replay, "schema": _schema, "inspect": _inspect,
     "statics": _statics, "ik": _ik, "workspace": _workspace, "root": _root,
 }  # fmt: skip
 _VERBS = {
-    "check": 3, "new": 2, "run": 22, "compare": 3, "sweep": 10, "tune": 5, "replay": 5, "schema": 2, "inspect": 15, "statics": 10, "ik": 16, "workspace": 5, "root": 2,
+    "check": 3, "new": 2, "run": 22, "compare": 3, "sweep": 10, "tune": 5, "margins": 3, "replay": 5, "schema": 2, "inspect": 15, "statics": 10, "ik": 16, "workspace": 5, "root": 2,
 }  # fmt: skip
