@@ -186,6 +186,8 @@ class NumpyLoop:
         row |= {"q": q, "q_believed": believed, "qdot": qdot, "tau": tau}
         self.truth.data.qpos[:] = data.qpos
         row["pose_error"] = self.error(*self.truth.at(q, self.site)[:2])
+        if self.scenario.control.nullspace.objective == "secondary":
+            row["secondary_error"] = np.linalg.norm(self.second_error(self.truth, q))
         cmd = row["qdot_cmd"]
         if plant.kind == "ideal":
             data.qpos[self.qpos] += self.scenario.control.period * cmd
@@ -392,12 +394,10 @@ class NumpyLoop:
     def second_task(self, q, N, resolved):
         """Return S_q y_2 (18) and the columns of the second task."""
         second, S_q = self.scenario.control.nullspace.secondary, 1 / np.sqrt(self.wq)
-        point, turn, full = self.kinematics.at(q, self.site_2, second.frame)
-        axes = self.kinematics.axes(second.frame, turn)
-        rows = self.rows_2 if second.frame == "site" else []
-        error = framed_error(pose_error(*self.wanted_2, point, turn), axes, turn.T @ self.wanted_2[1], rows)[
-            self.rows_2
-        ]
+        full, error = (
+            self.kinematics.at(q, self.site_2, second.frame)[2],
+            self.second_error(self.kinematics, q),
+        )
         A, t = (
             scaled_jacobian(full[self.rows_2], self.wx_2, self.wq),
             np.sqrt(self.wx_2) * second.feedback * error,
@@ -410,6 +410,14 @@ class NumpyLoop:
             y = second_inverse(A, np.linalg.norm(A), second.damping) @ t
         left = np.linalg.svd(AP, compute_uv=False)[-1]
         return S_q * y, {"secondary_error": np.linalg.norm(error), "secondary_sigma": left}
+
+    def second_error(self, kinematics, q):
+        """Return the error of the second task's rows."""
+        frame = self.scenario.control.nullspace.secondary.frame
+        point, turn, _ = kinematics.at(q, self.site_2, frame)
+        axes, rows = kinematics.axes(frame, turn), self.rows_2 if frame == "site" else []
+        own = framed_error(pose_error(*self.wanted_2, point, turn), axes, turn.T @ self.wanted_2[1], rows)
+        return own[self.rows_2]
 
     def choose_pace(self, rates, forward):
         """Choose ṡ by (19) and (20), and return how much it changes."""

@@ -244,6 +244,14 @@ VARIANTS = {
         *STANFORD, *SIX, FINER, "plant={kind: torque, stretch: {link_1: 1.02}, joint_offset: [0.01, -0.02, 0.005, 0, 0, 0.02]}",
         OBJECTIVE + "posture",
     ),
+    "other lengths, noise, a second task on the way": (
+        *POSITION, *WEIGHTED, *second("site: wrist, axes: [x, z], to: [0.6, 0.6], priority: classical"),
+        "plant.stretch={link_1: 1.02, link_3: 0.99}", "arm.encoder={offset: 0.01, noise: 1.0e-5}",
+    ),
+    "integrated, second task along its site, beside one along the base": (
+        *STANDING, "task={frame: base, axes: [x, y, z]}", "control.state=integrated", "plant.joint_offset=-0.01",
+        *second("axes: [rx, ry], to: [0.2, -0.1], frame: site, priority: classical"),
+    ),
     "friction that nobody knows": (*XARM, "plant.friction={coulomb: 0.5, viscous: [1, 2, 0, 1, 1, 1, 1]}"),
     "friction that nobody knows, torque": (
         *XARM, FINER, SMALL, "plant={kind: torque, friction: {coulomb: 0.2, viscous: 1}}",
@@ -316,6 +324,9 @@ OFF = {
     "rate_filter": ("encoders late, filtered rates, torque", "control.rate_filter=0.004000004"),
     "integrated": ("integrated, encoders off, limits", "plant.kv=50.00005"),
     "plant.stretch": ("other lengths, stop", "plant.stretch.link_3=0.970001"),
+    "the second task's believed lengths": (
+        "other lengths, noise, a second task on the way", "plant.stretch.link_3=0.990001",
+    ),
     "plant.joint_offset": (
         "other lengths and zeros, 6 joints, torque", "plant.joint_offset=[0.01, -0.02, 0.005, 0, 0, 0.02000002]",
     ),

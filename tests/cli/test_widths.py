@@ -26,6 +26,7 @@ PRINTING = {
     "run, six joints": ["run", str(ROOT / "scenarios/slow_wrist.yaml"), "--no-record", "--set", "target.path=[{hold: {for: 0.01}}]"],
     "check": ["check", PUMA],
     "new": ["new", TWO, "-o", "mine.yaml"],
+    "identify": ["identify", str(ROOT / "scenarios/arm_log.csv")],
     "inspect": ["inspect", PUMA, "--joint-error", "0.1 deg", "--wrench", "1,2,3"],
     "statics": ["statics", PUMA, "--wrench", "1,-200,3,4,5,6", "--gravity"],
     "ik": ["ik", PUMA, "--to-q", "0.1,0.2,0.3,0.4,0.5,0.6", "--iterates"],

@@ -201,6 +201,8 @@ class SecondTask:
         Field("m_2", np.int64), Field("row_2", np.int64, (ROWS,)), Field("row_scale_2", size=(ROWS,)),
         Field("frame_2", np.int64), Field("frame_quat_2", size=(4,)), Field("free_2", np.int64),
         Field("site_2", np.int64), Field("moves_2", np.int64, (CHAIN,)), Field("pose_ref_2", size=(7,)),
+        # by the chain: the last axis that moves it, and where it is from there with all joints at 0
+        Field("last_2", np.int64), Field("tip_step_2", size=(3,)), Field("tip_quat_2", size=(4,)),
     )  # fmt: skip
 
     def __init__(self, first: Task, section: SecondarySection, start: Array) -> None:
@@ -217,6 +219,7 @@ class SecondTask:
         self._row_scale = 1.0 / np.where(self._rows < 3, first.length, 1.0)
         # what `Arm.adapted` adds are actuators, so a site keeps its number
         self._id, self._moves = arm.model.site(self.site).id, arm.moves(self.site)
+        self._by_chain = arm.behind(self.site)
         self._view = view(arm, section.frame, self._rows)
         self._pose = arm.pose(start, self.site)
         if section.to is not None:
@@ -234,9 +237,10 @@ class SecondTask:
         world["frame_2"], world["frame_quat_2"], world["free_2"] = self._view.codes
         world["site_2"] = self._id
         world["moves_2"][: len(self._moves)], world["pose_ref_2"] = self._moves, self._pose
+        world["last_2"], world["tip_step_2"], world["tip_quat_2"] = self._by_chain
 
 
-def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> Task:
+def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0, frame: Frame = "world") -> Task:
     """Return the task of some axes, or of those that the arm can move independently of each other.
 
     These are the rows of its reduced Jacobian [Khatib08]: of x y z rx ry rz, in this order, each that raises
@@ -248,19 +252,20 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> 
         arm: The arm.
         axes: Of x y z rx ry rz; None to choose.
         length: Characteristic length [m].
+        frame: Along whose axes the rows are: of the world, of the arm's base, or of the site as it turns.
 
     Raises:
         ValueError: No such axis.
     """
     if axes is not None:
-        return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length)
+        return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length, frame=frame)
 
     def rank(rows: Sequence[int]) -> int:
-        return Task(arm, np.array(rows), length).rank
+        return Task(arm, np.array(rows), length, frame=frame).rank
 
     turns_first = rank([3, 4, 5]) == arm.n > rank([0, 1, 2])
     rows: list[int] = []
     for row in (3, 4, 5, 0, 1, 2) if turns_first else range(6):
         if rank([*rows, row]) > len(rows):
             rows.append(row)
-    return Task(arm, np.sort(rows), length)
+    return Task(arm, np.sort(rows), length, frame=frame)
