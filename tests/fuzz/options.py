@@ -543,7 +543,9 @@ def _tune(chance):
 def _identify(chance):
     cells = ("0", "1.5", "nan", "", "-inf", "x", "1e308", "1e-308", chance.word())
     names = chance.pick(
-        ("t,q,qdot_cmd", "t,q0,q1,qdot_cmd0,qdot_cmd1", "t,t,q", "q,qdot_cmd", "", chance.word())
+        ("t,q,qdot_cmd",) * 4
+        + ("t,q0,q1,qdot_cmd0,qdot_cmd1",) * 4
+        + ("t,t,q", "q,qdot_cmd", "", chance.word())
     )
     width = names.count(",") + 1
     rows = [
@@ -555,10 +557,10 @@ def _identify(chance):
             else chance.pick(cells)
             for j in range(width)
         )
-        for i in range(chance.pick((0, 1, 2, 40, 40, 200)))
+        for i in range(chance.pick((0, 1, 2, 40, 40, 200, 200, 200)))
     ]
     content = "\n".join([names, *rows]).encode("utf-8", "surrogatepass")
-    name = chance.pick(("log.csv", "log.csv", "log.txt", "log.npz", "log.parquet"))
+    name = chance.pick(("log.csv",) * 6 + ("log.txt", "log.npz", "log.parquet"))
     argv = ["identify", name]
     if chance.odds(0.3):
         argv += [
