@@ -15,6 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from rmrc import arm as arms
 from rmrc.support.errors import ModelError
 from rmrc.support.spatial import shift_twist
 from rmrc.textbook.anthropomorphic import anthropomorphic_chain, anthropomorphic_jacobian
@@ -727,5 +728,5 @@ def test_what_mujoco_says_without_a_way_out_gets_one(tmp_path):
         path = tmp_path / "model.xml"
         path.write_text(text)
         with pytest.raises(ModelError) as caught:
-            load(path)
+            arms.load(path)
         assert str(caught.value) == says(f"{path}: … {way}")
