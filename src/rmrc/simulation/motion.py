@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.scenario import TargetLimitsSection
+from rmrc.simulation.tables import read_table
 from rmrc.support.errors import TargetError, did_you_mean
 from rmrc.support.legible import listed
 from rmrc.support.spatial import exp_rotation, normalize, quat_conjugate, quat_multiply
@@ -112,7 +113,7 @@ def read_motion(
         TargetError: The file cannot be read, lacks columns, or holds what is no motion.
     """
     names = {"pose": POSE, "twist": TWIST, "q": tuple(joints)}
-    table = _run_columns(path, joints) if path.suffix == ".npz" else _table(path)
+    table = _run_columns(path, joints) if path.suffix == ".npz" else _numbers(path)
     if kind == "pose_ref":
         names["pose_ref"] = tuple(f"{name}_ref" for name in POSE)
     wanted = kind or next((one for one in KINDS if names[one] and set(names[one]) <= table.keys()), "pose")
@@ -148,22 +149,12 @@ def _run_columns(path: Path, joints: Sequence[str]) -> Mapping[str, Array]:
     return {"t": columns["time"], **poses, **wanted, **dict(zip(joints, columns["q"].T, strict=True))}
 
 
-def _table(path: Path) -> Mapping[str, Array]:
+def _numbers(path: Path) -> Mapping[str, Array]:
     """Return the columns of numbers in a CSV or Parquet file, by name."""
-    import pyarrow.parquet as pq
-    from pyarrow.csv import read_csv  # type: ignore[attr-defined]
-    from pyarrow.lib import ArrowException
-
     try:
-        table = read_csv(path) if path.suffix == ".csv" else pq.read_table(path)
-    except (OSError, ArrowException) as error:
-        raise TargetError(f'"{path}" cannot be read: {str(error).splitlines()[0]}') from None
-    found: dict[str, Array] = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        values = column.to_numpy()
-        if values.dtype.kind in "iuf":
-            found[name.strip()] = values.astype(np.float64)
-    return found
+        return read_table(path).numbers
+    except (OSError, ValueError) as error:
+        raise TargetError(f'"{path}" cannot be read: {error}') from None
 
 
 def _checked_time(path: Path, time: Array) -> Array:
