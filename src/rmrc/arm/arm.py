@@ -369,6 +369,23 @@ class Arm:
         body = int(self.model.site_bodyid[self.model.site(site).id])
         return np.isin(self.wiring.axis, joints_above(self.model, body))
 
+    def behind(self, site: str) -> tuple[int, Array, Array]:
+        """Return where a site is behind the chain, with all joints of the arm at 0.
+
+        Returns:
+            The last axis that moves it, the way from the point on that to the site, (3,) [m], and the
+            orientation of the site, (4,).
+        """
+        last = int(np.flatnonzero(self.moves(site))[-1])
+        pose = self.pose(np.zeros(self.n), site)
+        return last, pose[:3] - self._data.xanchor[self.wiring.axis[last]], pose[3:]
+
+    def idle_before(self, site: str) -> tuple[str, ...]:
+        """Return the names of joints between the world and a site that do not move with the arm's."""
+        above = joints_above(self.model, int(self.model.site_bodyid[self.model.site(site).id]))
+        known = {*self.wiring.joint.tolist(), *self.wiring.follower_joint.tolist()}
+        return tuple(self.model.joint(i).name for i in above if i not in known)
+
     def pose(self, q: Sequence[float] | Array, site: str | None = None) -> Array:
         """Return a site's pose in the world, [p, quat w x y z], (7,), at joint positions (n,).
 

@@ -109,15 +109,15 @@ def _log(
 def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
     """Return a name, columns by name, and what is to be said of the file."""
     if isinstance(source, Run):
-        return source.name, _flat(source.columns, source.joints), {}
+        return source.name, *_of_run(source.columns, source.joints)
     if isinstance(source, Mapping):
-        return "log", _flat(source, ()), {}
+        return "log", *_of_run(source, ())
     path = Path(source)
     try:
         if path.suffix == ".npz":
             with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
                 facts = json.loads(str(file["facts"])) if "facts" in file else {}
-                return path.name, _flat(file, facts.get("joints", ())), {}
+                return path.name, *_of_run(file, facts.get("joints", ()))
         table = read_table(path, is_log=True)
     except (ValueError, KeyError, EOFError, BadZipFile) as error:
         raise QuestionError(f"{path}: is no log, give CSV, Parquet or npz: {line(str(error))}") from None
@@ -130,8 +130,10 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
     return path.name, table.numbers, facts
 
 
-def _flat(arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]) -> Mapping[str, Array]:
-    """Return columns of one value a row: those of an array (T, n) are named by the joint or its number."""
+def _of_run(
+    arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]
+) -> tuple[Mapping[str, Array], dict[str, str]]:
+    """Return columns of one value a row, and what is to be said: (T, n) are named by joints or numbers."""
     found = dict[str, Array]()
     for name in arrays:
         values = np.asarray(arrays[name])
@@ -144,7 +146,10 @@ def _flat(arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]) -> Mapping[s
             width = values.shape[1]
             labels = joints if len(joints) == width else range(width)
             found |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
-    return found
+    if "q_believed" not in arrays or np.array_equal(arrays["q_believed"], arrays["q"], equal_nan=True):
+        return found, {}
+    way = 'what its encoders say is taken by --columns "q=q_believed[*]"'
+    return found, {"truth": f"q of a simulation has neither noise nor resolution: {way}"}
 
 
 def _seconds(values: Array, column: Named) -> tuple[Array, str]:
