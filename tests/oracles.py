@@ -191,13 +191,9 @@ class NumpyLoop:
         row |= {"q": q, "q_believed": believed, "qdot": qdot, "tau": tau}
         self.truth.data.qpos[:] = data.qpos
         row["pose_error"] = self.error(*self.truth.at(q, self.site)[:2])
-<<<<<<< HEAD
         if self.scenario.control.nullspace.objective == "secondary":
             row["secondary_error"] = np.linalg.norm(self.second_error(self.truth, q))
-        cmd = row["qdot_cmd"]
-=======
         cmd = row["qdot_arrived"] = self.way.tell(row["qdot_cmd"])
->>>>>>> transport
         if plant.kind == "ideal":
             data.qpos[self.qpos] += self.scenario.control.period * cmd
         else:
