@@ -593,6 +593,15 @@ def _replay(chance):
     return ["replay", name, *chance.pick(([], ["--web"], ["--web", "--web"], ["-x"]))], files
 
 
+def _margins(chance):
+    argv = ["margins", _scenario_path(chance, _scenario(chance)), *FAST, "--threads", "1"]
+    wrong = chance.odds(0.8)  # most of them: a search takes a second
+    accuracy = ("0", "-1", "nan", "inf", "x", "", "1e-9") if wrong else ("0.5",)
+    argv += ["--accuracy", chance.pick(accuracy), *_sets(chance)]
+    more = ([], ["--json"], ["--quiet"], ["--picture", "x.txt"], ["--picture", "x.png"])
+    return argv + chance.pick(more), {}
+
+
 def _schema(chance):
     return ["schema", *chance.pick(([], [], ["--json"], ["--jso"], ["x"], ["--help"], [chance.word()]))], {}
 

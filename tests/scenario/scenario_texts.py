@@ -58,7 +58,7 @@ control:
   joint_weights: [1.0, 4.0]
   nullspace: {objective: posture, gain: 2.0, posture: [0.1, 10 deg], rates: [0.5, -0.5],
               secondary: {site: elbow, axes: [y], frame: base, to: [0.3], feedback: 4.0, priority: classical, damping: 0.01}}
-  limits: {rate: [1.0, 2.0], acceleration: [3.0, 4.0], position: false, braking: 5.0, on_excess: clamp}
+  limits: {rate: [1.0, 2.0], acceleration: [3.0, 4.0], jerk: [50.0, 60.0], profile: franka_fr3, position: false, braking: 5.0, on_excess: clamp}
   at_singularity: damp
   slow: {change: 3.0, patience: 0.5, longest: 2.0}
   stop: {sigma: 0.1, condition: 50.0, change: 4.0}
@@ -89,10 +89,12 @@ target:
            angular_velocity: 4.0, angular_acceleration: 5.0, angular_jerk: 6.0}
 plant: {kind: torque, kv: 10.0, bandwidth: 20.0, timestep: 0.001, gravity_compensation: false,
         payload: 1.5, gravity: [0.0, 0.5, -9.0], wrench: [1, 2, 3, 4, 5, 6],
+        delay: 0.01, jitter: 0.002, loss: 0.1, lag: [0.01, 0.02], resonance: {frequency: 12.0, damping: 0.2}, seed: 7,
         friction: {coulomb: [1.0, 2.0], viscous: 0.5}, stretch: {link_1: 1.005}, joint_offset: [0.1 deg, 0.001]}
 expect:
   joint_rate.peak: {below: 3.0, above: 1.0}
   position_error.end: {equals: 0.0, within: 0.001}
+  profile: franka_fr3
 sweep:
   vary: {control.inverse.method: [damped, pseudoinverse]}
   draw: {control.feedback: [1.0, 20.0]}

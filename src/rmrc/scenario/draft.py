@@ -16,8 +16,9 @@ from pydantic import PrivateAttr, ValidationError
 from rmrc.scenario.changes import Change, Unread, applied, changes_of, put, read_change, read_setting
 from rmrc.scenario.keys import SourceMap, in_order
 from rmrc.scenario.messages import translate
+from rmrc.scenario.profile import SHIPPED
 from rmrc.scenario.reading import Document, TextError, parse, read
-from rmrc.scenario.sections import SecondarySection, Sections, TaskSection, parse_key
+from rmrc.scenario.sections import PROFILE, ControlSection, SecondarySection, Sections, TaskSection, parse_key
 from rmrc.scenario.values import Section
 from rmrc.scenario.wording import block, show
 from rmrc.support import shipped
@@ -137,6 +138,15 @@ def _motions(value: Any) -> Iterator[Any]:
         yield from _motions(one)
 
 
+def _profiles(value: Any) -> Iterator[str]:
+    """Yield the names of profiles in values of `control` and `expect`."""
+    if isinstance(value, dict) and isinstance(value.get(PROFILE), str):
+        yield value[PROFILE]
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    for one in inner:
+        yield from _profiles(one)
+
+
 class Draft:
     """Values of a scenario and where they were given; they may be wrong, and changes may mend them.
 
@@ -224,6 +234,17 @@ class Draft:
         names = [file for values in (data["target"], *swept) for file in _motions(values)]
         names += [one for name in vary if name.endswith(".file.path") for one in vary[name]]
         return list(dict.fromkeys(map(str, names)))
+
+    @property
+    def profiles(self) -> list[str]:
+        """The names of all files of profiles that the draft and its sweep have; as `motions`."""
+        data = self.document.value
+        vary = (data.get("sweep") or {}).get("vary") or {}
+        told = [data.get("control"), data.get("expect")]
+        told += [values for name, values in vary.items() if name.startswith(("control", "expect"))]
+        names = [one for values in told for one in _profiles(values)]
+        names += [one for name in vary if name.endswith(f".{PROFILE}") for one in vary[name] if one]
+        return [name for name in dict.fromkeys(names) if name not in SHIPPED]
 
     def carried(self, files: Carried) -> "Draft":
         """Return the draft with files that lie elsewhere."""
@@ -423,6 +444,8 @@ def _changed(node: Any, tree: _Tree, context: Mapping[str, Any] | None) -> Any:
     """Return a node with new values in it; sections on the way are checked again, others stay as they are."""
     items: Any
     if isinstance(node, Section):
+        if isinstance(node, ControlSection) and _is_of_profile(node, tree):
+            raise _RefusedError
         if not _TOGETHER.get(type(node), frozenset()).isdisjoint(tree):
             raise _RefusedError
         items = {alias: node.__dict__[name] for alias, name in _names(type(node))}
@@ -440,6 +463,14 @@ def _changed(node: Any, tree: _Tree, context: Mapping[str, Any] | None) -> Any:
     if isinstance(node, Section):
         return type(node).model_validate(items, context=context, by_alias=True, by_name=False)
     return list(items.values()) if isinstance(node, tuple) else items
+
+
+def _is_of_profile(control: ControlSection, tree: _Tree) -> bool:
+    """Whether a change is one of what a profile sets, which needs to be told what was written beside it."""
+    if control.limits.profile is not None:
+        return not tree.keys().isdisjoint(("limits", "period"))
+    limits = tree.get("limits")
+    return isinstance(limits, dict) and PROFILE in limits
 
 
 @cache

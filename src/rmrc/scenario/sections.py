@@ -4,12 +4,22 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from rmrc.scenario import choices
 from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.keys import split
 from rmrc.scenario.path import PathFrame, Segment
+from rmrc.scenario.profile import ProfileName, load_profile
 from rmrc.scenario.values import (
     Angle,
     AngleOrEach,
@@ -39,6 +49,7 @@ from rmrc.scenario.values import (
     Rates,
     Section,
     Seed,
+    Share,
     Switch,
     Text,
     Values,
@@ -359,13 +370,24 @@ class NullspaceSection(Derived):
 
 @derived("limits")
 class LimitsSection(Derived):
-    """The bounds on joint positions, rates and accelerations."""
+    """The bounds on joint positions, rates, accelerations and jerk."""
 
+    profile: ProfileName | None = key(
+        "what the controller of a robot accepts, as its vendor publishes it: the name of a shipped profile, "
+        "or a file; it sets rate, acceleration, jerk, braking and control.period where they are not written, "
+        "and joints brake before its positions as well; null: none",
+        None,
+    )
     rate: OneOrEach | None = key(
         "largest rate, of all joints or of each; null: the model's own", None, "rad/s or m/s"
     )
     acceleration: OneOrEach | None = key(
         "largest acceleration, of all joints or of each; null: none", None, "rad/s² or m/s²"
+    )
+    jerk: OneOrEach | None = key(
+        "largest jerk, of all joints or of each, stops and braking with it; null: none",
+        None,
+        "rad/s³ or m/s³",
     )
     position: Switch = key("whether joints brake before the position limits of the model", default=True)
     braking: OneOrEach = key(
@@ -374,6 +396,13 @@ class LimitsSection(Derived):
         10.0,
         "rad/s² or m/s²",
     )
+
+    @model_validator(mode="after")
+    def _by_profile(self) -> Self:
+        for name, value in load_profile(self.profile).limits.items() if self.profile else ():
+            if name not in self.model_fields_set:  # frozen is a promise to users; it is still being made
+                self.__dict__[name] = value
+        return self
 
 
 @derived("")
@@ -399,7 +428,14 @@ class ControlSection(Derived):
         "joint weights W_q, one a joint: a heavier joint moves less; null: all 1", None, "1"
     )
     nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
-    limits: LimitsSection = key("bounds on joint positions, rates and accelerations", LimitsSection())
+    limits: LimitsSection = key("bounds on joint positions, rates, accelerations and jerk", LimitsSection())
+
+    @model_validator(mode="after")
+    def _by_profile(self) -> Self:
+        published = load_profile(self.limits.profile).period if self.limits.profile else None
+        if published and "period" not in self.model_fields_set:
+            self.__dict__["period"] = published.value
+        return self
 
 
 class TargetLimitsSection(Section):
@@ -463,6 +499,17 @@ class FrictionSection(Section):
 TIMESTEP = 0.001
 
 
+class ResonanceSection(Section):
+    """How the rates of all joints swing about what arrived: as a mass at a spring does."""
+
+    frequency: Positive | None = key(
+        f"{PLANTS.physical}: natural frequency, that of swings without damping; null: nothing swings",
+        None,
+        "Hz",
+    )
+    damping: NotNegative = key("damping ratio ζ: 0 swings forever, 1 does not overshoot", 0.1, "1")
+
+
 class PlantSection(_PlantKeys):
     """What obeys the commanded rates."""
 
@@ -497,9 +544,18 @@ class PlantSection(_PlantKeys):
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
     delay: NotNegative = key("dead time: how long a command is on its way to the plant", 0.0, "s")
+    jitter: NotNegative = key(
+        "how much longer it may be on its way, evenly drawn for each command; one that a later command "
+        "overtakes is dropped",
+        0.0,
+        "s",
+    )
+    loss: Share = key("share of the commands that never arrive; the last one that did holds", 0.0, "1")
     lag: NotNegativeOrEach = key(
         "time constant with which the rates of all joints, or of each, follow what arrived", 0.0, "s"
     )
+    resonance: ResonanceSection = key("swings of the drives", ResonanceSection())
+    seed: Seed = key("what is drawn of jitter and loss: the same seed, the same commands late and lost", 0)
     friction: FrictionSection = key(
         f"{PLANTS.physical}: friction of the joints that no compensation knows of", FrictionSection()
     )
@@ -557,15 +613,34 @@ class Check(Choice):
         return self
 
 
+# What is expected of the commands, beside figures.
+PROFILE = "profile"
+
+
+_ACCEPTED = (
+    "the commands must keep to what the controller of a robot accepts, as its vendor publishes it: the name "
+    "of a shipped profile, or a file; null: it is not asked"
+)
+
+
+def _check_or_profile(value: object) -> str:
+    return "<text>" if isinstance(value, str) else "<one>"
+
+
+Expected = Annotated[
+    Annotated[Check, Tag("<one>")] | Annotated[ProfileName, Tag("<text>")], Discriminator(_check_or_profile)
+]
+
 # More keys than this are no sweep of anything that a person reads, and Sobol's
 # sequence has its numbers for so many.
 MOST_DRAWN = 20
 
-# The run's own name is no part of what happens, and the only thing that is drawn has a seed for each run.
+# The run's own name is no part of what happens, and what is drawn has a seed for each run.
 _NOT_SWEPT = {
     "name": "names the runs and changes none of them",
     "sweep": "is the sweep itself",
     "arm.encoder.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
+    "plant.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
 }
 
 
@@ -582,10 +657,10 @@ class SweepSection(Section):
         "how many samples are drawn for each combination of `vary`; Sobol's are most even for powers of 2", 64
     )
     repeat: Annotated[int, Field(strict=True, ge=1)] = key(
-        "how often each of them is run, each time with other encoder offsets and noise", 1
+        "how often each of them is run, each time with other encoder offsets and noise, jitter and losses", 1
     )
     seed: Seed | None = key(
-        "what is drawn, and what each run's arm.encoder.seed counts from; null: that of the arm",
+        "what is drawn, and what each run's arm.encoder.seed and plant.seed count from; null: their own",
         None,
     )
 
@@ -621,8 +696,26 @@ class Sections(Section):
     control: ControlSection = key("the control law", ControlSection())
     target: TargetSection = key("where the site shall go")
     plant: PlantSection = key("what obeys the commanded rates", PlantSection())
-    expect: dict[str, Check] = key("what is expected, by figure of the scorecard", {})
+    expect: dict[str, Expected] = key(
+        "what is expected, by figure of the scorecard",
+        {},
+        schema={"properties": {PROFILE: {"type": "string", "default": None, "description": _ACCEPTED}}},
+    )
     sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
+
+    @field_validator("expect", mode="before")
+    @classmethod
+    def _profile_by_name(cls, expect: object) -> object:
+        """Refuse a text for a figure, and a check for the profile, before a text is taken for a profile."""
+        for name, value in expect.items() if isinstance(expect, dict) else ():
+            if name != PROFILE and isinstance(value, str):
+                raise rule(f"must be a mapping, got {show(value)}", ("expect", name))
+            if name == PROFILE and not isinstance(value, str | None):
+                wanted = "must be the name of a profile, such as franka_fr3, or a file of one"
+                raise rule(f"{wanted}, got {show(value)}", ("expect", name))
+        if isinstance(expect, dict) and PROFILE in expect and expect[PROFILE] is None:
+            return {name: value for name, value in expect.items() if name != PROFILE}
+        return expect
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Self:

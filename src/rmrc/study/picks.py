@@ -2,16 +2,22 @@
 
 import heapq
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from rmrc import scenario
 from rmrc.scenario import Check, Scenario
+from rmrc.scenario.sections import PROFILE
 from rmrc.study.dataset import Column, Dataset
 from rmrc.support.errors import ScenarioError, did_you_mean
 
 # What is asked for most, where a scenario expects nothing.
 USUAL = "position_error.max"
+
+
+def figures_of(expect: Iterable[str]) -> tuple[str, ...]:
+    """Return the figures that expectations are about: of a profile, how many commands it refuses."""
+    return tuple(f"{PROFILE}.refused" if name == PROFILE else name for name in expect)
 
 
 class Choice(NamedTuple):
@@ -51,8 +57,7 @@ class Choice(NamedTuple):
         Raises:
             ScenarioError: No row has such a number.
         """
-        first = next(iter(one.expect), USUAL)
-        figure = self.figure or first
+        figure = self.figure or next(iter(figures_of(one.expect)), USUAL)
         numbers = [c.name for c in columns if c.kind == "number"]
         if figure not in numbers:
             near = did_you_mean(figure, numbers) or "; take one such as joint_rate.peak"
@@ -60,7 +65,7 @@ class Choice(NamedTuple):
         return self._replace(figure=figure)
 
 
-def chosen(dataset: Dataset, choice: Choice, expect: Mapping[str, Check]) -> list[int]:
+def chosen(dataset: Dataset, choice: Choice, expect: Mapping[str, Check | str]) -> list[int]:
     """Return the indices of the chosen rows, the most extreme first; of equal ones, the first.
 
     Args:
@@ -69,7 +74,8 @@ def chosen(dataset: Dataset, choice: Choice, expect: Mapping[str, Check]) -> lis
         expect: Says what is bad: to be above, below or far off; else `.min` and `completed` are bad where
             they are small, and everything else where it is large.
     """
-    bad = _badness(choice.figure, expect.get(choice.figure))
+    wanted = expect.get(choice.figure)
+    bad = _badness(choice.figure, wanted if isinstance(wanted, Check) else None)
     sign = -1.0 if choice.worst else 1.0
     rows = (
         (sign * bad(value), index)
