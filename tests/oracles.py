@@ -22,6 +22,7 @@ from oracle_inverse import (
     second_inverse,
 )
 from oracle_limits import bounds, fastest_pace, held_at_stops, next_pace, redistributed, slowed_change
+from oracle_sensing import Sensing, true_model
 from rmrc.scenario.choices import Status
 
 __all__ = [
@@ -101,11 +102,14 @@ class NumpyLoop:
             prepared.arm,
             prepared.reference,
         )
-        self.model = prepared.plant.model([prepared.plant])
+        self.known = prepared.plant.model([prepared.plant])
+        dofs = [int(self.known.joint(name).dofadr[0]) for name in self.arm.joints]
+        self.model = true_model(self.known, self.scenario.plant, dofs)
         self.data = mujoco.MjData(self.model)
         self.data.qpos[:] = prepared.qpos
         self.substeps = round(self.scenario.control.period / self.model.opt.timestep)
-        self.kinematics = Kinematics(self.model, prepared.qpos, self.arm.joints)
+        self.kinematics = Kinematics(self.known, prepared.qpos, self.arm.joints)
+        self.truth = Kinematics(self.model, prepared.qpos, self.arm.joints)
         self.dof, self.qpos = self.kinematics.dof, self.kinematics.qpos
         self.ctrl = [
             i
@@ -126,9 +130,8 @@ class NumpyLoop:
         limits = control.limits
         self.rate = np.broadcast_to(self.arm.rate_limit if limits.rate is None else limits.rate, n)
         self.acceleration = np.broadcast_to(np.inf if limits.acceleration is None else limits.acceleration, n)
-        self.start = prepared.qpos[self.qpos]
-        encoder = self.scenario.arm.encoder
-        self.offset = np.random.default_rng(encoder.seed).normal(encoder.offset, encoder.deviation, n)
+        self.start = prepared.qpos[self.qpos] - np.array(self.scenario.plant.joint_offset)
+        self.sensing = Sensing(self.scenario, n)
         if control.nullspace.objective == "secondary":
             self.start_second(control.nullspace.secondary)
         self.last = np.zeros(n)
@@ -178,10 +181,11 @@ class NumpyLoop:
             qdot = data.qvel[self.dof].copy()
         q = data.qpos[self.qpos].copy()
         self.kinematics.data.qpos[:] = data.qpos  # joints beside the arm move as well
-        row = self.law(q + self.offset)
-        row |= {"q": q, "qdot": qdot, "tau": tau}
-        if self.offset.any():
-            row["pose_error"] = self.error(*self.kinematics.at(q, self.site)[:2])
+        believed, rate = self.sensing(q, qdot, self.last)
+        row = self.law(believed)
+        row |= {"q": q, "q_believed": believed, "qdot": qdot, "tau": tau}
+        self.truth.data.qpos[:] = data.qpos
+        row["pose_error"] = self.error(*self.truth.at(q, self.site)[:2])
         cmd = row["qdot_cmd"]
         if plant.kind == "ideal":
             data.qpos[self.qpos] += self.scenario.control.period * cmd
@@ -192,7 +196,7 @@ class NumpyLoop:
                 assert not others, "no oracle but for rate servos: write it here"
                 data.ctrl[self.ctrl] = cmd
             else:
-                data.ctrl[self.ctrl] = self.servo(cmd) if plant.kind == "servo" else self.torque(cmd, qdot)
+                data.ctrl[self.ctrl] = self.servo(cmd) if plant.kind == "servo" else self.torque(cmd, rate)
             mujoco.mj_step2(model, data)
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)
@@ -208,11 +212,14 @@ class NumpyLoop:
         self.data.xfrc_applied[body] = [*wrench[:3], *(wrench[3:] + np.cross(arm, wrench[:3]))]
 
     def torque(self, cmd, qdot):
+        known = mujoco.MjData(self.known)
+        known.qpos[:], known.qvel[:] = self.data.qpos, self.data.qvel
+        mujoco.mj_forward(self.known, known)
         M = np.zeros((self.model.nv, self.model.nv))
-        mujoco.mj_fullM(self.model, self.data, M)
+        mujoco.mj_fullM(self.known, known, M)
         qddot = (cmd - self.last) / self.scenario.control.period
         qddot = qddot + self.scenario.plant.bandwidth * (cmd - qdot)
-        bias = self.data.qfrc_bias - self.data.qfrc_passive
+        bias = known.qfrc_bias - known.qfrc_passive
         tau = M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
         if self.scenario.plant.friction_compensation:
             own = np.diag(M)[self.dof]
@@ -220,7 +227,7 @@ class NumpyLoop:
             tau += (felt - own) * qddot + self.friction(felt / own * qddot, qdot)
         free = self.freed()
         if len(free):  # M_uu of them and what implicit damping adds: they give way
-            felt = M[np.ix_(free, free)] + np.diag(self.model.opt.timestep * self.model.dof_damping[free])
+            felt = M[np.ix_(free, free)] + np.diag(self.known.opt.timestep * self.known.dof_damping[free])
             way = np.linalg.solve(felt, -bias[free] - M[np.ix_(free, self.dof)] @ qddot)
             tau += M[np.ix_(self.dof, free)] @ way
         return tau
@@ -229,7 +236,7 @@ class NumpyLoop:
         """Return the rates that servos are told: those that are sent, and what resists these over the gain."""
         if not self.scenario.plant.friction_compensation:
             return cmd
-        damping = self.model.dof_damping[self.dof] * cmd
+        damping = self.known.dof_damping[self.dof] * cmd
         return (
             cmd
             + (damping + self.friction(np.zeros(self.arm.n), cmd)) / self.model.actuator_gainprm[self.ctrl, 0]
@@ -237,7 +244,7 @@ class NumpyLoop:
 
     def friction(self, acceleration, rate):
         """Return dry friction by the manual's formulas of constraints: impedance, regularization, reference."""
-        model, force = self.model, np.zeros(self.arm.n)
+        model, force = self.known, np.zeros(self.arm.n)
         for j, dof in enumerate(self.dof):
             if loss := model.dof_frictionloss[dof]:
                 dmin, dmax = model.dof_solimp[dof, :2]
@@ -248,7 +255,7 @@ class NumpyLoop:
 
     def felt_inertia(self, own):
         """Return torque over acceleration, by what a torque of 1 does in the implicit steps of a period."""
-        step, d, rate = self.model.opt.timestep, self.model.dof_damping[self.dof], np.zeros(self.arm.n)
+        step, d, rate = self.known.opt.timestep, self.known.dof_damping[self.dof], np.zeros(self.arm.n)
         for _ in range(self.substeps):
             rate = (own * rate + step) / (own + step * d)
         return self.substeps * step / rate

@@ -11,6 +11,7 @@ from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
+import rmrc.simulation.footprint as footprint_module
 import rmrc.simulation.simulation as simulation_module
 from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
@@ -28,8 +29,9 @@ from rmrc.scenario.choices import (
     SCHEDULES,
     Status,
 )
+from rmrc.simulation.footprint import HELD
 from rmrc.simulation.prepare import prepare
-from rmrc.simulation.simulation import BLOCK, HELD, Simulation
+from rmrc.simulation.simulation import BLOCK, Simulation
 from screws import screw_chain
 
 STANFORD = ("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home")
@@ -52,6 +54,7 @@ THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
 REACH = "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.5, 0]}}]"  # to 10 mm from full reach and back
 SHORT = "target.path=[{line: {by: [0.1, 0.1]}}]"
 BRIEF = (SHORT, COARSE)
+SHORT_AND_FINE = (SHORT, FINER)
 NEAR = (
     COARSE, "arm.start=[15 deg, -30 deg]", "target.path=[{line: {to: [1.99, 0]}}, {line: {to: [1.95, 0]}}]",
 )  # fmt: skip
@@ -216,6 +219,35 @@ VARIANTS = {
         *FOLDED, DRIFT, "arm.encoder={deviation: 0.5 deg, seed: 1}", "control.limits={acceleration: 2, on_excess: clamp}",
         "control.at_singularity=stop", "plant={kind: torque, wrench: [5, -3, 1, 0, 0, 2]}", FINER,
     ),
+    "encoders late and noisy": (
+        *STANFORD, *SIX, "arm.encoder={delay: 0.018, noise: [1.0e-5, 0, 2.0e-5, 0, 1.0e-4, 1.0e-5], seed: 7}",
+    ),
+    "encoders late, coarse and noisy": (
+        *STANFORD, *SIX, "arm.encoder={delay: 0.016, resolution: [1.0e-4, 0, 1.0e-5, 0, 1.0e-3, 1.0e-4], noise: 1.0e-4}",
+    ),
+    "encoders late, filtered rates, torque": (
+        *SHORT_AND_FINE, "arm.encoder={delay: 0.003, noise: 1.0e-6, offset: 0.01}", "control.rate_filter=0.004",
+        "plant={kind: torque, bandwidth: 30}",
+    ),
+    "integrated, encoders off, limits": (
+        *FOLDED, DRIFT, "control.state=integrated", "arm.encoder={offset: 0.01, noise: 1.0e-3}", "plant.kv=50",
+        "control.limits={acceleration: 2, on_excess: clamp}", "plant.wrench=[5, -3, 1, 0, 0, 2]",
+    ),
+    "integrated, slow": (
+        *NEAR, "control.state=integrated", "control.at_singularity=slow", "control.limits={rate: 0.5, acceleration: 5}",
+    ),
+    "other lengths, stop": (
+        *PLANAR, DRIFT, "plant.stretch={link_2: 1.1, link_3: 0.97}", "control.at_singularity=stop",
+        "control.stop={sigma: 0.82}", "plant.wrench=[5, -3, 1, 0, 0, 2]",
+    ),
+    "other lengths and zeros, 6 joints, torque": (
+        *STANFORD, *SIX, FINER, "plant={kind: torque, stretch: {link_1: 1.02}, joint_offset: [0.01, -0.02, 0.005, 0, 0, 0.02]}",
+        OBJECTIVE + "posture",
+    ),
+    "friction that nobody knows": (*XARM, "plant.friction={coulomb: 0.5, viscous: [1, 2, 0, 1, 1, 1, 1]}"),
+    "friction that nobody knows, torque": (
+        *XARM, FINER, SMALL, "plant={kind: torque, friction: {coulomb: 0.2, viscous: 1}}",
+    ),
     "no feed-forward": (*BRIEF, "control.feedforward=false",),
     "no feedback": (*BRIEF, "control.feedback=0",),
     "ideal": (*NEAR, "plant.kind=ideal"),
@@ -274,6 +306,21 @@ OFF = {
     "encoder.offset": (
         "encoders off, 6 joints, damped", "arm.encoder.offset=[0.01, -0.02, 0.005, 0.03, -0.01, 0.02000002]",
     ),
+    "encoder.delay": ("encoders late and noisy", "arm.encoder.delay=0.01800002"),
+    "encoder.noise": (
+        "encoders late and noisy", "arm.encoder.noise=[1.0e-5, 0, 2.0e-5, 0, 1.0e-4, 1.001e-5]",
+    ),
+    "encoder.resolution": (
+        "encoders late, coarse and noisy", "arm.encoder.resolution=[1.0e-4, 0, 1.0e-5, 0, 1.01e-3, 1.0e-4]",
+    ),
+    "rate_filter": ("encoders late, filtered rates, torque", "control.rate_filter=0.004000004"),
+    "integrated": ("integrated, encoders off, limits", "plant.kv=50.00005"),
+    "plant.stretch": ("other lengths, stop", "plant.stretch.link_3=0.970001"),
+    "plant.joint_offset": (
+        "other lengths and zeros, 6 joints, torque", "plant.joint_offset=[0.01, -0.02, 0.005, 0, 0, 0.02000002]",
+    ),
+    "plant.friction.coulomb": ("friction that nobody knows", "plant.friction.coulomb=0.5000005"),
+    "plant.friction.viscous": ("friction that nobody knows, torque", "plant.friction.viscous=1.000001"),
     "encoder.deviation": (
         "encoders off, drawn, slow, manipulability", "arm.encoder.deviation=[0.5 deg, 1.000001 deg, 0]",
     ),
@@ -581,7 +628,7 @@ def step_without_columns(prepared, threads=1, on_block=None):
 
 
 def test_scorecards_without_columns_are_those_of_the_columns_whatever_the_threads(scenario, monkeypatch):
-    monkeypatch.setattr(simulation_module, "HELD", 300)  # so that rows are used again and again
+    monkeypatch.setattr(footprint_module, "HELD", 300)  # so that rows are used again and again
     # Many laws, all plants, encoders that are off, one world that diverges, and runs of different lengths.
     chosen = [(REACH,), *list(VARIANTS.values())[::2], ()]
     prepared = [prepare(scenario(*overrides)) for overrides in chosen]
@@ -603,7 +650,7 @@ def test_scorecards_and_blocks_do_not_depend_on_how_many_ticks_are_held(scenario
     good = prepare(scenario(REACH))
     prepared = [good, nan_at(good, 700), prepare(scenario()), prepare(scenario(*encoders))]
     runs = Simulation(prepared).run()
-    monkeypatch.setattr(simulation_module, "HELD", held)
+    monkeypatch.setattr(footprint_module, "HELD", held)
     pieces = [[] for _ in prepared]
     simulation = step_without_columns(prepared, on_block=lambda world, part: pieces[world].append(part))
     assert_same_scorecards(simulation.scorecards(), [scorecard(run) for run in runs])
@@ -636,7 +683,7 @@ def skips_a_tick(advance):
 
 def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scenario, monkeypatch):
     held = 64
-    monkeypatch.setattr(simulation_module, "HELD", held)
+    monkeypatch.setattr(footprint_module, "HELD", held)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
     seen, stop = [], threading.Event()
@@ -659,7 +706,7 @@ def test_without_columns_an_interrupt_and_a_stop_keep_the_scorecards_so_far(scen
 
 
 def test_without_columns_an_interrupt_within_a_tick_keeps_the_ticks_that_were_written(scenario, monkeypatch):
-    monkeypatch.setattr(simulation_module, "HELD", 64)
+    monkeypatch.setattr(footprint_module, "HELD", 64)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
     simulation = Simulation(prepared, keep_columns=False)

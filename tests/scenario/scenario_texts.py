@@ -43,11 +43,14 @@ FULL = """\
 name: full
 arm: {model: arm.xml, site: tip, start: [60 deg, 0.5], joints: [a, b],
       pose: {position: [0.5, 0.1], orientation: [0.0, 10 deg, 0.0], frame: base},
-      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7}, stretch: {link_1: 1.1},
+      encoder: {offset: [-0.1 deg, 0.2], deviation: 0.1 deg, seed: 7, noise: 1.0e-5,
+                resolution: [0.001 deg, 0.0], delay: 0.002}, stretch: {link_1: 1.1},
       base: fixed, packages: {arm_description: ..}}
 task: {axes: [x, y], frame: site, length: 0.5, weights: [1.0, 2.0]}
 control:
   period: 0.002
+  state: integrated
+  rate_filter: 0.01
   inverse: {method: pseudoinverse, tolerance: 0.001, cutoff: 0.02, gamma: 0.2, rate_bound: 1.5,
             damping: {schedule: constant, maximum: 0.2, below: 0.4, manipulability_below: 0.6, error_gain: 0.7}}
   feedback: 3.0
@@ -85,7 +88,8 @@ target:
   limits: {velocity: 1.0, acceleration: 2.0, jerk: 3.0,
            angular_velocity: 4.0, angular_acceleration: 5.0, angular_jerk: 6.0}
 plant: {kind: torque, kv: 10.0, bandwidth: 20.0, timestep: 0.001, gravity_compensation: false,
-        payload: 1.5, gravity: [0.0, 0.5, -9.0], wrench: [1, 2, 3, 4, 5, 6]}
+        payload: 1.5, gravity: [0.0, 0.5, -9.0], wrench: [1, 2, 3, 4, 5, 6],
+        friction: {coulomb: [1.0, 2.0], viscous: 0.5}, stretch: {link_1: 1.005}, joint_offset: [0.1 deg, 0.001]}
 expect:
   joint_rate.peak: {below: 3.0, above: 1.0}
   position_error.end: {equals: 0.0, within: 0.001}

@@ -15,7 +15,7 @@ def as_row(key):
     """Return the key under which the schema lists a key of FULL."""
     key = re.sub(r"(target\.path)\[\d+\]", r"\1[]", key)
     key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<figure>.\1", key)
-    key = re.sub(r"^arm\.stretch\..*", "arm.stretch.<body>", key)
+    key = re.sub(r"^(arm|plant)\.stretch\..*", r"\1.stretch.<body>", key)
     key = re.sub(r"^arm\.packages\..*", "arm.packages.<package>", key)
     key = re.sub(r"^(sweep\.(?:vary|draw))\..*$", r"\1.<key>", key)
     return re.sub(r"(\[\d+\])+$", "", key)
@@ -104,6 +104,11 @@ def test_rows_of_the_schema_read_as_a_table():
         "plant.payload": "number >= 0",
         "plant.gravity": "list of 3 numbers",
         "arm.stretch.<body>": "number > 0",
+        "plant.stretch.<body>": "number > 0",
+        "plant.friction.coulomb": "number >= 0 or list of numbers >= 0",
+        "plant.joint_offset": "angle or list of angles",
+        "arm.encoder.delay": "number >= 0",
+        "control.state": "measured | integrated",
         "arm.packages.<package>": "path",
         "arm.tool.rpy": "list of 3 angles",
         "arm.tool.inertia": "list of 3 numbers > 0",

@@ -172,7 +172,8 @@ arm:
   pose: null
   joints: null
   others: hold
-  encoder: {offset: 0.0, deviation: 0.0, seed: 0}
+  encoder: {offset: 0.0, deviation: 0.0, noise: 0.0, resolution: 0.0, delay: 0.0,
+    seed: 0}
   stretch: {}
 task:
   axes: [x, y, z, rx, ry, rz]
@@ -181,6 +182,8 @@ task:
   weights: null
 control:
   period: 0.001
+  state: measured
+  rate_filter: 0.0
   inverse:
     method: damped
     tolerance: 1.0e-06
@@ -229,6 +232,9 @@ plant:
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
   delay: 0.0
   lag: 0.0
+  friction: {coulomb: 0.0, viscous: 0.0}
+  stretch: {}
+  joint_offset: 0.0
 expect: {}
 sweep:
   vary: {}

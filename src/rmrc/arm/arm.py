@@ -324,6 +324,12 @@ class Arm:
             self.drives.forget(ctrl, act, *(bool(values) and stands for values in given))
         return ctrl, act
 
+    def placed(self, qpos: Array, q: Array) -> Array:
+        """Return a configuration of the model, (nq,), but with the arm's joints at q, (n,)."""
+        there = np.array(qpos)
+        self._place(there, q)
+        return there
+
     def _place(self, qpos: Array, q: Sequence[float] | Array) -> None:
         qpos[self.wiring.qpos] = q
         for address, one in zip(self.wiring.follower_qpos, self.followers, strict=True):

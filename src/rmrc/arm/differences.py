@@ -1,7 +1,7 @@
 """Numbers that one world has different from the model that it shares with others."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import mujoco
@@ -39,6 +39,28 @@ def loaded_fields(model: mujoco.MjModel, payload: float) -> dict[str, Array]:
     mass = np.array(model.body_mass)
     mass[model.body(PAYLOAD).id] = payload
     return {"body_mass": mass}
+
+
+def rubbed_fields(
+    model: mujoco.MjModel,
+    dofs: NDArray[np.int64],
+    coulomb: float | Sequence[float],
+    viscous: float | Sequence[float],
+) -> dict[str, Array]:
+    """Return the fields of a model whose joints have more friction, whole, by their names in MuJoCo.
+
+    Args:
+        model: A model.
+        dofs: Addresses of the joints in qvel, (n,).
+        coulomb: Dry friction beside the model's own, of all or of each [N·m or N].
+        viscous: Damping beside the model's own, of all or of each [N·m·s/rad or N·s/m].
+    """
+    fields = {}
+    for name, more in (("dof_frictionloss", coulomb), ("dof_damping", viscous)):
+        if np.any(more):
+            fields[name] = np.array(getattr(model, name))
+            fields[name][dofs] += more
+    return fields
 
 
 def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dict[str, Array]:

@@ -52,7 +52,7 @@ def sweep(
         int | None, typer.Option(help="How many are drawn for each point of the grid.")
     ] = None,
     repeat: Annotated[
-        int | None, typer.Option(help="How often each is run, with other encoder offsets.")
+        int | None, typer.Option(help="How often each is run, with other encoder offsets and noise.")
     ] = None,
     seed: Annotated[int | None, typer.Option(help="What is drawn.")] = None,
     set_: Overrides = None,

@@ -1,5 +1,11 @@
-"""Encoders: what the law is told of the joints, where they are off."""
+"""Encoders: what the law is told of the joints, where that is not what they do.
 
+A reading is as old as the encoders' delay, off by an offset, noisy, and rounded, in this order. Encoders that
+are off by an offset alone leave the rates as they are, as a constant has none; else there is no tachometer,
+and a rate is the difference quotient of what was read.
+"""
+
+import math
 from collections.abc import Iterator
 from functools import cached_property
 
@@ -7,64 +13,154 @@ import numpy as np
 
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.record import JOINTS, Field
-from rmrc.plants.stage import Stage
+from rmrc.plants.chance import ENCODER_NOISE, normals, word
+from rmrc.plants.stage import Stage, refuse_unseen
 
 # No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
 _MOST_OFF = 1e6
+# Finer steps [rad, m] are lost in the rounding of positions, and their number overflows.
+_FINEST = 1e-12
+# No run has so many ticks, and compiled code counts them in 64 bits.
+_NEVER = 2.0**52
+# Decimal fractions such as 0.003/0.001 are off by some 1e-16.
+_ROUNDING = 1e-9
 
 
 @compiled
-def add_offset(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
-    """Have the law take the joints to be at q + offset."""
+def read_encoders(world: Record, out: Record, past: Record, t: int) -> None:
+    """Have the law take the joints to be where their encoders say."""
+    if not world.differentiates:
+        for j in range(world.n):
+            world.q[j] = out.q[j] + world.encoder_offset[j]
+        return
+    if world.encoder_delay > 0.0:
+        look_back(world, past, t)
     for j in range(world.n):
-        world.q[j] = out.q[j] + world.encoder_offset[j]
+        world.q[j] += world.encoder_offset[j]
+    if world.is_noisy:
+        for first in range(0, world.n, 4):
+            a, b, c, d = normals(world.encoder_seed, ENCODER_NOISE, t, first // 4)
+            disturb(world, first, a)
+            disturb(world, first + 1, b)
+            disturb(world, first + 2, c)
+            disturb(world, first + 3, d)
+    for j in range(world.n):
+        step = world.encoder_resolution[j]
+        if step > 0.0:
+            world.q[j] = step * math.floor(world.q[j] / step + 0.5)
+    differentiate(world, t)
+
+
+@compiled
+def look_back(world: Record, past: Record, t: int) -> None:
+    """Write where the joints were, between two ticks if need be; before the first they were where it is."""
+    when, rows = max(t - world.encoder_delay, 0.0), past.shape[0]
+    before, after = math.floor(when), math.ceil(when)
+    first, last = past[before % rows].q, past[after % rows].q
+    for j in range(world.n):
+        world.q[j] = last[j] + (after - when) * (first[j] - last[j])
+
+
+@compiled
+def disturb(world: Record, j: int, z: float) -> None:
+    """Add a deviation of noise to joint j, if there is one."""
+    if j < world.n:
+        world.q[j] += world.encoder_noise[j] * z
+
+
+@compiled
+def differentiate(world: Record, t: int) -> None:
+    """Have the rates be the filtered difference quotients of what was read: y⁺ = u + exp(−T/τ) (y − u)."""
+    for j in range(world.n):
+        quotient = (world.q[j] - world.q_read[j]) / world.period if t > 0 else 0.0
+        world.q_read[j] = world.q[j]
+        world.qdot_read[j] = quotient + world.rate_decay * (world.qdot_read[j] - quotient)
+        world.qdot[j] = world.qdot_read[j]
 
 
 class Encoders(Stage):
-    """Encoders that are off: the law works with q + offset, where the arm is at q."""
+    """Encoders that are off, late, noisy or coarse, and an arm whose lengths the law does not know.
 
-    slot, uses, change = "sensed", "is_off", staticmethod(add_offset)
-    fields = (Field("is_off", np.int64), Field("encoder_offset", size=(JOINTS,)))
+    Wherever a world has one of these, the law takes q to be what was read, and the site to be where that and
+    the lengths that it knows put it.
+    """
+
+    slot, uses, change = "sensed", "is_misled", staticmethod(read_encoders)
+    fields = (
+        Field("is_misled", np.int64), Field("encoder_offset", size=(JOINTS,)),
+        Field("differentiates", np.int64), Field("rate_decay"), Field("encoder_delay"),  # in ticks
+        Field("is_noisy", np.int64), Field("encoder_noise", size=(JOINTS,)), Field("encoder_seed", np.int64),
+        Field("encoder_resolution", size=(JOINTS,)),
+    )  # fmt: skip
+    memory = (
+        Field("q_read", size=(JOINTS,)), Field("qdot_read", size=(JOINTS,)),
+    )  # fmt: skip
 
     @cached_property
     def offset(self) -> Array:
-        """What the encoders say too much, (n,): offset + deviation · z.
+        """What the encoders say too much, (n,): offset + deviation · z − the plant's joint_offset.
 
         z is `numpy.random.default_rng(seed).standard_normal(n)`, one number a joint.
         """
         encoder, n = self.scenario.arm.encoder, self.arm.n
         offset = np.full(n, encoder.offset)
-        if not np.any(encoder.deviation):
-            return offset
-        return offset + encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
+        if np.any(encoder.deviation):
+            offset += encoder.deviation * np.random.default_rng(encoder.seed).standard_normal(n)
+        beyond = self.scenario.plant.joint_offset
+        return offset - beyond if np.any(beyond) else offset
+
+    @property
+    def differentiates(self) -> bool:
+        """Whether rates are difference quotients: what is read is no longer a constant beside q."""
+        encoder = self.scenario.arm.encoder
+        return bool(np.any(encoder.noise) or np.any(encoder.resolution) or encoder.delay)
+
+    @property
+    def delay(self) -> float:
+        """How old a reading is, in ticks."""
+        ticks = min(self.scenario.arm.encoder.delay / self.scenario.control.period, _NEVER)
+        return float(round(ticks)) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks
+
+    @property
+    def span(self) -> int:
+        """How many ticks back a reading is from, at most."""
+        return math.ceil(self.delay)
 
     @property
     def is_used(self) -> bool:
-        """Whether any is off."""
-        return bool(self.offset.any())
+        """Whether what is read is anything but q, or the arm has other lengths than the law knows."""
+        return bool(self.offset.any() or self.differentiates or self.scenario.plant.stretch)
 
     def write(self, world: np.void) -> None:
-        """Write the offset, and whether there is any."""
-        world["is_off"], world["encoder_offset"][: self.arm.n] = self.is_used, self.offset
+        """Write what is read."""
+        scenario, n = self.scenario, self.arm.n
+        encoder, control = scenario.arm.encoder, scenario.control
+        world["is_misled"], world["encoder_offset"][:n] = self.is_used, self.offset
+        world["differentiates"], world["encoder_delay"] = self.differentiates, self.delay
+        filtered = control.rate_filter
+        world["rate_decay"] = math.exp(-control.period / filtered) if filtered else 0.0
+        world["is_noisy"], world["encoder_noise"][:n] = np.any(encoder.noise), encoder.noise
+        world["encoder_seed"], world["encoder_resolution"][:n] = word(encoder.seed), encoder.resolution
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield offsets beyond reason, and what needs encoders that are right."""
-        encoder, arm = self.scenario.arm.encoder, self.arm
-        for name, values in (("offset", encoder.offset), ("deviation", encoder.deviation)):
+        """Yield numbers beyond reason, and what needs an arm that is seen as it is."""
+        encoder, plant = self.scenario.arm.encoder, self.scenario.plant
+        beyond = "plant.joint_offset", plant.joint_offset
+        for key, values in (*((f"arm.encoder.{name}", getattr(encoder, name)) for name in _SIZES), beyond):
             most = float(np.max(np.abs(values)))
             if most > _MOST_OFF:
-                yield f"arm.encoder.{name}", f"must be within ±{_MOST_OFF:g} rad or m, got {most:g}"
-        if not (np.any(encoder.offset) or np.any(encoder.deviation)):
-            return
-        if self.scenario.control.nullspace.objective == "secondary":
-            yield (
-                "arm.encoder",
-                'the objective "secondary" knows its site only where the encoders are right; '
-                "take another control.nullspace.objective, or leave arm.encoder out",
-            )
-        if arm.idle:
-            yield (
-                "arm.encoder",
-                f'joint "{arm.idle[0]}" of {arm.path} moves the site and is not driven, so that q + offset '
-                "does not say where the site is; drive it, or leave arm.encoder out",
-            )
+                yield key, f"must be within ±{_MOST_OFF:g} rad or m, got {most:g}"
+        steps = np.atleast_1d(encoder.resolution)
+        if np.any(steps[steps > 0.0] < _FINEST):
+            finest = float(steps[steps > 0.0].min())
+            yield "arm.encoder.resolution", f"must be 0 or at least {_FINEST:g} rad or m, got {finest:g}"
+        off = any(np.any(getattr(encoder, name)) for name in _SIZES)
+        for key, is_used in (
+            ("arm.encoder", off or encoder.delay), ("plant.stretch", plant.stretch),
+            ("plant.joint_offset", np.any(plant.joint_offset)),
+        ):  # fmt: skip
+            if is_used:
+                yield from refuse_unseen(self, key)
+
+
+_SIZES = "offset", "deviation", "noise", "resolution"

@@ -50,6 +50,11 @@ class Hardware:
         return max(stage.span for stage in self.stages)
 
     @property
+    def is_misled(self) -> bool:
+        """Whether the law takes the arm to be elsewhere than it is."""
+        return any(stage.is_used for stage in self.stages if stage.slot == "sensed")
+
+    @property
     def is_direct(self) -> bool:
         """Whether the plant is told what the law commands, at once."""
         return not any(stage.is_used for stage in self.stages if stage.slot == "sent")

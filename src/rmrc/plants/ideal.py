@@ -1,9 +1,10 @@
 """The ideal plant: Whitney's own arm, which does exactly what it is told; MuJoCo computes its kinematics."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Self
 
 import mujoco
+import numpy as np
 
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.plants.plant import Plant
@@ -35,6 +36,16 @@ class Ideal(Plant):
     sense, obey = staticmethod(read_positions), staticmethod(integrate)
     stage = mujoco.mjtStage.mjSTAGE_POS
     substeps = 0
+
+    def misfits(self) -> Iterator[tuple[str, str]]:
+        """Yield friction, which is a matter of torques."""
+        friction = self.section.friction
+        if np.any(friction.coulomb) or np.any(friction.viscous):
+            yield (
+                "plant.friction",
+                f'"{self.name}" does what it is told whatever resists it; take plant.kind: servo, torque or '
+                "model, or leave plant.friction out",
+            )
 
     @classmethod
     def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:

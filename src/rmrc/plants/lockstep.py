@@ -136,7 +136,10 @@ def read_joints(world: Record, out: Record, past: Record, t: int, xpos: Array, x
         out.pose[3 + i] = xquat[world.site, i]
     for i in range(7):
         world.pose[i] = out.pose[i]
-    return sensed(world, out, past, t)
+    is_misled = sensed(world, out, past, t)
+    for j in range(world.n):
+        out.q_believed[j] = world.q[j]
+    return is_misled
 
 
 @compiled

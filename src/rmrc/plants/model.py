@@ -331,8 +331,8 @@ def settle_drive(drive: Record, state: Array, length: float, force: float) -> No
 class Model(Physical):
     """The actuators of the model as they are, with its integrator, timestep and gravity compensation.
 
-    It knows gravity and lengths, but no payload: where there is one, a second batch of MuJoCo's computes for
-    motors what is known, from the same states.
+    It knows what the torque plant knows: where there is more, a second batch of MuJoCo's computes for motors
+    what is known, from the same states.
     """
 
     name, drives = "model", ("actuators", "")
@@ -392,7 +392,7 @@ class Model(Physical):
         first = [partial(machine_code(settle, *hold), *hold), partial(_fill_history, model, batch)]
         motors, known = None, batch
         if MOTOR in table["kind"]:
-            if any(plant.is_loaded for plant in plants):
+            if any(plant.has_secrets for plant in plants):
                 known = wired.take([plant.known(model, wired.wiring) for plant in plants])
             entries = _mass_entries(model, freedoms)
             about = (*pulls, *(known.bind(name) for name in (*dynamics, "M")), entries, *room)
@@ -411,7 +411,8 @@ class Model(Physical):
         return before
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield joints that no drive of the model's moves."""
+        """Yield joints that no drive of the model's moves, and what no such plant can do."""
+        yield from super().misfits()
         arm = self.arm
         if undriven := arm.drives.undriven(arm.configuration("home")):
             idle = arm.drives.idle

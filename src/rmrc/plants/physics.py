@@ -9,7 +9,7 @@ import mujoco
 import numpy as np
 
 from rmrc.arm import Drive, Own, Wiring
-from rmrc.arm.differences import loaded_fields
+from rmrc.arm.differences import loaded_fields, rubbed_fields
 from rmrc.arm.inventory import actuators
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.record import JOINTS, Field
@@ -22,6 +22,12 @@ MOST_STEPS = 10_000_000_000
 _SHORTEST_STEP = 1e-12
 # MuJoCo's own, which a model has that says nothing [s].
 _UNSAID_TIMESTEP = 0.002
+
+# Flags of a model's option without which there is no friction of a kind.
+_LEFT_OUT = {
+    "coulomb": int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT),
+    "viscous": int(mujoco.mjtDisableBit.mjDSBL_DAMPER),
+}
 
 
 @compiled
@@ -85,6 +91,17 @@ class Physical(Plant):
         return self.section.payload > 0.0
 
     @property
+    def rubs(self) -> bool:
+        """Whether there is friction that no compensation knows of."""
+        friction = self.section.friction
+        return bool(np.any(friction.coulomb) or np.any(friction.viscous))
+
+    @property
+    def has_secrets(self) -> bool:
+        """Whether the arm is another than computed torque takes it for."""
+        return self.is_loaded or self.rubs or bool(self.section.stretch)
+
+    @property
     def gravity_apart(self) -> Array:
         """1 of joints whose `tau` is without gravity compensation, 0 of those whose `tau` has it, (n,)."""
         return np.ones(self.arm.n)
@@ -103,13 +120,15 @@ class Physical(Plant):
         return first.arm.adapted(cls.drive(plants), first.timestep, compensated, loaded=first.is_loaded)
 
     def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
-        """Return lengths, gravity and payload of this world."""
-        return self.known(model, wiring) | loaded_fields(model, self.section.payload)
+        """Return lengths, gravity, payload and friction of this world."""
+        friction = self.section.friction
+        fields = super().difference(model, wiring) | loaded_fields(model, self.section.payload)
+        return fields | rubbed_fields(model, wiring.dof, friction.coulomb, friction.viscous)
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
-        """Return what is different and no secret: all but the payload."""
+        """Return what is different and no secret: all but payload, friction and lengths that nobody knows."""
         gravity = self.section.gravity
-        fields = super().difference(model, wiring)
+        fields = super().known(model, wiring)
         return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
 
     def write(self, world: np.void) -> None:
@@ -143,6 +162,16 @@ class Physical(Plant):
             if one.is_replaced:
                 found.setdefault(one.kind, []).append(one.name)
         return found
+
+    def misfits(self) -> Iterator[tuple[str, str]]:
+        """Yield friction that the model has MuJoCo leave out."""
+        option, friction = self.arm.model.opt, self.section.friction
+        for name, flag in _LEFT_OUT.items():
+            if np.any(getattr(friction, name)) and option.disableflags & flag:
+                yield (
+                    f"plant.friction.{name}",
+                    f"{self.arm.path} has it disabled by an option; take that out, or leave this out",
+                )
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
         """Yield what is wrong with the steps of a run of so many control ticks."""

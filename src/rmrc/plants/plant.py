@@ -113,6 +113,12 @@ class Plant(ABC):
         """MuJoCo's steps in a control period; 0 where it computes kinematics and nothing else."""
 
     @property
+    def stretch(self) -> Mapping[str, float]:
+        """Factors on the lengths of bodies as they are, by name: what the law knows times the rest."""
+        known, secret = self.arm.stretch, self.section.stretch
+        return {name: known.get(name, 1.0) * secret.get(name, 1.0) for name in {**known, **secret}}
+
+    @property
     def shares(self) -> Hashable:
         """What worlds must have in common to be stepped together."""
         arm = self.arm
@@ -130,6 +136,11 @@ class Plant(ABC):
             model: As `model` returned it.
             wiring: Of the arm in it.
         """
+        fields = self.known(model, wiring)
+        return fields | stretched_fields(model, self.stretch) if self.section.stretch else fields
+
+    def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
+        """Return what of the difference is no secret."""
         del wiring
         return stretched_fields(model, self.arm.stretch)
 

@@ -62,3 +62,24 @@ class Stage(ABC):
     @abstractmethod
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield key and message of what it cannot do in this scenario."""
+
+
+def refuse_unseen(stage: Stage, key: str) -> Iterator[tuple[str, str]]:
+    """Yield what needs the law to see the arm as it is, for a key by which it does not.
+
+    Args:
+        stage: Which changes what is sensed.
+        key: That has it do so.
+    """
+    if stage.scenario.control.nullspace.objective == "secondary":
+        yield (
+            key,
+            'the objective "secondary" knows its site only where the law sees the arm as it is; '
+            f"take another control.nullspace.objective, or leave {key} out",
+        )
+    if idle := stage.arm.idle:
+        yield (
+            key,
+            f'joint "{idle[0]}" of {stage.arm.path} moves the site and is not driven, so that what the law '
+            f"believes does not say where the site is; drive it, or leave {key} out",
+        )

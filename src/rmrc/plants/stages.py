@@ -4,12 +4,13 @@ from collections.abc import Callable
 
 from rmrc.law.jit import chain
 from rmrc.plants.encoders import Encoders
+from rmrc.plants.integral import Integral
 from rmrc.plants.response import Lag
 from rmrc.plants.stage import Stage
 from rmrc.plants.transport import Transport
 
 # In the order in which they are passed.
-STAGES: tuple[type[Stage], ...] = (Encoders, Transport, Lag)
+STAGES: tuple[type[Stage], ...] = (Encoders, Integral, Transport, Lag)
 
 
 def _chain(slot: str) -> Callable[..., bool]:

@@ -101,8 +101,7 @@ class Stepper:
         for name, values in zip(("ctrl", "act"), held, strict=True):
             if values.size:
                 self._batch.bind(name)[:, : values.shape[1]] = values
-        compensates = np.array([plant.compensates for plant in plants])
-        write_wiring(worlds, model, wiring, [plant.arm for plant in plants], compensates)
+        write_wiring(worlds, model, wiring, plants)
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
         seen = [self._batch.bind(field) for field in fields]

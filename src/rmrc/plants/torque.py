@@ -181,8 +181,9 @@ class Motors:
 class Torque(Physical):
     """Motors that are told tau = M (Δqdot/period + bandwidth · (qdot sent − qdot)) + bias − passive [Luh80].
 
-    It knows gravity and lengths, but no payload: where there is one, a second batch of MuJoCo's computes what
-    is known, from the same states.
+    It knows gravity and the lengths that the law knows, but no payload, no other lengths and no friction that
+    is not the model's: where there are any, a second batch of MuJoCo's computes what is known, from the same
+    states. The rate that it corrects is the measured one.
     """
 
     name, drives = "torque", ("motors", "motor")
@@ -212,7 +213,7 @@ class Torque(Physical):
     def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps:
         """Return what sets the motors of worlds."""
         batch = known = wired.batch
-        if any(plant.is_loaded for plant in plants):
+        if any(plant.has_secrets for plant in plants):
             known = wired.take([plant.known(wired.model, wired.wiring) for plant in plants])
         forces = [known.bind(field) for field in ("qfrc_bias", "qfrc_passive", "M")]
         model, free = wired.model, _free(wired.model, wired.wiring, plants[0].arm)

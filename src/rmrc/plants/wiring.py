@@ -6,9 +6,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm, Wiring
+from rmrc.arm import Wiring
 from rmrc.law.jit import Array
 from rmrc.law.record import CHAIN, JOINTS, Field
+from rmrc.plants.plant import Plant
 from rmrc.plants.resistance import RESISTANCE, write_resistance
 
 WIRING = (
@@ -38,8 +39,7 @@ def write_wiring(
     worlds: NDArray[np.void],
     model: mujoco.MjModel,
     wiring: Wiring,
-    arms: Sequence[Arm],
-    compensates: NDArray[np.bool_],
+    plants: Sequence[Plant],
 ) -> None:
     """Write these fields of the records of a batch.
 
@@ -47,10 +47,10 @@ def write_wiring(
         worlds: The records, (w,).
         model: That the worlds share.
         wiring: Of the arm in it.
-        arms: Of each world: the same arm, but for how it is stretched.
-        compensates: Whether the drives of each world take damping and friction out, (w,).
+        plants: Of each world: of one arm, but for how it is stretched.
     """
-    n = arms[0].n
+    arm = plants[0].arm
+    n = arm.n
     has_drives = (wiring.actuator >= 0).all()  # the ideal plant needs none
     worlds["joint"][:, : len(wiring.axis)], worlds["dof"][:, :n] = wiring.axis, wiring.dof
     worlds["force"][:, :n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
@@ -60,15 +60,16 @@ def write_wiring(
     controls = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
     worlds["ctrl_column"][:, :n] = column(model, "CTRL") + controls
     worlds["wrench_column"] = column(model, "XFRC_APPLIED") + 6 * wiring.body
-    followers = worlds["followers"] = len(arms[0].followers)
-    worlds["follows"][:, :followers] = [one.leader for one in arms[0].followers]
-    worlds["follower_ratio"][:, :followers] = [one.ratio for one in arms[0].followers]
+    followers = worlds["followers"] = len(arm.followers)
+    worlds["follows"][:, :followers] = [one.leader for one in arm.followers]
+    worlds["follower_ratio"][:, :followers] = [one.ratio for one in arm.followers]
     worlds["follower_column"][:, :followers] = column(model, "QPOS") + wiring.follower_qpos
     worlds["follower_dof"][:, :followers] = wiring.follower_dof
     carrier = model.body(wiring.body).name
-    stretch = np.array([arm.stretch.get(carrier, 1.0) for arm in arms])
+    stretch = np.array([plant.stretch.get(carrier, 1.0) for plant in plants])
     worlds["lever"] = _lever(model, wiring) * stretch[:, None]
-    write_resistance(worlds, model, wiring, arms[0], compensates)
+    compensates = np.array([plant.compensates for plant in plants])
+    write_resistance(worlds, model, wiring, arm, compensates)
 
 
 def column(model: mujoco.MjModel, component: str) -> int:

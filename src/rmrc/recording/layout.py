@@ -23,6 +23,9 @@ VIEW_ASPECT = 1.3
 # Positions in the static line of the target path.
 PATH_POINTS = 2000
 
+# How opaque the arm is that the law takes for the true one.
+PALE = 0.3
+
 # 0xRRGGBBAA
 GREEN, VIOLET, RED, GRAY = 0x2EC27EFF, 0xB07CFFFF, 0xFF2D2DFF, 0x9AA0A6FF
 YELLOW, CYAN = 0xFFD60AFF, 0x3DC9FFFF
@@ -39,6 +42,7 @@ LEGEND = f"""\
 |---|---|
 | **white line** | the path that the tip shall follow; a white ball, seen if the tip is late, is the target |
 | **trail**, **ball** | where the tip has been, and is; **red** near a singularity |
+| **pale arm** | where the law takes the arm to be, if that is elsewhere |
 | **green ellipsoid** | velocities that take little joint motion: long is easy, **flat is lost** |
 | **violet wires** | forces that take little joint torque: long where the green one is flat |
 | **thick double arrow** | the motion that dies first (u_min); it turns **red** as σ_min goes to 0 |
@@ -136,6 +140,12 @@ def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
             names=list(errors), colors=packed(list(errors.values())), widths=[2.0] * len(errors)
         ),
     }
+    if prepared.hardware.is_misled:
+        off = [
+            f"{joint} [{'mm' if slides else 'mrad'}]"
+            for joint, slides in zip(joints, prepared.arm.is_slide, strict=True)
+        ]
+        looks["belief"] = rr.SeriesLines(names=off, colors=packed(hues), widths=2.0)
     for name, (text, color) in extra_curves(prepared).items():
         looks[f"columns/{name}"] = rr.SeriesLines(names=[text], colors=packed([color]), widths=3.0)
     return looks
@@ -168,7 +178,7 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
     """Return the layout: the picture with its texts at the left, the plots at the right."""
     picture = rrb.Spatial3DView(
         name=f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}",
-        contents=["/arm/**", "/target/**", "/tip/**"],
+        contents=["/arm/**", "/believed/**", "/target/**", "/tip/**"],
         overrides={"tip/trail": until_now()},
         eye_controls=eye(scene.points, scene.normal),
         line_grid=grid(scene.points),
@@ -184,10 +194,14 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
                 ("Joint rates", rates[: 2 if prepared.hardware.is_direct else 3]),
                 ("Singular values σ and damping λ", ["/columns/sigma", "/columns/damping", *extra]),
                 ("Tip error", ["/error"]),
+                *(
+                    [("What the law takes joints for, less what they are", ["/belief"])]
+                    * prepared.hardware.is_misled
+                ),
             )
         ),
         rrb.StateTimelineView(name="Status", origin="/status", time_view=axis),
-        row_shares=[3, 3, 2, 2],
+        row_shares=[3, 3, 2, *[2] * prepared.hardware.is_misled, 2],
     )
     titles = {"legend": "What you see", "scorecard": "Scorecard", "scenario": "Scenario"}
     return page(picture, titles, plots)

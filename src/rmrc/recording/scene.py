@@ -72,12 +72,13 @@ class Scene:
         points: Corners of the arm where it starts and around the target path, (p, 3) [m].
         normal: Axis (0, 1, 2) along which the tip cannot move, or None for a spatial arm.
         path: Target positions, (p, 3) [m].
+        believed: The arm as the law knows it.
     """
 
     def __init__(self, prepared: Prepared) -> None:
         """Look at the arm where it starts."""
-        arm = prepared.arm
-        self._arm = arm
+        arm = prepared.true_arm
+        self._arm, self.believed = arm, prepared.arm
         self._joint_scale = prepared.task.joint_scale
         rows = prepared.task.rows
         self._rows, self._held, self._view = rows[rows < 3], rows[rows > 2], prepared.task.view
@@ -100,6 +101,13 @@ class Scene:
         lines = np.vstack([arm.jacobian(q + shift)[:3].T for shift in (0.0, 0.3)])
         still = np.flatnonzero(np.abs(lines).max(axis=0) < 1e-9 * self.reach)
         self.normal = int(still[-1]) if len(still) else None
+
+    def believed_bodies(self, part: Run, rows: NDArray[np.int64]) -> Array:
+        """Return where the law takes the bodies to be at some ticks of a part of the run, (F, nbody, 7)."""
+        arm = self.believed
+        return arm.frames(np.array([arm.placed(part["qpos"][row], part["q_believed"][row]) for row in rows]))[
+            0
+        ]
 
     def frames(self, part: Run, rows: NDArray[np.int64]) -> Frames:
         """Return what is seen at some ticks of a part of the run.

@@ -5,6 +5,8 @@ Entities, one name everywhere:
     columns/<name>   every column of the run at every tick; float64 scalars, status as int64
     error            position [mm] and rotation [mrad], of the axes that the task has
     arm/<body>       poses, with the geometries as static children
+    believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
+    belief           q_believed − q [mrad or mm], where the law takes the joints to be elsewhere
     target/..        path, and the pose wanted at the moment
     tip/..           trail, ellipsoids and the dying direction
     status/<flag>    one lane for each status, only where it changes
@@ -15,6 +17,7 @@ Entities, one name everywhere:
 
 import re
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -27,10 +30,12 @@ from rerun.chunk import RrdReader
 from rmrc.recording import stream
 from rmrc.recording.layout import (
     CYAN,
+    PALE,
     STATUS_COLORS,
     YELLOW,
     blueprint,
     curves,
+    geometry,
     lane,
     legend,
     marks,
@@ -72,6 +77,7 @@ class Recorder:
         self.path, self.part_path = self._out.path, self._out.part_path
         self._story = _Story(self._out, prepared)
         self._story.write_arm()
+        self._story.write_ghost()
         for looks in (marks(scene), curves(prepared)):
             for entity, look in looks.items():
                 self._out.log(entity, look)
@@ -119,13 +125,30 @@ class _Story(Track):
         super().__init__(out, prepared)
         self._status: int | None = None
         self._lanes: set[Status] = set()
+        self._is_misled = prepared.hardware.is_misled
+
+    def write_ghost(self) -> None:
+        """Write the geometries of the arm that the law takes for this one, if it does."""
+        if not self._is_misled:
+            return
+        for shape in self.scene.believed.shapes():
+            if not self.scene.is_fixed[shape.body]:
+                pale = replace(shape, rgba=np.array([*shape.rgba[:3], PALE * shape.rgba[3]]))
+                self.out.log(self.shape_path("believed", shape), geometry(pale))
+
+    def write_belief(self, part: Run, rows: NDArray[np.int64], index: list[rr.TimeColumn]) -> None:
+        if self._is_misled:
+            self.send_bodies("believed", self.scene.believed_bodies(part, rows), index)
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         super().write_block(part, ticks)
         kinds = [rows for rows in (self.translations, self.rotations) if rows]
         norms = [1e3 * np.linalg.norm(part["pose_error"][:, rows], axis=1) for rows in kinds]
         errors = Values(stream.SCALARS, np.column_stack(norms))
-        self.send("error", stream.index(ticks, part["time"]), errors)
+        index = stream.index(ticks, part["time"])
+        self.send("error", index, errors)
+        if self._is_misled:
+            self.send("belief", index, Values(stream.SCALARS, 1e3 * (part["q_believed"] - part["q"])))
         self._write_status(part, ticks)
 
     def write_divergence(self, text: str, index: list[rr.TimeColumn]) -> None:

@@ -3,7 +3,7 @@
 Its entities stand below a prefix, so that a recording can hold many worlds:
 
     columns/<name>   every column of the run at every tick; float64 scalars, status as int64; what arrives
-                     is left out where it is what is commanded
+                     is left out where it is what is commanded, what is believed where it is true
     arm/<body>       poses, with the geometries as static children
     tip/..           position and trail
 """
@@ -71,17 +71,15 @@ class Track:
         Args:
             paint: What is drawn for each geometry.
         """
-        scene, arm = self.scene, self._prepared.arm
+        scene, arm = self.scene, self._prepared.true_arm
         for body in sorted({shape.body for shape in scene.shapes}):
             if scene.is_fixed[body]:
                 pose = arm.frames(self._prepared.qpos[None])[0][0, body]
                 quaternion = rr.Quaternion(xyzw=xyzw(pose[3:]))
-                self.out.log(
-                    self._body_path(body), rr.Transform3D(translation=pose[:3], quaternion=quaternion)
-                )
+                there = rr.Transform3D(translation=pose[:3], quaternion=quaternion)
+                self.out.log(self.prefix + self.body_path("arm", body), there)
         for shape in scene.shapes:
-            path = f"{self._body_path(shape.body)}/{rr.escape_entity_path_part(shape.name)}"
-            self.out.log(path, geometry(paint(shape)))
+            self.out.log(self.prefix + self.shape_path("arm", shape), geometry(paint(shape)))
 
     def write(self, part: Run) -> None:
         """Write one block of ticks; blocks come in order.
@@ -113,31 +111,39 @@ class Track:
         """Write values over time below the prefix."""
         self.out.send(self.prefix + path, index, list(columns))
 
+    def send_bodies(self, root: str, bodies: NDArray[np.float64], index: list[rr.TimeColumn]) -> None:
+        """Write the poses of the bodies that move, (F, nbody, 7), below a root."""
+        for body in range(1, len(self.scene.body_names)):
+            if not self.scene.is_fixed[body]:
+                pose = bodies[:, body]
+                place = Values(stream.TRANSLATION, pose[:, :3]), Values(stream.ROTATION, xyzw(pose[:, 3:]))
+                self.send(self.body_path(root, body), index, *place)
+
     # What others add to ---------------------------------------------------------------------------
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         """Write what is known at every tick (T,) of a block."""
         index = stream.index(ticks, part["time"])
-        same = SAME if self._prepared.hardware.is_direct else {}
+        hardware = self._prepared.hardware
+        is_same = {"qdot_arrived": hardware.is_direct, "q_believed": not hardware.is_misled}
         for name, values in part.columns.items():
-            if name in same:
+            if name in SAME and is_same[name]:
                 continue
             kind = stream.STATUS if name == "status" else stream.SCALARS
             self.send(f"columns/{name}", index, Values(kind, values))
 
     def write_frames(self, frames: Frames, index: list[rr.TimeColumn]) -> None:
         """Write what is seen at some instants."""
-        for body in range(1, len(self.scene.body_names)):
-            if not self.scene.is_fixed[body]:
-                pose = frames.bodies[:, body]
-                place = Values(stream.TRANSLATION, pose[:, :3]), Values(stream.ROTATION, xyzw(pose[:, 3:]))
-                self.out.send(self._body_path(body), index, list(place))
+        self.send_bodies("arm", frames.bodies, index)
         self.send("tip/now", index, Values(stream.POINT, frames.tip))
         before = np.concatenate([self._tip, frames.tip[:-1]])
         self._tip = frames.tip[-1:]
         segments = np.stack([before, frames.tip], axis=1)
         colors = Values(stream.STRIP_COLOR, self.trail_colors(frames))
         self.send("tip/trail", index, Values(stream.STRIP, segments), colors)
+
+    def write_belief(self, part: Run, rows: NDArray[np.int64], index: list[rr.TimeColumn]) -> None:
+        """Write where the law takes the arm to be at some ticks (F,) of a block."""
 
     def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
         """Return a color 0xRRGGBBAA for each instant, (F,)."""
@@ -151,8 +157,15 @@ class Track:
 
     def _write_rows(self, part: Run, ticks: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
         if len(rows):
-            self.write_frames(self.scene.frames(part, rows), stream.index(ticks[rows], part["time"][rows]))
+            index = stream.index(ticks[rows], part["time"][rows])
+            self.write_frames(self.scene.frames(part, rows), index)
+            self.write_belief(part, rows, index)
             self._framed = int(ticks[rows[-1]]) + 1
 
-    def _body_path(self, body: int) -> str:
-        return f"{self.prefix}arm/{rr.escape_entity_path_part(self.scene.body_names[body])}"
+    def body_path(self, root: str, body: int) -> str:
+        """Return the entity of a body of the arm, below a root."""
+        return f"{root}/{rr.escape_entity_path_part(self.scene.body_names[body])}"
+
+    def shape_path(self, root: str, shape: Shape) -> str:
+        """Return the entity of a geometry."""
+        return f"{self.body_path(root, shape.body)}/{rr.escape_entity_path_part(shape.name)}"

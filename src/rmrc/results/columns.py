@@ -28,11 +28,12 @@ class Column:
 
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
-    "q": Column("joint", "joint positions, the true ones where encoders are off", "n"),
+    "q": Column("joint", "joint positions, the true ones", "n"),
+    "q_believed": Column("joint", "joint positions that the law took for these", "n"),
     "qpos": Column(
         "rad, m or quat w x y z", "positions of all joints of the model, as MuJoCo orders them", "nq"
     ),
-    "qdot": Column("joint/s", "joint rates, measured", "n"),
+    "qdot": Column("joint/s", "joint rates, the true ones", "n"),
     "qdot_cmd": Column("joint/s", "joint rates, sent", "n"),
     "qdot_arrived": Column("joint/s", "joint rates that reach the plant, on the mean of the tick", "n"),
     "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
@@ -59,10 +60,10 @@ COLUMNS: Mapping[str, Column] = {
 
 
 # Files from before these were kept do without.
-ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived"})
+ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "q_believed"})
 
 # Where nothing stands between, the first is the second to the bit; files that lack it are of such runs.
-SAME = {"qdot_arrived": "qdot_cmd"}
+SAME = {"qdot_arrived": "qdot_cmd", "q_believed": "q"}
 
 
 def completed(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:

@@ -44,6 +44,7 @@ from rmrc.scenario.sections import (
     Check,
     ControlSection,
     EncoderSection,
+    FrictionSection,
     InverseSection,
     LimitsSection,
     NullspaceSection,
@@ -62,11 +63,11 @@ from rmrc.scenario.wording import block, inline
 
 __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ConfigurationsSegment",
-    "ControlSection", "Draft", "EncoderSection", "FileSegment", "Frame", "Hold", "HoldSegment",
-    "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection", "PathFrame",
-    "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Section", "Segment", "Set",
-    "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection", "TargetSection",
-    "TaskSection", "Tilt", "TiltSegment", "ToolSection", "Turn", "TurnSegment", "Variant", "angle", "block",
-    "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of", "schema_rows",
-    "variants",
+    "ControlSection", "Draft", "EncoderSection", "FileSegment", "Frame", "FrictionSection", "Hold",
+    "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection",
+    "PathFrame", "PlantSection", "Problems", "Scenario", "SchemaRow", "SecondarySection", "Section",
+    "Segment", "Set", "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection",
+    "TargetSection", "TaskSection", "Tilt", "TiltSegment", "ToolSection", "Turn", "TurnSegment", "Variant",
+    "angle", "block", "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of",
+    "schema_rows", "variants",
 ]  # fmt: skip

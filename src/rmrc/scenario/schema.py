@@ -13,6 +13,7 @@ _ABSENT: dict[str, tuple[str, object]] = {
     "expect": ("figure", None),
     "arm.packages": ("package", None),
     "arm.stretch": ("body", 1),
+    "plant.stretch": ("body", 1),
     "sweep.vary": ("key", None),
     "sweep.draw": ("key", None),
 }

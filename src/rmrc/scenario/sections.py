@@ -64,7 +64,7 @@ def sort_axes(section: "Section | Derived", beside: str) -> None:
 
 
 class EncoderSection(Section):
-    """How far the arm's encoders are off: the law works with q + offset, where the arm is at q."""
+    """What the arm's encoders say: the law works with that, where the arm is at q."""
 
     offset: AngleOrEach = key("what the encoders of all joints, or of each, say too much", 0.0, "rad or m")
     deviation: NotNegativeAngleOrEach = key(
@@ -73,7 +73,16 @@ class EncoderSection(Section):
         0.0,
         "rad or m",
     )
-    seed: Seed = key("what is drawn: the same seed, the same offsets", 0)
+    noise: NotNegativeAngleOrEach = key(
+        "standard deviation of white noise, drawn at every tick, of all joints or of each", 0.0, "rad or m"
+    )
+    resolution: NotNegativeAngleOrEach = key(
+        "what is read is rounded to a multiple of this, of all joints or of each; 0: to nothing",
+        0.0,
+        "rad or m",
+    )
+    delay: NotNegative = key("how old what is read is when the law takes it", 0.0, "s")
+    seed: Seed = key("what is drawn: the same seed, the same offsets and noise", 0)
 
 
 class StartPose(Choice):
@@ -182,10 +191,11 @@ class ArmSection(Section):
         "them, or are free to move; what hangs at a free joint beside the arm is free anyway",
         "hold",
     )
-    encoder: EncoderSection = key("how far its encoders are off", EncoderSection())
+    encoder: EncoderSection = key("what its encoders say", EncoderSection())
     stretch: dict[str, Positive] = key(
         "factor on all lengths of a body, by its name: where bodies, sites, joints and shapes sit on it, and "
-        "their sizes; its mass stays, its inertia is the factor's square times as large",
+        "their sizes; its mass stays, its inertia is the factor's square times as large; the law knows "
+        "it, as it does not know `plant.stretch`",
         {},
         "1",
     )
@@ -371,6 +381,17 @@ class ControlSection(Derived):
     """The control law."""
 
     period: Positive = key("time between two control ticks", 0.001, "s")
+    state: Literal["measured", "integrated"] = key(
+        "what the law takes for q: what the encoders say; or the integral of its own commands from what they "
+        "said at the start",
+        "measured",
+    )
+    rate_filter: NotNegative = key(
+        "time constant of a first-order filter of rates that are differentiated: with a resolution, noise or "
+        "delay of arm.encoder, computed torque takes difference quotients of what the encoders say",
+        0.0,
+        "s",
+    )
     inverse: InverseSection = key("how the Jacobian is inverted", InverseSection())
     feedback: NotNegative = key("K: twist for a given pose error", 20.0, "1/s")
     feedforward: Switch = key("whether the reference twist is part of the command", default=True)
@@ -425,6 +446,19 @@ else:
     )
 
 
+class FrictionSection(Section):
+    """Friction of the joints that is not in the model: no drive takes it out."""
+
+    coulomb: NotNegativeOrEach = key(
+        "dry friction, of all joints or of each, beside that of the model", 0.0, "N·m or N"
+    )
+    viscous: NotNegativeOrEach = key(
+        "torque or force for a given rate, of all joints or of each, beside the damping of the model",
+        0.0,
+        "N·m·s/rad or N·s/m",
+    )
+
+
 # MuJoCo's step where neither the scenario nor the plant says another [s].
 TIMESTEP = 0.001
 
@@ -465,6 +499,21 @@ class PlantSection(_PlantKeys):
     delay: NotNegative = key("dead time: how long a command is on its way to the plant", 0.0, "s")
     lag: NotNegativeOrEach = key(
         "time constant with which the rates of all joints, or of each, follow what arrived", 0.0, "s"
+    )
+    friction: FrictionSection = key(
+        f"{PLANTS.physical}: friction of the joints that no compensation knows of", FrictionSection()
+    )
+    stretch: dict[str, Positive] = key(
+        "factor on all lengths of a body, by its name, that the law does not know of, as of an arm that "
+        "was never calibrated: beside `arm.stretch`, which it knows",
+        {},
+        "1",
+    )
+    joint_offset: AngleOrEach = key(
+        "how far all joints, or each, are beyond where the law takes them to be, from the start on: their "
+        "zeros are off",
+        0.0,
+        "rad or m",
     )
 
     @property
@@ -533,7 +582,7 @@ class SweepSection(Section):
         "how many samples are drawn for each combination of `vary`; Sobol's are most even for powers of 2", 64
     )
     repeat: Annotated[int, Field(strict=True, ge=1)] = key(
-        "how often each of them is run, each time with other encoder offsets", 1
+        "how often each of them is run, each time with other encoder offsets and noise", 1
     )
     seed: Seed | None = key(
         "what is drawn, and what each run's arm.encoder.seed counts from; null: that of the arm",

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm
+from rmrc.arm.differences import check_stretch
 from rmrc.law.law import Law, rate_limit
 from rmrc.law.record import Writer, records
 from rmrc.law.task import Task
@@ -136,8 +137,8 @@ class Prepared:
 
     Attributes:
         scenario: As written.
-        arm: The arm that it names.
-        qpos: Where the model starts, (nq,).
+        arm: The arm that it names, as the law knows it.
+        qpos: Where the model starts, (nq,), the true positions.
         held: Controls and activations of the author's actuators: see `Arm.held`.
         reference: Poses and twists at each control tick.
         cache: What it shares with others.
@@ -174,12 +175,22 @@ class Prepared:
     @cached_property
     def law(self) -> Law:
         """What is asked of the joints."""
-        return Law(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos])
+        return Law(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos] - self.joint_offset)
 
     @property
     def encoder_offset(self) -> NDArray[np.float64]:
         """What the encoders say too much, (n,)."""
         return Encoders(self.scenario, self.arm).offset
+
+    @property
+    def joint_offset(self) -> NDArray[np.float64]:
+        """How far the joints are beyond where the law takes them to be, (n,)."""
+        return np.full(self.arm.n, self.scenario.plant.joint_offset)
+
+    @cached_property
+    def true_arm(self) -> Arm:
+        """The arm that moves: another than the law knows where `plant.stretch` says so."""
+        return self.arm.stretched(self.plant.stretch) if self.scenario.plant.stretch else self.arm
 
     @cached_property
     def assumed(self) -> tuple[Assumed, ...]:
@@ -226,9 +237,11 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
         raise ScenarioError([scenario.problem(f"arm.{error.about}", str(error))]) from None
     tell_assumed(note for note in arm.notes if note != arm.obvious or scenario.arm.site is None)
     problems = Problems(scenario)
-    qpos = _start(scenario, arm, problems)
-    arm = cache.placed(arm, scenario.arm, qpos)
+    believed = _start(scenario, arm, problems)
+    arm = cache.placed(arm, scenario.arm, believed)
     _check_lengths(scenario, arm, problems)
+    _check_stretch(scenario, arm, problems)
+    qpos = _true_start(scenario, arm, believed, problems)
     _check_scales(scenario, problems)
     hardware = Hardware(scenario, arm)
     for stage in hardware.stages:
@@ -240,7 +253,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     problems.raise_any()
     _doubt_start(scenario, arm)
     try:
-        reference = cache.reference(scenario, arm, qpos[arm.wiring.qpos])
+        reference = cache.reference(scenario, arm, believed[arm.wiring.qpos])
     except TargetError as error:
         key, _, text = str(error).partition(": ")
         raise ScenarioError([scenario.problem(key, text)]) from None
@@ -283,6 +296,33 @@ def _start(scenario: Scenario, arm: Arm, problems: Problems) -> NDArray[np.float
     return qpos
 
 
+def _check_stretch(scenario: Scenario, arm: Arm, problems: Problems) -> None:
+    try:
+        check_stretch(arm.path, arm.model, scenario.plant.stretch)
+    except ModelError as error:
+        problems.add(f"plant.{error.about}", str(error))
+
+
+def _true_start(
+    scenario: Scenario, arm: Arm, believed: NDArray[np.float64], problems: Problems
+) -> NDArray[np.float64]:
+    """Return where an arm stands that the law takes to be elsewhere, (nq,)."""
+    offset = scenario.plant.joint_offset
+    if not np.any(offset) or (isinstance(offset, tuple) and len(offset) != arm.n):
+        return believed
+    q = believed[arm.wiring.qpos] + offset
+    for name, position, (lower, upper), unit in zip(
+        arm.joints, q, arm.position_limit, arm.units, strict=True
+    ):
+        if not lower <= position <= upper:
+            problems.add(
+                "plant.joint_offset",
+                f'puts joint "{name}" at {position:.6g} {unit} at the start, beyond its limits [{lower:.6g}, '
+                f"{upper:.6g}] {unit}; lower it, or start elsewhere",
+            )
+    return arm.placed(believed, q)
+
+
 def _in_degrees(arm: Arm, j: int, position: float) -> str:
     """Return the way out for a position beyond a turn that would be within the limits in degrees."""
     lower, upper = arm.position_limit[j]
@@ -319,6 +359,11 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     for key, values in (
         ("arm.encoder.offset", scenario.arm.encoder.offset),
         ("arm.encoder.deviation", scenario.arm.encoder.deviation),
+        ("arm.encoder.noise", scenario.arm.encoder.noise),
+        ("arm.encoder.resolution", scenario.arm.encoder.resolution),
+        ("plant.friction.coulomb", scenario.plant.friction.coulomb),
+        ("plant.friction.viscous", scenario.plant.friction.viscous),
+        ("plant.joint_offset", scenario.plant.joint_offset),
         ("control.joint_weights", control.joint_weights),
         ("control.nullspace.posture", control.nullspace.posture),
         ("control.nullspace.rates", control.nullspace.rates),

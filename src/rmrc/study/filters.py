@@ -87,7 +87,7 @@ def _world_at(prepared: Prepared, run: Run, tick: int) -> np.void:
     alone = control.model_copy(update={**nothing, "at_singularity": "damp"})
     scenario = prepared.scenario.model_copy(update={"control": alone})
     world: np.void = world_records([replace(prepared, scenario=scenario)], [0])[0]
-    q = run["q"][tick] + prepared.encoder_offset  # where the law sees the arm
+    q = run["q_believed"][tick]
     pose = arm.pose(q)
     world["J"][:, : arm.n] = task.turned(arm.jacobian(q), pose)
     error = task.view.error(run["pose_ref"][tick], pose)

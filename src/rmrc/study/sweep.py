@@ -146,16 +146,17 @@ class Sweep:
                 "for example --vary control.inverse.method=damped,pseudoinverse",
             )
         encoder = self.scenario.arm.encoder
+        drawn = encoder.deviation, encoder.noise
         has_chance = any(key == "arm" or key.startswith("arm.encoder") for key in self.plan.keys)
         most = _MOST_SEED - self.plan.samples * self.plan.repeat + 1
         if self.plan.seed > most:
             key = "arm.encoder.seed" if self.scenario.sweep.seed is None else "sweep.seed"
             problems.add(key, f"must be <= {most}, got {self.plan.seed}")
-        if self.plan.repeat > 1 and not (has_chance or any(_each(encoder.deviation))):
+        if self.plan.repeat > 1 and not (has_chance or any(map(any, map(_each, drawn)))):
             problems.add(
                 "sweep.repeat",
                 f"must be 1 where nothing is left to chance, got {self.plan.repeat}; "
-                "give arm.encoder.deviation",
+                "give arm.encoder.deviation or arm.encoder.noise",
             )
         problems.raise_any()
 

@@ -1,0 +1,44 @@
+"""`control.state: integrated`: the law believes its own commands, and never looks again."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rmrc.law.jit import Record, compiled
+from rmrc.law.record import Field
+from rmrc.plants.stage import Stage, refuse_unseen
+
+
+@compiled
+def integrate_commands(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
+    """Have the law take q⁺ = q + period · qdot_cmd, from where the encoders said that it started."""
+    if t > 0:
+        last = past[(t - 1) % past.shape[0]]
+        for j in range(world.n):
+            world.q[j] = last.q_believed[j] + world.period * last.qdot_cmd[j]
+
+
+class Integral(Stage):
+    """The integral of what was commanded, in place of what the encoders say; rates stay the measured ones."""
+
+    slot, uses, change = "sensed", "integrates", staticmethod(integrate_commands)
+    fields = (Field("integrates", np.int64),)
+
+    @property
+    def is_used(self) -> bool:
+        """Whether the law takes the integral."""
+        return bool(self.scenario.control.state == "integrated")
+
+    @property
+    def span(self) -> int:
+        """How many ticks back it looks: to what it believed, and commanded."""
+        return int(self.is_used)
+
+    def write(self, world: np.void) -> None:
+        """Write whether it is used."""
+        world["integrates"] = self.is_used
+
+    def misfits(self) -> Iterator[tuple[str, str]]:
+        """Yield what needs an arm that is seen as it is."""
+        if self.is_used:
+            yield from refuse_unseen(self, "control.state")
