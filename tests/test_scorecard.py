@@ -15,6 +15,7 @@ from rmrc.results.run import Run
 from rmrc.results.scorecard import Figure, Scorecard, check, figure_names, refused, scorecard
 from rmrc.scenario import Check, load
 from rmrc.scenario.choices import Status
+from rmrc.scenario.profile import Profile
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ScenarioError
@@ -410,7 +411,11 @@ def test_figures_of_a_planar_arm_are_these():
     expected |= {f"{g}.{s}" for g in groups for s in ("peak", "peak_time", "peak_joint")}
     expected |= {"joint_rate.rms", "joint_rate_cmd.rms"}
     expected |= {"tau.share_of_limit", "tau_total.share_of_limit"}
-    expected |= {f"tau_total.{s}" for s in ("peak", "peak_time", "peak_joint")}
+    for group in ("tau_total", "joint_acceleration_cmd", "joint_jerk_cmd"):
+        expected |= {f"{group}.{s}" for s in ("peak", "peak_time", "peak_joint")}
+    expected |= {"joint_acceleration_cmd.rms", "chatter", "chatter_joint"}
+    first = ("time", "joint", "condition", "value", "bound")
+    expected |= {"profile.refused", *(f"profile.first_{s}" for s in first)}
     expected |= {f"contact.{s}" for s in ("time", "first_time", "first_bodies")}
     expected |= {f"torque_limited.{s}" for s in ("time", "first_time", "first_joint")}
     errors = ("position_error", "position_error_along", "position_error_across", "secondary_error")
@@ -470,7 +475,7 @@ def test_a_run_without_ticks_has_undefined_figures_and_zero_durations():
     for name, value in got.items():
         if name in zero:
             assert value == 0.0, name
-        elif name.endswith(("_joint", "_bodies")):
+        elif name.endswith(("_joint", "_bodies", "_condition")):
             assert value == "", name
         else:
             assert name == "wall_time" or math.isnan(value), name
@@ -482,7 +487,8 @@ def test_a_run_of_one_tick_lacks_only_its_acceleration_and_what_did_not_happen()
     # a run that knows no torque limits has no share of them, and what never was has no time when that began
     never = {"tau.share_of_limit", "tau_total.share_of_limit", "stuck.longest_time"}
     never |= {"contact.first_time", "contact.first_bodies"}
-    never |= {"torque_limited.first_time", "torque_limited.first_joint"}
+    never |= {"torque_limited.first_time", "torque_limited.first_joint", "chatter_joint"}
+    never |= {name for name in got if name.startswith("profile.")}
     assert undefined == never | {name for name in got if name.startswith("joint_acceleration.")}
     assert (got["joint_rate.peak"], got["joint_rate.peak_joint"]) == (2.0, "elbow")
 
@@ -516,9 +522,13 @@ def test_nested_is_strict_json_and_follows_the_dots():
     )
 )
 def test_nested_keeps_every_figure_whatever_the_joints_are_called(joints):
-    # all its figures are defined
-    status, ones = [Status.STUCK | Status.CONTACT | Status.TORQUE_LIMITED] * 2, (1.0,) * len(joints)
-    run = make_run(2, joints, status=status, tau=[ones] * 2, torque_limit=ones, touching=("a", "b"))
+    # all its figures are defined: commands that shake, of a robot that may not
+    ones = (1.0,) * len(joints)
+    profile = Profile(robot="any", joints=len(joints), rate={"value": ones, "source": "here"})
+    status, ones = [Status.STUCK | Status.CONTACT | Status.TORQUE_LIMITED] * 3, (1.0,) * len(joints)
+    commands = np.outer([1.0, -1.0, 1.0], ones)
+    given = {"torque_limit": ones, "touching": ("a", "b"), "profile": profile, "qdot_cmd": commands}
+    run = make_run(3, joints, status=status, tau=[ones] * 3, **given)
     card = scorecard(run)
 
     def flat(tree, prefix=""):
@@ -651,6 +661,8 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "return.change_joint",
         "contact.first_bodies",
         "torque_limited.first_joint",
+        "chatter_joint",
+        "profile.first_condition",
         "orientation_error.max",
         "orientation_error_across.end",
         "error_along.max",
@@ -659,9 +671,10 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "",
     ]
     groups = (
-        "joint_rate, joint_rate_cmd, joint_acceleration, tau, tau_total, position_error, "
+        "joint_rate, joint_rate_cmd, joint_acceleration, joint_acceleration_cmd, joint_jerk_cmd, "
+        "chatter, chatter_joint, tau, tau_total, position_error, "
         "position_error_along, position_error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
-        "secondary_sigma, status_time, stuck, contact, torque_limited, duration, ticks, completed, wall_time, speed"
+        "secondary_sigma, status_time, stuck, contact, torque_limited, profile, duration, ticks, completed, wall_time, speed"
     )
     reasons = {
         "joint_rate.peek": '… figure … "joint_rate.peak"…',
@@ -670,6 +683,8 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "return.change_joint": "… joint … numbers … return.joint_change",
         "contact.first_bodies": "… bodies … numbers … contact.time",
         "torque_limited.first_joint": "… joint … numbers … torque_limited.time",
+        "chatter_joint": "… joint … numbers … chatter",
+        "profile.first_condition": "… condition … numbers … profile.refused",
         "orientation_error.max": "… rx, ry, rz … task.axes",
         "orientation_error_across.end": "… rx, ry, rz … task.axes",
         "error_along.max": '… figure … "position_error_along.max"…',
@@ -701,6 +716,6 @@ def test_the_names_that_mixed_meters_and_radians_lead_to_those_that_do_not():
 def test_every_number_of_a_scorecard_can_be_expected():
     joints = ("shoulder", "elbow")
     names = figure_names(joints, SPACE)
-    texts = {name for name in names if name.endswith(("_joint", "_bodies"))}
-    assert len(texts) == 8
+    texts = {name for name in names if name.endswith(("_joint", "_bodies", "_condition"))}
+    assert len(texts) == 13
     assert refused(names, joints, SPACE).keys() == texts

@@ -62,6 +62,11 @@ def test_worlds_beside_it_do_not_matter():
     assert tallies[1]["ticks"] == 0 and np.isnan(tallies[1]["peak"]).all()
 
 
+def from_rest(column):
+    """Return the difference quotient of a column before which all was at rest."""
+    return np.diff(column, axis=0, prepend=0.0) / PERIOD
+
+
 def columns_by_numpy(records):
     """Return magnitudes and values by name, computed from whole columns."""
     one = records[:, 0]
@@ -70,7 +75,8 @@ def columns_by_numpy(records):
     across = e - along
     joints = {
         "joint_rate": one["qdot"], "joint_rate_cmd": one["qdot_cmd"],
-        "joint_acceleration": np.diff(one["qdot"], axis=0) / PERIOD, "tau": one["tau"],
+        "joint_acceleration": np.diff(one["qdot"], axis=0) / PERIOD, "joint_acceleration_cmd": from_rest(one["qdot_cmd"]),
+        "joint_jerk_cmd": from_rest(from_rest(one["qdot_cmd"])), "tau": one["tau"],
         "tau_total": one["tau"] + one["tau_gravity"],
     }  # fmt: skip
     # two rows are translations and one is a rotation

@@ -58,7 +58,7 @@ control:
   joint_weights: [1.0, 4.0]
   nullspace: {objective: posture, gain: 2.0, posture: [0.1, 10 deg], rates: [0.5, -0.5],
               secondary: {site: elbow, axes: [y], frame: base, to: [0.3], feedback: 4.0, priority: classical, damping: 0.01}}
-  limits: {rate: [1.0, 2.0], acceleration: [3.0, 4.0], position: false, braking: 5.0, on_excess: clamp}
+  limits: {rate: [1.0, 2.0], acceleration: [3.0, 4.0], jerk: [50.0, 60.0], profile: franka_fr3, position: false, braking: 5.0, on_excess: clamp}
   at_singularity: damp
   slow: {change: 3.0, patience: 0.5, longest: 2.0}
   stop: {sigma: 0.1, condition: 50.0, change: 4.0}
@@ -93,6 +93,7 @@ plant: {kind: torque, kv: 10.0, bandwidth: 20.0, timestep: 0.001, gravity_compen
 expect:
   joint_rate.peak: {below: 3.0, above: 1.0}
   position_error.end: {equals: 0.0, within: 0.001}
+  profile: franka_fr3
 sweep:
   vary: {control.inverse.method: [damped, pseudoinverse]}
   draw: {control.feedback: [1.0, 20.0]}

@@ -208,7 +208,8 @@ control:
       feedback: 5.0
       priority: robust
       damping: 0.05
-  limits: {rate: null, acceleration: null, position: true, braking: 10.0, on_excess: scale}
+  limits: {profile: null, rate: null, acceleration: null, jerk: null, position: true,
+    braking: 10.0, on_excess: scale}
   at_singularity: damp
   slow: {change: 10.0, patience: 1.0, longest: 10.0}
   stop: {sigma: 0.1, condition: null, change: 20.0}

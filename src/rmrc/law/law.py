@@ -41,6 +41,7 @@ from rmrc.scenario.choices import (
     record_fields,
     write_choices,
 )
+from rmrc.scenario.profile import load_profile
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
@@ -99,6 +100,10 @@ class Law:
         self.braking = np.minimum(limits.braking, self.acceleration_limit)
         nowhere = np.array([arm.n * [-math.inf], arm.n * [math.inf]])
         self.position_limit = arm.position_limit.T if limits.position else nowhere
+        if limits.profile and limits.position:
+            lower, upper = load_profile(limits.profile).stops
+            own = self.position_limit
+            self.position_limit = np.array([np.maximum(own[0], lower), np.minimum(own[1], upper)])
         self.posture = start if nullspace.posture is None else np.array(nullspace.posture)
         is_second = nullspace.objective == "secondary"
         self.second = SecondTask(task, nullspace.secondary, start) if is_second else None

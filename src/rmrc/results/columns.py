@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 
 from rmrc.law.task import WORLD_VIEW, View
 from rmrc.scenario.choices import Status
+from rmrc.scenario.profile import Profile
 
 
 @dataclass(frozen=True)
@@ -114,6 +115,9 @@ class Recorded:
         view: Along whose axes the task axes are.
         touching: The two bodies of the first contact; none: there was none.
         resting: Pairs of bodies that touch from the start, which is no contact while they stay.
+        chatter_floor: Acceleration of each joint above which a change of sign counts as chatter [rad/s² or
+            m/s²]; none: `rmrc.results.tally.CHATTER_FLOOR` for all.
+        profile: What the commands are held against, or None.
     """
 
     name: str
@@ -131,6 +135,8 @@ class Recorded:
     view: View = WORLD_VIEW
     touching: tuple[str, ...] = ()
     resting: tuple[tuple[str, ...], ...] = ()
+    chatter_floor: tuple[float, ...] = ()
+    profile: Profile | None = None
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""

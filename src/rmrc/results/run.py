@@ -10,6 +10,7 @@ import numpy as np
 from rmrc.law.task import WORLD_VIEW, View
 from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
 from rmrc.results.scorecard import Scorecard, scorecard
+from rmrc.scenario.profile import Profile
 from rmrc.support.files import written_whole
 
 
@@ -37,10 +38,13 @@ class Run(Recorded):
             "touching": self.touching,
             "resting": self.resting,
             "torque_limit": [limit if math.isfinite(limit) else None for limit in self.torque_limit],
+            "chatter_floor": self.chatter_floor,
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
         if self.view.frame != "world":
             facts["view"] = self.view
+        if self.profile is not None:
+            facts["profile"] = self.profile.model_dump(mode="json")
         with written_whole(path) as temporary, temporary.open("wb") as file:
             np.savez(file, **self.columns, facts=np.array(json.dumps(facts)))  # type: ignore[arg-type]
 
@@ -57,9 +61,11 @@ class Run(Recorded):
         limits = (math.inf if limit is None else limit for limit in facts.get("torque_limit", ()))
         frame, base, free = facts.get("view", WORLD_VIEW)
         view = View(frame, tuple(base), free)
+        profile = Profile.model_validate(facts["profile"]) if "profile" in facts else None
         return cls(
             facts["name"], tuple(facts["joints"]), tuple(facts["is_slide"]), tuple(facts["axes"]),
             facts["length"], facts["period"], columns, facts["planned"], divergence,
             facts["wall_time"], tuple(facts.get("weights", ())), tuple(limits), view,
             tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
+            tuple(facts.get("chatter_floor", ())), profile,
         )  # fmt: skip

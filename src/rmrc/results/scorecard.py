@@ -10,6 +10,7 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -18,9 +19,10 @@ from numpy.typing import NDArray
 from rmrc.law.record import tick_type
 from rmrc.law.task import View
 from rmrc.results.columns import COLUMNS, Recorded
-from rmrc.results.tally import ERRORS, EXTREMES, JOINTS, adder, begin
+from rmrc.results.tally import CONDITIONS, ERRORS, EXTREMES, JOINTS, adder, begin
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.choices import Status
+from rmrc.scenario.sections import PROFILE
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Problem
 from rmrc.support.spatial import AXES
@@ -106,6 +108,7 @@ class Outcome:
         missed_by: Distance to the nearest value allowed: positive if the value is too high,
             negative if too low, 0 if it is allowed or exactly at a strict bound, NaN if undefined.
         ok: Whether the value is allowed; an undefined one never is.
+        got: What was met instead of a value, in words; "": the value says it.
     """
 
     name: str
@@ -113,12 +116,15 @@ class Outcome:
     wanted: str
     missed_by: float
     ok: bool
+    got: str = ""
 
     def __str__(self) -> str:
         """Return one line: `joint_rate.peak: expected below 3 rad/s, got 3.21, 0.21 too high`."""
         text = f"{self.name}: expected {self.wanted}"
         if math.isnan(self.value):
             return f"{text}, but it is undefined for this run"
+        if self.got:
+            return f"{text}, got {self.got}"
         text += f", got {self.value:.6g}"
         if self.ok:
             return text
@@ -128,7 +134,7 @@ class Outcome:
 
     def facts(self) -> dict[str, object]:
         """Return the attributes and the line as a dict for strict JSON, as in `Scorecard.nested`."""
-        values = {name: _json_value(value) for name, value in vars(self).items()}
+        values = {name: _json_value(value) for name, value in vars(self).items() if name != "got"}
         return {**values, "text": str(self)}
 
 
@@ -164,6 +170,8 @@ def tallies_of(runs: Sequence[Recorded]) -> NDArray[np.void]:
         [run.weights for run in runs],
         [run.period for run in runs],
         [run.torque_limit for run in runs],
+        [run.chatter_floor for run in runs],
+        [run.profile for run in runs],
     )
 
 
@@ -188,6 +196,8 @@ def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorec
     arm = runs[0]
     rate_units = tuple(f"{arm.joint_unit(j)}/s" for j in range(len(arm.joints)))
     acceleration_units = tuple(f"{unit}²" for unit in rate_units)
+    quotient = "difference quotient of the commanded rate"
+    jerk_units = tuple(f"{unit}³" for unit in rate_units)
     tau_units = tuple("N" if slides else "N·m" for slides in arm.is_slide)
     parts = (
         _joints(arm, tallies, "joint_rate", "measured rate", rate_units, is_rate=True),
@@ -195,6 +205,10 @@ def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorec
         _joints(
             arm, tallies, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
         ),
+        _peak(arm, tallies, "joint_acceleration_cmd", quotient, acceleration_units),
+        _largest_rms(tallies, "joint_acceleration_cmd", quotient, acceleration_units),
+        _peak(arm, tallies, "joint_jerk_cmd", f"second {quotient}", jerk_units),
+        _chatter(arm, tallies),
         _joints(arm, tallies, "tau", "actuator torque or force", tau_units),
         _share(runs, tallies, "tau", "actuator torque or force"),
         _peak(arm, tallies, "tau_total", "torque or force with that of gravity compensation", tau_units),
@@ -204,6 +218,7 @@ def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorec
         _singularity(tallies),
         _status_times(tallies),
         _loads(runs, tallies),
+        _profile(runs, tallies),
         _effort(runs, tallies),
     )  # fmt: skip
     columns = (column for part in parts for column in part)
@@ -257,7 +272,7 @@ def refuse_unknown(scenario: Scenario, joints: Sequence[str]) -> None:
         raise ScenarioError(scenario.problem(f"expect.{name}", why) for name, why in problems.items())
 
 
-def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
+def check(card: Scorecard, expect: Mapping[str, Check | str]) -> list[Outcome]:
     """Hold figures against what is expected of them.
 
     `below` and `above` are strict: the bound itself is a miss. `equals` allows `within` on both
@@ -265,7 +280,7 @@ def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
 
     Args:
         card: The figures.
-        expect: Checks by name of figure.
+        expect: Checks by name of figure; for `profile` what the card's run was held against.
 
     Returns:
         One outcome a check, in the order of `expect`.
@@ -276,7 +291,10 @@ def check(card: Scorecard, expect: Mapping[str, Check]) -> list[Outcome]:
     problems = _refused(expect, card)
     if problems:
         raise ScenarioError(Problem(("expect", name), why) for name, why in problems.items())
-    return [_outcome(name, card[name], one) for name, one in expect.items()]
+    return [
+        _accepted(card, one) if isinstance(one, str) else _outcome(name, card[name], one)
+        for name, one in expect.items()
+    ]
 
 
 def joint_changes(run: Recorded) -> _Array:
@@ -330,8 +348,7 @@ def _joints(
     rms = _rms(tallies["square"][:, row, :n], tallies)
     yield from _peak(arm, tallies, group, what, units)
     if is_rate:
-        unit = _either(units)
-        yield f"{group}.rms", rms.max(axis=1).tolist(), unit, f"largest of the joints' rms {what}"
+        yield from _largest_rms(tallies, group, what, units)
     for j, (name, unit) in enumerate(zip(arm.joints, units, strict=True)):
         yield f"{group}.{name}.peak", peaks[:, j].tolist(), unit, f"largest {what} of {name}"
         if is_rate:
@@ -352,6 +369,12 @@ def _peak(
     yield f"{group}.peak_joint", _named(arm, where[1], when), "", f"which joint had the largest {what}"
 
 
+def _largest_rms(tallies: NDArray[np.void], group: str, what: str, units: tuple[str, ...]) -> _Figures:
+    """Yield the largest of the joints' rms over time."""
+    rms = _rms(tallies["square"][:, JOINTS.index(group), : len(units)], tallies).max(axis=1)
+    yield f"{group}.rms", rms.tolist(), _either(units), f"largest of the joints' rms {what}"
+
+
 def _either(units: tuple[str, ...]) -> str:
     """Return the unit of a value of any joint: where some slide, it is that of the joint."""
     return " or ".join(dict.fromkeys(units))
@@ -360,6 +383,18 @@ def _either(units: tuple[str, ...]) -> str:
 def _named(arm: Recorded, joints: NDArray[np.intp], values: Sequence[float]) -> list[str]:
     """Return the names of joints, and none where the value is undefined."""
     return ["" if math.isnan(value) else arm.joints[j] for j, value in zip(joints, values, strict=True)]
+
+
+def _chatter(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
+    """Yield how often a second the commanded acceleration changes its sign soon after it did, see `tally`."""
+    ticks, n = tallies["ticks"], len(arm.joints)
+    seconds = np.where(ticks, ticks, math.nan) * tallies["period"]
+    counts = tallies["chatter"][:, :n]
+    most = (counts.max(axis=1) / seconds).tolist()
+    what = "changes of sign of the commanded acceleration a second, each soon after the one before"
+    yield "chatter", most, "1/s", f"{what}; of the joint with the most"
+    joints = _named(arm, counts.argmax(axis=1), np.where(counts.any(axis=1), most, math.nan).tolist())
+    yield "chatter_joint", joints, "", "which joint has the most chatter"
 
 
 def _share(runs: Sequence[Recorded], tallies: NDArray[np.void], group: str, what: str) -> _Figures:
@@ -469,6 +504,22 @@ def _loads(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     yield "torque_limited.first_joint", joints, "", "whose drive was at its limit first"
 
 
+def _profile(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
+    """Yield how many commands the robot of a profile refuses, and which condition the first one breaks."""
+    is_held, broken = tallies["is_held"] == 1, tallies["broken"]
+    where, what = tallies["broken_joint"], tallies["broken_condition"]
+    counts = np.where(is_held, broken, math.nan)
+    joints = [arm.joints[j] if j >= 0 else "" for arm, j in zip(runs, where, strict=True)]
+    conditions = [CONDITIONS[one] if one >= 0 else "" for one in what]
+    first = "the first command that the profile refuses"
+    yield "profile.refused", counts.tolist(), "1", "commands that the profile refuses; undefined without one"
+    yield "profile.first_time", tallies["broken_time"].tolist(), "s", f"when {first} was sent"
+    yield "profile.first_joint", joints, "", f"which joint {first} is for"
+    yield "profile.first_condition", conditions, "", f"what {first} breaks: {', '.join(CONDITIONS)}"
+    yield "profile.first_value", tallies["broken_value"].tolist(), "SI", f"{first}, its value there"
+    yield "profile.first_bound", tallies["broken_bound"].tolist(), "SI", f"{first}, the bound there"
+
+
 def _effort(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     durations = (tallies["ticks"] * tallies["period"]).tolist()
     walls = [run.wall_time for run in runs]
@@ -502,8 +553,14 @@ def _blank(joints: tuple[str, ...], axes: tuple[str, ...]) -> Scorecard:
     return figures([run], tallies_of([run]))[0]
 
 
+# What is known of the first command that a profile refuses, and units by condition.
+_FIRST = ("joint", "condition", "time", "value", "bound")
+_PER = dict(zip(CONDITIONS, ("", "/s", "/s²", "/s³"), strict=True))
+
 # The number that belongs to a name, where it is not called alike.
 _NUMBERS = {
+    "profile.first_joint": "profile.refused",
+    "profile.first_condition": "profile.refused",
     "return.change_joint": "return.joint_change",
     "contact.first_bodies": "contact.time",
     "torque_limited.first_joint": "torque_limited.time",
@@ -515,11 +572,14 @@ _BEFORE = {"tau.share": "tau.share_of_limit"}
 def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
     reasons = {}
     for name in names:
+        if name == PROFILE:
+            continue
         if name not in card:
             reasons[name] = _unknown(name, card)
         elif isinstance(card[name].value, str):
             number = _NUMBERS.get(name, name.removesuffix("_joint"))
-            what = "a joint" if name.endswith("_joint") else "bodies"
+            kinds = {"_joint": "a joint", "_condition": "a condition", "_bodies": "bodies"}
+            what = next(words for end, words in kinds.items() if name.endswith(end))
             reasons[name] = f"names {what}, and only numbers can be expected, such as {number}"
     return reasons
 
@@ -539,6 +599,19 @@ def _unknown(name: str, card: Scorecard) -> str:
         return f"no such figure; did you mean {' or '.join(parts)}?"
     groups = ", ".join(dict.fromkeys(known.partition(".")[0] for known in card))
     return "no such figure" + (did_you_mean(name, card) or f"; figures begin with {groups}")
+
+
+def _accepted(card: Scorecard, profile: str) -> Outcome:
+    """Return whether a profile accepts all commands, and what the first one breaks that it does not."""
+    count, got = float(card["profile.refused"].value), ""
+    if count > 0.0:
+        joint, condition, time, value, bound = (card[f"profile.first_{name}"].value for name in _FIRST)
+        unit = card[f"joint_rate.{joint}.peak"].unit.removesuffix("/s") + _PER[str(condition)]
+        got = (
+            f'{condition} {value:.6g} {unit} of "{joint}" at {time:.6g} s, which must stay within '
+            f"{bound:.6g}; {count:g} of {card['ticks'].value} commands are refused"
+        )
+    return Outcome(PROFILE, count, f"commands that {Path(profile).stem} accepts", count, count == 0.0, got)
 
 
 def _outcome(name: str, figure: Figure, wanted: Check) -> Outcome:

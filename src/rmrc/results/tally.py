@@ -7,6 +7,7 @@ of time, so that a figure has the same bits whatever the pieces, the threads and
 import math
 from collections.abc import Callable, Sequence
 from functools import cache, partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,11 +15,20 @@ from numpy.typing import NDArray
 from rmrc.law.jit import Record, compiled, entry, machine_code
 from rmrc.law.record import capacity
 from rmrc.scenario.choices import Status
+from rmrc.scenario.profile import Profile
 from rmrc.support.spatial import AXES
 
 # Rows of a tally's fields; of EXTREMES, the first four are smallest values.
-JOINTS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau", "tau_total")
-RATE, COMMAND, ACCELERATION, TAU, TAU_TOTAL = range(5)
+JOINTS = (
+    "joint_rate",
+    "joint_rate_cmd",
+    "joint_acceleration",
+    "joint_acceleration_cmd",
+    "joint_jerk_cmd",
+    "tau",
+    "tau_total",
+)
+RATE, COMMAND, ACCELERATION, ACCELERATION_CMD, JERK_CMD, TAU, TAU_TOTAL = range(7)
 ERRORS = (
     "position_error",
     "orientation_error",
@@ -31,6 +41,18 @@ ERRORS = (
 WHOLE, ALONG, ACROSS, SECONDARY = 0, 2, 4, 6  # of the first three the positions, and next the orientations
 EXTREMES = ("sigma", "manipulability", "path_rate", "secondary_sigma", "condition", "damping")
 SIGMA, MANIPULABILITY, PACE, LEFT, CONDITION, DAMPING = range(6)
+# What a profile bounds: a condition is its place here.
+CONDITIONS = ("position", "rate", "acceleration", "jerk")
+POSITION_BOUND, RATE_BOUND, ACCELERATION_BOUND, JERK_BOUND = range(4)
+
+# A command whose acceleration changes its sign twice within this time shakes the arm [s]: 5 Hz. A smooth path
+# takes longer from one change to the next; a loop that oscillates, or a law that switches, takes some ticks.
+CHATTER_TIME = 0.1
+# An acceleration up to this counts for none where a joint has no limits [rad/s² or m/s²]. With limits it is
+# the less of what takes the joint to its largest rate in a second and a tenth of its largest acceleration.
+# Encoder noise of 1e-5 rad stays below it: at K = 20 /s and 1 ms it is 20 · 1e-5 · √2/0.001 = 0.3 rad/s² rms.
+CHATTER_FLOOR = 1.0
+
 BITS = len(Status)
 STUCK, TORQUE_LIMITED = int(Status.STUCK), int(Status.TORQUE_LIMITED)
 
@@ -43,6 +65,10 @@ def tally_type(n: int) -> np.dtype[np.void]:
     They are NaN before the first tick. `status` counts the ticks without a status, then those with each bit,
     and `status_time` has when each of these was first. `limited` is the joint of the drive that was the first
     at its limit, or -1.
+
+    The differences of commands begin at rest: before the first tick, rate and acceleration are 0. `chatter`
+    counts changes of sign. `broken` counts the ticks that break a condition of the profile; the first one
+    broke `broken_condition`, a place in CONDITIONS, at `broken_joint`.
     """
     return _tally_type(capacity(n))
 
@@ -54,8 +80,15 @@ def _tally_type(c: int) -> np.dtype[np.void]:
         [
             # given: joints, singular values, S_x of the six rows, with 0 for those that do not count; period
             ("n", np.int64), ("k", np.int64), ("scale", f, (6,)), ("period", f), ("torque_limit", f, (c,)),
+            ("chatter_floor", f, (c,)), ("chatter_ticks", np.int64),
+            # given, of a profile: whether there is one, and its bounds, infinite where it has none
+            ("is_held", np.int64), ("position_bound", f, (2, c)), ("rate_bound", f, (c,)),
+            ("acceleration_bound", f, (c,)), ("jerk_bound", f, (c,)),
+            ("has_taper", np.int64), ("taper_end", f, (2, c)), ("taper_offset", f, (c,)),
+            ("taper_deceleration", f, (c,)),
             # ticks that were added, and what of the first and of the last one is needed
             ("ticks", np.int64), ("q_first", f, (c,)), ("q", f, (c,)), ("qdot", f, (c,)),
+            ("qdot_cmd", f, (c,)), ("qddot_cmd", f, (c,)),
             ("pose_ref_first", f, (7,)), ("pose_ref", f, (7,)), ("path_time", f),
             # sums of squares, extremes, and when they were first
             ("square", f, (len(JOINTS), c)), ("peak", f, (len(JOINTS), c)),
@@ -66,6 +99,11 @@ def _tally_type(c: int) -> np.dtype[np.void]:
             ("status", np.int64, (BITS + 1,)), ("status_time", f, (BITS + 1,)), ("limited", np.int64),
             # ticks in which the arm is stuck, of this stretch and of the longest so far, and when each began
             ("stuck", np.int64), ("stuck_began", f), ("stuck_longest", np.int64), ("stuck_time", f),
+            # of each joint the sign of the last acceleration that counts, the tick at which it changed, and
+            # how often it changed soon after that
+            ("chatter_sign", np.int64, (c,)), ("chatter_tick", np.int64, (c,)), ("chatter", np.int64, (c,)),
+            ("broken", np.int64), ("broken_condition", np.int64), ("broken_joint", np.int64),
+            ("broken_value", f), ("broken_bound", f), ("broken_time", f),
         ]
     )  # fmt: skip
 
@@ -77,6 +115,8 @@ def begin(
     weights: Sequence[Sequence[float]],
     period: Sequence[float],
     torque_limit: Sequence[Sequence[float]] = (),
+    chatter_floor: Sequence[Sequence[float]] = (),
+    profiles: Sequence[Profile | None] = (),
 ) -> NDArray[np.void]:
     """Return the tallies of worlds before their first ticks, (w,).
 
@@ -87,6 +127,8 @@ def begin(
         weights: Task weights of each world, one an axis; none: all 1.
         period: Control periods [s].
         torque_limit: Of the joints of each world, infinite where there is none; none: no joint has one.
+        chatter_floor: Of the joints of each world; none: CHATTER_FLOOR.
+        profiles: What the commands of each world are held against, if anything.
 
     >>> begin(2, [["x", "rz"]], [0.5], [[1.0, 4.0]], [0.001])["scale"]
     array([[2., 0., 0., 0., 0., 2.]])
@@ -95,7 +137,10 @@ def begin(
     for name in ("peak", "peak_time", "error_max", "error_max_time", "error_end", "extreme", "extreme_time"):
         tallies[name] = math.nan
     tallies["stuck_time"] = tallies["status_time"] = math.nan
+    tallies["broken_value"] = tallies["broken_bound"] = tallies["broken_time"] = math.nan
     tallies["limited"], tallies["torque_limit"] = -1, math.inf
+    tallies["broken_condition"] = tallies["broken_joint"] = -1
+    tallies["chatter_floor"], tallies["chatter_tick"] = CHATTER_FLOOR, -(2**62)
     tallies["n"], tallies["k"] = n, [min(n, len(one)) for one in axes]
     for w, one in enumerate(axes):
         rows = [AXES.index(axis) for axis in one]
@@ -103,8 +148,28 @@ def begin(
         tallies["scale"][w, rows] = np.sqrt(weights[w] or np.ones(len(rows))) / meters
         if torque_limit and torque_limit[w]:
             tallies["torque_limit"][w, :n] = torque_limit[w]
+        if chatter_floor and chatter_floor[w]:
+            tallies["chatter_floor"][w, :n] = chatter_floor[w]
+        if profiles and (profile := profiles[w]):
+            _hold(tallies[w], profile, n)
     tallies["period"] = period
+    tallies["chatter_ticks"] = np.round(CHATTER_TIME / tallies["period"])
     return tallies
+
+
+def _hold(tally: np.void, profile: Profile, n: int) -> None:
+    """Write what a profile bounds."""
+    tally["is_held"] = 1
+    tally["position_bound"][:, :n] = np.array([[-math.inf], [math.inf]])
+    if profile.position:
+        tally["position_bound"][:, :n] = profile.position.lower, profile.position.upper
+    for name in ("rate", "acceleration", "jerk"):
+        published = getattr(profile, name)
+        tally[f"{name}_bound"][:n] = published.value if published else math.inf
+    if taper := profile.rate_near_ends:
+        tally["has_taper"] = 1
+        tally["taper_end"][:, :n] = taper.lower, taper.upper
+        tally["taper_offset"][:n], tally["taper_deceleration"][:n] = taper.offset, taper.deceleration
 
 
 def adder(tallies: NDArray[np.void], ticks: NDArray[np.void]) -> Callable[[NDArray[np.int64]], None]:
@@ -133,6 +198,8 @@ def add(tallies: Record, ticks: Record, ends: NDArray[np.int64]) -> None:
 
 @compiled
 def _add_tick(tally: Record, tick: Record) -> None:
+    if tally.is_held:
+        _add_conditions(tally, tick)
     _add_joints(tally, tick)
     _add_errors(tally, tick)
     _add_extremes(tally, tick)
@@ -176,17 +243,9 @@ def _add_status(tally: Record, tick: Record) -> None:
 def _add_joints(tally: Record, tick: Record) -> None:
     """Add rates, torques and the difference quotients of the rates, each at the later of its ticks."""
     for j in range(tally.n):
+        acceleration = (tick.qdot_cmd[j] - tally.qdot_cmd[j]) / tally.period
         for row in range(len(JOINTS)):
-            if row == RATE:
-                value = tick.qdot[j]
-            elif row == COMMAND:
-                value = tick.qdot_cmd[j]
-            elif row == ACCELERATION:
-                value = (tick.qdot[j] - tally.qdot[j]) / tally.period
-            elif row == TAU:
-                value = tick.tau[j]
-            else:
-                value = tick.tau[j] + tick.tau_gravity[j]
+            value = _of_joint(tally, tick, row, j, acceleration)
             before = tally.ticks - (row == ACCELERATION)  # values before this one
             if before < 0:
                 continue
@@ -196,6 +255,76 @@ def _add_joints(tally: Record, tick: Record) -> None:
         if tally.ticks == 0:
             tally.q_first[j] = tick.q[j]
         tally.q[j], tally.qdot[j] = tick.q[j], tick.qdot[j]
+        tally.qdot_cmd[j], tally.qddot_cmd[j] = tick.qdot_cmd[j], acceleration
+        if abs(acceleration) > tally.chatter_floor[j]:
+            _add_chatter(tally, j, 1 if acceleration > 0.0 else -1)
+
+
+@compiled
+def _of_joint(tally: Record, tick: Record, row: int, j: int, acceleration: float) -> Any:
+    """Return what a row adds up; the acceleration is that of the command."""
+    if row == RATE:
+        return tick.qdot[j]
+    if row == COMMAND:
+        return tick.qdot_cmd[j]
+    if row == ACCELERATION:
+        return (tick.qdot[j] - tally.qdot[j]) / tally.period
+    if row == ACCELERATION_CMD:
+        return acceleration
+    if row == JERK_CMD:
+        return (acceleration - tally.qddot_cmd[j]) / tally.period
+    return tick.tau[j] if row == TAU else tick.tau[j] + tick.tau_gravity[j]
+
+
+@compiled
+def _add_chatter(tally: Record, j: int, sign: int) -> None:
+    """Count a change of sign that comes soon after the one before."""
+    if tally.chatter_sign[j] == -sign:
+        if tally.ticks - tally.chatter_tick[j] <= tally.chatter_ticks:
+            tally.chatter[j] += 1
+        tally.chatter_tick[j] = tally.ticks
+    tally.chatter_sign[j] = sign
+
+
+@compiled
+def _add_conditions(tally: Record, tick: Record) -> None:
+    """Hold a command against the profile, before it is the last one; keep what it breaks first.
+
+    A bound is broken where it is reached, and by NaN.
+    """
+    is_broken = False
+    for condition in range(len(CONDITIONS)):
+        for j in range(tally.n):
+            acceleration = (tick.qdot_cmd[j] - tally.qdot_cmd[j]) / tally.period
+            if condition == POSITION_BOUND:
+                value, lower, upper = tick.q[j], tally.position_bound[0, j], tally.position_bound[1, j]
+            elif condition == RATE_BOUND:
+                value, upper = tick.qdot_cmd[j], tally.rate_bound[j]
+                lower = -upper
+                if tally.has_taper:
+                    lower = max(lower, -_tapered(tally, j, tick.q[j] - tally.taper_end[0, j]))
+                    upper = min(upper, _tapered(tally, j, tally.taper_end[1, j] - tick.q[j]))
+            elif condition == ACCELERATION_BOUND:
+                value, upper = acceleration, tally.acceleration_bound[j]
+                lower = -upper
+            else:
+                value = (acceleration - tally.qddot_cmd[j]) / tally.period
+                upper = tally.jerk_bound[j]
+                lower = -upper
+            if value > lower and value < upper:
+                continue
+            if tally.broken == 0 and not is_broken:
+                tally.broken_condition, tally.broken_joint, tally.broken_time = condition, j, tick.time
+                tally.broken_value, tally.broken_bound = value, lower if value <= lower else upper
+            is_broken = True
+    tally.broken += is_broken
+
+
+@compiled
+def _tapered(tally: Record, j: int, distance: float) -> float:
+    """Return the largest rate toward an end of a joint's range that is so far away: see `Taper`."""
+    fastest = math.sqrt(max(0.0, 2.0 * tally.taper_deceleration[j] * distance)) - tally.taper_offset[j]
+    return float(max(0.0, fastest))
 
 
 @compiled

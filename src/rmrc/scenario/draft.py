@@ -16,8 +16,9 @@ from pydantic import PrivateAttr, ValidationError
 from rmrc.scenario.changes import Change, Unread, applied, changes_of, put, read_change, read_setting
 from rmrc.scenario.keys import SourceMap, in_order
 from rmrc.scenario.messages import translate
+from rmrc.scenario.profile import SHIPPED
 from rmrc.scenario.reading import Document, TextError, parse, read
-from rmrc.scenario.sections import SecondarySection, Sections, TaskSection, parse_key
+from rmrc.scenario.sections import PROFILE, ControlSection, SecondarySection, Sections, TaskSection, parse_key
 from rmrc.scenario.values import Section
 from rmrc.scenario.wording import block, show
 from rmrc.support import shipped
@@ -225,6 +226,17 @@ class Draft:
         names += [one for name in vary if name.endswith(".file.path") for one in vary[name]]
         return list(dict.fromkeys(map(str, names)))
 
+    @property
+    def profiles(self) -> list[str]:
+        """The names of all files of profiles that the draft and its sweep have; as `motions`."""
+        data = self.document.value
+        vary = (data.get("sweep") or {}).get("vary") or {}
+        limits = (data.get("control") or {}).get("limits") or {}
+        swept = [one for key in ("control.limits.profile", "expect.profile") for one in vary.get(key, ())]
+        swept += [one.get(PROFILE) for one in vary.get("control.limits", ())]
+        named = [limits.get(PROFILE), (data.get("expect") or {}).get(PROFILE), *swept]
+        return list(dict.fromkeys(name for name in named if name and name not in SHIPPED))
+
     def carried(self, files: Carried) -> "Draft":
         """Return the draft with files that lie elsewhere."""
         return Draft(self._written, files, self._changes)
@@ -423,6 +435,8 @@ def _changed(node: Any, tree: _Tree, context: Mapping[str, Any] | None) -> Any:
     """Return a node with new values in it; sections on the way are checked again, others stay as they are."""
     items: Any
     if isinstance(node, Section):
+        if isinstance(node, ControlSection) and _is_of_profile(node, tree):
+            raise _RefusedError
         if not _TOGETHER.get(type(node), frozenset()).isdisjoint(tree):
             raise _RefusedError
         items = {alias: node.__dict__[name] for alias, name in _names(type(node))}
@@ -440,6 +454,14 @@ def _changed(node: Any, tree: _Tree, context: Mapping[str, Any] | None) -> Any:
     if isinstance(node, Section):
         return type(node).model_validate(items, context=context, by_alias=True, by_name=False)
     return list(items.values()) if isinstance(node, tuple) else items
+
+
+def _is_of_profile(control: ControlSection, tree: _Tree) -> bool:
+    """Whether a change is one of what a profile sets, which needs to be told what was written beside it."""
+    if control.limits.profile is not None:
+        return not tree.keys().isdisjoint(("limits", "period"))
+    limits = tree.get("limits")
+    return isinstance(limits, dict) and PROFILE in limits
 
 
 @cache

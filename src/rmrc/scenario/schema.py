@@ -52,7 +52,7 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
         for name, inner in below["properties"].items():
             needed = name in below.get("required", ())
             yield from _rows(f"{key}.{name}".removeprefix("."), inner, kinds, required=needed)
-    elif below.get("type") == "object":
+    if isinstance(below.get("additionalProperties"), dict):
         told = {
             "description": schema["description"],
             "unit": schema.get("unit", ""),
@@ -60,6 +60,8 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
         }
         inner = {**told, **below["additionalProperties"]}
         yield from _rows(f"{key}.<{_ABSENT[key][0]}>", inner, kinds, required=False)
+    elif "properties" in below:
+        return
     elif any("$ref" in option for option in below.get("items", {}).get("oneOf", ())):
         for inner in below["items"]["oneOf"]:
             yield from _rows(f"{key}[]", inner, kinds, required=False)
@@ -69,8 +71,8 @@ def _rows(key: str, schema: dict[str, Any], kinds: dict[str, Any], *, required: 
 
 
 def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
-    """Follow a reference, also through "or null"."""
-    for option in (schema, *schema.get("anyOf", ())):
+    """Follow a reference, also through "or null" and "or a text"."""
+    for option in (schema, *schema.get("anyOf", ()), *schema.get("oneOf", ())):
         if "$ref" in option:
             resolved: dict[str, Any] = kinds[option["$ref"].rpartition("/")[2]]
             return resolved

@@ -4,12 +4,22 @@ import math
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
-from pydantic import ConfigDict, Field, ValidationInfo, create_model, field_validator, model_validator
+from pydantic import (
+    ConfigDict,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    create_model,
+    field_validator,
+    model_validator,
+)
 
 from rmrc.scenario import choices
 from rmrc.scenario.choices import PLANTS
 from rmrc.scenario.keys import split
 from rmrc.scenario.path import PathFrame, Segment
+from rmrc.scenario.profile import ProfileName, load_profile
 from rmrc.scenario.values import (
     Angle,
     AngleOrEach,
@@ -361,12 +371,19 @@ class NullspaceSection(Derived):
 class LimitsSection(Derived):
     """The bounds on joint positions, rates and accelerations."""
 
+    profile: ProfileName | None = key(
+        "what the controller of a robot accepts, as its vendor publishes it: the name of a shipped profile, "
+        "or a file; it sets rate, acceleration, jerk, braking and control.period where they are not written, "
+        "and joints brake before its positions as well; null: none",
+        None,
+    )
     rate: OneOrEach | None = key(
         "largest rate, of all joints or of each; null: the model's own", None, "rad/s or m/s"
     )
     acceleration: OneOrEach | None = key(
         "largest acceleration, of all joints or of each; null: none", None, "rad/s² or m/s²"
     )
+    jerk: OneOrEach | None = key("largest jerk, of all joints or of each; null: none", None, "rad/s³ or m/s³")
     position: Switch = key("whether joints brake before the position limits of the model", default=True)
     braking: OneOrEach = key(
         "deceleration with which a joint stops before its position limit, of all joints or of each; "
@@ -374,6 +391,13 @@ class LimitsSection(Derived):
         10.0,
         "rad/s² or m/s²",
     )
+
+    @model_validator(mode="after")
+    def _by_profile(self) -> Self:
+        for name, value in load_profile(self.profile).limits.items() if self.profile else ():
+            if name not in self.model_fields_set:  # frozen is a promise to users; it is still being made
+                self.__dict__[name] = value
+        return self
 
 
 @derived("")
@@ -400,6 +424,13 @@ class ControlSection(Derived):
     )
     nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
     limits: LimitsSection = key("bounds on joint positions, rates and accelerations", LimitsSection())
+
+    @model_validator(mode="after")
+    def _by_profile(self) -> Self:
+        published = load_profile(self.limits.profile).period if self.limits.profile else None
+        if published and "period" not in self.model_fields_set:
+            self.__dict__["period"] = published.value
+        return self
 
 
 class TargetLimitsSection(Section):
@@ -557,6 +588,24 @@ class Check(Choice):
         return self
 
 
+# What is expected of the commands, beside figures.
+PROFILE = "profile"
+
+
+_ACCEPTED = (
+    "the commands must keep to what the controller of a robot accepts, as its vendor publishes it: the name "
+    "of a shipped profile, or a file; null: it is not asked"
+)
+
+
+def _check_or_profile(value: object) -> str:
+    return "<text>" if isinstance(value, str) else "<one>"
+
+
+Expected = Annotated[
+    Annotated[Check, Tag("<one>")] | Annotated[ProfileName, Tag("<text>")], Discriminator(_check_or_profile)
+]
+
 # More keys than this are no sweep of anything that a person reads, and Sobol's
 # sequence has its numbers for so many.
 MOST_DRAWN = 20
@@ -621,8 +670,26 @@ class Sections(Section):
     control: ControlSection = key("the control law", ControlSection())
     target: TargetSection = key("where the site shall go")
     plant: PlantSection = key("what obeys the commanded rates", PlantSection())
-    expect: dict[str, Check] = key("what is expected, by figure of the scorecard", {})
+    expect: dict[str, Expected] = key(
+        "what is expected, by figure of the scorecard",
+        {},
+        schema={"properties": {PROFILE: {"type": "string", "default": None, "description": _ACCEPTED}}},
+    )
     sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
+
+    @field_validator("expect", mode="before")
+    @classmethod
+    def _profile_by_name(cls, expect: object) -> object:
+        """Refuse a text for a figure, and a check for the profile, before a text is taken for a profile."""
+        for name, value in expect.items() if isinstance(expect, dict) else ():
+            if name != PROFILE and isinstance(value, str):
+                raise rule(f"must be a mapping, got {show(value)}", ("expect", name))
+            if name == PROFILE and not isinstance(value, str | None):
+                wanted = "must be the name of a profile, such as franka_fr3, or a file of one"
+                raise rule(f"{wanted}, got {show(value)}", ("expect", name))
+        if isinstance(expect, dict) and PROFILE in expect and expect[PROFILE] is None:
+            return {name: value for name, value in expect.items() if name != PROFILE}
+        return expect
 
     @model_validator(mode="after")
     def _whole_steps(self) -> Self:

@@ -60,8 +60,9 @@ class Choice(Section):
 
 def key(meaning: str, default: Any = ..., unit: str | None = None, **more: Any) -> Any:
     """Return a key of a section with what `rmrc schema` tells about it; required without a default."""
-    extra: JsonDict | None = {"unit": unit} if unit else None
-    return Field(default, description=meaning, json_schema_extra=extra, **more)
+    extra: JsonDict = {"unit": unit} if unit else {}
+    extra |= more.pop("schema", {})
+    return Field(default, description=meaning, json_schema_extra=extra or None, **more)
 
 
 def rule(text: str, key: Key = ()) -> PydanticCustomError:
@@ -153,16 +154,16 @@ def _rising(bounds: tuple[float, ...]) -> tuple[float, ...]:
 
 
 def _model_file(path: Path, info: ValidationInfo) -> Path:
-    return _file(path, info, _model_near)
+    return checked_file(path, info, _model_near)
 
 
 def _motion_file(path: Path, info: ValidationInfo) -> Path:
     if path.suffix not in MOTIONS:
         raise rule(f"must end in one of {', '.join(MOTIONS)}, got {show(str(path))}")
-    return _file(path, info, lambda folder, path: nearby(folder / path, path.suffix))
+    return checked_file(path, info, lambda folder, path: nearby(folder / path, path.suffix))
 
 
-def _file(path: Path, info: ValidationInfo, near: Callable[[Path, Path], str]) -> Path:
+def checked_file(path: Path, info: ValidationInfo, near: Callable[[Path, Path], str]) -> Path:
     """Make the path absolute; where a scenario is read (context), the file must be there."""
     context = info.context or {"folder": Path(), "models": {}}
     folder: Path = context["folder"]

@@ -19,7 +19,15 @@ from rmrc.show.terminal import Fitted, as_table
 if TYPE_CHECKING:  # with numba, which a table of keys does without
     from rmrc.results.scorecard import Figure, Outcome, Scorecard
 
-_PEAKS = ("joint_rate", "joint_rate_cmd", "joint_acceleration", "tau", "tau_total")
+_PEAKS = (
+    "joint_rate",
+    "joint_rate_cmd",
+    "joint_acceleration",
+    "joint_acceleration_cmd",
+    "joint_jerk_cmd",
+    "tau",
+    "tau_total",
+)
 _ERRORS = (
     "position_error",
     "orientation_error",
@@ -115,11 +123,14 @@ class _Figures:
     """The figures of a card; those not yet shown are left over for the last sheet.
 
     What says nothing is not shown: torques with gravity compensation where there is none, and what did not
-    happen of contacts and of drives at their limits.
+    happen of contacts, of drives at their limits and of commands that a profile refuses.
     """
 
     def __init__(self, card: "Scorecard") -> None:
-        silent = [group for group in ("contact.", "torque_limited.") if not card[f"{group}time"].value]
+        silent = [] if card["chatter"].value else ["chatter_joint"]
+        if not float(card["profile.refused"].value) > 0.0:
+            silent.append("profile.")
+        silent += [group for group in ("contact.", "torque_limited.") if not card[f"{group}time"].value]
         if all(_same(card[f"tau_total.{name}"], card[f"tau.{name}"]) for name in ("peak", "share_of_limit")):
             silent.append("tau_total.")
         self.card = card

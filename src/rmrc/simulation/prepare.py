@@ -1,7 +1,7 @@
 """A scenario, checked against its arm and turned into arrays, before anything moves."""
 
 import math
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Generic, TypeVar
@@ -20,8 +20,11 @@ from rmrc.plants.hardware import Hardware
 from rmrc.plants.lockstep import Course
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.wiring import WIRING
-from rmrc.scenario import ArmSection, Problems, Scenario, angle
+from rmrc.results.tally import CHATTER_FLOOR
+from rmrc.scenario import ArmSection, Problems, Scenario, angle, inline
 from rmrc.scenario.choices import INVERSES, PLANTS
+from rmrc.scenario.profile import Profile, load_profile
+from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.start import start_positions
 from rmrc.simulation.trajectory import Places, make_reference
@@ -193,6 +196,18 @@ class Prepared:
         return self.arm.stretched(self.plant.stretch) if self.scenario.plant.stretch else self.arm
 
     @cached_property
+    def chatter_floor(self) -> tuple[float, ...]:
+        """Acceleration above which a change of sign counts as chatter, (n,); see `rmrc.results.tally`."""
+        floor = np.minimum(self.law.rate_limit, 0.1 * self.law.acceleration_limit)
+        return tuple(np.where(np.isfinite(floor), floor, CHATTER_FLOOR).tolist())
+
+    @cached_property
+    def expected_profile(self) -> Profile | None:
+        """What the commands are held against."""
+        name = self.scenario.expect.get(PROFILE)
+        return load_profile(name) if isinstance(name, str) else None
+
+    @cached_property
     def assumed(self) -> tuple[Assumed, ...]:
         """What the run has otherwise than the model's author wrote it, and the limits that are missing."""
         arm, law, physics = self.arm, self.law, self.plant.has_physics
@@ -208,7 +223,21 @@ class Prepared:
             if joints:
                 which = "all joints" if len(joints) == arm.n else listed(joints)
                 missing.append(Assumed(f"no {name} limit: {which}", False))
-        return (*self.plant.assumed(), *missing)
+        return (*self.plant.assumed(), *self._by_profile(), *missing)
+
+    def _by_profile(self) -> Iterator[Assumed]:
+        """Yield what the profile of `control.limits` sets, but for what is written otherwise."""
+        control = self.scenario.control
+        if control.limits.profile is None:
+            return
+        profile, texts = load_profile(control.limits.profile), []
+        if profile.period and control.period == profile.period.value:
+            texts.append(f"control.period {control.period:g}")
+        for key, values in profile.limits.items():
+            if getattr(control.limits, key) == values:
+                same = len(set(values)) == 1
+                texts.append(f"control.limits.{key} {inline(values[0] if same else list(values))}")
+        yield Assumed(f"by profile {profile.name}: {', '.join(texts) or 'nothing'}", False)
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
@@ -239,6 +268,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     problems = Problems(scenario)
     believed = _start(scenario, arm, problems)
     arm = cache.placed(arm, scenario.arm, believed)
+    _check_profiles(scenario, arm, problems)
     _check_lengths(scenario, arm, problems)
     _check_stretch(scenario, arm, problems)
     qpos = _true_start(scenario, arm, believed, problems)
@@ -354,8 +384,30 @@ def _positions_instead(start: object, arm: Arm) -> str:
     return f"; write [{', '.join([start.strip()] * arm.n)}], a position for each joint"
 
 
+def _check_profiles(scenario: Scenario, arm: Arm, problems: Problems) -> None:
+    """Refuse a profile of a robot that the arm is not, or whose conditions are on another period."""
+    limits, expected = scenario.control.limits.profile, scenario.expect.get(PROFILE)
+    for key, name in (("control.limits.profile", limits), ("expect.profile", expected)):
+        if not isinstance(name, str):
+            continue
+        profile, period = load_profile(name), scenario.control.period
+        if profile.joints != arm.n:
+            has = f"the arm has {arm.n} ({', '.join(arm.joints)})"
+            problems.add(key, f"{profile.name} is of a robot with {profile.joints} joints, and {has}")
+            continue
+        published = profile.period.value if profile.period else period
+        differs = abs(published - period) > 1e-9 * period
+        if key == "expect.profile" and differs and (profile.acceleration or profile.jerk):
+            problems.add(
+                key,
+                f"{profile.name} bounds the differences of commands that are {published:g} s apart, and "
+                f"control.period is {period:g} s; write control.period: {published:g}",
+            )
+
+
 def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     control = scenario.control
+    by_profile = load_profile(control.limits.profile).limits if control.limits.profile else {}
     for key, values in (
         ("arm.encoder.offset", scenario.arm.encoder.offset),
         ("arm.encoder.deviation", scenario.arm.encoder.deviation),
@@ -367,9 +419,11 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
         ("control.joint_weights", control.joint_weights),
         ("control.nullspace.posture", control.nullspace.posture),
         ("control.nullspace.rates", control.nullspace.rates),
-        ("control.limits.rate", control.limits.rate),
-        ("control.limits.acceleration", control.limits.acceleration),
-        ("control.limits.braking", control.limits.braking),
+        *(  # of what a profile sets, the profile has been told
+            (f"control.limits.{name}", values)
+            for name in ("rate", "acceleration", "jerk", "braking")
+            if (values := getattr(control.limits, name)) != by_profile.get(name)
+        ),
         ("plant.lag", scenario.plant.lag),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
@@ -453,6 +507,9 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: Problems) -> None:
             "control.at_singularity",
             '"slow" scales the feed-forward, so it needs control.feedforward: true, got false',
         )
+    rate = control.limits.rate
+    if isinstance(rate, tuple) and len(rate) != arm.n:  # which has been told
+        return
     if not np.isfinite(rate_limit(arm, control.limits)).all():
         problems.add(
             "control.at_singularity",

@@ -124,6 +124,8 @@ class _Shard:
             view=prepared.task.view,
             touching=contacts.first.get(w, ()) if contacts else (),
             resting=tuple(contacts.resting.get(w, ())) if contacts else (),
+            chatter_floor=prepared.chatter_floor,
+            profile=prepared.expected_profile,
         )
 
     def scorecards(self) -> list[Scorecard]:

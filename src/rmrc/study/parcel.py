@@ -37,8 +37,8 @@ class Parcel:
         draft: Of the scenario.
         folder: Where the scenario was.
         root: Where all files of models were.
-        models: And recorded motions, by the names that the scenario has for them; those that are no files are
-            not here.
+        models: And recorded motions and profiles, by the names that the scenario has for them; those that are
+            no files are not here.
         files: Of models and what they depend on, by their paths from the root.
         folders: Of packages, by the names that the scenario has for them, as paths from the root.
     """
@@ -71,7 +71,7 @@ def pack(draft: Draft) -> Parcel:
     packages = [{name: (folder / one).resolve() for name, one in some.items()} for some in draft.packages]
     needed = {name: sorted({one for some in (packages or [{}]) for one in files(file, some)})
               for name, file in named.items() if file.is_file()}  # fmt: skip
-    for name in draft.motions:
+    for name in (*draft.motions, *draft.profiles):
         named[name] = (folder / name).resolve()
         needed[name] = [named[name]]
     everything = sorted({file for some in needed.values() for file in some})

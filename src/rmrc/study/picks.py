@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 from rmrc import scenario
 from rmrc.scenario import Check, Scenario
+from rmrc.scenario.sections import PROFILE
 from rmrc.study.dataset import Column, Dataset
 from rmrc.support.errors import ScenarioError, did_you_mean
 
@@ -52,7 +53,7 @@ class Choice(NamedTuple):
             ScenarioError: No row has such a number.
         """
         first = next(iter(one.expect), USUAL)
-        figure = self.figure or first
+        figure = self.figure or (f"{PROFILE}.refused" if first == PROFILE else first)
         numbers = [c.name for c in columns if c.kind == "number"]
         if figure not in numbers:
             near = did_you_mean(figure, numbers) or "; take one such as joint_rate.peak"
@@ -60,7 +61,7 @@ class Choice(NamedTuple):
         return self._replace(figure=figure)
 
 
-def chosen(dataset: Dataset, choice: Choice, expect: Mapping[str, Check]) -> list[int]:
+def chosen(dataset: Dataset, choice: Choice, expect: Mapping[str, Check | str]) -> list[int]:
     """Return the indices of the chosen rows, the most extreme first; of equal ones, the first.
 
     Args:
@@ -69,7 +70,8 @@ def chosen(dataset: Dataset, choice: Choice, expect: Mapping[str, Check]) -> lis
         expect: Says what is bad: to be above, below or far off; else `.min` and `completed` are bad where
             they are small, and everything else where it is large.
     """
-    bad = _badness(choice.figure, expect.get(choice.figure))
+    wanted = expect.get(choice.figure)
+    bad = _badness(choice.figure, wanted if isinstance(wanted, Check) else None)
     sign = -1.0 if choice.worst else 1.0
     rows = (
         (sign * bad(value), index)

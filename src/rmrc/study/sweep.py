@@ -169,17 +169,18 @@ class Sweep:
             self.check()
             raise
         swept = self.scenario.sweep.model_dump(mode="json")
-        # recorded motions, and models that are varied, count with what is in their files, and in those that
-        # these depend on
+        # recorded motions, profiles, and models that are varied, count with what is in their files, and in
+        # those that these depend on
         models_vary = any(key == "arm" or f"{key}.".startswith(_MODELS) for key in self.plan.keys)
-        named = (*(self.scenario.draft.models if models_vary else ()), *self.scenario.draft.motions)
+        draft = self.scenario.draft
+        named = (*(draft.models if models_vary else ()), *draft.motions, *draft.profiles)
         if named:
             files = self._parcel.models
             swept |= {f"model {name}": files[name].digest for name in named if name in files}
         # the order of the keys, which sorting hides, decides which run an index is
         text = json.dumps([swept, self.plan.keys, self.plan.seed], sort_keys=True)
         model = "" if models_vary else fingerprint(arm)
-        expect = {name: one.model_dump(mode="json") for name, one in self.scenario.expect.items()}
+        expect = self.scenario.model_dump(mode="json", include={"expect"})["expect"]
         return {
             "scenario": digest(self.scenario, model),
             "expect": expect,

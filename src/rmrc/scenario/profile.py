@@ -1,0 +1,211 @@
+"""Profiles: what the vendor of a robot publishes of the commands that its controller accepts.
+
+A profile is a YAML file, in `profiles/` beside this module or of a user. Every number in it has its source.
+"""
+
+import math
+from functools import cached_property, lru_cache
+from pathlib import Path
+from typing import Annotated, Any, Self
+
+from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
+
+from rmrc.scenario.keys import in_order
+from rmrc.scenario.reading import TextError, parse, read
+from rmrc.scenario.values import (
+    Bounds,
+    Count,
+    NotNegative,
+    Positions,
+    Positive,
+    Section,
+    Text,
+    Weights,
+    checked_file,
+    key,
+    rule,
+)
+from rmrc.scenario.wording import nearby, show
+from rmrc.support.errors import did_you_mean
+
+SUFFIXES = (".yaml", ".yml")
+SHIPPED = {file.stem: file for file in sorted(Path(__file__).with_name("profiles").glob("*.yaml"))}
+
+
+class Sourced(Section):
+    """Something that is published."""
+
+    source: Text = key("where it is published, or how it was measured")
+
+
+class Value(Sourced):
+    """One number."""
+
+    value: Positive = key("the number, in SI units")
+
+
+class Each(Sourced):
+    """A number a joint."""
+
+    value: Weights = key("one a joint, in SI units")
+
+
+class Ends(Sourced):
+    """Two positions a joint, which it must stay between."""
+
+    lower: Positions = key("one a joint", unit="rad or m")
+    upper: Positions = key("one a joint", unit="rad or m")
+
+
+class Taper(Ends):
+    """Rates that fall towards the ends: toward `upper` at most √(2 · deceleration · (upper − q)) − offset."""
+
+    offset: Annotated[tuple[NotNegative, ...], Count(1)] = key("one a joint", unit="rad/s or m/s")
+    deceleration: Weights = key("one a joint", unit="rad/s² or m/s²")
+
+
+class Span(Sourced):
+    """What a number lies between."""
+
+    value: Bounds = key("the least and the most, in SI units")
+
+
+class Loop(Section):
+    """What is known of the loop between a command and the motion; null: it is not published."""
+
+    delay: Span | None = key("dead time from a command to the motion", None, "s")
+    lag: Value | None = key("time constant with which the motion follows", None, "s")
+    encoder_resolution: Value | None = key("smallest step of a measured position", None, "rad or m")
+
+
+class Profile(Section):
+    """What a robot's controller accepts, as its vendor publishes it; null: nothing is published.
+
+    Every bound is strict: a command at the bound is refused.
+    """
+
+    name: str = key("what it is called; the file's own name", "")
+    robot: Text = key("which robot, and which version of its software")
+    joints: Annotated[int, Field(strict=True, ge=1)] = key("how many joints it has")
+    period: Value | None = key("time between two commands", None, "s")
+    position: Ends | None = key("positions that may be commanded", None)
+    rate: Each | None = key("largest rates", None, "rad/s or m/s")
+    rate_near_ends: Taper | None = key("largest rates near the ends of the joints' ranges", None)
+    acceleration: Each | None = key("largest accelerations", None, "rad/s² or m/s²")
+    jerk: Each | None = key("largest jerks", None, "rad/s³ or m/s³")
+    margin: Positive = key(
+        "how far below these bounds `control.limits.profile` keeps positions, rates, accelerations and "
+        "jerks, each in its own unit",
+        # as libfranka's limiter does: kLimitEps of include/franka/rate_limiting.h, 0.21.2
+        1e-3,
+    )
+    loop: Loop = key("what is known of the loop", Loop())
+
+    @model_validator(mode="after")
+    def _one_a_joint(self) -> Self:
+        for place in ("position", "rate", "rate_near_ends", "acceleration", "jerk"):
+            part = getattr(self, place)
+            for name, values in vars(part).items() if part else ():
+                if isinstance(values, tuple) and len(values) != self.joints:
+                    got = f"got {len(values)} for {self.joints} joints"
+                    raise rule(f"must have one value a joint, {got}", (place, name))
+            for j, low in enumerate(part.lower if isinstance(part, Ends) else ()):
+                if not low < part.upper[j]:
+                    wrong = f"must be below upper[{j}], which is {part.upper[j]:g}, got {low:g}"
+                    raise rule(wrong, (place, "lower", j))
+        for name, most in (("rate", self.rate), ("acceleration", self.acceleration), ("jerk", self.jerk)):
+            if most and min(most.value) <= self.margin:
+                raise rule(f"must be above margin {self.margin:g}, got {min(most.value):g}", (name, "value"))
+        return self
+
+    @cached_property
+    def limits(self) -> dict[str, tuple[float, ...]]:
+        """What it sets of `control.limits`, by key, a value a joint."""
+        found = {
+            name: tuple(most - self.margin for most in part.value)
+            for name in ("rate", "acceleration", "jerk")
+            if (part := getattr(self, name)) is not None
+        }
+        if self.rate_near_ends:
+            # half of what the taper falls by stays below it from `stops` on, as its discriminant says
+            found["braking"] = tuple(0.5 * one for one in self.rate_near_ends.deceleration)
+        return found
+
+    @cached_property
+    def stops(self) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """Positions, lower and upper, before which joints brake so that no bound is met; infinite for none.
+
+        Braking by b toward a stop at d₀ from the end of the taper, √(2 b (d − d₀)) ≤ √(2 a d) − o for all d,
+        with b = a/2: d₀ = o²/a.
+        """
+        lower, upper = [-math.inf] * self.joints, [math.inf] * self.joints
+        for part in filter(None, (self.position, self.rate_near_ends)):
+            for j in range(self.joints):
+                room = self.margin
+                if isinstance(part, Taper):
+                    room += part.offset[j] ** 2 / part.deceleration[j]
+                lower[j], upper[j] = max(lower[j], part.lower[j] + room), min(upper[j], part.upper[j] - room)
+        return tuple(lower), tuple(upper)
+
+
+def _of_name(name: str, info: ValidationInfo) -> str:
+    """Return the name of a shipped profile, or the absolute path of a file."""
+    if name in SHIPPED:
+        return name
+    if Path(name).suffix not in SUFFIXES:
+        near = did_you_mean(name, SHIPPED) or f"; the profiles are {', '.join(SHIPPED)}"
+        raise rule(f"must be a profile or a file that ends in .yaml, got {show(name)}{near}")
+    found = checked_file(Path(name), info, lambda folder, path: nearby(folder / path, *SUFFIXES))
+    load_profile(str(found))
+    return str(found)
+
+
+ProfileName = Annotated[Text, AfterValidator(_of_name)]
+"""A shipped profile by its name, or a file of one."""
+
+
+def load_profile(name: str) -> Profile:
+    """Return a profile.
+
+    Args:
+        name: Of a shipped one, such as `franka_fr3`, or the path of a YAML file.
+
+    Raises:
+        PydanticCustomError: It cannot be read, or is none; all that is wrong, on one line.
+    """
+    path = SHIPPED.get(name, Path(name))
+    try:
+        status = path.stat()
+        return _loaded(path, status.st_mtime_ns, status.st_size)
+    except OSError as error:
+        raise rule(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
+
+
+@lru_cache(maxsize=64)
+def _loaded(path: Path, mtime: int, size: int) -> Profile:  # noqa: ARG001 - read anew where they differ
+    try:
+        document = parse(read(str(path)), str(path))
+        found = Profile.model_validate(document.value)
+    except TextError as error:
+        raise rule(f"{path}: {error}") from None
+    except ValidationError as error:
+        problems = [
+            document.sources.problem(key, _told(one))
+            for one in error.errors(include_url=False)
+            for key in [one.get("ctx", {}).get("key") or one["loc"]]
+        ]
+        raise rule("; ".join(map(str, in_order([*document.problems, *problems])))) from None
+    if document.problems:
+        raise rule("; ".join(map(str, in_order(document.problems))))
+    return found.model_copy(update={"name": path.stem})
+
+
+def _told(detail: Any) -> str:
+    if detail["type"] == "rule":
+        return str(detail["ctx"]["text"])
+    if detail["type"] == "missing":
+        return "is required"
+    if detail["type"] == "extra_forbidden":
+        names = Profile.model_fields if len(detail["loc"]) == 1 else ()
+        return f"unknown key{did_you_mean(str(detail['loc'][-1]), names)}"
+    return f"{str(detail['msg']).lower()}, got {show(detail['input'])}"
