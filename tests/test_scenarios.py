@@ -51,6 +51,7 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("at_the_stop", "control.limits.on_excess=clamp"),
         ("posture_sweep", "control.nullspace.objective=none"),
         ("encoder_offsets", "arm.encoder.deviation=1 deg"),
+        ("wrong_lengths", "plant.stretch.link_1=1.006"),
         ("example_5_5", "control.inverse.method=damped"),
         ("whitney_1972", "control.feedback=25"),
         ("more_rows_than_joints", "task.weights=[1, 1, 1]"),

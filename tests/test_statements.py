@@ -102,6 +102,24 @@ def test_a_tip_is_off_by_what_the_jacobian_makes_of_the_encoders():
     assert 3.0 * np.radians(0.1) * np.linalg.norm(J) == pytest.approx(0.0103, abs=5e-5)
 
 
+def test_wrong_lengths_cost_their_share_of_the_distance_whatever_the_gain():
+    scenario_says(
+        "wrong_lengths",
+        "0.5 % of its distance from the shoulder beyond its target, 9.75 mm at 1.95 m and 5 mm at 1 m, whatever the gain",
+        "--vary control.feedback=5,20,80",
+        "law and arm have the same lengths",
+    )
+    for gain in (5, 20, 80):
+        _, run, _ = ran("wrong_lengths", f"control.feedback={gain}")
+        out = np.argmax(run["pose_ref"][:, 0])  # where it begins to wait
+        rests = run["pose_ref"][:, 0] == run["pose_ref"][out, 0]
+        held = np.flatnonzero(rests)[-1]
+        # what rate servos are off on the way is gone but for 1 % after a second of the lowest gain
+        np.testing.assert_allclose(run["pose_error"][[held, -1], 0], [-0.00975, -0.005], rtol=0, atol=1e-5)
+    known = ("arm.stretch={link_1: 1.005, link_2: 1.005}", "plant.stretch={}")
+    assert ran("wrong_lengths", *known)[2]["position_error.end"] < 1e-9
+
+
 def test_ten_times_the_period_makes_nine_times_the_error():
     scenario_says("example_5_5", "ten times the period makes nine times the error")
     (_, _, short), (_, _, long) = ran("example_5_5"), ran("example_5_5", "control.period=1.0e-3")

@@ -504,6 +504,25 @@ def test_a_divergence_is_shown_in_its_lane(planar, tmp_path):
     assert len(read_columns(path)["time"]) == 60
 
 
+def test_a_pale_arm_is_where_the_law_takes_it_to_be(tmp_path, planar):
+    text = PLANAR + "plant: {stretch: {link_1: 1.1}, joint_offset: 0.05}\ncontrol: {period: 0.01}\n"
+    prepared, run = simulated(text)
+    record(tmp_path / "run.rrd", prepared, run)
+    known, q = planar[0].arm, run["q"] - 0.05
+    elbow = known.model.body("link_2").id
+    for entity, arm, at in (("arm", prepared.true_arm, run["q"]), ("believed", known, q)):
+        places = stored(tmp_path / "run.rrd", f"/{entity}/link_2")["Transform3D:translation"]
+        want = arm.frames(at)[0][:, elbow, :3]
+        np.testing.assert_allclose([place[0] for place in places], want, atol=1e-6)  # float32
+    assert np.abs(np.subtract(known.frames(q)[0], prepared.true_arm.frames(run["q"])[0])).max() > 0.1
+    off = stored(tmp_path / "run.rrd", "/belief")["Scalars:scalars"]
+    np.testing.assert_allclose(off, np.full((len(run), 2), -50.0), rtol=1e-12)
+    colors = stored(tmp_path / "run.rrd", "/believed/link_2/tube_2")["Capsules3D:colors"][0]
+    assert [color & 255 for color in colors] == [round(0.3 * 255)]
+    assert "pale arm" in stored(tmp_path / "run.rrd", "/text/legend")["TextDocument:text"][0][0]
+    assert_same_bits(read_columns(tmp_path / "run.rrd"), run.columns)
+
+
 def test_scenario_scorecard_and_legend_are_inside(recorded):
     prepared, _, path = recorded
     text = stored(path, "/text/scenario")["TextDocument:text"][0][0]
@@ -514,6 +533,19 @@ def test_scenario_scorecard_and_legend_are_inside(recorded):
 
 def test_the_layout_is_in_the_file_and_looks_only_at_what_is_recorded(recorded):
     _, _, path = recorded
+    assert_looks_at_what_is_recorded(path)
+
+
+def test_so_does_the_layout_of_a_law_that_is_misled(tmp_path):
+    prepared, run = simulated(PLANAR + "control: {period: 0.01, state: integrated}\n")
+    record(tmp_path / "run.rrd", prepared, run)
+    assert {"What the law takes joints for, less what they are"} < assert_looks_at_what_is_recorded(
+        tmp_path / "run.rrd"
+    )
+
+
+def assert_looks_at_what_is_recorded(path):
+    """Hold the views of a layout against what is in the file, and return their names."""
     (entry,) = RrdReader(path).blueprints()
     queries, names = [], []
     for chunk in RrdReader(path).stream(store=entry):
@@ -529,3 +561,4 @@ def test_the_layout_is_in_the_file_and_looks_only_at_what_is_recorded(recorded):
     paths = [q.lstrip("+ ").removesuffix("/**") for q in queries if "$origin" not in q]
     assert "/columns/qdot" in paths
     assert all(any(entity.startswith(path) for entity in known) for path in paths)
+    return set(names)

@@ -42,8 +42,7 @@ LEGEND = f"""\
 |---|---|
 | **white line** | the path that the tip shall follow; a white ball, seen if the tip is late, is the target |
 | **trail**, **ball** | where the tip has been, and is; **red** near a singularity |
-| **pale arm** | where the law takes the arm to be, if that is elsewhere |
-| **green ellipsoid** | velocities that take little joint motion: long is easy, **flat is lost** |
+{{pale}}| **green ellipsoid** | velocities that take little joint motion: long is easy, **flat is lost** |
 | **violet wires** | forces that take little joint torque: long where the green one is flat |
 | **thick double arrow** | the motion that dies first (u_min); it turns **red** as σ_min goes to 0 |
 | **thin double arrow** | the same of the rotation, as an axis; cyan turns red |
@@ -59,7 +58,8 @@ Plots: bold and pale are the same joint, measured and commanded{{arriving}}.
 def legend(prepared: Prepared) -> str:
     """Return the texts of the picture and of its plots."""
     arriving = "" if prepared.hardware.is_direct else "; dark is what of that arrives at the plant"
-    return LEGEND.format(arriving=arriving)
+    pale = "| **pale arm** | where the law takes the arm to be |\n" if prepared.hardware.is_misled else ""
+    return LEGEND.format(arriving=arriving, pale=pale)
 
 
 def geometry(shape: Shape) -> rr.AsComponents:
@@ -178,7 +178,7 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
     """Return the layout: the picture with its texts at the left, the plots at the right."""
     picture = rrb.Spatial3DView(
         name=f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}",
-        contents=["/arm/**", "/believed/**", "/target/**", "/tip/**"],
+        contents=["/arm/**", *["/believed/**"] * prepared.hardware.is_misled, "/target/**", "/tip/**"],
         overrides={"tip/trail": until_now()},
         eye_controls=eye(scene.points, scene.normal),
         line_grid=grid(scene.points),
