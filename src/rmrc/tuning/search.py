@@ -30,8 +30,8 @@ _LOOK, _CONFIRM = 0.3, 0.5
 # found to end those that come after.
 _ROUND = 64
 # Steps in the unit cube, whose sides are two or three decades: the first, the last, and by how much they
-# shrink after a round that brought nothing new.
-_FIRST_STEP, _LAST_STEP, _SHRINK = 0.25, 0.003, 0.4
+# shrink after a round that brought something new, and after one that did not.
+_FIRST_STEP, _LAST_STEP, _SHRINK = 0.25, 0.003, (0.7, 0.4)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
@@ -163,7 +163,7 @@ class Search:
                 children.append(self._space.at(parent.structure, np.clip(point, 0.0, 1.0)))
             before = len(self._whole())
             self._round(children)
-            step *= 1.0 if len(self._whole()) > before else _SHRINK
+            step *= _SHRINK[len(self._whole()) == before]
             rounds += 1
 
     def _round(self, settings: Iterable[Setting]) -> None:

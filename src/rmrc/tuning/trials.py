@@ -42,7 +42,7 @@ class Outcome(NamedTuple):
         error: The larger of position_error.max and task.length · orientation_error.max [m].
         peak_rate: The largest of the joints' peak rates, of those that slide over task.length [rad/s].
         time: duration [s].
-        roughness: The largest of the joints' rms commanded accelerations, slides over task.length [rad/s²].
+        roughness: The largest of the joints' rms commanded accelerations [rad/s² or m/s²].
         completed: Share of the path.
         excess: Share by which what is allowed is exceeded most; not positive: it is kept.
         missed: What that is, in words.
@@ -85,7 +85,7 @@ class Limits:
         length: task.length [m].
         rate: Largest rate of each joint; infinite for none.
         acceleration: Largest acceleration of each.
-        jerk: Largest commanded jerk of each.
+        jerk: Largest commanded jerk of each; held against that of the joint with the largest.
     """
 
     joints: tuple[str, ...]
@@ -117,10 +117,7 @@ class Limits:
         def figure(name: str) -> float:
             return float(card[name].value) if name in card else 0.0
 
-        def largest(name: str) -> float:
-            each = np.array([figure(name.format(joint)) for joint in self.joints])
-            return float((each / self.scale).max())
-
+        rates = np.array([figure(f"joint_rate.{joint}.peak") for joint in self.joints])
         error = max(figure("position_error.max"), self.length * figure("orientation_error.max"))
         time, completed = figure("duration"), figure("completed")
         found = [(-1.0, ""), *self._peaks(card), *_smooth(card, time)]
@@ -131,7 +128,7 @@ class Limits:
         if result.divergence is not None:
             found.append((math.inf, f"it {result.divergence}"))
         excess, missed = max(found, key=lambda pair: pair[0])
-        rate, rough = largest("joint_rate.{}.peak"), largest("joint_acceleration_cmd.{}.rms")
+        rate, rough = float((rates / self.scale).max()), figure("joint_acceleration_cmd.rms")
         return Outcome(error, rate, time, rough, completed, excess, missed, result.ended)
 
     def _peaks(self, card: Scorecard) -> Iterator[tuple[float, str]]:
@@ -139,13 +136,14 @@ class Limits:
         for what, name, limits, per in (
             ("rate", "joint_rate", self.rate, "/s"),
             ("acceleration", "joint_acceleration", self.acceleration, "/s²"),
-            ("commanded jerk", "joint_jerk_cmd", self.jerk, "/s³"),
         ):
             for joint, limit, unit in zip(self.joints, limits, self.units, strict=True):
                 if limit < math.inf:
-                    peak = float(card[f"{name}.{joint}.peak"].value)
-                    said = f"the {what} of {joint} is {peak:.4g} {unit}{per}, and {limit:.4g} is allowed"
-                    yield peak / float(limit * (1.0 + TOLERANCE)) - 1.0, said
+                    yield _over(what, joint, float(card[f"{name}.{joint}.peak"].value), limit, f"{unit}{per}")
+        joint = str(card["joint_jerk_cmd.peak_joint"].value)
+        if joint and np.isfinite(self.jerk).any():
+            j, jerk = self.joints.index(joint), float(card["joint_jerk_cmd.peak"].value)
+            yield _over("commanded jerk", joint, jerk, self.jerk[j], f"{self.units[j]}/s³")
 
     def exceeded(self, tallies: NDArray[np.void]) -> NDArray[np.bool_]:
         """Return whether runs have exceeded the limit of a joint already, by their tallies, (w,)."""
@@ -159,6 +157,12 @@ class Limits:
         rates = tallies["peak"][:, RATE, : len(self.joints)] / self.scale
         errors = tallies["error_max"][:, WHOLE : WHOLE + 2] * (1.0, self.length)
         return rates.max(axis=1), errors.max(axis=1)
+
+
+def _over(what: str, joint: str, peak: float, limit: float, unit: str) -> tuple[float, str]:
+    """Return by which share a limit is exceeded, and in words."""
+    said = f"the {what} of {joint} is {peak:.4g} {unit}, and {limit:.4g} is allowed"
+    return peak / (limit * (1.0 + TOLERANCE)) - 1.0, said
 
 
 def _smooth(card: Scorecard, time: float) -> Iterator[tuple[float, str]]:
