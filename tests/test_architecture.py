@@ -39,7 +39,7 @@ OWNERS = {
     "pydantic": ("rmrc.scenario",),
     "pydantic_core": ("rmrc.scenario",),  # comes with pydantic
     "rerun": ("rmrc.recording",),
-    "pyarrow": ("rmrc.study.dataset", "rmrc.recording", "rmrc.simulation.motion"),
+    "pyarrow": ("rmrc.study.dataset", "rmrc.recording", "rmrc.simulation.tables"),
     "matplotlib": (
         *(
             "rmrc.show.figures",
@@ -47,7 +47,11 @@ OWNERS = {
             "rmrc.study.filter_figure",
             "rmrc.tuning.figure",
         ),
-        *("rmrc.analysis.inspect.figure", "rmrc.analysis.workspace.figure"),
+        *(
+            "rmrc.analysis.identify.figure",
+            "rmrc.analysis.inspect.figure",
+            "rmrc.analysis.workspace.figure",
+        ),
     ),
     "rich": (
         "rmrc.cli",

@@ -19,6 +19,7 @@ from rmrc.arm.others import Others
 from rmrc.plants.servo import RateServos
 from rmrc.recording.scene import Scene
 from rmrc.scenario import Scenario
+from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ModelError
@@ -477,3 +478,68 @@ def test_a_sensor_of_an_actuator_that_is_replaced_does_not_stop_a_plant(tmp_path
         RateServos((1.0,)), TIMESTEP, gravity_compensation=True
     )
     assert adapted.nsensor == 1 and adapted.nu == 1
+
+
+# What motion capture places -----------------------------------------------------------------------
+
+CARRIED = """<mujoco><compiler angle="radian"/><worldbody>
+ <body name="cart" mocap="true" pos="0.1 0 0.5"><body name="upper"><joint name="shoulder" axis="0 1 0"/>
+  <geom type="capsule" fromto="0 0 0 0.5 0 0" size="0.03"/><body name="lower" pos="0.5 0 0">
+   <joint name="elbow" axis="0 1 0"/><geom type="capsule" fromto="0 0 0 0.4 0 0" size="0.03"/>
+   <site name="tip" pos="0.4 0 0"/></body></body></body>
+ <body name="wall" mocap="true" pos="3 0 0"><geom type="box" size="0.05 0.5 0.5"/></body></worldbody>
+<keyframe><key name="home" qpos="-0.5 1.2"/>
+ <key name="moved" qpos="-0.5 1.2" mpos="0.3 -0.2 0.6  3 0 0" mquat="0.8 0 0 0.6  1 0 0 0" qvel="0.1 0"/>
+ <key name="walled" qpos="-0.5 1.2" mpos="0.1 0 0.5  0.93 0 0.5"/></keyframe></mujoco>"""
+
+
+@pytest.fixture
+def carried(tmp_path):
+    """Return a function: start -> (prepared, run) of an arm that a mocap body carries."""
+    path = tmp_path / "carried.xml"
+    path.write_text(CARRIED)
+
+    def started(start, kind="servo", by=(0.0, 0.0, 0.05)):
+        prepared = prepare(Scenario.model_validate({
+            "name": "carried", "arm": {"model": path, "site": "tip", "start": start}, "task": {"axes": ("x", "z")},
+            "target": {"path": ({"line": {"by": by}},)}, "plant": {"kind": kind},
+        }))  # fmt: skip
+        (done,) = Simulation([prepared]).run()
+        return prepared, done
+
+    return started
+
+
+@pytest.mark.parametrize("kind", ["ideal", "servo", "torque"])
+@pytest.mark.parametrize("start", ["home", "moved"])
+def test_bodies_of_motion_capture_start_where_the_keyframe_has_them(carried, start, kind):
+    prepared, done = carried(start, kind)
+    model = mujoco.MjModel.from_xml_string(CARRIED)
+    data = mujoco.MjData(model)
+    mujoco.mj_resetDataKeyframe(model, data, model.key(start).id)
+    mujoco.mj_kinematics(model, data)
+    poses, _ = prepared.arm.frames(done["qpos"][:1])
+    assert_allclose(poses[0, :, :3], data.xpos, rtol=0, atol=1e-12)
+    # of the physics, of the law's chain and of the path
+    assert_allclose(done["pose"][0, :3], data.site("tip").xpos, rtol=0, atol=1e-12)
+    assert_allclose(done["pose_ref"][0, :3], data.site("tip").xpos, rtol=0, atol=1e-12)
+    assert np.abs(done["pose_error"][:, [0, 2]]).max() < 1e-3
+    (rest,) = [one for one in ("home", "moved") if one != start]
+    mujoco.mj_resetDataKeyframe(model, data, model.key(rest).id)
+    mujoco.mj_kinematics(model, data)
+    assert np.abs(done["pose"][0, :3] - data.site("tip").xpos).max() > 0.1
+
+
+def test_what_motion_capture_puts_in_the_way_is_touched(carried):
+    touched = {
+        start: (carried(start, by=(0.05, 0.0, 0.0))[1]["status"].astype(int) & int(Status.CONTACT)).any()
+        for start in ("home", "walled")
+    }
+    assert touched == {"home": False, "walled": True}
+
+
+def test_velocities_of_a_keyframe_are_said_not_to_be_taken(carried):
+    for start in ("home", "moved"):
+        prepared, done = carried(start)
+        said = [one.text for one in prepared.assumed if "velocities" in one.text]
+        assert len(said) == (start == "moved") and (done["qdot"][0] == 0.0).all()

@@ -6,16 +6,20 @@ written by hand for each model, from the meaning of MJCF's elements.
 
 import mujoco
 import numpy as np
+import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
 from project import ROOT
 from rmrc.law.controller import Controller
-from rmrc.scenario import Scenario
+from rmrc.scenario import Scenario, load, variants
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.compare import Comparison
+from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
+from rmrc.tuning.tune import Tuning
 from wording import says
 
 MODELS = ROOT / "tests/models/drives"
@@ -398,3 +402,65 @@ def test_worlds_that_differ_are_each_as_alone():
         (alone,) = Simulation([one]).run()
         assert_array_equal(done["qpos"], alone["qpos"])
         assert_array_equal(done["tau"], alone["tau"])
+
+
+# Studies: compare, sweep and tune ----------------------------------------------------------------------
+
+WRITTEN = f"""
+name: drives
+arm: {{model: {MODELS}/position.xml, site: hand}}
+task: {{axes: [x, z]}}
+control: {{period: {PERIOD}, feedback: 5.0}}
+target: {{path: [{{line: {{by: [0.05, 0, 0.05]}}}}, {{hold: {{for: 0.3}}}}]}}
+plant: {{kind: model, bandwidth: 100.0}}
+"""
+
+
+@pytest.fixture
+def written(tmp_path):
+    """Return the path of the scenario of `run("position")` as a file."""
+    path = tmp_path / "drives.yaml"
+    path.write_text(WRITTEN)
+    return path
+
+
+def plain_loop(path, *settings):
+    """Return what a plain loop over the author's file does of a scenario with these settings: qpos."""
+    return Loop(prepare(load(path, settings))).run(nothing, moved(2.0, 1.0))[0]
+
+
+def test_a_comparison_has_what_the_plain_loop_does(written, tmp_path):
+    kinds = ("servo", "model")
+    left = Comparison(written, variants([f"plant.kind={','.join(kinds)}"]), [], tmp_path / "out").run()
+    assert [one.variant.label for one in left.results] == [*kinds]
+    servo, own = (one.run["qpos"] for one in left.results)
+    qpos = plain_loop(written)
+    assert_allclose(own, qpos, rtol=0, atol=EXACT)
+    assert np.abs(servo - qpos).max() > 1e-3  # our servos do not sag
+
+
+def test_rows_of_a_sweep_have_what_the_plain_loop_does(written, tmp_path):
+    gains = 2.0, 8.0
+    sweep = Sweep(written, ["sweep.vary.control.feedback=[2, 8]"], folder=tmp_path / "out", threads=1)
+    assert sweep.run().done == 2
+    rows = pq.read_table(sweep.dataset.file).to_pylist()
+    errors = [row["position_error.end"] for row in rows]
+    for gain, row in zip(gains, rows, strict=True):
+        prepared = prepare(load(written, [f"control.feedback={gain}"]))
+        end = prepared.arm.pose(plain_loop(written, f"control.feedback={gain}")[-1])
+        off = np.linalg.norm((prepared.reference.pose[-1] - end)[[0, 2]])
+        # the last tick is recorded before its step in both
+        assert abs(row["position_error.end"] - off) < EXACT and row["status"] == "complete"
+    assert errors[1] < 0.7 * errors[0]  # more feedback, less sag
+
+
+def test_what_tune_promises_of_a_setting_is_what_the_plain_loop_does(written):
+    work = Tuning(written, only=["control.inverse.method=damped"], copies=0, runs=12, seed=1, threads=1)
+    found = work.run()
+    best = found.verdict.recommended or found.verdict.nearest
+    settings = [str(change) for change in best.setting.changes]
+    prepared = prepare(load(written, settings))
+    poses = np.array([prepared.arm.pose(q) for q in plain_loop(written, *settings)])
+    off = np.linalg.norm((prepared.reference.pose - poses)[:, [0, 2]], axis=1).max()
+    assert abs(best.worst.error - off) < EXACT
+    assert len({round(one.worst.error, 6) for one in found.tried}) > 1

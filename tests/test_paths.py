@@ -311,3 +311,46 @@ def test_a_file_that_is_none_is_refused_in_one_line(tmp_path, name, content):
     with pytest.raises(TargetError) as caught:
         reference({"file": {"path": str(tmp_path / name)}})
     assert name in str(caught.value) and "\n" not in str(caught.value)
+
+
+def tabled(path, time, x):
+    """Return a file of a motion along x."""
+    pose = np.tile(START, (len(time), 1))
+    pose[:, 0] += x
+    return write(path, as_columns(time, pose, POSE))
+
+
+RAMP = {"velocity": 0.3, "acceleration": 1.0, "jerk": 10.0}
+
+
+@pytest.mark.parametrize("digits", [None, 6])
+def test_the_jerk_of_a_recorded_motion_keeps_its_limit_and_rounding_does_not_count(tmp_path, digits):
+    """Out of ruckig's own motion at the limits, also with the digits of a measuring arm every 10 ms."""
+    planned = reference({"line": {"by": [0.3, 0, 0]}}, limits=RAMP)
+    time = np.append(np.arange(0.0, planned.duration, 0.01), planned.duration)
+    x = np.interp(time, planned.time, planned.pose[:, 0] - START[0])
+    x = x if digits is None else np.round(x, digits)
+    kept = reference({"file": {"path": tabled(tmp_path / "kept.csv", time, x)}}, limits=RAMP)
+    assert kept.duration == pytest.approx(planned.duration, abs=2 * PERIOD)
+
+
+def test_an_acceleration_that_jumps_is_refused_and_slowed_until_it_does_not(tmp_path):
+    """From 0.9 of A to as much less in no time: seen over A/4J it keeps J where 1.8 A/f² are J A/4J, f² = 7.2."""
+    time = np.arange(0.0, 0.8 + 5e-4, 0.004)
+    t = np.clip(time - 0.2, 0.0, 0.4)
+    x = 0.45 * np.where(t < 0.2, t**2, 2 * 0.2**2 - (0.4 - t) ** 2)
+    file = tabled(tmp_path / "jumps.csv", time, x)
+    with pytest.raises(
+        TargetError, match=r"asks for .* m/s³ where target.limits.jerk is 10; write speed: (0\.\d+) or"
+    ):
+        reference({"file": {"path": file}}, limits=RAMP)
+    slow = reference({"file": {"path": file, "speed": "auto"}}, limits=RAMP)
+    assert 0.9 * 7.2**0.5 < slow.duration / 0.8 < 7.2**0.5  # the spline takes a row or two to jump
+    # the second difference by scipy's spline of what is followed, over A/4J = 25 ms, on a fine grid
+    spline = CubicSpline(time * slow.duration / 0.8, x, bc_type="clamped")
+    fine = np.arange(0.0, slow.duration, 1e-4)
+    before, now, after = (spline(np.clip(fine + d, 0.0, slow.duration), 1) for d in (-0.025, 0.0, 0.025))
+    jerk = np.abs(before - 2 * now + after).max() / 0.025**2
+    assert 9.5 < jerk < 10.0 * 1.03  # the duration is that of whole ticks
+    gentle = reference({"file": {"path": file}}, limits=RAMP | {"acceleration": 2.0, "jerk": 500.0})
+    assert gentle.duration == pytest.approx(0.8, abs=PERIOD)

@@ -11,6 +11,7 @@ from functools import cache
 import mujoco
 import numpy as np
 import pytest
+from numpy.testing import assert_allclose
 
 from project import ROOT
 from rmrc import arm as arms
@@ -352,6 +353,27 @@ def test_a_ur5e_comes_back_from_beyond_its_reach_with_the_error_that_was_asked_f
     _, _, figures = ran("ur5e_elbow")
     # The flange is 0.1 m below the wrist: to tilt it instead takes a hundredth off.
     assert 0.010 / 1.01 < figures["position_error.max"] < 0.020 and figures["joint_rate.peak"] < np.pi
+
+
+def test_a_ur5e_follows_late_by_its_own_drives():
+    scenario_says(
+        "ur5e_own_drives",
+        "lag behind it by their damping over their stiffness, 0.2 s",
+        "at most 16 mm late, where our rate servos (--set plant.kind=servo) are 0.1 mm late",
+        "Ask for 0.418 m, as ur5e_elbow does, and the lag carries the elbow through straight, to come back bent to "
+        "the other side",
+    )
+    prepared, run, own = ran("ur5e_own_drives")
+    stiffness, damping = (-prepared.arm.model.actuator_biasprm[:, i] for i in (1, 2))
+    assert_allclose(damping / stiffness, 0.2, rtol=1e-12)
+    _, _, servo = ran("ur5e_own_drives", "plant.kind=servo")
+    assert 0.0155 < own["position_error.max"] < 0.0165 and 0.5e-4 < servo["position_error.max"] < 1.5e-4
+    (far,) = [piece.line.by[0] for piece in load("ur5e_elbow").target.path[:1]]
+    _, beyond, _ = ran(
+        "ur5e_own_drives", f"target.path[0].line.by[0]={far}", f"target.path[1].line.by[0]={-far}"
+    )
+    assert far == 0.418 and (run["q"][:, 2] > 0.0).all()
+    assert beyond["q"][0, 2] > 1.0 and beyond["q"][-1, 2] < 0.0
 
 
 def test_an_fr3_is_singular_with_its_elbow_bent():

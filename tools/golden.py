@@ -35,23 +35,8 @@ import yaml
 
 # Differ from one execution to the next (the first two), or with what is installed.
 UNSTABLE = {"wall_time", "speed", "versions"}
-KINDS = "ideal", "servo", "torque"
 # What a scenario needs so that it can run on the kinds that refuse it as it is.
 NEEDED = {"example_5_5": "plant.timestep=1.0e-4"}
-VERBS = (
-    "run",
-    "compare",
-    "sweep",
-    "tune",
-    "replay",
-    "schema",
-    "check",
-    "new",
-    "inspect",
-    "statics",
-    "ik",
-    "workspace",
-)
 EVERY = 9  # of the tasks, --quick does one in so many
 LONGEST = 600.0  # s, that one execution may take
 
@@ -293,6 +278,19 @@ def asked(words: str, name: str = "", writes: bool = False) -> Task:
     return Task(name or words, ("",), do)
 
 
+def kinds_of(place: Place) -> list[str]:
+    """Return the kinds of plant that the program knows."""
+    schema = json.loads(place.call("schema", "--json", writes=False).out)
+    return list(schema["$defs"]["PlantSection"]["properties"]["kind"]["enum"])
+
+
+def verbs_of(place: Place) -> dict[str, bool]:
+    """Return the verbs of the program, and whether each takes `--out`."""
+    _, _, listed = place.call("--help", writes=False).out.partition("Commands:")
+    names = re.findall(r"^  (\w+)\b", listed.partition("Exit codes:")[0], re.MULTILINE)
+    return {name: "--out" in place.call(name, "--help", writes=False).out for name in names}
+
+
 def run(scenario: str, *settings: str) -> Task:
     """Return the task that runs a scenario.
 
@@ -316,18 +314,19 @@ def run(scenario: str, *settings: str) -> Task:
     return Task(" ".join(["run", scenario, *settings]), ("columns", "json", "said"), do)
 
 
-def runs(root: Path) -> list[Task]:
+def runs(root: Path, kinds: list[str]) -> list[Task]:
     """Return the runs: every scenario as it is, and on each other plant.
 
     Args:
         root: The repository.
+        kinds: Of plant.
     """
     tasks: list[Task] = []
     for path in sorted((root / "scenarios").glob("*.yaml")):
         content = yaml.safe_load(path.read_text(encoding="utf-8"))
         written = content.get("plant", {}).get("kind", "servo")
         tasks.append(run(path.stem))
-        for kind in KINDS:
+        for kind in kinds:
             if kind != written:
                 tasks.append(run(path.stem, f"plant.kind={kind}"))
                 if path.stem in NEEDED:
@@ -466,12 +465,13 @@ def questions() -> list[Task]:
     return tasks
 
 
-def everything(root: Path) -> list[Task]:
+def everything(place: Place) -> list[Task]:
     """Return all tasks, in the order in which their lines are printed.
 
     Args:
-        root: The repository.
+        place: Of the program, which tells its verbs and its plants.
     """
+    verbs = verbs_of(place)
     joined = " ".join(map(shlex.quote, SHORT))
     return [
         # The two that take longest come first, so that nothing waits for them at the end.
@@ -494,10 +494,10 @@ def everything(root: Path) -> list[Task]:
         asked("schema"),
         asked("schema --json"),
         asked("--help"),
-        *[asked(f"{verb} --help") for verb in VERBS],
-        *runs(root),
+        *[asked(f"{verb} --help") for verb in verbs],
+        *runs(place.root, kinds_of(place)),
         *questions(),
-        *[asked(words, f"refused: {words}", words.split()[0] in VERBS[:4]) for words in REFUSED],
+        *[asked(words, f"refused: {words}", verbs[words.split()[0]]) for words in REFUSED],
     ]
 
 
@@ -523,12 +523,14 @@ def main() -> None:
     root = options.root.resolve()
     # In the background of a script it may be ignored, and would be by what is started here.
     signal.signal(signal.SIGINT, signal.default_int_handler)
-    tasks = [one for one in everything(root) if any(options.only in name for name in one.names())]
-    tasks = tasks[::EVERY] if options.quick else tasks
     if options.keep:
         options.keep.mkdir(parents=True, exist_ok=True)
     with tempfile.TemporaryDirectory(prefix="golden-") as folder:
         place = Path(folder).resolve()
+        (place / "first").mkdir()
+        first = Place(root, place / "first")
+        tasks = [one for one in everything(first) if any(options.only in name for name in one.names())]
+        tasks = tasks[::EVERY] if options.quick else tasks
 
         def texts(index: int) -> dict[str, str]:
             """Do a task; return the text of each of its lines."""
@@ -539,8 +541,7 @@ def main() -> None:
                 name: where.plain(found[line]) for name, line in zip(task.names(), task.lines, strict=True)
             }
 
-        (place / "first").mkdir()
-        Place(root, place / "first").call("run", APPROACH, "--no-record", *SHORT)  # compiles, if it has to
+        first.call("run", APPROACH, "--no-record", *SHORT)  # compiles, if it has to
         with ThreadPoolExecutor(options.jobs) as pool:
             for lines in pool.map(texts, range(len(tasks))):
                 for name, text in lines.items():

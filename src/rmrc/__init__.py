@@ -21,6 +21,10 @@ Or ask about an arm, by its MJCF file or the name of a shipped one:
     rmrc.check("my.xml").findings                  # what must be mended, is missing, or is assumed
     rmrc.new("my.xml", out="my.yaml")              # a first scenario for it, which runs as it is
 
+Or have a log of a real one tell its delay, lag and noise:
+
+    rmrc.identify("log.csv").delay
+
 Nothing is written unless a folder is given. Each name is loaded when it is first used, because MuJoCo and the
 compiled law take a third of a second.
 """
@@ -32,6 +36,7 @@ __version__ = "0.1.0"
 
 if TYPE_CHECKING:
     from rmrc.analysis.check.check import check
+    from rmrc.analysis.identify.identify import identify
     from rmrc.analysis.ik.ik import ik
     from rmrc.analysis.inspect.inspection import inspect
     from rmrc.analysis.new.new import new
@@ -61,13 +66,14 @@ if TYPE_CHECKING:
 __all__ = [
     "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
-    "TargetError", "check", "compare", "ik", "inspect", "load", "loads", "margins", "new", "prepare",
-    "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
+    "TargetError", "check", "compare", "identify", "ik", "inspect", "load", "loads", "margins", "new",
+    "prepare", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
     _HOMES = {
         "rmrc.analysis.check.check": ("check",),
+        "rmrc.analysis.identify.identify": ("identify",),
         "rmrc.analysis.ik.ik": ("ik",),
         "rmrc.analysis.inspect.inspection": ("inspect",),
         "rmrc.analysis.new.new": ("new",),

@@ -473,7 +473,7 @@ def test_it_is_public():
         ({"axes": ["x", "q"]}, 'axes: … "q" … x y z rx ry rz'),
         ({"axes": []}, "axes … one … x y z rx ry rz"),
         ({"length": 0.0}, "length … 0 … 0"),
-        ({"frame": "sight"}, 'frame: … "sight" … "site"… world site base'),
+        ({"frame": "sight"}, 'frame: … "sight" … "site"… world base site'),
         ({"joint_error": [0.1, -0.2]}, "joint error, elbow: … 0 … -0.2"),
         ({"joint_error": [0.1]}, "joint error … 2 … shoulder, elbow … (1,)"),
         ({"wrench": [1, 2]}, "wrench … 6 … fx, fy, fz, nx, ny, nz … (2,)"),

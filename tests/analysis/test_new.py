@@ -1,5 +1,7 @@
 """A first scenario for an arm: it runs as it is, its numbers are scaled to the arm, and the singularity is the arm's."""
 
+import re
+
 import numpy as np
 import pytest
 import yaml
@@ -8,7 +10,7 @@ import rmrc
 from project import ROOT
 from rmrc.analysis.new.move import begin
 from rmrc.analysis.new.nearest import nearest_singularity
-from rmrc.analysis.new.new import ALIKE
+from rmrc.analysis.new.new import LEAST, SLACK
 from rmrc.analysis.new.scaling import ASSUMED_RATE, scales, tidy
 from rmrc.analysis.new.text import flow
 from rmrc.arm import load, load_asked
@@ -17,6 +19,7 @@ from rmrc.support.errors import QuestionError
 from stl import tetrahedron
 
 SHIPPED = sorted(path.stem for path in (ROOT / "models").glob("*.xml"))
+ROBOTS = ["ur5e", "fr3", "xarm7", "so101"]
 QUICK = ["planar_2link", "spherical_wrist", "planar_rp"]
 
 
@@ -47,11 +50,44 @@ def written_and_run(rmrc, name, plant, folder):
 @pytest.mark.parametrize("name", QUICK)
 def test_what_is_written_runs_and_meets_what_it_expects(rmrc, tmp_path, name):
     written_and_run(rmrc, name, "servo", tmp_path)
-    for plant in ALIKE:  # its own drives follow as well as their author made them
-        code, _, err = rmrc(
-            "run", str(tmp_path / "mine.yaml"), "--no-record", "-q", "--set", f"plant.kind={plant}"
-        )
-        assert (code, err) == (0, "")
+    runs_on_every_plant(rmrc, tmp_path / "mine.yaml")
+
+
+def runs_on_every_plant(rmrc, path):
+    for plant in PLANTS.names:
+        code, _, err = rmrc("run", str(path), "--no-record", "-q", "--set", f"plant.kind={plant}")
+        assert code == 0 and all("TORQUE_LIMITED" in line for line in err.splitlines()), (plant, err)
+
+
+@pytest.mark.long
+@pytest.mark.parametrize("name", ROBOTS)
+def test_the_bounds_of_a_robot_hold_for_its_own_drives_and_say_so(rmrc, tmp_path, name):
+    path = tmp_path / "mine.yaml"
+    assert rmrc("new", str(model(name)), "-o", str(path), "-q")[0] == 0
+    runs_on_every_plant(rmrc, path)
+
+
+def test_bounds_are_of_the_worst_plant_and_the_comment_has_each():
+    """The two links' own drives are its servos; with gravity they sag, and the bounds are theirs."""
+    found = rmrc.new(ROOT / "tests/models/drives/position.xml")
+    assert found.scorecards.keys() == set(PLANTS.names)
+    errors = {name: card["position_error.end"].value for name, card in found.scorecards.items()}
+    assert max(errors, key=errors.get) == "model" and errors["model"] > 10.0 * errors["servo"]
+    bound = found.scenario.expect["position_error.end"].below
+    assert SLACK * errors["model"] <= bound <= 1.11 * SLACK * errors["model"] and bound > LEAST
+    (plants,) = [line.split()[1:] for line in found.text.splitlines() if line.split()[1:] == [*PLANTS.names]]
+    (told,) = [line.split()[-4:] for line in found.text.splitlines() if "position_error.end [m]" in line]
+    assert told == [f"{errors[name]:.3g}" for name in plants]
+
+
+def test_a_plant_that_refuses_the_arm_is_told_and_none_that_runs_it(tmp_path):
+    text = (ROOT / "tests/models/drives/position.xml").read_text()
+    path = tmp_path / "undriven.xml"
+    path.write_text(re.sub(r"<keyframe>.*</keyframe>", "", re.sub(r"(?s)<actuator>.*</actuator>", "", text)))
+    (tmp_path / "arm.xml").write_text((ROOT / "tests/models/drives/arm.xml").read_text())
+    without, driven = rmrc.new(path), rmrc.new(ROOT / "tests/models/drives/position.xml")
+    assert "plant.kind=model says why" in without.text and "model" not in without.scorecards
+    assert "says why" not in driven.text
 
 
 @pytest.mark.long
@@ -215,6 +251,18 @@ def test_bounds_are_rounded_up_and_never_down():
 def test_a_value_on_a_line_is_read_back():
     value = {"line": {"by": [1e-05, -0.5], "turn": {"axis": [0.0, 1.0, 0.0], "angle": 1e-9}}, "text": "x: y"}
     assert yaml.safe_load(flow(value)) == value
+
+
+def test_joints_and_length_are_those_that_are_asked_for(rmrc, tmp_path):
+    options = ["--joints", "shoulder, elbow", "--length", "0.7"]
+    assert rmrc("new", str(model("planar_3link")), *options, "-o", "mine.yaml", "-q")[0] == 0
+    written = yaml.safe_load((tmp_path / "mine.yaml").read_text())
+    assert written["arm"]["joints"] == ["shoulder", "elbow"] and written["task"]["length"] == 0.7
+    assert "rms distance" not in (tmp_path / "mine.yaml").read_text()
+    assert rmrc("run", "mine.yaml", "--no-record", "-q")[0] == 0
+    for option, value in (("--length", "0"), ("--joints", "shoulder,knee")):
+        code, _, err = rmrc("new", str(model("planar_3link")), option, value, "-o", "other.yaml")
+        assert code == 2 and value.split(",")[-1] in err.splitlines()[-1]
 
 
 def test_the_arm_of_a_scenario_keeps_its_stretch():

@@ -141,7 +141,7 @@ def test_a_picture_is_drawn(rmrc, tmp_path):
         (["--body", "link_2", "--site", "tip"], "… --site or --body …"),
         (["--package", "a=gone"], "--package … NAME=FOLDER … 'a=gone'"),
         (["--axes", "x,q"], '--axes: … "q" … x y z rx ry rz'),
-        (["--frame", "wrld"], 'frame: … "wrld" … "world"… world site base'),
+        (["--frame", "wrld"], 'frame: … "wrld" … "world"… world base site'),
         (["--joint-error", "1,2,3"], "--joint-error … 2 … shoulder, elbow … 3: '1,2,3'"),
         (["--joint-error", "-1"], "joint error, shoulder: … 0 … -1"),
         (["--wrench", "1,2"], "--wrench … 6 … fx,fy,fz [N] … nx,ny,nz [N·m] … 3 … 2: '1,2'"),

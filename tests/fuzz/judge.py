@@ -5,6 +5,7 @@ import json
 import os
 import re
 import zipfile
+from pathlib import Path
 from typing import NamedTuple
 
 from .case import HERE
@@ -159,13 +160,17 @@ def _left(case, outcome):
 
 
 def _folders(argv):
-    """Return the folders, and the pictures, that a command may write."""
+    """Return the folders, and the files, that a command may write."""
     yield "recordings"
+    if argv[:1] == ("init",):
+        yield from argv[1:]
+    elif argv[:1] == ("new",):
+        yield from (f"{Path(word).stem}.yaml" for word in argv[1:])  # of the model, where no file is named
     for option, value in [
         *itertools.pairwise(argv),
         *(one.split("=", 1) for one in argv if "=" in one),
     ]:
-        if option in ("--out", "--picture"):
+        if option in ("--out", "-o", "--picture"):
             yield value
 
 

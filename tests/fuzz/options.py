@@ -1,9 +1,16 @@
 """What is typed: options of every verb, right and wrong, on shipped models and scenarios."""
 
+from typer.main import get_command
+
+from rmrc.cli import app
+from rmrc.scenario.choices import PLANTS
+
 from . import shipped
 from .case import Case
 from .scenarios import FAST, KEYS, SCALARS
 
+COMMANDS = get_command(app).commands
+VERBS = tuple(COMMANDS)
 AXES = ("x", "y", "z", "rx", "ry", "rz")
 FIGURES = (
     "joint_rate.peak",
@@ -265,7 +272,11 @@ def _new(chance):
     if chance.odds(0.3):
         argv += ["--site", chance.pick((*shipped.sites(name), "none", chance.word()))]
     if chance.odds(0.3):
-        argv += ["--plant", chance.pick(("ideal", "servo", "torque", "model", "", chance.word()))]
+        argv += ["--joints", chance.pick((",".join(shipped.joints(name)), "", ",", chance.word()))]
+    if chance.odds(0.2):
+        argv += ["--length", chance.pick(("0.5", "0", "-1", "nan", "1e300", chance.number()))]
+    if chance.odds(0.3):
+        argv += ["--plant", chance.pick((*PLANTS.names, "", chance.word()))]
     argv += chance.pick(
         ([], ["-o", "-"], ["-o", "a.yaml"], ["-o", "dir"], ["-o", "none/a.yaml"], ["-o", "\x1b.yaml"])
     )
@@ -277,6 +288,8 @@ def _inspect(chance):
     argv = ["inspect", _model_path(chance, name), *_about_model(chance, name)]
     if chance.odds(0.2):
         argv += ["--axes", _axes(chance)]
+    if chance.odds(0.2):
+        argv += ["--task-frame", chance.pick(("world", "site", "base", "x", "", chance.word()))]
     if chance.odds(0.2):
         argv += ["--frame", chance.pick(("world", "site", "base", "x", "", chance.word()))]
     if chance.odds(0.2):
@@ -301,6 +314,8 @@ def _statics(chance):
         _numbers(chance, chance.pick((3, 6, 6))),
         *_about_model(chance, name),
     ]
+    if chance.odds(0.2):
+        argv += ["--task-frame", chance.pick(("world", "site", "base", "x", "", chance.word()))]
     if chance.odds(0.2):
         argv += ["--frame", chance.pick(("world", "site", "x", "", "SITE"))]
     if chance.odds(0.2):
@@ -556,21 +571,38 @@ def _schema(chance):
     return ["schema", *chance.pick(([], [], ["--json"], ["--jso"], ["x"], ["--help"], [chance.word()]))], {}
 
 
+def _examples(chance):
+    return ["examples", *chance.pick(([], ["--json"], ["--jso"], ["--help"], [chance.word()]))], {}
+
+
+def _init(chance):
+    folder = chance.pick(
+        ("there", "a/b/c", ".", "", "file", "file/below", "/dev/null", "/proc/nothing", "x" * 300, "\x1b[31m", "\udcff", chance.word())
+    )  # fmt: skip
+    files = chance.pick(({}, {"here/file": b"x"}, {"here/there/models/": b""}))
+    return ["init", *([] if chance.odds(0.05) else [folder]), *chance.pick(([], ["--help"], ["x"]))], files
+
+
+def _declared(verb):
+    """Return what makes options of a verb that has no function of its own: those that it declares."""
+    options = [one for one in COMMANDS[verb].params if one.param_type_name == "option" and one.name != "help"]
+
+    def make(chance):
+        name = _model(chance)
+        path = _model_path(chance, name) if chance.odds(0.3) else _scenario_path(chance, _scenario(chance))
+        argv = [verb, path, *(FAST if any(one.name == "set_" for one in options) else ())]
+        for one in options:
+            if one.name not in ("set_", "out", "cluster", "threads") and chance.odds(0.25):
+                argv += [
+                    chance.pick(one.opts),
+                    *([] if one.is_flag else [chance.pick((chance.number(), chance.word()))]),
+                ]
+        return argv, {}
+
+    return make
+
+
 def _root(chance):
-    verbs = (
-        "run",
-        "compare",
-        "sweep",
-        "tune",
-        "replay",
-        "schema",
-        "check",
-        "new",
-        "inspect",
-        "statics",
-        "ik",
-        "workspace",
-    )
     return chance.pick(
         (
             [],
@@ -579,17 +611,16 @@ def _root(chance):
             ["--versio"],
             ["-h"],
             [chance.word()],
-            [chance.pick(verbs)],
-            [chance.pick(verbs), "--help"],
-            ["--", chance.pick(verbs)],
+            [chance.pick(VERBS)],
+            [chance.pick(VERBS), "--help"],
+            ["--", chance.pick(VERBS)],
         )
     ), {}
 
 
-_VERB = {
-    "check": _check, "new": _new, "run": _run, "compare": _compare, "sweep": _sweep, "tune": _tune, "replay": _replay, "schema": _schema, "inspect": _inspect,
-    "statics": _statics, "ik": _ik, "workspace": _workspace, "root": _root,
-}  # fmt: skip
-_VERBS = {
-    "check": 3, "new": 2, "run": 22, "compare": 3, "sweep": 10, "tune": 5, "replay": 5, "schema": 2, "inspect": 15, "statics": 10, "ik": 16, "workspace": 5, "root": 2,
+# What makes the options of each verb, and its share of them: of most, a small one.
+_VERB = {verb: globals().get(f"_{verb}") or _declared(verb) for verb in (*VERBS, "root")}
+_VERBS = dict.fromkeys(_VERB, 2) | {
+    "check": 3, "run": 22, "compare": 3, "sweep": 10, "tune": 5, "replay": 5, "inspect": 15, "statics": 10, "ik": 16,
+    "workspace": 5,
 }  # fmt: skip

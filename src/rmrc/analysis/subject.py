@@ -4,7 +4,7 @@ import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeAlias
+from typing import TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,9 +12,9 @@ from numpy.typing import ArrayLike
 from rmrc import arm as arms
 from rmrc.arm import Arm
 from rmrc.law.task import Array, Task, choose
-from rmrc.scenario import Scenario
+from rmrc.scenario import Frame, Scenario
 from rmrc.support import shipped
-from rmrc.support.errors import QuestionError
+from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.legible import shortened
 from rmrc.support.spatial import AXES
 
@@ -23,6 +23,10 @@ Model: TypeAlias = Arm | Scenario | str | os.PathLike[str]
 
 Packages: TypeAlias = Mapping[str, str | os.PathLike[str]]
 """Folders of the packages that a URDF names, by their names."""
+
+
+# `world`, which is the default, comes first.
+FRAMES: tuple[Frame, ...] = get_args(Frame)
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,17 +38,19 @@ class Subject:
         q: Joint positions, (n,) [rad or m].
         axes: Rows of the twist that count; None for those that suit the question.
         length: Characteristic length, which makes meters and radians comparable [m].
+        frame: Along whose axes the rows are: `world`, `base`, or `site`, of the site as it turns.
     """
 
     arm: Arm
     q: Array
     axes: Sequence[str] | None
     length: float
+    frame: Frame = "world"
 
     @property
     def task(self) -> Task:
         """The rows that count; without `axes`, those that the arm can move independently of each other."""
-        return choose(self.arm, self.axes, self.length)
+        return choose(self.arm, self.axes, self.length, self.frame)
 
 
 def subject(
@@ -56,6 +62,7 @@ def subject(
     length: float | None = None,
     body: str | None = None,
     packages: Packages | None = None,
+    task_frame: str | None = None,
 ) -> Subject:
     """Return the arm of a model, at joint positions.
 
@@ -69,6 +76,8 @@ def subject(
         length: Characteristic length [m]; None for that of a scenario, else 1.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
+        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
+            whose axes they are, else `world`.
 
     Raises:
         ModelError: The file, the site or the keyframe is missing or will not do.
@@ -85,7 +94,9 @@ def subject(
     arm = read_arm(model, site, body, packages)
     if isinstance(model, Scenario):
         task = model.task
-        start, axes = model.arm.start, task.axes if axes is None else axes
+        start = model.arm.start
+        if axes is None:
+            axes, task_frame = task.axes, task.frame if task_frame is None else task_frame
         length = task.length if length is None else length
     if q is None or isinstance(model, Scenario):
         arm = arm.at(arm.configuration(start if keyframe is None else keyframe))
@@ -93,8 +104,8 @@ def subject(
         positions = arm.configuration(start if keyframe is None else keyframe)[arm.wiring.qpos]
     else:
         positions = numbers("q", q, arm.joints)
-    _check(axes, length)
-    return Subject(arm, positions, axes, 1.0 if length is None else length)
+    frame = _check(axes, length, task_frame)
+    return Subject(arm, positions, axes, 1.0 if length is None else length, frame)
 
 
 def read_arm(
@@ -159,7 +170,8 @@ def numbers(what: str, values: ArrayLike, names: Sequence[str]) -> Array:
     return array
 
 
-def _check(axes: Sequence[str] | None, length: float | None) -> None:
+def _check(axes: Sequence[str] | None, length: float | None, task_frame: str | None) -> Frame:
+    """Return the frame of the rows; raise what is wrong with it, with the rows or with the length."""
     for axis in axes or ():
         if axis not in AXES:
             raise QuestionError(f'axes: no row "{axis}"; choose from {" ".join(AXES)}')
@@ -167,3 +179,8 @@ def _check(axes: Sequence[str] | None, length: float | None) -> None:
         raise QuestionError(f"axes must name one row or more of {' '.join(AXES)}")
     if length is not None and not (np.isfinite(length) and length > 0.0):
         raise QuestionError(f"length must be > 0 and finite, got {length:g}")
+    for known in FRAMES:
+        if task_frame in (None, known):
+            return known
+    hint = did_you_mean(str(task_frame), FRAMES)
+    raise QuestionError(f'task frame: no frame "{task_frame}"{hint}; choose from {" ".join(FRAMES)}')

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rmrc.law.jit import Record, entry, machine_code
-from rmrc.law.kinematics import chain_jacobian, follow_chain
+from rmrc.law.kinematics import WORLD, chain_jacobian, follow_chain, frame_turn, turn_columns
 from rmrc.law.law import scale_task
 from rmrc.law.record import records
 from rmrc.law.svd import LANES, put_in_lane, singular_values_of_lanes, take_from_lane
@@ -111,6 +111,8 @@ def examine(world: Record, q: Array, pose: Array, sigma: Array) -> None:
             for c in range(7):
                 pose[first + w, c] = world.pose[c]
             chain_jacobian(world, world.J)
+            if world.frame != WORLD:
+                turn_columns(frame_turn(world.frame, world.frame_quat, world.pose), world.J, world.n)
             scale_task(world)
             scale[w] = put_in_lane(world.A, world.m, world.n, rows, row_norm2, long, w)
         singular_values_of_lanes(long, norm2, k, size)

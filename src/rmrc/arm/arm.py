@@ -113,6 +113,7 @@ class Arm:
         stretch: Factor on all lengths of a body, by its name.
         rest: Where the joints stand that are not the arm's, in a whole configuration, (nq,); None: at `home`.
         frees_others: Whether those that no actuator holds are free to move in a plant, or locked.
+        mocap: Poses of the bodies that motion capture places, (nmocap, 7); None: as at `home`.
     """
 
     path: Path
@@ -137,6 +138,7 @@ class Arm:
     stretch: Mapping[str, float] = field(default_factory=dict)
     rest: Array | None = None
     frees_others: bool = False
+    mocap: Array | None = None
     _adapted: dict[object, mujoco.MjModel] = field(default_factory=dict, repr=False)
 
     @property
@@ -149,6 +151,7 @@ class Arm:
         """State of the author's model, at rest but for the arm's joints."""
         data = mujoco.MjData(self.model)
         data.qpos[:] = self._rest
+        self.place_mocap(data)
         return data
 
     @property
@@ -166,7 +169,25 @@ class Arm:
         """What of the author's actuators drives the arm."""
         return OwnDrives(self.model, self.others, self.wiring, self.followers)
 
-    def at(self, qpos: Array, frees_others: bool = False) -> "Arm":
+    def place_mocap(self, data: mujoco.MjData) -> None:
+        """Place the bodies that motion capture places where they are at the start of a run."""
+        if self.model.nmocap:
+            poses = self.mocap_now
+            data.mocap_pos[:], data.mocap_quat[:] = poses[:, :3], poses[:, 3:]
+
+    @property
+    def mocap_now(self) -> Array:
+        """Poses of the bodies that motion capture places, (nmocap, 7)."""
+        return self.mocap_at("home") if self.mocap is None else self.mocap
+
+    def mocap_at(self, start: str | Sequence[float]) -> Array:
+        """Return the poses of the bodies that motion capture places, (nmocap, 7), for a start of `held`."""
+        data, key = mujoco.MjData(self.model), self._key_of(start)
+        if key is not None:
+            mujoco.mj_resetDataKeyframe(self.model, data, key)
+        return np.hstack([data.mocap_pos, data.mocap_quat])
+
+    def at(self, qpos: Array, frees_others: bool = False, mocap: Array | None = None) -> "Arm":
         """Return the arm where the joints that are not its own stand elsewhere; itself where nothing changes.
 
         Kinematics, statics and inertias are those of the arm that stands there. What was compiled is shared.
@@ -174,12 +195,14 @@ class Arm:
         Args:
             qpos: A configuration of the model, (nq,); of the arm's own joints nothing is taken.
             frees_others: Whether joints that no actuator holds are free to move in a plant.
+            mocap: Where motion capture places its bodies, (nmocap, 7); None: as they are.
         """
+        mocap = self.mocap if mocap is None or np.array_equal(mocap, self.mocap_now) else mocap
         rest, elsewhere = np.array(self._rest), self.others.addresses
         rest[elsewhere] = qpos[elsewhere]
-        if frees_others == self.frees_others and np.array_equal(rest, self._rest):
+        if frees_others == self.frees_others and np.array_equal(rest, self._rest) and mocap is self.mocap:
             return self
-        arm = replace(self, rest=rest, frees_others=frees_others)
+        arm = replace(self, rest=rest, frees_others=frees_others, mocap=mocap)
         shared = ("wiring", "axis_names", "others", "drives", "_bare_spec", "_untextured")
         vars(arm).update({name: vars(self)[name] for name in shared if name in vars(self)})
         return arm
@@ -329,6 +352,18 @@ class Arm:
         there = np.array(qpos)
         self._place(there, q)
         return there
+
+    def moves_at(self, start: str | Sequence[float]) -> bool:
+        """Return whether the keyframe of a start, see `held`, has velocities."""
+        key = self._key_of(start)
+        return key is not None and bool(self.model.key_qvel[key].any())
+
+    def _key_of(self, start: str | Sequence[float]) -> int | None:
+        """Return the number of a start's keyframe: of its name, or of what stands for `home`."""
+        name = start if isinstance(start, str) else "home"
+        if name == "home" and self.home is not None:
+            return self.home
+        return next((i for i in range(self.model.nkey) if self.model.key(i).name == name), None)
 
     def _place(self, qpos: Array, q: Sequence[float] | Array) -> None:
         qpos[self.wiring.qpos] = q

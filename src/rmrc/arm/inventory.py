@@ -106,6 +106,7 @@ def contacts(arm: Arm, qpos: NDArray[np.float64]) -> tuple[Contact, ...]:
     bodies that are welded together and those of parent and child are left out as it leaves them out.
     """
     model, data, above = arm.model, mujoco.MjData(arm.model), _joints_above(arm)
+    arm.place_mocap(data)
     depths: dict[tuple[int, int], float] = {}
     for configuration in qpos:
         data.qpos[:] = configuration

@@ -5,7 +5,7 @@
    goal not reached, a wrench not     130  Ctrl-C; what was recorded is kept
    held, nothing keeps the limits,    141  the reader of a pipe had enough
    a model must be mended, a loop is  143  SIGTERM; what was recorded is kept
-   unstable
+   unstable, a log tells no delay
 2  bad input, or output that cannot
    be written; one line says what
 3  a world diverged; what it recorded is kept
@@ -22,6 +22,7 @@ import rmrc
 from rmrc.cli import (
     check,
     examples,
+    identify,
     ik,
     inspect,
     margins,
@@ -55,7 +56,8 @@ Exit codes:
     0  all went well
     1  an expectation was not met, a goal not reached,
        a wrench not held, nothing keeps the limits,
-       a model must be mended, a loop is unstable
+       a model must be mended, a loop is unstable,
+       a log tells no delay
     2  bad input, or output that cannot be written
     3  a world diverged; what it recorded is kept
    70  an internal error; the trace says where
@@ -83,6 +85,7 @@ for verb in (
     scenarios.schema,
     check.check,
     new.new,
+    identify.identify,
     inspect.inspect,
     statics.statics,
     ik.ik,

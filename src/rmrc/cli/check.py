@@ -5,13 +5,9 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import notice
-from rmrc.cli.options import AsJson, Body, Model, Packages, Site, asked
+from rmrc.cli.options import AsJson, Body, Joints, Model, Packages, Site, asked, joints_of
 from rmrc.cli.reports import show
 
-Joints = Annotated[
-    str | None,
-    typer.Option(metavar="NAME,NAME,...", help="Joints that are driven, outward; default: all on the chain."),
-]
 Seed = Annotated[int, typer.Option(help="Of the second of motion.", min=0)]
 
 
@@ -33,6 +29,5 @@ def check(
         from rmrc.analysis.check.check import check as ask
         from rmrc.analysis.check.report import report
 
-        driven = None if joints is None else [name.strip() for name in joints.split(",")]
-        found = ask(model, **asked(site, body, package), joints=driven, seed=seed)
+        found = ask(model, **asked(site, body, package), joints=joints_of(joints), seed=seed)
     show(report(found), as_json)

@@ -16,6 +16,7 @@ from rmrc.cli.options import (
     Positions,
     Site,
     TaskAxes,
+    TaskFrame,
     read_arm,
     within,
 )
@@ -84,6 +85,7 @@ def ik(
     body: Body = None,
     package: Packages = None,
     axes: TaskAxes = None,
+    task_frame: TaskFrame = None,
     length: Length = 1.0,
     method: WhichMethod = Method.DAMPED,
     limits: Limits = True,
@@ -99,11 +101,12 @@ def ik(
     rows = task_axes(axes)
     with notice("reading the model ..."):
         from rmrc.analysis.ik.ik import ik as ask
+        from rmrc.analysis.ik.ik import searchable
         from rmrc.analysis.ik.report import report
-        from rmrc.law.task import choose
+        from rmrc.analysis.subject import subject
 
     arm, start = configuration(read_arm(model, site, body, package), q, keyframe)
-    task = choose(arm, rows, length)
+    task = searchable(subject(arm, axes=rows, length=length, task_frame=task_frame).task)
     goal = _goal(task, to, quat, to_q)
     found = ask(
         arm, q=start, pose=goal, axes=task.axes, length=length, method=method.value, limits=limits,

@@ -8,7 +8,18 @@ import typer
 from numpy.typing import NDArray
 
 from rmrc.cli.console import notice, warn
-from rmrc.cli.options import AsJson, Body, Length, Model, Packages, Site, TaskAxes, drawable, read_arm
+from rmrc.cli.options import (
+    AsJson,
+    Body,
+    Length,
+    Model,
+    Packages,
+    Site,
+    TaskAxes,
+    TaskFrame,
+    drawable,
+    read_arm,
+)
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, numbers, task_axes, wrench_of
 from rmrc.support.errors import QuestionError
@@ -25,7 +36,14 @@ AllPositions = Annotated[
 Keyframes = Annotated[
     list[str] | None, typer.Option(help="Joint positions by name; repeatable; default: home.")
 ]
-Frame = Annotated[str, typer.Option(metavar="world|site|base", help="Along whose axes J and the words are.")]
+Frame = Annotated[
+    str | None,
+    typer.Option(
+        metavar="world|site|base",
+        help="Along whose axes J and the words are.",
+        show_default="as --task-frame",
+    ),
+]
 JointError = Annotated[
     str | None,
     typer.Option(
@@ -56,8 +74,9 @@ def inspect(
     q: AllPositions = None,
     keyframe: Keyframes = None,
     axes: TaskAxes = None,
+    task_frame: TaskFrame = None,
     length: Length = 1.0,
-    frame: Frame = "world",
+    frame: Frame = None,
     joint_error: JointError = None,
     wrench: Wrench = None,
     picture: Picture = None,
@@ -77,7 +96,16 @@ def inspect(
     errors = None if joint_error is None else _joint_errors(arm, joint_error)
     acts = None if wrench is None else wrench_of(wrench)
     found = [
-        ask(placed, one, axes=rows, length=length, frame=frame, joint_error=errors, wrench=acts)
+        ask(
+            placed,
+            one,
+            axes=rows,
+            task_frame=task_frame,
+            length=length,
+            frame=frame,
+            joint_error=errors,
+            wrench=acts,
+        )
         for placed, one in positions or [configuration(arm, None, None)]
     ]
     warn(warning for one in found for warning in one.warnings)

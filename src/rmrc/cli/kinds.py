@@ -32,12 +32,14 @@ class Kind(NamedTuple):
 SCENARIO = Kind("a scenario", (".yaml", ".yml"), verb="run", shipped="scenarios")
 MODEL = Kind("a model", (".xml", ".mjcf", ".urdf"), b"<", "inspect", shipped="models")
 RECORDING = Kind("a recording", (".rrd", ".part"), b"RRF", "replay")
+LOG = Kind("a log", (".csv", ".parquet", ".npz"), verb="identify")
 KINDS = (
     SCENARIO,
     MODEL,
     RECORDING,
     Kind("the columns of a run", (".npz",), b"PK\x03\x04", library="rmrc.Run.read"),
     Kind("the rows of a sweep", (".parquet",), b"PAR1", library="pandas.read_parquet"),
+    LOG,
     Kind("the figures of a run", (".json",), library="json.load"),
     Kind("a picture", (".png",), b"\x89PNG"),
     Kind("a picture", (".svg", ".pdf")),
@@ -61,7 +63,7 @@ def expect(path: Path, wanted: Kind) -> Path:
         some = f"; it has {listed(inside, 5)}" if inside else ""
         raise QuestionError(f"{visible(str(path))}: is a folder, give {wanted.name}{some}")
     kind = _kind(path)
-    if kind is None or kind == wanted:
+    if kind is None or set(kind.suffixes) & set(wanted.suffixes):
         return path
     way = ""
     if kind.verb:

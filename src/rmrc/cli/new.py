@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import notice, output, print_line
-from rmrc.cli.options import AsJson, Body, Model, Packages, Quiet, Site, read_arm
+from rmrc.cli.options import AsJson, Body, Joints, Model, Packages, Quiet, Site, length_within, read_arm
 from rmrc.cli.reports import show
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
@@ -18,6 +18,14 @@ Out = Annotated[
     typer.Option("--out", "-o", help="File, or - for stdout; default: the model's name, in this folder."),
 ]
 Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
+Length = Annotated[
+    float | None,
+    typer.Option(
+        help="What is worth a radian, in m: task.length.",
+        show_default="the rms distance of the site from the axes",
+        callback=lambda length: length if length is None else length_within(length),
+    ),
+]
 Plant = Annotated[str, typer.Option(help="What obeys the rates: plant.kind of the scenario.")]
 
 
@@ -26,6 +34,8 @@ def new(
     site: Site = None,
     body: Body = None,
     package: Packages = None,
+    joints: Joints = None,
+    length: Length = None,
     plant: Plant = "servo",
     out: Out = None,
     force: Force = False,
@@ -44,8 +54,8 @@ def new(
         from rmrc.analysis.new.report import report
 
         path = Path(f"{model.stem}.yaml") if out is None else out
-        arm = read_arm(model, site, body, package)
-        made = make(arm, plant=plant, out=None if path == STDOUT else path, force=force)
+        arm = read_arm(model, site, body, package, joints)
+        made = make(arm, length=length, plant=plant, out=None if path == STDOUT else path, force=force)
     if path == STDOUT:
         print(made.text, end="")
         return

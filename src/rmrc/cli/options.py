@@ -60,11 +60,25 @@ TaskAxes = Annotated[
         help="Rows that count, of x y z rx ry rz; default: those that the arm can move independently.",
     ),
 ]
+Joints = Annotated[
+    str | None,
+    typer.Option(metavar="NAME,NAME,...", help="Joints that are driven, outward; default: all on the chain."),
+]
+TaskFrame = Annotated[
+    str | None,
+    typer.Option(
+        "--task-frame",
+        metavar="world|base|site",
+        help="Along whose axes the rows are, as task.frame of a scenario.",
+        show_default="world",
+    ),
+]
+length_within = within("--length", 1e-6, FARTHEST)
 Length = Annotated[
     float,
     typer.Option(
         help="Makes meters and radians comparable in sigma, kappa and w, in m.",
-        callback=within("--length", 1e-6, FARTHEST),
+        callback=length_within,
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
@@ -73,7 +87,14 @@ Threads = Annotated[int | None, typer.Option(min=1, help="Batches at a time.", s
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
 
 
-def read_arm(model: Path, site: str | None, body: str | None, packages: list[str] | None) -> "Arm":
+def joints_of(text: str | None) -> list[str] | None:
+    """Return the names of `--joints`; None where it is not given."""
+    return None if text is None else [name.strip() for name in text.split(",")]
+
+
+def read_arm(
+    model: Path, site: str | None, body: str | None, packages: list[str] | None, joints: str | None = None
+) -> "Arm":
     """Return the arm that a verb is asked about, and say what was assumed of it.
 
     Raises:
@@ -82,7 +103,7 @@ def read_arm(model: Path, site: str | None, body: str | None, packages: list[str
     """
     from rmrc.arm import load
 
-    arm = load(model, **asked(site, body, packages))
+    arm = load(model, joints=joints_of(joints), **asked(site, body, packages))
     tell_assumed(note for note in arm.notes if note != arm.obvious)  # the answer names the site
     return arm
 

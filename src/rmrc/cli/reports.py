@@ -39,6 +39,8 @@ def show(
     else:
         console = output(quiet)
         console.print(render(report.sheets))
+        if report.block:
+            console.print(report.block, highlight=False, soft_wrap=True)
         for path in files:
             print_line(console, f"wrote {path}")
     if report.problem:

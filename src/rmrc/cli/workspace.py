@@ -20,6 +20,7 @@ from rmrc.cli.options import (
     Quiet,
     Site,
     TaskAxes,
+    TaskFrame,
     drawable,
     read_arm,
 )
@@ -94,6 +95,7 @@ def workspace(
     q: Positions = None,
     keyframe: Keyframe = None,
     axes: TaskAxes = None,
+    task_frame: TaskFrame = None,
     length: Length = 1.0,
     cells: Cells = 200,
     samples: Samples = 1_000_000,
@@ -133,7 +135,9 @@ def workspace(
             what, total = over, (cells + 1) ** 2
             ask = partial(joint_map.joint_map, over=over.split(","))
         with progress(f"{arm.path.stem}: {what}", total, quiet or as_json) as on_samples:
-            found = ask(arm, q=at, axes=rows, length=length, cells=cells, on_samples=on_samples)
+            found = ask(
+                arm, q=at, axes=rows, task_frame=task_frame, length=length, cells=cells, on_samples=on_samples
+            )
         answer = report(found, map_)
         if answer.draw is not None:
             answer.draw(files[0])

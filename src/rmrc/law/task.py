@@ -236,7 +236,7 @@ class SecondTask:
         world["moves_2"][: len(self._moves)], world["pose_ref_2"] = self._moves, self._pose
 
 
-def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> Task:
+def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0, frame: Frame = "world") -> Task:
     """Return the task of some axes, or of those that the arm can move independently of each other.
 
     These are the rows of its reduced Jacobian [Khatib08]: of x y z rx ry rz, in this order, each that raises
@@ -248,19 +248,20 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0) -> 
         arm: The arm.
         axes: Of x y z rx ry rz; None to choose.
         length: Characteristic length [m].
+        frame: Along whose axes the rows are: of the world, of the arm's base, or of the site as it turns.
 
     Raises:
         ValueError: No such axis.
     """
     if axes is not None:
-        return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length)
+        return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length, frame=frame)
 
     def rank(rows: Sequence[int]) -> int:
-        return Task(arm, np.array(rows), length).rank
+        return Task(arm, np.array(rows), length, frame=frame).rank
 
     turns_first = rank([3, 4, 5]) == arm.n > rank([0, 1, 2])
     rows: list[int] = []
     for row in (3, 4, 5, 0, 1, 2) if turns_first else range(6):
         if rank([*rows, row]) > len(rows):
             rows.append(row)
-    return Task(arm, np.sort(rows), length)
+    return Task(arm, np.sort(rows), length, frame=frame)

@@ -22,6 +22,7 @@ class Report:
             `.pdf`; None if there is none.
         met: Whether what was asked for holds.
         problem: Why it does not, in one line; "" if the sheets say it.
+        block: Lines of a scenario to paste, which are not wrapped; "" for none.
     """
 
     sheets: Sequence[Sheet]
@@ -29,6 +30,7 @@ class Report:
     draw: Callable[[Path], None] | None = None
     met: bool = True
     problem: str = ""
+    block: str = ""
 
 
 def plain(value: Any) -> Any:

@@ -19,6 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.scenario import TargetLimitsSection
+from rmrc.simulation.tables import read_table
 from rmrc.support.errors import TargetError, did_you_mean
 from rmrc.support.legible import listed
 from rmrc.support.spatial import exp_rotation, normalize, quat_conjugate, quat_multiply
@@ -36,6 +37,8 @@ UNIT = 1e-2
 LARGEST_TURN = math.pi / 2
 # So much more than a limit is what the interpolation adds, and no fault of the motion.
 SLACK = 0.01
+# A motion that is slowed to a limit is brought below it by so much.
+ROUNDING = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,7 +113,7 @@ def read_motion(
         TargetError: The file cannot be read, lacks columns, or holds what is no motion.
     """
     names = {"pose": POSE, "twist": TWIST, "q": tuple(joints)}
-    table = _run_columns(path, joints) if path.suffix == ".npz" else _table(path)
+    table = _run_columns(path, joints) if path.suffix == ".npz" else _numbers(path)
     if kind == "pose_ref":
         names["pose_ref"] = tuple(f"{name}_ref" for name in POSE)
     wanted = kind or next((one for one in KINDS if names[one] and set(names[one]) <= table.keys()), "pose")
@@ -146,22 +149,12 @@ def _run_columns(path: Path, joints: Sequence[str]) -> Mapping[str, Array]:
     return {"t": columns["time"], **poses, **wanted, **dict(zip(joints, columns["q"].T, strict=True))}
 
 
-def _table(path: Path) -> Mapping[str, Array]:
+def _numbers(path: Path) -> Mapping[str, Array]:
     """Return the columns of numbers in a CSV or Parquet file, by name."""
-    import pyarrow.parquet as pq
-    from pyarrow.csv import read_csv  # type: ignore[attr-defined]
-    from pyarrow.lib import ArrowException
-
     try:
-        table = read_csv(path) if path.suffix == ".csv" else pq.read_table(path)
-    except (OSError, ArrowException) as error:
-        raise TargetError(f'"{path}" cannot be read: {str(error).splitlines()[0]}') from None
-    found: dict[str, Array] = {}
-    for name, column in zip(table.column_names, table.columns, strict=True):
-        values = column.to_numpy()
-        if values.dtype.kind in "iuf":
-            found[name.strip()] = values.astype(np.float64)
-    return found
+        return read_table(path).numbers
+    except (OSError, ValueError) as error:
+        raise TargetError(f'"{path}" cannot be read: {error}') from None
 
 
 def _checked_time(path: Path, time: Array) -> Array:
@@ -220,20 +213,50 @@ def _integrated(time: Array, twist: Array, start: Array) -> Array:
     return np.hstack([point, quat])
 
 
-def excess(samples: Array, limits: TargetLimitsSection) -> tuple[float, str]:
-    """Return by what factor samples, (T, 19), are too fast for the limits, and the limit that says so.
+def needed(motion: Motion, limits: TargetLimitsSection) -> tuple[float, str]:
+    """Return how many times slower a motion must be to keep the limits, and the limit that asks for most.
 
-    Those of jerk are not asked: rounded to r every h, the third derivative of rows is noise of some r/h³.
+    Args:
+        motion: As it is.
+        limits: Of the target.
     """
+    (factor, said), slower = excess(motion, limits), 1.0
+    while factor > 1.0:  # the time that jerk is seen over does not stretch with the motion
+        slower *= factor * (1.0 + ROUNDING)
+        factor, _ = excess(motion.slowed(slower), limits)
+    return (slower if slower > 1.0 else factor), said
+
+
+def excess(motion: Motion, limits: TargetLimitsSection) -> tuple[float, str]:
+    """Return by what factor a motion is too fast for the limits, and the limit that says so."""
+    times = np.concatenate([motion.time, 0.5 * (motion.time[1:] + motion.time[:-1])])
+    samples = motion.at(times)
     worst = 0.0, ""
-    for name, first, power in (
-        ("velocity", 7, 1.0), ("angular_velocity", 10, 1.0),
-        ("acceleration", 13, 0.5), ("angular_acceleration", 16, 0.5),
-    ):  # fmt: skip
-        size = np.linalg.norm(samples[:, first : first + 3], axis=1)
-        row = int(np.argmax(size))
-        unit = "rad/s" if "angular" in name else "m/s"
-        limit = getattr(limits, name)
-        said = f"asks for {size[row]:.4g} {unit}{'²' * (power < 1)} where target.limits.{name} is {limit:g}"
-        worst = max(worst, (float((size[row] / limit) ** power), said))
+    for turning, first in (("", 7), ("angular_", 10)):
+        unit = "rad" if turning else "m"
+        rate, rise = (np.linalg.norm(samples[:, i : i + 3], axis=1).max() for i in (first, first + 6))
+        most, jerk = (getattr(limits, f"{turning}{one}") for one in ("acceleration", "jerk"))
+        span = 0.5 * max(rise, 0.5 * most) / jerk
+        shake = np.linalg.norm(_mean_jerk(motion, times, span)[:, first - 7 : first - 4], axis=1).max()
+        for power, name, per, value in (
+            (1.0, "velocity", "s", rate), (0.5, "acceleration", "s²", rise), (1.0 / 3.0, "jerk", "s³", shake),
+        ):  # fmt: skip
+            limit = getattr(limits, f"{turning}{name}")
+            said = f"asks for {value:.4g} {unit}/{per} where target.limits.{turning}{name} is {limit:g}"
+            worst = max(worst, (float((value / limit) ** power), said))
     return worst
+
+
+def _mean_jerk(motion: Motion, times: Array, span: float) -> Array:
+    """Return means of [v̈; ω̈] about some times, (3 T, 6), with the weights of a triangle of two spans.
+
+    They are second differences of velocities over the square of the span, and no larger than the jerk itself.
+    That of the rows is noise: rounded to r every h, r/h³. Over half the time in which the jerk that is
+    allowed brings the acceleration up, an acceleration that jumps is seen to do so, and r is not.
+    """
+
+    def velocity(time: Array) -> Array:  # at rest before and after
+        return motion.at(np.clip(time, 0.0, motion.time[-1]))[:, 7:13]
+
+    middle = np.concatenate([times - span, times, times + span])
+    return np.asarray((velocity(middle - span) - 2.0 * velocity(middle) + velocity(middle + span)) / span**2)

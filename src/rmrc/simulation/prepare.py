@@ -86,10 +86,12 @@ class Cache:
 
     def placed(self, arm: Arm, section: ArmSection, qpos: NDArray[np.float64]) -> Arm:
         """Return an arm where the joints that are not its own stand as in a configuration, (nq,)."""
-        placed = arm.at(qpos, frees_others=section.others == "free")
+        mocap = arm.mocap_at(section.start) if arm.model.nmocap else None
+        placed = arm.at(qpos, section.others == "free", mocap)
         if placed.rest is None or placed is arm:
             return placed
-        return self._arms.get((arm, placed.rest.tobytes(), section.others), lambda: placed)
+        there = b"" if placed.mocap is None else placed.mocap.tobytes()
+        return self._arms.get((arm, placed.rest.tobytes(), section.others, there), lambda: placed)
 
     def reference(self, scenario: Scenario, arm: Arm, q: NDArray[np.float64]) -> Reference:
         """Return the target of a scenario whose arm starts at joint positions q, (n,).
@@ -223,6 +225,8 @@ class Prepared:
             if joints:
                 which = "all joints" if len(joints) == arm.n else listed(joints)
                 missing.append(Assumed(f"no {name} limit: {which}", False))
+        if arm.moves_at(self.scenario.arm.start):
+            missing.append(Assumed("a start at rest: velocities of the keyframe are not taken", True))
         return (*self.plant.assumed(), *self._by_profile(), *missing)
 
     def _by_profile(self) -> Iterator[Assumed]:

@@ -44,7 +44,7 @@ from rmrc.scenario import (
     TurnSegment,
 )
 from rmrc.scenario import Motion as MotionFile
-from rmrc.simulation.motion import SLACK, Motion, excess, read_motion
+from rmrc.simulation.motion import SLACK, Motion, needed, read_motion
 from rmrc.simulation.reference import PHASES, PIECE, Reference, end
 from rmrc.support.errors import TargetError
 from rmrc.support.spatial import (
@@ -351,8 +351,7 @@ class _Path:
 
     def _within_limits(self, place: str, motion: Motion, file: MotionFile) -> Motion:
         """Return a motion within the limits, also between its rows, or raise by how much it is too fast."""
-        middle = 0.5 * (motion.time[1:] + motion.time[:-1])
-        factor, what = excess(motion.at(np.concatenate([motion.time, middle])), self._limits)
+        factor, what = needed(motion, self._limits)
         if file.speed == "auto":
             return motion.slowed(max(1.0, factor))
         if factor > 1.0 + SLACK:

@@ -72,7 +72,7 @@ def check(
         )
     home = arm.configuration("home")[arm.wiring.qpos]
     start = np.clip(home, *arm.position_limit.T)
-    sigma, lost, slow, _ = examine(suits.task, arm.jacobian(home), np.eye(3), "world")
+    sigma, lost, slow, _ = examine(suits.task, arm.jacobian(home), arm.pose(home), np.eye(3), "world")
     words = [one.words for one in lost] + [one.words for one in slow]
     near = nearest_singularity(suits, np.clip(home, suits.lower, suits.upper))
     touching = contacts(arm, arm.configuration("home")[None])

@@ -22,6 +22,7 @@ from rmrc.analysis.subject import Model, Packages, numbers, subject
 from rmrc.law.descent import unwound
 from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError
+from rmrc.support.spatial import AXES
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +72,7 @@ def ik(
     body: str | None = None,
     packages: Packages | None = None,
     axes: Sequence[str] | None = None,
+    task_frame: str | None = None,
     length: float | None = None,
     method: Method = "damped",
     limits: bool = True,
@@ -94,6 +96,9 @@ def ik(
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         axes: Rows that count, of x y z rx ry rz; None for those of a scenario, else those that the arm can
             move independently.
+        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
+            whose axes they are, else `world`. A goal is a pose
+            in the world: in another frame, all three positions count or none, and so do rotations.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
             scenario, else 1.
         method: `damped` steps from several starts, or `newton`'s from one.
@@ -121,9 +126,9 @@ def ik(
         raise QuestionError(f'method must be one of {", ".join(METHODS)}, got "{method}"')
     if every and method != "damped":
         raise QuestionError(f'every takes the method "damped" alone, got "{method}"')
-    asked = subject(model, q, keyframe, site, axes, length, body, packages)
+    asked = subject(model, q, keyframe, site, axes, length, body, packages, task_frame)
     asked.arm.require_open()
-    task, start = asked.task, asked.q
+    task, start = searchable(asked.task), asked.q
     goal = _goal(task, to, quat, to_q, pose)
     if not every:
         solution = solve_ik(task, goal, start, method=method, limits=limits, tolerance=tolerance)
@@ -136,6 +141,24 @@ def ik(
         best = near[np.argmin(np.linalg.norm((near - start) / task.joint_scale, axis=1))]
         nearest = judge(task, limit, best, checked_goals(goal, 1)[0], tolerance)
     return IkResult(task, goal, start, limits, tolerance, nearest, postures)
+
+
+def searchable(task: Task) -> Task:
+    """Return the task along world axes: of whole positions and rotations it is the same.
+
+    Raises:
+        QuestionError: It has some of three rows along axes that turn with the site, or are the base's.
+    """
+    if task.frame == "world":
+        return task
+    for three in (slice(0, 3), slice(3, 6)):
+        counted = [axis for axis in AXES[three] if axis in task.axes]
+        if len(counted) in (1, 2):
+            raise QuestionError(
+                f"rows {', '.join(counted)} along the axes of the {task.frame} are not searched for; give "
+                f"axes with all of {', '.join(AXES[three])} or none, or a task frame of world"
+            )
+    return Task(task.arm, task.rows, task.length)
 
 
 def _goal(

@@ -69,7 +69,7 @@ def rank_of(sigma: Array) -> int:
 
 
 def examine(
-    task: Task, J: Array, R_world_frame: Array, frame: str
+    task: Task, J: Array, pose: Array, R_world_frame: Array, frame: str
 ) -> tuple[Array, tuple[Lost, ...], tuple[Slow, ...], tuple[Motion, ...]]:
     """Return the singular values, what is lost, what is nearly so, and the motions that do not move the task.
 
@@ -81,6 +81,7 @@ def examine(
     Args:
         task: The rows that count.
         J: Rows [v; ω] of the site along world axes, (6, n).
+        pose: Of the site, (7,).
         R_world_frame: Of the frame along whose axes the words are, (3, 3).
         frame: Its name.
 
@@ -88,7 +89,9 @@ def examine(
         Singular values of A, falling, (k,), and the three.
     """
     arm = task.arm
-    u, sigma, vt = (np.asarray(part, np.float64) for part in np.linalg.svd(task.matrix(J)))
+    named = f"{in_words.listed(task.axes)} of the site"
+    named += "" if task.frame == "world" else f" along the axes of the {task.frame}"
+    u, sigma, vt = (np.asarray(part, np.float64) for part in np.linalg.svd(task.matrix(task.turned(J, pose))))
     rank = rank_of(sigma)
     of_frame = "" if frame == "world" else f" (axes of the {frame})"
 
@@ -98,7 +101,7 @@ def examine(
     def embedded(rows: Array) -> Array:
         whole = np.zeros(6)
         whole[task.rows] = rows
-        return whole
+        return task.view.back(whole, pose)
 
     lost = []
     for direction in _simple(u[:, rank:]):
@@ -115,7 +118,7 @@ def examine(
         first = in_words.main_joints(still)[0]
         motion = task.joint_scale * still * np.sign(still[first])
         twist = J @ motion
-        words = in_words.standing_still(motion, seen(twist), task.axes, arm.joints, arm.units)
+        words = in_words.standing_still(motion, seen(twist), named, arm.joints, arm.units)
         words += of_frame if np.linalg.norm(twist) > in_words.STANDS_STILL else ""
         standing.append(Motion(motion, twist, words))
     return sigma, tuple(lost), tuple(slow), tuple(standing)

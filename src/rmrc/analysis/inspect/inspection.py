@@ -11,7 +11,7 @@ from rmrc.analysis.inspect.directions import LOST, SLOW, Lost, Motion, Slow, exa
 from rmrc.analysis.inspect.routes import Array, jacobians
 from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
-from rmrc.analysis.subject import Model, Packages, numbers, subject
+from rmrc.analysis.subject import FRAMES, Model, Packages, numbers, subject
 from rmrc.arm import Arm
 from rmrc.law.task import SAMPLES, Task
 from rmrc.support.errors import QuestionError, did_you_mean
@@ -22,7 +22,6 @@ from rmrc.textbook.euler import analytic_jacobian, zyz_angles, zyz_is_singular, 
 from rmrc.textbook.reference_frame import rotate_jacobian
 from rmrc.textbook.singularity import rank_by_minors
 
-FRAMES = ("world", "site", "base")
 WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
 
 # A joint is said to be near its limit within this share of its range: some 10 degrees of most joints.
@@ -87,14 +86,14 @@ class Inspection:
         disagreement: Of the other routes to J with MuJoCo's, the largest entry, by `routes.ROUTES` [m or 1].
         task: The rows that count.
         why: These rows and no others, in words.
-        determinant: Of these rows of J along world axes; None if they are not square.
+        determinant: Of these rows of J along the axes of the task; None if they are not square.
         sigma: Singular values of A = S_x J S_q, falling, (k,).
         rank: Of A, by its singular values.
         rank_by_minors: By its determinants; None where they are too many.
         lost: Task directions that cannot move.
         slow: Task directions that nearly cannot: κ of them is at least the 100 that the law calls SINGULAR.
         standing: Joint motions that do not move the task: of a redundant arm, or at a singularity.
-        ellipsoids: Ellipsoids of the translations of the task, and of its rotations.
+        ellipsoids: Ellipsoids of the translations of the task, and of its rotations, along its axes.
         E: Ω = E Θ̇ for the Z-Y-Z angles, (3, 3).
         analytic_jacobian: Rows [ṗ; α̇; β̇; γ̇], (6, n); None where the angles are singular.
         angles_in_words: Whether the angles are singular here, and what they cannot do.
@@ -154,8 +153,9 @@ def inspect(
     body: str | None = None,
     packages: Packages | None = None,
     axes: Sequence[str] | None = None,
+    task_frame: str | None = None,
     length: float | None = None,
-    frame: str = "world",
+    frame: str | None = None,
     joint_error: ArrayLike | None = None,
     wrench: ArrayLike | None = None,
 ) -> Inspection:
@@ -169,11 +169,14 @@ def inspect(
             `rmrc.arm.frames`.
         body: The body whose frame is in question, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
-        axes: Rows that count, of x y z rx ry rz along world axes; None for those of a scenario, else those
-            that the arm can move independently, see `rmrc.law.task.choose`.
+        axes: Rows that count, of x y z rx ry rz; None for those of a scenario, else those that the arm can
+            move independently, see `rmrc.law.task.choose`.
+        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
+            whose axes they are, else `world`.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
             scenario, else 1.
-        frame: Along whose axes J and the words are: `world`, `site` or `base`, the body that carries the arm.
+        frame: Along whose axes J and the words are: `world`, `site` or `base`, the body that carries the arm;
+            None for those of the rows.
         joint_error: Standard deviation of each joint, (n,) [rad or m].
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
 
@@ -189,15 +192,17 @@ def inspect(
         'shoulder and elbow turn against each other, 1 : -2, without moving x and y of the site, \
 which turns about -z'
     """
-    asked = subject(model, q, keyframe, site, axes, length, body, packages)
+    asked = subject(model, q, keyframe, site, axes, length, body, packages, task_frame)
     arm, q, task = asked.arm, asked.q, asked.task
+    frame = task.frame if frame is None else frame
     if frame not in FRAMES:
         hint = did_you_mean(frame, FRAMES)
         raise QuestionError(f'frame: no frame "{frame}"{hint}; choose from {" ".join(FRAMES)}')
     pose, routes = arm.pose(q), jacobians(arm, q)
     J, R, turned = routes["mujoco"], quat_to_matrix(pose[3:]), _frame_rotation(arm, q, pose, frame)
-    A, angles = task.matrix(J), zyz_angles(R)
-    sigma, lost, slow, standing = examine(task, J, turned, frame)
+    J_task, angles = task.turned(J, pose), zyz_angles(R)
+    A = task.matrix(J_task)
+    sigma, lost, slow, standing = examine(task, J, pose, turned, frame)
     minors = sum(comb(A.shape[0], r) * comb(A.shape[1], r) for r in range(1, len(sigma) + 1))
     return Inspection(
         arm=arm, q=q, pose=pose, angles=angles, frame=frame, R_world_frame=turned,
@@ -206,10 +211,10 @@ which turns about -z'
             name: float(np.abs(other - J).max()) for name, other in routes.items() if name != "mujoco"
         },
         task=task, why=_why(task, asked=asked.axes is not None),
-        determinant=float(np.linalg.det(J[task.rows])) if A.shape[0] == A.shape[1] else None,
+        determinant=float(np.linalg.det(J_task[task.rows])) if A.shape[0] == A.shape[1] else None,
         sigma=sigma, rank=rank_of(sigma),
         rank_by_minors=int(rank_by_minors(A, LOST)) if minors <= MOST_MINORS else None,
-        lost=lost, slow=slow, standing=standing, ellipsoids=_ellipsoids(task, J),
+        lost=lost, slow=slow, standing=standing, ellipsoids=_ellipsoids(task, J_task),
         E=zyz_rate_matrix(angles),
         analytic_jacobian=None if zyz_is_singular(angles) else analytic_jacobian(J, angles),
         angles_in_words=_angles_in_words(angles),

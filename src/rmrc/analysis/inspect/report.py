@@ -30,7 +30,7 @@ KEYS = {
     "jacobian": "6 x n, rows v_x v_y v_z w_x w_y w_z of the site's origin",
     "disagreement": "largest entry of the difference from MuJoCo's J, by route",
     "task": "rows, why these, length [m]",
-    "determinant": "of the task's rows of J along world axes; null if they are not square",
+    "determinant": "of the task's rows of J along its axes; null if they are not square",
     "sigma": "singular values of the task's rows, falling",
     "rank": "by_singular_values; by_minors, null if not counted",
     "condition": "kappa; null where the rank is lost",
@@ -85,7 +85,7 @@ def _values(found: Inspection) -> dict[str, Any]:
         "pose": {"position": found.pose[:3], "quaternion": found.pose[3:], "zyz": found.angles},
         "frame": {"name": found.frame, "rotation": found.R_world_frame},
         "jacobian": found.jacobian, "disagreement": found.disagreement,
-        "task": {"rows": task.axes, "why": found.why, "length": task.length},
+        "task": {"rows": task.axes, "frame": task.frame, "why": found.why, "length": task.length},
         "determinant": found.determinant, "sigma": found.sigma,
         "rank": {"by_singular_values": found.rank, "by_minors": found.rank_by_minors},
         "condition": found.condition, "manipulability": found.manipulability,
@@ -201,7 +201,8 @@ def _task(found: Inspection) -> Sheet:
     by_minors = "not counted: too many" if found.rank_by_minors is None else f"{found.rank_by_minors}"
     if found.rank_by_minors not in {None, found.rank}:
         by_minors += " (they disagree: sigma is at the threshold)"
-    rows = [("rows", f"{', '.join(task.axes)}: {found.why}")]
+    along = "" if task.frame == "world" else f" along the axes of the {task.frame}"
+    rows = [("rows", f"{', '.join(task.axes)}{along}: {found.why}")]
     if found.determinant is not None:
         rows.append(("det of these rows of J", number(found.determinant)))
     rows += [

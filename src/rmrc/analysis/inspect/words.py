@@ -107,14 +107,14 @@ def nearly_lost(twist: Array, motion: Array, joints: Sequence[str], units: Seque
 
 
 def standing_still(
-    motion: Array, twist: Array, rows: Sequence[str], joints: Sequence[str], units: Sequence[str]
+    motion: Array, twist: Array, task: str, joints: Sequence[str], units: Sequence[str]
 ) -> str:
     """Return a joint motion that does not move the task, and what it does besides.
 
     Args:
         motion: Of the joints, (n,) [rad or m].
         twist: Of the site, 0 in the rows of the task, (6,) [m, rad].
-        rows: Names of the rows of the task.
+        task: What of the site does not move, in words.
         joints: Names of the joints.
         units: `rad` or `m` of each.
     """
@@ -140,7 +140,7 @@ def standing_still(
         return f"{mainly}{does} without moving the site"
     also = [f"turns about {direction(twist[3:])}"] if turns else []
     also = [f"moves along {direction(twist[:3])}", *also] if moves else also
-    return f"{mainly}{does} without moving {listed(rows)} of the site, which {listed(also)}"
+    return f"{mainly}{does} without moving {task}, which {listed(also)}"
 
 
 def _parts(twist: Array) -> tuple[bool, bool]:

@@ -2,7 +2,7 @@
 
 import os
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,7 +11,7 @@ import numpy as np
 
 from rmrc.analysis.new.move import Move, moves
 from rmrc.analysis.new.scaling import Scales, scales, tidy
-from rmrc.analysis.new.text import PERIOD
+from rmrc.analysis.new.text import PERIOD, comment
 from rmrc.analysis.new.text import text as written
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm import Arm
@@ -20,7 +20,7 @@ from rmrc.results.leaving import refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.scenario import Scenario, loads
-from rmrc.scenario.choices import IDEAL, PLANTS, SERVO, TORQUE
+from rmrc.scenario.choices import IDEAL, PLANTS, SERVO
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import QuestionError, ScenarioError
@@ -37,8 +37,6 @@ LEAST = 1e-6
 LIMITED, ASTRAY, LONG = 0.05, 0.1, 40.0
 # Control period of the runs that moves are chosen by [s]: short beside the 0.1 s of the feedback.
 COARSE = 5.0 * PERIOD
-# Plants with drives of our own, which follow within millimeters of each other: one set of bounds does.
-ALIKE = (IDEAL.name, SERVO.name, TORQUE.name)
 # Configurations of a run that are looked at for contacts.
 LOOKS = 40
 
@@ -96,6 +94,8 @@ def new(
     site: str | None = None,
     body: str | None = None,
     packages: Packages | None = None,
+    joints: Sequence[str] | None = None,
+    length: float | None = None,
     plant: str = SERVO.name,
     out: str | os.PathLike[str] | None = None,
     force: bool = False,
@@ -108,6 +108,8 @@ def new(
             `rmrc.arm.frames`.
         body: The body whose frame is controlled, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
+        joints: That are driven; None for those of the arm or scenario, else all on the chain.
+        length: Characteristic length [m]; None for the rms distance of the site from the hinges' axes.
         plant: Kind of the plant.
         out: File to write, whole or not at all; None: nothing is written.
         force: Whether it may be overwritten.
@@ -128,19 +130,23 @@ def new(
     if path is not None:
         refuse_there(path, force)
         refuse_unwritable([path])
-    arm = read_arm(model, site, body, packages)
+    if length is not None and not (np.isfinite(length) and length > 0.0):
+        raise QuestionError(f"length must be > 0 and finite, got {length:g}")
+    arm = read_arm(model, site, body, packages, joints)
     arm.require_open()
-    suits, cache = scales(arm), Cache(*() if arm.stretch else (arm,))
+    suits, cache = scales(arm, length), Cache(*() if arm.stretch else (arm,))
     if not np.isfinite(suits.sigma).all() or suits.quartile <= 0.0:
         raise QuestionError(
             f"{arm.path}: its joints do not move {quoted(arm.site)}; choose another with --site or --body"
         )
     best = _best(suits, cache)
     move = best.move
-    cards = _tried(suits, move, plant, cache)
+    cards, left = _tried(suits, move, plant, cache)
     expect, said = _expected(suits, move, cards)
+    said += comment(" ".join(left))
     if best.words:
-        said.insert(0, f"No move without a fault was found; of this one: {', '.join(best.words)}.")
+        told = f"No move without a fault was found; of this one: {', '.join(best.words)}."
+        said = [*comment(told), *said]
     folder = Path() if path is None else path.parent
 
     def seen(path: Path) -> str:
@@ -232,37 +238,49 @@ def _run(suits: Scales, move: Move, plant: str, cache: Cache, period: float = PE
     return Simulation([prepare(one, cache)]).run()[0]
 
 
-def _tried(suits: Scales, move: Move, plant: str, cache: Cache) -> dict[str, Scorecard]:
-    """Return the figures on the plants that are alike, where they can run the move, and on the scenario's."""
-    cards = {}
-    for name in dict.fromkeys((*ALIKE, plant)):
+def _tried(
+    suits: Scales, move: Move, plant: str, cache: Cache
+) -> tuple[dict[str, Scorecard], tuple[str, ...]]:
+    """Return the figures on the plants that can run the move, and a sentence on each of the others."""
+    cards, left = {}, []
+    for name in PLANTS.names:
         try:
             run = _run(suits, move, name, cache)
         except ScenarioError as error:
             if name == plant:
                 key, why = error.problems[0].key, error.problems[0].text
                 raise QuestionError(f"{suits.task.arm.path}: cannot be run: {join(key)}: {why}") from None
+            left.append(f"The plant {name} refuses it: --set plant.kind={name} says why.")
             continue
         if run.divergence is None:
             cards[name] = scorecard(run)
-        elif name == plant:
+        elif name != plant:
+            left.append(
+                f"On the plant {name} it diverges, at {run.divergence.time:g} s; see what `rmrc check` tells."
+            )
+        else:
             raise QuestionError(
                 f"{suits.task.arm.path}: the {name} plant diverges at {run.divergence.time:g} s: "
                 f"{run.divergence.reason}; give another --plant, or mend what `rmrc check` tells"
             )
-    return cards
+    return cards, tuple(left)
 
 
 def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tuple[dict[str, Any], list[str]]:
-    """Return the checks that hold on the plants that were tried, and what to say of them."""
+    """Return the checks that hold on the plants that were tried, and the comment on them."""
     expect: dict[str, Any] = {"completed": {"equals": 1, "within": 0}}
+    seen = []
     for figure in ("status_time.POSITION_LIMITED", "status_time.RATE_LIMITED", "status_time.STUCK"):
         if all(_value(card, figure) == 0.0 for card in cards.values()):
             expect[figure] = {"equals": 0, "within": 0}
+        else:
+            seen.append((figure, "s"))
+    told = "status_time.TORQUE_LIMITED", "status_time.CONTACT"
+    seen += [(one, "s") for one in told if any(_value(card, one) > 0.0 for card in cards.values())]
     if all(_value(card, "damping.max") > 0.0 for card in cards.values()):
         expect["damping.max"] = {"above": 0}
         expect["sigma.min"] = {"below": move.epsilon}
-    rows, worst = suits.task.rows, []
+    rows = suits.task.rows
     for group, counts, unit, size in (
         ("position_error", (rows < 3).any(), "m", suits.task.length),
         ("orientation_error", (rows >= 3).any(), "rad", 1.0),
@@ -270,12 +288,18 @@ def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tupl
         for figure in (f"{group}.max", f"{group}.end") if counts else ():
             value = max(_value(card, figure) for card in cards.values())
             expect[figure] = {"below": tidy(max(SLACK * value, LEAST * size), up=True)}
-            worst.append(f"{figure} {value:.3g} {unit}")
-    said = [
-        f"What came of it when it was made, the worst of the plants {', '.join(cards)}: {', '.join(worst)}.",
-        f"The bounds are {SLACK:g} times as large, for other machines and versions.",
+            seen.append((figure, unit))
+    said = comment(
+        f"What came of it on each plant when it was made. The bounds are {SLACK:g} times the worst, for "
+        "other machines and versions; for the plant that you use alone, take closer ones."
+    )
+    lines = [("", *cards)] + [
+        (f"{figure} [{unit}]", *(f"{_value(card, figure):.3g}" for card in cards.values()))
+        for figure, unit in seen
     ]
-    return expect, said
+    wide = [max(map(len, column)) for column in zip(*lines, strict=True)]
+    table = ("   ".join(map(str.ljust, line, wide)) for line in lines)
+    return expect, [*said, *(f"#   {line}".rstrip() for line in table)]
 
 
 def _value(card: Scorecard, name: str) -> float:

@@ -44,6 +44,7 @@ class Scales:
         sigma: σ_min over configurations within the limits, rising.
         lower: Positions that are clear of the limits, (n,); -inf without one.
         upper: Likewise; inf without one.
+        is_length_given: Whether the length is one that was asked for.
     """
 
     task: Task
@@ -52,6 +53,7 @@ class Scales:
     sigma: Array
     lower: Array
     upper: Array
+    is_length_given: bool = False
 
     @property
     def quartile(self) -> float:
@@ -68,23 +70,24 @@ class Scales:
         return float((self.rate / self.task.joint_scale).min())
 
 
-def scales(arm: Arm) -> Scales:
+def scales(arm: Arm, length: float | None = None) -> Scales:
     """Return what suits an arm.
 
     Args:
         arm: The arm; its site and joints are those of the scenario.
+        length: Characteristic length [m]; None for the rms distance of the site from the hinges' axes.
     """
     q = arm.sampled(SAMPLES)
     rows = choose(arm)
-    length = _length(rows, q) if rows.rows[0] < 3 else 1.0
-    task = choose(arm, rows.axes, length)
+    found = _length(rows, q) if rows.rows[0] < 3 else 1.0
+    task = choose(arm, rows.axes, found if length is None else length)
     own = arm.rate_limit
-    assumed = np.where(arm.is_slide, tidy(ASSUMED_RATE * length), ASSUMED_RATE)
+    assumed = np.where(arm.is_slide, tidy(ASSUMED_RATE * task.length), ASSUMED_RATE)
     lower, upper = arm.position_limit.T
     within = np.where(np.isfinite(upper - lower), MARGIN * (upper - lower), 0.0)
     sigma = np.sort(survey(task, q).sigma[:, -1])
     return Scales(task, np.where(np.isfinite(own), own, assumed), ~np.isfinite(own), sigma,
-                  lower + within, upper - within)  # fmt: skip
+                  lower + within, upper - within, length is not None)  # fmt: skip
 
 
 def _length(task: Task, q: Array) -> float:

@@ -27,6 +27,7 @@ PERIOD = 0.001
 # The target reaches its speed in a quarter of a second, and its acceleration in a tenth.
 RISE, JERK_RISE = 0.25, 0.1
 HOLD = 0.5
+RMS = ": the rms distance of the site from the hinges' axes"
 
 Seen: TypeAlias = Callable[[Path], Path | str]
 """Returns what a scenario has for a path."""
@@ -50,11 +51,11 @@ def text(
         name: Of the scenario.
         plant: Its kind.
         expect: Checks by name of figure.
-        said: What the comment on `expect` says.
+        said: The comment on `expect`, its lines.
     """
     parts = (
         _head(scales, move, name), _arm(scales, move, seen), _task(scales), _control(scales, move),
-        _target(move), f"plant: {{kind: {plant}}}   # what obeys; --set plant.kind=ideal has no physics",
+        _target(move), f"plant: {{kind: {plant}}}   # ideal has no physics, model the robot's own drives",
         _expect(expect, said),
     )  # fmt: skip
     return "\n".join(parts) + "\n"
@@ -142,9 +143,7 @@ def _task(scales: Scales) -> str:
         [
             "task:",
             f"  axes: [{rows}]   # rows of the twist that count: {why}",
-            *comment(
-                "m; what is worth a radian in sigma: the rms distance of the site from the hinges' axes", 2
-            ),
+            *comment(f"m; what is worth a radian in sigma{'' if scales.is_length_given else RMS}", 2),
             f"  length: {inline(task.length)}",
         ]
     )
@@ -231,9 +230,7 @@ def _segment(by: Array, turn: Array) -> dict[str, Any]:
 def _expect(expect: Mapping[str, Any], said: Sequence[str]) -> str:
     if not expect:
         return ""
-    return "\n".join(
-        [*comment(" ".join(said)), "expect:", *(f"  {name}: {flow(one)}" for name, one in expect.items())]
-    )
+    return "\n".join([*said, "expect:", *(f"  {name}: {flow(one)}" for name, one in expect.items())])
 
 
 def flow(value: Any) -> str:

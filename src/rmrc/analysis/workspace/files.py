@@ -76,7 +76,8 @@ def _workspace(found: Workspace) -> tuple[dict[str, Any], dict[str, str], dict[s
         "model": arm.path.name, "site": arm.site, "joints": arm.joints, "slice": part.name,
         "labels": part.labels,
         "origin": part.origin.tolist(), "normal": part.normal.tolist(), "axes": found.task.axes,
-        "length": found.task.length, "posture": "worst" if found.worst else "best",
+        "task_frame": found.task.frame, "length": found.task.length,
+        "posture": "worst" if found.worst else "best",
     }  # fmt: skip
     return arrays, ARRAYS, about
 
@@ -97,7 +98,7 @@ def _joint_map(found: JointMap) -> tuple[dict[str, Any], dict[str, str], dict[st
     about = {
         "model": arm.path.name, "site": arm.site, "joints": arm.joints,
         "over": [arm.joints[joint] for joint in found.joints],
-        "axes": found.task.axes, "length": found.task.length,
+        "axes": found.task.axes, "task_frame": found.task.frame, "length": found.task.length,
     }  # fmt: skip
     arrays: dict[str, Any] = {"first": found.first, "second": found.second, "q": found.q, **found.values}
     arrays["singular"] = np.concatenate([np.empty((0, 2)), *found.singular])

@@ -59,6 +59,7 @@ def joint_map(
     body: str | None = None,
     packages: Packages | None = None,
     axes: Sequence[str] | None = None,
+    task_frame: str | None = None,
     length: float | None = None,
     cells: int = 200,
     on_samples: Callable[[int], None] | None = None,
@@ -78,6 +79,8 @@ def joint_map(
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         axes: Rows of the twist whose singular values are taken; None for those of a scenario, else those that
             the arm can move independently.
+        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
+            whose axes they are, else `world`.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
             scenario, else 1.
         cells: Steps over the range of each.
@@ -93,7 +96,7 @@ def joint_map(
         >>> found.ends["sigma_min"][0], len(found.singular)  # stretched: theta_2 = 0
         (0.0, 1)
     """
-    asked = subject(model, q, keyframe, site, axes, length, body, packages)
+    asked = subject(model, q, keyframe, site, axes, length, body, packages, task_frame)
     asked.arm.require_open()
     arm, task, positions = asked.arm, asked.task, asked.q
     k, joints = min(len(task.rows), arm.n), _joints(arm, over)
@@ -108,9 +111,11 @@ def joint_map(
         every = np.tile(positions, (*value[some].shape, 1))
         every[..., one], every[..., other] = steps[0][some, None], steps[1]
         flat = every.reshape(-1, arm.n)
-        sigma[some] = survey(task, flat).sigma.reshape(*value[some].shape, k)
+        seen = survey(task, flat)
+        sigma[some] = seen.sigma.reshape(*value[some].shape, k)
         if is_square:
-            value[some] = np.linalg.det(task.matrix(jacobians(task, flat)[1])).reshape(value[some].shape)
+            J = task.turned(jacobians(task, flat)[1], seen.pose)
+            value[some] = np.linalg.det(task.matrix(J)).reshape(value[some].shape)
         if on_samples is not None:
             on_samples(len(flat))
     known = Survey(every, every, sigma.reshape(-1, k))

@@ -58,7 +58,8 @@ def _values(found: Workspace) -> dict[str, Any]:
     return {
         "model": arm.path.name, "site": arm.site, "joints": arm.joints, "slice": part.name,
         "labels": part.labels, "origin": part.origin, "axes": found.task.axes,
-        "length": found.task.length, "method": "sheet" if part.is_surface else "samples",
+        "task_frame": found.task.frame, "length": found.task.length,
+        "method": "sheet" if part.is_surface else "samples",
         "posture": "worst" if found.worst else "best", "configurations": found.samples,
         "cell": found.free.size, "cells": found.free.reached.shape,
         "without_limits": _reach_values(found, found.free),
@@ -90,7 +91,7 @@ def _joint_values(found: JointMap) -> dict[str, Any]:
     arm = found.task.arm
     return {
         "model": arm.path.name, "site": arm.site, "over": [arm.joints[joint] for joint in found.joints],
-        "q": found.q, "axes": found.task.axes, "length": found.task.length,
+        "q": found.q, "axes": found.task.axes, "task_frame": found.task.frame, "length": found.task.length,
         "cells": [len(found.first) - 1, len(found.second) - 1],
         "configurations": found.values["sigma_min"].size,
         # det J is of as many rows as joints

@@ -5,7 +5,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.analysis.subject import Model, Packages, numbers, subject
+from rmrc.analysis.subject import Model, Packages, Subject, numbers, subject
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.analysis.workspace.folds import covering
 from rmrc.analysis.workspace.footprint import CELL, NODE, refuse_excess
@@ -13,7 +13,7 @@ from rmrc.analysis.workspace.reach import Workspace
 from rmrc.analysis.workspace.search import Search, steps_of_grid
 from rmrc.analysis.workspace.slices import Slice, choose_slice
 from rmrc.arm import Arm
-from rmrc.law.task import Array, Task, choose
+from rmrc.law.task import Array, Task
 from rmrc.support.errors import QuestionError
 
 
@@ -28,6 +28,7 @@ def workspace(
     packages: Packages | None = None,
     through: ArrayLike | None = None,
     axes: Sequence[str] | None = None,
+    task_frame: str | None = None,
     length: float | None = None,
     cells: int = 200,
     samples: int = 1_000_000,
@@ -51,6 +52,8 @@ def workspace(
         through: A point of the plane, (3,) [m]; None for the site at q.
         axes: Rows of the twist whose singular values are taken; None for those of a scenario, else the linear
             ones that can move.
+        task_frame: Along whose axes the rows are: `world`, `base` or `site`; None for that of a scenario
+            whose axes they are, else `world`.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a
             scenario, else 1.
         cells: Number of cells along the longer side.
@@ -68,13 +71,13 @@ def workspace(
         >>> round(found.free.area / np.pi)
         72
     """
-    asked = subject(model, q, keyframe, site, axes, length, body, packages)
+    asked = subject(model, q, keyframe, site, axes, length, body, packages, task_frame)
     asked.arm.require_open()
     arm, home = asked.arm, asked.q
     point = None if through is None else numbers("through", through, ("x", "y", "z"))
     part = choose_slice(arm, plane, home, point)
     refuse_excess(cells, NODE * steps_of_grid(cells) ** 2 if part.is_surface else CELL * cells**2)
-    task = _task(arm, part, asked.axes, asked.length)
+    task = _task(arm, part, asked)
     work = Search(arm, task, part, home, worst, on_samples or (lambda _: None))
     free_range, own_range = _ranges(arm, part)
     if part.is_surface:
@@ -95,14 +98,14 @@ def expected(part: Slice, cells: int, samples: int) -> int:
     return 2 * steps_of_grid(cells) ** 2 if part.is_surface else 2 * samples
 
 
-def _task(arm: Arm, part: Slice, axes: Sequence[str] | None, length: float) -> Task:
+def _task(arm: Arm, part: Slice, asked: Subject) -> Task:
     """Return the task of some axes, or of the linear ones: of a planar arm the two that show most of it."""
-    if axes is not None:
-        return choose(arm, axes, length)
+    if asked.axes is not None:
+        return asked.task
     rows = np.arange(3)
-    if len(part.basis) == 2:
+    if len(part.basis) == 2 and asked.frame == "world":
         rows = np.delete(rows, np.argmax(np.abs(part.normal)))
-    return Task(arm, rows, length)
+    return Task(arm, rows, asked.length, frame=asked.frame)
 
 
 def _ranges(arm: Arm, part: Slice) -> tuple[Array, Array]:

@@ -9,10 +9,10 @@ import math
 import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 
 from rmrc.law.jit import Array
 from rmrc.results.run import Run
@@ -23,18 +23,26 @@ from rmrc.study.margins.kicks import KICK, resting, twin_of
 from rmrc.study.study import Result, Study
 from rmrc.textbook.stability import edge_frequency
 
-# An oscillation at the edge keeps its first amplitude. In the least time that is waited, of a loop whose
-# feedback is 1 % below its edge less than this is left.
-STILL_RINGS = 0.7
-# The response to a kick is in the order of it, up to the 1/σ of joints. Less than the one is nothing that
-# could be told from what else happens, and more than the other is no response but an event.
-_LEAST, _MOST = 0.04, 30.0
+# An oscillation at the edge keeps its amplitude. From the middle third to the last of the shortest run, of a
+# loop of dead times whose feedback is half a percent below its edge less than this is left.
+STILL_RINGS = 0.9
+# The response to a kick is in the order of it, or more by the 1/σ of joints. Less than this share of the kick
+# is nothing that could be told from what else happens. More than the next, in the end, is no answer to a kick:
+# the two parted at a singularity or a stop, which fades, or swing on their own, as far as limits let them. More
+# than the last is the arm's whole motion.
+_LEAST, _MOST, _ALL = 0.03, 10.0, 1e5
+# A joint that goes to and fro at a limit is sent forth and back with this share of its largest rate at least.
+_TO_AND_FRO = 0.1
 # A path is cut into so many stretches at most, each with a kick and so many windows, if it is long enough;
 # else it is one stretch, of so many windows with what follows it.
-_STRETCHES, _WINDOWS, _FEWEST = 8, 40, 16
+_STRETCHES, _WINDOWS, _FEWEST = 8, 40, 20
+# The last third of a stretch is looked at in so many parts, each of two windows at least.
+_PARTS = 3
 # World-ticks that are run at once: 300 MB of an arm with seven joints.
 _TICKS = 2_000_000
-LIMITED = int(Status.RATE_LIMITED | Status.ACCELERATION_LIMITED)
+_LIMITED = int(
+    Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED | Status.TORQUE_LIMITED
+)
 
 Reason = Literal["", "diverged", "rings", "reverses"]
 
@@ -150,10 +158,10 @@ def _judge(results: Sequence[Result], tracks: Sequence[_Track]) -> Judged:
     found = []
     for first, last in zip(starts, [*(starts[1:] - width // 2), len(swings)], strict=True):
         if last - first >= _FEWEST * width:  # shorter is one that a slowed path comes to late
-            left = still_ringing(swings, first, last, width)
-            turns = reverses(sent, status.astype(np.int64) & LIMITED != 0, first, last, width)
+            left = still_ringing(swings, first, last)
+            turns = reverses(sent, status.astype(np.int64) & _LIMITED != 0, first, last)
             reason: Reason = "rings" if left >= STILL_RINGS else "reverses" if turns else ""
-            found.append(Judged(reason, first * period if reason else math.nan, left))
+            found.append(Judged(reason, float(first * period) if reason else math.nan, left))
     # the first that is unstable, with what is left of the worst; the first stretch is never too short
     judgment = next((one for one in found if one.is_unstable), found[0])
     return replace(judgment, left=max(one.left for one in found))
@@ -170,40 +178,57 @@ def without_trend(values: Array, width: int) -> Array:
     return np.asarray(values[: len(mean)] - mean)
 
 
-def still_ringing(swings: Array, first: int, last: int, width: int) -> float:
-    """Return how much of the response to a kick rings to the end of a stretch [1].
+def still_ringing(swings: Array, first: int, last: int) -> float:
+    """Return how much of a kick still rings at the end of a stretch [1]; 1: it neither fades nor grows.
 
-    It is the least amplitude of the windows in the last third, of the joint that swings most of those that
-    change sign in each window on average, over the largest in the first third.
+    It is the least amplitude of the parts of the last third over the largest of the middle third. Where it
+    grows all through the last third, it is the amplitude of its last part over that of its first, if that is
+    more: at a stop, or past a singularity, the two part by more than the kick did, and that may fade or grow
+    as well. And it is 1 where they swing each on its own, as far as limits let them, and not by much less in
+    the end.
+
+    Only joints count that swing to either side in each part, and by enough to be told.
 
     Args:
         swings: In units of the kick, (T, n).
         first: First tick of the stretch, that of the kick.
         last: One past its last.
-        width: Ticks of a window.
     """
     third = (last - first) // 3
-    response = float(np.abs(swings[first : first + third]).max())
-    end = swings[last - third : last]
-    peaks = np.array([np.abs(part).max(axis=0) for part in _windows(end, width)])
-    is_swinging = np.count_nonzero(np.diff(np.signbit(end), axis=0), axis=0) >= len(peaks)
-    weakest = np.where(is_swinging, peaks.min(axis=0), 0.0).max()
-    return float(weakest) / min(max(response, _LEAST), _MOST)
+    middle, end = swings[last - 2 * third : last - third], swings[last - third : last]
+    parts = np.array_split(end, _PARTS)
+    peaks = np.array([np.abs(part).max(axis=0) for part in parts])
+    swings_on = np.all([_both_ways(part, 0.0) for part in parts], axis=0) & (peaks.min(axis=0) >= _LEAST)
+    if not swings_on.any():
+        return 0.0
+    peaks = peaks[:, swings_on]
+    weakest, largest = peaks.min(axis=0), peaks.max(axis=0)
+    left = weakest / max(np.abs(middle).max(), _LEAST)
+    grown = np.where(peaks[-1] >= largest, peaks[-1] / peaks[0], 0.0)
+    alone = (weakest >= _ALL) | ((weakest >= _MOST) & (peaks[-1] >= 0.5 * largest))
+    return float(np.maximum(left, np.where(grown >= 1.0, grown, alone)).max())
 
 
-def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int, width: int) -> bool:
-    """Say whether a joint's command reverses from limit to limit, in each window to the end of a stretch.
+def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int) -> bool:
+    """Say whether a joint is sent to and fro at a limit, in each part of the last third of a stretch.
 
-    That is an oscillation that may swallow a kick: between limits, where a loop goes is no question of where
-    it was.
+    Such an oscillation may swallow a kick: where limits act, the rates are no question of where the arm is.
+
+    Args:
+        sent: Commanded rates, (T, n).
+        is_limited: Where a limit acts, (T,).
+        first: First tick of the stretch.
+        last: One past its last.
     """
-    third = (last - first) // 3
-    is_back = np.signbit(sent[last - third : last])
-    turned = [np.any(part[1:] != part[:-1], axis=0) for part in _windows(is_back, width)]
-    limited = [np.mean(part) >= 0.5 for part in _windows(is_limited[last - third : last], width)]
-    return bool(np.all(limited) and np.all(turned, axis=0).any())
+    third = slice(last - (last - first) // 3, last)
+    if not all(part.any() for part in np.array_split(is_limited[third], _PARTS)):
+        return False
+    least = _TO_AND_FRO * np.abs(sent).max(axis=0)
+    return bool(
+        np.all([_both_ways(part, least) for part in np.array_split(sent[third], _PARTS)], axis=0).any()
+    )
 
 
-def _windows(values: NDArray[Any], width: int) -> list[NDArray[Any]]:
-    """Cut values into windows of so many ticks or a little more."""
-    return np.array_split(values, len(values) // width)
+def _both_ways(values: Array, least: ArrayLike) -> NDArray[np.bool_]:
+    """Say which columns of values (t, n) go beyond ±least, to either side."""
+    return np.asarray((values.max(axis=0) > least) & (values.min(axis=0) < -np.asarray(least)))

@@ -1,0 +1,128 @@
+"""What a log does not tell of a joint, with what to log instead, and what else is odd about it."""
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from rmrc.analysis.identify.fit import EARLIEST, Fitted, Interval, Samples
+from rmrc.analysis.identify.response import Array
+
+# A fit that explains less of a joint's motion is of a joint that does not follow its commands.
+EXPLAINED = 0.95
+# Delay and lag together are told if they are within a period, or this share of them.
+SHARE = 0.1
+# A gain is told where it is off by more; an answer that is weaker is none.
+OFF, WEAK = 0.02, 0.1
+# Times the noise that must be left for a fit to be told as a poor one, or for a motion to be one.
+POOR, MOVED = 3.0, 20.0
+# 180/pi, to 5 %: one of the columns is in degrees.
+DEGREES = 57.3
+
+
+def unfit(samples: Samples | None) -> str:
+    """Return why the log of a joint cannot be fitted, or ""."""
+    if samples is None:
+        return "fewer than 30 rows have its position and command: log 10 s or more"
+    rate = samples.commands.rate
+    if not np.ptp(rate):
+        driven = "is not driven" if not rate[0] else f"is driven at {rate[0]:.4g} throughout"
+        return f"it {driven}: command starts and stops"
+    if not np.ptp(samples.position):
+        return f"it {_still(samples)}"
+    return ""
+
+
+def untold(fitted: Fitted, noise: Interval, step: float, period: float, longest: float) -> str:
+    """Return why delay and lag of a joint are not told, or "".
+
+    Args:
+        fitted: Its fit.
+        noise: Of its positions.
+        step: Their resolution.
+        period: Of its commands [s].
+        longest: Delay that was looked for [s].
+    """
+    moved, total = float(np.ptp(fitted.samples.position)), fitted.total
+    floor = max(noise.value, step, 1e-12)
+    if abs(fitted.gain.value) < WEAK and np.ptp(fitted.samples.commands.travel) > MOVED * floor:
+        return f"it {_still(fitted.samples)}"
+    if fitted.explained < EXPLAINED and moved > MOVED * floor:
+        return f"the fit explains {100 * fitted.explained:.0f} % of its motion: {_cause(fitted, floor)}"
+    if not -EARLIEST < total.value < 2.0 * longest or fitted.best.delay >= longest - period:
+        return f"it answers later than {longest:g} s, or not at all: give --longest, or check the columns"
+    if total.half > max(period, SHARE * abs(total.value)) or fitted.explained < EXPLAINED:
+        return (
+            f"delay and lag together are not told better than {1e3 * total.half:.2g} ms: it moves "
+            f"{moved:.2g} with a noise of {floor:.2g}; move it farther, with sharper starts and stops, or "
+            "for longer"
+        )
+    return ""
+
+
+def odd(fitted: Fitted, noise: Interval, step: float, period: float) -> Iterator[str]:
+    """Yield what is odd about a joint whose delay and lag are told."""
+    gain, lag, total = fitted.gain, fitted.lag, fitted.total
+    if gain.value < 0.0:
+        yield "moves against its commands: the sign of one of the columns is turned"
+    for size, first, second in ((DEGREES, "positions", "commands"), (1.0 / DEGREES, "commands", "positions")):
+        if abs(abs(gain.value) / size - 1.0) < 0.05:
+            yield f"moves {gain.value:.4g} times its commands: {first} are in degrees and {second} are not?"
+            break
+    else:
+        if abs(abs(gain.value) - 1.0) > OFF and not gain.low <= 1.0 <= gain.high:
+            yield f"does {gain.value:.4g} times its commanded rates: a scenario knows no such gain"
+    if total.high < -period / 2.0:
+        yield (
+            f"answers {-1e3 * total.value:.3g} ms before its commands: stamp position and command "
+            "by one clock; a delay of 0 is written"
+        )
+    elif lag.low == 0.0 and lag.high > 0.1 * abs(total.value) and lag.high > 0.1 * period:
+        yield (
+            f"delay and lag are hard to tell apart, together they are {1e3 * total.value:.4g} ± "
+            f"{1e3 * total.half:.2g} ms: sharper starts and stops would"
+        )
+    rms = float(np.sqrt(np.mean(fitted.residual**2)))
+    floor = float(np.hypot(noise.value, step / np.sqrt(12.0)))
+    if rms > POOR * floor and rms > 1e-6 * np.ptp(fitted.samples.position):
+        yield (
+            f"is {rms:.2g} rms off the fit, where its noise is {floor:.2g}: delay and lag are not "
+            "all that it has, as resonance, friction or the drive's own loop"
+        )
+    if fitted.outliers:
+        yield f"{fitted.outliers:,} positions left out that no arm jumps to and back from"
+
+
+def _still(samples: Samples) -> str:
+    asked = float(np.ptp(samples.commands.travel))
+    return (
+        f"moves {np.ptp(samples.position):.2g} where its commands ask for {asked:.2g}: switch its drive on, "
+        "leave its stop, or check which column is whose"
+    )
+
+
+def _cause(fitted: Fitted, floor: float) -> str:
+    """Return why a joint does not follow, if it can be seen."""
+    found = fitted.samples
+    asked, _ = found.commands.lagged(fitted.best.lag).at(found.time - fitted.best.delay)
+    first, last = _longest_stand(found.position, 4.0 * floor)
+    way = float(np.ptp(asked[first : last + 1]))
+    if way > MOVED * floor and way > 0.02 * np.ptp(found.position):
+        return (
+            f"it stands at {found.position[first]:.4g} from {found.time[first]:.4g} s to "
+            f"{found.time[last]:.4g} s while commanded on by {way:.2g}; log it away from that limit"
+        )
+    return (
+        "something else moves or holds it; log it alone, away from its limits, in the mode that takes rates"
+    )
+
+
+def _longest_stand(position: Array, room: float) -> tuple[int, int]:
+    """Return the first and last row of the longest stretch within a room."""
+    best, first, low, high = (0, 0), 0, position[0], position[0]
+    for i, value in enumerate(position.tolist()):
+        low, high = min(low, value), max(high, value)
+        if high - low > room:
+            first, low, high = i, value, value
+        if i - first > best[1] - best[0]:
+            best = first, i
+    return best

@@ -1,0 +1,90 @@
+"""The verb `identify`: what delay, lag and noise an arm has, from a log of its commands and positions."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from rmrc.cli.console import interruption, notice
+from rmrc.cli.kinds import LOG, expect
+from rmrc.cli.options import AsJson, Out, Quiet, drawable, within
+from rmrc.cli.reports import show
+from rmrc.support.errors import QuestionError
+from rmrc.support.legible import quoted
+
+LogFile = Annotated[
+    Path,
+    typer.Argument(
+        help="The log: CSV, Parquet, or the .npz of a run, with the columns t, q and qdot_cmd of each joint.",
+        show_default=False,
+        callback=lambda path: expect(path, LOG),
+    ),
+]
+Columns = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--columns",
+        metavar="KIND=NAME",
+        help="Which column is t, or which are q or qdot_cmd: A,B,C, or with * where the joint stands; a unit "
+        'may follow: "t=stamp ms". Repeatable.',
+    ),
+]
+Degrees = Annotated[
+    bool, typer.Option("--degrees", help="Angles are in degrees; default: rad.", show_default=False)
+]
+Longest = Annotated[
+    float,
+    typer.Option(
+        help="Delay, and lag, that is looked for at most [s].", callback=within("--longest", 1e-3, 10.0)
+    ),
+]
+Picture = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE", help="The picture instead: .png, .svg or .pdf.", show_default=False, callback=drawable
+    ),
+]
+
+
+def identify(
+    log: LogFile,
+    columns: Columns = None,
+    degrees: Degrees = False,
+    longest: Longest = 0.5,
+    out: Out = Path("recordings"),
+    picture: Picture = None,
+    as_json: AsJson = False,
+    quiet: Quiet = False,
+) -> None:
+    """Tell delay, lag and noise of each joint of an arm, from a log of its commands and positions.
+
+    Prints a plant and arm.encoder block to paste into a scenario; leaves NAME.identify.yaml with it, and .png
+    with the fit against the data. Exit code 1: no joint tells its delay; a line says what to log instead.
+    """
+    given = dict(_mapped(text) for text in columns or ())
+    with interruption("interrupted; nothing was written"), notice("identifying ..."):
+        from rmrc.analysis.identify.identify import identify as ask
+        from rmrc.analysis.identify.report import report
+        from rmrc.results.leaving import refuse_unwritable
+        from rmrc.support.files import written_whole
+
+        wanted = picture or out / f"{log.stem}.identify.png", out / f"{log.stem}.identify.yaml"
+        refuse_unwritable(wanted)
+        found = ask(log, columns=given, degrees=degrees, longest=longest)
+        answer = report(found)
+        files = []
+        if answer.draw is not None:
+            answer.draw(wanted[0])
+            files.append(wanted[0])
+        if answer.block:
+            with written_whole(wanted[1]) as temporary:
+                temporary.write_text(answer.block, "utf-8")
+            files.append(wanted[1])
+    show(answer, as_json, quiet, files)
+
+
+def _mapped(text: str) -> tuple[str, str]:
+    kind, mark, name = text.partition("=")
+    if not (mark and kind.strip() and name.strip()):
+        raise QuestionError(f"--columns must be KIND=NAME, such as t=stamp, got {quoted(text)}")
+    return kind.strip(), name.strip()

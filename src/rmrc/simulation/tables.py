@@ -1,0 +1,118 @@
+"""Tables of numbers in files: CSV as many programs write it, and Parquet."""
+
+import io
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+# Of a file so many bytes tell how it is written.
+HEAD = 65536
+# What begins a line that is no row, before the names of the columns.
+COMMENTS = ("#", "%", "//")
+
+
+@dataclass(frozen=True)
+class Table:
+    """What a file has.
+
+    Attributes:
+        numbers: Columns of numbers by name, all (R,); a cell that is empty is NaN.
+        texts: Of other columns the first cell that is no number, by name.
+        skipped: Rows that were left out because they have too few cells or too many.
+    """
+
+    numbers: Mapping[str, Array]
+    texts: Mapping[str, str]
+    skipped: int
+
+
+def read_table(path: Path, is_log: bool = False) -> Table:
+    """Read a CSV or Parquet file.
+
+    A CSV file may begin with comments, of which the last may have the names of the columns. Commas,
+    semicolons, tabs or blanks are between its cells; where it is semicolons, a comma may stand for the
+    decimal point.
+
+    Args:
+        path: Of the file; what is not `.parquet` is CSV.
+        is_log: Whether rows of another number of cells are skipped, and not refused, as a logger that is
+            ended leaves half a row; and dates with times are numbers as well, in ns.
+
+    Raises:
+        OSError: The file cannot be read.
+        ValueError: It is no such file; one line says why.
+    """
+    import pyarrow as untyped
+    import pyarrow.parquet as pq
+
+    pa: Any = untyped
+
+    skipped: list[Any] = []
+    try:
+        is_csv = path.suffix != ".parquet"
+        # pyarrow tells a bad row to its handler as UTF-8, and ends where it is none
+        text = path.read_bytes().decode("utf-8", "replace") if is_csv else ""
+        table: Any = _csv(text.encode(), is_log, skipped) if is_csv else pq.read_table(path)
+    except pa.ArrowException as error:
+        raise ValueError(str(error).splitlines()[0]) from None
+    numbers, texts = dict[str, Array](), dict[str, str]()
+    for name, column in zip(table.column_names, table.columns, strict=True):
+        is_date = is_log and pa.types.is_timestamp(column.type)
+        values = (column.cast(pa.timestamp("ns")).cast(pa.int64()) if is_date else column).to_numpy()
+        if values.dtype.kind in "iuf":
+            numbers[name.strip()] = values.astype(np.float64)
+        else:
+            texts[name.strip()] = next((str(one) for one in values if not _is_number(str(one))), "")
+    return Table(numbers, texts, len(skipped))
+
+
+def _csv(data: bytes, is_log: bool, skipped: list[Any]) -> Any:
+    """Return a CSV file as a table of pyarrow, whose types mypy does not know."""
+    from pyarrow import csv as untyped
+
+    csv: Any = untyped
+
+    lines = data[:HEAD].decode("utf-8", "replace").removeprefix("\ufeff").splitlines()
+    start = next((i for i, line in enumerate(lines) if line.strip() and not line.startswith(COMMENTS)), 0)
+    first, before = (lines[start], lines[start - 1] if start else "") if lines else ("", "")
+    mark = next((one for one in ",;\t" if one in first.replace(",", "" if ";" in first else ",")), " ")
+    if mark == " " and len(first.split()) > 1:
+        data = b"\n".join(b",".join(line.split()) for line in data.splitlines()[start:])
+        first, before, start, mark = (
+            *(",".join(re.sub(r"^[#%/]+", "", one).split()) for one in (first, before)),
+            0,
+            ",",
+        )
+    names = None
+    if before and _is_number(first.split(mark if mark != " " else ",")[0]):
+        names = [one.strip() for one in re.sub(r"^[#%/\s]+", "", before).split(mark)]
+    has_commas = mark == ";" and any("," in line for line in lines[start : start + 50])
+
+    def skip(row: Any) -> str:
+        skipped.append(row)
+        return "skip"
+
+    return csv.read_csv(
+        io.BytesIO(data),
+        # in one block: a column is of integers or not by all of its rows
+        csv.ReadOptions(skip_rows=start, column_names=names, block_size=min(len(data) + 1, 2**31 - 1)),
+        csv.ParseOptions(
+            delimiter=mark if mark != " " else ",", invalid_row_handler=skip if is_log else None
+        ),
+        csv.ConvertOptions(decimal_point="," if has_commas else "."),
+    )
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text.strip().replace(",", "."))
+    except ValueError:
+        return text.strip() in ("", "None")
+    return True

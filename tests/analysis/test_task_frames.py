@@ -1,0 +1,115 @@
+"""Questions about rows along the axes of the site or the base: they are those of the law."""
+
+import json
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+import rmrc
+from project import ROOT
+from rmrc.analysis.survey import survey
+from rmrc.analysis.workspace.joint_map import joint_map
+from rmrc.arm import load
+from rmrc.law.task import choose
+from rmrc.support.errors import QuestionError
+from rmrc.support.spatial import AXES
+from wording import says
+
+POINTING = ["x", "y", "z", "rx", "ry"]
+# of MuJoCo's J and LAPACK against sums along the chain, in another order
+ROUNDING = 1e-12
+
+
+@pytest.fixture(scope="module")
+def puma():
+    return load(ROOT / "models/puma560.xml")
+
+
+def by_scipy(arm, q, axes, length):
+    """Return σ of rows along the site's axes, by MuJoCo's J turned by scipy's rotation."""
+    w, x, y, z = arm.pose(q)[3:]
+    turn = Rotation.from_quat([x, y, z, w]).as_matrix().T
+    J = arm.jacobian(q)
+    rows = np.vstack([turn @ J[:3] / length, turn @ J[3:]])
+    return np.linalg.svd(rows[[AXES.index(one) for one in axes]], compute_uv=False)
+
+
+def test_a_scenario_is_asked_about_along_the_axes_of_its_task():
+    spray = rmrc.load("spray_past_the_wrist")
+    found, run = rmrc.inspect(spray), rmrc.run(spray)
+    np.testing.assert_allclose(found.sigma, run["sigma"][0], rtol=0, atol=ROUNDING)
+    assert (found.task.frame, found.frame) == ("site", "site")
+    # rows that are named are along world axes, where the turn about the gun is no single row
+    world = rmrc.inspect(spray, axes=POINTING)
+    assert world.task.frame == "world" and np.abs(world.sigma - found.sigma).max() > 0.1
+
+
+def test_many_configurations_have_the_singular_values_of_each(puma):
+    q = puma.sampled(50, seed=3)
+    found = survey(choose(puma, POINTING, 0.5, "site"), q).sigma
+    np.testing.assert_allclose(
+        found, [by_scipy(puma, one, POINTING, 0.5) for one in q], rtol=0, atol=ROUNDING
+    )
+    assert np.abs(found - survey(choose(puma, POINTING, 0.5), q).sigma).max() > 0.01
+
+
+def test_what_is_lost_is_told_along_the_axes_of_the_site_and_kept_along_the_worlds(puma):
+    q = np.array([0.3, -0.9, 3.4, 0.4, 0.0, 0.2])  # the wrist in line
+    found = rmrc.inspect(puma, q, task_frame="site")
+    (lost,) = found.lost
+    assert np.abs(puma.jacobian(q).T @ lost.wrench).max() < 1e-6 * np.linalg.norm(lost.wrench)
+    assert lost.words.endswith("(axes of the site)")
+    (same,) = rmrc.inspect(puma, q).lost
+    assert abs(abs(lost.twist @ same.twist) - 1.0) < 1e-9  # all rows count: the same direction of the world
+    R = Rotation.from_quat(np.roll(puma.pose(q)[3:], -1)).as_matrix()
+    assert np.abs(np.kron(np.eye(2), R.T) @ lost.twist - lost.twist).max() > 0.1  # and another of the site
+
+
+def test_a_determinant_is_that_of_the_rows(puma):
+    q = np.array([0.3, -0.9, 3.4, 0.4, 0.8, 0.2])
+    whole = rmrc.inspect(puma, q, task_frame="site")
+    assert abs(whole.determinant - np.linalg.det(puma.jacobian(q))) < ROUNDING  # of a rotation: 1
+    planar = load(ROOT / "models/planar_2link.xml")
+    q = np.array([0.4, 1.1])
+    found = rmrc.inspect(planar, q, axes=["x", "y"], task_frame="site")
+    # along the last link and across it: l1 sin, l1 cos + l2 of the first joint, 0 and l2 of the second
+    assert abs(found.determinant - np.sin(q[1])) < ROUNDING
+    np.testing.assert_allclose(
+        found.jacobian[:2], [[np.sin(q[1]), 0.0], [np.cos(q[1]) + 1.0, 1.0]], atol=ROUNDING
+    )
+
+
+def test_a_map_over_joints_takes_rows_of_the_site():
+    found = joint_map("planar_2link", ["shoulder", "elbow"], axes=["x"], task_frame="site", cells=12)
+    # along the last link only the shoulder moves the site: l1 |sin θ₂|
+    expected = np.abs(np.sin(found.second))
+    np.testing.assert_allclose(
+        found.values["sigma_min"], np.tile(expected, (len(found.first), 1)), atol=ROUNDING
+    )
+
+
+def test_a_goal_of_whole_positions_and_rotations_is_the_same_in_every_frame(puma):
+    goal = [0.1, -0.9, 3.4, 0.2, 0.6, 0.3]
+    along = {
+        frame: rmrc.ik(puma, to_q=goal, axes=["x", "y", "z"], task_frame=frame) for frame in ("world", "site")
+    }
+    np.testing.assert_array_equal(along["site"].q, along["world"].q)
+    with pytest.raises(QuestionError) as caught:
+        rmrc.ik(puma, to_q=goal, axes=POINTING, task_frame="site")
+    assert str(caught.value) == says("rows rx, ry … site … rx, ry, rz … world")
+
+
+def test_verbs_take_the_frame_by_an_option(rmrc, puma):
+    q = "0.3,-0.9,3.4,0.4,0.8,0.2"
+    code, out, _ = rmrc(
+        "inspect", str(puma.path), "--q", q, "--axes", ",".join(POINTING), "--task-frame", "site", "--json"
+    )
+    facts = json.loads(out)
+    assert code == 0 and facts["task"]["frame"] == "site"
+    np.testing.assert_allclose(
+        facts["sigma"], by_scipy(puma, np.array([float(x) for x in q.split(",")]), POINTING, 1.0), atol=1e-9
+    )
+    for verb, more in (("inspect", ()), ("workspace", ("--cells", "10")), ("ik", ("--to-q", q))):
+        code, _, err = rmrc(verb, str(puma.path), *more, "--task-frame", "hand")
+        assert code == 2 and err.splitlines()[-1] == says('… task frame … "hand" … world base site')
