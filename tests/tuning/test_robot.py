@@ -143,15 +143,19 @@ def test_what_the_scenario_cannot_have_is_not_assumed_and_told(path):
 
 
 def test_feedback_is_tried_up_to_the_edge_of_the_loop(path):
-    found = Tuning(path, robot={"delay": "6ms..12ms", "lag": "5ms"}, copies=0, runs=20, only=FEW).run()
-    assert found.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.004, 0.012, 0.005))
-    assumed = Tuning(path, copies=0, runs=30, only=FEW).run()
-    assert assumed.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.004, DELAY, LAG) / GAIN_MARGIN)
+    fine = ["control.period=0.001", "plant.timestep=0.001"]
+    found = Tuning(path, fine, robot={"delay": "6ms..12ms", "lag": "5ms"}, copies=0, runs=12, only=FEW).run()
+    assert found.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, 0.012, 0.005))
+    assumed = Tuning(path, fine, copies=0, runs=12, only=FEW).run()
+    assert assumed.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, DELAY, LAG) / GAIN_MARGIN)
+    # without a loop it is five periods for 1/e, which the servos bear
+    assert Tuning(path, ideal=True, copies=0, runs=12, only=FEW).run().bounds[FEEDBACK][1] == 0.2 / 0.004
 
 
 def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
     # by the test of stability alone, for each that is feasible, and for some that are not
-    work = Tuning(path, copies=1, runs=160, only=FEW, threads=1)
+    fine = ["control.period=0.001", "plant.timestep=0.001"]
+    work = Tuning(path, fine, copies=1, runs=160, only=FEW, threads=1)
     found = work.run()
     study = Study(work.scenario)
 
@@ -161,7 +165,9 @@ def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
     assert found.feasible
     assert all(bear(found.feasible[::4]))
     assert found.margins["recommended"].gain.value > 0.97 * GAIN_MARGIN  # its edge is found within 5 %
-    told = Tuning(path, robot={"delay": (0.0, DELAY), "lag": (0.0, LAG)}, copies=1, runs=160, only=FEW).run()
+    told = Tuning(
+        path, fine, robot={"delay": (0.0, DELAY), "lag": (0.0, LAG)}, copies=1, runs=160, only=FEW
+    ).run()
     best = told.verdict.recommended
     assert best.feedback > 1.1 * found.verdict.recommended.feedback  # negative control: without the margin
     assert bear([best]) == [False]

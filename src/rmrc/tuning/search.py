@@ -25,13 +25,13 @@ from rmrc.tuning.tried import Tried, best, best_of_each, is_same
 
 # Shares of the runs for the first look at all structures, and until the best of a look at a model are known
 # on the copies.
-_LOOK, _CONFIRM = 0.3, 0.5
+_LOOK, _CONFIRM = 0.25, 0.5
 # Settings that are tried at a time: enough for a batch on each of some cores, and few enough for what is
 # found to end those that come after.
 _ROUND = 64
 # Steps in the unit cube, whose sides are two or three decades: the first, the last, and by how much they
 # shrink after a round that brought something new, and after one that did not.
-_FIRST_STEP, _LAST_STEP, _SHRINK = 0.25, 0.003, (0.7, 0.4)
+_FIRST_STEP, _LAST_STEP, _SHRINK = 0.25, 0.003, (0.6, 0.4)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
@@ -123,7 +123,7 @@ class Search:
             ]
             if len(settings) >= _ROUND:
                 before = self._left
-                yield settings
+                yield settings[: before - until]
                 settings = []
                 if self._left <= max(until, 0) or self._left == before or self._trials.is_stopped:
                     return  # where nothing is new, the space is finite
@@ -175,7 +175,8 @@ class Search:
         self._tried |= {one.setting: one for one in found}
         for copy in others:
             found = self._run(self._promising(found)[: self._left], copy, self.feasible)
-        self._bear([one for one in self._promising(found) if one.keeps_limits])
+        able = [one for one in self._promising(found) if one.keeps_limits]
+        self._bear(able[: max(0, self._left) // 2])
 
     def _hardest(self) -> list[int]:
         """Return the copies, that first on which most settings have their largest error."""
