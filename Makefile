@@ -13,4 +13,6 @@ figures:
 	$(PYTHON) -m rmrc inspect models/planar_2link.xml --q "80 deg,-160 deg" --q "60 deg,-120 deg" --q "30 deg,-60 deg" --q "10 deg,-20 deg" --picture docs/figures/ellipses_along_a_reach.png
 	$(PYTHON) -m rmrc inspect models/puma560.xml --picture docs/figures/ellipses_puma.png
 	$(PYTHON) -c "from pathlib import Path; from rmrc.show.textbook_figures import small_displacements; small_displacements([Path('docs/figures/small_displacements.png')])"
+	$(PYTHON) -m rmrc identify scenarios/arm_log.csv --picture docs/figures/identify_arm_log.png --out build/figures --quiet
 	$(PYTHON) -m rmrc tune scenarios/approach_singularity.yaml --picture docs/figures/front_approach_singularity.png --out build/figures --quiet
+	$(PYTHON) -m rmrc margins scenarios/approach_singularity.yaml --set plant.delay=0.008 --picture docs/figures/margins_approach_singularity.png --quiet

@@ -164,14 +164,6 @@ def refusal(scenario, *overrides):
     return str(caught.value)
 
 
-def test_a_second_task_is_refused(scenario):
-    told = (
-        '--set arm.encoder.offset: arm.encoder: … "secondary" … control.nullspace.objective … arm.encoder …'
-    )
-    assert refusal(scenario, *PLANAR, OFFSET, "control.nullspace.objective=secondary") == says(told)
-    prepare(scenario(*PLANAR, "arm.encoder.seed=3", "control.nullspace.objective=secondary"))
-
-
 def test_joints_that_are_not_driven_are_refused(scenario):
     two = ("task.axes=[x, y]", "arm.encoder.deviation=0.1")
     problem = refusal(scenario, *PLANAR, *two, "arm.joints=[shoulder, wrist]")

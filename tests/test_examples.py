@@ -23,6 +23,7 @@ SAYS = {
         r"\[15.403  5.403\]",
         "6[34] of 22[56] m²",
     ],
+    "log_an_arm": [r"^t,q_shoulder,q_elbow,qdot_cmd_shoulder,qdot_cmd_elbow\n0.000,"],
     "own_loop": ["5181 ticks, at most 3.[89]", "least singular value: 0.063", "DAMPED, OK"],
 }
 

@@ -7,6 +7,7 @@ from collections import Counter
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
@@ -21,6 +22,7 @@ from rmrc.scenario.profile import SHIPPED, Profile, load_profile
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.parcel import pack
+from rmrc.study.picks import Choice
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 from wording import says
@@ -347,6 +349,8 @@ def test_a_sweep_has_the_verdict_of_each_run_in_its_row(tmp_path):
     assert [row["profile.first_condition"] for row in rows] == [None, "jerk"]
     assert rows[0]["profile.refused"] == 0.0 and rows[1]["profile.first_value"] > 100.0
     assert rows[0]["chatter"] == 0.0 and rows[0]["joint_jerk_cmd.peak"] < 100.0
+    assert sweep.summary().extremes[-1].most[1] == 1  # of profile.refused, the run that has the most
+    assert sweep.chosen(Choice.read("worst:1")) == [1]
     # the file goes along to where the scenario is run
     assert pack(draft_of(tmp_path / "case.yaml", held)).models["mine.yaml"].file.endswith("mine.yaml")
 
@@ -399,6 +403,22 @@ def test_joints_brake_before_the_positions_of_the_profile_so_that_no_rate_near_a
         assert (braked[fast] < allowed[fast]).all()
 
 
+def test_joints_that_are_driven_into_their_ends_keep_to_the_rates_there(tmp_path):
+    """All but jerk, which the law bounds by itself: the joints race to their ends, where the rates fall to 0."""
+    published = yaml.safe_load(SHIPPED["franka_fr3_before_5_9"].read_text())
+    del published["jerk"]
+    (tmp_path / "own.yaml").write_text(yaml.safe_dump(published))
+    race = ["task.axes=[z]", "control.nullspace={objective: rates, rates: [2, 0, 0, 0, 0, 0, 5]}"]
+    held = ["target.path=[{hold: {for: 3}}]", f"expect={{profile: {tmp_path}/own.yaml}}", *race]
+    verdicts = []
+    for limits in ("profile: franka_fr3_before_5_9", f"rate: {RATES.tolist()}, acceleration: 9.999"):
+        (run,) = Simulation([prepare(load(FR3, [*held, f"control.limits={{{limits}}}"]))]).run()
+        left = (HEADER["q_max"] - run["q"][-1])[[0, 6]]
+        assert (np.abs(left) < 0.02).all()  # negative control: they do get there
+        verdicts.append(run.scorecard["profile.first_condition"].value)
+    assert verdicts == ["", "rate"]
+
+
 def test_every_shipped_profile_names_a_source_for_each_number_and_is_read():
     assert {"franka_fr3", "franka_panda", "ur5e", "ur10e", "xarm7", "gen3", "iiwa14"} <= set(SHIPPED)
     for name in SHIPPED:
@@ -442,6 +462,8 @@ def test_a_profile_of_ones_own_is_a_file_beside_the_scenario(tmp_path):
     assert prepare(one).expected_profile.name == "mine"
     assert load_profile(one.expect["profile"]).loop.delay.value == (0.01, 0.02)
     assert one.draft.profiles == ["mine.yaml"]
+    vary = "sweep.vary={control.limits.profile: [null, franka_fr3, b.yaml], control.limits: [{profile: c.yaml}, {}]}"
+    assert draft_of(own(tmp_path), [vary]).profiles == ["c.yaml", "b.yaml"]
 
 
 @pytest.mark.parametrize(

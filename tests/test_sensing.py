@@ -358,6 +358,7 @@ def test_worlds_that_keep_other_secrets_share_a_batch_and_no_bit(scenario):
 
 SECOND = "control.nullspace.objective=secondary"
 THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
+IDLE = (*THREE, "arm.joints=[shoulder, wrist]")
 
 
 @pytest.mark.parametrize(
@@ -382,15 +383,11 @@ THREE = ("arm.model=models/planar_3link.xml", "arm.start=home")
         (("control.state=guessed",), '--set control.state: … "measured", "integrated", … "guessed"'),
         (("control.rate_filter=-1",), "--set control.rate_filter: … 0 … -1"),
         *(
-            ((*THREE, SECOND, text), f"--set {text.partition('=')[0]}: {told}… \"secondary\" … leave {key} out")
+            ((*IDLE, text), f"--set {text.partition('=')[0]}: {told}joint \"elbow\" … is not driven, … drive it, or leave {key} out")
             for text, key, told in (
                 ("arm.encoder.delay=0.01", "arm.encoder", "arm.encoder: "), ("control.state=integrated", "control.state", ""),
                 ("plant.stretch.link_1=1.01", "plant.stretch", "plant.stretch: "), ("plant.joint_offset=0.01", "plant.joint_offset", ""),
             )
-        ),
-        (
-            (*THREE, "arm.joints=[shoulder, wrist]", "control.state=integrated"),
-            '--set control.state: joint "elbow" … is not driven, … drive it, or leave control.state out',
         ),
     ],
 )  # fmt: skip
@@ -398,6 +395,27 @@ def test_what_cannot_be_is_one_line_with_the_way_out(scenario, overrides, told):
     with pytest.raises(ScenarioError) as caught:
         prepare(scenario(*overrides))
     assert str(caught.value) == says(told)
+
+
+def test_joints_before_the_site_of_a_second_task_are_to_be_driven_too(scenario, tmp_path):
+    finger = '<body pos=".3 0 0"><joint name="grip" axis="0 1 0"/><geom size=".01" mass=".1"/><site name="end"/></body>'
+    path = tmp_path / "fingered.xml"
+    site = '<site name="hand" pos=".3 0 0"/>'
+    text = DRIVEN.format(kp=1).replace(site, site + finger).replace('"-1.2 1.5"', '"-1.2 1.5 0"')
+    path.write_text(text)
+    shared = (
+        f"arm={{model: {path}, site: hand}}",
+        "task.axes=[x]",
+        SECOND,
+        "control.nullspace.secondary.axes=[z]",
+    )
+    prepare(scenario(*shared, "control.state=integrated"))
+    prepare(scenario(*shared, "control.nullspace.secondary.site=end"))
+    with pytest.raises(ScenarioError) as caught:
+        prepare(scenario(*shared, "control.nullspace.secondary.site=end", "control.state=integrated"))
+    assert str(caught.value) == says(
+        f'--set control.state: joint "grip" of {path} … drive it, or leave control.state out'
+    )
 
 
 def test_friction_that_an_option_of_the_model_leaves_out_is_refused(scenario, tmp_path):

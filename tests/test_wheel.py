@@ -86,7 +86,7 @@ def test_an_installed_wheel_runs_a_shipped_scenario_from_anywhere(built, tmp_pat
 
     found = json.loads(call("examples", "--json"))
     paths = {one["path"] for files in found.values() for one in files}
-    beside = {"models/common/world.xml", "scenarios/recorded_motion.csv"}  # what others of them read
+    beside = {"models/common/world.xml", "scenarios/recorded_motion.csv", "scenarios/arm_log.csv"}
     assert paths == {str(site / name) for name in SHIPPED} - {
         str(site / "rmrc/_examples" / name) for name in beside
     }

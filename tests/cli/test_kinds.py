@@ -23,7 +23,7 @@ CONTENTS = {
     "x.png": b"\x89PNG",
     "named.xml.yaml": TWO.read_bytes(),
 }
-SCENARIO_VERBS = ("run", "compare", "sweep", "tune")
+SCENARIO_VERBS = ("run", "compare", "sweep", "tune", "margins")
 MODEL_VERBS = ("check", "new", "inspect", "statics", "ik", "workspace")
 CASES = [
     *((verb, "model.xml", "… model … scenario; … `rmrc inspect model.xml` … `arm: {model: model.xml, site: ...}`") for verb in SCENARIO_VERBS),

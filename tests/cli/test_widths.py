@@ -26,6 +26,7 @@ PRINTING = {
     "run, six joints": ["run", str(ROOT / "scenarios/slow_wrist.yaml"), "--no-record", "--set", "target.path=[{hold: {for: 0.01}}]"],
     "check": ["check", PUMA],
     "new": ["new", TWO, "-o", "mine.yaml"],
+    "identify": ["identify", str(ROOT / "scenarios/arm_log.csv")],
     "inspect": ["inspect", PUMA, "--joint-error", "0.1 deg", "--wrench", "1,2,3"],
     "statics": ["statics", PUMA, "--wrench", "1,-200,3,4,5,6", "--gravity"],
     "ik": ["ik", PUMA, "--to-q", "0.1,0.2,0.3,0.4,0.5,0.6", "--iterates"],
@@ -34,6 +35,7 @@ PRINTING = {
     "workspace --over": ["workspace", TWO, "--over", "shoulder,elbow", "--cells", "20"],
     "sweep": ["sweep", "quick.yaml", "--vary", "control.feedback=5,10", "--vary", "plant.payload=0,1"],
     "tune": ["tune", "quick.yaml", "--runs", "30", "--copies", "0"],
+    "margins": ["margins", "quick.yaml", "--accuracy", "0.3"],
     "schema": ["schema"],
 }  # fmt: skip
 

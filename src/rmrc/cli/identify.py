@@ -1,5 +1,6 @@
 """The verb `identify`: what delay, lag and noise an arm has, from a log of its commands and positions."""
 
+from contextlib import nullcontext
 from pathlib import Path
 from typing import Annotated
 
@@ -62,7 +63,10 @@ def identify(
     with the fit against the data. Exit code 1: no joint tells its delay; a line says what to log instead.
     """
     given = dict(_mapped(text) for text in columns or ())
-    with interruption("interrupted; nothing was written"), notice("identifying ..."):
+    with (
+        interruption("interrupted; nothing was written"),
+        nullcontext() if quiet else notice("identifying ..."),
+    ):
         from rmrc.analysis.identify.identify import identify as ask
         from rmrc.analysis.identify.report import report
         from rmrc.results.leaving import refuse_unwritable

@@ -142,6 +142,41 @@ def follow_chain(world: Record, q: Array) -> None:
 
 
 @compiled
+def follow_second(world: Record, q: Array) -> None:
+    """Write pose and Jacobian of the second task's site, where `follow_chain` was last, at the same q."""
+    turn, last = (1.0, 0.0, 0.0, 0.0), world.last_2
+    for a in range(last + 1):
+        if not world.is_slide[a]:
+            moved = 0.5 * world.ratio[a] * q[world.leader[a]]
+            c, s, axis = math.cos(moved), math.sin(moved), world.axis[a]
+            turn = quat_product((c, s * axis[0], s * axis[1], s * axis[2]), turn)
+    moved = world.ratio[last] * q[world.leader[last]]
+    way = moved if world.is_slide[last] else world.pitch[last] * moved
+    step, tip = _turned(turn, world.tip_step_2), world.tip_quat_2
+    for i in range(3):
+        world.pose_2[i] = world.anchor[last, i] + way * world.axis[last, i] + step[i]
+    world.pose_2[3], world.pose_2[4], world.pose_2[5], world.pose_2[6] = quat_product(
+        turn, (tip[0], tip[1], tip[2], tip[3])
+    )
+    if world.axes == world.n:
+        write_followed(world, world.J_2)
+    else:
+        write_followed(world, world.columns_2)
+        gather(world, world.columns_2, world.J_2)
+
+
+@compiled
+def write_followed(world: Record, columns: Array) -> None:
+    """Write what each axis of the chain contributes to the twist of the second task's site, (6, ℓ)."""
+    for a in range(world.axes):
+        if a <= world.last_2:
+            write_column(world, a, world.pose_2, world.anchor[a], world.axis[a], columns)
+        else:
+            for i in range(6):
+                columns[i, a] = 0.0
+
+
+@compiled
 def _turned(turn: Quaternion, v: Array) -> tuple[float, float, float]:
     """Return v + 2 w (u × v) + 2 u × (u × v) of the quaternion (w, u)."""
     w, x, y, z = turn

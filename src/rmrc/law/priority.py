@@ -17,15 +17,21 @@ def second_task(world: Record) -> float:
 
     The error is along the axes of the second task's frame, into which J_2 is turned.
     """
-    error = world.error_2
-    framed_error(world.frame_2, world.frame_quat_2, world.free_2, world.pose_2, world.pose_ref_2, error)
+    norm = second_error(world)
     if world.frame_2 != WORLD:
         turn_columns(frame_turn(world.frame_2, world.frame_quat_2, world.pose_2), world.J_2, world.n)
-    total = 0.0
     for i in range(world.m_2):
-        missing = error[world.row_2[i]]
-        world.task_B[i] = world.row_scale_2[i] * world.feedback_2 * missing
-        total += missing * missing
+        world.task_B[i] = world.row_scale_2[i] * world.feedback_2 * world.error_2[world.row_2[i]]
+    return norm
+
+
+@compiled
+def second_error(world: Record) -> float:
+    """Write the error of the second task's site; return the norm of the rows that count, unscaled."""
+    error, total = world.error_2, 0.0
+    framed_error(world.frame_2, world.frame_quat_2, world.free_2, world.pose_2, world.pose_ref_2, error)
+    for i in range(world.m_2):
+        total += error[world.row_2[i]] * error[world.row_2[i]]
     return math.sqrt(total)
 
 

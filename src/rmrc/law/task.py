@@ -201,6 +201,8 @@ class SecondTask:
         Field("m_2", np.int64), Field("row_2", np.int64, (ROWS,)), Field("row_scale_2", size=(ROWS,)),
         Field("frame_2", np.int64), Field("frame_quat_2", size=(4,)), Field("free_2", np.int64),
         Field("site_2", np.int64), Field("moves_2", np.int64, (CHAIN,)), Field("pose_ref_2", size=(7,)),
+        # by the chain: the last axis that moves it, and where it is from there with all joints at 0
+        Field("last_2", np.int64), Field("tip_step_2", size=(3,)), Field("tip_quat_2", size=(4,)),
     )  # fmt: skip
 
     def __init__(self, first: Task, section: SecondarySection, start: Array) -> None:
@@ -217,6 +219,7 @@ class SecondTask:
         self._row_scale = 1.0 / np.where(self._rows < 3, first.length, 1.0)
         # what `Arm.adapted` adds are actuators, so a site keeps its number
         self._id, self._moves = arm.model.site(self.site).id, arm.moves(self.site)
+        self._by_chain = arm.behind(self.site)
         self._view = view(arm, section.frame, self._rows)
         self._pose = arm.pose(start, self.site)
         if section.to is not None:
@@ -234,6 +237,7 @@ class SecondTask:
         world["frame_2"], world["frame_quat_2"], world["free_2"] = self._view.codes
         world["site_2"] = self._id
         world["moves_2"][: len(self._moves)], world["pose_ref_2"] = self._moves, self._pose
+        world["last_2"], world["tip_step_2"], world["tip_quat_2"] = self._by_chain
 
 
 def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0, frame: Frame = "world") -> Task:

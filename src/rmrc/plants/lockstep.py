@@ -8,14 +8,17 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.law.jerk import remember
 from rmrc.law.jit import Array, Record, compiled, entry
 from rmrc.law.kinematics import (
     chain_jacobian,
     follow_chain,
+    follow_second,
     geometric_jacobian,
     second_jacobian,
 )
 from rmrc.law.law import control, take_error
+from rmrc.law.priority import second_error
 from rmrc.law.record import Field
 from rmrc.plants.kinds import obey, sense
 from rmrc.plants.stages import sensed, sent
@@ -105,13 +108,13 @@ def tick(
         else:
             geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
         if world.m_2 > 0:
-            measure_second(world, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
+            measure_second(world, is_misled, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
         out.time = t * world.period
         read_reference(world, out, reference[world.reference])
         control(world, out)
         out.status |= read_loads(world, out, qfrc_gravcomp[w])
-        if is_misled:  # the error is recorded as it is
-            take_error(world, out.pose_ref, out.pose, out.pose_error)
+        if is_misled:
+            take_true_errors(world, out, site_xpos[w], site_xquat[w])
         world.diverged_joint = bad_command(world, out)
         if world.diverged_joint >= 0:
             world.diverged = t
@@ -157,13 +160,33 @@ def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
 
 
 @compiled
-def measure_second(world: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) -> None:
-    """Read pose and Jacobian of the second task's site."""
+def measure_second(
+    world: Record, is_misled: bool, xpos: Array, xquat: Array, anchors: Array, axes: Array
+) -> None:
+    """Write pose and Jacobian of the second task's site, where the law takes the arm to be."""
+    if is_misled:
+        follow_second(world, world.q)
+    else:
+        see_second(world, xpos, xquat)
+        second_jacobian(world, xpos[world.site_2], anchors, axes)
+
+
+@compiled
+def take_true_errors(world: Record, out: Record, xpos: Array, xquat: Array) -> None:
+    """Record errors as they are, where the law took the arm to be elsewhere."""
+    take_error(world, out.pose_ref, out.pose, out.pose_error)
+    if world.m_2 > 0:
+        see_second(world, xpos, xquat)
+        out.secondary_error = second_error(world)
+
+
+@compiled
+def see_second(world: Record, xpos: Array, xquat: Array) -> None:
+    """Read the pose of the second task's site."""
     for i in range(3):
         world.pose_2[i] = xpos[world.site_2, i]
     for i in range(4):
         world.pose_2[3 + i] = xquat[world.site_2, i]
-    second_jacobian(world, xpos[world.site_2], anchors, axes)
 
 
 @compiled
@@ -199,8 +222,9 @@ def read_reference(world: Record, out: Record, reference: Array) -> None:
 @compiled
 def send(world: Record, out: Record, past: Record, t: int) -> None:
     """Send what is commanded through the stages after the law, and record what arrives."""
+    remember(world, out.qdot_cmd)
     for j in range(world.n):
-        world.qdot_sent[j] = world.qdot_cmd_last[j] = out.qdot_cmd[j]
+        world.qdot_sent[j] = out.qdot_cmd[j]
     sent(world, out, past, t)
     for j in range(world.n):
         out.qdot_arrived[j] = world.qdot_sent[j]

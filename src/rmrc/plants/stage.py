@@ -2,9 +2,8 @@
 
 A stage of the slot `sensed` changes what the law is told of the joints, `world.q` and `world.qdot`: the law
 then takes the arm to be there. One of the slot `sent` changes what the plant is told, `world.qdot_sent`. The
-truth is recorded, and what the law commanded; a stage may look back at it. The site of a second task is where
-MuJoCo has it, so that a stage which changes q must refuse one. A stage is a compiled function and a class of
-`Stage`, in a module that says what it stands for; `rmrc.plants.stages` has them in order.
+truth is recorded, and what the law commanded; a stage may look back at it. A stage is a compiled function and
+a class of `Stage`, in a module that says what it stands for; `rmrc.plants.stages` has them in order.
 """
 
 from abc import ABC, abstractmethod
@@ -63,6 +62,11 @@ class Stage(ABC):
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield key and message of what it cannot do in this scenario."""
 
+    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
+        """Yield key and message of what is too much in a run of so many control ticks."""
+        del ticks
+        yield from ()
+
 
 def refuse_unseen(stage: Stage, key: str) -> Iterator[tuple[str, str]]:
     """Yield what needs the law to see the arm as it is, for a key by which it does not.
@@ -71,15 +75,13 @@ def refuse_unseen(stage: Stage, key: str) -> Iterator[tuple[str, str]]:
         stage: Which changes what is sensed.
         key: That has it do so.
     """
-    if stage.scenario.control.nullspace.objective == "secondary":
+    arm, nullspace = stage.arm, stage.scenario.control.nullspace
+    sites = [arm.site]
+    if nullspace.objective == "secondary" and (nullspace.secondary.site or arm.site) in arm.sites:
+        sites.append(nullspace.secondary.site or arm.site)
+    for joint in dict.fromkeys(joint for site in sites for joint in arm.idle_before(site)):
         yield (
             key,
-            'the objective "secondary" knows its site only where the law sees the arm as it is; '
-            f"take another control.nullspace.objective, or leave {key} out",
-        )
-    if idle := stage.arm.idle:
-        yield (
-            key,
-            f'joint "{idle[0]}" of {stage.arm.path} moves the site and is not driven, so that what the law '
-            f"believes does not say where the site is; drive it, or leave {key} out",
+            f'joint "{joint}" of {arm.path} moves the site and is not driven, so that what the law believes '
+            f"does not say where the site is; drive it, or leave {key} out",
         )

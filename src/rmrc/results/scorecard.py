@@ -603,13 +603,14 @@ def _unknown(name: str, card: Scorecard) -> str:
 
 def _accepted(card: Scorecard, profile: str) -> Outcome:
     """Return whether a profile accepts all commands, and what the first one breaks that it does not."""
-    count, got = float(card["profile.refused"].value), ""
+    count, all_of_them = float(card["profile.refused"].value), card["ticks"].value
+    got = f"{all_of_them} that it accepts"
     if count > 0.0:
         joint, condition, time, value, bound = (card[f"profile.first_{name}"].value for name in _FIRST)
         unit = card[f"joint_rate.{joint}.peak"].unit.removesuffix("/s") + _PER[str(condition)]
         got = (
             f'{condition} {value:.6g} {unit} of "{joint}" at {time:.6g} s, which must stay within '
-            f"{bound:.6g}; {count:g} of {card['ticks'].value} commands are refused"
+            f"{bound:.6g}; {count:g} of {all_of_them} commands are refused"
         )
     return Outcome(PROFILE, count, f"commands that {Path(profile).stem} accepts", count, count == 0.0, got)
 

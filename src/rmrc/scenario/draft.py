@@ -138,6 +138,15 @@ def _motions(value: Any) -> Iterator[Any]:
         yield from _motions(one)
 
 
+def _profiles(value: Any) -> Iterator[str]:
+    """Yield the names of profiles in values of `control` and `expect`."""
+    if isinstance(value, dict) and isinstance(value.get(PROFILE), str):
+        yield value[PROFILE]
+    inner = value.values() if isinstance(value, dict) else value if isinstance(value, list | tuple) else ()
+    for one in inner:
+        yield from _profiles(one)
+
+
 class Draft:
     """Values of a scenario and where they were given; they may be wrong, and changes may mend them.
 
@@ -231,11 +240,11 @@ class Draft:
         """The names of all files of profiles that the draft and its sweep have; as `motions`."""
         data = self.document.value
         vary = (data.get("sweep") or {}).get("vary") or {}
-        limits = (data.get("control") or {}).get("limits") or {}
-        swept = [one for key in ("control.limits.profile", "expect.profile") for one in vary.get(key, ())]
-        swept += [one.get(PROFILE) for one in vary.get("control.limits", ())]
-        named = [limits.get(PROFILE), (data.get("expect") or {}).get(PROFILE), *swept]
-        return list(dict.fromkeys(name for name in named if name and name not in SHIPPED))
+        told = [data.get("control"), data.get("expect")]
+        told += [values for name, values in vary.items() if name.startswith(("control", "expect"))]
+        names = [one for values in told for one in _profiles(values)]
+        names += [one for name in vary if name.endswith(f".{PROFILE}") for one in vary[name] if one]
+        return [name for name in dict.fromkeys(names) if name not in SHIPPED]
 
     def carried(self, files: Carried) -> "Draft":
         """Return the draft with files that lie elsewhere."""

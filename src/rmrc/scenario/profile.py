@@ -26,7 +26,8 @@ from rmrc.scenario.values import (
     rule,
 )
 from rmrc.scenario.wording import nearby, show
-from rmrc.support.errors import did_you_mean
+from rmrc.support.errors import ScenarioError, did_you_mean
+from rmrc.support.problems import Origin, Problem
 
 SUFFIXES = (".yaml", ".yml")
 SHIPPED = {file.stem: file for file in sorted(Path(__file__).with_name("profiles").glob("*.yaml"))}
@@ -156,7 +157,10 @@ def _of_name(name: str, info: ValidationInfo) -> str:
         near = did_you_mean(name, SHIPPED) or f"; the profiles are {', '.join(SHIPPED)}"
         raise rule(f"must be a profile or a file that ends in .yaml, got {show(name)}{near}")
     found = checked_file(Path(name), info, lambda folder, path: nearby(folder / path, *SUFFIXES))
-    load_profile(str(found))
+    try:
+        load_profile(str(found))
+    except ScenarioError as error:
+        raise rule("; ".join(map(str, error.problems))) from None
     return str(found)
 
 
@@ -171,32 +175,32 @@ def load_profile(name: str) -> Profile:
         name: Of a shipped one, such as `franka_fr3`, or the path of a YAML file.
 
     Raises:
-        PydanticCustomError: It cannot be read, or is none; all that is wrong, on one line.
+        ScenarioError: It cannot be read, or is none; all that is wrong.
     """
     path = SHIPPED.get(name, Path(name))
     try:
         status = path.stat()
-        return _loaded(path, status.st_mtime_ns, status.st_size)
     except OSError as error:
-        raise rule(f"{path}: cannot be read: {(error.strerror or str(error)).lower()}") from None
+        why = f"cannot be read: {(error.strerror or str(error)).lower()}"
+        raise ScenarioError([Problem((), why, Origin(str(path)))]) from None
+    return _loaded(path, status.st_mtime_ns, status.st_size)
 
 
 @lru_cache(maxsize=64)
 def _loaded(path: Path, mtime: int, size: int) -> Profile:  # noqa: ARG001 - read anew where they differ
     try:
         document = parse(read(str(path)), str(path))
-        found = Profile.model_validate(document.value)
     except TextError as error:
-        raise rule(f"{path}: {error}") from None
+        raise ScenarioError([Problem((), str(error), Origin(str(path), *error.mark))]) from None
+    problems = list(document.problems)
+    try:
+        found = Profile.model_validate(document.value)
     except ValidationError as error:
-        problems = [
-            document.sources.problem(key, _told(one))
-            for one in error.errors(include_url=False)
-            for key in [one.get("ctx", {}).get("key") or one["loc"]]
-        ]
-        raise rule("; ".join(map(str, in_order([*document.problems, *problems])))) from None
-    if document.problems:
-        raise rule("; ".join(map(str, in_order(document.problems))))
+        for one in error.errors(include_url=False):
+            key = one.get("ctx", {}).get("key") or one["loc"]
+            problems.append(document.sources.problem(key, _told(one)))
+    if problems:
+        raise ScenarioError(in_order(problems))
     return found.model_copy(update={"name": path.stem})
 
 

@@ -2,7 +2,7 @@
 
 import heapq
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import NamedTuple
 
 from rmrc import scenario
@@ -13,6 +13,11 @@ from rmrc.support.errors import ScenarioError, did_you_mean
 
 # What is asked for most, where a scenario expects nothing.
 USUAL = "position_error.max"
+
+
+def figures_of(expect: Iterable[str]) -> tuple[str, ...]:
+    """Return the figures that expectations are about: of a profile, how many commands it refuses."""
+    return tuple(f"{PROFILE}.refused" if name == PROFILE else name for name in expect)
 
 
 class Choice(NamedTuple):
@@ -52,8 +57,7 @@ class Choice(NamedTuple):
         Raises:
             ScenarioError: No row has such a number.
         """
-        first = next(iter(one.expect), USUAL)
-        figure = self.figure or (f"{PROFILE}.refused" if first == PROFILE else first)
+        figure = self.figure or next(iter(figures_of(one.expect)), USUAL)
         numbers = [c.name for c in columns if c.kind == "number"]
         if figure not in numbers:
             near = did_you_mean(figure, numbers) or "; take one such as joint_rate.peak"

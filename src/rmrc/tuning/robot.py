@@ -225,5 +225,14 @@ def _read(text: str, unit: str) -> Range:
 
 def _has_loop(scenario: Scenario) -> bool:
     """Say whether a scenario tells how its loop answers."""
-    encoder = scenario.arm.encoder
-    return bool(np.any(scenario.plant.delay) or np.any(scenario.plant.lag) or np.any(encoder.noise))
+    plant, encoder = scenario.plant, scenario.arm.encoder
+    numbers = (
+        plant.delay,
+        plant.lag,
+        plant.jitter,
+        plant.loss,
+        encoder.noise,
+        encoder.resolution,
+        encoder.delay,
+    )
+    return plant.resonance is not None or any(np.any(number) for number in numbers)

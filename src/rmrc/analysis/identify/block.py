@@ -1,13 +1,17 @@
 """The keys of a scenario that stand for what was identified, to paste."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable
+from textwrap import wrap
 
 import numpy as np
 
 from rmrc.analysis.identify.identify import Identified
+from rmrc.support.legible import visible
 
-# Values of joints that differ by less than this share are written as one.
-ALIKE = 0.02
+# Values of joints that differ by less than this share are written as one: it is what logs of 10 s tell.
+ALIKE = 0.05
+# Lines fit a terminal of so many columns.
+WIDTH = 60
 
 
 def block(found: Identified) -> str:
@@ -22,37 +26,35 @@ def block(found: Identified) -> str:
     told = [(one.noise.value, one.resolution) for one in found.joints if one.noise and not one.trouble]
     lacking = [joint.name for joint in found.joints if joint.trouble]
     low, high = (max(one, 0.0) for one in found.delay[1:])
-    lines = [f"# From {found.log.name} by rmrc identify. Joints: {', '.join(names)}."]
+    texts = [f"From {found.log.name} by rmrc identify, in SI units. Joints: {', '.join(names)}."]
     if lacking:
-        lines.append(f"# Not told by the log, and taken from the others: {', '.join(lacking)}.")
-    lines += [
-        "# delay: of command and measurement together; a log does not tell them apart, a loop feels both.",
-        "plant:",
-        f"  delay: {_time(found.delay.value)}  # s; 95 %: {_time(low)} to {_time(high)}",
-    ]
-    if any(found.lag):
-        lines.append(f"  lag: {_each([_time(lag) for lag in found.lag], found.lag)}  # s")
-    middle = np.median(told, axis=0)
-    each = [
-        middle if one.trouble or one.noise is None else (one.noise.value, one.resolution)
+        texts.append(f"Not told by the log, and taken from the others: {', '.join(lacking)}.")
+    texts.append(
+        "The delay is that of command and measurement together: a log does not tell them apart, and a loop "
+        f"feels their sum. With 95 % it is from {_time(low)} to {_time(high)} s."
+    )
+    values = np.array([
+        np.median(told, axis=0) if one.trouble or one.noise is None else (one.noise.value, one.resolution)
         for one in found.joints
-    ]
-    noise, step = (list(map(float, values)) for values in zip(*each, strict=True))
-    encoder = [
-        f"    {key}: {_each([_small(one) for one in values], values)}  # rad, or m of slides"
-        for key, values in (("noise", noise), ("resolution", step))
-        if any(values)
-    ]
+    ])  # fmt: skip
+    lines = [one for text in texts for one in wrap(f"# {visible(text)}", WIDTH, subsequent_indent="# ")]
+    lines += ["plant:", f"  delay: {_time(found.delay.value)}"]
+    lines += _key("  lag", found.lag, _time)
+    encoder = [*_key("    noise", values[:, 0], _small), *_key("    resolution", values[:, 1], _small)]
     if encoder:
         lines += ["arm:", "  encoder:", *encoder]
     return "\n".join(lines) + "\n"
 
 
-def _each(texts: Sequence[str], values: Sequence[float]) -> str:
-    """Return one text for all values where they are alike, else a list."""
-    if max(values) - min(values) <= ALIKE * max(values):
-        return texts[int(np.argsort(values)[len(values) // 2])]
-    return f"[{', '.join(texts)}]"
+def _key(name: str, values: Iterable[float], text: Callable[[float], str]) -> list[str]:
+    """Return the lines of a key: one value where those of the joints are alike, none where all are 0."""
+    each = sorted(values := [float(one) for one in values])
+    if not each[-1]:
+        return []
+    if each[-1] - each[0] <= ALIKE * each[-1]:
+        return [f"{name}: {text(each[len(each) // 2])}"]
+    indent = " " * (len(name) - len(name.lstrip()) + 2)
+    return wrap(f"{name}: [{', '.join(map(text, values))}]", WIDTH, subsequent_indent=indent)
 
 
 def _time(value: float) -> str:

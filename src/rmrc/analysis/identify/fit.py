@@ -31,8 +31,8 @@ BATCHES, T = 12, 2.200985
 EARLIEST = 0.1
 # Delays and lags on the grids of the first search, which the bandwidth of any arm makes fine enough.
 DELAYS, LAGS = 300, 14
-# A golden section ends after so many steps: 1e-6 of two steps of the grid.
-GOLDEN_STEPS, GOLDEN = 32, (math.sqrt(5.0) - 1.0) / 2.0
+# A golden section ends where it knows the lag to this share of it.
+GOLDEN, NEAR = (math.sqrt(5.0) - 1.0) / 2.0, 1e-5
 # Of the beginning, and behind a gap, so many times the delay is left out: it answers commands that the log
 # does not have. What remains of them decays with the lag, and is fitted.
 SKIPPED = 1.5
@@ -323,8 +323,8 @@ def _solved(columns: Array, values: Array) -> Array:
 def _golden(point: Callable[[float], Point], low: float, high: float) -> Point:
     """Return the best of the points at lags between two."""
     inner = [high - GOLDEN * (high - low), low + GOLDEN * (high - low)]
-    points = [point(one) for one in inner]
-    for _ in range(GOLDEN_STEPS):
+    points, near = [point(one) for one in inner], NEAR * high
+    while high - low > near:
         if points[0].cost < points[1].cost:
             high, points[1] = points[1].lag, points[0]
             points[0] = point(high - GOLDEN * (high - low))

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
-from zipfile import BadZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +39,8 @@ MOST_ROWS = 20_000
 SWAPPED = 0.1
 # A position beyond is hardly one in rad.
 LARGEST_TURN = 15.0
+# Numbers beyond are no positions and no rates in any unit.
+FARTHEST = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,15 +111,18 @@ def _log(
 def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
     """Return a name, columns by name, and what is to be said of the file."""
     if isinstance(source, Run):
-        return source.name, _flat(source.columns, source.joints), {}
+        return source.name, *_of_run(source.columns, source.joints)
     if isinstance(source, Mapping):
-        return "log", _flat(source, ()), {}
+        return "log", *_of_run(source, ())
     path = Path(source)
     try:
         if path.suffix == ".npz":
-            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            with path.open("rb") as opened:
+                if not is_zipfile(opened):  # which numpy would take for a pickle
+                    raise BadZipFile("it is no zip file")
+            with np.load(path, allow_pickle=False) as file:
                 facts = json.loads(str(file["facts"])) if "facts" in file else {}
-                return path.name, _flat(file, facts.get("joints", ())), {}
+                return path.name, *_of_run(file, facts.get("joints", ()))
         table = read_table(path, is_log=True)
     except (ValueError, KeyError, EOFError, BadZipFile) as error:
         raise QuestionError(f"{path}: is no log, give CSV, Parquet or npz: {line(str(error))}") from None
@@ -130,8 +135,10 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
     return path.name, table.numbers, facts
 
 
-def _flat(arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]) -> Mapping[str, Array]:
-    """Return columns of one value a row: those of an array (T, n) are named by the joint or its number."""
+def _of_run(
+    arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]
+) -> tuple[Mapping[str, Array], dict[str, str]]:
+    """Return columns of one value a row, and what is to be said: (T, n) are named by joints or numbers."""
     found = dict[str, Array]()
     for name in arrays:
         values = np.asarray(arrays[name])
@@ -144,7 +151,10 @@ def _flat(arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]) -> Mapping[s
             width = values.shape[1]
             labels = joints if len(joints) == width else range(width)
             found |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
-    return found
+    if "q_believed" not in arrays or np.array_equal(arrays["q_believed"], arrays["q"], equal_nan=True):
+        return found, {}
+    way = 'what its encoders say is taken by --columns "q=q_believed[*]"'
+    return found, {"truth": f"q of a simulation has neither noise nor resolution: {way}"}
 
 
 def _seconds(values: Array, column: Named) -> tuple[Array, str]:
@@ -181,7 +191,8 @@ def _in_si(
     turn = np.pi / 180.0 if degrees else 1.0
     sizes = [one.size or turn for one in chosen]
     values = np.column_stack([numbers[one.name] * size for one, size in zip(chosen, sizes, strict=True)])
-    values[~np.isfinite(values)] = np.nan
+    wrong = np.abs(values) > FARTHEST
+    values[wrong | ~np.isfinite(values)] = np.nan
     if all(one.size for one in chosen):
         said = "in the units that they name"
     elif degrees:
@@ -190,6 +201,8 @@ def _in_si(
         said = f"taken to be in {unit}, or {unit.replace('rad', 'm')} of slides"
         if unit == "rad" and np.nanmax(np.abs(values), initial=0.0) > LARGEST_TURN:
             said += f"; they go to {np.nanmax(np.abs(values)):.4g}: if these are degrees, give --degrees"
+    if wrong.any():
+        said += f"; {wrong.sum():,} beyond {FARTHEST:g} are left out"
     return values, f"{listed((one.name for one in chosen), 8)}, {said}"
 
 

@@ -27,10 +27,13 @@ from rmrc.textbook.stability import edge_frequency
 # loop of dead times whose feedback is half a percent below its edge less than this is left.
 STILL_RINGS = 0.9
 # The response to a kick is in the order of it, or more by the 1/σ of joints. Less than this share of the kick
-# is nothing that could be told from what else happens. More than the next, in the end, is no answer to a kick:
-# the two parted at a singularity or a stop, which fades, or swing on their own, as far as limits let them. More
-# than the last is the arm's whole motion.
+# is nothing that could be told from what else happens. More than the next, in the end, is no answer to a
+# kick: the two parted at a singularity or a stop, which fades, or swing on their own, as far as limits let
+# them. More than the last is the arm's whole motion.
 _LEAST, _MOST, _ALL = 0.03, 10.0, 1e5
+# Encoders round the two differently, by a step here and there: a kick is so many steps, and less than these
+# tell nothing.
+_STEPS, _TELLING_STEPS = 30.0, 10.0
 # A joint that goes to and fro at a limit is sent forth and back with this share of its largest rate at least.
 _TO_AND_FRO = 0.1
 # A path is cut into so many stretches at most, each with a kick and so many windows, if it is long enough;
@@ -114,7 +117,7 @@ def _judged(
     """Judge worlds that are stepped at once."""
     if stop.is_set():
         return [None] * len(worlds)
-    pairs = [one for world in worlds for one in (world, twin_of(world, _starts(world), KICK))]
+    pairs = [one for world in worlds for one in (world, twin_of(world, _starts(world), kick_of(world)))]
     tracks = [_Track() for _ in pairs]
     results = study.watch(pairs, lambda index, part: tracks[index].add(part), stop, threads)
     if stop.is_set():
@@ -123,8 +126,8 @@ def _judged(
 
 
 def lateness(scenario: Scenario) -> tuple[float, float]:
-    """Return how late commands act in a scenario: dead time, and the longest lag [s]."""
-    return scenario.plant.delay, float(np.max(scenario.plant.lag))
+    """Return how late a loop is beside T/2: dead time there and back, and the longest lag [s]."""
+    return scenario.plant.delay + scenario.arm.encoder.delay, float(np.max(scenario.plant.lag))
 
 
 def window(scenario: Scenario) -> int:
@@ -135,6 +138,16 @@ def window(scenario: Scenario) -> int:
     period, feedback = scenario.control.period, scenario.control.feedback
     slowest = min(feedback, edge_frequency(period, *lateness(scenario)))
     return max(5, math.ceil(2.0 * math.pi / (slowest * period)) | 1)
+
+
+def kick_of(world: Prepared) -> float:
+    """Return how far a kick moves the reference of a world's twin [rad], of lengths times `task.length`."""
+    return max(KICK, _STEPS * _step(world))
+
+
+def _step(world: Prepared) -> float:
+    """Return the largest step of its encoders, as its task scales joints [1]."""
+    return float(np.max(world.scenario.arm.encoder.resolution / world.task.joint_scale))
 
 
 def _starts(world: Prepared) -> tuple[int, ...]:
@@ -152,13 +165,15 @@ def _judge(results: Sequence[Result], tracks: Sequence[_Track]) -> Judged:
             return Judged("diverged", one.divergence.time, math.inf)
     (q, sent, path_time, status), (moved, *_) = (track.columns() for track in tracks)
     ticks, width = min(len(q), len(moved)), window(world.scenario)
-    apart = (moved[:ticks] - q[:ticks]) / (world.task.joint_scale * KICK)
+    kick = kick_of(world)
+    least = max(_LEAST, _TELLING_STEPS * _step(world) / kick)
+    apart = (moved[:ticks] - q[:ticks]) / (world.task.joint_scale * kick)
     swings = without_trend(apart, width)
     starts = np.searchsorted(path_time, (np.array(_starts(world)) - 0.5) * period)
     found = []
     for first, last in zip(starts, [*(starts[1:] - width // 2), len(swings)], strict=True):
         if last - first >= _FEWEST * width:  # shorter is one that a slowed path comes to late
-            left = still_ringing(swings, first, last)
+            left = still_ringing(swings, first, last, least)
             turns = reverses(sent, status.astype(np.int64) & _LIMITED != 0, first, last)
             reason: Reason = "rings" if left >= STILL_RINGS else "reverses" if turns else ""
             found.append(Judged(reason, float(first * period) if reason else math.nan, left))
@@ -178,7 +193,7 @@ def without_trend(values: Array, width: int) -> Array:
     return np.asarray(values[: len(mean)] - mean)
 
 
-def still_ringing(swings: Array, first: int, last: int) -> float:
+def still_ringing(swings: Array, first: int, last: int, least: float = _LEAST) -> float:
     """Return how much of a kick still rings at the end of a stretch [1]; 1: it neither fades nor grows.
 
     It is the least amplitude of the parts of the last third over the largest of the middle third. Where it
@@ -193,17 +208,18 @@ def still_ringing(swings: Array, first: int, last: int) -> float:
         swings: In units of the kick, (T, n).
         first: First tick of the stretch, that of the kick.
         last: One past its last.
+        least: Amplitude that can be told.
     """
     third = (last - first) // 3
     middle, end = swings[last - 2 * third : last - third], swings[last - third : last]
     parts = np.array_split(end, _PARTS)
     peaks = np.array([np.abs(part).max(axis=0) for part in parts])
-    swings_on = np.all([_both_ways(part, 0.0) for part in parts], axis=0) & (peaks.min(axis=0) >= _LEAST)
+    swings_on = np.all([_both_ways(part, 0.0) for part in parts], axis=0) & (peaks.min(axis=0) >= least)
     if not swings_on.any():
         return 0.0
     peaks = peaks[:, swings_on]
     weakest, largest = peaks.min(axis=0), peaks.max(axis=0)
-    left = weakest / max(np.abs(middle).max(), _LEAST)
+    left = weakest / max(np.abs(middle).max(), least)
     grown = np.where(peaks[-1] >= largest, peaks[-1] / peaks[0], 0.0)
     alone = (weakest >= _ALL) | ((weakest >= _MOST) & (peaks[-1] >= 0.5 * largest))
     return float(np.maximum(left, np.where(grown >= 1.0, grown, alone)).max())

@@ -1,0 +1,56 @@
+"""The page about profiles: its commands print what it says, its table is what the files have."""
+
+import re
+import shlex
+
+from project import ROOT
+from rmrc.scenario import loads
+from rmrc.scenario.profile import SHIPPED, load_profile
+
+PAGE = (ROOT / "docs/profiles.md").read_text("utf-8")
+
+
+def row(name):
+    profile = load_profile(name)
+
+    def each(part):
+        values = list(dict.fromkeys(part.value)) if part else []
+        return ", ".join(f"{value:.4g}" for value in values) or "-"
+
+    period = f"{profile.period.value:g}" if profile.period else "-"
+    delay = " to ".join(f"{one:g}" for one in profile.loop.delay.value) if profile.loop.delay else "-"
+    cells = [
+        f"`{name}`",
+        profile.robot,
+        period,
+        *map(each, (profile.rate, profile.acceleration, profile.jerk)),
+        delay,
+    ]
+    return f"| {' | '.join(cells)} |"
+
+
+def test_the_table_is_what_the_files_have():
+    assert re.findall(r"^\| `\w+` \| [^|]+ \| [\d.-]+ \|.*\|$", PAGE, re.MULTILINE) == [
+        row(name) for name in SHIPPED
+    ]
+
+
+def test_the_commands_print_what_the_page_says(rmrc):
+    blocks = re.findall(r"^```sh\n(.*?)\n```\n\n```\n(.*?)\n```$", PAGE, re.MULTILINE | re.DOTALL)
+    codes = []
+    for command, line in blocks:
+        code, out, err = rmrc(*shlex.split(command)[1:])
+        codes.append(code)
+        # how many commands of a run through a singularity are refused depends on the last digits of sines
+        told = re.sub(r"; \d+ of", "; … of", " ".join(line.split()))
+        assert told in re.sub(r"; \d+ of", "; … of", " ".join((out + err).split()))
+    assert codes == [1, 0]
+
+
+def test_the_profile_of_the_page_is_one(tmp_path):
+    blocks = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+    keys, own = blocks
+    text = f"name: x\narm: {{model: {ROOT}/models/fr3.xml}}\ntarget: {{path: [{{hold: {{for: 1}}}}]}}\n{keys}"
+    assert loads(text).control.limits.acceleration == (9.999,) * 7
+    (tmp_path / "own.yaml").write_text(own)
+    assert load_profile(str(tmp_path / "own.yaml")).loop.delay.value == (0.006, 0.012)
