@@ -66,7 +66,7 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
                      r"\S+ times its error at \S+ times its peak rate)\. ", text)  # fmt: skip
     assert lines[-3:] == [f"wrote recordings/quick.tune.{kind}" for kind in ("yaml", "png", "parquet")]
     # what is printed is the scenario's section, and is in the file as well
-    block = re.search(r"^control:\n(?:  .*\n)+", out, re.MULTILINE)[0]
+    block = re.search(r"^control:(?: .*\n|\n(?:  .*\n)+)", out, re.MULTILINE)[0]
     assert block in (tmp_path / "recordings/quick.tune.yaml").read_text()
     pasted = TEXT.replace("control:\n  period: 0.02\n  feedback: 2\n", block)
     (tmp_path / "pasted.yaml").write_text(pasted)
