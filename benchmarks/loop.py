@@ -1,6 +1,6 @@
 """How much the closed loop costs over the physics alone, as ratios measured in one run.
 
-    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|methods|robots]
+    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|methods|robots|way]
 
 The floor is MuJoCo's own C loop: the same batch, from the same state, fed with the very controls that the
 closed loop sent, so that both step the same motion. The closed loop adds the law (decomposition, scheduled
@@ -143,6 +143,34 @@ def robot_rows(rounds: int) -> dict[str, dict[str, float]]:
     }
 
 
+# What stands between the command and the plant, and nothing that changes the motion much.
+WAYS = {
+    "delay": "delay: 0.008",
+    "delay, no whole ticks": "delay: 0.0085",
+    "jitter": "delay: 0.004, jitter: 0.004",
+    "loss": "loss: 0.1",
+    "lag": "lag: 0.005",
+    "resonance": "resonance: {frequency: 30, damping: 0.5}",
+    "delay, jitter, loss and lag": "delay: 0.004, jitter: 0.004, loss: 0.1, lag: 0.005",
+}
+
+
+def way_rows(rounds: int) -> dict[str, dict[str, float]]:
+    """Return the closed loop with something between command and plant over the same with nothing there."""
+    gain = "control.feedback=5"
+    direct = world("stanford", gain)
+    rows = {}
+    for name, keys in WAYS.items():
+        other = world("stanford", gain, f"plant={{{keys}}}")
+        for worlds in (1, 64):
+            rows[f"with / without {name}, {worlds} world{'s' * (worlds > 1)}"] = ratios(
+                rounds,
+                lambda one=other, count=worlds: closed_loop([one] * count)[0],
+                lambda count=worlds: closed_loop([direct] * count)[0],
+            )
+    return rows
+
+
 def method_rows(rounds: int) -> dict[str, dict[str, float]]:
     """Closed loop over floor for each inverse and schedule, and for worlds of all of them in one batch."""
     rows, every = {}, []
@@ -239,14 +267,18 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", action="store_true")
-    parser.add_argument("--only", choices=["arms", "methods", "robots"], help="measure these rows alone")
+    parser.add_argument(
+        "--only", choices=["arms", "methods", "robots", "way"], help="measure these rows alone"
+    )
     arguments = parser.parse_args()
     rounds = arguments.rounds
     if arguments.only:
-        rows = {"arms": arm_rows, "methods": method_rows, "robots": robot_rows}[arguments.only]
+        rows = {"arms": arm_rows, "methods": method_rows, "robots": robot_rows, "way": way_rows}[
+            arguments.only
+        ]
         show(rows(rounds), {}, arguments.json)
         return
-    table = arm_rows(rounds) | robot_rows(rounds) | method_rows(rounds)
+    table = arm_rows(rounds) | robot_rows(rounds) | way_rows(rounds) | method_rows(rounds)
     table["1 thread / 2 threads, stanford, 128 worlds"] = two_threads(rounds)
     for worlds in (1, 64):
         name = f"plain numpy loop / closed loop, stanford, {worlds} world{'s' * (worlds > 1)}"

@@ -1,6 +1,7 @@
 """The limits and the pace along the path, for the oracle: plain numpy, each function one equation of the theory."""
 
 import numpy as np
+from scipy.optimize import linprog
 
 
 def fastest_pace(a, b, rate_limit):
@@ -40,8 +41,24 @@ def bounds(q, last, rate, acceleration, deceleration, position, period):
     """Return rest_lo, rest_up, lower and upper (22); `position` is (n, 2)."""
     rest_lo = -np.minimum(rate, brake(q - position[:, 0], deceleration, period))
     rest_up = np.minimum(rate, brake(position[:, 1] - q, deceleration, period))
-    reach = last - acceleration * period, last + acceleration * period
-    return rest_lo, rest_up, np.clip(rest_lo, *reach), np.clip(rest_up, *reach)
+    least, most = last - acceleration * period, last + acceleration * period
+    for j in np.flatnonzero(rest_up < least):  # position comes before acceleration
+        least[j] = max(rest_up[j], min(least[j], gentle(last[j], position[j, 1] - q[j], period)))
+    for j in np.flatnonzero(rest_lo > most):
+        most[j] = min(rest_lo[j], max(most[j], -gentle(-last[j], q[j] - position[j, 0], period)))
+    return rest_lo, rest_up, np.clip(rest_lo, least, most), np.clip(rest_up, least, most)
+
+
+def gentle(rate, distance, period):
+    """Return the rate that follows, of the stop within a distance with the least steady deceleration, by halving."""
+    if distance <= 0 or rate <= 0:
+        return min(rate, 0.0)
+    low, high = 0.0, rate
+    for _ in range(200):
+        fall = 0.5 * (low + high)
+        way = np.maximum(0.0, rate - fall * np.arange(1, rate / max(fall, 1e-6 * rate) + 1)).sum() * period
+        low, high = (fall, high) if way > distance else (low, fall)
+    return rate - high
 
 
 def slowed_change(rates, last, change, lower, upper):
@@ -134,3 +151,37 @@ def redistributed(J, v, drift, lower, upper, scaled_jacobian, invert):
         drift[j], free[j] = bound, False
         if free.sum() < m:
             return rates, best
+
+
+def least_way(rate, change, braking, step):
+    """Return the least way, in ticks, on which a rate comes to rest with bounded deceleration and jerk, by a program.
+
+    It turns back nowhere. Infinite if there is no such stop.
+
+    Args:
+        rate: In this tick, which counts.
+        change: From the last tick to this one.
+        braking: Largest fall in a tick.
+        step: Largest change of the change.
+    """
+    count = (
+        int(np.ceil(rate / braking + 2 * (braking + abs(change)) / step + 2 * np.sqrt(abs(rate) / step))) + 4
+    )
+    following, sums = np.eye(count) - np.eye(count, k=-1), np.tril(np.ones((count, count)))
+    first = np.zeros(count)
+    first[0] = change
+    found = linprog(
+        count - np.arange(count),
+        A_ub=np.vstack([following, -following, -sums, -np.eye(count)[-1:]]),
+        b_ub=np.concatenate([step + first, step - first, np.full(count, rate), [step]]),
+        A_eq=np.ones((1, count)), b_eq=[-rate], bounds=(-max(braking, -change), None),
+    )  # fmt: skip
+    return rate * (count + 1) + found.fun if found.status == 0 else np.inf
+
+
+def ticks_to_rate(rate, step):
+    """Return in how few ticks a rate is reached from rest, and kept, with changes that change by a step at the most."""
+    ticks = 0
+    while ((ticks + 1) // 2) * ((ticks + 2) // 2) * step < rate * (1 - 1e-9):
+        ticks += 1
+    return ticks

@@ -34,16 +34,23 @@ class Way:
 
     def __init__(self, plant, period, n):
         self.plant, self.period, self.n = plant, period, n
-        self.sent, self.filters = [], []
+        self.tick, self.sent, self.filters = 0, [], []
         lags = np.broadcast_to(plant.lag, n)
         if lags.any():
             steps = [response(np.array([[-1 / L]]), np.array([1 / L]), period) if L else None for L in lags]
             self.filters.append((steps, np.zeros((n, 1))))
+        if plant.resonance.frequency is not None:
+            w, z = 2 * math.pi * plant.resonance.frequency, plant.resonance.damping
+            step = response(np.array([[0, 1], [-w * w, -2 * z * w]]), np.array([0, w * w]), period)
+            self.filters.append(([step] * n, np.zeros((n, 2))))
 
     def tell(self, cmd):
         """Send a command; return what the plant is told in its tick."""
-        t, plant = len(self.sent), self.plant
-        self.sent.append((t * self.period + plant.delay, cmd.copy()))
+        t, plant = self.tick, self.plant
+        self.tick += 1
+        later, chance = drawn(plant.seed, t)
+        arrival = t * self.period + plant.delay + plant.jitter * later
+        self.sent.append((math.inf if chance < plant.loss else arrival, cmd.copy()))
         told = self.mean_between(t * self.period, (t + 1) * self.period)
         for steps, x in self.filters:
             for j, step in enumerate(steps):
@@ -61,8 +68,10 @@ class Way:
         for a, b in pairwise(times):
             there = [cmd for arrival, cmd in self.sent if arrival <= a + slack]
             if there:
-                total += (b - a) * there[-1]
-        return total / (last - first)
+                total += (b - a) / (last - first) * there[-1]
+        arrived = [i for i, (arrival, _) in enumerate(self.sent) if arrival <= last - slack]
+        self.sent = self.sent[max(arrived, default=0) :]  # what was sent before it is never in effect again
+        return total
 
 
 def ends(coefficients):

@@ -23,6 +23,7 @@ from oracle_inverse import (
 )
 from oracle_limits import bounds, fastest_pace, held_at_stops, next_pace, redistributed, slowed_change
 from oracle_sensing import Sensing, true_model
+from oracle_way import Way
 from rmrc.scenario.choices import Status
 
 __all__ = [
@@ -134,7 +135,11 @@ class NumpyLoop:
         self.sensing = Sensing(self.scenario, n)
         if control.nullspace.objective == "secondary":
             self.start_second(control.nullspace.secondary)
-        self.last = np.zeros(n)
+        self.last, self.told, self.way = (
+            np.zeros(n),
+            np.zeros(n),
+            Way(self.scenario.plant, self.scenario.control.period, n),
+        )
         self.path_tick, self.pace, self.share = 0.0, 1.0, 1.0
         self.fastest, self.falling, self.advance, self.waited, self.still = None, 0.0, 0.0, 0.0, 0.0
 
@@ -175,7 +180,7 @@ class NumpyLoop:
         ).copy()
         if plant.kind == "ideal":
             mujoco.mj_forward(model, data)
-            qdot, tau = self.last, np.zeros(self.arm.n)
+            qdot, tau = self.told, np.zeros(self.arm.n)
         else:
             mujoco.mj_step1(model, data)
             qdot = data.qvel[self.dof].copy()
@@ -188,7 +193,7 @@ class NumpyLoop:
         row["pose_error"] = self.error(*self.truth.at(q, self.site)[:2])
         if self.scenario.control.nullspace.objective == "secondary":
             row["secondary_error"] = np.linalg.norm(self.second_error(self.truth, q))
-        cmd = row["qdot_cmd"]
+        cmd = row["qdot_arrived"] = self.way.tell(row["qdot_cmd"])
         if plant.kind == "ideal":
             data.qpos[self.qpos] += self.scenario.control.period * cmd
         else:
@@ -202,7 +207,7 @@ class NumpyLoop:
             mujoco.mj_step2(model, data)
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)
-        self.last = cmd
+        self.last, self.told = row["qdot_cmd"], cmd
         return row
 
     def push(self):
@@ -219,7 +224,7 @@ class NumpyLoop:
         mujoco.mj_forward(self.known, known)
         M = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.known, known, M)
-        qddot = (cmd - self.last) / self.scenario.control.period
+        qddot = (cmd - self.told) / self.scenario.control.period
         qddot = qddot + self.scenario.plant.bandwidth * (cmd - qdot)
         bias = known.qfrc_bias - known.qfrc_passive
         tau = M[np.ix_(self.dof, self.dof)] @ qddot + bias[self.dof]
@@ -463,6 +468,9 @@ class NumpyLoop:
         limits, period = self.scenario.control.limits, self.scenario.control.period
         if limits.on_excess == "none":
             return rates, Status.OK
+        assert limits.jerk is None, (
+            "no oracle for a whole tick with jerk: tests/test_jerk.py has its properties"
+        )
         position = self.arm.position_limit if limits.position else np.tile([-np.inf, np.inf], (len(q), 1))
         deceleration = np.minimum(limits.braking, self.acceleration)
         rest_lo, rest_up, lower, upper = bounds(

@@ -105,6 +105,7 @@ VERBS = {
     "compare": "compare('line_tracking', {'control.feedback': [5, 10]})",
     "sweep": "sweep('line_tracking', {'control.feedback': [5, 10]}, threads=2)",
     "tune": f"tune({BRIEF}, {{'control.inverse.method': ['damped']}}, copies=0, runs=10)",
+    "margins": "margins('whitney_1972', accuracy=0.5)",
     "check": "check('planar_2link')",
     "new": "new('planar_2link')",
     "inspect": "inspect('planar_2link')",

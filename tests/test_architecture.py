@@ -45,6 +45,7 @@ OWNERS = {
             "rmrc.show.figures",
             "rmrc.show.textbook_figures",
             "rmrc.study.filter_figure",
+            "rmrc.study.margins.figure",
             "rmrc.tuning.figure",
         ),
         *(

@@ -15,6 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
+from rmrc import arm as arms
+from rmrc.support.errors import ModelError
 from rmrc.support.spatial import shift_twist
 from rmrc.textbook.anthropomorphic import anthropomorphic_chain, anthropomorphic_jacobian
 from rmrc.textbook.dh import DHChain
@@ -26,6 +28,7 @@ from rmrc.textbook.spherical_wrist import spherical_wrist_chain, spherical_wrist
 from rmrc.textbook.stanford import stanford_chain, stanford_jacobian
 from rmrc.textbook.torus import torus_chain, torus_jacobian
 from twins import TWINS
+from wording import says
 
 MODELS = Path(__file__).parent.parent / "models"
 
@@ -717,3 +720,13 @@ def test_a_soft_coupling_lets_the_screw_slip():
     spec.equalities[0].solref = [0.02, 1]
     spec.equalities[0].solimp = [0.9, 0.95, 0.001, 0.5, 2]
     assert largest_slip(spec.compile()) > 1e-3
+
+
+def test_what_mujoco_says_without_a_way_out_gets_one(tmp_path):
+    mesh = '<asset><mesh name="m" file="gone.stl"/></asset><worldbody><body><joint/><geom type="mesh" mesh="m"/></body></worldbody>'
+    for text, way in ((f"<mujoco>{mesh}</mujoco>", "… meshdir …"), ("<mujocoinclude/>", "… includes it")):
+        path = tmp_path / "model.xml"
+        path.write_text(text)
+        with pytest.raises(ModelError) as caught:
+            arms.load(path)
+        assert str(caught.value) == says(f"{path}: … {way}")

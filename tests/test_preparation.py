@@ -79,9 +79,11 @@ def test_slow_is_refused_without_what_it_scales(scenario):
 def test_lists_of_the_new_keys_must_have_a_value_a_joint(scenario):
     lines = refusal(
         scenario, "control.nullspace={objective: rates, rates: [1]}", "control.limits.acceleration=[1]",
-        "control.limits.braking=[1, 2, 3]",
+        "control.limits.braking=[1, 2, 3]", "control.limits.jerk=[5000]",
     ).splitlines()  # fmt: skip
-    counts = {"nullspace: control.nullspace.rates": 1, "limits.acceleration": 1, "limits.braking": 3}
+    counts = {
+        "nullspace: control.nullspace.rates": 1, "limits.acceleration": 1, "limits.jerk": 1, "limits.braking": 3,
+    }  # fmt: skip
     assert lines == [says(f"--set control.{key}: … 2 … {count}") for key, count in counts.items()]
 
 

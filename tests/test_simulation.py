@@ -263,6 +263,21 @@ VARIANTS = {
     "torque, 6 joints, substeps": (*STANFORD, *SIX, "plant.kind=torque", FINER),
     "model": (SHORT, "plant.kind=model"),
     "model, 6 joints, pushed": (*STANFORD, *SIX, "plant={kind: model, wrench: [5, -3, 1, 0, 0, 2], bandwidth: 10}"),
+    "late": (*NEAR, "plant={kind: ideal, delay: 0.02}", "control.feedback=5"),
+    "late now and then, and lost, torque": (
+        FINER, SHORT, "plant={kind: torque, delay: 0.003, jitter: 0.009, loss: 0.2, seed: 3}", "control.feedback=5",
+    ),
+    "lost, limits": (*PLANAR, DRIFT, "plant={loss: 0.5}", "control.limits={acceleration: 1, on_excess: clamp}"),
+    "lagging, slow": (
+        *PLANAR, "control.at_singularity=slow", "control.limits.rate=0.3", "plant={delay: 0.008, lag: [0.05, 0, 0.01]}",
+    ),
+    "late, stop": (*NEAR, "control.at_singularity=stop", "plant.delay=0.016", "control.feedback=5"),
+    "swinging, model": (
+        SHORT, COARSE, "plant={kind: model, jitter: 0.001, resonance: {frequency: 12, damping: 0.05}}", "control.feedback=3",
+    ),
+    "swinging and lagging, torque": (
+        SHORT, FINER, "plant={kind: torque, lag: 0.02, resonance: {frequency: 40, damping: 1.5}}", "control.feedback=5",
+    ),
     "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
 }  # fmt: skip
 
@@ -314,6 +329,12 @@ OFF = {
     "encoder.offset": (
         "encoders off, 6 joints, damped", "arm.encoder.offset=[0.01, -0.02, 0.005, 0.03, -0.01, 0.02000002]",
     ),
+    "delay": ("late", "plant.delay=0.02000002"),
+    "jitter": ("late now and then, and lost, torque", "plant.jitter=0.009000009"),
+    "loss": ("lost, limits", "plant.loss=0.45"),
+    "lag": ("lagging, slow", "plant.lag=[0.05, 0, 0.01000001]"),
+    "resonance.frequency": ("swinging, model", "plant.resonance.frequency=12.000012"),
+    "resonance.damping": ("swinging, model", "plant.resonance.damping=0.05000005"),
     "encoder.delay": ("encoders late and noisy", "arm.encoder.delay=0.01800002"),
     "encoder.noise": (
         "encoders late and noisy", "arm.encoder.noise=[1.0e-5, 0, 2.0e-5, 0, 1.0e-4, 1.001e-5]",

@@ -1,18 +1,27 @@
-"""What is between the command and the plant: delay and lag, against queues, exponentials and roots."""
+"""What is between the command and the plant, against queues, exponentials, roots and the law of large numbers."""
 
+import math
 from collections import deque
 
 import mujoco
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from oracle_way import edge, ends, formula
+from oracle_way import drawn, edge, ends, formula, response
 from project import ROOT
 from rmrc.law.controller import Controller
+from rmrc.plants.response import oscillator
+from rmrc.results.columns import COLUMNS
 from rmrc.scenario import Scenario, load
+from rmrc.simulation.footprint import rows_of
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
+from rmrc.study.rows import NOT_KEPT
+from rmrc.support.errors import ScenarioError
+from wording import says
 
 PERIOD = 0.01
 DRIVES = ROOT / "tests/models/drives"
@@ -203,9 +212,16 @@ def test_it_is_what_a_delay_of_mujocos_own_actuators_is(tmp_path):
 # What arrives -------------------------------------------------------------------------------------------------------
 
 
-def test_a_delay_longer_than_the_run_leaves_the_arm_where_it_is(simulate):
-    _, run = simulate("plant.delay=1.0e+9", "plant.kind=ideal")
-    assert not run["qdot_arrived"].any() and np.ptp(run["q"], axis=0).max() == 0.0
+def test_a_delay_may_be_as_long_as_the_run_and_no_longer(simulate, scenario):
+    target = "target.path=[{set: {by: [0.1, 0.1], for: 0.5}}]"
+    _, run = simulate(target, "plant={kind: ideal, delay: 0.5}")
+    (first,) = np.flatnonzero(run["qdot_arrived"].any(axis=1))
+    assert first == 500 == len(run) - 1
+    assert_array_equal(run["qdot_arrived"][-1], run["qdot_cmd"][0])
+    for delay in ("0.501", "1.0e+300"):
+        with pytest.raises(ScenarioError) as caught:
+            prepare(scenario(target, f"plant.delay={delay}"))
+        assert str(caught.value) == says(f"--set plant.delay: … 0.501 s … {float(delay):g} s; … target.path")
 
 
 def test_nothing_between_is_nothing_changed(simulate):
@@ -227,3 +243,141 @@ def test_a_lag_is_exact_for_a_command_that_is_constant_during_a_tick(simulate, k
         y = u + (y - u) * np.exp(-T / L)
     # rounding of a thousand ticks
     assert_allclose(run["qdot_arrived"], told, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("frequency", "damping"), [(12.0, 0.05), (3.0, 1.0), (40.0, 0.0), (8.0, 4.0)])
+def test_a_resonance_is_exact_for_a_command_that_is_constant_during_a_tick(simulate, frequency, damping):
+    plant = f"plant={{kind: servo, resonance: {{frequency: {frequency}, damping: {damping}}}}}"
+    _, run = simulate(
+        plant, "control.feedback=0", "control.period=0.004", "target.path=[{line: {by: [0.02, 0.02]}}]"
+    )
+    w, x, told = 2 * np.pi * frequency, np.zeros((2, 2)), []
+    end, mean = response(np.array([[0, 1], [-w * w, -2 * damping * w]]), np.array([0, w * w]), run.period)
+    for u in run["qdot_cmd"]:
+        known = np.vstack([x, u])
+        told.append(mean @ known)
+        x = end @ known
+    assert_allclose(run["qdot_arrived"], told, rtol=0, atol=1e-11)  # rounding of 500 ticks
+
+
+ANGLES = st.floats(1e-5 * math.tau, 1e3 * math.tau)
+
+
+@given(ANGLES, st.one_of(st.just(1.0), st.floats(0.0, 2.0), st.floats(0.0, 10.0)))
+def test_the_matrices_of_a_resonance_are_exponentials(angle, damping):
+    end, mean = response(np.array([[0, angle], [-angle, -2 * damping * angle]]), np.zeros(2), 1.0)
+    E, m = oscillator(angle, damping)
+    # expm squares some 14 times what is off by 1e-16; `oscillator` divides 20 · 1e-16 by an angle of 6e-5
+    assert_allclose(E, end[:, :2], rtol=0, atol=1e-10)
+    assert_allclose(m, mean[:2], rtol=0, atol=1e-10)
+
+
+def arrivals(run):
+    """Return of each tick which command was in effect at its end, -1 before the first: by its first joint."""
+    sent = run["qdot_cmd"][:, 0]
+    assert len(set(sent)) == len(sent)
+    index = {value: k for k, value in enumerate(sent)}
+    return np.array([index.get(value, -1) for value in run["qdot_arrived"][:, 0]])
+
+
+# no two commands are alike, so that each can be told by its value
+VARIED = (
+    "control.feedback=1", "plant.kind=ideal",
+    "target.path=[{arc: {center: [0.9, 0.3], angle: 50 deg}}]", "target.limits={velocity: 0.1}",
+)  # fmt: skip
+
+
+def test_lost_commands_are_as_many_as_shall_be_and_the_last_one_that_came_holds(simulate):
+    _, run = simulate(*VARIED, "plant.loss=0.3", "plant.seed=4")
+    k, n = arrivals(run), len(run)
+    assert np.all(np.diff(k) >= 0)
+    lost = k != np.arange(n)
+    for t in np.flatnonzero(lost):
+        assert k[t] == (k[t - 1] if t else -1)
+    # five standard deviations of a binomial distribution
+    assert abs(lost.mean() - 0.3) < 5 * math.sqrt(0.3 * 0.7 / n)
+    # and no more in turn than chance has it: the share of pairs
+    assert abs((lost[1:] & lost[:-1]).mean() - 0.09) < 5 * math.sqrt(0.09 * 0.91 / n)
+    with pytest.raises(AssertionError):
+        assert abs(lost.mean() - 0.35) < 5 * math.sqrt(0.35 * 0.65 / n)
+
+
+def test_with_jitter_commands_come_in_order_and_none_later_than_it_may(simulate):
+    _, run = simulate(*VARIED, "plant.delay=0.002", "plant.jitter=0.005", "plant.seed=4")
+    t = np.arange(len(run))
+    drawn_at = np.array([k + 2.0 + 5.0 * drawn(4, int(k))[0] for k in t])
+    newest = np.array(
+        [max((k for k in range(max(0, i - 8), i + 1) if drawn_at[k] <= i), default=-1) for i in t]
+    )
+    assert np.all(np.diff(newest) >= 0)
+    assert np.sum(np.diff(newest) == 0) > 0 and np.diff(newest).max() > 1  # some wait, some are overtaken
+    whole = np.array(
+        [not np.any((drawn_at > i) & (drawn_at < i + 1)) for i in t]
+    )  # nothing came within the tick
+    told = np.where(newest[:, None] >= 0, run["qdot_cmd"][newest], 0.0)
+    assert whole.sum() > 100
+    assert_array_equal(run["qdot_arrived"][whole], told[whole])
+    assert (run["qdot_arrived"][~whole] != told[~whole]).any()
+
+
+def test_the_seed_decides_what_is_late_and_lost(simulate):
+    chance = "plant={kind: ideal, jitter: 0.003, loss: 0.1, seed: 1}"
+    (_, first), (_, same), (_, other) = (
+        simulate(chance, seed) for seed in ("plant.seed=1", "plant.seed=1", "plant.seed=2")
+    )
+    for name in COLUMNS:
+        assert first[name].tobytes() == same[name].tobytes()
+    assert (first["q"] != other["q"]).any()
+
+
+MIXED = (
+    (), ("plant.delay=0.0055",), ("plant.delay=0.2",), ("plant={lag: 0.02, jitter: 0.01, seed: 3}",), ("plant={loss: 0.4}",),
+    ("plant.resonance.frequency=9",), ("plant={delay: 0.001, loss: 0.1, lag: [0, 0.1], resonance: {frequency: 30}}",),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("keeps", [True, False])
+def test_worlds_of_all_kinds_have_the_same_bits_side_by_side(scenario, keeps):
+    prepared = [prepare(scenario("control.feedback=2", *one)) for one in MIXED]
+    alone = [Simulation([one]).run()[0] for one in prepared]
+    if keeps:
+        together = Simulation(prepared, threads=2).run()
+        for run, want in zip(together, alone, strict=True):
+            for name in COLUMNS:
+                assert run[name].tobytes() == want[name].tobytes(), name
+        return
+    # few rows for each, and more than a delay of 200 ticks
+    simulation = Simulation(prepared * 20, keep_columns=False)
+    simulation.step()
+    assert [figures(one) for one in simulation.scorecards()] == [figures(run.scorecard) for run in alone] * 20
+
+
+def figures(scorecard):
+    """Return the figures as text, which has all bits of them; NaN is itself there."""
+    return repr({name: one.value for name, one in scorecard.figures.items() if name not in NOT_KEPT})
+
+
+def test_what_is_held_counts_the_ticks_that_a_delay_looks_back_to(scenario):
+    prepared = [prepare(scenario(*one)) for one in MIXED] * 20
+    assert rows_of(prepared, keep_columns=False) == 201 < prepared[0].reference.ticks
+    assert rows_of(prepared[:1] * 140, keep_columns=False) == 512 // 140
+    assert rows_of(prepared[:1], keep_columns=True) == prepared[0].reference.ticks
+
+
+# Refused ------------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("sets", "said"),
+    [
+        (["plant={kind: ideal, resonance: {frequency: 12}}"], "--set plant: plant.resonance: … ideal … servo, torque, model … plant.lag …"),
+        (["plant.resonance.frequency=0.001"], "--set plant.resonance.frequency: … 0.01 … 1e+06 Hz … 0.001 s … 0.001 Hz"),
+        (["plant.resonance={frequency: 2.0e+6}"], "--set plant.resonance: plant.resonance.frequency: … 1e+06 Hz … 2e+06 Hz"),
+        (["plant.resonance={frequency: 9, damping: 11}"], "--set plant.resonance: plant.resonance.damping: … 10 … 11 … plant.lag"),
+        (["plant.lag=[0.1, 0.1, 0.1]"], "--set plant.lag: … 2 values … shoulder, elbow … 3"),
+    ],
+)  # fmt: skip
+def test_what_makes_no_sense_is_refused_in_a_line(scenario, sets, said):
+    with pytest.raises(ScenarioError) as caught:
+        prepare(scenario(*sets))
+    assert str(caught.value) == says(said)

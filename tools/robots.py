@@ -136,7 +136,7 @@ def row(robot: Robot, columns: list[str], limit: float) -> dict[str, str]:
             made = call("new", model, *robot.options, "-o", str(scenario)) if "new" in columns else None
             if made:
                 cells["new"] = made.cell
-            if facts and not scenario.exists():
+            if facts and made is None:
                 start = dict(zip(robot.options[::2], robot.options[1::2], strict=False)).get("--keyframe")
                 text = PLAIN.format(model=json.dumps(model), site=json.dumps(facts["site"]))
                 scenario.write_text(
@@ -145,7 +145,7 @@ def row(robot: Robot, columns: list[str], limit: float) -> dict[str, str]:
         for column in columns:
             verb, _, kind = column.partition(":")
             if verb in ("run", "tune") and not scenario.exists():
-                cells[column] = "as inspect"
+                cells[column] = "as new" if "new" in columns else "as inspect"
             elif verb == "run":
                 chosen = ["--set", f"plant.kind={kind}"] if kind else []
                 cells[column] = call("run", str(scenario), *chosen, "--out", "out", "-q", "--no-record").cell
@@ -206,7 +206,7 @@ def markdown(rows: dict[str, dict[str, str]]) -> str:
         short = []
         for column in columns:
             text = cells[column]
-            plain = column == "frame" or text in ("ok", "as inspect")
+            plain = column == "frame" or text in ("ok", "as inspect", "as new")
             short.append(
                 text if plain else f"{text.partition(':')[0]} [{notes.setdefault(text, len(notes) + 1)}]"
             )

@@ -13,7 +13,8 @@ from chains import random_chain, seeds
 from project import ROOT, mostly_long
 from rmrc import arm as arms
 from rmrc.analysis.statics.balance import Cost, balance, elsewhere, link_frames, wrench_costs
-from rmrc.analysis.statics.hold import FEEDBACK
+from rmrc.analysis.statics.hold import FEEDBACK, STILL
+from rmrc.analysis.statics.report import verdict
 from rmrc.analysis.statics.statics import statics
 from rmrc.scenario.sections import ToolSection
 from rmrc.support.errors import QuestionError
@@ -387,6 +388,38 @@ def test_springs_are_held_too(made):
     for gravity in (False, True):
         held = hold(arm, [0.3, 0.2], [1, 2, 3, 0, 0, 0], gravity)
         assert held.agrees, (held.difference, held.allowed)
+
+
+RUBBING = """<mujoco><compiler angle="radian"/><worldbody><body name="upper"><joint name="shoulder" axis="0 1 0" {}/>
+<geom type="capsule" fromto="0 0 0 .4 0 0" size=".03"/><body name="lower" pos=".4 0 0">
+<joint name="elbow" axis="0 1 0" {}/><geom type="capsule" fromto=".08 0 0 .3 0 0" size=".02"/>
+<site name="hand" pos=".3 0 0"/></body></body>
+<body name="table" pos="0 0 -.2"><geom type="box" size="1 1 .1"/></body></worldbody></mujoco>"""
+
+
+def test_a_joint_that_creeps_below_its_friction_is_still(made):
+    """As MuJoCo's friction is soft: stiffer than by default, it takes seconds to give way."""
+    friction = 'frictionloss="0.3" solimpfriction="0.999 0.999 0.001"'
+    held = hold(made(RUBBING.format(friction, friction)), [-0.5, -0.3], [0, 0, -0.4, 0, 0, 0], seconds=4.0)
+    assert held.agrees and STILL < held.rate < 1e-4 and np.abs(held.difference).max() > 1e-3
+    smooth = hold(made(RUBBING.format("", "")), [-0.5, -0.3], [0, 0, -0.4, 0, 0, 0])
+    assert smooth.agrees and smooth.rate <= STILL and np.abs(smooth.difference).max() < 1e-4
+    # what the servo brakes counts beside the friction: a joint that falls is not still
+    assert not hold(
+        made(RUBBING.format(friction, friction)), [-0.5, -0.3], [0, 0, -0.4, 0, 0, 0], seconds=0.05
+    ).agrees
+
+
+def test_what_bears_a_part_of_the_wrench_is_named(made):
+    text = RUBBING.format("", "")
+    lying = hold(made(text), [0.0, 0.3], [0, 0, -1, 0, 0, 0])  # 0.2 m of lower are 6 cm below the table
+    assert not lying.agrees and verdict(lying).endswith(
+        "lower touches table, which bears a part: give other positions by --q or --keyframe."
+    ), verdict(lying)
+    ended = RUBBING.format("", 'range="-1 0.3" limited="true"')
+    at_end = hold(made(ended), [-0.6, 0.3], [0, 0, -1, 0, 0, 0])
+    assert not at_end.agrees and "elbow is at the end of the range" in verdict(at_end)
+    assert verdict(hold(made(text), [-0.6, 0.3], [0, 0, -1, 0, 0, 0])).startswith("met")
 
 
 def test_an_arm_is_not_held_beyond_its_limits():

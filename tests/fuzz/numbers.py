@@ -13,7 +13,7 @@ LONG = {
 POSITIVE = (
     "task.length", "control.inverse.cutoff", "control.inverse.rate_bound", "control.inverse.damping.maximum", "control.inverse.damping.below",
     "control.inverse.damping.manipulability_below", "control.inverse.damping.error_gain", "control.limits.rate", "control.limits.acceleration",
-    "control.limits.braking", "control.slow.change", "control.slow.patience", "control.stop.sigma", "control.stop.change", "plant.kv", "plant.bandwidth",
+    "control.limits.jerk", "control.limits.braking", "control.slow.change", "control.slow.patience", "control.stop.sigma", "control.stop.change", "plant.kv", "plant.bandwidth",
 )  # fmt: skip
 NOT_NEGATIVE = (
     "control.feedback",
@@ -130,7 +130,7 @@ _SETTINGS = (
     (["plant.wrench"], lambda chance, _: _vector(chance, 6)),
     (["plant.gravity", "target.offset"], lambda chance, _: _vector(chance, 3)),
     (lambda model: [f"arm.stretch.{body}" for body in shipped.bodies(model)], lambda chance, _: _positive(chance)),
-    (["control.joint_weights", "control.limits.rate", "control.limits.braking", "plant.kv"], _each),
+    (["control.joint_weights", "control.limits.rate", "control.limits.jerk", "control.limits.braking", "plant.kv"], _each),
     (["arm.encoder.offset", "control.stop.condition"], lambda chance, _: _positive(chance)),
     (["control.slow.longest", "arm.encoder.seed"], lambda chance, _: chance.pick(("1", "2", "1000", "9223372036854775807"))),
     (["control.nullspace.posture"], lambda chance, model: _vector(chance, len(shipped.joints(model)))),

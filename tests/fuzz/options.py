@@ -543,7 +543,9 @@ def _tune(chance):
 def _identify(chance):
     cells = ("0", "1.5", "nan", "", "-inf", "x", "1e308", "1e-308", chance.word())
     names = chance.pick(
-        ("t,q,qdot_cmd", "t,q0,q1,qdot_cmd0,qdot_cmd1", "t,t,q", "q,qdot_cmd", "", chance.word())
+        ("t,q,qdot_cmd",) * 4
+        + ("t,q0,q1,qdot_cmd0,qdot_cmd1",) * 4
+        + ("t,t,q", "q,qdot_cmd", "", chance.word())
     )
     width = names.count(",") + 1
     rows = [
@@ -555,10 +557,10 @@ def _identify(chance):
             else chance.pick(cells)
             for j in range(width)
         )
-        for i in range(chance.pick((0, 1, 2, 40, 40, 200)))
+        for i in range(chance.pick((0, 1, 2, 40, 40, 200, 200, 200)))
     ]
     content = "\n".join([names, *rows]).encode("utf-8", "surrogatepass")
-    name = chance.pick(("log.csv", "log.csv", "log.txt", "log.npz", "log.parquet"))
+    name = chance.pick(("log.csv",) * 6 + ("log.txt", "log.npz", "log.parquet"))
     argv = ["identify", name]
     if chance.odds(0.3):
         argv += [
@@ -589,6 +591,15 @@ def _replay(chance):
         ("a.rrd", "a.rrd.part", "a.rr", "", ".", "/dev/null", "../models/puma560.xml", chance.word())
     )
     return ["replay", name, *chance.pick(([], ["--web"], ["--web", "--web"], ["-x"]))], files
+
+
+def _margins(chance):
+    argv = ["margins", _scenario_path(chance, _scenario(chance)), *FAST, "--threads", "1"]
+    wrong = chance.odds(0.8)  # most of them: a search takes a second
+    accuracy = ("0", "-1", "nan", "inf", "x", "", "1e-9") if wrong else ("0.5",)
+    argv += ["--accuracy", chance.pick(accuracy), *_sets(chance)]
+    more = ([], ["--json"], ["--quiet"], ["--picture", "x.txt"], ["--picture", "x.png"])
+    return argv + chance.pick(more), {}
 
 
 def _schema(chance):

@@ -215,3 +215,18 @@ def test_an_arm_is_found_in_another_model(tmp_path):
     )
     assert (wiring.site, *wiring.joint) != (ARM.wiring.site, *ARM.wiring.joint)
     assert_allclose(there.qdot, here.qdot, rtol=1e-12, atol=1e-12)
+
+
+def test_a_controller_keeps_its_jerk_limit_when_it_brakes_for_lack_of_a_measurement():
+    limits = LimitsSection(jerk=100.0, acceleration=3.0, braking=2.0)
+    one, (pose, twist) = controller(limits=limits), ahead()
+    given, blind = (START, np.zeros(3), pose, twist), (START * np.nan, np.zeros(3), pose, twist)
+    rates = [one.step(*(given if t < 200 or t > 900 else blind)).qdot.copy() for t in range(1100)]
+    assert not rates[900].any() and np.abs(rates[199]).max() > 0.1
+    changes = np.diff(rates, axis=0, prepend=0.0)
+    assert np.abs(changes).max() <= 3e-3 * (1 + 1e-9)
+    assert np.abs(np.diff(changes, axis=0, prepend=0.0)).max() <= 100e-6 * (
+        1 + 1e-9
+    )  # rounding: 1e-16 / 1e-4
+    one.reset()
+    assert_array_equal([one.step(*given).qdot for _ in range(50)][-1], rates[49])

@@ -114,6 +114,9 @@ def test_rows_of_the_schema_read_as_a_table():
         "arm.tool.inertia": "list of 3 numbers > 0",
         "arm.base": "fixed | free",
         "plant.wrench": "list of 6 numbers",
+        "plant.loss": "number >= 0, < 1",
+        "plant.lag": "number >= 0 or list of numbers >= 0",
+        "plant.resonance.frequency": "number > 0",
     }
     assert {key: rows[key].type for key in kinds} == kinds
     assert rows["arm.model"].default == "required"

@@ -232,7 +232,11 @@ plant:
   gravity: null
   wrench: [0.0, 0.0, 0.0, 0.0, 0.0, 0.0]
   delay: 0.0
+  jitter: 0.0
+  loss: 0.0
   lag: 0.0
+  resonance: {frequency: null, damping: 0.1}
+  seed: 0
   friction: {coulomb: 0.0, viscous: 0.0}
   stretch: {}
   joint_offset: 0.0

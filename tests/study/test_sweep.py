@@ -312,7 +312,7 @@ def test_a_problem_of_the_file_has_its_place_and_many_are_not_all_told(path, tmp
     ("overrides", "line"),
     [
         (["sweep={}"], "--set sweep: … 2 runs … 1; … --vary control.inverse.method=damped,pseudoinverse"),
-        (["arm.encoder={}"], "{path}:14:11: sweep.repeat: … 1 … 2; … arm.encoder.deviation"),
+        (["arm.encoder={}"], "{path}:14:11: sweep.repeat: … 1 … 2; … arm.encoder.deviation, arm.encoder.noise, plant.jitter or plant.loss"),
         # runs have this seed and the three behind it
         (["sweep.seed=9223372036854775805"],
          "--set sweep.seed: … 9223372036854775804 … 9223372036854775805"),

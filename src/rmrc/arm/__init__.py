@@ -5,7 +5,9 @@ the limits are read from joints and actuators, and `Arm.adapted` gives each join
 actuator that a plant needs. Nothing here steps the physics.
 """
 
-from rmrc.arm.arm import Arm, Chain, Drive, Own
+from rmrc.arm.adapting import Drive, Own
+from rmrc.arm.arm import Arm
+from rmrc.arm.chain import Chain
 from rmrc.arm.drives import DriveKind, OwnDrives
 from rmrc.arm.followers import Follower
 from rmrc.arm.loading import files, load, load_asked

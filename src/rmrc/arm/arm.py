@@ -1,19 +1,19 @@
 """An arm: a chain of joints to a site, with every name resolved once. Nothing here steps the physics."""
 
 import copy
-from collections.abc import Callable, Hashable, Mapping, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Literal, TypeAlias
 
 import mujoco
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 
-from rmrc.arm.actuators import reset
-from rmrc.arm.compiling import compiled, in_our_words
-from rmrc.arm.differences import PAYLOAD, check_stretch, stretched_fields
+from rmrc.arm.adapting import Adaptations, Drive, Own, descends
+from rmrc.arm.chain import Chain, kinds_of
+from rmrc.arm.compiling import compiled
+from rmrc.arm.differences import check_stretch, stretched_fields
 from rmrc.arm.drives import OwnDrives
 from rmrc.arm.followers import Follower, Link
 from rmrc.arm.mounting import NamedFrame
@@ -25,63 +25,6 @@ from rmrc.support.legible import listed
 from rmrc.support.spatial import matrix_to_quat
 
 Array = NDArray[np.float64]
-
-# Makes an actuator what drives a joint, given by its position in the arm; equal ones do the same.
-Drive: TypeAlias = Callable[[mujoco.MjsActuator, int], None]
-# What drives an arm by the actuators that its author gave it.
-Own: TypeAlias = Literal["own"]
-
-# Models for plants that an arm keeps, those compiled last: few sweeps ask for more by turns.
-_ADAPTED = 8
-
-
-@dataclass(frozen=True)
-class Chain:
-    """The arm's geometry with all its joints at 0: what forward kinematics needs, and no more.
-
-    It has an axis for each joint, and for each joint that follows one; both halves of a screw have one axis.
-
-    Attributes:
-        names: Of the joint on each axis, outward, ℓ of them.
-        leader: Which joint of the arm moves it, (ℓ,).
-        ratio: How far, for each rad or m of that joint, (ℓ,).
-        pitch: As `Arm.pitch`, (ℓ,).
-        axis: Unit vectors in the world, (ℓ, 3).
-        step: From a point on the axis before (the first: the world's origin) to one on this axis, (ℓ, 3) [m].
-        tip_step: From the last of these points to the site, (3,) [m].
-        tip_quat: Orientation of the site, (4,).
-    """
-
-    names: tuple[str, ...]
-    leader: NDArray[np.int64]
-    ratio: Array
-    pitch: Array
-    axis: Array
-    step: Array
-    tip_step: Array
-    tip_quat: Array
-
-    def positions(self, q: ArrayLike) -> Array:
-        """Return how far each axis is from where it is with all joints at 0, (ℓ,), for positions (n,)."""
-        return np.asarray(self.ratio * np.asarray(q, dtype=np.float64)[self.leader])
-
-    @property
-    def kinds(self) -> tuple[str, ...]:
-        """`hinge`, `slide` or `screw` of each axis."""
-        return _kinds(self.pitch)
-
-    def gathered(self, values: Array, n: int) -> Array:
-        """Return the sums over the axes of each joint, times their ratios, (..., n), of values (..., ℓ)."""
-        if len(self.names) == n:
-            return values
-        sums = np.zeros((*values.shape[:-1], n))
-        for a, (leader, ratio) in enumerate(zip(self.leader, self.ratio, strict=True)):
-            sums[..., leader] += ratio * values[..., a]
-        return sums
-
-
-def _kinds(pitch: Array) -> tuple[str, ...]:
-    return tuple("slide" if np.isinf(h) else "screw" if h else "hinge" for h in pitch)
 
 
 @dataclass(frozen=True, eq=False)
@@ -253,7 +196,7 @@ class Arm:
     @property
     def kinds(self) -> tuple[str, ...]:
         """`hinge`, `slide` or `screw` of each joint."""
-        return _kinds(self.pitch)
+        return kinds_of(self.pitch)
 
     @cached_property
     def inertia(self) -> Array:
@@ -347,12 +290,6 @@ class Arm:
             self.drives.forget(ctrl, act, *(bool(values) and stands for values in given))
         return ctrl, act
 
-    def placed(self, qpos: Array, q: Array) -> Array:
-        """Return a configuration of the model, (nq,), but with the arm's joints at q, (n,)."""
-        there = np.array(qpos)
-        self._place(there, q)
-        return there
-
     def moves_at(self, start: str | Sequence[float]) -> bool:
         """Return whether the keyframe of a start, see `held`, has velocities."""
         key = self._key_of(start)
@@ -364,6 +301,12 @@ class Arm:
         if name == "home" and self.home is not None:
             return self.home
         return next((i for i in range(self.model.nkey) if self.model.key(i).name == name), None)
+
+    def placed(self, qpos: Array, q: Array) -> Array:
+        """Return a configuration of the model, (nq,), but with the arm's joints at q, (n,)."""
+        there = np.array(qpos)
+        self._place(there, q)
+        return there
 
     def _place(self, qpos: Array, q: Sequence[float] | Array) -> None:
         qpos[self.wiring.qpos] = q
@@ -601,85 +544,18 @@ class Arm:
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
-        asked = drive, timestep, gravity_compensation, loaded
-        key = *asked, self.frees_others
-        model = self._adapted.get(key)
-        if model is None:
-            model = self._compiled(*asked)
-            while len(self._adapted) >= _ADAPTED:
-                self._adapted.pop(next(iter(self._adapted)), None)
-            self._adapted[key] = model
-        return model
+        asked = drive, timestep, gravity_compensation, loaded, self.frees_others
+        return self._adaptations.get(*asked)
 
-    def _compiled(
-        self, drive: Drive | Own | None, timestep: float, gravity_compensation: bool, loaded: bool
-    ) -> mujoco.MjModel:
-        spec = self._bare_spec.copy()
-        locks = drive is not None and not self.frees_others and bool(self.others.locked)
-        with in_our_words(self.path):  # a specification refuses some things before it is compiled
-            self._adapt(spec, drive, gravity_compensation, loaded)
-            if locks:
-                self.others.lock(spec, self.path)
-        option = spec.option
-        option.timestep = timestep
-        if drive != "own":
-            option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
-        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
-        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
-        if drive is None:
-            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
-        model = compiled(self.path, spec)
-        if locks:  # by which MuJoCo's solver tells when it is done
-            model.stat.meaninertia = self.model.stat.meaninertia
-        return model
-
-    def _adapt(
-        self, spec: mujoco.MjSpec, drive: Drive | Own | None, gravity_compensation: bool, loaded: bool
-    ) -> None:
-        """Take keyframes and the arm's actuators out, and put in what a plant needs: see `adapted`."""
-        for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
-            spec.delete(key)
-        replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
-        for actuator in (one for one in spec.actuators if one.id not in self.others.replaced):
-            actuator.delay, actuator.nsample = (
-                0.0,
-                0,
-            )  # a control that never changes can be as late as it likes
-        if drive != "own":
-            self._replace_actuators(spec, replaced, drive)
-        if gravity_compensation:
-            root = self.model.jnt_bodyid[self.wiring.joint[0]]
-            for body in spec.bodies:
-                if self._descends(body.id, root):
-                    body.gravcomp = 1.0
-        if loaded:
-            site = spec.site(self.site)
-            site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
-            spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
-
-    def _replace_actuators(
-        self, spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsActuator], drive: Drive | None
-    ) -> None:
-        gone = {actuator.name for actuator in replaced}
-        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
-        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
-            spec.delete(element)  # chosen before, as ids change with every one that goes
-        if drive is None:
-            return
-        for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
-            actuator = spec.add_actuator(
-                name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
-            )
-            reset(actuator)
-            drive(actuator, j)
-            if np.isfinite(limit):
-                actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
-                actuator.forcerange = [-limit, limit]
+    @cached_property
+    def _adaptations(self) -> Adaptations:
+        return Adaptations(
+            self.path, self.model, self._bare_spec, self.others, self.joints, self.torque_limit, self.site,
+            self._adapted,
+        )  # fmt: skip
 
     def _descends(self, body: int, root: int) -> bool:
-        while body > root:
-            body = self.model.body_parentid[body]
-        return bool(body == root)
+        return descends(self.model, body, root)
 
     def shapes(self) -> list[Shape]:
         """Return the visible geometries of the model, planes left out."""

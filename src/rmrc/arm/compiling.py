@@ -15,6 +15,11 @@ from rmrc.support.errors import ModelError, ModelWarning
 
 # How MuJoCo says that there is no memory: as itself, or of an exception that its bindings do not know.
 _NO_MEMORY = ("allocate", "unknown exception")
+# Ways out of what MuJoCo says without one.
+_WAYS_OUT = {
+    "opening file": "put it there, or mend meshdir, texturedir or assetdir of <compiler>",
+    "'mujocoinclude'": "it is a part; give the file that includes it",
+}
 
 
 class Read(NamedTuple):
@@ -131,7 +136,8 @@ def _told(error: Exception) -> str:
     if isinstance(error, MemoryError) or any(words in str(error) for words in _NO_MEMORY):
         most = f"{MOST_MEMORY / 2**30:g} GiB"
         return f"must compile within {most} of memory; make its sizes, grids, meshes or textures smaller"
-    return _one_line(error)
+    told = _one_line(error)
+    return "; ".join([told, *(way for words, way in _WAYS_OUT.items() if words in told)])
 
 
 def _one_line(said: Exception | Warning | str) -> str:

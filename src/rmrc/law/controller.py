@@ -19,6 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rmrc.law.jerk import come_to_rest, remember
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
 from rmrc.law.kinematics import (
     chain_jacobian,
@@ -294,8 +295,7 @@ def step(
         control(world, tick)
     if not (is_known and is_bounded(tick.qdot_cmd, world.n)):
         brake(world, tick)
-    for j in range(world.n):
-        world.qdot_cmd_last[j] = tick.qdot_cmd[j]
+    remember(world, tick.qdot_cmd)
     world.path_tick += tick.path_rate
 
 
@@ -331,7 +331,9 @@ def is_bounded(values: Array, count: int) -> bool:
 @compiled
 def brake(world: Record, tick: Record) -> None:
     """Bring each joint nearer to rest from the last command, and say that nothing else is known."""
-    for j in range(world.n):
+    if world.is_eased:
+        come_to_rest(world, tick.qdot_cmd)
+    for j in range(0 if world.is_eased else world.n):
         last = world.qdot_cmd_last[j]
         tick.qdot_cmd[j] = math.copysign(max(0.0, abs(last) - world.braking[j] * world.period), last)
     for i in range(world.k):

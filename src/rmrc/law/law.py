@@ -57,6 +57,10 @@ GETS_ALL = 1.0 - 1e-9
 # some 30 rotations it has lost 1e-13 at the worst.
 REFRESH = 64
 
+# Between these, quotients and cubes of rates over steps of jerk are finite; beyond them, a joint that may not
+# change its rate at all, or as it likes [rad/s or m/s].
+JERK_STEPS = 1e-30, 1e30
+
 
 class Law:
     """What a scenario asks of the joints of a task: it owns the parameters of the law in a world's record.
@@ -66,6 +70,7 @@ class Law:
         second: What else shall stay where it is, if anything.
         rate_limit: Largest rates, the model's own where the scenario has none, (n,); infinite for none.
         acceleration_limit: Largest accelerations, (n,); infinite for none.
+        jerk_limit: Largest jerks, (n,); infinite for none.
         braking: Decelerations before position limits, (n,).
         position_limit: Lower and upper, (2, n); infinite where they are not kept.
         posture: What the objective of this name aims for, (n,).
@@ -75,6 +80,8 @@ class Law:
         Field("rank", np.int64), Field("period"), Field("feedback"), Field("feedforward"),
         Field("position_range", size=(2, JOINTS)), *SecondTask.fields,
         Field("rate_limit", size=(JOINTS,)), Field("acceleration_limit", size=(JOINTS,)),
+        Field("change_limit", size=(JOINTS,), start=math.inf),
+        Field("jerk_step", size=(JOINTS,), start=math.inf), Field("is_eased", np.int64),
         Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
         Field("feedback_2"),
         *(
@@ -97,6 +104,7 @@ class Law:
         self.acceleration_limit = np.full(
             arm.n, math.inf if limits.acceleration is None else limits.acceleration
         )
+        self.jerk_limit = np.full(arm.n, math.inf if limits.jerk is None else limits.jerk)
         self.braking = np.minimum(limits.braking, self.acceleration_limit)
         nowhere = np.array([arm.n * [-math.inf], arm.n * [math.inf]])
         self.position_limit = arm.position_limit.T if limits.position else nowhere
@@ -114,7 +122,13 @@ class Law:
         world["rank"], world["period"] = self.task.rank, control.period
         world["feedback"], world["feedforward"] = control.feedback, control.feedforward
         world["position_range"][:, :n] = self.task.arm.position_limit.T
-        world["rate_limit"][:n], world["acceleration_limit"][:n] = self.rate_limit, self.acceleration_limit
+        is_eased = bool(np.isfinite(self.jerk_limit).any())
+        world["rate_limit"][:n], world["is_eased"] = self.rate_limit, is_eased
+        # What eases changes keeps them within the acceleration limit as well.
+        world["acceleration_limit"][:n] = math.inf if is_eased else self.acceleration_limit
+        world["change_limit"][:n] = self.acceleration_limit * control.period
+        if is_eased:
+            world["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, *JERK_STEPS)
         world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
         if self.second is not None:
             self.second.write(world)

@@ -1,16 +1,23 @@
-"""Limits on what is sent: joint positions, rates and accelerations."""
+"""Limits on what is sent: joint positions, rates, accelerations, and jerk by `rmrc.law.jerk`.
 
-import math
+Where they contradict each other, position and rate come before acceleration, and that before jerk.
+"""
 
+from rmrc.law.braking import brake, brake_gently
+from rmrc.law.jerk import ease, is_within_jerk, look_back, rest_bounds
 from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
 from rmrc.law.redistribution import ROUNDING, saturate
 from rmrc.law.stops import give_way, given_back, is_beyond
 from rmrc.scenario.choices import LIMITS, Status
 
+# A limit is broken if by more than this share of it, and rounding: that of rates adds up, twice, while a
+# change comes to zero over hundreds of ticks, to this share of the rate.
+ALL_OF, ADDED_UP = 1.0 + 1e-9, 1e-10
 NONE = LIMITS.code("none")
 RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
     int, (Status.RATE_LIMITED, Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED)
 )
+ACCELERATION_EXCEEDED, JERK_EXCEEDED = int(Status.ACCELERATION_EXCEEDED), int(Status.JERK_EXCEEDED)
 
 
 @compiled
@@ -74,9 +81,11 @@ def kind(world: Record, j: int, side: int) -> int:
 def bounds(world: Record) -> None:
     """Write the largest and smallest rate of each joint within its position, rate and acceleration limits.
 
-    Acceleration has precedence: a joint that cannot brake in time goes on braking.
+    With a jerk limit acceleration is left to `ease`.
     """
-    for j in range(world.n):
+    if world.is_eased:
+        rest_bounds(world)
+    for j in range(0 if world.is_eased else world.n):
         q, fastest, braking = world.q[j], world.rate_limit[j], world.braking[j]
         world.rest_lower[j] = -min(fastest, brake(q - world.position_limit[0, j], braking, world.period))
         world.rest_upper[j] = min(fastest, brake(world.position_limit[1, j] - q, braking, world.period))
@@ -94,27 +103,21 @@ def forget_stops(world: Record) -> None:
 
 @compiled
 def reach(world: Record) -> None:
-    """Bring the bounds of position and rate within what the acceleration limit lets a joint reach."""
+    """Bring the bounds of position and rate within what the acceleration limit lets a joint reach.
+
+    A joint that cannot brake in time goes on braking, and harder than that only where it takes it.
+    """
     for j in range(world.n):
         change = world.acceleration_limit[j] * world.period
         least, most = world.qdot_cmd_last[j] - change, world.qdot_cmd_last[j] + change
+        if world.rest_upper[j] < least:
+            distance = world.position_limit[1, j] - world.q[j]
+            least = max(world.rest_upper[j], min(least, brake_gently(least + change, distance, world.period)))
+        if world.rest_lower[j] > most:
+            distance = world.q[j] - world.position_limit[0, j]
+            most = min(world.rest_lower[j], max(most, -brake_gently(change - most, distance, world.period)))
         world.upper[j] = max(least, min(world.rest_upper[j], most))
         world.lower[j] = min(most, max(world.rest_lower[j], least))
-
-
-@compiled
-def brake(distance: float, braking: float, period: float) -> float:
-    """Return the largest rate that can be braked within a distance, tick by tick.
-
-    N ticks that begin with a rate r, each slower by b T than the one before, take N T (r − (N − 1) b T/2),
-    and N is the least with N (N + 1)/2 · b T² >= distance.
-    """
-    if distance <= 0.0:
-        return 0.0
-    if distance == math.inf:
-        return math.inf
-    ticks = max(1.0, math.ceil(math.sqrt(0.25 + 2.0 * distance / (braking * period * period)) - 0.5))
-    return distance / (ticks * period) + 0.5 * braking * period * (ticks - 1.0)
 
 
 @compiled
@@ -206,9 +209,30 @@ def limit(world: Record, tick: Record) -> int:
     What is chosen is for rate and acceleration limits. A joint at its position limit holds, and does not slow
     the others down: they do what they can of the task, in a direction that may be another.
     """
-    if world.limits_on_excess == NONE or is_within(world, tick.qdot_cmd):
+    if world.limits_on_excess == NONE:
+        return 0
+    if is_within_jerk(world, tick.qdot_cmd) if world.is_eased else is_within(world, tick.qdot_cmd):
+        if world.is_eased:
+            look_back(world, tick.qdot_cmd, tick.qdot_cmd)
         return 0
     bounds(world)
     for j in range(world.n):
         world.drift[j] = world.qdot0[j]
-    return confine_by_choice(world, tick, exceeded(world, tick.qdot_cmd))
+    bits = confine_by_choice(world, tick, exceeded(world, tick.qdot_cmd))
+    if world.is_eased:
+        bits |= ease(world, tick.qdot_cmd)
+        look_back(world, world.wish, tick.qdot_cmd)
+    return bits | broken(world, tick.qdot_cmd)
+
+
+@compiled
+def broken(world: Record, rates: Array) -> int:
+    """Return the bits of the limits that had to give way to others."""
+    bits = 0
+    for j in range(world.n):
+        change, rounding = rates[j] - world.qdot_cmd_last[j], ADDED_UP * abs(rates[j])
+        if abs(change) > world.change_limit[j] * ALL_OF + rounding:
+            bits |= ACCELERATION_EXCEEDED
+        if abs(change - world.change_last[j]) > world.jerk_step[j] * ALL_OF + rounding:
+            bits |= JERK_EXCEEDED
+    return bits

@@ -9,6 +9,7 @@ first tick, and of what the law measures, remembers and computes. It is flat: wi
 law takes up to 1.8 times as long.
 """
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from typing import NamedTuple, Protocol
@@ -62,12 +63,15 @@ MEASUREMENT = (
     Field("columns", size=(ROWS, CHAIN)), Field("columns_2", size=(ROWS, CHAIN)),
 )  # fmt: skip
 
-# From tick to tick: vectors of the decomposition, last command, ticks of the path behind it, its pace and
-# the fastest within the rate limits, how fast that fell, share of the rates left, how long the site has stood
-# still while it should move.
+# From tick to tick: vectors of the decomposition, last command and its change, what its next change goes on
+# from, how far it lags behind what was wished for, the change of that, and where it is if it does what it is
+# told; ticks of the path behind it, its pace and the fastest within the rate limits, how fast that fell,
+# share of the rates left, how long the site has stood still while it should move.
 MEMORY = (
     Field("u", size=(ROWS, JOINTS)), Field("v", size=(ROWS, JOINTS)), Field("age", np.int64),
     Field("v_last", size=(JOINTS,)), Field("qdot_cmd_last", size=(JOINTS,)),
+    Field("change_last", size=(JOINTS,)), Field("course", size=(JOINTS,)), Field("lag", size=(JOINTS,)),
+    Field("slope", size=(JOINTS,)), Field("q_sent", size=(JOINTS,), start=math.nan),
     Field("path_tick"), Field("pace", start=1.0), Field("fastest"), Field("falling"), Field("waited"),
     Field("share", start=1.0), Field("still"),
 )  # fmt: skip
@@ -84,6 +88,7 @@ SCRATCH = (
     Field("rest_lower", size=(JOINTS,)), Field("rest_upper", size=(JOINTS,)), Field("fade", size=(JOINTS,)),
     Field("drift", size=(JOINTS,)), Field("best", size=(JOINTS,)),
     Field("part_a", size=(JOINTS,)), Field("part_b", size=(JOINTS,)),
+    Field("wish", size=(JOINTS,)), Field("kept", size=(JOINTS,)), Field("group", np.int64, (JOINTS,)),
     Field("work", size=(JOINTS,)), Field("error_2", size=(6,)),
     Field("B", size=(ROWS, JOINTS)), Field("task_B", size=(ROWS,)), Field("asked_B", size=(ROWS,)),
     Field("sigma_B", size=(ROWS,)), Field("gain_B", size=(ROWS,)),

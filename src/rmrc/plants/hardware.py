@@ -1,5 +1,7 @@
 """What is between the rates that the law commands and those that it senses: plant and stages of a world."""
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from rmrc.arm import Arm
@@ -58,6 +60,12 @@ class Hardware:
     def is_direct(self) -> bool:
         """Whether the plant is told what the law commands, at once."""
         return not any(stage.is_used for stage in self.stages if stage.slot == "sent")
+
+    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
+        """Yield key and message of what is too much in a run of so many control ticks."""
+        yield from self.plant.excesses(ticks)
+        for stage in self.stages:
+            yield from stage.excesses(ticks)
 
     def write(self, world: np.void) -> None:
         """Write which plant it is, and its parameters and those of the stages."""

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.law.jerk import remember
 from rmrc.law.jit import Array, Record, compiled, entry
 from rmrc.law.kinematics import (
     chain_jacobian,
@@ -221,8 +222,9 @@ def read_reference(world: Record, out: Record, reference: Array) -> None:
 @compiled
 def send(world: Record, out: Record, past: Record, t: int) -> None:
     """Send what is commanded through the stages after the law, and record what arrives."""
+    remember(world, out.qdot_cmd)
     for j in range(world.n):
-        world.qdot_sent[j] = world.qdot_cmd_last[j] = out.qdot_cmd[j]
+        world.qdot_sent[j] = out.qdot_cmd[j]
     sent(world, out, past, t)
     for j in range(world.n):
         out.qdot_arrived[j] = world.qdot_sent[j]

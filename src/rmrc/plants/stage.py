@@ -62,6 +62,11 @@ class Stage(ABC):
     def misfits(self) -> Iterator[tuple[str, str]]:
         """Yield key and message of what it cannot do in this scenario."""
 
+    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
+        """Yield key and message of what is too much in a run of so many control ticks."""
+        del ticks
+        yield from ()
+
 
 def refuse_unseen(stage: Stage, key: str) -> Iterator[tuple[str, str]]:
     """Yield what needs the law to see the arm as it is, for a key by which it does not.

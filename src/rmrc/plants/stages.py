@@ -5,12 +5,12 @@ from collections.abc import Callable
 from rmrc.law.jit import chain
 from rmrc.plants.encoders import Encoders
 from rmrc.plants.integral import Integral
-from rmrc.plants.response import Lag
+from rmrc.plants.response import Lag, Resonance
 from rmrc.plants.stage import Stage
 from rmrc.plants.transport import Transport
 
 # In the order in which they are passed.
-STAGES: tuple[type[Stage], ...] = (Encoders, Integral, Transport, Lag)
+STAGES: tuple[type[Stage], ...] = (Encoders, Integral, Transport, Lag, Resonance)
 
 
 def _chain(slot: str) -> Callable[..., bool]:

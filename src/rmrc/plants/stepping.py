@@ -103,10 +103,8 @@ class Stepper:
                 self._batch.bind(name)[:, : values.shape[1]] = values
         if model.nmocap:
             poses = np.array([plant.arm.mocap_now for plant in plants])
-            self._batch.bind("mocap_pos")[:], self._batch.bind("mocap_quat")[:] = (
-                poses[..., :3],
-                poses[..., 3:],
-            )
+            self._batch.bind("mocap_pos")[:] = poses[..., :3]
+            self._batch.bind("mocap_quat")[:] = poses[..., 3:]
         write_wiring(worlds, model, wiring, plants)
         # bound before the first forward, so that it fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)

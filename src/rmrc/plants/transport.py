@@ -1,4 +1,4 @@
-"""The way of a command to the plant: it takes time.
+"""The way of a command to the plant: it takes time, more or less of it, and some never arrive.
 
 Times here are in ticks: command k, sent at time k, arrives at `arrival`, and is in effect from then on. What
 arrives within a tick counts by its share of it: the plant is told the mean over the tick, which is all that
@@ -12,6 +12,7 @@ import numpy as np
 
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.record import JOINTS, Field
+from rmrc.plants.chance import TRANSPORT, uniforms, word
 from rmrc.plants.stage import Stage
 
 # No run has so many ticks, and compiled code counts them in 64 bits.
@@ -28,6 +29,9 @@ def carry(world: Record, out: Record, past: Record, t: int) -> None:
     one that was sent later. What was in effect before this tick, or nothing, has what is left.
     """
     out.arrival = t + world.latency
+    if world.jitter > 0.0 or world.loss > 0.0:
+        later, chance, _, _ = uniforms(world.transport_seed, TRANSPORT, t, 0)
+        out.arrival = math.inf if chance < world.loss else out.arrival + world.jitter * later
     end, newest, rows = t + 1.0, -1, past.shape[0]
     for j in range(world.n):
         world.qdot_sent[j] = -0.0  # a sum that begins so keeps the sign of zero
@@ -55,10 +59,13 @@ def add(world: Record, share: float, rates: Array) -> None:
 
 
 class Transport(Stage):
-    """Commands are on their way for a time."""
+    """Commands are on their way for a time, and may be lost."""
 
     slot, uses, change = "sent", "is_late", staticmethod(carry)
-    fields = (Field("is_late", np.int64), Field("latency"), Field("span", np.int64))
+    fields = (
+        Field("is_late", np.int64), Field("latency"), Field("jitter"), Field("loss"),
+        Field("span", np.int64), Field("transport_seed", np.int64),
+    )  # fmt: skip
     # the command that is in effect, and its number
     memory = (Field("in_effect", size=(JOINTS,)), Field("arrived", np.int64, start=-1))
 
@@ -68,22 +75,40 @@ class Transport(Stage):
         return _ticks(self.scenario.plant.delay, self.scenario.control.period)
 
     @property
+    def jitter(self) -> float:
+        """How much longer it may take, in ticks."""
+        return _ticks(self.scenario.plant.jitter, self.scenario.control.period)
+
+    @property
     def is_used(self) -> bool:
-        """Whether there is a delay."""
-        return self.latency > 0.0
+        """Whether commands take time, or are lost."""
+        return self.latency > 0.0 or self.jitter > 0.0 or self.scenario.plant.loss > 0.0
 
     @property
     def span(self) -> int:
         """How many ticks a command takes at most."""
-        return math.ceil(self.latency)
+        return math.ceil(self.latency + self.jitter)
 
     def write(self, world: np.void) -> None:
-        """Write how long commands take."""
-        world["is_late"], world["latency"], world["span"] = self.is_used, self.latency, self.span
+        """Write how long commands take, how many are lost, and what is drawn."""
+        plant = self.scenario.plant
+        world["is_late"], world["span"] = self.is_used, self.span
+        world["latency"], world["jitter"], world["loss"] = self.latency, self.jitter, plant.loss
+        world["transport_seed"] = word(plant.seed)
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield nothing: any time will do."""
+        """Yield nothing: any arm can be told late."""
         yield from ()
+
+    def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
+        """Yield a delay within which the run ends."""
+        if self.latency >= ticks:
+            period, delay = self.scenario.control.period, self.scenario.plant.delay
+            yield (
+                "plant.delay",
+                f"must be less than the {ticks * period:g} s that the run takes, as no command would arrive, "
+                f"got {delay:g} s; lower it, or lengthen target.path",
+            )
 
 
 def _ticks(time: float, period: float) -> float:

@@ -28,6 +28,9 @@ class Status(IntFlag):
     STUCK = 128
     CONTACT = 256
     TORQUE_LIMITED = 512
+    JERK_LIMITED = 1024
+    ACCELERATION_EXCEEDED = 2048
+    JERK_EXCEEDED = 4096
 
 
 class Scales(NamedTuple):

@@ -49,6 +49,7 @@ from rmrc.scenario.values import (
     Rates,
     Section,
     Seed,
+    Share,
     Switch,
     Text,
     Values,
@@ -369,7 +370,7 @@ class NullspaceSection(Derived):
 
 @derived("limits")
 class LimitsSection(Derived):
-    """The bounds on joint positions, rates and accelerations."""
+    """The bounds on joint positions, rates, accelerations and jerk."""
 
     profile: ProfileName | None = key(
         "what the controller of a robot accepts, as its vendor publishes it: the name of a shipped profile, "
@@ -383,7 +384,11 @@ class LimitsSection(Derived):
     acceleration: OneOrEach | None = key(
         "largest acceleration, of all joints or of each; null: none", None, "rad/s² or m/s²"
     )
-    jerk: OneOrEach | None = key("largest jerk, of all joints or of each; null: none", None, "rad/s³ or m/s³")
+    jerk: OneOrEach | None = key(
+        "largest jerk, of all joints or of each, stops and braking with it; null: none",
+        None,
+        "rad/s³ or m/s³",
+    )
     position: Switch = key("whether joints brake before the position limits of the model", default=True)
     braking: OneOrEach = key(
         "deceleration with which a joint stops before its position limit, of all joints or of each; "
@@ -423,7 +428,7 @@ class ControlSection(Derived):
         "joint weights W_q, one a joint: a heavier joint moves less; null: all 1", None, "1"
     )
     nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
-    limits: LimitsSection = key("bounds on joint positions, rates and accelerations", LimitsSection())
+    limits: LimitsSection = key("bounds on joint positions, rates, accelerations and jerk", LimitsSection())
 
     @model_validator(mode="after")
     def _by_profile(self) -> Self:
@@ -494,6 +499,17 @@ class FrictionSection(Section):
 TIMESTEP = 0.001
 
 
+class ResonanceSection(Section):
+    """How the rates of all joints swing about what arrived: as a mass at a spring does."""
+
+    frequency: Positive | None = key(
+        f"{PLANTS.physical}: natural frequency, that of swings without damping; null: nothing swings",
+        None,
+        "Hz",
+    )
+    damping: NotNegative = key("damping ratio ζ: 0 swings forever, 1 does not overshoot", 0.1, "1")
+
+
 class PlantSection(_PlantKeys):
     """What obeys the commanded rates."""
 
@@ -528,9 +544,18 @@ class PlantSection(_PlantKeys):
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
     delay: NotNegative = key("dead time: how long a command is on its way to the plant", 0.0, "s")
+    jitter: NotNegative = key(
+        "how much longer it may be on its way, evenly drawn for each command; one that a later command "
+        "overtakes is dropped",
+        0.0,
+        "s",
+    )
+    loss: Share = key("share of the commands that never arrive; the last one that did holds", 0.0, "1")
     lag: NotNegativeOrEach = key(
         "time constant with which the rates of all joints, or of each, follow what arrived", 0.0, "s"
     )
+    resonance: ResonanceSection = key("swings of the drives", ResonanceSection())
+    seed: Seed = key("what is drawn of jitter and loss: the same seed, the same commands late and lost", 0)
     friction: FrictionSection = key(
         f"{PLANTS.physical}: friction of the joints that no compensation knows of", FrictionSection()
     )
@@ -610,11 +635,12 @@ Expected = Annotated[
 # sequence has its numbers for so many.
 MOST_DRAWN = 20
 
-# The run's own name is no part of what happens, and the only thing that is drawn has a seed for each run.
+# The run's own name is no part of what happens, and what is drawn has a seed for each run.
 _NOT_SWEPT = {
     "name": "names the runs and changes none of them",
     "sweep": "is the sweep itself",
     "arm.encoder.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
+    "plant.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
 }
 
 
@@ -631,10 +657,10 @@ class SweepSection(Section):
         "how many samples are drawn for each combination of `vary`; Sobol's are most even for powers of 2", 64
     )
     repeat: Annotated[int, Field(strict=True, ge=1)] = key(
-        "how often each of them is run, each time with other encoder offsets and noise", 1
+        "how often each of them is run, each time with other encoder offsets and noise, jitter and losses", 1
     )
     seed: Seed | None = key(
-        "what is drawn, and what each run's arm.encoder.seed counts from; null: that of the arm",
+        "what is drawn, and what each run's arm.encoder.seed and plant.seed count from; null: their own",
         None,
     )
 

@@ -294,7 +294,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     held = arm.held(scenario.arm.start, qpos, own=PLANTS[scenario.plant.kind].own)
     prepared = Prepared(scenario, arm, qpos, held, reference, cache)
     _check_duration(prepared, problems)
-    problems.extend(hardware.plant.excesses(prepared.most_ticks))
+    problems.extend(hardware.excesses(prepared.most_ticks))
     problems.raise_any()
     return prepared
 

@@ -18,8 +18,8 @@ from rmrc.scenario.sections import parse_key
 from rmrc.study.sobol import sobol_point
 from rmrc.support.problems import Key, Origin
 
-SEED = "arm.encoder.seed"
-_SEED_STEPS = parse_key(SEED)
+SEEDS = "plant.seed", "arm.encoder.seed"
+_PLANT_SEED, _ENCODER_SEED = map(parse_key, SEEDS)
 
 _TOLD = 20
 
@@ -37,6 +37,7 @@ class Plan:
         samples: Of each cell.
         repeat: How often each sample is run.
         seed: Of the samples, and of the first run's encoders.
+        plant_seed: Of the first run's plant.
         origins: Where the values or bounds of a key were given, for messages.
     """
 
@@ -46,6 +47,7 @@ class Plan:
     samples: int = 1
     repeat: int = 1
     seed: int = 0
+    plant_seed: int = 0
     origins: Mapping[str, Origin] = field(default_factory=dict, compare=False)
 
     def __len__(self) -> int:
@@ -106,7 +108,9 @@ class Plan:
         """Return what makes one run of the scenario; what is deeper comes later."""
         values = self.values(index)
         varied = [Change(steps, values[key], origin) for key, steps, origin in self._steps]
-        return (*varied, Change(_SEED_STEPS, self.run_seed(index)))
+        seed = self.run_seed(index)
+        plant_seed = self.plant_seed + seed - self.seed
+        return (*varied, Change(_PLANT_SEED, plant_seed), Change(_ENCODER_SEED, seed))
 
     def label(self, index: int) -> str:
         """Return one run in words: `run 17 (control.feedback=5, control.inverse.method=damped)`."""
@@ -137,7 +141,7 @@ def _short(value: Value) -> str:
 def plan_of(scenario: Scenario) -> Plan:
     """Return the plan that the `sweep` section of a scenario asks for.
 
-    Without a seed of its own, the sweep takes that of the arm's encoders.
+    Without a seed of its own, the sweep takes those of the arm's encoders and of the plant.
     """
     sweep = scenario.sweep
     places = {key: f"sweep.vary.{key}" for key in sweep.vary} | {
@@ -150,5 +154,6 @@ def plan_of(scenario: Scenario) -> Plan:
         sweep.samples if sweep.draw else 1,
         sweep.repeat,
         scenario.arm.encoder.seed if sweep.seed is None else sweep.seed,
+        scenario.plant.seed if sweep.seed is None else sweep.seed,
         {key: Origin(scenario.locate(place), key=key) for key, place in places.items()},
     )

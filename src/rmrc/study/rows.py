@@ -18,7 +18,7 @@ from rmrc.scenario.keys import split
 from rmrc.simulation.prepare import Prepared
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.dataset import Column, as_parquet
-from rmrc.study.plan import SEED, Plan, Value
+from rmrc.study.plan import SEEDS, Plan, Value
 from rmrc.study.study import Result
 
 # What a run depends on, of its scenario.
@@ -43,7 +43,7 @@ def own_columns(plan: Plan) -> list[Column]:
         columns.append(Column(key, kind, *about))
     return [
         *columns,
-        Column("seed", "count", "1", "arm.encoder.seed of the run"),
+        Column("seed", "count", "1", "arm.encoder.seed of the run; plant.seed counts along"),
         Column("status", "text", "", "how the run ended: complete, unfinished (its time was up) or diverged"),
         Column("divergence", "text", "", "where it diverged and why; null if it did not"),
         Column("met", "switch", "", "whether all that is expected was met; null if nothing is expected"),
@@ -107,7 +107,7 @@ class AsRows:
         """
         self._plan, self._columns, self._versions = plan, columns, json.dumps(facts.versions())
         self._own = [column for column in columns if column.name in plan.keys]  # others have their type
-        vary = {split(key)[0] for key in (*plan.keys, SEED)}
+        vary = {split(key)[0] for key in (*plan.keys, *SEEDS)}
         self._same = {name: _as_json(base, name) for name in _SECTIONS if name not in vary}
 
     def __call__(self, results: Sequence[Result]) -> bytes:

@@ -47,6 +47,9 @@ _PARTS = 16
 # Months of one core, at some milliseconds each.
 _MOST_RUNS = 10**9
 
+# Keys that may bring chance in, beside those of the encoders.
+_CHANCE = ("arm", "plant", "plant.jitter", "plant.loss")
+
 # Of a column of 64 bits.
 _MOST_SEED = 2**63 - 1
 
@@ -145,18 +148,19 @@ class Sweep:
                 f"must give 2 runs or more, got {len(self.plan)}; "
                 "for example --vary control.inverse.method=damped,pseudoinverse",
             )
-        encoder = self.scenario.arm.encoder
-        drawn = encoder.deviation, encoder.noise
-        has_chance = any(key == "arm" or key.startswith("arm.encoder") for key in self.plan.keys)
+        encoder, plant = self.scenario.arm.encoder, self.scenario.plant
+        drawn = encoder.deviation, encoder.noise, plant.jitter, plant.loss
+        has_chance = any(map(any, map(_each, drawn)))
+        has_chance |= any(key in _CHANCE or key.startswith("arm.encoder") for key in self.plan.keys)
         most = _MOST_SEED - self.plan.samples * self.plan.repeat + 1
         if self.plan.seed > most:
             key = "arm.encoder.seed" if self.scenario.sweep.seed is None else "sweep.seed"
             problems.add(key, f"must be <= {most}, got {self.plan.seed}")
-        if self.plan.repeat > 1 and not (has_chance or any(map(any, map(_each, drawn)))):
+        if self.plan.repeat > 1 and not has_chance:
             problems.add(
                 "sweep.repeat",
                 f"must be 1 where nothing is left to chance, got {self.plan.repeat}; "
-                "give arm.encoder.deviation or arm.encoder.noise",
+                "give arm.encoder.deviation, arm.encoder.noise, plant.jitter or plant.loss",
             )
         problems.raise_any()
 

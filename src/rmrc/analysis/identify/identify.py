@@ -83,7 +83,8 @@ def identify(
         What was found. A joint that tells nothing is no error: it says why, and what to log.
 
     Raises:
-        QuestionError: The log cannot be read, or lacks columns or rows.
+        QuestionError: The log is none, or lacks columns or rows.
+        OSError: It cannot be read.
 
     Example:
         >>> t = np.arange(0.0, 10.0, 0.01)

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeAlias
-from zipfile import BadZipFile
+from zipfile import BadZipFile, is_zipfile
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -39,6 +39,8 @@ MOST_ROWS = 20_000
 SWAPPED = 0.1
 # A position beyond is hardly one in rad.
 LARGEST_TURN = 15.0
+# Numbers beyond are no positions and no rates in any unit.
+FARTHEST = 1e9
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +117,10 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
     path = Path(source)
     try:
         if path.suffix == ".npz":
-            with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
+            with path.open("rb") as opened:
+                if not is_zipfile(opened):  # which numpy would take for a pickle
+                    raise BadZipFile("it is no zip file")
+            with np.load(path, allow_pickle=False) as file:
                 facts = json.loads(str(file["facts"])) if "facts" in file else {}
                 return path.name, *_of_run(file, facts.get("joints", ()))
         table = read_table(path, is_log=True)
@@ -186,7 +191,8 @@ def _in_si(
     turn = np.pi / 180.0 if degrees else 1.0
     sizes = [one.size or turn for one in chosen]
     values = np.column_stack([numbers[one.name] * size for one, size in zip(chosen, sizes, strict=True)])
-    values[~np.isfinite(values)] = np.nan
+    wrong = np.abs(values) > FARTHEST
+    values[wrong | ~np.isfinite(values)] = np.nan
     if all(one.size for one in chosen):
         said = "in the units that they name"
     elif degrees:
@@ -195,6 +201,8 @@ def _in_si(
         said = f"taken to be in {unit}, or {unit.replace('rad', 'm')} of slides"
         if unit == "rad" and np.nanmax(np.abs(values), initial=0.0) > LARGEST_TURN:
             said += f"; they go to {np.nanmax(np.abs(values)):.4g}: if these are degrees, give --degrees"
+    if wrong.any():
+        said += f"; {wrong.sum():,} beyond {FARTHEST:g} are left out"
     return values, f"{listed((one.name for one in chosen), 8)}, {said}"
 
 

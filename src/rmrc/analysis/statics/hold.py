@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 
 from rmrc.analysis.new.text import identity
 from rmrc.analysis.statics.balance import Balance, balance
+from rmrc.arm.inventory import contacts
 from rmrc.law.task import Task
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
@@ -37,6 +38,9 @@ PERIOD, TIMESTEP = 1e-3, 2.5e-4
 FEEDBACK = 50.0
 # An arm is still when no joint was faster in the last tenth of a second [rad/s or m/s].
 STILL, LAST = 1e-8, 0.1
+# Below its dry friction a joint creeps, as MuJoCo's friction is soft. At a rate that its servo brakes by so
+# small a share of the friction it is still.
+CREEP = 1e-2
 # What the actuators give may differ by this share of what the torques would be if nothing canceled: far
 # above rounding, far below what a drive knows. The constraint that makes a screw of a hinge and a slide is
 # soft, and gives by some hundredths of a millimeter under a load.
@@ -54,6 +58,8 @@ class HoldResult:
         drift: From where the site should stay to where it rests, [Δp; rotation vector], (6,) [m, rad].
         at_limit: Joints whose drive gave all it can at any time, (n,).
         rate: Fastest joint in the last tenth of a second [rad/s or m/s].
+        is_at_rest: Whether none was faster than what counts as rest.
+        touching: Names of bodies that touch where it ended, two each, which the arm moves against each other.
         allowed: How much the actuators may differ, (n,) [N·m or N].
         run: The run.
     """
@@ -64,6 +70,8 @@ class HoldResult:
     drift: Array
     at_limit: NDArray[np.bool_]
     rate: float
+    is_at_rest: bool
+    touching: tuple[tuple[str, str], ...]
     allowed: Array
     run: Run
 
@@ -75,7 +83,7 @@ class HoldResult:
     @property
     def is_still(self) -> bool:
         """Whether the arm came to rest."""
-        return self.run.divergence is None and self.rate <= STILL
+        return self.run.divergence is None and self.is_at_rest
 
     @property
     def agrees(self) -> bool:
@@ -111,21 +119,26 @@ def hold_wrench(
     ticks, excess = prepared.reference.ticks, footprint([prepared]).excess
     if excess:
         raise QuestionError(f"--hold: {ticks} ticks need {excess}; hold for a shorter time")
-    watchers: list[Watcher] = [lambda _, part: stop.set() if _rate(part) <= STILL else None]
+    kv = np.array(prepared.scenario.plant.kv)
+    slow = np.maximum(STILL, CREEP * arm.friction / kv)
+    watchers: list[Watcher] = [lambda _, part: stop.set() if (_rates(part) <= slow).all() else None]
     if on_ticks is not None:
         watchers.insert(0, lambda _, part: on_ticks(len(part)))
     run = study.step([prepared], stop, watchers)[0].run
     if not len(run):
         raise DivergenceError(f"cannot hold: {run.divergence}")
-    ended, rate = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rate(run)
+    ended, rates = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rates(run)
     # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
-    moving = np.array(prepared.scenario.plant.kv) * rate
+    moving = kv * np.maximum(rates, min(rates.max(), STILL))
+    touching = contacts(arm, run["qpos"][-1:])
     share = SHARE_OF_SCREWS if arm.followers else SHARE
     return HoldResult(
         wanted=wanted, ended=ended, measured=run["tau"][-1],
         drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),
         at_limit=np.asarray((np.abs(run["tau"]) >= arm.torque_limit).any(axis=0)),
-        rate=rate, allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
+        rate=float(rates.max()), is_at_rest=bool((rates <= slow).all()),
+        touching=tuple(one.bodies for one in touching if one.is_moved),
+        allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
     )  # fmt: skip
 
 
@@ -153,10 +166,10 @@ def _check(wanted: Balance) -> None:
             )
 
 
-def _rate(run: Run) -> float:
-    """Return the fastest joint rate at the end of a run, infinite if the run is too short to tell."""
-    last = round(LAST / run.period)
-    return float(np.abs(run["qdot"][-last:]).max()) if len(run) >= last else np.inf
+def _rates(run: Run) -> Array:
+    """Return the largest rate of each joint at the end of a run, (n,), infinite if it is too short."""
+    last, qdot = round(LAST / run.period), np.abs(run["qdot"])
+    return np.asarray(qdot[-last:].max(axis=0) if len(run) >= last else np.full(qdot.shape[1], np.inf))
 
 
 def hold_scenario(wanted: Balance, seconds: float) -> Scenario:

@@ -11,7 +11,6 @@ from rmrc.analysis.statics.balance import ROUNDING, Balance, Costs, Elsewhere
 from rmrc.analysis.statics.hold import HoldResult
 from rmrc.analysis.statics.statics import WRENCH, Statics
 from rmrc.arm import Arm
-from rmrc.scenario.choices import Status
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import Sheet, number
 
@@ -260,7 +259,9 @@ def verdict(held: HoldResult) -> str:
     if held.run.divergence:
         return f"MISSED: {held.run.divergence}; {reached}."
     if not held.is_still:
-        return f"MISSED: not still, the fastest joint does {number(held.rate)} rad/s or m/s; {reached}."
+        longer = "" if names else "; hold it for longer"
+        rate = f"the fastest joint does {number(held.rate)} rad/s or m/s"
+        return f"MISSED: not still, {rate}; {reached}{_borne(held) or longer}."
     if not held.agrees:
         return f"MISSED: still, but the actuators give something else; {reached}{_borne(held)}."
     return f"met: still, and the actuators give what statics says; {reached}."
@@ -273,7 +274,7 @@ def _borne(held: HoldResult) -> str:
     at_end = (q < lower + NEAR) | (q > upper - NEAR)
     ends = [name for name, is_there in zip(arm.joints, at_end, strict=True) if is_there]
     parts = [f"{', '.join(ends)} {'are' if len(ends) > 1 else 'is'} at the end of the range"] if ends else []
-    parts += ["the arm touches something"] if held.run["status"][-1] & Status.CONTACT else []
+    parts += [f"{one} touches {other}" for one, other in held.touching[:1]]
     return (
         f"; {' and '.join(parts)}, which bears a part: give other positions by --q or --keyframe"
         if parts

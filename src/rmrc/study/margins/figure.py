@@ -10,8 +10,8 @@ from rmrc.show.figures import plain, save
 from rmrc.study.margins.margins import Margin, Margins
 from rmrc.study.margins.ringing import STILL_RINGS
 
-# Less is rounding, and what diverged has no number.
-_LEAST, _MOST = 1e-6, 1e3
+# Less is not told from rounding, what diverged has no number, and commands to and fro may swallow the kick.
+_LEAST, _ON, _MOST = 1e-3, 1.0, 1e2
 _LABELS = {
     "gain": "times control.feedback as written [1]",
     "delay": "dead time beside that as written [ms]",
@@ -50,7 +50,8 @@ def _draw(axes: Axes, one: Margin) -> None:
         (False, "o", _STABLE, "fades: stable"), (True, "X", _UNSTABLE, "rings on: unstable"),
     ):  # fmt: skip
         chosen = [(scale * x, what) for x, what in one.tried if what.is_unstable == is_unstable]
-        shown = [min(max(what.left, _LEAST), _MOST) for _, what in chosen]
+        least = _ON if is_unstable else _LEAST
+        shown = [min(max(what.left, least), _MOST) for _, what in chosen]
         axes.plot([x for x, _ in chosen], shown, linestyle="", marker=marker, color=color, label=label)
     if one.edge.is_found:
         axes.axvline(scale * one.value, color="black", linewidth=1.6, label="edge, by runs")

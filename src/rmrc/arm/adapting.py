@@ -1,0 +1,157 @@
+"""The model as a plant needs it: the author's, with actuators on the arm's joints, and what is locked."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal, TypeAlias
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm.actuators import reset
+from rmrc.arm.compiling import compiled, in_our_words
+from rmrc.arm.differences import PAYLOAD
+from rmrc.arm.others import Others
+
+Array = NDArray[np.float64]
+
+# Makes an actuator what drives a joint, given by its position in the arm; equal ones do the same.
+Drive: TypeAlias = Callable[[mujoco.MjsActuator, int], None]
+# What drives an arm by the actuators that its author gave it.
+Own: TypeAlias = Literal["own"]
+
+# Models for plants that an arm keeps, those compiled last: few sweeps ask for more by turns.
+_MOST = 8
+
+
+@dataclass(frozen=True, eq=False)
+class Adaptations:
+    """Models for plants, each compiled once for all who ask for the same: see `Arm.adapted`.
+
+    Attributes:
+        path: Of the author's file.
+        model: As its author wrote it.
+        spec: The same, without textures; it is copied.
+        others: What of it is not the arm.
+        joints: Names of the arm's joints.
+        torque_limit: (n,) [N·m or N]; infinite where the model has none.
+        site: Name of the controlled site.
+        known: What was compiled, by what was asked for.
+    """
+
+    path: Path
+    model: mujoco.MjModel
+    spec: mujoco.MjSpec
+    others: Others
+    joints: tuple[str, ...]
+    torque_limit: Array
+    site: str
+    known: dict[object, mujoco.MjModel]
+
+    @property
+    def root(self) -> int:
+        """Id of the first body that the arm moves."""
+        return int(self.model.jnt_bodyid[self.model.joint(self.joints[0]).id])
+
+    def get(
+        self,
+        drive: Drive | Own | None,
+        timestep: float,
+        gravity_compensation: bool,
+        loaded: bool,
+        frees: bool,
+    ) -> mujoco.MjModel:
+        """Return a model.
+
+        Args:
+            drive: As `Arm.adapted` has it, and so are those up to `loaded`.
+            timestep: MuJoCo's step [s].
+            gravity_compensation: Whether the arm's bodies are made to float.
+            loaded: Whether a body for a payload is added.
+            frees: Whether other joints that no actuator holds are free to move.
+        """
+        key = drive, timestep, gravity_compensation, loaded, frees
+        model = self.known.get(key)
+        if model is None:
+            model = self._compiled(*key)
+            while len(self.known) >= _MOST:
+                self.known.pop(next(iter(self.known)), None)
+            self.known[key] = model
+        return model
+
+    def _compiled(
+        self,
+        drive: Drive | Own | None,
+        timestep: float,
+        gravity_compensation: bool,
+        loaded: bool,
+        frees: bool,
+    ) -> mujoco.MjModel:
+        spec = self.spec.copy()
+        locks = drive is not None and not frees and bool(self.others.locked)
+        with in_our_words(self.path):  # a specification refuses some things before it is compiled
+            self._adapt(spec, drive, gravity_compensation, loaded)
+            if locks:
+                self.others.lock(spec, self.path)
+        option = spec.option
+        option.timestep = timestep
+        if drive != "own":
+            option.integrator = mujoco.mjtIntegrator.mjINT_IMPLICITFAST
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        option.disableflags |= mujoco.mjtDisableBit.mjDSBL_SENSOR
+        if drive is None:
+            option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
+        model = compiled(self.path, spec)
+        if locks:  # by which MuJoCo's solver tells when it is done
+            model.stat.meaninertia = self.model.stat.meaninertia
+        return model
+
+    def _adapt(
+        self, spec: mujoco.MjSpec, drive: Drive | Own | None, gravity_compensation: bool, loaded: bool
+    ) -> None:
+        """Take keyframes and the arm's actuators out, and put in what a plant needs: see `adapted`."""
+        for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
+            spec.delete(key)
+        replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
+        for actuator in (one for one in spec.actuators if one.id not in self.others.replaced):
+            actuator.delay, actuator.nsample = (
+                0.0,
+                0,
+            )  # a control that never changes can be as late as it likes
+        if drive != "own":
+            self._replace_actuators(spec, replaced, drive)
+        if gravity_compensation:
+            for body in spec.bodies:
+                if descends(self.model, body.id, self.root):
+                    body.gravcomp = 1.0
+        if loaded:
+            site = spec.site(self.site)
+            site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
+            spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
+
+    def _replace_actuators(
+        self, spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsActuator], drive: Drive | None
+    ) -> None:
+        gone = {actuator.name for actuator in replaced}
+        sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
+        for element in [*(one for one in sensors if one.objname in gone), *replaced]:
+            spec.delete(element)  # chosen before, as ids change with every one that goes
+        if drive is None:
+            return
+        for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
+            actuator = spec.add_actuator(
+                name=f"rate:{joint}", target=joint, trntype=mujoco.mjtTrn.mjTRN_JOINT
+            )
+            reset(actuator)
+            drive(actuator, j)
+            if np.isfinite(limit):
+                actuator.forcelimited = mujoco.mjtLimited.mjLIMITED_TRUE
+                actuator.forcerange = [-limit, limit]
+
+
+def descends(model: mujoco.MjModel, body: int, root: int) -> bool:
+    """Return whether a body is another one, or hangs at it."""
+    while body > root:
+        body = model.body_parentid[body]
+    return bool(body == root)

@@ -1,0 +1,58 @@
+"""The geometry of a chain of joints: what forward kinematics needs, and no more."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Chain:
+    """The arm's geometry with all its joints at 0: what forward kinematics needs, and no more.
+
+    It has an axis for each joint, and for each joint that follows one; both halves of a screw have one axis.
+
+    Attributes:
+        names: Of the joint on each axis, outward, ℓ of them.
+        leader: Which joint of the arm moves it, (ℓ,).
+        ratio: How far, for each rad or m of that joint, (ℓ,).
+        pitch: As `Arm.pitch`, (ℓ,).
+        axis: Unit vectors in the world, (ℓ, 3).
+        step: From a point on the axis before (the first: the world's origin) to one on this axis, (ℓ, 3) [m].
+        tip_step: From the last of these points to the site, (3,) [m].
+        tip_quat: Orientation of the site, (4,).
+    """
+
+    names: tuple[str, ...]
+    leader: NDArray[np.int64]
+    ratio: Array
+    pitch: Array
+    axis: Array
+    step: Array
+    tip_step: Array
+    tip_quat: Array
+
+    def positions(self, q: ArrayLike) -> Array:
+        """Return how far each axis is from where it is with all joints at 0, (ℓ,), for positions (n,)."""
+        return np.asarray(self.ratio * np.asarray(q, dtype=np.float64)[self.leader])
+
+    @property
+    def kinds(self) -> tuple[str, ...]:
+        """`hinge`, `slide` or `screw` of each axis."""
+        return kinds_of(self.pitch)
+
+    def gathered(self, values: Array, n: int) -> Array:
+        """Return the sums over the axes of each joint, times their ratios, (..., n), of values (..., ℓ)."""
+        if len(self.names) == n:
+            return values
+        sums = np.zeros((*values.shape[:-1], n))
+        for a, (leader, ratio) in enumerate(zip(self.leader, self.ratio, strict=True)):
+            sums[..., leader] += ratio * values[..., a]
+        return sums
+
+
+def kinds_of(pitch: Array) -> tuple[str, ...]:
+    """Return `hinge`, `slide` or `screw` of joints with these pitches, (n,)."""
+    return tuple("slide" if np.isinf(h) else "screw" if h else "hinge" for h in pitch)

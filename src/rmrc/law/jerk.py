@@ -1,0 +1,260 @@
+"""A bounded jerk: what a joint may do in this tick so that it can go on within all of its limits.
+
+The state of a joint is its position, the rate that it was sent last, and the last change of that, its course.
+The rates of this tick are bounded so that from the next state on it can again go on: the bounds look ahead,
+to the tick in which the change has come to zero before the rate limit, and the joint to rest before the
+position limit [DelPrete18]. From a state within the bounds there is always a next one, so that they are never
+empty; where a measurement or a limit of higher rank leaves nothing, jerk gives way to acceleration, and that
+to rate and position.
+"""
+
+import math
+
+from rmrc.law.braking import brake, brake_gently, is_far, largest_change, steady_stop, stops_within
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.scenario.choices import LIMITS, Status
+
+CLAMP = LIMITS.code("clamp")
+ACCELERATION_LIMITED, POSITION_LIMITED, JERK_LIMITED = map(
+    int, (Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED, Status.JERK_LIMITED)
+)
+
+# A step of jerk is exceeded if by more than this part of it: third differences of rates are mostly rounding.
+SLACK = 1e-9
+ALL = 1.0 - SLACK
+# No stop within a jerk limit takes a deceleration of so many steps of it.
+HARD = 1e9
+# A joint that is elsewhere than it was sent is taken to be there after this time [s]: longer than it brakes.
+FORGOTTEN = 0.5
+
+
+@compiled
+def is_within_jerk(world: Record, rates: Array) -> bool:
+    """Say whether no limit is exceeded, nor will have to be; where a wish is still ahead, it is not."""
+    for j in range(world.n):
+        rate, step, most = rates[j], world.jerk_step[j], world.change_limit[j]
+        change = rate - world.qdot_cmd_last[j]
+        if abs(world.lag[j]) > step or abs(change - world.course[j]) > step or abs(change) > most:
+            return False
+        last, T = world.qdot_cmd_last[j], world.period
+        left = world.rate_limit[j] - (last if change > 0.0 else -last)
+        if abs(change) * (abs(change) + step) > step * (2.0 * left - 0.25 * step) and (
+            abs(change) > brake(left, step, 1.0)
+        ):
+            return False
+        braking = world.braking[j] * T
+        if not is_far(world.position_limit[1, j] - world.q[j], rate, change, braking, step, T):
+            return False
+        if not is_far(world.q[j] - world.position_limit[0, j], -rate, -change, braking, step, T):
+            return False
+    return True
+
+
+@compiled
+def rest_bounds(world: Record) -> None:
+    """Write the largest and smallest rate that each joint may keep, and stop before its limits."""
+    for j in range(world.n):
+        limit, T, braking, step = (
+            world.rate_limit[j], world.period, world.braking[j] * world.period, world.jerk_step[j],
+        )  # fmt: skip
+        above, below = world.position_limit[1, j] - world.q[j], world.q[j] - world.position_limit[0, j]
+        world.rest_upper[j] = min(limit, steady_stop(max(0.0, above), braking, step, T))
+        world.rest_lower[j] = -min(limit, steady_stop(max(0.0, below), braking, step, T))
+
+
+@compiled
+def stopping_rate(world: Record, j: int, side: float) -> float:
+    """Return the largest rate towards an end of its range (side 1 or -1) from which a joint can stop before.
+
+    It brakes harder than it is told where it has to, as hard as jerk and acceleration allow. Only where that
+    is too late jerk gives way, to the braking rate or the least deceleration of all. For that alone a joint
+    is not taken to be where its lag behind the commands, or whatever pushes it, has brought it: what was sent
+    would have stopped in time.
+    """
+    limit, T, step = world.rate_limit[j], world.period, world.jerk_step[j]
+    upper, lower = world.position_limit[1, j], world.position_limit[0, j]
+    distance = upper - world.q[j] if side > 0.0 else world.q[j] - lower
+    if distance == math.inf:
+        return float(limit)
+    distance = max(0.0, distance)
+    last, course = side * world.qdot_cmd_last[j], side * world.course[j]
+    braking = world.braking[j] * T
+    most, least = course + step, max(course - step, min(course, -world.change_limit[j]))
+    if stops_within(distance, last + most, most, braking, step, T):
+        return float(limit)
+    if stops_within(distance, last + least, least, braking, step, T):
+        return float(min(limit, last + largest_change(distance, last, least, most, braking, step, T)))
+    surprise = side * (world.q[j] - world.q_sent[j])
+    distance += surprise if surprise > 0.0 else 0.0
+    if stops_within(distance, last + least, least, min(world.change_limit[j], HARD * step), step, T):
+        return float(min(limit, last + least))
+    in_time = max(
+        brake(distance, max(world.braking[j], -course / T), T),
+        min(last - world.change_limit[j], brake_gently(last, distance, T)),
+    )
+    return float(min(limit, last + least, in_time))
+
+
+@compiled
+def ease(world: Record, rates: Array) -> int:
+    """Bring the rates towards those that are wished for as acceleration and jerk allow; return status bits.
+
+    The wish is what rate and position limits leave. Changes, and changes of changes, are scaled by factors
+    for all joints alike, so that the tip keeps its direction; by `clamp`, of each joint alone. A joint that
+    is held by its position limit has its own way.
+    """
+    reach_by_jerk(world)
+    for j in range(world.n):
+        rate, limit = rates[j], world.rate_limit[j]
+        is_held = (rate >= world.rest_upper[j]) * (world.rest_upper[j] < limit)
+        is_held += (rate <= world.rest_lower[j]) * (world.rest_lower[j] > -limit)
+        is_alone = is_held or world.limits_on_excess == CLAMP
+        world.wish[j], world.group[j] = rate, j + 1 if is_alone else 0
+    bits = approach(world, rates, 0)
+    for j in range(world.n):
+        if world.group[j] > 0:
+            bits |= approach(world, rates, j + 1)
+    for j in range(world.n):
+        rate = min(max(rates[j], world.lower[j]), world.upper[j])
+        upper, lower = stopping_rate(world, j, 1.0), -stopping_rate(world, j, -1.0)
+        # No stop is within a range that is too short; then the limit that the joint moves towards is first.
+        if world.qdot_cmd_last[j] > 0.0:
+            rates[j] = min(max(rate, lower), upper)
+        else:
+            rates[j] = max(min(rate, upper), lower)
+        if rates[j] != rate and abs(rates[j]) < world.rate_limit[j]:
+            bits |= POSITION_LIMITED
+    return bits
+
+
+@compiled
+def look_back(world: Record, wish: Array, rates: Array) -> None:
+    """Keep what was wished for, and where the joints should be if they do what they are told."""
+    kept = max(0.0, 1.0 - world.period / FORGOTTEN)
+    for j in range(world.n):
+        world.slope[j] = wish[j] - world.qdot_cmd_last[j] - world.lag[j]
+        world.lag[j] = wish[j] - rates[j]
+        surprise = 0.0 if math.isnan(world.q_sent[j]) else world.q[j] - world.q_sent[j]
+        world.q_sent[j] = world.q[j] - kept * surprise + world.period * rates[j]
+
+
+@compiled
+def reach_by_jerk(world: Record) -> None:
+    """Write the bounds that acceleration and jerk give to the rate of each joint, and the rate limit ahead.
+
+    Acceleration comes before jerk, and jerk before what is ahead, which a joint within all bounds never has
+    to break.
+    """
+    for j in range(world.n):
+        last, course, step, most = (
+            world.qdot_cmd_last[j], world.course[j], world.jerk_step[j], world.change_limit[j],
+        )  # fmt: skip
+        up, down = min(course + step, change_to_rate(world, j, 1.0)), -change_to_rate(world, j, -1.0)
+        up, down = max(course - step, up), min(course + step, max(course - step, down))
+        world.upper[j], world.lower[j] = last + min(most, max(-most, up)), last + max(-most, min(most, down))
+
+
+@compiled
+def change_to_rate(world: Record, j: int, side: float) -> float:
+    """Return the largest change that jerk can bring to zero before a rate limit (side 1 or -1) is reached."""
+    return brake(float(world.rate_limit[j] - side * world.qdot_cmd_last[j]), world.jerk_step[j], 1.0)
+
+
+@compiled
+def approach(world: Record, rates: Array, group: int) -> int:
+    """Bring the rates of some joints towards their wish by common factors; return status bits."""
+    bits = catch_up(world, rates, group)
+    bits |= scale_to_changes(world, rates, group)
+    return bits | scale_to_jerk(world, rates, group)
+
+
+@compiled
+def catch_up(world: Record, rates: Array, group: int) -> int:
+    """Leave of the way to the wish what the next tick can do; return JERK_LIMITED if something is left out.
+
+    That is as much as can come to an end when the wish is reached: by the largest change that steps of jerk
+    can take back on the way. So a rate goes from rest to a steady wish in the least time and without
+    overshoot. A wish that itself moves within the jerk limit is followed as if it stood.
+    """
+    share, moves = 1.0, True
+    for j in range(world.n):
+        slope = rates[j] - world.qdot_cmd_last[j] - world.lag[j]
+        if world.group[j] == group and abs(slope - world.slope[j]) > world.jerk_step[j] * (1.0 + SLACK):
+            moves = False
+    for j in range(world.n):
+        way = abs(world.lag[j] if moves else rates[j] - world.qdot_cmd_last[j])
+        if world.group[j] == group and way > world.jerk_step[j]:
+            share = min(share, brake(way, world.jerk_step[j], 1.0) / way)
+    for j in range(world.n if share < 1.0 else 0):
+        if world.group[j] == group:
+            rates[j] -= (1.0 - share) * (world.lag[j] if moves else rates[j] - world.qdot_cmd_last[j])
+    return JERK_LIMITED if share < ALL else 0
+
+
+@compiled
+def scale_to_changes(world: Record, rates: Array, group: int) -> int:
+    """Scale the change of rates until acceleration limits allow it, and it can end before rate limits."""
+    bits, part = 0, 1.0
+    for j in range(world.n):
+        change = rates[j] - world.qdot_cmd_last[j]
+        most = change_to_rate(world, j, math.copysign(1.0, change))
+        bound, slack = min(most, world.change_limit[j]), SLACK * world.jerk_step[j]
+        if world.group[j] == group and abs(change) > bound + slack:
+            bits |= ACCELERATION_LIMITED if bound < most else JERK_LIMITED
+            part = min(part, (bound + slack) / abs(change))
+    for j in range(world.n if part < 1.0 else 0):
+        if world.group[j] == group:
+            rates[j] = world.qdot_cmd_last[j] + part * (rates[j] - world.qdot_cmd_last[j])
+    return bits
+
+
+@compiled
+def scale_to_jerk(world: Record, rates: Array, group: int) -> int:
+    """Scale the change of the change of rates, from a course that all joints can keep, or nearly so.
+
+    That is the last change, times the factor nearest to 1 that acceleration, jerk and rate limits allow.
+    """
+    least, most, part = -math.inf, math.inf, 1.0
+    for j in range(world.n):
+        course, last = world.course[j], world.qdot_cmd_last[j]
+        if world.group[j] == group and course != 0.0:
+            one, other = (world.lower[j] - last) / course, (world.upper[j] - last) / course
+            least, most = max(least, min(one, other)), min(most, max(one, other))
+    factor = min(max(1.0, least), most) if least <= most else 1.0
+    for j in range(world.n):
+        lower, upper, slack = world.lower[j], world.upper[j], SLACK * world.jerk_step[j]
+        world.kept[j] = min(max(world.qdot_cmd_last[j] + factor * world.course[j], lower), upper)
+        wanted = rates[j] - world.kept[j]
+        room = slack + (upper - world.kept[j] if wanted > 0.0 else world.kept[j] - lower)
+        if world.group[j] == group and abs(wanted) > room:
+            part = min(part, room / abs(wanted))
+    for j in range(world.n if part < 1.0 else 0):
+        if world.group[j] == group:
+            rates[j] = world.kept[j] + part * (rates[j] - world.kept[j])
+    return JERK_LIMITED if part < ALL else 0
+
+
+@compiled
+def come_to_rest(world: Record, rates: Array) -> None:
+    """Write the rates that bring each joint to rest from its last, within jerk and the braking limit."""
+    for j in range(world.n):
+        last, course, step = world.qdot_cmd_last[j], world.course[j], world.jerk_step[j]
+        change = -math.copysign(min(brake(abs(last), step, 1.0), world.braking[j] * world.period), last)
+        rates[j] = last + min(max(change, course - step), course + step)
+        world.lag[j], world.slope[j], world.q_sent[j] = 0.0, 0.0, math.nan
+
+
+@compiled
+def remember(world: Record, rates: Array) -> None:
+    """Keep what is sent, and its change, which the next one goes on from.
+
+    After a change that jerk does not allow it goes on from no more than braking: what a stop in an emergency
+    was would else have to be kept for some time.
+    """
+    for j in range(world.n):
+        change, course = rates[j] - world.qdot_cmd_last[j], world.course[j]
+        world.change_last[j], world.qdot_cmd_last[j] = change, rates[j]
+        if abs(change - course) > world.jerk_step[j] * (1.0 + SLACK):
+            most = max(world.braking[j] * world.period, abs(course))
+            change = min(max(change, -most), most)
+        world.course[j] = change

@@ -1,0 +1,141 @@
+"""The verb `margins`: tables, JSON, a picture; exit codes, and what is refused in a line."""
+
+import json
+import os
+import signal
+
+import pytest
+
+from project import ROOT
+from rmrc.study.margins.margins import Asking
+from rmrc.textbook.stability import edge_delay, edge_gain
+from wording import says
+
+TEXT = f"""
+name: quick
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [30 deg, 60 deg]}}
+task: {{axes: [x, y]}}
+control: {{period: 0.02, feedback: 5, inverse: {{method: inverse}}}}
+target: {{path: [{{line: {{by: [0.05, 0.0]}}}}]}}
+plant: {{kind: ideal}}
+"""
+COARSE = ("--accuracy", "0.2")
+
+
+@pytest.fixture(autouse=True)
+def quick(tmp_path):
+    (tmp_path / "quick.yaml").write_text(TEXT)
+
+
+def lines_of(text):
+    return [" ".join(line.split()) for line in text.splitlines() if line.strip()]
+
+
+def test_it_prints_what_the_loop_bears_beside_the_rule_and_the_ideal_plant(rmrc):
+    code, out, err = rmrc("margins", "quick.yaml", *COARSE)
+    assert (code, err) == (0, "")
+    lines = lines_of(out)
+    assert lines[0] == says("quick: the margins of its loop, … runs")
+    assert "as written stable" in lines
+    assert "rule: K up to 1/(delay + T/2 + lag) 100.0 1/s" in lines
+    assert "edge of the ideal plant, K 100.0 1/s" in lines
+    rows = {line.split(",")[0]: line for line in lines}
+    assert rows["gain"].endswith(" 20.00 20.00 1")
+    assert float(rows["delay"].split()[2]) == pytest.approx(edge_delay(5.0, 0.02), rel=0.1)
+    assert rows["delay"].endswith(" 0.1900 s")
+    assert rows["lag"].startswith("lag, more > ") and " any " in rows["lag"]
+    assert lines[-1] == says('">": stable with all that was tried; … lag …')
+
+
+def test_json_has_every_setting_that_was_tried(rmrc):
+    code, out, err = rmrc("margins", "quick.yaml", *COARSE, "--json")
+    assert (code, err) == (0, "")
+    found = json.loads(out)
+    assert found["stable"] and found["written"] == {
+        "unstable": False,
+        "reason": None,
+        "time": None,
+        "left": 0.0,
+    }
+    gain = found["margins"]["gain"]
+    assert gain["stable_at"] <= gain["value"] <= gain["unstable_at"] <= 1.2 * gain["stable_at"]
+    assert gain["ideal"] == pytest.approx(edge_gain(0.02) / 5)
+    assert all(one["unstable"] == (one["value"] >= gain["unstable_at"]) for one in gain["tried"])
+    assert (
+        sum(len(one["tried"]) for one in found["margins"].values()) == found["runs"] / 2 + 2
+    )  # as written: once
+    lag = found["margins"]["lag"]
+    assert not lag["found"] and lag["unstable_at"] is None and lag["ideal"] is None
+    assert lag["bound"] == pytest.approx(lag["stable_at"])
+
+
+def test_the_picture_is_of_the_kind_that_its_name_says(rmrc, tmp_path):
+    code, out, _ = rmrc("margins", "quick.yaml", *COARSE, "--picture", "m.svg")
+    assert code == 0 and lines_of(out)[-1] == "wrote m.svg"
+    text = (tmp_path / "m.svg").read_text()
+    for words in (
+        "fades: stable", "rings on: unstable", "edge, by runs", "edge of the ideal plant",
+        "times control.feedback as written [1]", "dead time beside that as written [ms]",
+        "lag beside that as written [ms]", "quick: the margins of its loop",
+    ):  # fmt: skip
+        assert words in text
+    before = (tmp_path / "m.svg").read_bytes()
+    again = rmrc("margins", "quick.yaml", *COARSE, "--picture", "m.svg", "--threads", "2", "--quiet")
+    assert again == (0, "", "")
+    assert (tmp_path / "m.svg").read_bytes() == before
+
+
+def test_a_loop_that_is_unstable_as_written_gives_exit_code_1(rmrc):
+    late = ("--set", "plant.delay=0.1", "--set", "control.feedback=40")
+    code, out, err = rmrc("margins", "quick.yaml", *late, *COARSE)
+    assert code == 1
+    assert err == says("rmrc: the loop is unstable as written: it … stable with control.feedback up to …\n")
+    lines = lines_of(out)
+    assert any(line.startswith("as written keeps ringing") for line in lines)
+    assert not any(line.startswith(("delay, more", "lag, more")) for line in lines)
+    found = json.loads(rmrc("margins", "quick.yaml", *late, *COARSE, "--json")[1])
+    assert not found["stable"] and list(found["margins"]) == ["gain"]
+    assert found["margins"]["gain"]["value"] * 40 == pytest.approx(edge_gain(0.02, 0.1), rel=0.1)
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (["--accuracy", "0"], "--accuracy: must be between 0.005 and 0.5, got 0"),
+        (["--accuracy", "nan"], "--accuracy: must be between 0.005 and 0.5, got nan"),
+        (["--set", "control.feedback=0"], "--set control.feedback: must be > 0, got 0: …"),
+        (["--picture", "m.jpg"], "--picture m.jpg: must end in .png, .svg or .pdf"),
+        (["--picture", "no/m.png"], "no: …"),
+        (["--set", "plant.delay=-1"], "--set plant.delay: … -1"),
+    ],
+)
+def test_bad_input_is_a_line(rmrc, tmp_path, options, line):
+    (tmp_path / "no").write_text("a file where a folder should be")
+    code, out, err = rmrc("margins", "quick.yaml", *options)
+    assert (code, out, err) == (2, "", says(f"rmrc: error: {line}\n"))
+
+
+def test_interrupted_it_shows_what_was_found(rmrc, monkeypatch):
+    def interrupted(_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Asking, "compile", interrupted)
+        assert rmrc("margins", "quick.yaml") == (130, "", "rmrc: interrupted before the first run\n")
+
+    run, rounds = Asking.run, []
+
+    def stopped(self, on_runs):
+        def one_round(runs):
+            on_runs(runs)
+            rounds.append(runs)
+            if len(rounds) == 2:
+                os.kill(os.getpid(), signal.SIGINT)
+
+        return run(self, one_round)
+
+    monkeypatch.setattr(Asking, "run", stopped)
+    code, out, err = rmrc("margins", "quick.yaml", "--accuracy", "0.005")
+    assert (code, err) == (130, says("rmrc: interrupted after … runs\n"))
+    assert "Interrupted: the edges are as near as they were found until then." in " ".join(out.split())
+    assert len(rounds) == 2 and any(line.startswith("gain, times") for line in lines_of(out))
