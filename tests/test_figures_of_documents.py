@@ -37,7 +37,7 @@ def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
     if arguments[0] == "-c":
         exec(compile(arguments[1], "Makefile", "exec"), {})
     else:
-        coarse = {"workspace": ["--cells", "20"], "tune": ["--runs", "12", "--copies", "0"]}.get(
+        coarse = {"workspace": ["--cells", "12"], "tune": ["--runs", "10", "--copies", "0"]}.get(
             arguments[2], []
         )
         code, _, err = rmrc(*arguments[2:], *coarse)

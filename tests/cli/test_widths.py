@@ -71,6 +71,7 @@ def words(text):
 
 
 @pytest.mark.parametrize("case", PRINTING)
+@pytest.mark.usefixtures("undrawn")
 def test_no_word_that_a_verb_prints_is_broken(drawn, case):
     if case == "schema":
         from rmrc.scenario import schema_rows
