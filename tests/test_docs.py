@@ -661,20 +661,3 @@ def test_the_search_of_the_readme_ends_as_it_says(rmrc, monkeypatch, tmp_path):
     answer = {shown(line) for line in printed.splitlines()}
     assert [line for line in lines if shown(line) not in answer] == []
     assert (code, complaints) == (0, "") and len(lines) > 20
-
-
-@pytest.mark.long  # 2000 runs, some of which aim beyond reach
-def test_a_search_with_a_larger_offset_ends_as_its_page_says(rmrc, monkeypatch, tmp_path):
-    said = re.search(
-        r"With `--offset ([\d.]+)`, where some copies aim beyond full reach, (\d+) runs recommend constant damping of "
-        r"([\d.]+) and `stop`",
-        " ".join(QUESTIONS.split()),
-    )
-    assert said
-    offset, runs, damping = said.groups()
-    monkeypatch.chdir(ROOT)
-    asked = ("tune", "scenarios/approach_singularity.yaml", "--offset", offset, "--runs", runs)
-    code, printed, _ = rmrc(*asked, "--out", str(tmp_path))
-    (found,) = re.findall(r"damping: \{schedule: constant, maximum: ([\d.]+)\}", printed)
-    assert code == 0 and agrees(float(found), damping)
-    assert "at_singularity: stop" in printed

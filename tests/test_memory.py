@@ -149,7 +149,7 @@ def test_a_sweep_counts_the_batches_that_are_run_at_a_time(rmrc, tmp_path, monke
     )
     code, out, err = rmrc(*options, "--threads", "2")
     assert (code, out) == (2, "") and not (tmp_path / "recordings").exists()
-    wanted = "100001 ticks … 2 … 22.2 MB … 16 MB … 80% … machine …; … control.period … --threads"
+    wanted = "100001 ticks … 2 … 22.3 MB … 16 MB … 80% … machine …; … control.period … --threads"
     assert err == says(f"rmrc: error: long.yaml:5:16: target.path: … {wanted}\n")
     assert rmrc(*options, "--threads", "1") == (0, "", "")
 
@@ -247,11 +247,11 @@ def test_runs_take_no_more_than_their_estimate_and_more_than_a_third_of_it(tmp_p
 
 
 def test_an_hour_of_six_joints_fits_into_what_a_laptop_has(scenario, monkeypatch):
-    # 3.6 million ticks: 3.2 GB of ticks and 0.4 GB of reference
+    # 3.6 million ticks: 3.4 GB of ticks and 0.4 GB of reference
     monkeypatch.setattr(memory, "room", lambda: memory.Room(8 * GB, "the machine"))
     prepared = prepare(
         scenario("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home", "task.axes=[x, y, z, rx, ry, rz]",
                  "target.path=[{hold: {for: 3600}}]")
     )  # fmt: skip
     assert footprint([prepared], recorded=True).excess is None
-    assert 3.4 * GB < footprint([prepared]).held < 3.6 * GB
+    assert 3.7 * GB < footprint([prepared]).held < 3.9 * GB

@@ -531,6 +531,15 @@ def _tune(chance):
                 )
             ),
         ]
+    for option in ("--delay", "--lag", "--noise", "--calibration"):
+        if chance.odds(0.1):
+            argv += [
+                option,
+                chance.pick(
+                    ("8ms", "6ms..12ms", "0..1e-5", "-1", "2..1", "..", "nan", "1e400s", chance.number())
+                ),
+            ]
+    argv += ["--ideal"] * chance.odds(0.2)
     for option in ("--start", "--offset", "--payload", "--slower", "--seed"):
         if chance.odds(0.15):
             argv += [option, chance.number()]

@@ -544,6 +544,23 @@ def test_so_does_the_layout_of_a_law_that_is_misled(tmp_path):
     )
 
 
+def test_rates_that_arrive_are_drawn_beside_those_commanded_where_they_are_others(tmp_path, planar):
+    prepared, run = simulated(PLANAR + "control: {period: 0.01}\nplant: {delay: 0.02, lag: 0.01}\n")
+    record(tmp_path / "late.rrd", prepared, run)
+    record(tmp_path / "direct.rrd", *planar)
+    assert (run["qdot_arrived"] != run["qdot_cmd"]).any()
+    for name, (_, done), is_late in (("late", (prepared, run), True), ("direct", planar, False)):
+        path = tmp_path / f"{name}.rrd"
+        assert ("/columns/qdot_arrived" in entities(path)) is is_late
+        assert_same_bits(read_columns(path), done.columns)
+        assert_looks_at_what_is_recorded(path)
+        text = stored(path, "/text/legend")["TextDocument:text"][0][0]
+        assert ("arrives at the plant" in text) is is_late
+        assert "{" not in text
+    looks = stored(tmp_path / "late.rrd", "/columns/qdot_arrived")
+    assert set(looks["SeriesLines:names"][0]) == {"arriving"}
+
+
 def assert_looks_at_what_is_recorded(path):
     """Hold the views of a layout against what is in the file, and return their names."""
     (entry,) = RrdReader(path).blueprints()

@@ -36,6 +36,25 @@ def tune(
         float, typer.Option(help="How far the target of a copy is off along each axis [m].")
     ] = 0.002,
     payload: Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")] = 0.0,
+    delay: Annotated[
+        str | None,
+        typer.Option(metavar="RANGE", help="Dead time of the robot's commands, such as 8ms or 6ms..12ms."),
+    ] = None,
+    lag: Annotated[
+        str | None, typer.Option(metavar="RANGE", help="Time constant of its drives, such as 0..10ms.")
+    ] = None,
+    noise: Annotated[
+        str | None,
+        typer.Option(
+            metavar="RANGE", help="Noise of its encoders, such as 1e-5, in rad; slides: times task.length."
+        ),
+    ] = None,
+    calibration: Annotated[
+        float | None, typer.Option(help="How far its links [share] and joints' zeros [rad] are off.")
+    ] = None,
+    ideal: Annotated[
+        bool, typer.Option("--ideal", help="Take the loop as the scenario has it, and assume no robot.")
+    ] = False,
     slower: Annotated[float, typer.Option(help="Times the duration as written that another may take.")] = 1.1,
     runs: Annotated[int, typer.Option(help="Runs in all.")] = 2000,
     seed: Annotated[int, typer.Option(help="Of the copies and of the search.")] = 0,
@@ -52,8 +71,10 @@ def tune(
 ) -> None:
     """Search inverse, damping, feedback and at_singularity for the smallest tracking error within the limits.
 
-    The worst of the scenario and its copies counts. Prints the front of peak rate against error and a control
-    section to paste; leaves NAME.tune.yaml, .png and .parquet. Exit code 1: nothing keeps the limits.
+    The worst of the scenario and its copies counts, on all robots that --delay, --lag, --noise and
+    --calibration or the scenario tell; without them, on a modest robot that is assumed. Prints the front of
+    peak rate against error, what the loop of each recommendation bears, and a control section to paste;
+    leaves NAME.tune.yaml, .png and .parquet. Exit code 1: nothing keeps the limits.
     """
     from rmrc.scenario import angle
     from rmrc.tuning.copies import Spread
@@ -67,8 +88,9 @@ def tune(
     spread = Spread(off, offset, payload)
     with interruption("interrupted before anything was found"):
         work = Tuning(
-            scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread, slower=slower,
-            runs=runs, threads=threads,
+            scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread,
+            robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration},
+            ideal=ideal, slower=slower, runs=runs, threads=threads,
         )  # fmt: skip
         found = _run(work, runs, work.files(out, picture), quiet)
     if found.interrupted:  # said first: the picture takes longer than one waits after Ctrl-C
@@ -97,8 +119,11 @@ def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quie
     if nearest:
         console.print(render([tables.heading(title, facts)]))
     else:
-        console.print(render(tables.sheets(title, facts, report.front(found), report.named(found))))
-        for line in (report.as_written(found), *report.alike(found)):
+        sheets = tables.sheets(title, facts, report.front(found), report.named(found))
+        bears = [tables.margins(report.margins(found))] if found.margins else []
+        console.print(render([*sheets, *bears]))
+        lines = (report.as_written(found), *report.alike(found), *report.doubts(found))
+        for line in lines:
             console.print(line, highlight=False)
         console.print(f"\n{found.block}", highlight=False, soft_wrap=True)
     for path in work.write(found, *places):

@@ -57,6 +57,7 @@ from rmrc.scenario.sections import (
     TargetSection,
     TaskSection,
     ToolSection,
+    TuneSection,
 )
 from rmrc.scenario.values import Axis, Frame, Section, angle
 from rmrc.scenario.variation import grid, variants
@@ -68,7 +69,7 @@ __all__ = [
     "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection",
     "PathFrame", "PlantSection", "Problems", "ResonanceSection", "Scenario", "SchemaRow", "SecondarySection",
     "Section", "Segment", "Set", "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection",
-    "TargetSection", "TaskSection", "Tilt", "TiltSegment", "ToolSection", "Turn", "TurnSegment", "Variant",
-    "angle", "block", "changes_of", "draft_of", "grid", "inline", "json_schema", "load", "loads", "place_of",
-    "schema_rows", "variants",
+    "TargetSection", "TaskSection", "Tilt", "TiltSegment", "ToolSection", "TuneSection", "Turn",
+    "TurnSegment", "Variant", "angle", "block", "changes_of", "draft_of", "grid", "inline", "json_schema",
+    "load", "loads", "place_of", "schema_rows", "variants",
 ]  # fmt: skip

@@ -23,6 +23,7 @@ from rmrc.scenario.profile import ProfileName, load_profile
 from rmrc.scenario.values import (
     Angle,
     AngleOrEach,
+    AngleRange,
     Angles,
     Axes,
     Axis,
@@ -46,6 +47,7 @@ from rmrc.scenario.values import (
     Positions,
     Positive,
     Quaternion,
+    Range,
     Rates,
     Section,
     Seed,
@@ -639,6 +641,7 @@ MOST_DRAWN = 20
 _NOT_SWEPT = {
     "name": "names the runs and changes none of them",
     "sweep": "is the sweep itself",
+    "tune": "is for rmrc tune alone",
     "arm.encoder.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
     "plant.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
 }
@@ -686,6 +689,32 @@ class SweepSection(Section):
         return self
 
 
+class TuneSection(Section):
+    """What is not known of the robot, for all of which `rmrc tune` shall find settings."""
+
+    delay: Range | None = key(
+        "dead time of its commands, one or from the least to the largest; null: as `plant` has it, or "
+        "assumed where the scenario tells nothing of the robot",
+        None,
+        "s",
+    )
+    lag: Range | None = key(
+        "time constant with which its drives follow; a range and null as for `delay`", None, "s"
+    )
+    noise: AngleRange | None = key(
+        "standard deviation of its encoders' white noise, of slides over task.length; a range and null as "
+        "for `delay`",
+        None,
+        "rad",
+    )
+    calibration: NotNegative | None = key(
+        "how far lengths of its links, as a share, and zeros of its joints, of slides over task.length, are "
+        "off, to either side; null: not at all",
+        None,
+        "1 or rad",
+    )
+
+
 class Sections(Section):
     """Everything that one run depends on."""
 
@@ -702,6 +731,7 @@ class Sections(Section):
         schema={"properties": {PROFILE: {"type": "string", "default": None, "description": _ACCEPTED}}},
     )
     sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
+    tune: TuneSection = key("what is not known of the robot, for `rmrc tune`", TuneSection())
 
     @field_validator("expect", mode="before")
     @classmethod

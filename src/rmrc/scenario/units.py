@@ -56,6 +56,23 @@ def instead(text: str, unit: str) -> str:
     return f": it is {_short(value)} {of}, and the key is {f'in {unit}' if unit else 'a plain number'}"
 
 
+def quantity(text: str, unit: str) -> tuple[float, bool]:
+    """Return the value of a text in a unit, and whether the text has one itself.
+
+    Raises:
+        ValueError: It is no number with that unit, or one that converts to it, or with none.
+
+    >>> quantity("6 ms", "s"), quantity("0.5", "rad")
+    ((0.006, True), (0.5, False))
+    """
+    if re.fullmatch(rf"\s*{_NUMBER}\s*", text) and math.isfinite(float(text)):
+        return float(text), False
+    known = _quantity(text)
+    if known is None or known[1] not in (unit, ""):
+        raise ValueError(f"is no number in {unit}" if unit != "1" else "is no number")
+    return known[0], known[1] != ""
+
+
 def _quantity(text: str) -> tuple[float, str] | None:
     """Return the value of a text and its unit, "" for none."""
     text = " ".join(text.split())

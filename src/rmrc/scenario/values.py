@@ -153,6 +153,12 @@ def _rising(bounds: tuple[float, ...]) -> tuple[float, ...]:
     return bounds
 
 
+def _ordered(bounds: tuple[float, ...]) -> tuple[float, ...]:
+    if bounds[0] > bounds[1]:
+        raise rule(f"must have the least value first, got {show(list(bounds))}")
+    return bounds
+
+
 def _model_file(path: Path, info: ValidationInfo) -> Path:
     return checked_file(path, info, _model_near)
 
@@ -239,6 +245,16 @@ NotNegativeAngle = Annotated[
             ],
         }
     ),
+]
+Range = Annotated[
+    Annotated[NotNegative, Tag("<one>")]
+    | Annotated[tuple[NotNegative, ...], Count(2, 2), AfterValidator(_ordered), Tag("<list>")],
+    Discriminator(_one_or_list),
+]
+AngleRange = Annotated[
+    Annotated[NotNegativeAngle, Tag("<one>")]
+    | Annotated[tuple[NotNegativeAngle, ...], Count(2, 2), AfterValidator(_ordered), Tag("<list>")],
+    Discriminator(_one_or_list),
 ]
 MotionFile = Annotated[Path, AfterValidator(_motion_file)]
 Axis = Literal["x", "y", "z", "rx", "ry", "rz"]

@@ -32,6 +32,12 @@ BLOCK, LONGEST_BLOCK = 1000, 0.5
 # Sees each block of ticks once it was stepped, by the index of its world: progress, a recording, a rule that
 # ends the runs.
 Watcher: TypeAlias = Callable[[int, Run], None]
+
+# Says which worlds end here, from their indices and from their tallies so far, (w,). It is asked every so
+# many ticks of a world, and sees nothing else, so that where a world ends does not depend on those beside it.
+Rule: TypeAlias = Callable[[Sequence[int], NDArray[np.void]], NDArray[np.bool_]]
+ASKED = 128
+
 _Result = TypeVar("_Result")
 
 
@@ -49,14 +55,23 @@ class _Shard:
         self._tallies = tallies_of(self._abouts())
         self._adder = adder(self._tallies, self.batch.ticks)
         self._adding = threading.Lock()
+        self.ended = np.zeros(len(self.members), bool)
 
-    def advance(self, on_block: Watcher | None, lock: threading.Lock, is_stopped: Callable[[], bool]) -> bool:
+    def advance(
+        self,
+        on_block: Watcher | None,
+        lock: threading.Lock,
+        is_stopped: Callable[[], bool],
+        rule: Rule | None = None,
+    ) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
-        if not self.keeps:
-            self._add()  # what the next block is written over
+        if not self.keeps or rule:
+            self._add()  # what the next block is written over, and what a rule sees
         first, started = self.batch.done, time.perf_counter()
+        if rule and first and first % ASKED == 0:
+            self._end(rule)
         try:
-            running = self._step_block(is_stopped)
+            running = self._step_block(is_stopped, first - first % ASKED + ASKED if rule else first + BLOCK)
         finally:  # an interrupted block is shown as well
             self.wall_time += time.perf_counter() - started
             if on_block is not None:
@@ -67,10 +82,16 @@ class _Shard:
                             on_block(index, part)
         return running > 0
 
-    def _step_block(self, is_stopped: Callable[[], bool]) -> int:
-        """Step a block, a shorter one if there is a stop; return how many worlds still run."""
-        batch, end = self.batch, time.perf_counter() + LONGEST_BLOCK
-        last, row = batch.done + BLOCK, -1
+    def _end(self, rule: Rule) -> None:
+        """End the worlds that a rule ends."""
+        going = np.flatnonzero(self._ends() > self.batch.done)
+        ended = going[rule([self.members[w] for w in going], self._tallies[going])]
+        self.batch.worlds["ticks"][ended] = self.batch.done
+        self.ended[ended] = True
+
+    def _step_block(self, is_stopped: Callable[[], bool], last: int) -> int:
+        """Step up to a tick, or less if there is a stop; return how many worlds still run."""
+        batch, end, row = self.batch, time.perf_counter() + LONGEST_BLOCK, -1
         running = len(self.members)
         # where rows are used again, a block ends with the last of them
         while running and batch.done < last and row != 0 and time.perf_counter() < end and not is_stopped():
@@ -201,13 +222,19 @@ class Simulation:
         self.step(on_block, stop)
         return self.runs()
 
-    def step(self, on_block: Watcher | None = None, stop: threading.Event | None = None) -> None:
+    def step(
+        self,
+        on_block: Watcher | None = None,
+        stop: threading.Event | None = None,
+        rule: Rule | None = None,
+    ) -> None:
         """Step every world to its end.
 
         Args:
             on_block: Called after each block of ticks with the index of a world and the run of that
                 block alone; from any thread, one call at a time.
             stop: Once it is set, every world stops within a moment.
+            rule: Ends worlds before their time.
 
         Raises:
             KeyboardInterrupt: Passed on, after `on_block` saw the last, shorter block.
@@ -218,7 +245,7 @@ class Simulation:
             return stop.is_set() or failed.is_set()
 
         def work(shard: _Shard) -> None:
-            while not is_stopped() and shard.advance(on_block, lock, is_stopped):
+            while not is_stopped() and shard.advance(on_block, lock, is_stopped, rule):
                 pass
 
         if len(self._shards) == 1:  # in the caller's thread, where Ctrl-C arrives
@@ -250,6 +277,10 @@ class Simulation:
     def divergences(self) -> list[Divergence | None]:
         """Return where each world diverged, or None."""
         return self._in_order([[s.divergence(w) for w in range(len(s.members))] for s in self._shards])
+
+    def ended(self) -> list[bool]:
+        """Return whether a rule ended each world."""
+        return self._in_order([shard.ended.tolist() for shard in self._shards])
 
     def warnings(self) -> list[dict[str, int]]:
         """Return what MuJoCo warned of in each world, and how often, by the names of its warnings."""

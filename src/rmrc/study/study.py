@@ -24,7 +24,7 @@ from rmrc.results.scorecard import Outcome, Scorecard, check, refuse_unknown
 from rmrc.scenario import Change, Draft, Scenario, Source, Variant, draft_of
 from rmrc.simulation.footprint import Footprint, footprint
 from rmrc.simulation.prepare import Cache, Prepared, prepare
-from rmrc.simulation.simulation import Simulation, Watcher
+from rmrc.simulation.simulation import Rule, Simulation, Watcher
 from rmrc.study.executors import Crew, done
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Problem
@@ -109,6 +109,7 @@ class Result:
         outcomes: Of the expectations that count: all that its scenario has.
         divergence: Where it diverged.
         interrupted: Whether the runs were ended from outside.
+        ended: Whether a rule ended it before its time.
     """
 
     index: int
@@ -117,6 +118,7 @@ class Result:
     outcomes: tuple[Outcome, ...]
     divergence: Divergence | None
     interrupted: bool
+    ended: bool
 
     @property
     def status(self) -> str:
@@ -401,13 +403,16 @@ class Study:
                     self._kept[index] = one
         return found
 
-    def results(self, variants: Variants, piece: range, stop: threading.Event) -> list[Result]:
+    def results(
+        self, variants: Variants, piece: range, stop: threading.Event, rule: Rule | None = None
+    ) -> list[Result]:
         """Return what comes of some variants, stepped as one batch on this thread; nothing if interrupted.
 
         Args:
             variants: All of them.
             piece: Which.
             stop: Once it is set, the runs end.
+            rule: Ends runs before their time, by the indices of their variants.
         """
         with self._lock:
             prepared = [
@@ -418,10 +423,18 @@ class Study:
             if stop.is_set():
                 return []
             simulation = Simulation(prepared, keep_columns=False, batches=self._batches)
-        simulation.step(stop=stop)
+        of_variants: Rule | None = rule and (lambda some, seen: rule([piece[i] for i in some], seen))
+        simulation.step(stop=stop, rule=of_variants)
         return [] if stop.is_set() else _results(simulation, piece, prepared, stop)
 
-    def run(self, variants: Variants, crew: Crew, into: Sink[P], stop: threading.Event) -> None:
+    def run(
+        self,
+        variants: Variants,
+        crew: Crew,
+        into: Sink[P],
+        stop: threading.Event,
+        rule: Rule | None = None,
+    ) -> None:
         """Run what is missing in a sink; when it is stopped, what has ended is kept.
 
         Args:
@@ -429,8 +442,9 @@ class Study:
             crew: Who does it.
             into: What is kept.
             stop: Once it is set, the runs end.
+            rule: Ends runs before their time, by the indices of their variants.
         """
-        work = Runs(variants, into.reduce)
+        work = Runs(variants, into.reduce, rule)
         with closing(done(crew, work, iter(into.missing()), stop)) as found:
             for piece, payload in found:
                 into.keep(piece, payload)
@@ -441,10 +455,10 @@ def _results(
 ) -> list[Result]:
     """Return what a simulation came to, which lets go of what it was lent."""
     simulation.release()
-    cards, ends = simulation.scorecards(), simulation.divergences()
+    cards, ends, ended = simulation.scorecards(), simulation.divergences(), simulation.ended()
     return [
-        Result(index, one, card, tuple(check(card, one.scenario.expect)), end, stop.is_set())
-        for index, one, card, end in zip(indices, worlds, cards, ends, strict=True)
+        Result(index, one, card, tuple(check(card, one.scenario.expect)), end, stop.is_set(), early)
+        for index, one, card, end, early in zip(indices, worlds, cards, ends, ended, strict=True)
     ]
 
 
@@ -468,10 +482,11 @@ class Runs(Generic[P]):
 
     variants: Variants
     reduce: Reduce[P]
+    rule: Rule | None = None
 
     def __call__(self, study: Study, piece: range, stop: threading.Event) -> P | None:
         """Return what is kept of it, or None if it was interrupted."""
-        results = study.results(self.variants, piece, stop)
+        results = study.results(self.variants, piece, stop, self.rule)
         return self.reduce(results) if results else None
 
 

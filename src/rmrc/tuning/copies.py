@@ -1,14 +1,15 @@
-"""Copies of a scenario that are a little off: where the arm starts, what lies where, what is carried."""
+"""Copies of a scenario that are a little off: start, target, what is carried, and the loop of the robot."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from rmrc.scenario import ArcSegment, LineSegment, Scenario, Variant, changes_of
+from rmrc.scenario import ArcSegment, Change, LineSegment, Scenario, Variant, changes_of
 from rmrc.scenario.sections import MOST_DRAWN
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.sobol import sobol_point
 from rmrc.support.errors import ScenarioError
+from rmrc.tuning.robot import Robot
 
 
 @dataclass(frozen=True)
@@ -26,8 +27,13 @@ class Spread:
     payload: float = 0.0
 
 
-def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tuple[Variant, ...]:
+def draw_copies(
+    nominal: Prepared, count: int, seed: int, spread: Spread, robot: Robot
+) -> tuple[Variant, ...]:
     """Return the scenario itself and copies of it, drawn evenly by Sobol's sequence.
+
+    The scenario itself is on the slowest and noisiest loop, and so is every second copy: what is hard is
+    hardest there. The first copy is on the quickest loop, and every second one after it on one that is drawn.
 
     Args:
         nominal: The scenario.
@@ -35,6 +41,7 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
         seed: What is drawn.
         spread: How far they are off; a start stays within the joints' position limits, and an offset is drawn
             only where the path has an absolute point for it to move.
+        robot: How their loops may be.
 
     Raises:
         ScenarioError: A payload in an ideal plant, or too many numbers to draw.
@@ -48,7 +55,8 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
     axes = [i for i, axis in enumerate("xyz") if axis in scenario.task.axes] if has_points(scenario) else []
     joints = arm.n if spread.start else 0
     axes = axes if spread.offset else []
-    drawn = joints + len(axes) + bool(spread.payload)
+    loops = range(joints + len(axes), joints + len(axes) + len(robot.varied))
+    drawn = joints + len(axes) + len(loops) + bool(spread.payload)
     if drawn > MOST_DRAWN:
         raise ScenarioError.about(
             "--copies", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"
@@ -61,10 +69,12 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
             f'must be 0 with arm.start "{scenario.arm.start}", which has joints that are not driven '
             "elsewhere than home",
         )
-    copies = [Variant("the scenario itself")]
-    for index in range(count if drawn else 0):
+    itself = changes_of(robot.values(nominal, {}))
+    copies = [Variant(f"the scenario itself{_told(itself)}", itself)]
+    for index in range(count if drawn or robot.calibration else 0):
         point = sobol_point(index, drawn, seed)
-        values: dict[str, object] = {}
+        loop = np.ones(len(loops)) if index % 2 else point[loops] if index else np.zeros(len(loops))
+        values = robot.values(nominal, dict(zip(robot.varied, loop, strict=True)))
         if joints:
             off = (
                 spread.start
@@ -80,9 +90,14 @@ def draw_copies(nominal: Prepared, count: int, seed: int, spread: Spread) -> tup
             values["target.offset"] = moved
         if spread.payload:
             values["plant.payload"] = scenario.plant.payload + spread.payload * float(point[-1])
+        values |= robot.misfit(nominal, np.random.default_rng((seed, index)).uniform(-1.0, 1.0, 2 * arm.n))
         changes = changes_of(values, "--vary")
-        copies.append(Variant(f"copy {index + 1} ({', '.join(map(str, changes))})", changes))
+        copies.append(Variant(f"copy {index + 1}{_told(changes)}", changes))
     return tuple(copies)
+
+
+def _told(changes: tuple[Change, ...]) -> str:
+    return f" ({', '.join(map(str, changes))})" if changes else ""
 
 
 def has_points(scenario: Scenario) -> bool:

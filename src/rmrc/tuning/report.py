@@ -5,10 +5,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.tuning.search import ALIKE, Tried
-from rmrc.tuning.space import Setting
+from rmrc.study.margins.margins import Margin
+from rmrc.tuning.bar import ALIKE
+from rmrc.tuning.robot import GAIN_MARGIN
+from rmrc.tuning.space import Setting, rounded
 from rmrc.tuning.tables import Row
-from rmrc.tuning.trials import TOLERANCE, Limits
+from rmrc.tuning.trials import CHATTER, SATURATED, TOLERANCE, Limits
+from rmrc.tuning.tried import Tried
 from rmrc.tuning.tune import Tuned, Tuning
 
 
@@ -44,11 +47,29 @@ def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:
     off = f"and {copies} cop{'y' if copies == 1 else 'ies'} of it: {work.spread_in_words}"
     lines = [
         ("tried on", f"the scenario {off if copies else 'alone'}"),
+        ("robot", _robot(work)),
         ("rates", _allowed(limits.rate, "rate", limits, "/s")),
         ("accelerations", _allowed(limits.acceleration, "acceleration", limits, "/s²")),
         ("time", f"at most {work.slower:g} times that of {whose}, copy by copy"),
+        ("chatter", f"at most {CHATTER:g} changes of sign of a joint's commanded acceleration a second"),
+        ("torque", f"at its limit for at most {SATURATED:.0%} of the time"),
     ]
+    if found.looks:
+        late = 1e3 * sum(work.robot.slowest(work.scenario))
+        first = f"{found.looks} settings on an ideal plant with a dead time of {late:.4g} ms"
+        lines.append(("first looks", first))
     return lines + [("not possible", reason) for reason in work.left_out]
+
+
+def _robot(work: Tuning) -> str:
+    """Return on which robots it was tried, and how to give others, in a line."""
+    robot = work.robot
+    if robot.is_assumed:
+        yours = "give yours by --delay, --lag and --noise"
+        return f"assumed: {robot.words}, with a gain margin of {work.margin:g}; {yours}"
+    if robot.profile:
+        return f"{robot.words}, as the profile {robot.profile} has it"
+    return robot.words or "as the scenario has it: --delay, --lag and --noise give a range"
 
 
 def _allowed(values: NDArray[np.float64], what: str, limits: Limits, per: str) -> str:
@@ -109,6 +130,43 @@ def alike(found: Tuned) -> list[str]:
     """Return which other inverses are as good as the one recommended."""
     names = dict.fromkeys(words(one.setting) for one in found.verdict.alike)
     return [f"As good, within {ALIKE:.0%} of error: {'; '.join(names)}."] if names else []
+
+
+def margins(found: Tuned) -> list[tuple[str, ...]]:
+    """Return what the loop of each recommendation bears: gain, and more delay and lag [ms]."""
+    return [
+        (name, _bears(one.gain, 1.0), _bears(one.delay, 1e3), _bears(one.lag, 1e3))
+        if one
+        else (name, "not found: the path is too short", "", "")
+        for name, one in found.margins.items()
+    ]
+
+
+def _bears(margin: Margin | None, scale: float) -> str:
+    if margin is None:
+        return "none"
+    value = f"{scale * margin.value:.3g}"
+    return value if margin.edge.is_found else f"> {value}"
+
+
+def doubts(found: Tuned) -> list[str]:
+    """Return what is to be known before a recommendation goes to a robot."""
+    best, lines = found.verdict.recommended, []
+    if best is None:
+        return []
+    margin = found.margins.get("recommended")
+    if margin and margin.gain.edge.is_found and margin.gain.value < GAIN_MARGIN:
+        lines.append(
+            f"Warning: its gain margin is {margin.gain.value:.3g}, below {GAIN_MARGIN:g}: if your robot may "
+            "be slower than was told, take less feedback, by --only control.feedback=VALUE."
+        )
+    pairs = zip(best.setting.structure.keys, best.setting.numbers, strict=True)
+    for key, value in () if best.setting.is_written else pairs:
+        if value in map(rounded, found.bounds.get(key, ())):
+            lines.append(
+                f"Warning: {key} stands at its search bound, {value:.6g}: what lies beyond was not tried."
+            )
+    return lines
 
 
 def nothing(found: Tuned) -> str:

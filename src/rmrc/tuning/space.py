@@ -13,6 +13,8 @@ from rmrc.results.run import Run
 from rmrc.scenario import Change, Scenario, changes_of
 from rmrc.scenario.choices import INVERSES, POLICIES, SCHEDULES, Choice, Parameter, Scales
 from rmrc.simulation.prepare import Prepared
+from rmrc.textbook.stability import edge_gain
+from rmrc.tuning.robot import Robot
 
 METHOD, SCHEDULE, AT_SINGULARITY = (f"control.{one.key}" for one in (INVERSES, SCHEDULES, POLICIES))
 FEEDBACK = "control.feedback"
@@ -143,18 +145,27 @@ def _largest(values: NDArray[np.float64]) -> float:
     return float(values[np.isfinite(values)].max(initial=0.0))
 
 
-def bounds(nominal: Prepared, run: Run) -> dict[str, tuple[float, float]]:
+def bounds(nominal: Prepared, run: Run, robot: Robot, margin: float) -> dict[str, tuple[float, float]]:
     """Return the least and the largest value of each number that is worth trying.
 
     Args:
         nominal: The scenario.
         run: Its own, as far as it came.
+        robot: Whose loop is to bear the feedback.
+        margin: How many times.
     """
     seen, period = scales(nominal, run), nominal.scenario.control.period
     # An error that falls to 1/e in 5 periods is slow beside the servos, which take one or two; one that takes
-    # more than 1 s is hardly fed back.
-    limits = {FEEDBACK: (min(1.0, 0.02 / period), 0.2 / period)}
+    # more than 1 s is hardly fed back. Beyond the edge of its loop, an ideal plant is unstable.
+    edge = edge_gain(period, *robot.slowest(nominal.scenario)) / margin
+    largest = min(0.2 / period, edge)
+    limits = {FEEDBACK: (min(1.0, 0.1 * largest), largest)}
     return limits | {key: one.range(seen) for key, one in _SEARCHED.items() if one.range is not None}
+
+
+def rounded(value: float) -> float:
+    """Return a number with the digits that are tried and printed."""
+    return float(f"{value:.3g}")
 
 
 @dataclass(frozen=True)
@@ -188,7 +199,7 @@ class Space:
             values = self.only[key]
             return values[min(int(u * len(values)), len(values) - 1)]
         low, high = self.limits[key]
-        return float(f"{low * (high / low) ** u:.3g}")
+        return rounded(low * (high / low) ** u)
 
     def point(self, setting: Setting) -> NDArray[np.float64]:
         """Return where a setting lies in its cube; outside of the bounds, at the nearest."""

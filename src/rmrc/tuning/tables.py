@@ -63,6 +63,12 @@ def sheets(
     ]
 
 
+def margins(rows: Sequence[tuple[str, ...]]) -> Sheet:
+    """Return the table of what loops bear: name, and by how much more gain, delay and lag they are stable."""
+    headings, units = ("its loop bears", "gain", "more delay", "more lag"), ("", "times", "ms", "ms")
+    return Sheet("Margins, on the slowest of the robots", headings, [units, *rows], frozenset({0}))
+
+
 def shown(front: Sequence[Row], named: Sequence[Row]) -> list[Row]:
     """Return the rows of a front that are shown: evenly, up to the largest error of what has a name."""
     largest = max(one.error for one in named)

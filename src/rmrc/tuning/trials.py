@@ -2,24 +2,32 @@
 
 import math
 import threading
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Scorecard
+from rmrc.results.tally import ACCELERATION, RATE, WHOLE
 from rmrc.scenario import Change, Variant, changes_of
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.executors import threads
+from rmrc.study.margins.search import bears
 from rmrc.study.study import Listed, OnRuns, Result, Study
+from rmrc.tuning.bar import ALIKE, Bar
 from rmrc.tuning.front import Point
 from rmrc.tuning.space import Setting
 
 # How far above a limit a measured peak may be: the law keeps commands within it, and servos overshoot.
 TOLERANCE = 0.01
+
+# Changes of a commanded acceleration's sign a second, as `rmrc.results.tally` counts them: a path with
+# corners and limits comes to some, and a loop that rings to 15 and more.
+CHATTER = 5.0
+# Share of the time in which drives may be at their limit: what starting off takes.
+SATURATED = 0.01
 
 # A batch is a second of one core at most, so that Ctrl-C and the progress bar need not wait.
 _TICKS = 200_000
@@ -34,17 +42,21 @@ class Outcome(NamedTuple):
         error: The larger of position_error.max and task.length · orientation_error.max [m].
         peak_rate: The largest of the joints' peak rates, of those that slide over task.length [rad/s].
         time: duration [s].
+        roughness: The largest of the joints' rms commanded accelerations [rad/s² or m/s²].
         completed: Share of the path.
         excess: Share by which what is allowed is exceeded most; not positive: it is kept.
         missed: What that is, in words.
+        ended: Whether it was ended because it could no longer count: all of this is as far as it came.
     """
 
     error: float
     peak_rate: float
     time: float
+    roughness: float
     completed: float
     excess: float
     missed: str
+    ended: bool = False
 
     @property
     def point(self) -> Point:
@@ -54,10 +66,12 @@ class Outcome(NamedTuple):
 
 def worst(outcomes: Sequence[Outcome]) -> Outcome:
     """Return the worst of each of several runs."""
-    error, peak_rate, time = (max(values) for values in zip(*(one[:3] for one in outcomes), strict=True))
+    figures = zip(*(one[:4] for one in outcomes), strict=True)
+    error, peak_rate, time, roughness = (max(values) for values in figures)
     tightest = max(outcomes, key=lambda one: one.excess)
     completed = min(one.completed for one in outcomes)
-    return Outcome(error, peak_rate, time, completed, tightest.excess, tightest.missed)
+    ended = any(one.ended for one in outcomes)
+    return Outcome(error, peak_rate, time, roughness, completed, tightest.excess, tightest.missed, ended)
 
 
 @dataclass(frozen=True)
@@ -71,6 +85,7 @@ class Limits:
         length: task.length [m].
         rate: Largest rate of each joint; infinite for none.
         acceleration: Largest acceleration of each.
+        jerk: Largest commanded jerk of each; held against that of the joint with the largest.
     """
 
     joints: tuple[str, ...]
@@ -79,45 +94,116 @@ class Limits:
     length: float
     rate: NDArray[np.float64]
     acceleration: NDArray[np.float64]
+    jerk: NDArray[np.float64]
 
     @classmethod
     def of(cls, prepared: Prepared) -> "Limits":
         """Return the limits of a scenario, the model's own where it has none."""
         arm, length, law = prepared.arm, prepared.task.length, prepared.law
         scale = np.where(arm.is_slide, length, 1.0)
-        return cls(arm.joints, tuple(arm.units), scale, length, law.rate_limit, law.acceleration_limit)
+        jerk = np.full(arm.n, prepared.scenario.control.limits.jerk or math.inf)
+        limits = law.rate_limit, law.acceleration_limit, jerk
+        return cls(arm.joints, tuple(arm.units), scale, length, *limits)
 
-    def measure(self, card: Scorecard, divergence: Divergence | None, longest: float) -> Outcome:
+    def measure(self, result: Result, longest: float) -> Outcome:
         """Return what a run came to.
 
         Args:
-            card: Its figures.
-            divergence: Where it diverged.
+            result: Of it.
             longest: Time that it may take [s].
         """
+        card = result.scorecard
 
         def figure(name: str) -> float:
             return float(card[name].value) if name in card else 0.0
 
-        error = max(figure("position_error.max"), self.length * figure("orientation_error.max"))
         rates = np.array([figure(f"joint_rate.{joint}.peak") for joint in self.joints])
-        found = [(-1.0, "")]
-        for what, limits, unit in (("rate", self.rate, "/s"), ("acceleration", self.acceleration, "/s²")):
-            for joint, limit, own in zip(self.joints, limits, self.units, strict=True):
-                peak = figure(f"joint_{what}.{joint}.peak")
-                over = peak / float(limit * (1.0 + TOLERANCE)) - 1.0
-                found.append(
-                    (over, f"the {what} of {joint} is {peak:.4g} {own}{unit}, and {limit:.4g} is allowed")
-                )
+        error = max(figure("position_error.max"), self.length * figure("orientation_error.max"))
         time, completed = figure("duration"), figure("completed")
+        found = [(-1.0, ""), *self._peaks(card), *_smooth(card, time)]
         found.append((time / longest - 1.0 - 1e-9, f"it takes {time:.4g} s, and {longest:.4g} is allowed"))
-        if completed != 1.0:
+        if completed != 1.0 and not result.ended:
             over = 1.0 / completed - 1.0 if completed > 0.0 else math.inf
             found.append((over, f"{completed:.0%} of the path is done in {time:.4g} s"))
-        if divergence is not None:
-            found.append((math.inf, f"it {divergence}"))
+        if result.divergence is not None:
+            found.append((math.inf, f"it {result.divergence}"))
         excess, missed = max(found, key=lambda pair: pair[0])
-        return Outcome(error, float((rates / self.scale).max()), time, completed, excess, missed)
+        rate, rough = float((rates / self.scale).max()), figure("joint_acceleration_cmd.rms")
+        return Outcome(error, rate, time, rough, completed, excess, missed, result.ended)
+
+    def _peaks(self, card: Scorecard) -> Iterator[tuple[float, str]]:
+        """Yield by which share the limits of the joints are exceeded, and in words."""
+        for what, name, limits, per in (
+            ("rate", "joint_rate", self.rate, "/s"),
+            ("acceleration", "joint_acceleration", self.acceleration, "/s²"),
+        ):
+            for joint, limit, unit in zip(self.joints, limits, self.units, strict=True):
+                if limit < math.inf:
+                    yield _over(what, joint, float(card[f"{name}.{joint}.peak"].value), limit, f"{unit}{per}")
+        joint = str(card["joint_jerk_cmd.peak_joint"].value)
+        if joint and np.isfinite(self.jerk).any():
+            j, jerk = self.joints.index(joint), float(card["joint_jerk_cmd.peak"].value)
+            yield _over("commanded jerk", joint, jerk, self.jerk[j], f"{self.units[j]}/s³")
+
+    def exceeded(self, tallies: NDArray[np.void]) -> NDArray[np.bool_]:
+        """Return whether runs have exceeded the limit of a joint already, by their tallies, (w,)."""
+        n, most = len(self.joints), 1.0 + TOLERANCE
+        peaks = tallies["peak"][:, :, :n]
+        over = (peaks[:, RATE] > most * self.rate) | (peaks[:, ACCELERATION] > most * self.acceleration)
+        return np.asarray(over.any(axis=1))
+
+    def points(self, tallies: NDArray[np.void]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the peak rates and errors of runs so far, (w,) each, as `measure` has them."""
+        rates = tallies["peak"][:, RATE, : len(self.joints)] / self.scale
+        errors = tallies["error_max"][:, WHOLE : WHOLE + 2] * (1.0, self.length)
+        return rates.max(axis=1), errors.max(axis=1)
+
+
+def _over(what: str, joint: str, peak: float, limit: float, unit: str) -> tuple[float, str]:
+    """Return by which share a limit is exceeded, and in words."""
+    said = f"the {what} of {joint} is {peak:.4g} {unit}, and {limit:.4g} is allowed"
+    return peak / (limit * (1.0 + TOLERANCE)) - 1.0, said
+
+
+def _smooth(card: Scorecard, time: float) -> Iterator[tuple[float, str]]:
+    """Yield by which share chatter, torques and what a profile accepts are exceeded, and in words."""
+    chatter, saturated = float(card["chatter"].value), float(card["torque_limited.time"].value)
+    refused, most = float(card["profile.refused"].value), SATURATED * time
+    if chatter > 0.0:
+        said = (
+            f"the acceleration of {card['chatter_joint'].value} changes its sign {chatter:.4g} times a second"
+        )
+        yield chatter / CHATTER - 1.0, f"{said}, and {CHATTER:g} is allowed"
+    if saturated > 0.0:
+        said = (
+            f"the drive of {card['torque_limited.first_joint'].value} is at its limit for {saturated:.4g} s"
+        )
+        yield saturated / most - 1.0, f"{said}, and {most:.4g} is allowed"
+    if refused > 0.0:
+        said = f"the profile refuses {refused:g} commands"
+        yield refused, f"{said}, the first for the {card['profile.first_condition'].value}"
+
+
+@dataclass(frozen=True)
+class Ending:
+    """Ends runs that can no longer count.
+
+    Attributes:
+        bar: What they can be left for.
+        limits: What is allowed; nothing that exceeds them counts where something else keeps them.
+        rivals: Of each run, the least error that its inverse is known to come to.
+    """
+
+    bar: Bar
+    limits: Limits
+    rivals: NDArray[np.float64]
+
+    def __call__(self, indices: Sequence[int], tallies: NDArray[np.void]) -> NDArray[np.bool_]:
+        """Return which runs end here, (w,)."""
+        rates, errors = self.limits.points(tallies)
+        return self.limits.exceeded(tallies) | self.bar.beats(
+            rates, errors, self.rivals[list(indices)], 1.0 + ALIKE
+        )
 
 
 @dataclass
@@ -139,9 +225,7 @@ class _Outcomes:
     found: list[Outcome | None]
 
     def reduce(self, results: Sequence[Result]) -> list[Outcome]:
-        return [
-            self.limits.measure(one.scorecard, one.divergence, self.longest[one.index]) for one in results
-        ]
+        return [self.limits.measure(one, self.longest[one.index]) for one in results]
 
     def missing(self) -> Sequence[range]:
         return self.pieces
@@ -161,6 +245,8 @@ class Trials:
         threads: int,
         stop: threading.Event,
         on_runs: OnRuns | None,
+        margin: float = 1.0,
+        model: Variant | None = None,
     ) -> None:
         """Keep what all trials share; `planned` has the times of the copies' paths [s].
 
@@ -170,14 +256,17 @@ class Trials:
             threads: How many batches are run at a time.
             stop: Once it is set, the runs end.
             on_runs: Called with the number of runs of each batch that was done.
+            margin: Times its feedback that a setting is to bear on the scenario itself; 1: it need not.
+            model: What is cheap to run and comes near to the hardest copy; None: there is none.
         """
-        self._study, self._copies, self._threads, self._stop = study, copies, threads, stop
-        self._on_runs = on_runs
+        self._study, self._threads, self._stop, self._on_runs = study, threads, stop, on_runs
+        self.copies, self.margin, self.model = len(copies), margin, len(copies) if model else None
+        self._copies = copies = (*copies, *([model] if model else ()))
         nominal = study.prepare()
         self.limits, self._control = Limits.of(nominal), nominal.scenario.control
-        references = [study.prepare(copy.changes).reference for copy in copies]
+        references = [study.prepare(copy.changes).reference for copy in self._copies]
         self.planned = [one.period * one.ticks for one in references]
-        self._longest = [math.inf] * len(copies)
+        self._longest = [math.inf] * len(self._copies)
         self._ticks = nominal.reference.ticks
         self.done = 0
 
@@ -190,11 +279,15 @@ class Trials:
         """Say how long a run of each copy may take from now on [s]."""
         self._longest = list(times)
 
-    def run(self, jobs: Sequence[tuple[Setting, int]]) -> list[Outcome | None]:
+    def run(
+        self, jobs: Sequence[tuple[Setting, int]], bar: Bar | None = None, rivals: Sequence[float] = ()
+    ) -> list[Outcome | None]:
         """Return what settings come to on copies, None for those that were interrupted.
 
         Args:
             jobs: Setting, and index of the copy.
+            bar: Ends runs that it can leave; None: all run to their end.
+            rivals: Of each job, the least error that its inverse is known to come to.
         """
         most = max(1, _TICKS // self._ticks)
         size = max(1, min(most, -(-len(jobs) // (_PARTS * self._threads))))
@@ -203,8 +296,24 @@ class Trials:
         into = _Outcomes(pieces, self.limits, longest, self._count, [None] * len(jobs))
         variants = Listed([Variant("", self._changes(*job)) for job in jobs])
         with threads(self._threads, self._study) as crew:
-            self._study.run(variants, crew, into, self._stop)
+            ending = Ending(bar, self.limits, np.array(rivals)) if bar else None
+            self._study.run(variants, crew, into, self._stop, ending)
         return into.found
+
+    def bear(self, settings: Sequence[Setting]) -> list[Outcome | None]:
+        """Return what the margin of settings comes to, as an excess alone; None for what was interrupted."""
+        changes = [(*one.changes, *self._copies[0].changes) for one in settings]  # that is the slowest loop
+        found = bears(self._study, changes, self.margin, threads=self._threads, stop=self._stop)
+        self._count(2 * len(settings))
+        missed = (
+            f"with {self.margin:g} times its feedback its loop is not stable on the robot that is assumed"
+        )
+        return [
+            one
+            if one is None
+            else Outcome(0.0, 0.0, 0.0, 0.0, 1.0, -1.0 if one else 1.0, "" if one else missed)
+            for one in found
+        ]
 
     def _count(self, runs: int) -> None:
         self.done += runs

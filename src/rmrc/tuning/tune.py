@@ -3,9 +3,11 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from rmrc.results.leaving import refuse_unwritable
@@ -13,6 +15,7 @@ from rmrc.scenario import Source, Variant, block, changes_of, draft_of
 from rmrc.simulation.footprint import footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.dataset import Column, write_table
+from rmrc.study.margins.margins import Margins, margins
 from rmrc.study.study import OnRuns, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
@@ -20,11 +23,16 @@ from rmrc.support.interruption import interruptible
 from rmrc.support.problems import Origin, Problem
 from rmrc.tuning.copies import Spread, draw_copies, has_points
 from rmrc.tuning.only import Only, read_only
-from rmrc.tuning.search import Search, Tried
+from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
+from rmrc.tuning.search import Search
 from rmrc.tuning.space import NUMBERS, WORDS, Setting, Space, Structure, all_structures, bounds, own_setting
 from rmrc.tuning.tables import Row
 from rmrc.tuning.trials import Limits, Trials
+from rmrc.tuning.tried import Tried
 from rmrc.tuning.verdict import Verdict, judge
+
+# Of the margins that are told, relative: their second digit.
+_ACCURACY = 0.05
 
 
 @dataclass(frozen=True)
@@ -39,6 +47,9 @@ class Tuned:
         control: The control section with what is recommended, ready for YAML; None where nothing is feasible.
         copies: The scenario itself, and what it was tried on beside.
         limits: What was allowed.
+        bounds: Least and largest value of each number that was tried, where `--only` does not say which.
+        margins: Of what is recommended and second best, by its role, on the slowest loop; None: not found.
+        looks: How many settings were looked at on a model alone.
         runs: How many were made.
         interrupted: Whether Ctrl-C ended it.
     """
@@ -50,6 +61,9 @@ class Tuned:
     control: Mapping[str, Any] | None
     copies: tuple[Variant, ...]
     limits: Limits
+    bounds: Mapping[str, tuple[float, float]]
+    margins: Mapping[str, Margins | None]
+    looks: int
     runs: int
     interrupted: bool
 
@@ -77,6 +91,8 @@ class Tuning:
         copies: The scenario itself, and the copies.
         left_out: Why some structures cannot be chosen here.
         slower: Times the duration as written that another setting may take.
+        robot: Of the loops that the copies have.
+        margin: Times its feedback that what is recommended bears on the slowest of them.
     """
 
     def __init__(
@@ -88,6 +104,8 @@ class Tuning:
         copies: int = 4,
         seed: int = 0,
         spread: Spread | None = None,
+        robot: Mapping[str, Given] = MappingProxyType({}),
+        ideal: bool = False,
         slower: float = 1.1,
         runs: int = 2000,
         threads: int | None = None,
@@ -101,6 +119,8 @@ class Tuning:
             copies: How many perturbed copies there are.
             seed: Of the copies and of the search.
             spread: How far copies are off; None: by the defaults.
+            robot: Ranges by name, `delay`, `lag` and `noise` of its loop, and its `calibration`.
+            ideal: Whether the loop is as the scenario has it, and nothing is assumed.
             slower: Times the duration with the scenario's own setting that another may take.
             runs: How many runs are made at most.
             threads: How many batches are run at a time; None: one a core.
@@ -122,7 +142,9 @@ class Tuning:
         self._own = own_setting(self.scenario)
         self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
         self._structures, self.left_out = self._possible(words)
-        self.copies = draw_copies(self._nominal, copies, seed, spread)
+        self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
+        self.margin = GAIN_MARGIN if self.robot.is_assumed else 1.0
+        self.copies = draw_copies(self._nominal, copies, seed, spread, self.robot)
         self._refuse_excess(self._study.prepare_all(self.copies, ""))
 
     @property
@@ -152,13 +174,15 @@ class Tuning:
             KeyboardInterrupt: Ctrl-C, before anything was found.
         """
         with interruptible() as stop:
-            trials = Trials(self._study, self.copies, self._threads, stop, on_runs)
+            trials = Trials(
+                self._study, self.copies, self._threads, stop, on_runs, self.margin, self._model()
+            )
             (nominal,) = self._study.step([self._nominal], stop)
             if stop.is_set():
                 raise KeyboardInterrupt
-            limits = bounds(self._nominal, nominal.run)
+            limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
             space = Space(self._structures, limits, self._only, self._values)
-            search = Search(space, trials, len(self.copies), self._runs, self._seed)
+            search = Search(space, trials, self._runs, self._seed)
             if not search.begin(self._own, self.slower):
                 raise KeyboardInterrupt
             search.run()
@@ -166,10 +190,24 @@ class Tuning:
             verdict = judge(feasible, tried, tried[0])
             best = verdict.recommended
             control = self._written(best.setting).get("control", {}) if best else None
-            return Tuned(
-                tried[0], tried, feasible, verdict, control, self.copies, trials.limits, trials.done,
-                stop.is_set(),
-            )  # fmt: skip
+            interrupted = stop.is_set()
+        free = {key: one for key, one in limits.items() if key not in self._only}
+        return Tuned(
+            tried[0], tried, feasible, verdict, control, self.copies, trials.limits, free,
+            {} if interrupted else self._margins(verdict), search.looks, trials.done, interrupted,
+        )  # fmt: skip
+
+    def _margins(self, verdict: Verdict) -> dict[str, Margins | None]:
+        """Return what the loops of recommendations bear on the slowest of the robots."""
+        found = dict[str, Margins | None]()
+        for name, one in {"recommended": verdict.recommended, "second best": verdict.second}.items():
+            if one is None or one.feedback == 0.0:
+                continue
+            slowest = self._draft.changed(*one.setting.changes, *self.copies[0].changes)
+            found[name] = None
+            with suppress(ScenarioError):  # its path is too short for what its loop bears
+                found[name] = margins(slowest, accuracy=_ACCURACY, threads=self._threads)
+        return found
 
     def write(self, tuned: Tuned, folder: Path, picture: Path | None = None) -> list[Path]:
         """Write NAME.tune.parquet with all settings, NAME.tune.yaml with the best one, and a picture.
@@ -258,6 +296,33 @@ class Tuning:
             raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons)
         return tuple(found), tuple(map(str, reasons))
 
+    def _bearable(self, robot: Robot) -> Robot:
+        """Return a robot without what is assumed of it that the scenario cannot have, which is told."""
+        for name in robot.ranges if robot.is_assumed else ():
+            try:
+                self._study.prepare(changes_of(robot.only(name).values(self._nominal, {})))
+            except ScenarioError as error:
+                self.left_out += tuple(map(str, error.problems))
+                robot = robot.without(name)
+        return robot
+
+    def _model(self) -> Variant | None:
+        """Return what comes near to the slowest loop and costs half: an ideal plant with one dead time.
+
+        What matters of a loop is the sum of its delay and lags; without either, servos do what an ideal plant
+        does not.
+        """
+        late = sum(self.robot.slowest(self.scenario))
+        if not late or not self._nominal.plant.has_physics:
+            return None
+        ideal = {"plant.kind": "ideal", "plant.delay": late, "plant.lag": 0.0}
+        model = Variant("the model", changes_of(ideal))
+        try:
+            self._study.prepare(model.changes)
+        except ScenarioError:  # of a scenario with a payload, say
+            return None
+        return model
+
     def _refuse_excess(self, copies: Sequence[Prepared]) -> None:
         """Refuse what does not fit into memory: the run as written, and batches of its copies."""
         refuse_excess([self._nominal])
@@ -279,6 +344,11 @@ def tune(
     start: float = Spread.start,
     offset: float = Spread.offset,
     payload: float = Spread.payload,
+    delay: Given = None,
+    lag: Given = None,
+    noise: Given = None,
+    calibration: Given = None,
+    ideal: bool = False,
     slower: float = 1.1,
     runs: int = 2000,
     seed: int = 0,
@@ -297,6 +367,13 @@ def tune(
         start: How far the joints of a copy start off, to either side [rad]; slides: times `task.length` [m].
         offset: How far the target of a copy is off along each axis, to either side [m].
         payload: Most that a copy carries beside [kg].
+        delay: Dead time of the robot's commands [s]: a number, the least and the largest, or a text such as
+            `6ms..12ms`. Where neither this nor `lag` or `noise` is given, nor the scenario tells any of it, a
+            modest robot is assumed.
+        lag: Time constant with which its drives follow [s].
+        noise: Standard deviation of its encoders' noise [rad]; of slides, times `task.length` [m].
+        calibration: How far lengths of its links and zeros of its joints are off, to either side [1, rad].
+        ideal: Whether the loop is as the scenario has it, and nothing is assumed.
         slower: Times the duration with the scenario's own setting that another may take.
         runs: How many runs are made at most.
         seed: Of the copies and of the search.
@@ -315,8 +392,9 @@ def tune(
     """
     spread = Spread(start, offset, payload)
     work = Tuning(
-        scenario, only=only or (), copies=copies, seed=seed, spread=spread, slower=slower, runs=runs,
-        threads=threads,
+        scenario, only=only or (), copies=copies, seed=seed, spread=spread,
+        robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration}, ideal=ideal,
+        slower=slower, runs=runs, threads=threads,
     )  # fmt: skip
     if out is not None:
         refuse_unwritable(work.files(Path(out)))

@@ -1,13 +1,10 @@
 """What is best of all that was tried, and what it is held against."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
-from rmrc.scenario.choices import INVERSES
 from rmrc.tuning.front import dominates, front
-from rmrc.tuning.search import ALIKE, SAME, Tried, is_same
-from rmrc.tuning.space import AT_SINGULARITY, WORDS
-from rmrc.tuning.trials import Outcome
+from rmrc.tuning.tried import Tried, best, is_same, preference
 
 
 @dataclass(frozen=True)
@@ -40,10 +37,10 @@ def judge(feasible: Sequence[Tried], tried: Sequence[Tried], own: Tried) -> Verd
         tried: All that were tried, one at least.
         own: The setting as written.
     """
-    preferred = sorted(feasible, key=_preference)
+    preferred = sorted(feasible, key=preference)
     points = {one.worst.point: one for one in reversed(preferred)}
     on_front = [points[point] for point in (list(points)[i] for i in front(list(points)))]
-    recommended = _best(preferred)
+    recommended = best(preferred)
     if recommended is None:
         nearest = min(tried, key=lambda one: (-len(one.outcomes), one.worst.excess, one.worst.error))
         return Verdict((), None, (), None, None, nearest)
@@ -56,42 +53,8 @@ def judge(feasible: Sequence[Tried], tried: Sequence[Tried], own: Tried) -> Verd
     return Verdict(
         tuple(on_front),
         recommended,
-        tuple(sorted(same.values(), key=_preference)),
-        _best(others),
-        recommended if recommended in better else _best(better),
+        tuple(sorted(same.values(), key=preference)),
+        best(others),
+        recommended if recommended in better else best(better),
         None,
-    )
-
-
-def _best(preferred: Sequence[Tried]) -> Tried | None:
-    """Return the setting with the smallest error; of errors that are alike, with the lowest peak rate.
-
-    Of rates that no digit shown tells apart, the structure that is preferred, and its smallest error.
-    """
-    alike = _least(preferred, lambda out: out.error, ALIKE)
-    alike = _least(alike, lambda out: out.peak_rate, SAME)
-    alike = [one for one in alike if _structure(one) == _structure(alike[0])]
-    return min(alike, key=lambda one: (one.worst.error, one.worst.time), default=None)
-
-
-def _least(some: Sequence[Tried], figure: Callable[[Outcome], float], share: float) -> list[Tried]:
-    """Return those whose figure is the least one, or more by a share at most."""
-    most = min((figure(one.worst) for one in some), default=0.0) * (1.0 + share)
-    return [one for one in some if figure(one.worst) <= most]
-
-
-def _structure(one: Tried) -> tuple[object, bool]:
-    return one.setting.structure, one.setting.is_written
-
-
-def _preference(one: Tried) -> tuple[bool, int, int, float, tuple[float, ...]]:
-    """Return what comes first of equals: as written, then what does the least beside inverting."""
-    structure, out = one.setting.structure, one.worst
-    policy = WORDS[AT_SINGULARITY].index(structure.at_singularity)
-    return (
-        not one.setting.is_written,
-        policy,
-        INVERSES[structure.method].preference,
-        out.error,
-        one.setting.numbers,
     )

@@ -143,7 +143,7 @@ class Asking:
             written = nominal.known.get(1.0)
             searches = {"gain": gain(one)}
             if written is not None and not written.is_unstable:
-                searches |= {"delay": delay(one), "lag": lag(one)}
+                searches |= {"delay": delay(one, self._prepared.reference.duration), "lag": lag(one)}
             if written is not None:
                 for search in searches.values():
                     search.known[1.0] = written

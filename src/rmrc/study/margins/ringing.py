@@ -127,7 +127,9 @@ def _judged(
 
 def lateness(scenario: Scenario) -> tuple[float, float]:
     """Return how late a loop is beside T/2: dead time there and back, and the longest lag [s]."""
-    return scenario.plant.delay + scenario.arm.encoder.delay, float(np.max(scenario.plant.lag))
+    plant = scenario.plant
+    # of jitter, uniform from 0 on, its mean
+    return plant.delay + 0.5 * plant.jitter + scenario.arm.encoder.delay, float(np.max(plant.lag))
 
 
 def window(scenario: Scenario) -> int:

@@ -19,6 +19,8 @@ from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 _GRID = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0)
 _POINTS = 6
 ACCURACY = 0.02
+# A dead time is at most this share of the path's time.
+_SHARE = 0.9
 # Where the edge is not near, each round goes on by these, up to so many times the edge of the ideal plant,
 # and down to this share of the feedback as written.
 _STEPS = (1.5, 2.25, 3.4, 5.0)
@@ -109,14 +111,21 @@ def gain(scenario: Scenario, base: Sequence[Change] = ()) -> Search:
     return Search(changes, guess, _BEYOND * max(1.0, guess), min(_LOWEST, 0.1 * guess))
 
 
-def delay(scenario: Scenario) -> Search:
-    """Return the search for a longer dead time, by the factor on how late commands are in all."""
+def delay(scenario: Scenario, longest: float) -> Search:
+    """Return the search for a longer dead time, by the factor on how late commands are in all.
+
+    Args:
+        scenario: The scenario.
+        longest: Time of its path [s]: no command of the whole run arrives if each takes as long.
+    """
     ideal, base = edge_delay(*_loop(scenario)[:2], lateness(scenario)[1]), scenario.plant.delay
 
     def changes(factor: float) -> tuple[Change, ...]:
         return changes_of({"plant.delay": base + added(scenario, factor)})
 
-    return _later(scenario, ideal - base, changes)
+    search = _later(scenario, ideal - base, changes)
+    search.most = max(1.0, min(search.most, 1.0 + (_SHARE * longest - base) / _loop(scenario)[2]))
+    return search
 
 
 def lag(scenario: Scenario) -> Search:

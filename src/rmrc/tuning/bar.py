@@ -1,0 +1,67 @@
+"""What a run must still be able to come to: one that cannot ends, and gets no more copies."""
+
+import math
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.tuning.front import Point, front
+
+# Errors within this share of the smallest one are as good, because other copies make more of a difference.
+ALIKE = 0.02
+# Peak rates and times within this share are the same to the digits that are shown.
+SAME = 1e-3
+# What is better by less than this share neither gets more runs nor keeps a search going.
+NEW = 1e-2
+# Where errors are so many times the smallest one, a front leads nowhere that anybody wants to go.
+FAR = 10.0
+
+_Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bar:
+    """What is known to be possible: the least that another setting has to come to.
+
+    Attributes:
+        rates: Peak rates of the front, rising [rad/s].
+        errors: Its errors, falling [m].
+        wanted: Largest error that anybody wants [m].
+    """
+
+    rates: _Array
+    errors: _Array
+    wanted: float
+
+    @classmethod
+    def of(cls, points: Sequence[Point], own: Iterable[Point]) -> "Bar | None":
+        """Return what settings ask of others; None where there are none.
+
+        Args:
+            points: Of those that keep what is allowed on all copies.
+            own: Of the setting as written, if it does; errors up to its are wanted.
+        """
+        if not points:
+            return None
+        kept = np.array([points[i][:2] for i in front(points)])
+        rates, errors = kept[:, 0], np.minimum.accumulate(kept[:, 1])
+        return cls(rates, errors, max(FAR * float(errors[-1]), *(one.error for one in own), 0.0))
+
+    def beats(self, rate: _Array, error: _Array, rival: _Array, alike: float = 0.0) -> NDArray[np.bool_]:
+        """Say whether settings of which this much is known can be left, (w,): the rest only makes them worse.
+
+        One cannot that may have the least error of its inverse, so that the comparison of inverses is fair.
+
+        Args:
+            rate: Peak rate so far, (w,).
+            error: So far, (w,).
+            rival: Least error that the same inverse is known to come to, (w,).
+            alike: Times the smallest error, up to which none is left, as it may be the smoothest.
+        """
+        at = np.searchsorted(self.rates, rate * (1.0 + NEW), side="right")
+        least = np.maximum(np.append(math.inf, self.errors)[at], rival)
+        is_better = (least > error * (1.0 + NEW)) | (error <= alike * self.errors[-1])
+        result: NDArray[np.bool_] = (error > self.wanted) | ~is_better
+        return result

@@ -1,0 +1,238 @@
+"""What is not known of a robot: how late, slowly and noisily its loop answers, and its calibration."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, TypeAlias
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.scenario import Scenario
+from rmrc.scenario.profile import load_profile
+from rmrc.scenario.sections import PROFILE
+from rmrc.scenario.units import quantity
+from rmrc.simulation.prepare import Prepared
+from rmrc.support.errors import ScenarioError
+from rmrc.support.problems import Origin, Problem
+
+Range = tuple[float, float]
+Given: TypeAlias = str | float | Sequence[float] | None
+"""A range as it is given: a number, a pair of them, a text such as `6ms..12ms`, or nothing."""
+
+# What is assumed of a robot of which nothing is told, as published loops go: commands take two periods and
+# more, drives lag, and an encoder of 19 bits rounds to 1e-5 rad.
+DELAY, PERIODS, LAG, NOISE = 0.008, 2, 0.005, 1e-5
+# Times its feedback that a recommended setting bears on a robot that is assumed.
+GAIN_MARGIN = 2.0
+
+_UNITS = {"delay": "s", "lag": "s", "noise": "rad", "calibration": "1"}
+_KEYS = {"delay": "plant.delay", "lag": "plant.lag", "noise": "arm.encoder.noise"}
+
+
+@dataclass(frozen=True)
+class Robot:
+    """How the loop of a robot may be, from the quickest to the slowest; None: as the scenario has it.
+
+    Attributes:
+        delay: Dead time of its commands [s].
+        lag: Time constant with which its drives follow [s].
+        noise: Standard deviation of its encoders' noise [rad]; of slides, times task.length [m].
+        calibration: How far lengths of its links and zeros of its joints are off, to either side: share of
+            a length, and angle [1, rad]; of slides, times task.length [m].
+        is_assumed: Whether nobody told any of its loop.
+        profile: Whose published loop it has; "": nobody's.
+    """
+
+    delay: Range | None = None
+    lag: Range | None = None
+    noise: Range | None = None
+    calibration: float = 0.0
+    is_assumed: bool = False
+    profile: str = ""
+
+    @classmethod
+    def assumed(cls, period: float) -> "Robot":
+        """Return the modest robot that is assumed where nothing is told.
+
+        Args:
+            period: Of control [s].
+        """
+        return cls((0.0, max(PERIODS * period, DELAY)), (0.0, LAG), (NOISE, NOISE), is_assumed=True)
+
+    @property
+    def ranges(self) -> dict[str, Range]:
+        """What is given of the loop, by name."""
+        return {name: getattr(self, name) for name in _KEYS if getattr(self, name) is not None}
+
+    @property
+    def varied(self) -> tuple[str, ...]:
+        """What differs from copy to copy."""
+        return tuple(name for name, (low, high) in self.ranges.items() if low < high)
+
+    def only(self, name: str) -> "Robot":
+        """Return a robot of one of the ranges."""
+        nothing: dict[str, Any] = dict.fromkeys(_KEYS.keys() - {name})
+        return replace(self, **nothing)
+
+    def without(self, name: str) -> "Robot":
+        """Return the robot with a range left to the scenario."""
+        nothing: dict[str, Any] = {name: None}
+        return replace(self, **nothing)
+
+    def values(self, nominal: Prepared, shares: Mapping[str, float]) -> dict[str, object]:
+        """Return the keys of a copy, and their values.
+
+        Args:
+            nominal: The scenario.
+            shares: Of what is varied, where between its least and largest value.
+        """
+        found: dict[str, object] = {}
+        for name, (low, high) in self.ranges.items():
+            value = low + shares.get(name, 1.0) * (high - low)
+            found[_KEYS[name]] = self._of_joints(nominal, value) if name == "noise" else value
+        return found
+
+    def misfit(self, nominal: Prepared, shares: NDArray[np.float64]) -> dict[str, object]:
+        """Return the keys of a copy whose calibration is off, and their values.
+
+        Args:
+            nominal: The scenario.
+            shares: From -1 to 1, of each joint, and then of the link that it moves, (2 n,).
+        """
+        if not self.calibration:
+            return {}
+        arm, plant, (zeros, lengths) = nominal.arm, nominal.scenario.plant, np.split(shares, 2)
+        bodies = [arm.body_names[body] for body in arm.model.jnt_bodyid[arm.wiring.joint]]
+        factors = {
+            name: plant.stretch.get(name, 1.0) * (1.0 + self.calibration * float(share))
+            for name, share in zip(bodies, lengths, strict=True)
+        }
+        off = np.where(arm.is_slide, nominal.scenario.task.length, 1.0) * self.calibration * zeros
+        return {"plant.stretch": plant.stretch | factors, "plant.joint_offset": plant.joint_offset + off}
+
+    @staticmethod
+    def _of_joints(nominal: Prepared, value: float) -> float | NDArray[np.float64]:
+        """Return an angle, or the values of all joints where some slide."""
+        slides, length = nominal.arm.is_slide, nominal.scenario.task.length
+        return np.where(slides, value * length, value) if slides.any() else value
+
+    def slowest(self, scenario: Scenario) -> Range:
+        """Return the largest delay and the largest lag [s], the scenario's own where the robot has none."""
+        delay = self.delay[1] if self.delay else scenario.plant.delay
+        lag = self.lag[1] if self.lag else float(np.max(scenario.plant.lag))
+        return delay, lag
+
+    @property
+    def words(self) -> str:
+        """What is given, in words: `delay 0 to 8 ms, lag 5 ms, encoder noise 1e-05 rad`."""
+        parts = []
+        for name, (low, high) in self.ranges.items():
+            scale, unit = (1e3, "ms") if _UNITS[name] == "s" else (1.0, "rad")
+            least = f"{scale * low:.4g} to " if low < high else ""
+            parts.append(f"{'encoder ' * (name == 'noise')}{name} {least}{scale * high:.4g} {unit}")
+        if self.calibration:
+            parts.append(f"links off by up to {self.calibration:.3g}, joints by {self.calibration:.3g} rad")
+        return ", ".join(parts)
+
+
+def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> Robot:
+    """Return what is not known of a scenario's robot, and assume it where nobody told any of it.
+
+    Args:
+        scenario: Its `tune` has what is not given; where its plant or its encoders have a loop of their own,
+            nothing is assumed.
+        given: Ranges by name, as options.
+        ideal: Whether the loop shall be as the scenario has it.
+
+    Raises:
+        ScenarioError: All that is wrong with the ranges.
+    """
+    told, problems = {name: value for name, value in given.items() if value is not None}, list[Problem]()
+    if ideal and told:
+        names = " and ".join(f"--{name}" for name in told)
+        raise ScenarioError.about("--ideal", f"takes the loop as the scenario has it, got {names} as well")
+    if ideal:
+        return Robot()
+    ranges = dict[str, Any]()
+    for name, unit in _UNITS.items():
+        value = told.get(name, getattr(scenario.tune, name))
+        try:
+            ranges |= {} if value is None else {name: read_range(value, unit)}
+        except ValueError as error:
+            problems.append(Problem((), str(error), Origin(f"--{name}")))
+    if problems:
+        raise ScenarioError(problems)
+    calibration = ranges.pop("calibration", (0.0, 0.0))[1]
+    if ranges or _has_loop(scenario):
+        return Robot(**ranges, calibration=calibration)
+    profile, published = _published(scenario)
+    if published:
+        return Robot(**published, calibration=calibration, profile=profile)
+    return replace(Robot.assumed(scenario.control.period), calibration=calibration)
+
+
+def _published(scenario: Scenario) -> tuple[str, dict[str, Any]]:
+    """Return the profile that a scenario names, and what that tells of the loop."""
+    name = scenario.control.limits.profile or scenario.expect.get(PROFILE)
+    if not isinstance(name, str):
+        return "", {}
+    profile, found = load_profile(name), dict[str, Any]()
+    if profile.loop.delay:
+        found["delay"] = read_range(profile.loop.delay.value, "s")
+    if profile.loop.lag:
+        found["lag"] = read_range(profile.loop.lag.value, "s")
+    if profile.loop.encoder_resolution:  # rounding is as good as noise that is even within a step
+        found["noise"] = read_range(profile.loop.encoder_resolution.value / math.sqrt(12.0), "rad")
+    return profile.name, found
+
+
+def read_range(given: str | float | Sequence[float], unit: str) -> Range:
+    """Return the least and the largest value of a range.
+
+    Args:
+        given: A number, two of them, or a text: `8ms`, `6ms..12ms`, `0..1e-5`.
+        unit: Of numbers without one; the unit of a text's last number is that of all.
+
+    Raises:
+        ValueError: It is none, negative, or the largest comes first.
+
+    >>> read_range("6..12ms", "s"), read_range(0.008, "s")
+    ((0.006, 0.012), (0.008, 0.008))
+    """
+    if isinstance(given, str):
+        low, high = _read(given, unit)
+    else:
+        low, high = (given, given) if isinstance(given, int | float) else map(float, given)
+    if not 0.0 <= low <= high < math.inf:
+        raise ValueError(f"must be >= 0 and finite, the least first, got {given}")
+    return float(low), float(high)
+
+
+def _read(text: str, unit: str) -> Range:
+    low, dots, high = text.partition("..")
+    example = {"s": "8ms or 6ms..12ms", "rad": "1e-5 or 0..1e-5"}.get(unit, "0.002")
+    try:
+        most, has_unit = quantity(high if dots else low, unit)
+        least, has_own = quantity(low, unit)
+        if has_unit and dots and not has_own:  # `6..12ms`
+            own = high.strip().lstrip("+-0123456789.eE")
+            least, _ = quantity(f"{low.strip()} {own}", unit)
+    except ValueError as error:
+        raise ValueError(f"must be a range such as {example}, got {text}, which {error}") from None
+    return least, most
+
+
+def _has_loop(scenario: Scenario) -> bool:
+    """Say whether a scenario tells how its loop answers."""
+    plant, encoder = scenario.plant, scenario.arm.encoder
+    numbers = (
+        plant.delay,
+        plant.lag,
+        plant.jitter,
+        plant.loss,
+        encoder.noise,
+        encoder.resolution,
+        encoder.delay,
+    )
+    return plant.resonance.frequency is not None or any(np.any(number) for number in numbers)

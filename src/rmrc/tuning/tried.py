@@ -1,0 +1,100 @@
+"""A setting and what its runs came to, and which of several is best."""
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rmrc.scenario.choices import INVERSES
+from rmrc.tuning.bar import ALIKE, SAME
+from rmrc.tuning.space import AT_SINGULARITY, FEEDBACK, WORDS, Setting
+from rmrc.tuning.trials import Outcome, worst
+
+# Feedback within this share is as low: then what the structure is counts more.
+SLOW = 0.1
+
+
+@dataclass
+class Tried:
+    """A setting and its runs.
+
+    Attributes:
+        setting: What was tried.
+        outcomes: By the numbers of the copies, 0 for the scenario itself.
+        bears: What more feedback came to: None where that was not asked.
+    """
+
+    setting: Setting
+    outcomes: dict[int, Outcome]
+    bears: Outcome | None = None
+    _worst: Outcome = field(init=False, repr=False, compare=False)  # asked for again and again
+    _of: int = field(default=0, init=False, repr=False, compare=False)
+
+    @property
+    def worst(self) -> Outcome:
+        """The worst of its runs."""
+        every = [*self.outcomes.values(), *([self.bears] if self.bears else ())]
+        if self._of != len(every):
+            self._worst, self._of = worst(every), len(every)
+        return self._worst
+
+    @property
+    def keeps_limits(self) -> bool:
+        """Whether all its runs kept what is allowed, as far as they are known."""
+        return self.worst.excess <= 0.0 and not self.worst.ended
+
+    @property
+    def feedback(self) -> float:
+        """Its feedback [1/s]."""
+        return float(self.setting.values[FEEDBACK])
+
+
+def is_same(one: Tried, other: Tried) -> bool:
+    """Say whether two settings come to the same, as inverses do that differ only where the arm never is."""
+    share = np.array([ALIKE, SAME, SAME])
+    a, b = np.array(one.worst[:3]), np.array(other.worst[:3])
+    return bool((np.abs(a - b) <= share * np.minimum(a, b)).all())
+
+
+def best(some: Iterable[Tried]) -> Tried | None:
+    """Return the setting with the smallest error; of errors that are alike, the smoothest; None of none.
+
+    Of settings that are as smooth, that with the lowest feedback; then the structure that is preferred, and
+    its smallest error.
+    """
+    alike = _least(sorted(some, key=preference), lambda one: one.worst.error, ALIKE)
+    alike = _least(alike, lambda one: one.worst.roughness, ALIKE)
+    alike = _least(alike, lambda one: one.feedback, SLOW)
+    alike = [one for one in alike if _structure(one) == _structure(alike[0])]
+    return min(alike, key=lambda one: (one.worst.error, one.worst.time), default=None)
+
+
+def _least(some: Sequence[Tried], figure: Callable[[Tried], float], share: float) -> list[Tried]:
+    """Return those whose figure is the least one, or more by a share at most."""
+    most = min(map(figure, some), default=0.0) * (1.0 + share)
+    return [one for one in some if figure(one) <= most]
+
+
+def _structure(one: Tried) -> tuple[object, bool]:
+    return one.setting.structure, one.setting.is_written
+
+
+def preference(one: Tried) -> tuple[bool, int, int, float, tuple[float, ...]]:
+    """Return what comes first of equals: as written, then what does the least beside inverting."""
+    structure, out = one.setting.structure, one.worst
+    policy = WORDS[AT_SINGULARITY].index(structure.at_singularity)
+    return (
+        not one.setting.is_written,
+        policy,
+        INVERSES[structure.method].preference,
+        out.error,
+        one.setting.numbers,
+    )
+
+
+def best_of_each(by_error: Iterable[Tried]) -> list[Tried]:
+    """Return the first of each inverse."""
+    found: dict[tuple[str, str], Tried] = {}
+    for one in by_error:
+        found.setdefault(one.setting.structure.inverse, one)
+    return list(found.values())
