@@ -8,6 +8,7 @@ import signal
 import sys
 
 import pytest
+import typer.main
 from hypothesis import settings
 from xdist.scheduler import LoadGroupScheduling
 
@@ -47,6 +48,9 @@ def once(read):
 
 
 loading.read = once(loading.read)
+
+# Typer makes all commands anew for each call of the command line, which takes longer than most calls.
+typer.main.get_command = functools.cache(typer.main.get_command)
 
 # In the name of each test of clusters, and of each with a browser.
 CLUSTER, BROWSER = "/test_cluster", "/test_browser"
@@ -111,6 +115,12 @@ def simulate(scenario):
         return prepared, Simulation([prepared]).run()[0]
 
     return run
+
+
+@pytest.fixture
+def undrawn(monkeypatch):
+    """Leave pictures empty, each of which takes longer than most verbs: for tests of something else."""
+    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
 
 
 @pytest.fixture

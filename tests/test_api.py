@@ -98,19 +98,20 @@ def say(what):
 
 before = state()
 """
+BRIEF = "rmrc.load('line_tracking').set({'target.path': [{'line': {'by': [0.02, 0.0]}}]})"
 VERBS = {
     "load": "load('line_tracking')",
     "run": "run('line_tracking')",
     "compare": "compare('line_tracking', {'control.feedback': [5, 10]})",
     "sweep": "sweep('line_tracking', {'control.feedback': [5, 10]}, threads=2)",
-    "tune": "tune('line_tracking', {'control.inverse.method': ['damped']}, copies=0, runs=10)",
+    "tune": f"tune({BRIEF}, {{'control.inverse.method': ['damped']}}, copies=0, runs=10)",
     "margins": "margins('whitney_1972', accuracy=0.5)",
     "check": "check('planar_2link')",
     "new": "new('planar_2link')",
     "inspect": "inspect('planar_2link')",
     "ik": "ik('planar_2link', [1.0, 1.0], every=True)",
     "statics": "statics('planar_2link', [0.0, -1.0, 0.0], hold=1.0)",
-    "workspace": "workspace('planar_6_3', cells=20)",
+    "workspace": "workspace('planar_6_3', cells=8)",
     "resolve_rates": "resolve_rates([[1.0, 0.0], [0.0, 1.0]], [1.0, 1.0])",
 }
 

@@ -195,6 +195,7 @@ def test_compare_leaves_recording_facts_and_pictures_and_prints_a_row_for_each_v
     assert out.splitlines()[-1] == "look at it: rmrc replay recordings/quick.compare.rrd"
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_compare_takes_no_record_and_out_and_quiet(rmrc, tmp_path):
     code, out, err = rmrc("compare", "quick.yaml", *VARY, "--no-record", "--out", "a/b", "-q")
     assert (code, out, err) == (0, "", "")
@@ -202,6 +203,7 @@ def test_compare_takes_no_record_and_out_and_quiet(rmrc, tmp_path):
     assert sorted(p.name for p in (tmp_path / "a/b").iterdir()) == names
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_variant_that_diverges_exits_3_by_its_name_and_the_others_are_kept(rmrc, tmp_path):
     force = "plant.wrench=[0,0,0,0,0,0],[0,1.0e+15,0,0,0,0]"
     code, out, err = rmrc("compare", "quick.yaml", "--no-record", "--vary", force)

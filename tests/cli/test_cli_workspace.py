@@ -66,14 +66,16 @@ def test_json_is_the_summary_and_nothing_else(workspace, tmp_path):
     assert all((tmp_path / name).is_file() for name in facts["files"])
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_quiet_says_nothing(workspace, tmp_path):
     assert workspace(SIX_THREE, "--cells", "20", "-q", "--map", "postures") == (0, "", "")
     assert (tmp_path / "recordings/planar_6_3.workspace.png").is_file()
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_samples_axes_through_and_worst_reach_the_computation(workspace):
     arguments = ["--plane", "yz", "--through", "0.3,0,0", "--axes", "x,y,z", "--length", "0.5", "--worst"]
-    code, out, _ = workspace(STANFORD, "--cells", "20", "--samples", "2000", "--json", *arguments)
+    code, out, _ = workspace(STANFORD, "--cells", "10", "--samples", "1000", "--json", *arguments)
     facts = json.loads(out)
     assert code == 0
     assert (facts["slice"], facts["origin"], facts["posture"]) == ("yz", [0.3, 0.0, 0.0], "worst")
@@ -82,6 +84,7 @@ def test_samples_axes_through_and_worst_reach_the_computation(workspace):
     assert facts["without_limits"]["extent_is_at_least"] is True
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_map_over_two_joints(workspace, tmp_path):
     code, out, err = workspace(STANFORD, "--over", "theta_2,theta_5", "--cells", "40", "--map", "condition")
     assert (code, err) == (0, "")
@@ -96,6 +99,7 @@ def test_a_map_over_two_joints(workspace, tmp_path):
     assert facts["over"] == ["theta_2", "theta_5"] and facts["q"][2] == 0.5 and facts["cells"] == [20, 20]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_map_over_two_joints_has_no_determinant_where_j_is_not_square(workspace):
     out = workspace(STANFORD, "--over", "theta_2,theta_5", "--cells", "20", "--axes", "x,y,z")[1]
     title, *_, curves = out.partition("\n\n")[0].splitlines()

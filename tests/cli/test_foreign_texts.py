@@ -42,6 +42,7 @@ def named(name):
         *mostly_long(itertools.product(["workspace --cells 20"], PRINTABLE), len(PRINTABLE)),
     ],
 )
+@pytest.mark.usefixtures("undrawn")
 def test_names_of_a_model_are_no_markup(rmrc, tmp_path, name, verb):
     verb = verb.split()
     (tmp_path / "model.xml").write_text(named(name))
@@ -120,7 +121,7 @@ if __name__ == "__main__":
 """
 
 
-@pytest.mark.parametrize(("call", "told", "name"), CALLS)
+@pytest.mark.parametrize(("call", "told", "name"), mostly_long(CALLS, 2))
 def test_a_command_to_copy_is_written_as_this_one_was_called(tmp_path, call, told, name):
     # The console script as pip writes it, for this environment.
     script = tmp_path / "rmrc"

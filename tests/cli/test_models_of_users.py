@@ -89,6 +89,7 @@ def test_a_scenario_without_a_frame_runs_and_names_it(rmrc, tmp_path, plant):
     assert 'note: body "base" floats in the file; it is fixed where keyframe "near" has it' in err
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_tools_are_swept_and_each_run_has_its_own(rmrc, tmp_path):
     """Poses of the tool at the start differ by its length; worlds with other tools share no model."""
     (tmp_path / "own.yaml").write_text(

@@ -35,7 +35,7 @@ PRINTING = {
     "workspace --over": ["workspace", TWO, "--over", "shoulder,elbow", "--cells", "20"],
     "sweep": ["sweep", "quick.yaml", "--vary", "control.feedback=5,10", "--vary", "plant.payload=0,1"],
     "tune": ["tune", "quick.yaml", "--runs", "30", "--copies", "0"],
-    "margins": ["margins", "quick.yaml", "--accuracy", "0.3"],
+    "margins": ["margins", "quick.yaml", "--accuracy", "0.5", "--set", "plant.kind=ideal", "--set", "control.period=0.01"],
     "schema": ["schema"],
 }  # fmt: skip
 
@@ -71,6 +71,7 @@ def words(text):
 
 
 @pytest.mark.parametrize("case", PRINTING)
+@pytest.mark.usefixtures("undrawn")
 def test_no_word_that_a_verb_prints_is_broken(drawn, case):
     if case == "schema":
         from rmrc.scenario import schema_rows

@@ -20,20 +20,21 @@ from .supervisor import TESTS, Bounds, supervise
 
 FROZEN = sorted((Path(__file__).parent / "regressions").glob("*.json"))
 
-# So many inputs of each class: some four seconds of one core in all.
-FIXED = 25
+# So many inputs of each class: few of them take seconds of a core in all.
+FEW, MANY = 8, 50
 
 
 def told(result):
     return [f"{one.kind} {one.index}: {one.finding.kind}: {one.finding.text}" for one in result.failures]
 
 
-def test_inputs_end_as_documented():
+@pytest.mark.parametrize("count", [FEW, pytest.param(MANY, marks=pytest.mark.long)])
+def test_inputs_end_as_documented(count):
     frozen = [("file", str(path)) for path in FROZEN]
     assert frozen  # every input that ever failed
-    result = supervise([*frozen, *((kind, index) for kind in classes.GENERATORS for index in range(FIXED))])
+    result = supervise([*frozen, *((kind, index) for kind in classes.GENERATORS for index in range(count))])
     assert told(result) == []
-    assert result.counts == {"file": len(frozen)} | dict.fromkeys(classes.GENERATORS, FIXED)
+    assert result.counts == {"file": len(frozen)} | dict.fromkeys(classes.GENERATORS, count)
     # Some go well and some are refused: what is refused at its first line, always, tries nothing else.
     assert all({"0", "2"} <= set(result.codes[kind]) for kind in classes.GENERATORS)
 

@@ -9,6 +9,7 @@ from worlds import NAMES, VARIANT, chain_text
 
 from codes import Method, Objective, OnExcess
 from records import put
+from rmrc.law.controller import Sight
 from rmrc.law.law import resolve
 from rmrc.law.record import records, tick_type
 from rmrc.scenario import loads
@@ -49,7 +50,8 @@ def drawn(folder, chain, scale, objective=Objective.NONE, length=True):
     )
     prepared = prepare(scenario)
     arm = prepared.arm
-    world, tick = records(n, [prepared.task, prepared.law]), np.zeros(1, tick_type(n))
+    # the type of `resolve_rates`, compiled once
+    world, tick = records(n, [prepared.task, prepared.law], beside=Sight.fields), np.zeros(1, tick_type(n))
     factor = np.where(arm.is_slide, scale, 1.0)
     lengths = np.repeat([scale, 1.0], 3)
     low, high = arm.model.jnt_range[arm.wiring.joint].T

@@ -102,6 +102,7 @@ sweep:
   samples: 3
   repeat: 2
   seed: 5
+tune: {delay: [0.006, 0.012], lag: 0.01, noise: 0.001 deg, calibration: 0.002}
 """
 
 

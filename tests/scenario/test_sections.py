@@ -248,6 +248,7 @@ sweep:
   samples: 64
   repeat: 1
   seed: null
+tune: {delay: null, lag: null, noise: null, calibration: null}
 """
 
 

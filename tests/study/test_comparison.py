@@ -94,6 +94,7 @@ def test_the_facts_are_those_of_each_variant(compared):
         assert known["scenario"] == expected.model_dump(mode="json")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_variants_may_have_different_arms_and_be_of_different_length(tmp_path):
     (tmp_path / "quick.yaml").write_text(TEXT.replace("start: [60 deg, -120 deg]", "start: home"))
     models = f"arm.model={ROOT}/models/planar_2link.xml,{ROOT}/models/planar_3link.xml"

@@ -5,6 +5,7 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial import cKDTree
 
+from project import mostly_long
 from rmrc.support.errors import ModelError
 from rmrc.textbook.two_link import two_link_position
 from rmrc.textbook.two_link_workspace import Arc, two_link_boundary, two_link_free_area
@@ -93,7 +94,7 @@ LIMITS = [
 ]
 
 
-@pytest.mark.parametrize("limits", LIMITS)
+@pytest.mark.parametrize("limits", mostly_long(LIMITS, 2))
 def test_the_arm_is_on_one_side_of_every_arc_and_ends_at_no_other_place(limits):
     reached, arcs = image(limits), two_link_boundary(LENGTHS, limits)
     judged = [arc for arc in arcs if len(arc.points) > 8]
@@ -132,12 +133,13 @@ def widest_gap(arcs):
     return gaps.min(axis=1).max()
 
 
-def test_whatever_the_limits_every_arc_ends_where_another_begins():
+@pytest.mark.parametrize("draws", [10, pytest.param(40, marks=pytest.mark.long)])
+def test_whatever_the_limits_every_arc_ends_where_another_begins(draws):
     for limits in LIMITS:
         # a margin of 1e-6 rad around limits, and curves that cross at some angle
         assert widest_gap(two_link_boundary(LENGTHS, limits)) < 1e-4
     rng = np.random.default_rng(0)
-    for _ in range(40):
+    for _ in range(draws):
         middle, width = rng.uniform(-3, 3, 2), rng.uniform(0.3, 6.2, 2)
         limits = np.stack([middle - width / 2, middle + width / 2], axis=-1)
         # What may be missing: a sixteenth of 1° at a reach of 1.7 m.

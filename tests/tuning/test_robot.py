@@ -114,7 +114,14 @@ def test_what_nobody_tells_is_assumed_and_what_anybody_tells_is_not(path):
     assert assumed.is_assumed
     slow = Tuning(path, ["control.period=0.008", "plant.timestep=0.004"]).robot
     assert slow.delay == (0.0, 0.016)  # two periods
-    for told in (["plant.delay=0.004"], ["plant.lag=0.004"], ["arm.encoder.noise=1.0e-6"], ["tune.lag=0.01"]):
+    for told in (
+        ["plant.delay=0.004"],
+        ["plant.lag=0.004"],
+        ["arm.encoder.noise=1.0e-6"],
+        ["tune.lag=0.01"],
+        ["plant.loss=0.01"],
+        ["plant.resonance.frequency=20.0"],
+    ):
         assert not Tuning(path, told).robot.is_assumed
     block = Tuning(path, ["tune={delay: [0.006, 0.012], noise: 0.001 deg, calibration: 0.001}"]).robot
     assert (block.delay, block.lag, block.calibration) == ((0.006, 0.012), None, 0.001)

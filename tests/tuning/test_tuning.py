@@ -295,7 +295,9 @@ def test_an_arm_that_holds_still_has_a_picture_without_warnings(path, tmp_path):
     assert found.own.worst.point[:2] == (0.0, 0.0)
     assert len(work.write(found, tmp_path)) == 3  # warnings are errors here
     assert ("tried on", "the scenario alone") in report.facts(work, found)
-    titles = [sheet.title for sheet in tuning_table.sheets("", [], report.front(found), report.named(found))]
+    titles = [
+        sheet.title for sheet in tuning_table.sheets("", [], report.front(found), report.named(found)[:1])
+    ]
     assert titles[-1] == "What is recommended, and others"  # a table of no costs is none
 
 

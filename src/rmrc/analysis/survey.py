@@ -87,8 +87,13 @@ def _shared(kernel: Callable[..., None], task: Task, threads: int | None, *array
     def share(first: int) -> None:
         compiled(record.copy()[0], *(array[first : first + SHARE] for array in arrays))
 
+    shares = range(0, len(arrays[0]), SHARE)
+    if len(shares) < 2:  # threads would take longer to begin
+        for first in shares:
+            share(first)
+        return
     with ThreadPoolExecutor(threads or os.cpu_count()) as pool:
-        list(pool.map(share, range(0, len(arrays[0]), SHARE)))
+        list(pool.map(share, shares))
 
 
 @entry

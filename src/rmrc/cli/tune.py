@@ -120,7 +120,8 @@ def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quie
         console.print(render([tables.heading(title, facts)]))
     else:
         sheets = tables.sheets(title, facts, report.front(found), report.named(found))
-        console.print(render([*sheets, tables.margins(report.margins(found))]))
+        bears = [tables.margins(report.margins(found))] if found.margins else []
+        console.print(render([*sheets, *bears]))
         lines = (report.as_written(found), *report.alike(found), *report.doubts(found))
         for line in lines:
             console.print(line, highlight=False)

@@ -4,17 +4,18 @@ The compiled law itself is asked, so that no method needs its formula written tw
 the tick at which the arm was nearest, with nothing changed but σ of the direction that is lost first.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.law.controller import Sight
 from rmrc.law.jit import machine_code
-from rmrc.law.law import resolve
-from rmrc.law.record import tick_type
+from rmrc.law.law import Law, resolve
+from rmrc.law.record import records, tick_type
 from rmrc.results.run import Run
 from rmrc.scenario import LimitsSection, NullspaceSection
-from rmrc.simulation.prepare import Prepared, world_records
+from rmrc.simulation.prepare import Prepared
 
 _Array = NDArray[np.float64]
 
@@ -74,19 +75,25 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
 def compile_for(prepared: Prepared) -> None:
     """Load the compiled law for one problem alone, or compile it the first time, which takes seconds."""
     n = prepared.arm.n
-    machine_code(resolve, world_records([prepared], [0])[0], np.zeros(1, tick_type(n))[0])
+    machine_code(resolve, _record(prepared), np.zeros(1, tick_type(n))[0])
 
 
-def _world_at(prepared: Prepared, run: Run, tick: int) -> np.void:
-    """Return the record of a world as the law finds it at a tick.
+def _record(prepared: Prepared) -> np.void:
+    """Return a record of the law alone, of the type of `resolve_rates`, for which the law is compiled once.
 
     Limits, policies and the null space come after the gains, and are left out.
     """
-    control, arm, task = prepared.scenario.control, prepared.arm, prepared.task
+    arm, task, control = prepared.arm, prepared.task, prepared.scenario.control
     nothing = {"nullspace": NullspaceSection(), "limits": LimitsSection(on_excess="none")}
     alone = control.model_copy(update={**nothing, "at_singularity": "damp"})
-    scenario = prepared.scenario.model_copy(update={"control": alone})
-    world: np.void = world_records([replace(prepared, scenario=scenario)], [0])[0]
+    law = Law(task, alone, np.zeros(arm.n))
+    record: np.void = records(arm.n, [task, law], beside=Sight.fields, axes=len(arm.axis_names))[0]
+    return record
+
+
+def _world_at(prepared: Prepared, run: Run, tick: int) -> np.void:
+    """Return the record of a world as the law finds it at a tick."""
+    control, arm, task, world = prepared.scenario.control, prepared.arm, prepared.task, _record(prepared)
     q = run["q_believed"][tick]
     pose = arm.pose(q)
     world["J"][:, : arm.n] = task.turned(arm.jacobian(q), pose)

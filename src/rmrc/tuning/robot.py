@@ -235,4 +235,4 @@ def _has_loop(scenario: Scenario) -> bool:
         encoder.resolution,
         encoder.delay,
     )
-    return plant.resonance is not None or any(np.any(number) for number in numbers)
+    return plant.resonance.frequency is not None or any(np.any(number) for number in numbers)

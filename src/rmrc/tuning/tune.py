@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -47,7 +48,7 @@ class Tuned:
         copies: The scenario itself, and what it was tried on beside.
         limits: What was allowed.
         bounds: Least and largest value of each number that was tried, where `--only` does not say which.
-        margins: Of what is recommended and second best, by its role, on the slowest loop.
+        margins: Of what is recommended and second best, by its role, on the slowest loop; None: not found.
         looks: How many settings were looked at on a model alone.
         runs: How many were made.
         interrupted: Whether Ctrl-C ended it.
@@ -61,7 +62,7 @@ class Tuned:
     copies: tuple[Variant, ...]
     limits: Limits
     bounds: Mapping[str, tuple[float, float]]
-    margins: Mapping[str, Margins]
+    margins: Mapping[str, Margins | None]
     looks: int
     runs: int
     interrupted: bool
@@ -196,18 +197,17 @@ class Tuning:
             {} if interrupted else self._margins(verdict), search.looks, trials.done, interrupted,
         )  # fmt: skip
 
-    def _margins(self, verdict: Verdict) -> dict[str, Margins]:
+    def _margins(self, verdict: Verdict) -> dict[str, Margins | None]:
         """Return what the loops of recommendations bear on the slowest of the robots."""
-        named = {"recommended": verdict.recommended, "second best": verdict.second}
-        return {
-            name: margins(
-                self._draft.changed(*one.setting.changes, *self.copies[0].changes),
-                accuracy=_ACCURACY,
-                threads=self._threads,
-            )
-            for name, one in named.items()
-            if one is not None and one.feedback > 0.0
-        }
+        found = dict[str, Margins | None]()
+        for name, one in {"recommended": verdict.recommended, "second best": verdict.second}.items():
+            if one is None or one.feedback == 0.0:
+                continue
+            slowest = self._draft.changed(*one.setting.changes, *self.copies[0].changes)
+            found[name] = None
+            with suppress(ScenarioError):  # its path is too short for what its loop bears
+                found[name] = margins(slowest, accuracy=_ACCURACY, threads=self._threads)
+        return found
 
     def write(self, tuned: Tuned, folder: Path, picture: Path | None = None) -> list[Path]:
         """Write NAME.tune.parquet with all settings, NAME.tune.yaml with the best one, and a picture.
