@@ -38,15 +38,17 @@ def tune(
     payload: Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")] = 0.0,
     delay: Annotated[
         str | None,
-        typer.Option(metavar="RANGE", help="Dead time of the robot's commands, such as 8ms or 6ms..12ms."),
+        typer.Option(
+            metavar="RANGE", help="Dead time of the robot's commands [s], such as 8ms or 6ms..12ms."
+        ),
     ] = None,
     lag: Annotated[
-        str | None, typer.Option(metavar="RANGE", help="Time constant of its drives, such as 0..10ms.")
+        str | None, typer.Option(metavar="RANGE", help="Time constant of its drives [s], such as 0..10ms.")
     ] = None,
     noise: Annotated[
         str | None,
         typer.Option(
-            metavar="RANGE", help="Noise of its encoders, such as 1e-5, in rad; slides: times task.length."
+            metavar="RANGE", help="Noise of its encoders [rad], such as 1e-5; slides: times task.length."
         ),
     ] = None,
     calibration: Annotated[
@@ -63,7 +65,9 @@ def tune(
     picture: Annotated[
         Path | None,
         typer.Option(
-            help="Where the picture goes: .png, .svg or .pdf.", show_default="NAME.tune.png in --out"
+            metavar="FILE",
+            help="Where the picture goes: .png, .svg or .pdf.",
+            show_default="NAME.tune.png in --out",
         ),
     ] = None,
     threads: Threads = None,
