@@ -38,9 +38,7 @@ def tune(
     payload: Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")] = 0.0,
     delay: Annotated[
         str | None,
-        typer.Option(
-            metavar="RANGE", help="Dead time of the robot's commands [s], such as 8ms or 6ms..12ms."
-        ),
+        typer.Option(metavar="RANGE", help="Dead time of its commands [s], such as 8ms or 6ms..12ms."),
     ] = None,
     lag: Annotated[
         str | None, typer.Option(metavar="RANGE", help="Time constant of its drives [s], such as 0..10ms.")

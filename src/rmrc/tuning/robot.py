@@ -221,9 +221,7 @@ def _read(text: str, unit: str) -> Range:
     except ValueError as error:
         raise ValueError(f"must be a range such as {example}, got {text}, which {error}") from None
     if unit == "s" and most >= 1.0 and not has_unit:  # who means seconds may say so
-        raise ValueError(
-            f"must be less than 1 s where no unit is given, got {text}: write {text}ms or {text}s"
-        )
+        raise ValueError(f"must be less than 1 s without a unit, got {text}: write {text}ms or {text}s")
     return least, most
 
 

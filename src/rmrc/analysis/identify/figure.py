@@ -85,9 +85,8 @@ def _draw_rest(axes: Axes, joint: Joint, fit: Fitted) -> None:
         title = f"left by the fit; dashed: twice the noise, {spread:.2g}"
         axes.set_title(title, loc="left", fontsize=10)
     axes.set_ylabel("residual [rad or m]")
-    axes.yaxis.set_major_formatter(
-        EngFormatter(sep="\N{THIN SPACE}")
-    )  # 50 µ; an offset has no place by the title
+    # 50 µ: the exponent of an axis has no place beside the title
+    axes.yaxis.set_major_formatter(EngFormatter(sep="\N{THIN SPACE}"))
     axes.grid(color="0.9", linewidth=0.8)
 
 
