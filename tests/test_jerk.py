@@ -79,6 +79,14 @@ def test_the_bound_before_a_position_limit_is_sharp(braking, rate, last, part):
     assert least_way(rate + more, more, braking, 1.0) > distance * (1 + 1e-6)
 
 
+@given(st.floats(0.0, 0.5), st.floats(-12.0, -1.0), st.sampled_from([0.3, 3.0]))
+def test_the_last_bit_of_the_way_is_gone_in_one_tick(rate, exponent, braking):
+    # what is much less than a step of jerk, or nothing: then any change to a negative rate would do, and none is wished for
+    for distance in (10.0**exponent, 0.0):
+        change = largest_change(distance, rate, -1.0, 1.0, braking, 1.0)
+        assert rate + change == pytest.approx(distance, rel=1e-9, abs=1e-15)
+
+
 @given(brakings, rates, changes)
 def test_what_is_far_by_the_short_bound_is_far(braking, rate, change):
     change = max(change, -braking)
