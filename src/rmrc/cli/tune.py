@@ -33,7 +33,7 @@ Offset = Annotated[float, typer.Option(help="How far the target of a copy is off
 Payload = Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")]
 Delay = Annotated[
     str | None,
-    typer.Option(metavar="RANGE", help="Dead time of its commands [s], such as 8ms or 6ms..12ms."),
+    typer.Option(metavar="RANGE", help="Dead time of the robot [s], such as 8ms or 6ms..12ms."),
 ]
 Lag = Annotated[
     str | None, typer.Option(metavar="RANGE", help="Time constant of its drives [s], such as 0..10ms.")
