@@ -25,10 +25,11 @@ def test_a_picture_is_whole_and_small_enough_for_a_page(path):
     assert min(imread(path).shape[:2]) > 400
 
 
+QUICK = ["--set", "plant.kind=ideal", "--set", "control.period=0.005"]
 COARSE = {
     "workspace": ["--cells", "12"],
-    "tune": ["--runs", "10", "--copies", "0"],
-    "margins": ["--accuracy", "0.5", "--set", "plant.kind=ideal", "--set", "control.period=0.005"],
+    "tune": ["--runs", "10", "--copies", "0", *QUICK],
+    "margins": ["--accuracy", "0.5", *QUICK],
 }
 
 

@@ -21,51 +21,66 @@ from rmrc.support.errors import ScenarioError
 if TYPE_CHECKING:
     from rmrc.tuning.tune import Tuned, Tuning
 
+Only = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KEY=V1,V2,...", help="Restrict a key that is chosen; repeatable."),
+]
+Copies = Annotated[int, typer.Option(help="Perturbed copies of the scenario; 0: none.")]
+Start = Annotated[
+    str, typer.Option(help="How far the joints of a copy start off; slides: times task.length.")
+]
+Offset = Annotated[float, typer.Option(help="How far the target of a copy is off along each axis [m].")]
+Payload = Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")]
+Delay = Annotated[
+    str | None,
+    typer.Option(metavar="RANGE", help="Dead time of its commands [s], such as 8ms or 6ms..12ms."),
+]
+Lag = Annotated[
+    str | None, typer.Option(metavar="RANGE", help="Time constant of its drives [s], such as 0..10ms.")
+]
+Noise = Annotated[
+    str | None,
+    typer.Option(
+        metavar="RANGE", help="Noise of its encoders [rad], such as 1e-5; slides: times task.length."
+    ),
+]
+Calibration = Annotated[
+    float | None, typer.Option(help="How far its links [share] and joints' zeros [rad] are off.")
+]
+Ideal = Annotated[
+    bool, typer.Option("--ideal", help="Take the loop as the scenario has it, and assume no robot.")
+]
+Slower = Annotated[float, typer.Option(help="Times the duration as written that another may take.")]
+Runs = Annotated[int, typer.Option(help="Runs in all.")]
+Seed = Annotated[int, typer.Option(help="Of the copies and of the search.")]
+Picture = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="FILE",
+        help="Where the picture goes: .png, .svg or .pdf.",
+        show_default="NAME.tune.png in --out",
+    ),
+]
+
 
 def tune(
     scenario: ScenarioFile,
-    only: Annotated[
-        list[str] | None,
-        typer.Option(metavar="KEY=V1,V2,...", help="Restrict a key that is chosen; repeatable."),
-    ] = None,
-    copies: Annotated[int, typer.Option(help="Perturbed copies of the scenario; 0: none.")] = 4,
-    start: Annotated[
-        str, typer.Option(help="How far the joints of a copy start off; slides: times task.length.")
-    ] = "1 deg",
-    offset: Annotated[
-        float, typer.Option(help="How far the target of a copy is off along each axis [m].")
-    ] = 0.002,
-    payload: Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")] = 0.0,
-    delay: Annotated[
-        str | None,
-        typer.Option(metavar="RANGE", help="Dead time of the robot's commands, such as 8ms or 6ms..12ms."),
-    ] = None,
-    lag: Annotated[
-        str | None, typer.Option(metavar="RANGE", help="Time constant of its drives, such as 0..10ms.")
-    ] = None,
-    noise: Annotated[
-        str | None,
-        typer.Option(
-            metavar="RANGE", help="Noise of its encoders, such as 1e-5, in rad; slides: times task.length."
-        ),
-    ] = None,
-    calibration: Annotated[
-        float | None, typer.Option(help="How far its links [share] and joints' zeros [rad] are off.")
-    ] = None,
-    ideal: Annotated[
-        bool, typer.Option("--ideal", help="Take the loop as the scenario has it, and assume no robot.")
-    ] = False,
-    slower: Annotated[float, typer.Option(help="Times the duration as written that another may take.")] = 1.1,
-    runs: Annotated[int, typer.Option(help="Runs in all.")] = 2000,
-    seed: Annotated[int, typer.Option(help="Of the copies and of the search.")] = 0,
+    only: Only = None,
+    copies: Copies = 4,
+    start: Start = "1 deg",
+    offset: Offset = 0.002,
+    payload: Payload = 0.0,
+    delay: Delay = None,
+    lag: Lag = None,
+    noise: Noise = None,
+    calibration: Calibration = None,
+    ideal: Ideal = False,
+    slower: Slower = 1.1,
+    runs: Runs = 2000,
+    seed: Seed = 0,
     set_: Overrides = None,
     out: Out = Path("recordings"),
-    picture: Annotated[
-        Path | None,
-        typer.Option(
-            help="Where the picture goes: .png, .svg or .pdf.", show_default="NAME.tune.png in --out"
-        ),
-    ] = None,
+    picture: Picture = None,
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
