@@ -279,3 +279,12 @@ def test_the_kick_is_small_against_all_that_is_judged(short):
     runs = short.step([longer, twin_of(longer, (0,), KICK), twin_of(longer, (0,), 2.0 * KICK)])
     q = [ran.run["q"] for ran in runs]
     assert_allclose(q[2] - q[0], 2.0 * (q[1] - q[0]), atol=1e-5 * KICK)
+
+
+def test_a_law_that_never_looks_bears_any_delay_and_the_answer_says_why(short):
+    # By (113) only the law's own sum is fed back, without dead time: its edge is K T = 2.
+    blind = short.prepare(changes_of({"plant.delay": 0.04, "control.state": "integrated"})).scenario
+    found = Asking(blind, threads=1).run()
+    assert found.is_stable and found.delay.edge.high == math.inf
+    assert_allclose(10.0 * found.gain.edge.value, 2.0 / PERIOD, rtol=0.02)
+    assert "never looks at the plant" in " ".join(report(found).sheets[1].notes)
