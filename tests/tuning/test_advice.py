@@ -62,12 +62,6 @@ def error_of(world, card):
     return max(card["position_error.max"].value, world.scenario.task.length * turn)
 
 
-def best_on_grid(errors, kept):
-    """Return the least error on each delay, of settings that keep their limits on all of them."""
-    robust = np.where(kept.all(axis=0), errors, np.inf)
-    return robust.min(axis=1), robust[:, robust.max(axis=0).argmin()]
-
-
 @pytest.mark.long
 @pytest.mark.parametrize("name", SCENARIOS)
 def test_what_is_recommended_keeps_every_limit_on_each_delay_and_is_near_the_best_of_a_grid(name):
@@ -79,8 +73,9 @@ def test_what_is_recommended_keeps_every_limit_on_each_delay_and_is_near_the_bes
     kept = np.array([[keeps(worlds[0], card) for card in some] for some in cards])
     assert kept[:, 0].all()
     assert not kept[:, 1:].all()  # negative control: limits do act
-    least, _ = best_on_grid(errors[:, 1:], kept[:, 1:])
-    assert errors[:, 0].max() <= 1.1 * least.max()
+    # on each delay, against the best of those that keep their limits on that delay, which may break them on others
+    least = np.where(kept[:, 1:], errors[:, 1:], np.inf).min(axis=1)
+    assert (errors[:, 0] <= 1.1 * least).all()
 
 
 # The loop of the last test: 125 Hz, a dead time, drives with a lag, encoders of 17 bits a turn with noise, friction.

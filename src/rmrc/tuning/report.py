@@ -136,8 +136,6 @@ def margins(found: Tuned) -> list[tuple[str, ...]]:
     """Return what the loop of each recommendation bears: gain, and more delay and lag [ms]."""
     return [
         (name, _bears(one.gain, 1.0), _bears(one.delay, 1e3), _bears(one.lag, 1e3))
-        if one
-        else (name, "not found: the path is too short", "", "")
         for name, one in found.margins.items()
     ]
 

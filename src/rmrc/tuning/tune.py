@@ -3,7 +3,6 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -48,7 +47,7 @@ class Tuned:
         copies: The scenario itself, and what it was tried on beside.
         limits: What was allowed.
         bounds: Least and largest value of each number that was tried, where `--only` does not say which.
-        margins: Of what is recommended and second best, by its role, on the slowest loop; None: not found.
+        margins: Of what is recommended and second best, by its role, on the slowest loop.
         looks: How many settings were looked at on a model alone.
         runs: How many were made.
         interrupted: Whether Ctrl-C ended it.
@@ -62,7 +61,7 @@ class Tuned:
     copies: tuple[Variant, ...]
     limits: Limits
     bounds: Mapping[str, tuple[float, float]]
-    margins: Mapping[str, Margins | None]
+    margins: Mapping[str, Margins]
     looks: int
     runs: int
     interrupted: bool
@@ -197,16 +196,14 @@ class Tuning:
             {} if interrupted else self._margins(verdict), search.looks, trials.done, interrupted,
         )  # fmt: skip
 
-    def _margins(self, verdict: Verdict) -> dict[str, Margins | None]:
+    def _margins(self, verdict: Verdict) -> dict[str, Margins]:
         """Return what the loops of recommendations bear on the slowest of the robots."""
-        found = dict[str, Margins | None]()
+        found = dict[str, Margins]()
         for name, one in {"recommended": verdict.recommended, "second best": verdict.second}.items():
             if one is None or one.feedback == 0.0:
                 continue
             slowest = self._draft.changed(*one.setting.changes, *self.copies[0].changes)
-            found[name] = None
-            with suppress(ScenarioError):  # its path is too short for what its loop bears
-                found[name] = margins(slowest, accuracy=_ACCURACY, threads=self._threads)
+            found[name] = margins(slowest, accuracy=_ACCURACY, threads=self._threads)
         return found
 
     def write(self, tuned: Tuned, folder: Path, picture: Path | None = None) -> list[Path]:

@@ -14,11 +14,13 @@ from rmrc.study.margins.ringing import Judged, judged, lateness
 from rmrc.study.study import OnRuns, Study
 from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 
-# Around the edge of the ideal plant; then so many points between the two that are nearest to the edge, until
-# these differ by less than the accuracy.
+# Around the edge of the ideal plant; then points between the two that are nearest to the edge, as many as the
+# accuracy needs and no more than so many, until these two differ by less than the accuracy.
 _GRID = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0)
 _POINTS = 6
 ACCURACY = 0.02
+# Steps are finer than the accuracy by this share, so that rounding asks for no further round.
+_ROUNDING = 1e-9
 # A dead time is at most this share of the path's time.
 _SHARE = 0.9
 # Where the edge is not near, each round goes on by these, up to so many times the edge of the ideal plant,
@@ -93,7 +95,8 @@ class Search:
         elif high == math.inf:
             wanted = [low * step for step in _STEPS] if low < self.most else []
         elif high > low * (1.0 + self.accuracy):
-            wanted = list(np.geomspace(low, high, _POINTS + 2)[1:-1])
+            steps = math.ceil(math.log(high / low) / math.log1p(self.accuracy) + _ROUNDING)
+            wanted = list(np.geomspace(low, high, min(steps, _POINTS + 1) + 1)[1:-1])
         else:
             return []
         within = (float(min(max(one, self.least), self.most)) for one in wanted)
