@@ -2,7 +2,7 @@
 
 Nothing here shares code with the compiled law: rotations are scipy's, the Jacobian is `mj_jacSite`, gradients are
 differences, and the physics is stepped on one `MjData`; the inverses are in `oracle_inverse`, the limits and the
-pace in `oracle_limits`.
+pace in `oracle_limits`, a bounded jerk in `oracle_jerk`.
 """
 
 import math
@@ -21,6 +21,7 @@ from oracle_inverse import (
     scaling,
     second_inverse,
 )
+from oracle_jerk import Easing
 from oracle_limits import bounds, fastest_pace, held_at_stops, next_pace, redistributed, slowed_change
 from oracle_sensing import Sensing, true_model
 from oracle_way import Way
@@ -131,6 +132,13 @@ class NumpyLoop:
         limits = control.limits
         self.rate = np.broadcast_to(self.arm.rate_limit if limits.rate is None else limits.rate, n)
         self.acceleration = np.broadcast_to(np.inf if limits.acceleration is None else limits.acceleration, n)
+        anywhere = np.tile([-np.inf, np.inf], (n, 1))
+        self.position = self.arm.position_limit if limits.position else anywhere
+        self.deceleration = np.minimum(limits.braking, self.acceleration)
+        self.easing = None if limits.jerk is None else Easing(
+            n, limits.jerk, self.acceleration, self.deceleration, self.rate, self.position, control.period,
+            limits.on_excess == "clamp",
+        )  # fmt: skip
         self.start = prepared.qpos[self.qpos] - np.array(self.scenario.plant.joint_offset)
         self.sensing = Sensing(self.scenario, n)
         if control.nullspace.objective == "secondary":
@@ -208,6 +216,8 @@ class NumpyLoop:
             for _ in range(self.substeps - 1):
                 mujoco.mj_step(model, data)
         self.last, self.told = row["qdot_cmd"], cmd
+        if self.easing:
+            self.easing.remember(self.last)
         return row
 
     def push(self):
@@ -464,24 +474,38 @@ class NumpyLoop:
         return self.still > 0.2
 
     def limit(self, q, J, v, lam, drift, rates):
-        """Return rates within the limits (21) to (24), and which of the limits can have changed them."""
-        limits, period = self.scenario.control.limits, self.scenario.control.period
-        if limits.on_excess == "none":
+        """Return rates within the limits (21) to (24), eased (119) to (124), and which limits can have changed them."""
+        if self.scenario.control.limits.on_excess == "none":
             return rates, Status.OK
-        assert limits.jerk is None, (
-            "no oracle for a whole tick with jerk: tests/test_jerk.py has its properties"
-        )
-        position = self.arm.position_limit if limits.position else np.tile([-np.inf, np.inf], (len(q), 1))
-        deceleration = np.minimum(limits.braking, self.acceleration)
-        rest_lo, rest_up, lower, upper = bounds(
-            q, self.last, self.rate, self.acceleration, deceleration, position, period
-        )
+        if self.easing and self.easing.lets_pass(q, rates):
+            self.easing.look_back(q, rates, rates)
+            return rates, Status.OK
+        span = self.bounds(q, self.position)
+        cmd, limited = self.confine(J, v, lam, drift, rates, span)
+        if self.easing:
+            cmd, is_held = self.easing.ease(q, cmd, *span[:2])
+            limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(self.acceleration).any())
+            limited |= Status.POSITION_LIMITED * is_held
+        return cmd, limited
+
+    def bounds(self, q, position):
+        """Return rest_lo, rest_up, lower and upper; where changes are eased, acceleration has no part in them."""
+        if self.easing:
+            return 2 * self.easing.rest_bounds(q, position)
+        period = self.scenario.control.period
+        return bounds(q, self.last, self.rate, self.acceleration, self.deceleration, position, period)
+
+    def confine(self, J, v, lam, drift, rates, span):
+        """Return rates within their bounds by what the scenario chooses, and which of the limits can have changed them."""
+        limits, period = self.scenario.control.limits, self.scenario.control.period
+        rest_lo, rest_up, lower, upper = span
+        acceleration = np.full(len(rates), np.inf) if self.easing else self.acceleration
         redistributes = limits.on_excess == "redistribute"
         near_stop = bool(np.any(np.minimum(rest_up, -rest_lo) < self.rate))
         # what a joint at its stop leaves to the others may be too fast for them
         excess = redistributes or near_stop or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
         limited = Status.RATE_LIMITED * bool(excess and np.isfinite(self.rate).any())
-        limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(self.acceleration).any())
+        limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(acceleration).any())
         limited |= Status.POSITION_LIMITED * near_stop
         if limits.on_excess == "clamp":
             return np.clip(rates, lower, upper), limited
@@ -492,8 +516,7 @@ class NumpyLoop:
         cmd, wish, low, up = share * rates, share * drift, rest_lo, rest_up
         if redistributes:
             low, up = lower, upper
-            anywhere = np.tile([-np.inf, np.inf], (len(q), 1))
-            wide = bounds(q, self.last, self.rate, self.acceleration, deceleration, anywhere, period)[2:]
+            wide = self.bounds(0.0 * rates, np.tile([-np.inf, np.inf], (len(rates), 1)))[2:]
             A = lambda J: scaled_jacobian(J, self.wx, self.wq)  # noqa: E731
             if np.all((wide[0] <= rates) & (rates <= wide[1])):
                 # qdot(1), with the gains from before pace and stop changed the command
@@ -514,7 +537,7 @@ class NumpyLoop:
             cmd = self.give_way(J, share * v, lam, wish, cmd, low, up)
         if redistributes:
             return np.clip(cmd, lower, upper), limited
-        return slowed_change(cmd, self.last, self.acceleration * period, lower, upper), limited
+        return slowed_change(cmd, self.last, acceleration * period, lower, upper), limited
 
     def give_way(self, J, v, lam, drift, start, lower, upper):
         """Return rates within bounds that do what they can of a task."""

@@ -53,7 +53,7 @@ def write(folder, *changes):
 
 @pytest.mark.parametrize("kind", ["servo", "torque", "ideal"])
 def test_worlds_that_differ_in_their_numbers_share_batches_and_no_bit_depends_on_the_others(scenario, kind):
-    shared = (f"plant.kind={kind}", REACH, "control.period=0.002")
+    shared = (f"plant.kind={kind}", "target.path=[{line: {to: [1.3, 0.1]}}]", "control.period=0.002")
     chosen = [
         shared,
         (*shared, "plant.kv=300"),
@@ -285,6 +285,7 @@ def test_what_has_sizes_of_its_own_is_refused(tmp_path):
     assert str(caught.value) == says(f"{path}: … equality … bodies; … the lengths into the model")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_they_can_be_compared(tmp_path):
     varied = ["plant.payload=0,2", "arm.stretch.link_2=0.9,1.1"]
     path = ROOT / "scenarios" / "approach_singularity.yaml"

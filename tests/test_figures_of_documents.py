@@ -25,6 +25,14 @@ def test_a_picture_is_whole_and_small_enough_for_a_page(path):
     assert min(imread(path).shape[:2]) > 400
 
 
+QUICK = ["--set", "plant.kind=ideal", "--set", "control.period=0.005"]
+COARSE = {
+    "workspace": ["--cells", "12"],
+    "tune": ["--runs", "10", "--copies", "0", *QUICK],
+    "margins": ["--accuracy", "0.5", *QUICK],
+}
+
+
 @pytest.mark.parametrize("command", COMMANDS, ids=lambda command: PICTURE.search(command)[1])
 def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
     """Coarser than for the page, and into another folder."""
@@ -37,9 +45,6 @@ def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
     if arguments[0] == "-c":
         exec(compile(arguments[1], "Makefile", "exec"), {})
     else:
-        coarse = {"workspace": ["--cells", "12"], "tune": ["--runs", "10", "--copies", "0"]}.get(
-            arguments[2], []
-        )
-        code, _, err = rmrc(*arguments[2:], *coarse)
+        code, _, err = rmrc(*arguments[2:], *COARSE.get(arguments[2], []))
         assert (arguments[:2], code, err) == (["-m", "rmrc"], 0, "")
     assert [path.name for path in (tmp_path / "out").iterdir()] == [PICTURE.search(command)[1]]

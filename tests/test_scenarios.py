@@ -61,6 +61,7 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("ur5e_elbow", "control.inverse.method=pseudoinverse"),
         ("ur5e_own_drives", "control.feedback=2"),
         ("fr3_elbow", "control.inverse.method=pseudoinverse"),
+        ("fr3_stop", "control.limits.jerk=null"),
         ("xarm7_wrist", "control.inverse.method=pseudoinverse"),
         ("so101_five_joints", "task.weights=[1, 1, 1, 1, 1, 1]"),
         ("spray_past_the_wrist", "task.axes=[x, y, z, rx, ry, rz]"),

@@ -256,6 +256,29 @@ VARIANTS = {
     "friction that nobody knows, torque": (
         *XARM, FINER, SMALL, "plant={kind: torque, friction: {coulomb: 0.2, viscous: 1}}",
     ),
+    # ideal: kv would multiply what the easing leaves open, 1e-9 of a step of jerk
+    "jerk": (*NEAR, "control.limits={jerk: 100, acceleration: 3, rate: 0.5}", "plant.kind=ideal"),
+    "jerk, clamped, all limits": (
+        *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: [2, 1, 2], braking: 3, jerk: [60, 40, 90], on_excess: clamp}",
+    ),
+    "jerk, redistributed": (
+        *FOLDED, DRIFT, "control.limits={rate: 0.4, braking: 1, jerk: 30, on_excess: redistribute}",
+        "control.joint_weights=[3, 1, 0.5]",
+    ),
+    "jerk, at a stop": (*AT_STOP, "control.limits={acceleration: 30, braking: 10, jerk: 500}"),
+    "jerk, towards a stop, gives way": (
+        *FOLDED, "arm.start=[0, -20 deg, 159 deg]", "control.nullspace={objective: rates, rates: [0, 0, 3]}",
+        "control.limits={rate: 2, jerk: 3, on_excess: clamp}", "plant.kind=ideal",
+    ),
+    "jerk, stop": (
+        *NEAR, "control.at_singularity=stop", "control.stop={condition: 15, change: 30}", "control.limits.jerk=100",
+    ),
+    "jerk, slow": (*NEAR, "control.at_singularity=slow", "control.limits={rate: 0.5, acceleration: 5, jerk: 200}"),
+    "jerk, late and lagging, encoders late and noisy, torque": (
+        *SHORT_AND_FINE, "control={feedback: 5, state: integrated, limits: {jerk: 200, acceleration: 5}}",
+        "arm.encoder={delay: 0.003, noise: 1.0e-6, resolution: 1.0e-5, offset: 0.01}",
+        "plant={kind: torque, delay: 0.003, jitter: 0.009, loss: 0.2, lag: 0.005, seed: 3}",
+    ),
     "no feed-forward": (*BRIEF, "control.feedforward=false",),
     "no feedback": (*BRIEF, "control.feedback=0",),
     "ideal": (*NEAR, "plant.kind=ideal"),
@@ -323,6 +346,10 @@ OFF = {
     "a stop": ("at a stop", "control.limits.braking=10.00001"),
     "damping at a stop": ("at a stop, redundant", "control.inverse.damping.maximum=0.2000002"),
     "acceleration": ("clamped, all limits", "control.limits.acceleration=[2, 1.000001, 2]"),
+    "jerk": ("jerk, clamped, all limits", "control.limits.jerk=[60, 40.00004, 90]"),
+    "jerk at a stop": ("jerk, at a stop", "control.limits.jerk=500.0005"),
+    "jerk that gives way": ("jerk, towards a stop, gives way", "control.limits.jerk=3.000003"),
+    "jerk and braking": ("jerk, redistributed", "control.limits.braking=1.000001"),
     "saturation": ("redistributed rates", "control.limits.rate=[0.4, 0.3, 0.2000002]"),
     "slow.change": ("slow", "control.slow.change=10.00001"),
     "stop.change": ("stop", "control.stop.change=10.00001"),

@@ -29,13 +29,18 @@ def words(line):
     ]
 
 
-def test_the_commands_in_their_order_print_what_the_page_says(rmrc, tmp_path):
+@pytest.mark.parametrize(
+    "verbs", [["identify", "run", "margins"], pytest.param(["tune"], marks=pytest.mark.long)], ids="-".join
+)
+def test_the_commands_in_their_order_print_what_the_page_says(rmrc, tmp_path, verbs):
     for folder in ("models", "scenarios"):
         shutil.copytree(ROOT / folder, tmp_path / folder)
     (tmp_path / "loop.yaml").write_text(LOOP, "utf-8")
     commands = [(shlex.split(text), lines) for text, lines in COMMANDS if text.startswith("rmrc")]
-    assert [command[1] for command, _ in commands] == ["identify", "run", "margins"]
+    assert [command[1] for command, _ in commands] == ["identify", "run", "margins", "tune"]
     for command, lines in commands:
+        if command[1] not in verbs:
+            continue
         code, out, _ = rmrc(*command[1:])
         printed = [words(line) for line in out.splitlines()]
         assert code == 0 and lines

@@ -234,11 +234,11 @@ def test_nothing_between_is_nothing_changed(simulate):
 def test_a_lag_is_exact_for_a_command_that_is_constant_during_a_tick(simulate, kind, lag):
     prepared, run = simulate(f"plant.kind={kind}", f"plant.lag={lag}", "control.feedback=5")
     T, y, told = run.period, np.zeros(2), []
+    # the mean and the end of y = u + (y0 − u) exp(−s/L), by Gauss' rule, exact to rounding
+    s, w = np.polynomial.legendre.leggauss(20)
+    L = np.maximum(np.broadcast_to(prepared.scenario.plant.lag, 2), 1e-9)
+    decay = np.exp(-np.outer((s + 1) * T / 2, 1 / L))
     for u in run["qdot_cmd"]:
-        # the mean and the end of y = u + (y0 − u) exp(−s/L), by Gauss' rule, exact to rounding
-        s, w = np.polynomial.legendre.leggauss(20)
-        L = np.maximum(np.broadcast_to(prepared.scenario.plant.lag, 2), 1e-9)
-        decay = np.exp(-np.outer((s + 1) * T / 2, 1 / L))
         told.append(np.where(L > 1e-6, w @ (u + (y - u) * decay) / 2, u))
         y = u + (y - u) * np.exp(-T / L)
     # rounding of a thousand ticks

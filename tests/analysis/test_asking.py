@@ -31,11 +31,11 @@ QUESTIONS = {
         lambda found: (found.balance.q, found.balance.torque, found.costs[0].directions[-1].wrench),
     ),
     "workspace": (
-        lambda model, **more: rmrc.workspace(model, cells=20, **more),
+        lambda model, **more: rmrc.workspace(model, cells=8, **more),
         lambda found: (found.home, found.free.values["sigma_min"], found.free.reached),
     ),
     "joint_map": (
-        lambda model, **more: joint_map(model, ["shoulder", "elbow"], cells=10, **more),
+        lambda model, **more: joint_map(model, ["shoulder", "elbow"], cells=5, **more),
         lambda found: (found.q, found.values["sigma_min"]),
     ),
 }  # fmt: skip

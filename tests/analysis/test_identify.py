@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from logs import answer, commands, log, written
 
 import rmrc
+from project import mostly_long
 from rmrc.analysis.identify.block import block
 from rmrc.analysis.identify.columns import choose
 from rmrc.analysis.identify.noise import resolution, white_noise
@@ -82,7 +83,7 @@ def colored(exact, rng):
     return exact + 1e-4 * 0.6 * noise
 
 
-@pytest.mark.parametrize("noise", [white, coarse, colored])
+@pytest.mark.parametrize("noise", mostly_long([colored, white, coarse], 3))
 def test_intervals_hold_the_truth_as_often_as_they_say_in_a_few_logs(noise):
     # 16 logs at 95 %: 11 or fewer have a chance of 7e-4
     assert (covered(16, noise) >= 12).all()

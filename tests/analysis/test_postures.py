@@ -63,7 +63,7 @@ def test_three_links_with_the_angle_have_two_postures():
     assert_allclose(found.q[found.q[:, 1] < 0][:, 1], -0.9, atol=1e-12)
 
 
-@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize("seed", mostly_long(range(3), 3))
 def test_the_puma_has_eight_postures(seed):
     task = choose(load("puma560"))
     q = task.arm.sampled(1, 30 + seed)

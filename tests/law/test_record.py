@@ -18,6 +18,8 @@ OVERRIDES = (
     "arm.start=home",
     "plant.kind=torque",
     "control.nullspace={objective: secondary, secondary: {site: wrist, axes: [x]}}",
+    "control.limits.jerk=1000",
+    "plant.resonance.frequency=20",
     "target.path=[{line: {by: [0.01, 0]}}]",
 )
 COMPUTED = {field.name for field in (*MEASUREMENT, *MEMORY, *SCRATCH, *Hardware.memory)}

@@ -11,6 +11,7 @@ from rich.console import Console
 import rmrc
 from project import ROOT
 from rmrc.analysis.check.report import report as of_check
+from rmrc.analysis.identify.report import report as of_identified
 from rmrc.analysis.ik.report import report as of_ik
 from rmrc.analysis.inspect.report import report as of_inspection
 from rmrc.analysis.statics.report import report as of_statics
@@ -53,12 +54,14 @@ def test_notes_stand_below_the_table_and_an_empty_line_follows_if_it_shall():
     assert as_markdown(alone) == "alone"
 
 
+LOG = str(ROOT / "scenarios/arm_log.csv")
 ASKED = {
     "check": ([], lambda: of_check(rmrc.check(TWO))),
     "inspect": (["--wrench", "1,2,3"], lambda: of_inspection(rmrc.inspect(TWO, wrench=[1, 2, 3, 0, 0, 0]))),
     "ik": (["--to", "1,1", "--all"], lambda: of_ik(rmrc.ik(TWO, [1, 1], every=True))),
     "statics": (["--wrench", "1,2,3"], lambda: of_statics(rmrc.statics(TWO, [1, 2, 3]))),
     "workspace": (["--cells", "20"], lambda: of_workspace(rmrc.workspace(TWO, cells=20))),
+    "identify": ([], lambda: of_identified(rmrc.identify(LOG))),
 }  # fmt: skip
 
 
@@ -67,11 +70,12 @@ def test_a_verb_prints_what_python_returns(rmrc_verb, tmp_path, verb):
     options, ask = ASKED[verb]
     answer = ask()
     assert isinstance(answer, Report) and answer.met and not answer.problem
-    code, out, _ = rmrc_verb(verb, TWO, *options, "--json")
+    about = LOG if verb == "identify" else TWO
+    code, out, _ = rmrc_verb(verb, about, *options, "--json")
     printed = json.loads(out)
     printed.pop("files", None)
     assert code == 0 and printed == answer.json
-    code, out, _ = rmrc_verb(verb, TWO, *options)
+    code, out, _ = rmrc_verb(verb, about, *options)
     words = {word for sheet in answer.sheets for row in sheet.rows for cell in row for word in cell.split()}
     assert code == 0 and words and words <= set(out.split())
     if answer.draw is not None:

@@ -122,8 +122,8 @@ def test_more_delay_leaves_less_gain_and_a_finer_search_comes_nearer(short):
     found = gain_margins(short, [changes_of({"plant.delay": delay}) for delay in delays])
     assert sorted((edge.value for edge in found), reverse=True) == [edge.value for edge in found]
     scenario = short.prepare().scenario
-    coarse, fine = (Asking(scenario, accuracy=share, threads=1).run().gain.edge for share in (0.2, 0.005))
-    assert fine.high / fine.low <= 1.005 < coarse.high / coarse.low <= 1.2
+    coarse, fine = (Asking(scenario, accuracy=share, threads=1).run().gain.edge for share in (0.2, 0.02))
+    assert fine.high / fine.low <= 1.02 < coarse.high / coarse.low <= 1.2
 
 
 def test_bits_do_not_depend_on_threads_or_on_what_is_asked_beside(short):
@@ -292,3 +292,12 @@ def test_the_kick_is_small_against_all_that_is_judged(short):
     runs = short.step([longer, twin_of(longer, (0,), KICK), twin_of(longer, (0,), 2.0 * KICK)])
     q = [ran.run["q"] for ran in runs]
     assert_allclose(q[2] - q[0], 2.0 * (q[1] - q[0]), atol=1e-5 * KICK)
+
+
+def test_a_law_that_never_looks_bears_any_delay_and_the_answer_says_why(short):
+    # By (113) only the law's own sum is fed back, without dead time: its edge is K T = 2.
+    blind = short.prepare(changes_of({"plant.delay": 0.04, "control.state": "integrated"})).scenario
+    found = Asking(blind, threads=1).run()
+    assert found.is_stable and found.delay.edge.high == math.inf
+    assert_allclose(10.0 * found.gain.edge.value, 2.0 / PERIOD, rtol=0.02)
+    assert "never looks at the plant" in " ".join(report(found).sheets[1].notes)

@@ -180,7 +180,7 @@ def test_a_recorded_motion_is_packed_and_its_contents_are_part_of_the_sweep(path
     for name in ("a.csv", "b.csv"):
         (tmp_path / "scenarios" / name).write_text(rows)
     changes = [
-        "target.path=[{file: {path: a.csv}}]",
+        "target.path=[{file: {path: a.csv, speed: auto}}]",
         "sweep.vary={'target.path[0].file.path': [a.csv, b.csv]}",
     ]
     draft = draft_of(path, changes)

@@ -58,6 +58,7 @@ def test_a_range_is_read_with_its_unit(given, unit, wanted):
     [
         ({"delay": "12ms..6ms"}, "--delay: … >= 0 … least first … 12ms..6ms"),
         ({"delay": "-1ms"}, "--delay: … >= 0 … -1ms"),
+        ({"delay": "8"}, "--delay: … less than 1 s … 8: write 8ms or 8s"),
         ({"lag": "5 mm"}, "--lag: … 8ms or 6ms..12ms … 5 mm … s"),
         ({"lag": "6ms.."}, "--lag: … 8ms or 6ms..12ms … 6ms.. …"),
         ({"noise": "nan"}, "--noise: … 1e-5 … nan …"),
@@ -142,11 +143,10 @@ def test_a_profile_tells_of_the_loop():
 
 
 def test_what_the_scenario_cannot_have_is_not_assumed_and_told(path):
-    second = ["control.nullspace={objective: secondary, secondary: {axes: [x]}}", "task.axes=[y]"]
-    work = Tuning(path, second, only=["control.inverse.method=damped"])
-    assert work.robot.noise is None
+    work = Tuning(path, ["target.path=[{hold: {for: 0.004}}]"], only=["control.inverse.method=damped"])
+    assert work.robot.delay is None and work.robot.noise  # no command would arrive before the end
     assert work.robot.is_assumed
-    assert any("secondary" in reason for reason in work.left_out)
+    assert any("plant.delay" in reason for reason in work.left_out)
 
 
 def test_feedback_is_tried_up_to_the_edge_of_the_loop(path):
@@ -194,8 +194,7 @@ def test_a_number_at_its_search_bound_is_told(path):
     at = [key for key, (low, high) in found.bounds.items()
           if values.get(key) in (float(f"{low:.3g}"), float(f"{high:.3g}"))]  # fmt: skip
     said = [line for line in report.doubts(found) if "search bound" in line]
-    assert len(said) == len(at)
-    assert all(key in line for key, line in zip(at, said, strict=True))
+    assert sorted(line.split()[1] for line in said) == sorted(at) != []
 
 
 def test_the_worst_of_the_loops_counts(path):

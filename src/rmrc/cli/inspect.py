@@ -41,7 +41,7 @@ Frame = Annotated[
     typer.Option(
         metavar="world|site|base",
         help="Along whose axes J and the words are.",
-        show_default="as --task-frame",
+        show_default="that of the rows",
     ),
 ]
 JointError = Annotated[

@@ -21,7 +21,8 @@ def margins(
     ] = 0.02,
     set_: Overrides = None,
     picture: Annotated[
-        Path | None, typer.Option(help="Draw what was tried into this file: .png, .svg or .pdf.")
+        Path | None,
+        typer.Option(metavar="FILE", help="Draw what was tried into this file: .png, .svg or .pdf."),
     ] = None,
     as_json: AsJson = False,
     threads: Threads = None,

@@ -33,15 +33,15 @@ Offset = Annotated[float, typer.Option(help="How far the target of a copy is off
 Payload = Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")]
 Delay = Annotated[
     str | None,
-    typer.Option(metavar="RANGE", help="Dead time of the robot's commands, such as 8ms or 6ms..12ms."),
+    typer.Option(metavar="RANGE", help="Dead time of the robot [s], such as 8ms or 6ms..12ms."),
 ]
 Lag = Annotated[
-    str | None, typer.Option(metavar="RANGE", help="Time constant of its drives, such as 0..10ms.")
+    str | None, typer.Option(metavar="RANGE", help="Time constant of its drives [s], such as 0..10ms.")
 ]
 Noise = Annotated[
     str | None,
     typer.Option(
-        metavar="RANGE", help="Noise of its encoders, such as 1e-5, in rad; slides: times task.length."
+        metavar="RANGE", help="Noise of its encoders [rad], such as 1e-5; slides: times task.length."
     ),
 ]
 Calibration = Annotated[
@@ -55,7 +55,11 @@ Runs = Annotated[int, typer.Option(help="Runs in all.")]
 Seed = Annotated[int, typer.Option(help="Of the copies and of the search.")]
 Picture = Annotated[
     Path | None,
-    typer.Option(help="Where the picture goes: .png, .svg or .pdf.", show_default="NAME.tune.png in --out"),
+    typer.Option(
+        metavar="FILE",
+        help="Where the picture goes: .png, .svg or .pdf.",
+        show_default="NAME.tune.png in --out",
+    ),
 ]
 
 

@@ -128,10 +128,7 @@ def workspace(
             what, total = "workspace", slicing.expected(part, cells, samples)
             ask = partial(slicing.workspace, plane=plane, through=point, samples=samples, worst=worst)
         else:
-            if plane is not None or through is not None or worst or map_ == "postures":
-                raise QuestionError(
-                    "--over has no slice: leave out --plane, --through, --worst and --map postures"
-                )
+            _refuse_slice(plane is not None or through is not None or worst or map_ == "postures")
             what, total = over, (cells + 1) ** 2
             ask = partial(joint_map.joint_map, over=over.split(","))
         with progress(f"{arm.path.stem}: {what}", total, quiet or as_json) as on_samples:
@@ -146,6 +143,12 @@ def workspace(
         complain("interrupted; nothing was written")
         raise typer.Exit(EXIT_INTERRUPTED) from None
     show(answer, as_json, quiet, files)
+
+
+def _refuse_slice(is_asked: bool) -> None:
+    """Refuse what asks for a slice beside two joints."""
+    if is_asked:
+        raise QuestionError("--over has no slice: leave out --plane, --through, --worst and --map postures")
 
 
 def _refuse_to_count(part: "Slice", measure: str | None) -> None:

@@ -105,8 +105,8 @@ def largest_change(
 ) -> float:
     """Return the largest change of a rate in this tick from which the joint can stop within a distance.
 
-    Between a change from which it can and one from which it cannot the way is all but a line: by the false
-    position.
+    Between the change that stops it at once, and one from which it cannot stop in time, the way is all but a
+    line: by the false position.
 
     Args:
         distance: That is left, not negative.
@@ -119,10 +119,13 @@ def largest_change(
     """
     r, left, top = rate / step, distance / (step * period), braking / step
     low, high = least / step, most / step
+    at_once = -r if r >= 0.0 else brake(-r, 1.0, 1.0)
+    if low < at_once < high and way(r + at_once, at_once, top) <= left:
+        low = at_once
     below, above = way(r + low, low, top) - left, way(r + high, high, top) - left
     moved = 0  # which end did: one that stays twice counts half from then on [Dowell71]
     for _ in range(ENOUGH):
-        if below >= -CLOSE * left and left > 0.0:
+        if below >= -CLOSE * left:
             break
         a = low - below * (high - low) / (above - below)
         if not low < a < high:

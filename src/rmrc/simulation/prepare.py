@@ -241,7 +241,7 @@ class Prepared:
             if getattr(control.limits, key) == values:
                 same = len(set(values)) == 1
                 texts.append(f"control.limits.{key} {inline(values[0] if same else list(values))}")
-        yield Assumed(f"by profile {profile.name}: {', '.join(texts) or 'nothing'}", False)
+        yield Assumed(f"by profile {profile.name}: {', '.join(texts) or 'nothing'}", True)
 
     def with_encoder_seed(self, seed: int) -> "Prepared":
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.

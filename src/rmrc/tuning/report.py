@@ -143,7 +143,7 @@ def margins(found: Tuned) -> list[tuple[str, ...]]:
 def _bears(margin: Margin | None, scale: float) -> str:
     if margin is None:
         return "none"
-    value = f"{scale * margin.value:.3g}"
+    value = f"{scale * margin.value:.3g}" if scale * margin.value < 1000 else f"{scale * margin.value:.0f}"
     return value if margin.edge.is_found else f"> {value}"
 
 

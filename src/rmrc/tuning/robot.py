@@ -220,6 +220,8 @@ def _read(text: str, unit: str) -> Range:
             least, _ = quantity(f"{low.strip()} {own}", unit)
     except ValueError as error:
         raise ValueError(f"must be a range such as {example}, got {text}, which {error}") from None
+    if unit == "s" and most >= 1.0 and not has_unit:  # who means seconds may say so
+        raise ValueError(f"must be less than 1 s without a unit, got {text}: write {text}ms or {text}s")
     return least, most
 
 

@@ -157,7 +157,7 @@ def _limits(facts: Facts) -> _Findings:
         yield (
             "rate-limit-missing",
             f"no rate limit of {', '.join(missing)}; `rmrc new` assumes {ASSUMED_RATE:g} rad/s",
-            "set control.limits.rate",
+            "set control.limits.rate, or control.limits.profile",
         )
     if missing := _named(facts, ~np.isfinite(arm.torque_limit)):
         way = 'set <joint actuatorfrcrange="..."/> or forcerange of its actuator'
@@ -165,7 +165,7 @@ def _limits(facts: Facts) -> _Findings:
     yield (
         "acceleration-limit",
         "no acceleration limits, which MJCF cannot tell",
-        "set control.limits.acceleration",
+        "set control.limits.acceleration, or .profile",
     )
 
 

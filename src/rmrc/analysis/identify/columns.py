@@ -181,6 +181,8 @@ def _parts(name: str, units: Mapping[str, float]) -> tuple[str, float | None]:
 
 
 def _missing(names: Sequence[str], what: str, kind: str) -> str:
+    if all(re.fullmatch(r"\s*[-+.\d][-+.\deE]*\s*", name) for name in names):
+        return f"the first line must name the columns, such as t, q_elbow, qdot_cmd_elbow; {_has(names)}"
     way = f"name it by --columns {kind}=NAME, with * where a joint stands"
     return f"there is no column of {what}; {_has(names)}; {way}"
 

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import EngFormatter
 
 from rmrc.analysis.identify.fit import Fitted
 from rmrc.analysis.identify.identify import Identified, Joint
@@ -83,6 +84,9 @@ def _draw_rest(axes: Axes, joint: Joint, fit: Fitted) -> None:
             axes.axhline(side, color="0.35", linestyle=(0, (5, 2)), linewidth=1.0)
         title = f"left by the fit; dashed: twice the noise, {spread:.2g}"
         axes.set_title(title, loc="left", fontsize=10)
+    axes.set_ylabel("residual [rad or m]")
+    # 50 µ: the exponent of an axis has no place beside the title
+    axes.yaxis.set_major_formatter(EngFormatter(sep="\N{THIN SPACE}"))
     axes.grid(color="0.9", linewidth=0.8)
 
 

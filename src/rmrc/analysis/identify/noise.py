@@ -18,7 +18,7 @@ def resolution(position: Array) -> float:
         position: (N,) [rad or m].
 
     Example:
-        >>> float(resolution(0.25 * np.arange(20) ** 2 % 7).round(9))
+        >>> round(resolution(0.25 * np.arange(20) ** 2 % 7), 9)
         0.25
     """
     values = np.unique(position)

@@ -66,6 +66,11 @@ def _edges(found: Margins) -> Sheet:
     headings = ("what the loop bears", "by runs", "stable at", "unstable at", "ideal plant", "rule", "unit")
     rows = [_row(one) for one in found.all]
     notes = []
+    if found.scenario.control.state == "integrated":
+        notes.append(
+            "control.state: integrated: the law never looks at the plant, and nothing late comes back to it. "
+            'What "ideal plant" and "rule" say is for a measured state.'
+        )
     if open_ := [one for one in found.all if one.edge.high == math.inf]:
         what = ", ".join(f"{one.name} {number(one.bound)}" for one in open_)
         notes.append(f'">": stable with all that was tried; no more is tried than {what}.')
