@@ -455,7 +455,9 @@ def test_rows_of_a_sweep_have_what_the_plain_loop_does(written, tmp_path):
 
 
 def test_what_tune_promises_of_a_setting_is_what_the_plain_loop_does(written):
-    work = Tuning(written, only=["control.inverse.method=damped"], copies=0, runs=12, seed=1, threads=1)
+    work = Tuning(
+        written, only=["control.inverse.method=damped"], copies=0, runs=12, seed=1, threads=1, ideal=True
+    )
     found = work.run()
     best = found.verdict.recommended or found.verdict.nearest
     settings = [str(change) for change in best.setting.changes]

@@ -42,7 +42,7 @@ def row(label="inverse", run=None, expect=None, stated_for=None, **values):
     given = {name: Figure(value, card[name].unit, "") for name, value in values.items()}
     card = Scorecard(card.name, card.joints, {**card.figures, **given})
     outcomes = tuple(check(card, expect or {}))
-    ended = (card, outcomes, run.divergence, False, run)
+    ended = (card, outcomes, run.divergence, False, False, run)
     return Compared(0, None, *ended, Variant(label), stated_for or {})
 
 

@@ -215,7 +215,7 @@ def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_pat
         "control.inverse.damping.schedule": ["constant"],
         "control.feedback": [10, 20.0],
     }
-    found = rmrc.tune(short, only, copies=0, runs=10, out=tmp_path / "out")
+    found = rmrc.tune(short, only, copies=0, runs=10, ideal=True, out=tmp_path / "out")
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         "short.tune.parquet",
         "short.tune.png",
@@ -223,6 +223,10 @@ def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_pat
     ]
     assert found.control["inverse"]["method"] == "damped" and found.control["feedback"] in (10.0, 20.0)
     again = rmrc.tune(
-        short, [f"{key}={','.join(map(str, values))}" for key, values in only.items()], copies=0, runs=10
+        short,
+        [f"{key}={','.join(map(str, values))}" for key, values in only.items()],
+        copies=0,
+        runs=10,
+        ideal=True,
     )
     assert again.block == found.block

@@ -149,6 +149,7 @@ def test_what_the_scenario_cannot_have_is_not_assumed_and_told(path):
     assert any("plant.delay" in reason for reason in work.left_out)
 
 
+@pytest.mark.long
 def test_feedback_is_tried_up_to_the_edge_of_the_loop(path):
     fine = ["control.period=0.001", "plant.timestep=0.001"]
     found = Tuning(path, fine, robot={"delay": "6ms..12ms", "lag": "5ms"}, copies=0, runs=12, only=FEW).run()
@@ -159,6 +160,7 @@ def test_feedback_is_tried_up_to_the_edge_of_the_loop(path):
     assert Tuning(path, ideal=True, copies=0, runs=12, only=FEW).run().bounds[FEEDBACK][1] == 0.2 / 0.004
 
 
+@pytest.mark.long
 def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
     # by the test of stability alone, for each that is feasible, and for some that are not
     fine = ["control.period=0.001", "plant.timestep=0.001"]
