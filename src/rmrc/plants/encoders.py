@@ -14,16 +14,12 @@ import numpy as np
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.chance import ENCODER_NOISE, normals, word
-from rmrc.plants.stage import Stage, refuse_unseen
+from rmrc.plants.stage import Stage, in_ticks, refuse_unseen
 
 # No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
 _MOST_OFF = 1e6
 # Finer steps [rad, m] are lost in the rounding of positions, and their number overflows.
 _FINEST = 1e-12
-# No run has so many ticks, and compiled code counts them in 64 bits.
-_NEVER = 2.0**52
-# Decimal fractions such as 0.003/0.001 are off by some 1e-16.
-_ROUNDING = 1e-9
 
 
 @compiled
@@ -118,8 +114,7 @@ class Encoders(Stage):
     @property
     def delay(self) -> float:
         """How old a reading is, in ticks."""
-        ticks = min(self.scenario.arm.encoder.delay / self.scenario.control.period, _NEVER)
-        return float(round(ticks)) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks
+        return in_ticks(self.scenario.arm.encoder.delay, self.scenario.control.period)
 
     @property
     def span(self) -> int:
@@ -127,9 +122,14 @@ class Encoders(Stage):
         return math.ceil(self.delay)
 
     @property
+    def moves_q(self) -> bool:
+        """Whether what is read is anything but q."""
+        return bool(self.offset.any() or self.differentiates)
+
+    @property
     def is_used(self) -> bool:
         """Whether what is read is anything but q, or the arm has other lengths than the law knows."""
-        return bool(self.offset.any() or self.differentiates or self.scenario.plant.stretch)
+        return self.moves_q or bool(self.scenario.plant.stretch)
 
     def write(self, world: np.void) -> None:
         """Write what is read."""

@@ -57,6 +57,11 @@ class Hardware:
         return any(stage.is_used for stage in self.stages if stage.slot == "sensed")
 
     @property
+    def moves_q(self) -> bool:
+        """Whether the law takes the joints to be elsewhere than they are, and not only bodies and site."""
+        return any(stage.moves_q for stage in self.stages)
+
+    @property
     def is_direct(self) -> bool:
         """Whether the plant is told what the law commands, at once."""
         return not any(stage.is_used for stage in self.stages if stage.slot == "sent")

@@ -16,6 +16,11 @@ from rmrc.arm import Arm
 from rmrc.law.record import Field
 from rmrc.scenario import Scenario
 
+# No run has so many ticks, and compiled code counts them in 64 bits.
+_NEVER = 2.0**52
+# Decimal fractions such as 0.3/0.1 are off by some 1e-16: a whole number of ticks is one.
+_ROUNDING = 1e-9
+
 
 class Stage(ABC):
     """A stage of one world.
@@ -26,7 +31,7 @@ class Stage(ABC):
         change: Compiled, (world, out, past, t): does what it does at tick t, whose record is `out`; that of
             an earlier tick k is `past[k % len(past)]`.
         fields: Of the record of a world, those that `write` writes; `uses` is one of them.
-        memory: Those that `change` keeps for itself, 0 at first.
+        memory: Those that `change` keeps for itself.
     """
 
     slot: ClassVar[Literal["sensed", "sent"]]
@@ -50,6 +55,11 @@ class Stage(ABC):
         """Whether its world has it."""
 
     @property
+    def moves_q(self) -> bool:
+        """Whether the law then takes the joints to be elsewhere than they are."""
+        return self.is_used and self.slot == "sensed"
+
+    @property
     def span(self) -> int:
         """How many ticks back it looks."""
         return 0
@@ -66,6 +76,12 @@ class Stage(ABC):
         """Yield key and message of what is too much in a run of so many control ticks."""
         del ticks
         yield from ()
+
+
+def in_ticks(time: float, period: float) -> float:
+    """Return a time [s] in ticks of a period [s]: a whole number where it is one but for rounding."""
+    ticks = min(time / period, _NEVER)
+    return float(round(ticks)) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks
 
 
 def refuse_unseen(stage: Stage, key: str) -> Iterator[tuple[str, str]]:

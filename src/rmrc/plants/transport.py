@@ -13,12 +13,7 @@ import numpy as np
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.chance import TRANSPORT, uniforms, word
-from rmrc.plants.stage import Stage
-
-# No run has so many ticks, and compiled code counts them in 64 bits.
-_NEVER = 2.0**52
-# Decimal fractions such as 0.3/0.1 are off by some 1e-16: a whole number of ticks is one.
-_ROUNDING = 1e-9
+from rmrc.plants.stage import Stage, in_ticks
 
 
 @compiled
@@ -72,12 +67,12 @@ class Transport(Stage):
     @property
     def latency(self) -> float:
         """How long a command takes at least, in ticks."""
-        return _ticks(self.scenario.plant.delay, self.scenario.control.period)
+        return in_ticks(self.scenario.plant.delay, self.scenario.control.period)
 
     @property
     def jitter(self) -> float:
         """How much longer it may take, in ticks."""
-        return _ticks(self.scenario.plant.jitter, self.scenario.control.period)
+        return in_ticks(self.scenario.plant.jitter, self.scenario.control.period)
 
     @property
     def is_used(self) -> bool:
@@ -109,9 +104,3 @@ class Transport(Stage):
                 f"must be less than the {ticks * period:g} s that the run takes, as no command would arrive, "
                 f"got {delay:g} s; lower it, or lengthen target.path",
             )
-
-
-def _ticks(time: float, period: float) -> float:
-    """Return a time in ticks."""
-    ticks = min(time / period, _NEVER)
-    return float(round(ticks)) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks

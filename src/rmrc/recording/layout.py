@@ -142,7 +142,7 @@ def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
             names=list(errors), colors=packed(list(errors.values())), widths=[2.0] * len(errors)
         ),
     }
-    if prepared.hardware.is_misled:
+    if prepared.hardware.moves_q:
         off = [
             f"{joint} [{'mm' if slides else 'mrad'}]"
             for joint, slides in zip(joints, prepared.arm.is_slide, strict=True)
@@ -198,12 +198,12 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
                 ("Tip error", ["/error"]),
                 *(
                     [("What the law takes joints for, less what they are", ["/belief"])]
-                    * prepared.hardware.is_misled
+                    * prepared.hardware.moves_q
                 ),
             )
         ),
         rrb.StateTimelineView(name="Status", origin="/status", time_view=axis),
-        row_shares=[3, 3, 2, *[2] * prepared.hardware.is_misled, 2],
+        row_shares=[3, 3, 2, *[2] * prepared.hardware.moves_q, 2],
     )
     titles = {"legend": "What you see", "scorecard": "Scorecard", "scenario": "Scenario"}
     return page(picture, titles, plots)

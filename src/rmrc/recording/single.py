@@ -125,7 +125,7 @@ class _Story(Track):
         super().__init__(out, prepared)
         self._status: int | None = None
         self._lanes: set[Status] = set()
-        self._is_misled = prepared.hardware.is_misled
+        self._is_misled, self._moves_q = prepared.hardware.is_misled, prepared.hardware.moves_q
 
     def write_ghost(self) -> None:
         """Write the geometries of the arm that the law takes for this one, if it does."""
@@ -147,7 +147,7 @@ class _Story(Track):
         errors = Values(stream.SCALARS, np.column_stack(norms))
         index = stream.index(ticks, part["time"])
         self.send("error", index, errors)
-        if self._is_misled:
+        if self._moves_q:
             self.send("belief", index, Values(stream.SCALARS, 1e3 * (part["q_believed"] - part["q"])))
         self._write_status(part, ticks)
 

@@ -125,7 +125,7 @@ class Track:
         """Write what is known at every tick (T,) of a block."""
         index = stream.index(ticks, part["time"])
         hardware = self._prepared.hardware
-        is_same = {"qdot_arrived": hardware.is_direct, "q_believed": not hardware.is_misled}
+        is_same = {"qdot_arrived": hardware.is_direct, "q_believed": not hardware.moves_q}
         for name, values in part.columns.items():
             if name in SAME and is_same[name]:
                 continue
