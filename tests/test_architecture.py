@@ -43,6 +43,7 @@ OWNERS = {
     "matplotlib": (
         *(
             "rmrc.show.figures",
+            "rmrc.show.run_figure",
             "rmrc.show.textbook_figures",
             "rmrc.study.filter_figure",
             "rmrc.study.margins.figure",

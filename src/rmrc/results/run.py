@@ -2,8 +2,11 @@
 
 import json
 import math
+from collections.abc import Mapping
 from functools import cached_property
 from pathlib import Path
+from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 
@@ -11,6 +14,7 @@ from rmrc.law.task import WORLD_VIEW, View
 from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.scenario.profile import Profile
+from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
 
 
@@ -37,7 +41,9 @@ class Run(Recorded):
             "weights": self.weights,
             "touching": self.touching,
             "resting": self.resting,
-            "torque_limit": [limit if math.isfinite(limit) else None for limit in self.torque_limit],
+            "torque_limit": _finite(self.torque_limit),
+            "rate_limit": _finite(self.rate_limit),
+            "damping_below": self.damping_below,
             "chatter_floor": self.chatter_floor,
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
@@ -50,22 +56,43 @@ class Run(Recorded):
 
     @classmethod
     def read(cls, path: Path) -> "Run":
-        """Return the run in a file that `save` wrote."""
-        with np.load(path, allow_pickle=False) as file:
+        """Return the run in a file that `save` wrote.
+
+        Raises:
+            OSError: It cannot be opened.
+            QuestionError: It is something else, or damaged.
+        """
+        try:
+            return cls._read(path)
+        except (KeyError, ValueError, TypeError, EOFError, BadZipFile):
+            raise QuestionError(f"{path}: does not hold the columns of a run, or is damaged") from None
+
+    @classmethod
+    def _read(cls, path: Path) -> "Run":
+        with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             facts = json.loads(str(file["facts"]))
             columns = completed({name: file[name] for name in COLUMNS if name in file or name not in ADDED})
         if "tau_gravity" not in columns:
             columns["tau_gravity"] = np.full_like(columns["tau"], math.nan)
         divergence = facts["divergence"] and Divergence(**facts["divergence"])
-        # files from before these were kept have neither
-        limits = (math.inf if limit is None else limit for limit in facts.get("torque_limit", ()))
         frame, base, free = facts.get("view", WORLD_VIEW)
         view = View(frame, tuple(base), free)
         profile = Profile.model_validate(facts["profile"]) if "profile" in facts else None
         return cls(
             facts["name"], tuple(facts["joints"]), tuple(facts["is_slide"]), tuple(facts["axes"]),
             facts["length"], facts["period"], columns, facts["planned"], divergence,
-            facts["wall_time"], tuple(facts.get("weights", ())), tuple(limits), view,
+            facts["wall_time"], tuple(facts.get("weights", ())), _limits(facts, "torque_limit"), view,
             tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
             tuple(facts.get("chatter_floor", ())), profile,
+            _limits(facts, "rate_limit"), facts.get("damping_below", 0.0),
         )  # fmt: skip
+
+
+def _finite(limits: tuple[float, ...]) -> list[float | None]:
+    """Return limits as strict JSON has them: null for infinite."""
+    return [limit if math.isfinite(limit) else None for limit in limits]
+
+
+def _limits(facts: Mapping[str, Any], name: str) -> tuple[float, ...]:
+    """Return limits of a file; those that it has from before they were kept are unknown."""
+    return tuple(math.inf if limit is None else limit for limit in facts.get(name, ()))
