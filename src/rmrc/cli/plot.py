@@ -1,6 +1,7 @@
-"""The verb `plot`: the figure of a run, for a paper or a lecture."""
+"""The verb `plot`: the figure of a run or of a comparison, for a paper or a lecture."""
 
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
@@ -37,7 +38,7 @@ def plot(
     run: Annotated[
         Path,
         typer.Argument(
-            help="What `run` left: NAME.npz, or NAME.rrd or NAME.json beside it.",
+            help="What `run` or `compare` left: NAME.npz, or NAME.rrd or NAME.json beside it.",
             show_default=False,
             callback=_columns_of,
         ),
@@ -64,27 +65,30 @@ def plot(
     ] = 8.0,
     quiet: Quiet = False,
 ) -> None:
-    """Draw a run for a paper or a lecture: path, rates and limits, singular values, errors, status."""
+    """Draw a run, or variants side by side, for a paper: path, rates, singular values, errors, status."""
     wanted = out or run.with_suffix(".pdf")
     if wanted.suffix not in PICTURES:
         raise QuestionError(f"--out {visible(str(wanted))}: must end in .png, .svg or .pdf")
     inches = _inches(width)
     with interruption("interrupted; nothing was written"):
         from rmrc.results.leaving import refuse_unwritable
-        from rmrc.results.run import Run
-        from rmrc.show.run_figure import PANELS
-        from rmrc.show.run_figure import plot as draw
+        from rmrc.results.run import read_runs
+        from rmrc.show.panels import NAMES
+        from rmrc.show.plot import plot as draw
 
-        names = _chosen(panels, [panel.name for panel in PANELS])
+        names = _chosen(panels, NAMES)
         refuse_unwritable([wanted])
-        found = Run.read(run)
-        if not len(found):
-            raise QuestionError(f"{visible(str(run))}: has no tick, so there is nothing to draw")
+        found = read_runs(run)
+        for label, one in found.items():
+            if not len(one):
+                raise QuestionError(
+                    f"{visible(str(run))}: {quoted(label)} has no tick, so there is nothing to draw"
+                )
         draw(found, wanted, names, inches, font)
     print_line(output(quiet), f"wrote {wanted}")
 
 
-def _chosen(text: str | None, known: list[str]) -> list[str]:
+def _chosen(text: str | None, known: Sequence[str]) -> list[str]:
     """Return the names of `--panels`."""
     names = [] if text is None else [name.strip() for name in text.split(",")]
     for name in names:

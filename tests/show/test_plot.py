@@ -1,4 +1,4 @@
-"""The figure of a run: what its panels show is what the columns hold, in sizes that a journal takes."""
+"""The figures of runs: what their panels show is what the columns hold, in sizes that a journal takes."""
 
 import dataclasses
 import re
@@ -9,13 +9,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from project import ROOT
-from rmrc.results.run import Run
-from rmrc.show.run_figure import PANELS, SPANS, _thinned, figure
+from rmrc.results.run import Run, read_runs
+from rmrc.show.panels import NAMES, OVER_TIME, SPANS, thinned
+from rmrc.show.plot import plot
+from rmrc.study.verbs import compare
 from rmrc.study.verbs import run as run_scenario
 from rmrc.support.errors import QuestionError
 from wording import says
 
-TIMED = ("rates", "sigma", "error", "torque", "pace", "status")
+TIMED = [name for name in NAMES if name in OVER_TIME]
 
 
 @pytest.fixture(scope="module")
@@ -39,7 +41,7 @@ def curve(axes, label):
 
 def test_what_is_drawn_are_the_columns_and_no_peak_is_lost(left):
     run = left[1]
-    picture = figure(run)
+    picture = plot(run)
     rates = axes_of(picture, "rate")
     for j, name in enumerate(run.joints):
         drawn = curve(rates, name)
@@ -60,7 +62,7 @@ def test_what_is_drawn_are_the_columns_and_no_peak_is_lost(left):
 
 def test_errors_along_and_across_add_up_to_the_error(left):
     run = left[1]
-    axes = axes_of(figure(run), "error")
+    axes = axes_of(plot(run), "error")
     along, across = (curve(axes, label) for label in ("along the path [mm]", "across [mm]"))
     rows = np.intersect1d(along[:, 0], across[:, 0])
     split = [part[np.isin(part[:, 0], rows), 1] for part in (along, across)]
@@ -72,7 +74,7 @@ def test_errors_along_and_across_add_up_to_the_error(left):
 @given(st.integers(1, 5 * SPANS), st.integers(0, 2**32 - 1))
 def test_thinning_keeps_the_ends_and_the_peaks(count, seed):
     time, values = np.arange(count) * 1e-3, np.random.default_rng(seed).standard_normal(count)
-    at, kept = _thinned(time, values)
+    at, kept = thinned(time, values)
     assert len(at) <= 2 * SPANS + 10
     assert (np.diff(at) > 0).all()
     assert (kept == values[np.searchsorted(time, at)]).all()
@@ -105,9 +107,9 @@ def test_fonts_are_embedded_as_journals_want_them(rmrc, left):
 
 def test_every_panel_can_be_drawn_alone_and_all_share_one_time(left):
     run = left[1]
-    for panel in PANELS:
-        assert len(figure(run, [panel.name], 3.5).get_axes()) == 1
-    picture = figure(run, TIMED)
+    for name in NAMES:
+        assert len(plot(run, panels=[name], width=3.5).get_axes()) == 1
+    picture = plot(run, panels=TIMED)
     assert {axes.get_xlim() for axes in picture.get_axes()} == {(0.0, float(run["time"][-1]))}
     shown = [axes.xaxis.get_tick_params()["labelbottom"] for axes in picture.get_axes()]
     assert shown == [*[False] * (len(TIMED) - 1), True]
@@ -117,7 +119,43 @@ def test_a_file_from_before_limits_were_kept_is_drawn_without_them(left, tmp_pat
     run = left[1]
     dataclasses.replace(run, rate_limit=(), damping_below=0.0).save(tmp_path / "old.npz")
     old = Run.read(tmp_path / "old.npz")
-    assert figure(old, ["rates"]).get_axes()[0].get_yscale() == "symlog"  # where a peak would hide the rest
+    assert (
+        plot(old, panels=["rates"]).get_axes()[0].get_yscale() == "symlog"
+    )  # where a peak would hide the rest
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Return the file that a comparison left, and its runs."""
+    folder = tmp_path_factory.mktemp("compared")
+    runs = compare(
+        ROOT / "scenarios/blow_up.yaml", {"control.inverse.method": ["inverse", "damped"]}, out=folder,
+        record=False,
+    )  # fmt: skip
+    return folder / "blow_up.compare.npz", runs
+
+
+def test_a_comparison_is_kept_bit_for_bit_and_has_a_curve_per_variant(compared):
+    path, runs = compared
+    kept = read_runs(path)
+    assert list(kept) == list(runs) == ["inverse", "damped"]
+    for label, run in runs.items():
+        for name, column in run.columns.items():
+            np.testing.assert_array_equal(kept[label].columns[name], column, strict=True)
+    with pytest.raises(QuestionError, match="holds 2 runs"):
+        Run.read(path)
+    rates = axes_of(plot(kept), r"\dot q")
+    for label, run in runs.items():
+        assert curve(rates, label)[:, 1].max() == run.scorecard["joint_rate_cmd.peak"].value
+    assert rates.get_yscale() == "log"  # one blows up, and the other is still to be seen
+    lanes = {text.get_text() for text in axes_of(plot(kept, panels=["status"]), "").get_yticklabels()}
+    assert {"inverse: singular", "damped: damped"} <= lanes
+
+
+def test_the_verb_draws_a_comparison(rmrc, compared):
+    path = compared[0]
+    code, out, err = rmrc("plot", str(path.with_suffix(".json")), "-o", "both.svg", "--panels", "rates,g")
+    assert (code, out, err) == (0, "wrote both.svg\n", "")
 
 
 WRONG = {
