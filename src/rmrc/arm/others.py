@@ -105,10 +105,6 @@ class Others:
             and model.actuator_biasprm[actuator, 1] < 0.0
         )
 
-    def pulls(self, actuator: int) -> frozenset[int]:
-        """Return the joints that an actuator pulls at."""
-        return self._pulls[actuator]
-
     def controls(
         self, qpos: Array, ctrl: Array | None, act: Array | None, every: bool = False
     ) -> tuple[Array, Array]:
@@ -184,7 +180,7 @@ class Others:
             joint.springdamper, joint.frictionloss = [0, 0], 0.0
             joint.limited = joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
         for tendon in spec.tendons:
-            if self._along(tendon.id) <= locked:
+            if self.along(tendon.id) <= locked:
                 tendon.limited, tendon.frictionloss = mujoco.mjtLimited.mjLIMITED_FALSE, 0.0
         still = {i for i, linked in self._equalities().items() if linked <= locked}
         for equality in spec.equalities:
@@ -233,12 +229,12 @@ class Others:
         if kind in _JOINT_TARGETS:
             return frozenset([int(first)])
         if kind == _TENDON:
-            return self._along(int(first))
+            return self.along(int(first))
         if kind in (_SITE, _CRANK):
             return self._between(*(int(model.site_bodyid[s]) if s >= 0 else 0 for s in (first, second)))
         return frozenset()
 
-    def _along(self, tendon: int) -> frozenset[int]:
+    def along(self, tendon: int) -> frozenset[int]:
         """Return the joints that change the length of a tendon."""
         model = self.model
         parts = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
@@ -270,7 +266,7 @@ class Others:
             if kind == _EQUAL_JOINTS:
                 yield one
             elif kind == _EQUAL_TENDONS:
-                yield from self._along(one)
+                yield from self.along(one)
 
     def _between(self, a: int, b: int) -> frozenset[int]:
         """Return the joints that move one body against another."""
