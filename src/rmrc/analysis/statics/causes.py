@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rmrc.analysis.statics.hold import LAST, HoldResult
 from rmrc.arm import Arm
 from rmrc.arm.inventory import contacts
+from rmrc.arm.wiring import flex_bodies, flex_name, joints_above
 from rmrc.show.sheets import number
 
 Array = NDArray[np.float64]
@@ -27,7 +28,7 @@ def borne(held: HoldResult) -> str:
     if found:
         said.append(f"{' and '.join(found)}, which bears a part: give other positions by --q or --keyframe")
     if pulls := list(_pulls(arm, qpos)):
-        said.append(f"{' and '.join(pulls)}, which is no drive: take it out of a copy of the model")
+        said.append(f"{' and '.join(pulls)}, which statics leaves out: take it out of a copy of the model")
     if not said and (moves := _moves(held)):
         said.append(f"{moves} still moves beside the arm: hold it for longer")
     return "".join(f"; {one}" for one in said)
@@ -59,7 +60,7 @@ def _tendons(arm: Arm, qpos: Array) -> Iterator[str]:
 
 
 def _pulls(arm: Arm, qpos: Array) -> Iterator[str]:
-    """Yield the actuators that pull at the arm and at something else, so that no drive replaces them."""
+    """Yield the actuators that pull at the arm and at something else, and what hangs at it and is soft."""
     model, own = arm.model, frozenset([*arm.wiring.joint, *arm.wiring.follower_joint])
     data = _data(arm, qpos)
     data.ctrl[:], data.act[:] = arm.others.controls(qpos, None, None, every=True)
@@ -67,6 +68,9 @@ def _pulls(arm: Arm, qpos: Array) -> Iterator[str]:
     for i in arm.others.kept:
         if data.actuator_force[model.actuator_outadr[i]] and not own.isdisjoint(arm.others.pulled(i)):
             yield f'actuator "{model.actuator(i).name or i}" pulls at the arm'
+    for i in range(model.nflex):
+        if any(not own.isdisjoint(joints_above(model, body)) for body in flex_bodies(model, i)):
+            yield f'flex "{flex_name(model, i)}" hangs at the arm'
 
 
 def _moves(held: HoldResult) -> str:
