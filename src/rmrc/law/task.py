@@ -32,6 +32,8 @@ Array = NDArray[np.float64]
 SAMPLES = 20
 # A singular value below this share of the largest, at a random configuration, is rounding.
 RANK_TOLERANCE = 1e-9
+# A row that others give but for this share of itself is none to choose: files have π/2 as 1.5708 or 1.57.
+INDEPENDENT = 2e-3
 
 
 class View(NamedTuple):
@@ -245,7 +247,8 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0, fra
 
     These are the rows of its reduced Jacobian [Khatib08]: of x y z rx ry rz, in this order, each that raises
     the rank that the rows before it have almost everywhere. A 2-link planar arm gets x and y, a SCARA arm
-    x, y, z and rz, an arm with six joints or more usually all. The rotations come first if they alone can
+    x, y, z and rz, an arm with six joints or more usually all. What moves a row by a few thousandths of what
+    others do is rounding of the file. The rotations come first if they alone can
     tell all joints and the translations cannot: a spherical wrist gets rx, ry and rz at any of its points.
 
     Args:
@@ -260,8 +263,14 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0, fra
     if axes is not None:
         return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length, frame=frame)
 
+    task = Task(arm, np.arange(6), length, frame=frame)
+    J = np.array([task.turned(arm.jacobian(q), arm.pose(q)) for q in arm.sampled(SAMPLES)]) * task.joint_scale
+    size = np.linalg.norm(J, axis=2).max(axis=0)
+    # each row in its own unit, as a small arm is no worse than a large one
+    J = np.where((size > RANK_TOLERANCE * size.max())[:, None], J / np.maximum(size, 1e-300)[:, None], 0.0)
+
     def rank(rows: Sequence[int]) -> int:
-        return Task(arm, np.array(rows), length, frame=frame).rank
+        return int((np.linalg.svd(J[:, rows], compute_uv=False) > INDEPENDENT).sum(axis=1).max())
 
     turns_first = rank([3, 4, 5]) == arm.n > rank([0, 1, 2])
     rows: list[int] = []
