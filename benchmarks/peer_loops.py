@@ -225,6 +225,7 @@ class Rmrc:
             control["control.feedback"] = gain
             control["control.inverse.damping.maximum"] = damping
             control["control.inverse.damping.below"] = 2 * damping
+            control["control.inverse.gamma"] = damping
         control |= {f"control.{key}": value for key, value in (more or {}).items()}
         text = f"name: x\narm: {{model: {arm.path}, site: {arm.site}}}\nplant: {{kind: ideal}}\n"
         text += "target: {path: [{hold: {for: 1.0}}]}"

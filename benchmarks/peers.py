@@ -43,6 +43,8 @@ COLUMNS = {
     "chatter": ("reversals of a joint's acceleration a second", 0.5),
     "over": ("beyond position limits, mrad or mm", 1e-1),
 }  # fmt: skip
+# So many times our error is no longer the same task.
+FOLLOWS = 2.0
 # By how much more a figure may be and still be as good.
 ALIKE = 1.02
 
@@ -203,15 +205,17 @@ def leads(row: Row, ours: dict[str, float]) -> list[str]:
 def words(rows: list[Row], all_ours: list[tuple[dict[str, object], dict[str, float]]]) -> Iterator[str]:
     """Yield where a peer's best is ahead of ours, and whether another setting of ours leaves it no column."""
     (ours,) = (row for row in rows if row.peer.name == OURS)
+    behind = []
     for row in rows:
-        if row.peer.loop.package == "rmrc" or len(row.peer.settings) == 1:
-            continue
         ahead = leads(row, ours.figures)
-        if not ahead:
+        if row.peer.loop.package == "rmrc" or len(row.peer.settings) == 1 or not ahead:
+            continue
+        share = error_of(row.figures) / error_of(ours.figures)
+        if share > FOLLOWS:
+            behind.append(f"{row.peer.name} ({share:.1f})")
             continue
         shown = ", ".join(f"{name} {row.figures[name]:.3g} (ours {ours.figures[name]:.3g})" for name in ahead)
-        share = error_of(row.figures) / error_of(ours.figures)
-        text = f"{row.peer.name} is ahead in {shown}, with {share:.2f} times our error."
+        text = f"**{row.peer.name} is ahead in {shown}**, with {share:.2f} times our error."
         setting, left = min(
             ((one, leads(row, found)) for one, found in all_ours), key=lambda pair: len(pair[1])
         )
@@ -220,6 +224,8 @@ def words(rows: list[Row], all_ours: list[tuple[dict[str, object], dict[str, flo
             yield f"{text} None of our settings is as good in all columns; {lacks}."
         else:
             yield f"{text} With {told(setting)} rmrc is as good in every column."
+    if behind:
+        yield f"Slower or smoother, but with so many times our error: {', '.join(behind)}."
 
 
 def told(setting: dict[str, object]) -> str:
@@ -287,7 +293,8 @@ def page(keep: Keep, only: list[str]) -> Iterator[str]:
     """Yield the page."""
     yield INTRODUCTION.format(
         settings=len(grid()), more=len(MORE) - 1, ours=len(grid()) * len(MORE), period=1e3 * PERIOD,
-        gains=", ".join(f"{K:g}" for K in GAINS), dampings=", ".join(f"{d:g}" for d in DAMPINGS), floor=CHATTER_FLOOR,
+        gains=", ".join(f"{K:g}" for K in GAINS), dampings=", ".join(f"{d:g}" for d in DAMPINGS),
+        floor=CHATTER_FLOOR,
     )  # fmt: skip
     yield "| package | version |\n|---|---|"
     yield from versions()

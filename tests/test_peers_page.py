@@ -1,7 +1,9 @@
 """The scoreboard of benchmarks/peers.py: its arms, its measures, and what it says who leads."""
 
+import itertools
 import sys
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
@@ -47,6 +49,26 @@ def test_the_loop_in_numpy_and_ours_are_the_same_law():
     assert np.abs(ours.command - damped.command).max() > 1e-3
 
 
+def test_a_target_is_reached_as_in_mink_s_own_test():
+    """tests/test_solve_ik.py of mink: a UR5e at home, 0.1 m away, π rad/s, at most 19 steps of 5 ms, ever nearer."""
+    arm, q = peer_cases.arm("ur5e", (np.pi,) * 6), np.radians([-90, -90, 90, -90, -90, 0])
+    site = arm.at(q).site(arm.site)
+    R = site.xmat.reshape(3, 3).copy()
+    target = np.concatenate([site.xpos + 0.1 * R[:, 2], np.zeros(4)])
+    mujoco.mju_mat2Quat(target[3:], R.ravel())
+    pose = peer_cases.Pose(target[:3], target[3:], np.eye(4), target)
+    loop, errors = peer_loops.Rmrc(arm, q, 1 / peer_cases.PERIOD, 1e-4), []
+    for _ in range(int(19 * 0.005 / peer_cases.PERIOD)):
+        rates = loop.step(q, np.zeros(6), pose, np.zeros(6), pose)
+        assert np.abs(rates).max() <= np.pi * (1 + 1e-12)
+        q = q + peer_cases.PERIOD * rates
+        site = arm.at(q).site(arm.site)
+        error = peer_cases.pose_error(target[:3], R, site.xpos, site.xmat.reshape(3, 3))
+        errors.append(float(np.linalg.norm(error)))
+    assert errors[-1] < 1e-5
+    assert all(later < sooner or sooner < 1e-9 for sooner, later in itertools.pairwise(errors))
+
+
 def test_figures_of_a_run():
     case = named("far, UR5e")
     ticks, n = case.ticks, 6
@@ -88,7 +110,9 @@ def test_a_peer_that_leads_is_named_with_what_it_costs():
     row = lambda **values: peers.Row(package, {}, figures(**values), (9.0, 9.0))  # noqa: E731
     rival = row(mm=1.0, mrad=0.0)
     (said,) = peers.words([ours, rival], [({}, ours.figures)])
-    assert "ahead in mm 1 (ours 2), with 0.50 times our error" in said and "None of our settings" in said
+    assert "ahead in mm 1 (ours 2)**, with 0.50 times our error" in said and "None of our settings" in said
+    (said,) = peers.words([ours, row(mm=1.0, mrad=9.0)], [({}, ours.figures)])
+    assert said == "Slower or smoother, but with so many times our error: numpy DLS (4.5)."
     (said,) = peers.words([ours, rival], [({}, ours.figures), ({"gain": 5.0}, rival.figures)])
     assert said.endswith("With gain 5 rmrc is as good in every column.")
     assert list(peers.words([ours, row(mm=1.98, mrad=0.0)], [({}, ours.figures)])) == []  # within 2 %
