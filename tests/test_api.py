@@ -98,7 +98,7 @@ def say(what):
 
 before = state()
 """
-BRIEF = "rmrc.load('line_tracking').set({'control.period': 0.01, 'target.path': [{'line': {'by': [0.02, 0.0]}}]})"
+BRIEF = "rmrc.load('line_tracking').set({'control.period': 0.01, 'control.feedback': 40, 'target.path': [{'line': {'by': [0.02, 0.0]}}]})"
 VERBS = {
     "load": "load('line_tracking')",
     "run": "run('line_tracking')",
