@@ -209,6 +209,7 @@ def test_a_file_that_cannot_be_written_in_the_end_is_an_error(short, tmp_path, m
         rmrc.run(short, out=tmp_path / "out", record=False)
 
 
+@pytest.mark.usefixtures("unmargined")
 def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_path):
     only = {
         "control.inverse.method": ["damped"],

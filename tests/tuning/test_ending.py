@@ -14,6 +14,8 @@ from rmrc.tuning.front import Point
 from rmrc.tuning.trials import Ending
 from rmrc.tuning.tune import Tuning
 
+pytestmark = pytest.mark.usefixtures("unmargined")
+
 TEXT = f"""
 name: quick
 arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [30 deg, -60 deg]}}

@@ -152,12 +152,12 @@ class Task:
     @cached_property
     def rank(self) -> int:
         """Rank of A almost everywhere: the largest at random but always equal configurations."""
-        ranks = []
-        for q in self.arm.sampled(SAMPLES):
-            J = self.turned(self.arm.jacobian(q), self.arm.pose(q))
-            sigma = np.linalg.svd(self.matrix(J), compute_uv=False)
-            ranks.append(int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[0])))
-        return max(ranks)
+        return self._rank(*_sampled(self.arm, self.frame))
+
+    def _rank(self, jacobians: Array, poses: Array) -> int:
+        """Return the largest rank of A, by Jacobians (s, 6, n) along world axes and poses (s, 7)."""
+        sigma = np.linalg.svd(self.matrix(self.turned(jacobians, poses)), compute_uv=False)
+        return int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[:, :1], axis=1).max())
 
     def matrix(self, jacobian: Array) -> Array:
         """Return A = S_x J S_q, (..., m, n), of a Jacobian along the axes of the frame, (..., 6, n)."""
@@ -189,6 +189,13 @@ class Task:
         world["is_slide"][:axes], world["pitch"][:axes] = np.isinf(chain.pitch), chain.pitch
         world["zero_axis"][:axes], world["zero_step"][:axes] = chain.axis, chain.step
         world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
+
+
+def _sampled(arm: Arm, frame: Frame) -> tuple[Array, Array]:
+    """Return Jacobians (s, 6, n) along world axes, and poses (s, 7) of the site if its frame needs them."""
+    q = arm.sampled(SAMPLES)
+    poses = [arm.pose(one) if frame == "site" else ORIGIN for one in q]
+    return np.array([arm.jacobian(one) for one in q]), np.array(poses)
 
 
 class SecondTask:
@@ -264,7 +271,7 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0, fra
         return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length, frame=frame)
 
     task = Task(arm, np.arange(6), length, frame=frame)
-    J = np.array([task.turned(arm.jacobian(q), arm.pose(q)) for q in arm.sampled(SAMPLES)]) * task.joint_scale
+    J = task.turned(*_sampled(arm, frame)) * task.joint_scale
     size = np.linalg.norm(J, axis=2).max(axis=0)
     # each row in its own unit, as a small arm is no worse than a large one
     J = np.where((size > RANK_TOLERANCE * size.max())[:, None], J / np.maximum(size, 1e-300)[:, None], 0.0)
