@@ -325,6 +325,7 @@ LIGHT = "control.inverse.damping.maximum=0.005"
 PAYS = (
     (WRIST, (LIGHT,), (40.1, 202, 275), (26.9, 105, 1670)),
     (WRIST, (LIGHT, "control.limits.acceleration=20"), (40.1, 213, 20), (77.2, 55, 20)),
+    (WRIST, ("control.inverse.damping.maximum=0.02",), (14.5, 16.9, 136), (15.3, 10.7, 136)),
     ("stanford_wrist_close", (LIGHT,), (1.5, 63.7, 430), (1.7, 58.0, 430)),
     ("approach_singularity", (BEYOND,), (15.48, None, 36), (15.48, None, 36)),
     ("joint_limit", (), (0.133, None, 20), (0.133, None, 20)),
