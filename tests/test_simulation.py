@@ -170,6 +170,16 @@ VARIANTS = {
     "clamped rates": (*NEAR, "control.limits.rate=[0.4, 0.6]", ON_EXCESS + "clamp"),
     "free rates": (*PLANAR, DRIFT, "control.limits.rate=0.3", ON_EXCESS + "none"),
     "redistributed rates": (*PLANAR, DRIFT, "control.limits.rate=[0.4, 0.3, 0.2]", ON_EXCESS + "redistribute"),
+    "optimal, all limits": (
+        *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: 2, braking: 1, on_excess: optimal}", SCHEDULE + "constant",
+        "control.joint_weights=[3, 1, 0.5]", "task.weights=[1, 4]",
+    ),
+    "optimal, undamped": (*PLANAR, DRIFT, "control.limits.rate=[0.4, 0.3, 0.2]", ON_EXCESS + "optimal"),
+    "optimal, jparse": (*FOLDED, DRIFT, "control.limits={rate: 0.4, braking: 1, on_excess: optimal}", METHOD + "jparse"),
+    "optimal, its direction kept": (
+        *FOLDED, DRIFT, "control.limits={rate: [0.4, 0.3, 0.2], braking: 1, on_excess: optimal, keep_direction: true}",
+        "control.joint_weights=[3, 1, 0.5]", SCHEDULE + "constant",
+    ),
     "scaled, all limits": (*FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: 2, braking: 1}"),
     "clamped, all limits": (
         *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: [2, 1, 2], braking: 3, on_excess: clamp}",
@@ -265,6 +275,10 @@ VARIANTS = {
         *FOLDED, DRIFT, "control.limits={rate: 0.4, braking: 1, jerk: 30, on_excess: redistribute}",
         "control.joint_weights=[3, 1, 0.5]",
     ),
+    "jerk, optimal": (
+        *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: 2, braking: 1, jerk: 30, on_excess: optimal}",
+        "control.joint_weights=[3, 1, 0.5]", SCHEDULE + "constant",
+    ),
     "jerk, at a stop": (*AT_STOP, "control.limits={acceleration: 30, braking: 10, jerk: 500}"),
     "jerk, towards a stop, gives way": (
         *FOLDED, "arm.start=[0, -20 deg, 159 deg]", "control.nullspace={objective: rates, rates: [0, 0, 3]}",
@@ -350,6 +364,8 @@ OFF = {
     "jerk at a stop": ("jerk, at a stop", "control.limits.jerk=500.0005"),
     "jerk that gives way": ("jerk, towards a stop, gives way", "control.limits.jerk=3.000003"),
     "jerk and braking": ("jerk, redistributed", "control.limits.braking=1.000001"),
+    "optimum": ("optimal, all limits", "control.limits.rate=[0.4, 0.4000004, 0.4]"),
+    "optimum of the direction": ("optimal, its direction kept", "control.limits.rate=[0.4, 0.3, 0.2000002]"),
     "saturation": ("redistributed rates", "control.limits.rate=[0.4, 0.3, 0.2000002]"),
     "slow.change": ("slow", "control.slow.change=10.00001"),
     "stop.change": ("stop", "control.stop.change=10.00001"),
