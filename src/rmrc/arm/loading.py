@@ -55,7 +55,7 @@ def load(
         raise ModelError(f"{path}: no such model file{near}")
     asked = Asked(site, body, tool, base, tuple(sorted((packages or {}).items())))
     spec, model, velocity, told = read(path, packages)
-    return _found(path, spec, model, velocity, list(told), asked, joints)
+    return _found(path, spec, model, velocity, list(told), asked, joints, urdf.is_urdf(path))
 
 
 def is_model(given: object) -> bool:
@@ -100,6 +100,7 @@ def _found(
     notes: list[str],
     asked: Asked,
     joints: Sequence[str] | None,
+    is_urdf: bool = False,
 ) -> Arm:
     """Return the arm of a model: see `load`."""
     model, site, frame, obvious = mounted(path, spec, model, asked, notes)
@@ -119,7 +120,7 @@ def _found(
     keys = keyframes(model, joint.tolist(), limit, asked.prefix, notes)
     if (
         spec is not None
-        and urdf.is_urdf(path)
+        and is_urdf
         and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0)))
     ):
         notes += apart

@@ -178,7 +178,7 @@ class Law(Loop):
             wrong = "q is needed: position limits or a posture depend on it"
         if wrong and not self._is_one:
             wrong += f"; reset made a batch of {w}"
-        elif wrong and np.ndim(J) == 3:
+        elif wrong and getattr(J, "ndim", 0) == 3:
             wrong += "; reset(worlds=...) makes a batch"
         return self._refuse(wrong) if wrong else self._finish(TWIST | (RATES if qdot is not None else 0))
 

@@ -119,6 +119,7 @@ class Command:
         q, ends, limit = world["q"][:n], world["position_limit"][:, :n], world["rate_limit"][:n]
         room = np.where(rate > 0.0, ends[1] - q, q - ends[0])
         slack = 1e-9 * np.abs(rate)
+        returning = world["returning"][:n] != 0.0
         at_stop = ((rate >= upper - slack) & (upper < limit)) | ((rate <= lower + slack) & (lower > -limit))
         jerk = np.abs(change - world["change_before"][:n]) / world["jerk_step"][:n]
         near = {
@@ -132,7 +133,7 @@ class Command:
             ),
             "position": (
                 Status.POSITION_LIMITED,
-                np.where((world["returning"][:n] != 0.0) | at_stop, 1.0, 0.5 / (1.0 + np.maximum(room, 0.0))),
+                returning if returning.any() else np.where(at_stop, 1.0, 0.5 / (1.0 + np.maximum(room, 0.0))),
             ),
         }  # fmt: skip
         return {

@@ -17,6 +17,8 @@ from rmrc.support.errors import QuestionError
 RATES, REFUSED = int(Given.RATES), int(Given.REFUSED)
 # Periods that are braked at most where no step came in time: any arm is at rest by then.
 MOST_LATE = 1_000_000
+# A part of a period by which clocks may differ.
+ON_TIME = 1e-6
 # Stand for MuJoCo's data where nothing reads them.
 NOTHING = np.zeros((1, 3)), np.zeros((1, 4)), np.zeros((1, 3)), np.zeros((1, 3))
 
@@ -130,8 +132,8 @@ class Loop:
     def _periods_late(self, gap: float) -> int:
         """Return in how many periods a command is braked that was given so long ago."""
         assert self._watchdog is not None
-        over = gap - self._watchdog
-        return min(MOST_LATE, math.ceil(over / self.period)) if over > 0.0 else 0  # NaN is not late
+        over = (gap - self._watchdog) / self.period - ON_TIME
+        return min(MOST_LATE, math.ceil(over)) if over > 0.0 else 0  # NaN is not late
 
     def _look_at_the_clock(self) -> None:
         now = self._clock()
