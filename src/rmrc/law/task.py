@@ -193,7 +193,7 @@ class Task:
         world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
 
 
-def _sampled(arm: Arm, frame: Frame) -> tuple[Array, Array]:
+def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
     """Return Jacobians (s, 6, n) along world axes, and poses (s, 7) of the site if its frame needs them."""
     q = arm.sampled(SAMPLES)
     poses = [arm.pose(one) if frame == "site" else ORIGIN for one in q]
