@@ -454,6 +454,7 @@ def test_rows_of_a_sweep_have_what_the_plain_loop_does(written, tmp_path):
     assert errors[1] < 0.7 * errors[0]  # more feedback, less sag
 
 
+@pytest.mark.usefixtures("unmargined")
 def test_what_tune_promises_of_a_setting_is_what_the_plain_loop_does(written):
     work = Tuning(
         written, only=["control.inverse.method=damped"], copies=0, runs=12, seed=1, threads=1, ideal=True
