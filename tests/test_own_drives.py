@@ -429,6 +429,7 @@ def plain_loop(path, *settings):
     return Loop(prepare(load(path, settings))).run(nothing, moved(2.0, 1.0))[0]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_comparison_has_what_the_plain_loop_does(written, tmp_path):
     kinds = ("servo", "model")
     left = Comparison(written, variants([f"plant.kind={','.join(kinds)}"]), [], tmp_path / "out").run()
