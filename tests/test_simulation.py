@@ -117,7 +117,7 @@ VARIANTS = {
     "second task along the base": (
         *STANDING, "task={frame: site, axes: [x, y, z]}", *second("axes: [rx, ry, rz], to: [0.2, -0.1, 0.1], frame: base"),
     ),
-    "slow along the site": (*STANDING, "task.frame=site", "control={at_singularity: slow, limits: {rate: 0.05}}"),
+    "slow along the site": (*STANDING, "task.frame=site", "control={at_singularity: slow, slow: {longest: 1.2}, limits: {rate: 0.05}}"),
     "damped, constant": (*NEAR, SCHEDULE + "constant"),
     "damped, tall and weighted": (
         *BRIEF, "task.axes=[x, y, rz]", "task.weights=[1, 2, 0.1]", "control.joint_weights=[1, 3]", SCHEDULE + "constant",

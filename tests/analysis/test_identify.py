@@ -299,7 +299,7 @@ SOUND = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("change", SOUND, ids=lambda change: change.__name__)
+@pytest.mark.parametrize("change", mostly_long(SOUND, 2), ids=lambda change: change.__name__)
 def test_a_log_as_people_have_them_tells_the_same(change, tmp_path):
     columns, how = change(log(11))
     found = rmrc.identify(written(tmp_path / "log.csv", columns), **how)
