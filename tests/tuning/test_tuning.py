@@ -31,6 +31,9 @@ from rmrc.tuning.tune import Tuning as AnyTuning
 from rmrc.tuning.verdict import judge
 from wording import says
 
+# test_robot.py has them measured
+pytestmark = pytest.mark.usefixtures("unmargined")
+
 # From 60 deg of the elbow to 30 deg, in 40 ticks without physics.
 TEXT = f"""
 name: quick

@@ -95,7 +95,7 @@ def all_structures() -> Iterator[Structure]:
 def meets_limits(run: Run) -> bool:
     """Say whether a limit acts in a run: only then it matters what is made of rates beyond."""
     limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
-    return bool(np.any(run["status"].astype(np.int64) & limits))
+    return bool(np.any(run["status"].astype(np.int64) & int(limits)))
 
 
 class Setting(NamedTuple):
