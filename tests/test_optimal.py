@@ -361,6 +361,7 @@ def test_less_feedback_and_a_constant_damping_are_better_beyond_reach():
         (10, 0.05, 7.5, 2.54),
         (8, 0.04, 5.8, 2.44),
         (8, 0.03, 5.7, 2.62),
+        (2, 0.0244, 3.4, 2.03),
     )
     worlds = [
         prepare(load(ROOT / "scenarios/approach_singularity.yaml", [

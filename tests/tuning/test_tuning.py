@@ -176,6 +176,19 @@ def test_a_search_of_a_scenario_object_is_that_of_its_file(path):
     assert by_file.block == by_object.block
 
 
+def test_the_best_within_limits_is_tried_where_a_limit_acts_and_where_it_is_asked_for(path):
+    def tried(*only, **changes):
+        found = Tuning(path, only=only, copies=0, runs=70, **changes).run()
+        return {one.setting.structure.on_excess for one in found.tried if one is not found.own}
+
+    assert tried() == {""}
+    assert tried("control.limits.on_excess=optimal") == {"optimal"}
+    assert tried(overrides=["control.limits.rate=0.3"]) == {"", "optimal"}
+    with pytest.raises(ScenarioError) as refused:
+        Tuning(path, only=["control.limits.on_excess=clamp"])
+    assert str(refused.value) == says("--only control.limits.on_excess: … scale … optimal …")
+
+
 def test_only_what_is_allowed_is_chosen_and_the_setting_as_written_is_compared(path):
     only = ["control.inverse.method=jparse", "control.feedback=4,8", "control.at_singularity=damp"]
     found = Tuning(path, only=only, copies=0, runs=60).run()
