@@ -108,6 +108,13 @@ def run(case: Case, peer: Peer, setting: dict[str, object]) -> dict[str, float] 
         return f"{type(error).__name__}: {error}"
 
 
+def times(case: Case, peer: Peer, setting: dict[str, object]) -> tuple[float, float]:
+    """Return the least time of a step and the median, along the run of a setting [µs]."""
+    track = drive(case, peer.loop(case.arm, case.start.copy(), **setting).step)
+    found = step_times(case, peer.loop(case.arm, case.start.copy(), **setting).step, track)
+    return float(found.min()), float(np.median(found))
+
+
 def error_of(figures: dict[str, float]) -> float:
     """Return what a setting is chosen by: errors, a meter as bad as a radian."""
     return float(np.hypot(figures["mm"], figures["mrad"]))
@@ -168,10 +175,18 @@ class Keep:
 
     def run(self, case: Case, peer: Peer, setting: dict[str, object]) -> dict[str, float] | str:
         """Return the figures of a run, of today or of before."""
+        return self.of("", run, case, peer, setting)
+
+    def times(self, case: Case, peer: Peer, setting: dict[str, object]) -> tuple[float, float]:
+        """Return the least time of a step and the median [µs]."""
+        return tuple(self.of("µs|", times, case, peer, setting))
+
+    def of(self, kind: str, find: Callable, case: Case, peer: Peer, setting: dict[str, object]) -> object:
+        """Return what is found of a run, and keep it."""
         version = f"{peer.loop.__name__} {metadata.version(peer.loop.package)}"
-        key = f"{case.name}|{version}|{json.dumps(setting, sort_keys=True)}"
+        key = f"{kind}{case.name}|{version}|{json.dumps(setting, sort_keys=True)}"
         if key not in self.found:
-            self.found[key] = run(case, peer, setting)
+            self.found[key] = find(case, peer, setting)
         return self.found[key]
 
     def save(self) -> None:
@@ -187,9 +202,7 @@ def row_of(case: Case, peer: Peer, keep: Keep) -> Row | str:
     if not ran:
         return str(tried[0][1])
     setting, figures = ran[best([figures for _, figures in ran])]
-    step = peer.loop(case.arm, case.start.copy(), **setting).step
-    times = step_times(case, peer.loop(case.arm, case.start.copy(), **setting).step, drive(case, step))
-    return Row(peer, setting, figures, (float(times.min()), float(np.median(times))))
+    return Row(peer, setting, figures, keep.times(case, peer, setting))
 
 
 def is_led(value: float, ours: float, floor: float) -> bool:
