@@ -31,6 +31,13 @@ class Status(IntFlag):
     JERK_LIMITED = 1024
     ACCELERATION_EXCEEDED = 2048
     JERK_EXCEEDED = 4096
+    INVALID_INPUT = 16384
+    OVERDUE = 32768
+
+
+# What only a loop of one's own can tell: a simulation has no input that could be wrong or late.
+OF_LOOPS = Status.INVALID_INPUT | Status.OVERDUE
+IN_RUNS = tuple(one for one in Status if not one & OF_LOOPS)
 
 
 class Scales(NamedTuple):
