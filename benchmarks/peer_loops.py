@@ -206,7 +206,7 @@ class Neo:
 
 
 class Rmrc:
-    """rmrc; `more` are further keys of a control section, with dots."""
+    """rmrc: `more` are further keys of a section `control`, with dots."""
 
     package = "rmrc"
 
@@ -214,26 +214,32 @@ class Rmrc:
         self,
         arm: Arm,
         q: np.ndarray,
-        gain: float | None = None,
+        gain: float = 20.0,
         damping: float | None = None,
         more: dict[str, object] | None = None,
     ) -> None:
         import rmrc
 
-        control = {"control.limits.rate": arm.rate.tolist(), "control.period": PERIOD}
-        if gain is not None:
-            control["control.feedback"] = gain
-            control["control.inverse.damping.maximum"] = damping
-            control["control.inverse.damping.below"] = 2 * damping
-            control["control.inverse.gamma"] = damping
-        control |= {f"control.{key}": value for key, value in (more or {}).items()}
-        text = f"name: x\narm: {{model: {arm.path}, site: {arm.site}}}\nplant: {{kind: ideal}}\n"
-        text += "target: {path: [{hold: {for: 1.0}}]}"
-        scenario = rmrc.loads(text).set({"arm.start": q.tolist(), **control})
-        self.controller = rmrc.Controller(rmrc.prepare(scenario).law)
+        control = {"feedback": gain, "limits.rate": arm.rate.tolist(), **(more or {})}
+        if damping is not None:
+            shares = {"damping.maximum": damping, "damping.below": 2 * damping, "gamma": damping}
+            control |= {f"inverse.{key}": value for key, value in shares.items()}
+        self.controller = rmrc.Controller(arm.path, arm.site, nested(control), period=PERIOD)
 
     def step(self, q: np.ndarray, qdot: np.ndarray, pose: Pose, twist: np.ndarray, after: Pose) -> np.ndarray:
-        return self.controller.step(q, qdot, pose.vector, twist).qdot
+        return self.controller.step(q, qdot, pose=pose.vector, twist=twist).qdot_cmd
+
+
+def nested(dotted: dict[str, object]) -> dict[str, object]:
+    """Return a section from its keys with dots."""
+    section: dict[str, object] = {}
+    for key, value in dotted.items():
+        *way, last = key.split(".")
+        at = section
+        for name in way:
+            at = at.setdefault(name, {})
+        at[last] = value
+    return section
 
 
 def toolbox_robot(arm: Arm) -> object:

@@ -33,6 +33,8 @@ MORE = (
     {"limits.acceleration": 30.0},
     {"limits.acceleration": 30.0, "inverse.damping.schedule": "constant"},
     {"limits.on_excess": "redistribute"},
+    {"limits.on_excess": "optimal", "inverse.damping.schedule": "constant"},
+    {"limits.on_excess": "optimal", "limits.acceleration": 30.0},
 )
 # Column: what it is, and a difference that is none.
 COLUMNS = {
@@ -43,6 +45,8 @@ COLUMNS = {
     "chatter": ("reversals of a joint's acceleration a second", 0.5),
     "over": ("beyond position limits, mrad or mm", 1e-1),
 }  # fmt: skip
+# So far beyond a position limit [mrad or mm] is more than what the stiff servos lag behind.
+OUTSIDE = 1.0
 # So many times our error is no longer the same task.
 FOLLOWS = 2.0
 # By how much more a figure may be and still be as good.
@@ -108,17 +112,25 @@ def run(case: Case, peer: Peer, setting: dict[str, object]) -> dict[str, float] 
         return f"{type(error).__name__}: {error}"
 
 
+def times(case: Case, peer: Peer, setting: dict[str, object]) -> tuple[float, float]:
+    """Return the least time of a step and the median, along the run of a setting [µs]."""
+    track = drive(case, peer.loop(case.arm, case.start.copy(), **setting).step)
+    found = step_times(case, peer.loop(case.arm, case.start.copy(), **setting).step, track)
+    return float(found.min()), float(np.median(found))
+
+
 def error_of(figures: dict[str, float]) -> float:
     """Return what a setting is chosen by: errors, a meter as bad as a radian."""
     return float(np.hypot(figures["mm"], figures["mrad"]))
 
 
 def keeps(figures: dict[str, float]) -> bool:
-    """Say whether a run keeps the rate limits, comes back, and does not chatter."""
+    """Say whether a run keeps the limits, comes back, and does not chatter."""
     return (
         figures["rate over"] < 1e-3
         and figures["end mm"] + figures["end mrad"] < 1.0
         and figures["chatter"] < 2.0
+        and figures["over"] < OUTSIDE
     )
 
 
@@ -168,10 +180,18 @@ class Keep:
 
     def run(self, case: Case, peer: Peer, setting: dict[str, object]) -> dict[str, float] | str:
         """Return the figures of a run, of today or of before."""
+        return self.of("", run, case, peer, setting)
+
+    def times(self, case: Case, peer: Peer, setting: dict[str, object]) -> tuple[float, float]:
+        """Return the least time of a step and the median [µs]."""
+        return tuple(self.of("µs|", times, case, peer, setting))
+
+    def of(self, kind: str, find: Callable, case: Case, peer: Peer, setting: dict[str, object]) -> object:
+        """Return what is found of a run, and keep it."""
         version = f"{peer.loop.__name__} {metadata.version(peer.loop.package)}"
-        key = f"{case.name}|{version}|{json.dumps(setting, sort_keys=True)}"
+        key = f"{kind}{case.name}|{version}|{json.dumps(setting, sort_keys=True)}"
         if key not in self.found:
-            self.found[key] = run(case, peer, setting)
+            self.found[key] = find(case, peer, setting)
         return self.found[key]
 
     def save(self) -> None:
@@ -187,9 +207,7 @@ def row_of(case: Case, peer: Peer, keep: Keep) -> Row | str:
     if not ran:
         return str(tried[0][1])
     setting, figures = ran[best([figures for _, figures in ran])]
-    step = peer.loop(case.arm, case.start.copy(), **setting).step
-    times = step_times(case, peer.loop(case.arm, case.start.copy(), **setting).step, drive(case, step))
-    return Row(peer, setting, figures, (float(times.min()), float(np.median(times))))
+    return Row(peer, setting, figures, keep.times(case, peer, setting))
 
 
 def is_led(value: float, ours: float, floor: float) -> bool:
@@ -205,12 +223,15 @@ def leads(row: Row, ours: dict[str, float]) -> list[str]:
 def words(rows: list[Row], all_ours: list[tuple[dict[str, object], dict[str, float]]]) -> Iterator[str]:
     """Yield where a peer's best is ahead of ours, and whether another setting of ours leaves it no column."""
     (ours,) = (row for row in rows if row.peer.name == OURS)
-    behind = []
+    behind, outside = [], []
     for row in rows:
         ahead = leads(row, ours.figures)
         if row.peer.loop.package == "rmrc" or len(row.peer.settings) == 1 or not ahead:
             continue
         share = error_of(row.figures) / error_of(ours.figures)
+        if row.figures["over"] > OUTSIDE > ours.figures["over"]:
+            outside.append(f"{row.peer.name} ({row.figures['over']:.3g})")
+            continue
         if share > FOLLOWS:
             behind.append(f"{row.peer.name} ({share:.1f})")
             continue
@@ -224,6 +245,8 @@ def words(rows: list[Row], all_ours: list[tuple[dict[str, object], dict[str, flo
             yield f"{text} None of our settings is as good in all columns; {lacks}."
         else:
             yield f"{text} With {told(setting)} rmrc is as good in every column."
+    if outside:
+        yield f"Ahead in a column, but so far beyond a joint's limit [mrad or mm]: {', '.join(outside)}."
     if behind:
         yield f"Slower or smoother, but with so many times our error: {', '.join(behind)}."
 
@@ -331,7 +354,7 @@ grid of {settings} settings for everyone: feedback K of {gains} /s and damping �
 library wants that, γ of J-PARSE; the Toolbox's pseudoinverse has none, and NEO keeps its own, as a step of
 it takes so long). "rmrc, more methods" tries the same grid with {more} more ways of rmrc's, {ours} settings
 in all. The best has the least error, a meter as bad as a radian; of settings within 2 % of it the one with
-the least peak of acceleration. Settings that leave the rate limits, chatter or do not come back count only
+the least peak of acceleration. Settings that leave the limits, chatter or do not come back count only
 where all do.
 
 **Columns.** Peak of one joint's rate and root mean square of all joints' together, as commanded [rad/s or
