@@ -46,7 +46,7 @@ _RIVALS = 4
 _NEAREST = 2
 # Shares of the largest feedback of which it is asked first whether a loop bears it, within what share of the
 # runs that are left, and how near it comes to the edge.
-_PROBED, _PROBES, _NEAR = (1.0, 0.9, 0.8, 0.7), 0.04, 1.03
+_PROBED, _PROBES, _NEAR = (1.0, 0.9, 0.8, 0.7), 0.1, 1.03
 
 
 class Search:
@@ -62,7 +62,7 @@ class Search:
             seed: Of what is drawn.
         """
         self._space, self._trials, self._seed = space, trials, seed
-        self._left = self._budget = budget
+        self._left = self._budget = float(budget)
         self._tried: dict[Setting, Tried] = {}
         self._seen: dict[Setting, Tried] = {}
         self._bearing = Bearing()
@@ -137,11 +137,19 @@ class Search:
         """Return those that keep limits, by rising error."""
         return sorted((one for one in some if one.keeps_limits), key=lambda one: one.worst.error)
 
+    @property
+    def _room(self) -> int:
+        """How many runs of copies are left."""
+        return max(0, int(self._left))
+
     # Stages ---------------------------------------------------------------------------------
 
     def _looks(self) -> Iterator[list[Setting]]:
         """Yield each structure with the scenario's numbers, and points that fill its cube, as rounds."""
-        structures, until = self._space.structures, self._left - int(_LOOK * self._budget)
+        structures, until = (
+            self._space.structures,
+            self._left - int(_LOOK * self._budget) * self._trials.weight,
+        )
         settings = [self._space.usual(one) for one in structures]
         for index in count():
             settings += [
@@ -149,14 +157,14 @@ class Search:
             ]
             if len(settings) >= _ROUND:
                 before = self._left
-                yield settings[: max(0, before - until)]
+                yield settings[: max(0, round((before - until) / self._trials.weight))]
                 settings = []
-                if self._left <= max(until, 0) or self._left == before or self._trials.is_stopped:
+                if self._left <= max(until, 0.0) or self._left == before or self._trials.is_stopped:
                     return  # where nothing is new, the space is finite
 
     def _refine_model(self) -> None:
         """Try neighbors on the model, before anything is known of the copies."""
-        until = self._left - int(_NEARER * self._budget)
+        until = self._left - int(_NEARER * self._budget) * self._trials.weight
         for step, round_ in self._steps(_FIRST_STEP, until, self._able_on_model):
             able = self._able_on_model()
             if not able:
@@ -195,11 +203,11 @@ class Search:
                 self._round(self._expected(children))
 
     def _steps(
-        self, step: float, until: int, known: Callable[[], list[Tried]]
+        self, step: float, until: float, known: Callable[[], list[Tried]]
     ) -> Iterator[tuple[float, int]]:
         """Yield steps and their numbers until so many runs are left; they shrink faster if nothing is new."""
         for round_ in count():
-            if self._left <= until or step < _LAST_STEP or self._trials.is_stopped:
+            if self._left <= max(until, 0.0) or step < _LAST_STEP or self._trials.is_stopped:
                 return
             before = len(known())
             yield step, round_
@@ -260,10 +268,11 @@ class Search:
 
     # Runs -----------------------------------------------------------------------------------
 
-    def _see(self, settings: Iterable[Setting], known: Sequence[Tried] = (), until: int = 0) -> None:
+    def _see(self, settings: Iterable[Setting], known: Sequence[Tried] = (), until: float = 0.0) -> None:
         """Run settings that are new on the model, as far as they count beside what is known of it."""
         assert self._trials.model is not None
-        new = [one for one in dict.fromkeys(settings) if one not in self._seen][: max(0, self._left - until)]
+        room = max(0, round((self._left - until) / self._trials.weight))
+        new = [one for one in dict.fromkeys(settings) if one not in self._seen][:room]
         found = self._run([Tried(one, {}) for one in new], [self._trials.model], known)
         self._seen |= {one.setting: one for one in found}
 
@@ -273,10 +282,10 @@ class Search:
         new = [one for one in dict.fromkeys(settings) if (one.structure, one.numbers) not in written]
         first, *others = self._hardest()
         each = len(others) + 2 * (self._trials.margin > 1.0)  # runs that follow where the first is promising
-        most = max(0, self._left) // (2 if each else 1)
+        most = self._room // (2 if each else 1)
         found = self._run([Tried(one, {}) for one in new[:most]], [first], self.feasible)
         self._tried |= {one.setting: one for one in found}
-        found = self._promising(found)[: max(0, self._left) // max(1, each)]
+        found = self._promising(found)[: self._room // max(1, each)]
         self._bear([one for one in found if one.keeps_limits])
         for copies in (others[:1], others[1:]):
             if copies:
@@ -292,7 +301,7 @@ class Search:
         rivals = _rivals(known)
         jobs = [(one, copy) for copy in copies for one in some]
         of_each = [rivals.get(one.setting.structure.inverse, math.inf) for one, _ in jobs]
-        self._left -= len(jobs)
+        self._left -= len(jobs) * (self._trials.weight if copies == [self._trials.model] else 1.0)
         outcomes = self._trials.run([(one.setting, copy) for one, copy in jobs], self._bar(known), of_each)
         for (one, copy), out in zip(jobs, outcomes, strict=True):
             if out is not None:

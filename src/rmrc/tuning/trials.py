@@ -265,7 +265,10 @@ class Trials:
         margin: float = 1.0,
         model: Variant | None = None,
     ) -> None:
-        """Keep what all trials share; `planned` has the times of the copies' paths, `tick` is the last's [s].
+        """Keep what all trials share.
+
+        `planned` has the times of the copies' paths [s]; of the model, `tick` is its period [s], and `weight`
+        what a run of it counts.
 
         Args:
             study: Of the scenario.
@@ -284,9 +287,10 @@ class Trials:
         references = [study.prepare(copy.changes).reference for copy in self._copies]
         self.planned = [one.period * one.ticks for one in references]
         self.tick = references[-1].period
+        self.weight = min(1.0, references[-1].ticks / nominal.reference.ticks) if model else 1.0
         self._longest = [math.inf] * len(self._copies)
         self._ticks = nominal.reference.ticks
-        self.done = 0
+        self.done, self._spent = 0, 0.0
 
     @property
     def is_stopped(self) -> bool:
@@ -311,7 +315,10 @@ class Trials:
         size = max(1, min(most, -(-len(jobs) // (_PARTS * self._threads))))
         pieces = [range(first, min(first + size, len(jobs))) for first in range(0, len(jobs), size)]
         longest = [self._longest[copy] for _, copy in jobs]
-        into = _Outcomes(pieces, self.limits, longest, self._count, [None] * len(jobs))
+        is_model = all(copy == self.model for _, copy in jobs)
+        into = _Outcomes(
+            pieces, self.limits, longest, self._count_model if is_model else self._count, [None] * len(jobs)
+        )
         variants = Listed([Variant("", self._changes(*job)) for job in jobs])
         with threads(self._threads, self._study) as crew:
             ending = Ending(bar, self.limits, np.array(rivals)) if bar else None
@@ -334,8 +341,15 @@ class Trials:
 
     def _count(self, runs: int) -> None:
         self.done += runs
+        self._tell(runs)
+
+    def _count_model(self, runs: int) -> None:
+        self._tell(self.weight * runs)
+
+    def _tell(self, runs: float) -> None:
+        told, self._spent = int(self._spent), self._spent + runs
         if self._on_runs is not None:
-            self._on_runs(runs)
+            self._on_runs(int(self._spent) - told)
 
     def _changes(self, setting: Setting, copy: int) -> tuple[Change, ...]:
         """Return what makes a run; a slow one ends when it has taken longer than allowed."""

@@ -64,7 +64,7 @@ class Tuned:
         margins: Of what is recommended and second best, by its role, on the slowest loop.
         looks: How many settings were looked at on a model.
         tick: Of that model [s].
-        runs: How many were made.
+        runs: How many were made on copies.
         interrupted: Whether Ctrl-C ended it.
     """
 
@@ -140,7 +140,7 @@ class Tuning:
             gain_margin: Times its feedback that what is recommended bears on the slowest of the robots; None:
                 2, or 1 with `ideal`.
             slower: Times the duration with the scenario's own setting that another may take.
-            runs: How many runs are made at most.
+            runs: How many runs are made at most; first looks count by their ticks.
             threads: How many batches are run at a time; None: one a core.
 
         Raises:
@@ -398,7 +398,7 @@ def tune(
         gain_margin: Times its feedback that what is recommended bears on the slowest of the robots; 1: no
             margin is asked for; None: 2, or 1 with `ideal`.
         slower: Times the duration with the scenario's own setting that another may take.
-        runs: How many runs are made at most.
+        runs: How many runs are made at most; first looks count by their ticks.
         seed: Of the copies and of the search.
         out: Folder for NAME.tune.yaml, .png and .parquet; made if it is missing. None: nothing is written.
         threads: How many batches are run at a time; None: one a core.
