@@ -38,8 +38,9 @@ _ROUND, _NEXT_ROUND, _CHOSEN = 64, 32, 12
 _FRONT = 24
 # Steps in the unit cube, whose sides are two or three decades: the first, that of what was refined on a model
 # already, the last, and by how much they shrink after a round that brought something new, and after one that
-# did not.
-_FIRST_STEP, _NEXT_STEP, _LAST_STEP, _SHRINK = 0.25, 0.15, 0.003, (0.6, 0.4)
+# did not: by less where a model leaves little of a round to be run.
+_FIRST_STEP, _NEXT_STEP, _LAST_STEP = 0.25, 0.15, 0.003
+_SHRINK, _NEXT_SHRINK = (0.6, 0.4), (0.75, 0.55)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
@@ -165,7 +166,7 @@ class Search:
     def _refine_model(self) -> None:
         """Try neighbors on the model, before anything is known of the copies."""
         until = self._left - int(_NEARER * self._budget) * self._trials.weight
-        for step, round_ in self._steps(_FIRST_STEP, until, self._able_on_model):
+        for step, round_ in self._steps(_FIRST_STEP, _SHRINK, until, self._able_on_model):
             able = self._able_on_model()
             if not able:
                 return
@@ -194,8 +195,10 @@ class Search:
     def _refine(self) -> None:
         """Try neighbors of the front and of the best of some inverses, in steps that shrink."""
         model = self._trials.model
-        first, number = (_FIRST_STEP, _ROUND) if model is None else (_NEXT_STEP, _NEXT_ROUND)
-        for step, round_ in self._steps(first, 0, self._whole):
+        first, shrink, number = _FIRST_STEP, _SHRINK, _ROUND
+        if model is not None:
+            first, shrink, number = _NEXT_STEP, _NEXT_SHRINK, _NEXT_ROUND
+        for step, round_ in self._steps(first, shrink, 0.0, self._whole):
             children = self._children(self._worth_refining(), step, (self._seed, round_), number)
             if model is None:
                 self._round(child for child, _ in children)
@@ -203,7 +206,7 @@ class Search:
                 self._round(self._expected(children))
 
     def _steps(
-        self, step: float, until: float, known: Callable[[], list[Tried]]
+        self, step: float, shrink: tuple[float, float], until: float, known: Callable[[], list[Tried]]
     ) -> Iterator[tuple[float, int]]:
         """Yield steps and their numbers until so many runs are left; they shrink faster if nothing is new."""
         for round_ in count():
@@ -211,7 +214,7 @@ class Search:
                 return
             before = len(known())
             yield step, round_
-            step *= _SHRINK[len(known()) == before]
+            step *= shrink[len(known()) == before]
 
     # Proposals ------------------------------------------------------------------------------
 
