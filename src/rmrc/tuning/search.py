@@ -24,7 +24,7 @@ from rmrc.tuning.bar import Bar
 from rmrc.tuning.bearing import Bearing, with_feedback
 from rmrc.tuning.front import front
 from rmrc.tuning.space import FEEDBACK, Setting, Space
-from rmrc.tuning.trials import Trials, scaled
+from rmrc.tuning.trials import Outcome, Trials, scaled
 from rmrc.tuning.tried import Tried, best, best_of_each, is_same
 
 # Shares of the runs for a look at all structures, and for the neighbors of the best of them on a model.
@@ -91,21 +91,24 @@ class Search:
             slower: Times its duration that the others may take; where it does not complete its path, times
                 the duration of the path.
         """
-        planned = self._trials.planned
-        outcomes = self._trials.run([(own, copy) for copy in range(len(planned))])
-        self._left -= len(planned)
-        done = [one for one in outcomes if one is not None]
-        if len(done) < len(planned):
-            return False
-        self._trials.allow(
+        trials, done = self._trials, list[Outcome]()
+        for _ in range(1 if trials.model is None else 2):  # the model last, when it is known what is hardest
+            copies = range(len(done), len(trials.planned) if done else trials.copies)
+            outcomes = trials.run([(own, copy) for copy in copies])
+            self._left -= len(copies)
+            done += [one for one in outcomes if one is not None]
+            if len(done) < copies.stop:
+                return False
+            trials.aim(max(range(trials.copies), key=lambda copy: done[copy].error))
+        trials.allow(
             [
                 slower * (one.time if one.completed == 1.0 else plan)
-                for one, plan in zip(done, planned, strict=True)
+                for one, plan in zip(done, trials.planned, strict=True)
             ]
         )
-        self._own = self._tried[own] = Tried(own, dict(enumerate(done[: self._trials.copies])))
-        if self._trials.model is not None:
-            self._seen[own] = Tried(own, {self._trials.model: done[self._trials.model]})
+        self._own = self._tried[own] = Tried(own, dict(enumerate(done[: trials.copies])))
+        if trials.model is not None:
+            self._seen[own] = Tried(own, {trials.model: done[trials.model]})
         return self._bear([self._own])
 
     def run(self) -> None:

@@ -297,6 +297,17 @@ class Trials:
         """Whether the runs were ended from outside."""
         return self._stop.is_set()
 
+    def aim(self, copy: int) -> None:
+        """Let the model start and aim as a copy does."""
+        if self.model is None:
+            return
+        model, there = self._copies[self.model], self._copies[copy].changes
+        placed = [one for one in there if ".".join(map(str, one.key)) in ("arm.start", "target.offset")]
+        changes = (*model.changes, *placed)
+        reference = self._study.prepare(changes).reference
+        self._copies = (*self._copies[:-1], model._replace(changes=changes))
+        self.planned[self.model] = reference.period * reference.ticks
+
     def allow(self, times: Sequence[float]) -> None:
         """Say how long a run of each copy may take from now on [s]."""
         self._longest = list(times)
