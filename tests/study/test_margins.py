@@ -139,6 +139,7 @@ def test_a_sparing_search_finds_the_same_edges_by_fewer_runs(short):
         assert other.edge.high <= 1.05 * (1.0 + 1e-9) * other.edge.low or one.name != "gain"
 
 
+@pytest.mark.long
 def test_more_delay_leaves_less_gain_and_a_finer_search_comes_nearer(short):
     delays = (0.0, 0.015, 0.04, 0.1)
     found = gain_margins(short, [changes_of({"plant.delay": delay}) for delay in delays])

@@ -28,12 +28,14 @@ from rmrc.tuning.search import Search
 from rmrc.tuning.space import (
     FEEDBACK,
     NUMBERS,
+    ON_EXCESS,
     WORDS,
     Setting,
     Space,
     Structure,
     all_structures,
     bounds,
+    meets_limits,
     own_setting,
 )
 from rmrc.tuning.tables import Row
@@ -161,6 +163,7 @@ class Tuning:
         self._own = own_setting(self.scenario)
         self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
         self._structures, self.left_out = self._possible(words)
+        self._asks_for_excess = ON_EXCESS in words
         self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
         self.copies = draw_copies(self._nominal, copies, seed, spread, self.robot)
         self._refuse_excess(self._study.prepare_all(self.copies, ""))
@@ -198,7 +201,9 @@ class Tuning:
             limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
             model = self._model(limits[FEEDBACK][1])
             trials = Trials(self._study, self.copies, self._threads, stop, on_runs, self.margin, model)
-            space = Space(self._structures, limits, self._only, self._values)
+            matters = self._asks_for_excess or meets_limits(nominal.run)
+            structures = tuple(one for one in self._structures if matters or not one.on_excess)
+            space = Space(structures, limits, self._only, self._values)
             search = Search(space, trials, self._runs, self._seed)
             if not search.begin(self._own, self.slower):
                 raise KeyboardInterrupt
@@ -299,8 +304,13 @@ class Tuning:
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why it cannot have the others."""
         found, reasons = list[Structure](), dict[Problem, None]()
+        own = self.scenario.control.limits.on_excess
         for one in all_structures():
-            if any(value not in words.get(key, (value,)) for key, value in one.words.items()):
+            if any(
+                value not in words.get(key, (value,)) for key, value in {ON_EXCESS: own, **one.words}.items()
+            ):
+                continue
+            if one.on_excess == own:  # is one of the others
                 continue
             try:
                 self._study.prepare(changes_of(one.words))
@@ -309,7 +319,8 @@ class Tuning:
             else:
                 found.append(one)
         if not found:
-            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons)
+            tried = f"{ON_EXCESS}: must be {own}, as the scenario has it, or optimal, with the method damped"
+            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons or (tried,))
         return tuple(found), tuple(map(str, reasons))
 
     def _bearable(self, robot: Robot) -> Robot:
