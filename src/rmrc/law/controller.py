@@ -19,7 +19,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike
 
-from rmrc.law.jerk import come_to_rest, remember
+from rmrc.law.jerk import come_to_rest, keep_changes
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
 from rmrc.law.kinematics import (
     chain_jacobian,
@@ -116,8 +116,8 @@ class Controller:
 
         Args:
             q: Joint positions, as measured, (n,) [rad or m].
-            qdot: Joint rates, as measured, (n,) [rad/s or m/s]; they are checked, and no term of the law
-                needs them.
+            qdot: Joint rates, as measured, (n,) [rad/s or m/s]; they are checked. A jerk limit judges by them
+                how far joints lag behind their commands, and no other term of the law needs them.
             pose: Where the site is wanted, [p, quat w x y z], (7,) [m, 1].
             twist: At which velocity [v; ω], along world axes, that of full pace, (6,) [m/s, rad/s].
         """
@@ -295,7 +295,10 @@ def step(
         control(world, tick)
     if not (is_known and is_bounded(tick.qdot_cmd, world.n)):
         brake(world, tick)
-    remember(world, tick.qdot_cmd)
+    if world.is_eased:
+        keep_changes(world, tick.qdot_cmd)
+    for j in range(world.n):
+        world.qdot_cmd_last[j] = tick.qdot_cmd[j]
     world.path_tick += tick.path_rate
 
 

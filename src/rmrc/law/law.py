@@ -168,7 +168,7 @@ def control(world: Record, tick: Record) -> None:
     resolve_twist(world, tick)
 
 
-@compiled
+@inlined
 def take_error(world: Record, pose_ref: Array, pose: Array, error: Array) -> None:
     """Write the error of a pose of the site, (6,) [m, rad], along the axes of the task's frame."""
     framed_error(world.frame, world.frame_quat, world.free, pose, pose_ref, error)

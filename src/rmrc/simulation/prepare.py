@@ -429,6 +429,7 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
             if (values := getattr(control.limits, name)) != by_profile.get(name)
         ),
         ("plant.lag", scenario.plant.lag),
+        ("plant.backlash", scenario.plant.backlash),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
