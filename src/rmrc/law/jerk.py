@@ -12,9 +12,8 @@ import math
 
 from rmrc.law.braking import brake, brake_gently, is_far, largest_change, steady_stop, stops_within
 from rmrc.law.jit import Array, Record, compiled
-from rmrc.scenario.choices import LIMITS, Status
+from rmrc.scenario.choices import Status
 
-CLAMP = LIMITS.code("clamp")
 ACCELERATION_LIMITED, POSITION_LIMITED, JERK_LIMITED = map(
     int, (Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED, Status.JERK_LIMITED)
 )
@@ -27,6 +26,8 @@ HARD = 1e9
 # How far a joint lags behind its commands is judged by so much of its past [s], which has some motions, and
 # is no more [s]: drives take some milliseconds, and the slowest that are known a third of a second.
 REMEMBERED, LONGEST_LAG = 2.0, 0.5
+# No rate is larger [rad/s or m/s].
+LARGEST = 1e10
 
 
 @compiled
@@ -58,15 +59,17 @@ def foresee(world: Record) -> None:
     The lag of a drive is how far it is behind its commands over its rate, by least squares, both without what
     they were long ago. A command that takes time counts like a lag.
     """
-    T, late = world.period, world.late
+    T, sums = world.period, world.behind
     kept = max(0.0, 1.0 - T / REMEMBERED)
     for j in range(world.n):
-        qdot = world.qdot[j]
-        behind, rate = kept * late[0, j] + T * (world.qdot_cmd_last[j] - qdot), qdot - late[1, j]
-        late[0, j], late[1, j] = behind, kept * late[1, j] + (1.0 - kept) * qdot
-        late[2, j] = kept * late[2, j] + behind * rate
-        late[3, j] = kept * late[3, j] + rate * rate
-        lag = late[2, j] / late[3, j] if late[3, j] > 0.0 else 0.0
+        qdot, world.coast[j] = world.qdot[j], 0.0
+        if not abs(qdot) <= LARGEST:  # who calls may have no rates to tell
+            continue
+        behind, rate = kept * sums[0, j] + T * (world.qdot_cmd_last[j] - qdot), qdot - sums[1, j]
+        sums[0, j], sums[1, j] = behind, kept * sums[1, j] + (1.0 - kept) * qdot
+        sums[2, j] = kept * sums[2, j] + behind * rate
+        sums[3, j] = kept * sums[3, j] + rate * rate
+        lag = sums[2, j] / sums[3, j] if sums[3, j] > 0.0 else 0.0
         world.coast[j] = min(max(lag, 0.0), LONGEST_LAG) * qdot
 
 
@@ -122,20 +125,24 @@ def stopping_rate(world: Record, j: int, side: float) -> float:
 
 
 @compiled
-def ease(world: Record, rates: Array) -> int:
+def ease(world: Record, rates: Array, alone: bool) -> int:
     """Bring the rates towards those that are wished for as acceleration and jerk allow; return status bits.
 
     The wish is what rate and position limits leave. Changes, and changes of changes, are scaled by factors
-    for all joints alike, so that the tip keeps its direction; by `clamp`, of each joint alone. A joint that
-    is held by its position limit has its own way.
+    for all joints alike, so that the tip keeps its direction, or of each joint alone. A joint that is held by
+    its position limit has its own way.
+
+    Args:
+        world: Bounds, and the memory of what was sent.
+        rates: Wished for; replaced, (n,).
+        alone: Whether each joint has factors of its own.
     """
     reach_by_jerk(world)
     for j in range(world.n):
         rate, limit = rates[j], world.rate_limit[j]
         is_held = (rate >= world.rest_upper[j]) * (world.rest_upper[j] < limit)
         is_held += (rate <= world.rest_lower[j]) * (world.rest_lower[j] > -limit)
-        is_alone = is_held or world.limits_on_excess == CLAMP
-        world.wish[j], world.group[j] = rate, j + 1 if is_alone else 0
+        world.wish[j], world.group[j] = rate, j + 1 if is_held or alone else 0
     bits = approach(world, rates, 0)
     for j in range(world.n):
         if world.group[j] > 0:
@@ -285,3 +292,11 @@ def keep_changes(world: Record, rates: Array) -> None:
             most = max(world.braking[j] * world.period, abs(course))
             change = min(max(change, -most), most)
         world.course[j] = change
+
+
+@compiled
+def remember(world: Record, rates: Array) -> None:
+    """Keep what is sent, and by how much it differs from the last."""
+    keep_changes(world, rates)
+    for j in range(world.n):
+        world.qdot_cmd_last[j] = rates[j]
