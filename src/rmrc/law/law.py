@@ -176,7 +176,7 @@ def aim(world: Record, tick: Record) -> None:
     world.error = scaled_error(world, tick.pose_error)
 
 
-@compiled
+@inlined
 def take_error(world: Record, pose_ref: Array, pose: Array, error: Array) -> None:
     """Write the error of a pose of the site, (6,) [m, rad], along the axes of the task's frame."""
     framed_error(world.frame, world.frame_quat, world.free, pose, pose_ref, error)
