@@ -53,11 +53,9 @@ class Reach:
 
 environment = Reach()
 for seed in range(3):
-    seen, told = environment.reset(seed)
+    seen, says = environment.reset(seed)
     first, ended, steps = np.linalg.norm(seen[-3:]), False, 0
     while not ended and steps < 200:  # a policy that goes straight to the goal
-        seen, _, ended, _, told = environment.step(np.clip(4.0 * seen[-3:], -0.2, 0.2))
+        seen, _, ended, _, says = environment.step(np.clip(4.0 * seen[-3:], -0.2, 0.2))
         steps += 1
-    print(
-        f"goal {seed}: {1e3 * first:.0f} mm away, reached: {ended}, after {steps} steps, limited by {told['limited_by']}"
-    )
+    print(f"goal {seed}: {1e3 * first:.0f} mm away, reached: {ended}, after {steps} steps; {says}")

@@ -13,7 +13,7 @@ import numpy as np
 
 import rmrc
 
-PERIOD, TICKS, LATE, LOST = 0.002, 1500, 4, range(200, 240)  # s; of the way there, in ticks; a gap of 80 ms
+PERIOD, TICKS, LATE, LOST = 0.002, 1500, 4, range(200, 300)  # s; of the way there, in ticks; a gap of 0.2 s
 STATE, RATES = struct.Struct("<q6d"), struct.Struct("<6d")
 
 
