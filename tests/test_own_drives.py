@@ -429,6 +429,7 @@ def plain_loop(path, *settings):
     return Loop(prepare(load(path, settings))).run(nothing, moved(2.0, 1.0))[0]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_comparison_has_what_the_plain_loop_does(written, tmp_path):
     kinds = ("servo", "model")
     left = Comparison(written, variants([f"plant.kind={','.join(kinds)}"]), [], tmp_path / "out").run()
@@ -454,6 +455,7 @@ def test_rows_of_a_sweep_have_what_the_plain_loop_does(written, tmp_path):
     assert errors[1] < 0.7 * errors[0]  # more feedback, less sag
 
 
+@pytest.mark.usefixtures("unmargined")
 def test_what_tune_promises_of_a_setting_is_what_the_plain_loop_does(written):
     work = Tuning(
         written, only=["control.inverse.method=damped"], copies=0, runs=12, seed=1, threads=1, ideal=True

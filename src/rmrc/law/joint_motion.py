@@ -116,9 +116,7 @@ def limit_joints(world: Record, tick: Record) -> int:
         rates[j] *= factor
     confine(world, rates)
     if world.is_eased:
-        world.limits_on_excess = CLAMP  # each joint has its own way to go
-        bits |= ease(world, rates)
-        world.limits_on_excess = choice
+        bits |= ease(world, rates, True)  # each joint has its own way to go
         look_back(world, world.wish, rates)
     return bits | broken(world, rates)
 

@@ -82,7 +82,7 @@ class TaskLaw:
         Field("change_limit", size=(JOINTS,), start=math.inf),
         Field("jerk_step", size=(JOINTS,), start=math.inf), Field("is_eased", np.int64),
         Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
-        Field("feedback_2"),
+        Field("keep_direction", np.int64), Field("feedback_2"),
         *(
             Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
             for name, kind, is_each in record_fields()
@@ -131,6 +131,7 @@ class TaskLaw:
         if is_eased:
             world["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, *JERK_STEPS)
         world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
+        world["keep_direction"] = control.limits.keep_direction
         if self.second is not None:
             self.second.write(world)
         world["feedback_2"] = control.nullspace.secondary.feedback

@@ -34,6 +34,8 @@ Array = NDArray[np.float64]
 SAMPLES = 20
 # A singular value below this share of the largest, at a random configuration, is rounding.
 RANK_TOLERANCE = 1e-9
+# A row that others give but for this share of itself is none to choose: files have π/2 as 1.5708 or 1.57.
+INDEPENDENT = 2e-3
 
 
 class View(NamedTuple):
@@ -152,12 +154,12 @@ class Task:
     @cached_property
     def rank(self) -> int:
         """Rank of A almost everywhere: the largest at random but always equal configurations."""
-        ranks = []
-        for q in self.arm.sampled(SAMPLES):
-            J = self.turned(self.arm.jacobian(q), self.arm.pose(q))
-            sigma = np.linalg.svd(self.matrix(J), compute_uv=False)
-            ranks.append(int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[0])))
-        return max(ranks)
+        return self._rank(*_sampled(self.arm, self.frame))
+
+    def _rank(self, jacobians: Array, poses: Array) -> int:
+        """Return the largest rank of A, by Jacobians (s, 6, n) along world axes and poses (s, 7)."""
+        sigma = np.linalg.svd(self.matrix(self.turned(jacobians, poses)), compute_uv=False)
+        return int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[:, :1], axis=1).max())
 
     def matrix(self, jacobian: Array) -> Array:
         """Return A = S_x J S_q, (..., m, n), of a Jacobian along the axes of the frame, (..., 6, n)."""
@@ -189,6 +191,13 @@ class Task:
         world["is_slide"][:axes], world["pitch"][:axes] = np.isinf(chain.pitch), chain.pitch
         world["zero_axis"][:axes], world["zero_step"][:axes] = chain.axis, chain.step
         world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
+
+
+def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
+    """Return Jacobians (s, 6, n) along world axes, and poses (s, 7) of the site if its frame needs them."""
+    q = arm.sampled(SAMPLES)
+    poses = [arm.pose(one) if frame == "site" else ORIGIN for one in q]
+    return np.array([arm.jacobian(one) for one in q]), np.array(poses)
 
 
 class Joints(Protocol):
@@ -320,7 +329,8 @@ def choose(
 
     These are the rows of its reduced Jacobian [Khatib08]: of x y z rx ry rz, in this order, each that raises
     the rank that the rows before it have almost everywhere. A 2-link planar arm gets x and y, a SCARA arm
-    x, y, z and rz, an arm with six joints or more usually all. The rotations come first if they alone can
+    x, y, z and rz, an arm with six joints or more usually all. What moves a row by a few thousandths of what
+    others do is rounding of the file. The rotations come first if they alone can
     tell all joints and the translations cannot: a spherical wrist gets rx, ry and rz at any of its points.
 
     Args:
@@ -335,8 +345,14 @@ def choose(
     if axes is not None:
         return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length, frame=frame)
 
+    task = Task(arm, np.arange(6), length, frame=frame)
+    J = task.turned(*_sampled(arm, frame)) * task.joint_scale
+    size = np.linalg.norm(J, axis=2).max(axis=0)
+    # each row in its own unit, as a small arm is no worse than a large one
+    J = np.where((size > RANK_TOLERANCE * size.max())[:, None], J / np.maximum(size, 1e-300)[:, None], 0.0)
+
     def rank(rows: Sequence[int]) -> int:
-        return Task(arm, np.array(rows), length, frame=frame).rank
+        return int((np.linalg.svd(J[:, rows], compute_uv=False) > INDEPENDENT).sum(axis=1).max())
 
     turns_first = rank([3, 4, 5]) == arm.n > rank([0, 1, 2])
     rows: list[int] = []

@@ -118,6 +118,8 @@ class Recorded:
         chatter_floor: Acceleration of each joint above which a change of sign counts as chatter [rad/s² or
             m/s²]; none: `rmrc.results.tally.CHATTER_FLOOR` for all.
         profile: What the commands are held against, or None.
+        rate_limit: Of each joint [rad/s or m/s], infinite where it has none; none: not known.
+        damping_below: ε, below which damping begins, in the units of σ; 0 where it follows something else.
     """
 
     name: str
@@ -137,6 +139,8 @@ class Recorded:
     resting: tuple[tuple[str, ...], ...] = ()
     chatter_floor: tuple[float, ...] = ()
     profile: Profile | None = None
+    rate_limit: tuple[float, ...] = ()
+    damping_below: float = 0.0
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""
