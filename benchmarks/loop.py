@@ -255,7 +255,7 @@ def pieces(arm: str) -> dict[str, float]:
     step = (time.thread_time() - started) / calls * 1e6
     floor_us = floor(prepared, run["qdot_cmd"][None].copy()) / len(run) * 1e6
     record = records(prepared.arm.n, [prepared.task, prepared.law])
-    law_args = record[0], np.zeros(1, tick_type(prepared.arm.n))[0]
+    law_args = record, np.zeros(1, tick_type(prepared.arm.n))
     record["J"][0, :, : prepared.arm.n] = prepared.arm.jacobian(run["q"][0])
     law = machine_code(law_many, *law_args, calls)
     started = time.thread_time()
@@ -272,12 +272,13 @@ def pieces(arm: str) -> dict[str, float]:
 
 
 @entry
-def law_many(record: Record, out: Record, calls: int) -> None:
+def law_many(records: Record, outs: Record, calls: int) -> None:
     """Resolve the same twist again and again, with a Jacobian that turns a little each time."""
+    record = records[0]
     for call in range(calls):
         for j in range(record.n):
             record.J[0, j] += 1e-4 * (1.0 if (call >> 6) % 2 else -1.0)
-        resolve(record, out)
+        resolve(records, outs)
 
 
 def main() -> None:

@@ -138,7 +138,7 @@ class Joints:
         """Return rates and status of a tick, and go on."""
         put(self.world, q=self.q, qdot_cmd_last=self.last, change_last=self.change, course=self.change)
         self.world["twist_cmd"][0, : self.n] = wish
-        resolve(self.world[0], self.tick[0])
+        resolve(self.world, self.tick)
         sent = self.tick["qdot_cmd"][0, : self.n].copy()
         self.change, self.last, self.q = sent - self.last, sent, self.q + T * sent
         return sent, Status(int(self.tick["status"][0]))

@@ -58,7 +58,7 @@ def answer(world, tick, twist):
     """Return the rates, (n,), their bounds, (2, n), what was wished for in the null space, and the status."""
     n = int(world["n"][0])
     world["twist_cmd"][0, : len(twist)] = twist
-    resolve(world[0], tick[0])
+    resolve(world, tick)
     span = np.array([world["lower"][0, :n], world["upper"][0, :n]])
     return tick["qdot_cmd"][0, :n].copy(), span, world["drift"][0, :n].copy(), Status(int(tick["status"][0]))
 
