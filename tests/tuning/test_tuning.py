@@ -15,6 +15,7 @@ from project import ROOT
 from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Figure, scorecard
 from rmrc.scenario import Variant, changes_of, draft_of, load
+from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.study import Result, Study
@@ -25,7 +26,17 @@ from rmrc.tuning import tables as tuning_table
 from rmrc.tuning.bearing import Bearing
 from rmrc.tuning.copies import Spread
 from rmrc.tuning.search import Search
-from rmrc.tuning.space import FEEDBACK, NUMBERS, WORDS, Setting, Space, Structure, all_structures, own_setting
+from rmrc.tuning.space import (
+    FEEDBACK,
+    NUMBERS,
+    WORDS,
+    Setting,
+    Space,
+    Structure,
+    all_structures,
+    meets_limits,
+    own_setting,
+)
 from rmrc.tuning.trials import CHATTER, Limits, Outcome, Trials, worst
 from rmrc.tuning.tried import Tried, best
 from rmrc.tuning.tune import Tuning as AnyTuning
@@ -178,13 +189,15 @@ def test_a_search_of_a_scenario_object_is_that_of_its_file(path):
 
 
 def test_the_best_within_limits_is_tried_where_a_limit_acts_and_where_it_is_asked_for(path):
-    def tried(*only, **changes):
-        found = Tuning(path, only=only, copies=0, runs=70, **changes).run()
+    def tried(*only):
+        found = Tuning(path, only=only, copies=0, runs=70).run()
         return {one.setting.structure.on_excess for one in found.tried if one is not found.own}
 
     assert tried() == {""}
     assert tried("control.limits.on_excess=optimal") == {"optimal"}
-    assert tried(overrides=["control.limits.rate=0.3"]) == {"", "optimal"}
+    statuses = {0.0: False, 1.0 * Status.DAMPED: False, 1.0 * (Status.DAMPED | Status.POSITION_LIMITED): True}
+    for status, acts in statuses.items():
+        assert meets_limits({"status": np.array([0.0, status])}) == acts
     with pytest.raises(ScenarioError) as refused:
         Tuning(path, only=["control.limits.on_excess=clamp"])
     assert str(refused.value) == says("--only control.limits.on_excess: … scale … optimal …")
