@@ -43,7 +43,8 @@ if TYPE_CHECKING:
     from rmrc.analysis.new.new import new
     from rmrc.analysis.statics.statics import statics
     from rmrc.analysis.workspace.workspace import workspace
-    from rmrc.law.controller import Controller, resolve_rates
+    from rmrc.law.bare import Law, resolve_rates
+    from rmrc.law.controller import Controller
     from rmrc.results.run import Run, read_runs
     from rmrc.results.scorecard import Scorecard
     from rmrc.scenario import Scenario, load, loads
@@ -66,7 +67,7 @@ if TYPE_CHECKING:
     from rmrc.tuning.tune import tune
 
 __all__ = [
-    "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
+    "ClusterError", "Controller", "DivergenceError", "Law", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
     "TargetError", "check", "compare", "identify", "ik", "inspect", "load", "loads", "margins", "new",
     "plot", "prepare", "read_runs", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
@@ -81,7 +82,8 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.analysis.new.new": ("new",),
         "rmrc.analysis.statics.statics": ("statics",),
         "rmrc.analysis.workspace.workspace": ("workspace",),
-        "rmrc.law.controller": ("Controller", "resolve_rates"),
+        "rmrc.law.bare": ("Law", "resolve_rates"),
+        "rmrc.law.controller": ("Controller",),
         "rmrc.results.run": ("Run", "read_runs"),
         "rmrc.results.scorecard": ("Scorecard",),
         "rmrc.scenario": ("Scenario", "load", "loads"),

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.task import WORLD_VIEW, View
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import IN_RUNS
 from rmrc.scenario.profile import Profile
 
 
@@ -56,7 +56,7 @@ COLUMNS: Mapping[str, Column] = {
     "secondary_sigma": Column(
         "1", "smallest singular value that the first task leaves to the second; or NaN"
     ),
-    "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in Status if s)),
+    "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in IN_RUNS)),
 }
 
 

@@ -24,7 +24,18 @@ from rmrc.tuning.copies import Spread, draw_copies, has_points
 from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
 from rmrc.tuning.search import Search
-from rmrc.tuning.space import NUMBERS, WORDS, Setting, Space, Structure, all_structures, bounds, own_setting
+from rmrc.tuning.space import (
+    NUMBERS,
+    ON_EXCESS,
+    WORDS,
+    Setting,
+    Space,
+    Structure,
+    all_structures,
+    bounds,
+    meets_limits,
+    own_setting,
+)
 from rmrc.tuning.tables import Row
 from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.tried import Tried
@@ -141,6 +152,7 @@ class Tuning:
         self._own = own_setting(self.scenario)
         self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
         self._structures, self.left_out = self._possible(words)
+        self._asks_for_excess = ON_EXCESS in words
         self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
         self.margin = GAIN_MARGIN if self.robot.is_assumed else 1.0
         self.copies = draw_copies(self._nominal, copies, seed, spread, self.robot)
@@ -180,7 +192,9 @@ class Tuning:
             if stop.is_set():
                 raise KeyboardInterrupt
             limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
-            space = Space(self._structures, limits, self._only, self._values)
+            matters = self._asks_for_excess or meets_limits(nominal.run)
+            structures = tuple(one for one in self._structures if matters or not one.on_excess)
+            space = Space(structures, limits, self._only, self._values)
             search = Search(space, trials, self._runs, self._seed)
             if not search.begin(self._own, self.slower):
                 raise KeyboardInterrupt
@@ -280,8 +294,13 @@ class Tuning:
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why it cannot have the others."""
         found, reasons = list[Structure](), dict[Problem, None]()
+        own = self.scenario.control.limits.on_excess
         for one in all_structures():
-            if any(value not in words.get(key, (value,)) for key, value in one.words.items()):
+            if any(
+                value not in words.get(key, (value,)) for key, value in {ON_EXCESS: own, **one.words}.items()
+            ):
+                continue
+            if one.on_excess == own:  # is one of the others
                 continue
             try:
                 self._study.prepare(changes_of(one.words))
@@ -290,7 +309,8 @@ class Tuning:
             else:
                 found.append(one)
         if not found:
-            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons)
+            tried = f"{ON_EXCESS}: must be {own}, as the scenario has it, or optimal, with the method damped"
+            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons or (tried,))
         return tuple(found), tuple(map(str, reasons))
 
     def _bearable(self, robot: Robot) -> Robot:
