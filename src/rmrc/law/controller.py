@@ -97,7 +97,7 @@ class Controller:
         """
         task, n = law.task, law.task.arm.n
         self.law = law
-        self._world = records(n, [task, law, Sight(law, data)], axes=len(task.arm.axis_names))
+        self._world = records(n, [task, law, Sight(law, data)], axes=n + len(task.arm.followers))
         ticks = np.zeros(1, tick_type(n))
         (world,), (tick,) = self._world, ticks
         self.command = Command(tick, n, min(len(task.rows), n))

@@ -121,9 +121,9 @@ def follow_chain(world: Record, q: Array) -> None:
     turn = (1.0, 0.0, 0.0, 0.0)
     for j in range(world.axes):
         moved = world.ratio[j] * q[world.leader[j]]
-        dx, dy, dz = _turned(turn, world.zero_step[j])
+        dx, dy, dz = turned(turn, world.zero_step[j])
         x, y, z = x + dx, y + dy, z + dz
-        ax, ay, az = _turned(turn, world.zero_axis[j])
+        ax, ay, az = turned(turn, world.zero_axis[j])
         world.anchor[j, 0], world.anchor[j, 1], world.anchor[j, 2] = x, y, z
         world.axis[j, 0], world.axis[j, 1], world.axis[j, 2] = ax, ay, az
         if world.is_slide[j]:
@@ -133,7 +133,7 @@ def follow_chain(world: Record, q: Array) -> None:
             c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
             turn = quat_product((c, s * ax, s * ay, s * az), turn)
         x, y, z = x + way * ax, y + way * ay, z + way * az
-    dx, dy, dz = _turned(turn, world.tip_step)
+    dx, dy, dz = turned(turn, world.tip_step)
     world.pose[0], world.pose[1], world.pose[2] = x + dx, y + dy, z + dz
     tip = world.tip_quat
     world.pose[3], world.pose[4], world.pose[5], world.pose[6] = quat_product(
@@ -152,7 +152,7 @@ def follow_second(world: Record, q: Array) -> None:
             turn = quat_product((c, s * axis[0], s * axis[1], s * axis[2]), turn)
     moved = world.ratio[last] * q[world.leader[last]]
     way = moved if world.is_slide[last] else world.pitch[last] * moved
-    step, tip = _turned(turn, world.tip_step_2), world.tip_quat_2
+    step, tip = turned(turn, world.tip_step_2), world.tip_quat_2
     for i in range(3):
         world.pose_2[i] = world.anchor[last, i] + way * world.axis[last, i] + step[i]
     world.pose_2[3], world.pose_2[4], world.pose_2[5], world.pose_2[6] = quat_product(
@@ -177,7 +177,7 @@ def write_followed(world: Record, columns: Array) -> None:
 
 
 @compiled
-def _turned(turn: Quaternion, v: Array) -> tuple[float, float, float]:
+def turned(turn: Quaternion, v: Array) -> tuple[float, float, float]:
     """Return v + 2 w (u × v) + 2 u × (u × v) of the quaternion (w, u)."""
     w, x, y, z = turn
     cx, cy, cz = y * v[2] - z * v[1], z * v[0] - x * v[2], x * v[1] - y * v[0]
@@ -197,13 +197,6 @@ def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
         a[0] * b[2] - a[1] * b[3] + a[2] * b[0] + a[3] * b[1],
         a[0] * b[3] + a[1] * b[2] - a[2] * b[1] + a[3] * b[0],
     )
-
-
-@compiled
-def scale_joints(world: Record, rates: Array) -> None:
-    """Turn scaled rates into joint rates: multiply by S_q."""
-    for j in range(world.n):
-        rates[j] *= world.joint_scale[j]
 
 
 @compiled
@@ -245,8 +238,8 @@ def frame_turn(frame: int, base: Array, pose: Array) -> Quaternion:
 @compiled
 def turn_twist(turn: Quaternion, twist: Array) -> None:
     """Turn both halves of [v; ω], (6,), in place."""
-    twist[0], twist[1], twist[2] = _turned(turn, twist[:3])
-    twist[3], twist[4], twist[5] = _turned(turn, twist[3:])
+    twist[0], twist[1], twist[2] = turned(turn, twist[:3])
+    twist[3], twist[4], twist[5] = turned(turn, twist[3:])
 
 
 @compiled
@@ -254,7 +247,7 @@ def turn_columns(turn: Quaternion, J: Array, n: int) -> None:
     """Turn both halves of the first n columns of J (6, n) in place."""
     for j in range(n):
         for half in range(0, 6, 3):
-            x, y, z = _turned(turn, J[half : half + 3, j])
+            x, y, z = turned(turn, J[half : half + 3, j])
             J[half, j], J[half + 1, j], J[half + 2, j] = x, y, z
 
 

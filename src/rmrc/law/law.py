@@ -15,18 +15,21 @@ from typing import ClassVar
 import numpy as np
 
 from rmrc.arm import Arm
-from rmrc.law.inverses import damping, gains
+from rmrc.law.inertia import Inertia, find_metric
+from rmrc.law.inverses import damping, gains, push_fading
 from rmrc.law.jit import Array, Record, compiled, entry, inlined
-from rmrc.law.kinematics import WORLD, frame_turn, framed_error, scale_joints, turn_columns, turn_twist
+from rmrc.law.kinematics import WORLD, frame_turn, framed_error, turn_columns, turn_twist
 from rmrc.law.limits import limit
+from rmrc.law.metric import INERTIA, backward, scale_joints, weigh_columns
 from rmrc.law.nullspace import add_projected, wished_rates
-from rmrc.law.policies import near_singularity
+from rmrc.law.policies import KEEP_OUT, hold_off, near_singularity
 from rmrc.law.record import JOINTS, Field
 from rmrc.law.standstill import stuck
 from rmrc.law.svd import (
     RANK_FLOOR,
     combine,
     continue_row,
+    dot,
     orthonormalize,
     product,
     project,
@@ -83,7 +86,7 @@ class Law:
         Field("change_limit", size=(JOINTS,), start=math.inf),
         Field("jerk_step", size=(JOINTS,), start=math.inf), Field("is_eased", np.int64),
         Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
-        Field("feedback_2"),
+        Field("feedback_2"), *Inertia.fields,
         *(
             Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
             for name, kind, is_each in record_fields()
@@ -115,6 +118,7 @@ class Law:
         self.posture = start if nullspace.posture is None else np.array(nullspace.posture)
         is_second = nullspace.objective == "secondary"
         self.second = SecondTask(task, nullspace.secondary, start) if is_second else None
+        self._inertia = Inertia(arm, task.length) if control.inverse.metric == "inertia" else None
 
     def write(self, world: np.void) -> None:
         """Write its fields of a world's record."""
@@ -133,6 +137,8 @@ class Law:
         if self.second is not None:
             self.second.write(world)
         world["feedback_2"] = control.nullspace.secondary.feedback
+        if self._inertia is not None:
+            self._inertia.write(world)
         write_choices(world, control)
         world["nullspace_posture"][:n] = self.posture
 
@@ -165,6 +171,8 @@ def control(world: Record, tick: Record) -> None:
     for i in range(6):
         world.twist_cmd[i] = feedforward * world.twist_task[i] + world.feedback * tick.pose_error[i]
     world.error = scaled_error(world, tick.pose_error)
+    if world.inverse_metric == INERTIA:
+        find_metric(world)
     resolve_twist(world, tick)
 
 
@@ -186,6 +194,7 @@ def resolve_twist(world: Record, tick: Record) -> None:
     scale_task(world)
     decompose(world, tick.sigma)
     project(world.u, world.task, world.k, world.m, world.asked)
+    push_fading(world, world.u, world.task, tick.sigma, world.asked)
     tick.damping = damping(world, world.asked, tick.sigma)
     gains(world, world.asked, tick.sigma, world.v, tick.damping, tick.gain)
     combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_cmd)
@@ -199,6 +208,8 @@ def resolve_twist(world: Record, tick: Record) -> None:
     tick.path_rate = 1.0
     status = singular_status(world, tick) | near_singularity(world, tick)
     status |= limit(world, tick)
+    if world.at_singularity == KEEP_OUT:
+        status |= hold_off(world, tick)
     tick.status = status | stuck(world, tick, status)
     record_measures(world, tick)
 
@@ -236,7 +247,11 @@ def decompose(world: Record, sigma: Array) -> None:
     elif world.age % REFRESH == 0:
         orthonormalize(basis, world.k)
     world.age += 1
-    svd(world.A, world.m, world.n, world.u, sigma, world.v)
+    if world.inverse_metric == INERTIA:
+        weigh_columns(world.root, world.A, world.m, world.n, world.B)
+        svd(world.B, world.m, world.n, world.u, sigma, world.v)
+    else:
+        svd(world.A, world.m, world.n, world.u, sigma, world.v)
     last = world.k - 1
     if sigma[last] <= RANK_FLOOR * sigma[0] and world.m <= world.n and world.age > 1:
         continue_row(world.v, last, world.v_last, world.n)
@@ -268,3 +283,8 @@ def record_measures(world: Record, tick: Record) -> None:
         tick.u_min[world.row[i]] = world.u[last, i]
     for j in range(world.n):
         tick.v_min[j] = world.v[last, j]
+    if world.inverse_metric == INERTIA:  # of the joints, and of length 1
+        backward(world.root, tick.v_min, world.n)
+        size = math.sqrt(dot(tick.v_min, tick.v_min, world.n))
+        for j in range(world.n):
+            tick.v_min[j] /= size

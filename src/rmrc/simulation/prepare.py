@@ -22,7 +22,7 @@ from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.wiring import WIRING
 from rmrc.results.tally import CHATTER_FLOOR
 from rmrc.scenario import ArmSection, Problems, Scenario, angle, inline
-from rmrc.scenario.choices import INVERSES, PLANTS
+from rmrc.scenario.choices import INVERSES, PLANTS, POLICIES
 from rmrc.scenario.profile import Profile, load_profile
 from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.reference import Reference
@@ -170,7 +170,7 @@ class Prepared:
     def most_ticks(self) -> int:
         """Control ticks of the run, at most: where the path is slowed, more than it has."""
         control, ticks = self.scenario.control, self.reference.ticks
-        return math.ceil(control.slow.longest * ticks) if control.at_singularity == "slow" else ticks
+        return math.ceil(control.slow.longest * ticks) if POLICIES[control.at_singularity].slows else ticks
 
     @cached_property
     def task(self) -> Task:
@@ -482,6 +482,12 @@ def _check_method(scenario: Scenario, arm: Arm, problems: Problems) -> None:
             f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
             'choose other task.axes, or "pseudoinverse" or "damped"',
         )
+    if method == "selectively_damped" and scenario.control.inverse.metric == "inertia":
+        problems.add(
+            "control.inverse.metric",
+            f'"{method}" clamps joint by joint, so it needs the metric "joints", got "inertia"; choose '
+            'another method, such as "damped"',
+        )
 
 
 def _check_second_task(scenario: Scenario, arm: Arm, problems: Problems) -> None:
@@ -504,12 +510,13 @@ def _check_second_task(scenario: Scenario, arm: Arm, problems: Problems) -> None
 
 def _check_slow(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     control = scenario.control
-    if control.at_singularity != "slow":
+    name = control.at_singularity
+    if not POLICIES[name].slows:
         return
     if not control.feedforward:
         problems.add(
             "control.at_singularity",
-            '"slow" scales the feed-forward, so it needs control.feedforward: true, got false',
+            f'"{name}" scales the feed-forward, so it needs control.feedforward: true, got false',
         )
     rate = control.limits.rate
     if isinstance(rate, tuple) and len(rate) != arm.n:  # which has been told
@@ -517,7 +524,7 @@ def _check_slow(scenario: Scenario, arm: Arm, problems: Problems) -> None:
     if not np.isfinite(rate_limit(arm, control.limits)).all():
         problems.add(
             "control.at_singularity",
-            f'"slow" keeps rates within their limits, and {arm.path} has none for every joint; '
+            f'"{name}" keeps rates within their limits, and {arm.path} has none for every joint; '
             "give control.limits.rate",
         )
 

@@ -24,7 +24,18 @@ from rmrc.tuning.copies import Spread, draw_copies, has_points
 from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
 from rmrc.tuning.search import Search
-from rmrc.tuning.space import NUMBERS, WORDS, Setting, Space, Structure, all_structures, bounds, own_setting
+from rmrc.tuning.space import (
+    AT_SINGULARITY,
+    NUMBERS,
+    TRIED,
+    WORDS,
+    Setting,
+    Space,
+    Structure,
+    all_structures,
+    bounds,
+    own_setting,
+)
 from rmrc.tuning.tables import Row
 from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.tried import Tried
@@ -280,7 +291,9 @@ class Tuning:
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why it cannot have the others."""
         found, reasons = list[Structure](), dict[Problem, None]()
-        for one in all_structures():
+        own = self.scenario.control.at_singularity
+        policies = [one for one in WORDS[AT_SINGULARITY] if one in words.get(AT_SINGULARITY, (*TRIED, own))]
+        for one in all_structures(policies):
             if any(value not in words.get(key, (value,)) for key, value in one.words.items()):
                 continue
             try:
