@@ -20,14 +20,17 @@ from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
-# A shell starts what runs in the background deaf to Ctrl-C, and the processes that tests start would be so too.
+# A shell starts what runs in the background deaf to Ctrl-C, and `nohup` what it runs to SIGHUP; so would be the
+# processes that tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
+if os.name == "posix":
+    signal.signal(signal.SIGHUP, signal.SIG_DFL)
 
 # How wide the terminal of the tests is must not decide what they see; xdist tells it to its processes.
 os.environ.pop("COLUMNS", None)
 
 # Compiling on the first example, and two busy cores, must not count as a slow test.
-settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=16)
+settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=10)
 # `--hypothesis-profile=many` has more.
 settings.register_profile("many", settings.get_profile("rmrc"), max_examples=200)
 settings.load_profile("rmrc")
@@ -121,6 +124,12 @@ def simulate(scenario):
 def undrawn(monkeypatch):
     """Leave pictures empty, each of which takes longer than most verbs: for tests of something else."""
     monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
+
+
+@pytest.fixture
+def unmargined(monkeypatch):
+    """Leave the margins of what `tune` recommends unmeasured, which take ten small searches: for tests of something else."""
+    monkeypatch.setattr("rmrc.tuning.tune.Tuning._margins", lambda *_: {})
 
 
 @pytest.fixture

@@ -102,10 +102,30 @@ class Easing:
                 return False
         return True
 
-    def ease(self, q, rates, rest_lo, rest_up):
-        """Return rates that acceleration and jerk allow, and whether a position limit ahead took from them."""
+    def ease(self, q, rates, rest_lo, rest_up, choose=None):
+        """Return rates that acceleration and jerk allow, and whether a position limit ahead took from them.
+
+        Args:
+            q: Positions.
+            rates: Wished for.
+            rest_lo: Smallest rates at rest.
+            rest_up: Largest.
+            choose: Function: rates by common factors, by those of each joint -> what is sent; None: by the scenario's.
+        """
+        if choose is None:
+            eased, is_held = self.eased(q, rates, rest_lo, rest_up, self.is_clamped)
+        else:
+            (one, is_held), (other, _) = (
+                self.eased(q, rates, rest_lo, rest_up, way) for way in (False, True)
+            )
+            eased = choose(one, other)
+        self.look_back(q, rates, eased)
+        return eased, is_held
+
+    def eased(self, q, rates, rest_lo, rest_up, is_clamped):
+        """Return what `ease` sends, with factors of each joint alone or not."""
         held = (rates >= rest_up) & (rest_up < self.rate) | (rates <= rest_lo) & (rest_lo > -self.rate)
-        alone = held | self.is_clamped
+        alone = held | is_clamped
         last, course, step, most = self.last, self.course, self.step, self.most
         up = np.maximum(course - step, np.minimum(course + step, self.ahead(1)))
         down = np.clip(-self.ahead(-1), course - step, course + step)
@@ -119,7 +139,6 @@ class Easing:
         bounded = np.where(
             last > 0, np.minimum(np.maximum(eased, bottom), top), np.maximum(np.minimum(eased, top), bottom)
         )
-        self.look_back(q, rates, bounded)
         return bounded, bool(np.any(np.minimum(top, -bottom) < self.rate))
 
     def approach(self, i, wish, lower, upper):

@@ -5,6 +5,7 @@ differences, and the physics is stepped on one `MjData`; the inverses are in `or
 pace in `oracle_limits`, a bounded jerk in `oracle_jerk`.
 """
 
+import functools
 import math
 
 import mujoco
@@ -23,11 +24,13 @@ from oracle_inverse import (
 )
 from oracle_jerk import Easing
 from oracle_limits import (
+    best_within,
     bounds,
     fastest_pace,
     held_at_stops,
     held_off,
     kept_out,
+    largest_share,
     next_pace,
     redistributed,
     slowed_change,
@@ -151,7 +154,7 @@ class NumpyLoop:
         self.deceleration = np.minimum(limits.braking, self.acceleration)
         self.easing = None if limits.jerk is None else Easing(
             n, limits.jerk, self.acceleration, self.deceleration, self.rate, self.position, control.period,
-            limits.on_excess == "clamp",
+            limits.on_excess == "clamp" or (limits.on_excess == "optimal" and not limits.keep_direction),
         )  # fmt: skip
         self.start = prepared.qpos[self.qpos] - np.array(self.scenario.plant.joint_offset)
         self.sensing = Sensing(self.scenario, n)
@@ -561,7 +564,8 @@ class NumpyLoop:
         span = self.bounds(q, self.position)
         cmd, limited = self.confine(J, v, lam, drift, rates, span)
         if self.easing:
-            cmd, is_held = self.easing.ease(q, cmd, *span[:2])
+            between = functools.partial(self.best_between, J, v, lam, drift) if self.chooses_best else None
+            cmd, is_held = self.easing.ease(q, cmd, *span[:2], between)
             limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(self.acceleration).any())
             limited |= Status.POSITION_LIMITED * is_held
         return cmd, limited
@@ -578,16 +582,29 @@ class NumpyLoop:
         limits, period = self.scenario.control.limits, self.scenario.control.period
         rest_lo, rest_up, lower, upper = span
         acceleration = np.full(len(rates), np.inf) if self.easing else self.acceleration
-        redistributes = limits.on_excess == "redistribute"
+        redistributes = limits.on_excess == "redistribute" or (
+            limits.on_excess == "optimal" and limits.keep_direction
+        )
+        S_q = 1 / np.sqrt(self.wq)
         near_stop = bool(np.any(np.minimum(rest_up, -rest_lo) < self.rate))
         # what a joint at its stop leaves to the others may be too fast for them
-        excess = redistributes or near_stop or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
+        excess = (
+            limits.on_excess in ("redistribute", "optimal")
+            or near_stop
+            or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
+        )
         limited = Status.RATE_LIMITED * bool(excess and np.isfinite(self.rate).any())
         limited |= Status.ACCELERATION_LIMITED * bool(np.isfinite(acceleration).any())
         limited |= Status.POSITION_LIMITED * near_stop
-        if limits.on_excess == "clamp":
-            return np.clip(rates, lower, upper), limited
-        assert limits.on_excess in ("scale", "redistribute"), (
+        clipped, is_free = (
+            np.clip(rates, lower, upper),
+            limits.on_excess == "optimal" and not limits.keep_direction,
+        )
+        if self.chooses_best and np.any(clipped != rates):
+            return self.best(J, v, lam, drift, lower, upper), limited
+        if limits.on_excess == "clamp" or is_free:
+            return clipped, limited
+        assert limits.on_excess in ("scale", "redistribute", "optimal"), (
             f"no oracle for {limits.on_excess}: write it here"
         )
         share = min(1.0, np.min(self.rate[rates != 0] / np.abs(rates[rates != 0]), initial=1.0))
@@ -600,6 +617,9 @@ class NumpyLoop:
             if np.all((within[0] <= rates) & (rates <= within[1])):
                 # qdot(1), with the gains from before pace and stop changed the command
                 cmd, given = rates, 1.0
+            elif limits.on_excess == "optimal":
+                given, found = largest_share(A(J), A(J) @ (rates / S_q), drift / S_q, *(wide[:2] / S_q))
+                cmd = None if found is None else S_q * found
             else:
                 cmd, given = redistributed(J, v, drift, *wide, A, lambda J: self.inverse(J, v, lam))
             if cmd is not None:
@@ -617,6 +637,24 @@ class NumpyLoop:
         if redistributes:
             return np.clip(cmd, lower, upper), limited
         return slowed_change(cmd, self.last, acceleration * period, lower, upper), limited
+
+    @property
+    def chooses_best(self):
+        """Whether the best rates for the task are taken, whatever their direction, and not those nearest to the inverse's."""
+        limits, method = self.scenario.control.limits, self.scenario.control.inverse.method
+        return limits.on_excess == "optimal" and not limits.keep_direction and method == "damped"
+
+    def best_between(self, J, v, lam, drift, one, other):
+        """Return the best of all rates between two."""
+        return self.best(J, v, lam, drift, np.minimum(one, other), np.maximum(one, other))
+
+    def best(self, J, v, lam, drift, lower, upper):
+        """Return the rates within bounds that are best for a task."""
+        scaled, S_q = scaled_jacobian(J, self.wx, self.wq), 1 / np.sqrt(self.wq)
+        rates = S_q * best_within(scaled, np.sqrt(self.wx) * v, lam, drift / S_q, lower / S_q, upper / S_q)
+        for bound in (lower, upper):  # which easing asks for to the bit
+            rates = np.where(np.abs(rates - bound) <= 1e-13, bound, rates)
+        return rates
 
     def give_way(self, J, v, lam, drift, start, lower, upper):
         """Return rates within bounds that do what they can of a task."""

@@ -5,9 +5,9 @@ import functools
 import numpy as np
 
 from codes import field
-from rmrc.law.controller import Sight
-from rmrc.law.law import Law
+from rmrc.law.law import TaskLaw
 from rmrc.law.record import records, tick_type
+from rmrc.law.sight import Sight
 from rmrc.law.task import Task
 from rmrc.scenario.choices import LIMITS
 
@@ -15,7 +15,7 @@ from rmrc.scenario.choices import LIMITS
 class Unscaled:
     """A Writer for a task and a law: unit scales, the full rank, and nothing that limits or wishes."""
 
-    fields = (*Task.fields, *Law.fields, *Sight.fields)  # the type of `resolve_rates`, compiled once
+    fields = (*Task.fields, *TaskLaw.fields, *Sight.fields)  # the type of `resolve_rates`, compiled once
 
     def __init__(self, m, n):
         self.m, self.n = m, n

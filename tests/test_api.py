@@ -98,14 +98,14 @@ def say(what):
 
 before = state()
 """
-BRIEF = "rmrc.load('line_tracking').set({'target.path': [{'line': {'by': [0.02, 0.0]}}]})"
+BRIEF = "rmrc.load('line_tracking').set({'control.period': 0.01, 'control.feedback': 40, 'target.path': [{'line': {'by': [0.02, 0.0]}}]})"
 VERBS = {
     "load": "load('line_tracking')",
     "run": "run('line_tracking')",
     "compare": "compare('line_tracking', {'control.feedback': [5, 10]})",
     "sweep": "sweep('line_tracking', {'control.feedback': [5, 10]}, threads=2)",
     "tune": f"tune({BRIEF}, {{'control.inverse.method': ['damped']}}, copies=0, runs=10)",
-    "margins": "margins('whitney_1972', accuracy=0.5)",
+    "margins": f"margins({BRIEF}, accuracy=0.5)",
     "check": "check('planar_2link')",
     "new": "new('planar_2link')",
     "inspect": "inspect('planar_2link')",

@@ -43,6 +43,10 @@ OWNERS = {
     "matplotlib": (
         *(
             "rmrc.show.figures",
+            "rmrc.show.compare_figure",
+            "rmrc.show.panels",
+            "rmrc.show.plot",
+            "rmrc.show.run_figure",
             "rmrc.show.textbook_figures",
             "rmrc.study.filter_figure",
             "rmrc.study.margins.figure",

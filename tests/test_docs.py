@@ -541,6 +541,7 @@ def test_the_python_examples_of_a_page_print_what_it_says(monkeypatch, capsys, n
         assert capsys.readouterr().out.splitlines() == said
 
 
+@pytest.mark.usefixtures("unmargined")
 def test_the_python_examples_of_the_readme_run(monkeypatch, tmp_path):
     monkeypatch.chdir(tmp_path)  # it names what is shipped
     block, *others = fenced(README, "python")

@@ -17,7 +17,6 @@ from rmrc.analysis.inspect.routes import jacobians as routes
 from rmrc.analysis.statics.balance import balance
 from rmrc.analysis.survey import jacobians, survey
 from rmrc.law.controller import Controller
-from rmrc.law.law import Law
 from rmrc.law.task import Task, choose
 from rmrc.scenario import Scenario
 from rmrc.scenario.sections import ControlSection
@@ -104,14 +103,13 @@ def test_the_law_sees_the_same_arm_in_mujocos_data_and_in_its_own_chain(folder, 
     data = mujoco.MjData(arm.model)
     data.qpos[:] = arm.configuration(q)
     mujoco.mj_fwdPosition(arm.model, data)
-    law = Law(choose(arm), ControlSection(), q)
     twist, J = np.random.default_rng(seed).normal(size=6), projected(arm, q)
     for attached in (data, None):
         if attached is None and arm.idle:
             continue
-        controller = Controller(law, attached)
-        controller.step(q, np.zeros(arm.n), arm.pose(q), twist)
-        assert_allclose(controller._world[0]["J"][:, : arm.n], J, atol=ROUNDING * max(1.0, np.abs(J).max()))
+        controller, wanted = Controller(arm), {"pose": arm.pose(q), "twist": twist}
+        controller.step(q, **wanted) if attached is None else controller.step_data(attached, **wanted)
+        assert_allclose(controller._worlds[0]["J"][:, : arm.n], J, atol=ROUNDING * max(1.0, np.abs(J).max()))
 
 
 @pytest.mark.parametrize("frame", ["world", "site"])
@@ -145,12 +143,12 @@ def test_the_gradient_of_manipulability_knows_the_followers(write, frame):
             "feedback": 0.0,
         }
     )
-    controller = Controller(Law(Task(arm, np.array(rows), frame=frame), section, q))
-    controller.step(q, np.zeros(n), arm.pose(q), np.zeros(6))
+    controller = Controller(arm, control=section, task=Task(arm, np.array(rows), frame=frame))
+    controller.step(q, pose=arm.pose(q))
     N = np.eye(n) - np.linalg.pinv(A(q)) @ A(q)
     size = max(1.0, np.abs(slope).max())
     assert np.abs(N @ slope).max() > 1e-3
-    assert_allclose(controller._world[0]["qdot0"][:n], N @ slope, rtol=0, atol=1e-7 * size)
+    assert_allclose(controller._worlds[0]["qdot0"][:n], N @ slope, rtol=0, atol=1e-7 * size)
 
 
 # Plants -----------------------------------------------------------------------------------------------------------

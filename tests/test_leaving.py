@@ -40,7 +40,7 @@ VERBS = {
     "run": (["run", "quick.yaml"], ["quick.rrd", "quick.npz", "quick.json"]),
     "compare": (
         ["compare", "quick.yaml", "--vary", "control.feedback=1,2"],
-        ["quick.compare.rrd", "quick.compare.json", "quick.compare.png", "quick.compare.svg"],
+        [f"quick.compare{kind}" for kind in (".rrd", ".npz", ".json", ".png", ".svg")],
     ),
     "sweep": (["sweep", "quick.yaml", "--vary", "control.feedback=1,2"], ["quick.sweep.parquet"]),
     "tune": (["tune", "quick.yaml"], ["quick.tune.yaml", "quick.tune.png", "quick.tune.parquet"]),
@@ -177,8 +177,7 @@ def test_a_comparison_whose_recording_fails_midway_leaves_the_rest(rmrc, quick, 
         "rmrc: error: recordings/quick.compare.rrd.part: cannot write the recording: is the disk full?\n"
     )
     assert out.endswith(
-        "wrote recordings/quick.compare.json\nwrote recordings/quick.compare.png\n"
-        "wrote recordings/quick.compare.svg\n"
+        "".join(f"wrote recordings/quick.compare{kind}\n" for kind in (".npz", ".json", ".png", ".svg"))
     )
     facts = json.loads((quick / "recordings/quick.compare.json").read_text())
     assert [one["status"] for one in facts["variants"]] == ["complete"] * 2

@@ -22,7 +22,7 @@ from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
 any_fixture = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-LIMITING = ("scale", "clamp", "redistribute")
+LIMITING = ("scale", "clamp", "redistribute", "optimal")
 SPEED = "target.limits={velocity: 2.0, acceleration: 50.0, jerk: 5.0e+3}"
 # rates and changes are rounded once or twice after they were bounded
 EXACT = 1e-9

@@ -5,6 +5,7 @@ sources' numbers, in the sources' frames.
 """
 
 import functools
+import xml.etree.ElementTree as ET
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -301,6 +302,16 @@ def test_conventions_of_a_model_hold(name):
     # Geometry is seen only: what an arm weighs is its <inertial>.
     assert not np.any(model.geom_contype | model.geom_conaffinity)
     assert all(model.body_mass[moving(model)] > 0)
+
+
+@pytest.mark.parametrize("name", [*DESCRIBED, *TWINS])
+def test_a_model_needs_no_include_and_no_shape_to_be_understood(name):
+    """Parsers that follow no `<include>`, as pinocchio's, find each mass and each class in the file itself."""
+    root = ET.parse(MODELS / f"{name}.xml").getroot()
+    assert [body.get("name") for body in root.iter("body") if body.find("inertial") is None] == []
+    declared = {one.get("class") for one in root.iter("default")}
+    used = {one.get(key) for one in root.iter() if one.tag != "default" for key in ("class", "childclass")}
+    assert used - {None} <= declared
 
 
 @every_model

@@ -15,6 +15,7 @@ from project import ROOT
 from rmrc import arm as arms
 from rmrc.analysis.inspect.inspection import inspect
 from rmrc.analysis.subject import subject
+from rmrc.arm.inventory import other_joints
 from rmrc.arm.others import Others
 from rmrc.plants.servo import RateServos
 from rmrc.recording.scene import Scene
@@ -77,7 +78,7 @@ def plain_loop(prepared, done, ctrl, act=0.0):
     spec.option.timestep, spec.option.integrator = TIMESTEP, mujoco.mjtIntegrator.mjINT_IMPLICITFAST
     own = [body for body in spec.bodies if any(joint.name in arm.joints for joint in body.joints)]
     for body in [*own, *(one for link in own for one in link.find_all("body"))]:
-        body.gravcomp = float(plant.is_compensated)
+        body.gravcomp = float(plant.is_compensated and not body.name.startswith("rope"))
     model = spec.compile()
     data = mujoco.MjData(model)
     data.qpos[:] = prepared.qpos
@@ -266,6 +267,21 @@ def test_an_arm_that_runs_into_a_locked_thing_is_stopped_as_by_the_world(tmp_pat
 def test_a_floating_thing_is_no_part_of_the_robot_and_falls():
     _, done = run("two_arms", seconds=0.1)
     assert_allclose(done["qpos"][:, 6], 0.5 - 0.5 * 9.81 * done["time"] ** 2, atol=2e-3 * 9.81)
+
+
+def test_a_flex_hangs_at_the_arm_and_beside_it_as_in_the_authors_model():
+    """It is no part of the robot: it has its weight, moves as it likes, and its points are not controlled."""
+    arm = arms.load(MODELS / "soft.xml")
+    assert (arm.site, arm.joints) == ("hand", LINKS)
+    assert not arm.ties and not arm.others.locked
+    assert [(one.name, one.kind) for one in other_joints(arm)] == [("rope", "flex"), ("cloth", "flex")]
+    about = {"start": (-0.5, 0.3), "joints": LINKS, "site": "hand", "seconds": 0.4}
+    prepared, done = run(MODELS / "soft.xml", **about)
+    assert_array_equal(done["qpos"], plain_loop(prepared, done, {})[0])
+    ends = [arm.model.jnt_qposadr[arm.model.body(name).jntadr[0]] for name in ("rope_3", "cloth_7")]
+    assert (np.linalg.norm([done["qpos"][-1, i : i + 3] for i in ends], axis=1) > 0.05).all()
+    assert done.touching == ("lower", "rope")  # on which it falls
+    run(MODELS / "soft.xml", kind="model", **about)
 
 
 def test_a_model_without_other_joints_is_not_touched():

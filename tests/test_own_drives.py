@@ -10,8 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
+from loops import controller_of
 from project import ROOT
-from rmrc.law.controller import Controller
 from rmrc.scenario import Scenario, load, variants
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -61,7 +61,7 @@ class Loop:
         self.data = data = mujoco.MjData(self.model)
         mujoco.mj_resetDataKeyframe(self.model, data, 0)
         data.qpos[:] = prepared.qpos
-        self.controller = Controller(prepared.law, data)
+        self.controller = controller_of(prepared)
         self.before = np.zeros(2)
 
     def run(self, start, tell):
@@ -79,7 +79,7 @@ class Loop:
             mujoco.mj_fwdPosition(model, data)
             mujoco.mj_fwdVelocity(model, data)
             found.append((data.qpos.copy(), data.qfrc_actuator.copy()))
-            rates = self.controller.step(data.qpos, data.qvel, pose, twist).qdot.copy()
+            rates = self.controller.step_data(data, pose=pose, twist=twist).qdot_cmd.copy()
             tell(self, rates)
             self.before = rates
             mujoco.mj_step(model, data, round(self.period / model.opt.timestep))
@@ -429,6 +429,7 @@ def plain_loop(path, *settings):
     return Loop(prepare(load(path, settings))).run(nothing, moved(2.0, 1.0))[0]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_comparison_has_what_the_plain_loop_does(written, tmp_path):
     kinds = ("servo", "model")
     left = Comparison(written, variants([f"plant.kind={','.join(kinds)}"]), [], tmp_path / "out").run()
@@ -454,6 +455,7 @@ def test_rows_of_a_sweep_have_what_the_plain_loop_does(written, tmp_path):
     assert errors[1] < 0.7 * errors[0]  # more feedback, less sag
 
 
+@pytest.mark.usefixtures("unmargined")
 def test_what_tune_promises_of_a_setting_is_what_the_plain_loop_does(written):
     work = Tuning(
         written, only=["control.inverse.method=damped"], copies=0, runs=12, seed=1, threads=1, ideal=True

@@ -142,13 +142,14 @@ def tallies_by_us(name, q, commands):
     return tallies
 
 
+@pytest.mark.parametrize("count", [300, pytest.param(1000, marks=pytest.mark.long)])
 @pytest.mark.parametrize("name", PORTS)
-def test_the_verdict_on_1000_random_runs_is_that_of_the_published_conditions(name):
-    q, commands = random_streams(np.random.default_rng(5), 1000)
+def test_the_verdict_on_random_runs_is_that_of_the_published_conditions(name, count):
+    q, commands = random_streams(np.random.default_rng(5), count)
     met = Counter()
     for w, tally in enumerate(tallies_by_us(name, q, commands)):
-        count, first = verdict_by_numpy(name, q[:, w], commands[:, w], PERIOD)
-        assert tally["broken"] == count
+        broken, first = verdict_by_numpy(name, q[:, w], commands[:, w], PERIOD)
+        assert tally["broken"] == broken
         met[first and first[0]] += 1
         if first is None:
             assert (tally["broken_condition"], tally["broken_joint"]) == (-1, -1)
@@ -160,7 +161,7 @@ def test_the_verdict_on_1000_random_runs_is_that_of_the_published_conditions(nam
         assert tally["broken_value"] == pytest.approx(value, rel=1e-12)
         assert tally["broken_bound"] == pytest.approx(bound, rel=1e-12, abs=1e-14)
     assert (
-        set(met) == {None, *CONDITIONS} and min(met.values()) > 5
+        set(met) == {None, *CONDITIONS} and min(met.values()) > count / 200
     )  # negative control: each is met, and none
 
 

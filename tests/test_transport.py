@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
+from loops import controller_of
 from oracle_way import drawn, edge, ends, formula, response
 from project import ROOT
-from rmrc.law.controller import Controller
 from rmrc.plants.response import oscillator
 from rmrc.results.columns import COLUMNS
 from rmrc.scenario import Scenario, load
@@ -124,10 +124,10 @@ def own_loop(prepared, model, start, tell, ticks):
     data.qpos[:] = prepared.qpos
     mujoco.mj_forward(model, data)
     start(data)
-    controller, queue, found = Controller(prepared.law, data), Queue(ticks, arm.n), []
+    controller, queue, found = controller_of(prepared), Queue(ticks, arm.n), []
     for pose, twist in zip(reference.pose, reference.twist, strict=True):
         q = data.qpos[wiring.qpos].copy()
-        sent = controller.step(q, data.qvel[wiring.dof], pose, twist).qdot.copy()
+        sent = controller.step_data(data, pose=pose, twist=twist).qdot_cmd.copy()
         told = queue.pass_on(sent)
         tell(data, told)
         found.append((q, sent, told))

@@ -108,7 +108,11 @@ def cell(code: int, out: str, err: str) -> str:
         return f"DIED: exit code {code}"
     if code != 2:
         told = errors or [line for line in out.splitlines() if line.strip()]
-        first = [line for line in told if line.startswith("error ")] or told[-1:]  # of a check, what is wrong
+        # of a check or of statics what is wrong, which goes on in further lines; else what was said last
+        wrong = re.search(
+            r"^(?:error |MISSED).*?(?=^(?:warning|note|error) |\Z)", "\n".join(told), re.M | re.S
+        )
+        first = [wrong[0]] if wrong else told[-1:]
         return f"{code}: {' '.join(first[0].split())}" if first else f"SILENT: exit code {code}"
     if not errors:
         return "SILENT: exit code 2"
@@ -169,7 +173,7 @@ def asked(
         goal = [joint["q"] + 0.05 * toward(joint) for joint in facts.get("joints", [])]
         options += ["--to-q", ",".join(f"{q:.6f}" for q in goal) or "0"]
     elif verb == "statics":
-        options += ["--wrench", "0,0,-1,0,0,0", "--hold", "2"]
+        options += ["--wrench", "0,0,-1,0,0,0", "--hold", "10"]
     elif verb == "workspace":
         options += ["--samples", "20000", "--cells", "40", "--out", "out", "-q"]
     return call(verb, model, *options).cell

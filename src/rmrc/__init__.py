@@ -8,6 +8,7 @@ thousands of them, or have its law chosen:
     run = rmrc.run("approach_singularity")         # a file, the name of a shipped one, or a Scenario
     run["qdot_cmd"]                                # a column: joint rates that were sent, (T, n)
     run.scorecard["position_error.max"].value      # a figure
+    rmrc.plot(run, "crossing.pdf")                 # for a paper: path, rates, singular values, errors
 
     one = rmrc.load("approach_singularity").set({"control.feedback": 40})
     runs = rmrc.compare(one, {"control.inverse.method": ["damped", "inverse"]})
@@ -42,10 +43,12 @@ if TYPE_CHECKING:
     from rmrc.analysis.new.new import new
     from rmrc.analysis.statics.statics import statics
     from rmrc.analysis.workspace.workspace import workspace
-    from rmrc.law.controller import Controller, resolve_rates
-    from rmrc.results.run import Run
+    from rmrc.law.bare import Law, resolve_rates
+    from rmrc.law.controller import Controller
+    from rmrc.results.run import Run, read_runs
     from rmrc.results.scorecard import Scorecard
     from rmrc.scenario import Scenario, load, loads
+    from rmrc.show.plot import plot
     from rmrc.simulation.prepare import Prepared, prepare
     from rmrc.simulation.simulation import Simulation
     from rmrc.study.margins.margins import margins
@@ -64,10 +67,10 @@ if TYPE_CHECKING:
     from rmrc.tuning.tune import tune
 
 __all__ = [
-    "ClusterError", "Controller", "DivergenceError", "ModelError", "ModelWarning", "Prepared",
+    "ClusterError", "Controller", "DivergenceError", "Law", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
     "TargetError", "check", "compare", "identify", "ik", "inspect", "load", "loads", "margins", "new",
-    "prepare", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
+    "plot", "prepare", "read_runs", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
@@ -79,10 +82,12 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.analysis.new.new": ("new",),
         "rmrc.analysis.statics.statics": ("statics",),
         "rmrc.analysis.workspace.workspace": ("workspace",),
-        "rmrc.law.controller": ("Controller", "resolve_rates"),
-        "rmrc.results.run": ("Run",),
+        "rmrc.law.bare": ("Law", "resolve_rates"),
+        "rmrc.law.controller": ("Controller",),
+        "rmrc.results.run": ("Run", "read_runs"),
         "rmrc.results.scorecard": ("Scorecard",),
         "rmrc.scenario": ("Scenario", "load", "loads"),
+        "rmrc.show.plot": ("plot",),
         "rmrc.simulation.prepare": ("Prepared", "prepare"),
         "rmrc.simulation.simulation": ("Simulation",),
         "rmrc.study.margins.margins": ("margins",),

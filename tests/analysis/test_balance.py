@@ -422,6 +422,39 @@ def test_what_bears_a_part_of_the_wrench_is_named(made):
     assert verdict(hold(made(text), [-0.6, 0.3], [0, 0, -1, 0, 0, 0])).startswith("met")
 
 
+SLACK = """</worldbody><tendon><fixed name="belt" limited="true" range="-9 -0.6"><joint joint="shoulder" coef="1"/>
+</fixed></tendon>"""
+PULL = """<body name="drum" pos="0 2 0"><joint name="drum" axis="0 1 0"/><geom size=".1"/></body></worldbody>
+<tendon><fixed name="belt"><joint joint="shoulder" coef="1"/><joint joint="drum" coef="1"/></fixed></tendon>
+<actuator><general name="pull" tendon="belt" biastype="affine" biasprm="0.3"/></actuator>"""
+FINGER = """<body pos=".3 0 0"><joint name="finger" axis="0 1 0" {}/>
+<geom type="capsule" fromto="0 0 0 .1 0 0" size=".02" contype="0" conaffinity="0"/></body><site name="hand\""""
+CLOSES = """<actuator><position joint="finger" kp="0.5"/></actuator>
+<keyframe><key name="home" qpos="0 0 0" ctrl="0.2"/></keyframe></mujoco>"""
+HELD = [-0.6, 0.3], [0, 0, -1, 0, 0, 0]
+
+
+@pytest.mark.parametrize(
+    ("at", "instead", "said"),
+    [
+        ("</worldbody>", SLACK, 'tendon "belt" is at the end of its range, which bears a part'),
+        ("</worldbody>", PULL, 'actuator "pull" pulls at the arm, which statics leaves out'),
+        ('<site name="hand"', FINGER.format(""), 'joint "finger"'),
+    ],
+)
+def test_what_else_bears_a_part_is_named(made, at, instead, said):
+    text = RUBBING.format("", "").replace(at, instead)
+    held = hold(made(text.replace("</mujoco>", CLOSES) if "finger" in text else text), *HELD, seconds=1.0)
+    assert not held.agrees and said in verdict(held), verdict(held)
+
+
+def test_an_arm_waits_for_what_it_carries(made):
+    """A damped finger comes to rest after the arm would; then the drives give what statics says."""
+    text = RUBBING.format("", "").replace('<site name="hand"', FINGER.format('damping="0.003"'))
+    held = hold(made(text.replace("</mujoco>", CLOSES)), *HELD, seconds=10.0)
+    assert held.agrees and len(held.run) > len(hold(made(RUBBING.format("", "")), *HELD).run)
+
+
 def test_an_arm_is_not_held_beyond_its_limits():
     arm = shipped("planar_2link")
     with pytest.raises(QuestionError) as caught:

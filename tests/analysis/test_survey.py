@@ -107,6 +107,22 @@ def test_a_task_is_what_the_arm_can_move_independently(name, axes):
     assert choose(arms.load(ROOT / f"models/{name}.xml")).axes == axes
 
 
+WRIST = """<mujoco><compiler angle="radian"/><worldbody><body pos="1 1.25 .15" euler="{turn} 0 0">
+<joint name="j1" axis="0 1 0" range="-.5 .14"/><geom size=".02"/><body pos="0 0 {size}">
+<joint name="j2" axis="1 0 0" range="-.7 .5"/><geom size=".02"/><site name="palm"/></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("size", [0.034, 1e-4])
+@pytest.mark.parametrize("turn", [np.pi / 2, 1.5708, 1.57, 1.571])
+def test_rounding_of_a_file_gives_no_rows(tmp_path, turn, size):
+    """Its first axis is vertical, so that ry is the second's alone, as rx is, but for the rounding of π/2."""
+    path = tmp_path / "wrist.xml"
+    path.write_text(WRIST.format(turn=turn, size=size))
+    assert choose(arms.load(path)).axes == ("rx", "rz")
+    path.write_text(WRIST.format(turn=1.55, size=size))  # what is more is meant
+    assert choose(arms.load(path)).axes == ("rx", "ry")
+
+
 def test_axes_can_be_chosen():
     arm = arms.load(ROOT / "models/planar_3link.xml")
     task = choose(arm, ["rz", "x"], length=0.5)

@@ -14,14 +14,13 @@ from records import Unscaled, blank
 from rmrc.analysis import survey
 from rmrc.analysis.workspace import folds
 from rmrc.arm import load
-from rmrc.law import controller, descent, law, svd
+from rmrc.law import controller, descent, law, step, svd
 from rmrc.law.jit import _kind
 from rmrc.law.record import records, tick_type
-from rmrc.law.task import choose
 from rmrc.plants import lockstep, model, torque
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
-from rmrc.scenario import ControlSection, Scenario
+from rmrc.scenario import Scenario
 from rmrc.simulation import reference
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -31,7 +30,7 @@ MOVES = (
 )  # fmt: skip
 EXAMINES = (
     law.resolve,
-    controller.step,
+    step.step,
     survey.examine,
     survey.locate,
     folds.scan,
@@ -57,9 +56,7 @@ def test_what_moves_a_world_is_kept_on_disk(simulate):
 @pytest.mark.compiles
 def test_what_examines_an_arm_is_kept_on_disk():
     arm = load(ROOT / "models/planar_2link.xml")
-    task = choose(arm)
-    start = arm.configuration("home")[arm.wiring.qpos]
-    assert controller.Controller(law.Law(task, ControlSection(), start)).command.status == 0
+    controller.Controller(arm).warm_up()
     assert rmrc.resolve_rates(np.eye(2), np.ones(2), "inverse").tolist() == [1.0, 1.0]
     assert rmrc.workspace(arm, cells=10, samples=100).free.reached.any()
     assert rmrc.ik(arm, [1.0, 1.0]).found

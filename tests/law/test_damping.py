@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from worlds import SHAPES, Variant, formula, matrices, one_world, rates_of, seeds, with_sigma
 
 from codes import Method, Schedule
-from rmrc.law.controller import resolve_rates
+from rmrc.law.bare import resolve_rates
 
 SCHEDULES = [Variant(Method.DAMPED, schedule) for schedule in Schedule]
 FILTERED = Variant(Method.FILTERED)
@@ -88,7 +88,9 @@ def test_damped_rates_are_bounded_by_the_twist_over_twice_lambda(variant, J, see
 
 def test_the_bound_is_reached_where_sigma_equals_lambda():
     # g(σ) = σ/(σ² + λ²) has its maximum 1/(2λ) at σ = λ: so the bound above is sharp, and can fail.
-    rates = resolve_rates(np.diag([1.0, 0.1]), np.array([0.0, 1.0]), "damped", damping_maximum=0.1)
+    rates = resolve_rates(
+        np.diag([1.0, 0.1]), np.array([0.0, 1.0]), "damped", schedule="constant", damping_maximum=0.1
+    )
     assert rates[1] == pytest.approx(5.0, rel=1e-14)
 
 

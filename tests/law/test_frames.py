@@ -12,9 +12,9 @@ from scipy.spatial.transform import Rotation
 from chains import random_chain, seeds
 from project import ROOT, mostly_long
 from rmrc.arm import load
-from rmrc.law.controller import Controller, resolve_rates
+from rmrc.law.bare import resolve_rates
+from rmrc.law.controller import Controller
 from rmrc.law.kinematics import BASE, FRAMES, SITE, WORLD
-from rmrc.law.law import Law
 from rmrc.law.task import Task, View
 from rmrc.scenario import ControlSection
 from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES
@@ -52,11 +52,11 @@ def control(**more):
 
 
 def command(arm, frame, rows, q, pose, twist, section):
-    law = Law(Task(arm, np.array(rows), frame=frame), section, np.asarray(q))
     data = mujoco.MjData(arm.model)
     data.qpos[:] = arm.configuration(q)
     mujoco.mj_fwdPosition(arm.model, data)
-    return Controller(law, data).step(q, np.zeros(arm.n), pose, twist)
+    task = Task(arm, np.array(rows), frame=frame)
+    return Controller(arm, control=section, task=task).step_data(data, pose=pose, twist=twist)
 
 
 def test_the_frames_have_their_codes():
@@ -105,7 +105,10 @@ def test_the_law_sees_the_jacobian_error_and_twist_along_the_axes_of_its_frame(t
         assert_allclose(got.sigma, np.linalg.svd(A, compute_uv=False), rtol=0, atol=ROUNDING)
         direction = A.T @ v  # the transpose is along it, whatever its step
         assert_allclose(
-            got.qdot / np.linalg.norm(got.qdot), direction / np.linalg.norm(direction), rtol=0, atol=1e-9
+            got.qdot_cmd / np.linalg.norm(got.qdot_cmd),
+            direction / np.linalg.norm(direction),
+            rtol=0,
+            atol=1e-9,
         )
 
 
@@ -115,15 +118,18 @@ def test_the_frame_of_all_six_rows_changes_no_rates_of_an_exact_inverse_but_its_
         np.concatenate([point, Rotation.from_matrix(R).as_quat(scalar_first=True)]),
         np.arange(1.0, 7.0),
     )
-    rates = {frame: command(PUMA, frame, range(6), Q, pose, twist, control()).qdot.copy() for frame in FRAMES}
+    rates = {
+        frame: command(PUMA, frame, range(6), Q, pose, twist, control()).qdot_cmd.copy() for frame in FRAMES
+    }
     for frame in FRAMES:
         assert_allclose(rates[frame], rates["world"], rtol=1e-9, atol=1e-9)
     damped = control(inverse={"method": "damped", "damping": {"schedule": "constant", "maximum": 0.5}})
     weights = [9.0, 1, 1, 1, 1, 1]
     found = {}
     for frame in ("world", "site"):
-        law = Law(Task(PUMA, np.arange(6), weights=weights, frame=frame), damped, Q)
-        found[frame] = Controller(law).step(Q, np.zeros(6), pose, twist).qdot.copy()
+        task = Task(PUMA, np.arange(6), weights=weights, frame=frame)
+        controller = Controller(PUMA, control=damped, task=task)
+        found[frame] = controller.step(Q, pose=pose, twist=twist).qdot_cmd.copy()
     assert np.abs(found["site"] - found["world"]).max() > 0.01
 
 
@@ -132,7 +138,7 @@ def test_whitneys_rates_along_the_hand_are_those_of_the_body_jacobian():
     point, R, J, _ = site_axes(PUMA, Q)
     pose = np.concatenate([point, Rotation.from_matrix(R).as_quat(scalar_first=True)])
     hand = np.array([0, 0, 0.1, 0, 0, 0.2])
-    got = command(PUMA, "site", range(6), Q, pose, both(R) @ hand, control()).qdot
+    got = command(PUMA, "site", range(6), Q, pose, both(R) @ hand, control()).qdot_cmd
     assert_allclose(both(R).T @ J @ got, hand, rtol=0, atol=ROUNDING)
 
 
@@ -154,7 +160,7 @@ def test_a_free_axis_of_the_site_has_no_error_and_the_others_are_its_tilt(free, 
     by_numpy = View("site", free=free).error(np.array([*point, *wanted]), pose)
     assert_allclose(by_numpy, got.pose_error, rtol=0, atol=ROUNDING)
     body = both(R).T @ J
-    assert_allclose((body @ got.qdot)[rows], got.pose_error[rows], rtol=0, atol=1e-9)
+    assert_allclose((body @ got.qdot_cmd)[rows], got.pose_error[rows], rtol=0, atol=1e-9)
     # the arm has one motion left that the task does not feel, a turn about the axis
     left = np.linalg.svd(body[rows])[2][-1]
     felt = body @ left
@@ -182,7 +188,7 @@ def test_the_rates_of_an_objective_are_not_felt_along_any_frame(tmp_path_factory
         nullspace={"objective": "rates", "rates": rng.normal(size=7).tolist()},
     )
     for frame, axes in (("base", B), ("site", R)):
-        got = command(arm, frame, rows, q, pose, np.zeros(6), section).qdot
+        got = command(arm, frame, rows, q, pose, np.zeros(6), section).qdot_cmd
         felt = (both(axes).T @ J @ got)[rows]
         assert np.abs(got).max() > 1e-3
         # relative to the rates: the directions of small σ are found to 1e-16 σ_1/σ
@@ -205,10 +211,9 @@ def test_the_gradient_of_manipulability_is_that_of_the_turned_rows(frame, rows):
     section = control(
         inverse={"method": "pseudoinverse"}, nullspace={"objective": "manipulability"}, feedback=0.0
     )
-    law = Law(task, section, Q)
-    controller = Controller(law)
-    controller.step(Q, np.zeros(6), PUMA.pose(Q), np.zeros(6))
-    got = controller._world[0]["qdot0"][:6]  # what is left of the wish in the null space
+    controller = Controller(PUMA, control=section, task=task)
+    controller.step(Q, pose=PUMA.pose(Q))
+    got = controller._worlds[0]["qdot0"][:6]  # what is left of the wish in the null space
     _, R, J, B = site_axes(PUMA, Q)
     A = (both({"world": np.eye(3), "base": B, "site": R}[frame]).T @ J)[rows]
     N = np.eye(6) - np.linalg.pinv(A) @ A
@@ -229,7 +234,7 @@ def test_every_inverse_gives_the_rates_of_the_turned_problem(method):
         np.arange(1.0, 7.0),
     )
     section = control(inverse={"method": method}, feedback=0.0)
-    got = command(PUMA, "site", rows, Q, pose, twist, section).qdot.copy()
+    got = command(PUMA, "site", rows, Q, pose, twist, section).qdot_cmd.copy()
     want = resolve_rates(
         (both(R).T @ J)[list(rows)],
         (both(R).T @ twist)[list(rows)],

@@ -24,7 +24,7 @@ from worlds import (
 )
 
 from codes import Method, Schedule
-from rmrc.law.controller import resolve_rates
+from rmrc.law.bare import resolve_rates
 from rmrc.law.law import resolve
 
 PSEUDOINVERSE, TRUNCATED = Variant(Method.PSEUDOINVERSE), Variant(Method.TRUNCATED)

@@ -21,7 +21,7 @@ from worlds import (
 )
 
 from codes import Method, Objective, OnExcess, Schedule
-from rmrc.law.controller import resolve_rates
+from rmrc.law.bare import resolve_rates
 from rmrc.scenario.choices import Status
 from wording import says
 

@@ -9,9 +9,9 @@ from worlds import NAMES, VARIANT, chain_text
 
 from codes import Method, Objective, OnExcess
 from records import put
-from rmrc.law.controller import Sight
 from rmrc.law.law import resolve
 from rmrc.law.record import records, tick_type
+from rmrc.law.sight import Sight
 from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
 

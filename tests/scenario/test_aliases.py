@@ -125,6 +125,7 @@ NATURAL = [
     ("target.limits.velocity=1/4", "0.25"),
     ("control.limits.rate=90 deg/s", "1.570796 … rad/s … deg or rad"),
     ("control.limits.rate=30 rpm", "3.141593 … rad/s … deg or rad"),
+    ("arm.start={near: {position: [1, 0]}}", "keyframe … {near: {position: [1, 0]}} … arm.pose …"),
     ("arm.start=[60°]", "60 deg"),
     ("arm.start=[-pi/2]", "-90 deg"),
     ("arm.start=[100 mm]", "0.1 … m … deg or rad"),

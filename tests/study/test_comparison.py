@@ -64,7 +64,7 @@ def test_results_are_complete_and_in_the_order_of_the_grid(compared):
 def test_the_files_are_named_after_the_scenario_and_all_there(compared):
     path, left = compared
     folder = path.parent / "new" / "out"
-    names = ["other.compare.rrd", "other.compare.json", "other.compare.png", "other.compare.svg"]
+    names = [f"other.compare{kind}" for kind in (".rrd", ".npz", ".json", ".png", ".svg")]
     assert list(left.files) == [folder / name for name in names]
     assert sorted(folder.iterdir()) == sorted(left.files)
 
@@ -79,7 +79,7 @@ def test_the_recording_has_every_variant(compared):
 
 def test_the_facts_are_those_of_each_variant(compared):
     path, left = compared
-    facts = json.loads(left.files[1].read_text())
+    facts = json.loads(left.files[2].read_text())
     assert (facts["name"], facts["overrides"]) == ("other", SET)
     assert {"python", "rmrc", "mujoco", "matplotlib"} < set(facts["versions"])
     for known, one in zip(facts["variants"], left.results, strict=True):
@@ -102,7 +102,7 @@ def test_variants_may_have_different_arms_and_be_of_different_length(tmp_path):
     left = Comparison(tmp_path / "quick.yaml", variants(varied), folder=tmp_path, record=False).run()
     assert [one.run["q"].shape[1] for one in left.results] == [2, 2, 3, 3]
     assert len({len(one.run) for one in left.results}) > 1
-    assert [path.suffix for path in left.files] == [".json", ".png", ".svg"]
+    assert [path.suffix for path in left.files] == [".npz", ".json", ".png", ".svg"]
 
 
 @pytest.fixture

@@ -117,6 +117,7 @@ def test_edges_of_physical_plants_part_plain_runs_that_settle_from_those_that_sw
     assert unstable > 20.0 * stable
 
 
+@pytest.mark.long
 def test_more_delay_leaves_less_gain_and_a_finer_search_comes_nearer(short):
     delays = (0.0, 0.015, 0.04, 0.1)
     found = gain_margins(short, [changes_of({"plant.delay": delay}) for delay in delays])

@@ -92,6 +92,7 @@ def test_variants_have_the_labels_and_values_of_the_command_line(vary, texts):
     assert values[0] == values[1]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_compare_writes_what_the_verb_writes_if_it_is_asked_to(short, tmp_path):
     runs = rmrc.compare(short, {"control.feedback": [5, 20]}, out=tmp_path / "out", record=False)
     Comparison(short, variants(["control.feedback=5,20"]), (), tmp_path / "verb", record=False).run()
@@ -179,6 +180,7 @@ def test_a_folder_that_cannot_be_made_is_told_before_anything_moves(short, tmp_p
         call(short, tmp_path / "file/out")
 
 
+@pytest.mark.usefixtures("undrawn")
 @pytest.mark.parametrize("of", [Job, Comparison, Sweep])
 def test_an_interrupt_is_raised_once_the_files_are_there(short, tmp_path, monkeypatch, of):
     real = of.run
@@ -209,6 +211,7 @@ def test_a_file_that_cannot_be_written_in_the_end_is_an_error(short, tmp_path, m
         rmrc.run(short, out=tmp_path / "out", record=False)
 
 
+@pytest.mark.usefixtures("undrawn", "unmargined")
 def test_tune_answers_with_a_section_and_writes_if_it_is_asked_to(short, tmp_path):
     only = {
         "control.inverse.method": ["damped"],

@@ -11,8 +11,8 @@ import mujoco
 import numpy as np
 import pytest
 
+from loops import controller_of
 from project import ROOT
-from rmrc import Controller
 from rmrc.scenario import changes_of, load
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -115,7 +115,7 @@ def driven(prepared, rest=1.5, seed=3):
     data.qpos[:] = prepared.qpos
     mujoco.mj_forward(model, data)
     scale = np.where(arm.is_slide, prepared.scenario.task.length, 1.0)
-    law, steps = Controller(prepared.law), round(PERIOD / STEP)
+    law, steps = controller_of(prepared), round(PERIOD / STEP)
     queue = deque([np.zeros(arm.n)] * round(LATE / STEP))
     followed, share = np.zeros(arm.n), -np.expm1(-STEP / LAG)
     errors, rates, commands = [], [], []
@@ -126,13 +126,16 @@ def driven(prepared, rest=1.5, seed=3):
         noisy = data.qpos[at] / scale + NOISE * random.standard_normal(arm.n)
         seen = scale * RESOLUTION * np.round(noisy / RESOLUTION)
         command = law.step(
-            seen, data.qvel[dofs], reference.pose[now], np.zeros(6) if is_over else reference.twist[now]
+            seen,
+            data.qvel[dofs],
+            pose=reference.pose[now],
+            twist=np.zeros(6) if is_over else reference.twist[now],
         )
         errors.append(np.linalg.norm((reference.pose[now, :3] - data.site_xpos[site])[axes]))
         rates.append(np.abs(data.qvel[dofs] / scale).max())
-        commands.append(command.qdot / scale)
+        commands.append(command.qdot_cmd / scale)
         for _ in range(steps):
-            queue.append(command.qdot.copy())
+            queue.append(command.qdot_cmd.copy())
             followed += share * (queue.popleft() - followed)
             data.ctrl[:] = followed
             mujoco.mj_step(model, data)

@@ -14,6 +14,8 @@ from rmrc.tuning.front import Point
 from rmrc.tuning.trials import Ending
 from rmrc.tuning.tune import Tuning
 
+pytestmark = pytest.mark.usefixtures("unmargined")
+
 TEXT = f"""
 name: quick
 arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [30 deg, -60 deg]}}
@@ -94,12 +96,12 @@ def test_the_bar_is_its_definition():
 
 def test_what_was_ended_could_not_count(path):
     # By runs to the end, without a rule: what was ended breaks a limit, or is beaten by what was found.
-    found = Tuning(path, ideal=True, copies=1, runs=500, threads=2).run()
+    found = Tuning(path, ideal=True, copies=1, runs=300, threads=2).run()
     points = [one.worst.point for one in found.feasible]
     ended = [one for one in found.tried if one.worst.ended]
-    assert len(ended) > 50
+    assert len(ended) > 30
     study = Study(draft_of(path))
-    some = ended[::7]
+    some = ended[::4]
     where = [next(copy for copy, out in one.outcomes.items() if out.ended) for one in some]
     worlds = [
         study.prepare((*one.setting.changes, *found.copies[copy].changes))
@@ -127,7 +129,7 @@ def test_what_was_ended_could_not_count(path):
 def test_a_search_that_ends_runs_finds_what_one_that_does_not_finds(path, monkeypatch):
     only = ["control.inverse.method=damped", "control.inverse.damping.schedule=constant,smallest_singular_value",
             "control.at_singularity=damp"]  # fmt: skip
-    search = functools.partial(Tuning, path, only=only, ideal=True, copies=1, runs=400, threads=2)
+    search = functools.partial(Tuning, path, only=only, ideal=True, copies=1, runs=240, threads=2)
     early = search().run()
     monkeypatch.setattr(Ending, "__call__", lambda _, indices, __: np.zeros(len(indices), bool))
     patient = search().run()

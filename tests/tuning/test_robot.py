@@ -202,6 +202,7 @@ def test_a_number_at_its_search_bound_is_told(path):
 def test_the_worst_of_the_loops_counts(path):
     found = Tuning(path, robot={"delay": "2ms..12ms"}, copies=2, runs=60, only=FEW).run()
     best = found.verdict.recommended
+    assert found.margins["recommended"].is_stable
     assert sorted(best.outcomes) == [0, 1, 2]
     assert best.worst.error == max(out.error for out in best.outcomes.values())
     assert best.outcomes[1].error < best.outcomes[0].error  # the quick loop is not the hard one

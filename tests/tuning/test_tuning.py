@@ -31,6 +31,9 @@ from rmrc.tuning.tune import Tuning as AnyTuning
 from rmrc.tuning.verdict import judge
 from wording import says
 
+# test_robot.py has them measured
+pytestmark = pytest.mark.usefixtures("unmargined")
+
 # From 60 deg of the elbow to 30 deg, in 40 ticks without physics.
 TEXT = f"""
 name: quick
@@ -523,7 +526,7 @@ def test_the_verdict_is_the_least_error_then_the_smoothest_then_the_lowest_feedb
     strong, weak = (tried(first, 1.0, 2.0, number=number) for number in (40.0, 30.0))
     assert best([strong, weak]) is weak
     assert best([strong, tried(first, 1.03, 2.0, number=30.0)]) is strong  # 3 % of error are not alike
-    assert len(set(all_structures())) == 3 * (7 + 5)
+    assert len(set(all_structures())) == 3 * (7 + 5) + 5
 
 
 def test_the_setting_as_written_is_told_to_be_what_it_is(path):

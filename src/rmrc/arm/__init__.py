@@ -10,7 +10,7 @@ from rmrc.arm.arm import Arm
 from rmrc.arm.chain import Chain
 from rmrc.arm.drives import DriveKind, OwnDrives
 from rmrc.arm.followers import Follower
-from rmrc.arm.loading import files, load, load_asked
+from rmrc.arm.loading import files, is_model, load, load_asked, load_model
 from rmrc.arm.shapes import Shape
 from rmrc.arm.wiring import Wiring
 
@@ -25,6 +25,8 @@ __all__ = [
     "Shape",
     "Wiring",
     "files",
+    "is_model",
     "load",
     "load_asked",
+    "load_model",
 ]

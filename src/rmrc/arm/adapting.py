@@ -13,6 +13,7 @@ from rmrc.arm.actuators import reset
 from rmrc.arm.compiling import compiled, in_our_words
 from rmrc.arm.differences import PAYLOAD
 from rmrc.arm.others import Others
+from rmrc.arm.wiring import soft_bodies
 
 Array = NDArray[np.float64]
 
@@ -122,8 +123,9 @@ class Adaptations:
         if drive != "own":
             self._replace_actuators(spec, replaced, drive)
         if gravity_compensation:
+            soft = soft_bodies(self.model)
             for body in spec.bodies:
-                if descends(self.model, body.id, self.root):
+                if body.id not in soft and descends(self.model, body.id, self.root):
                     body.gravcomp = 1.0
         if loaded:
             site = spec.site(self.site)

@@ -70,7 +70,7 @@ class Arm:
     torque_limit: Array
     keyframes: Mapping[str, Array]
     model: mujoco.MjModel
-    _spec: mujoco.MjSpec
+    _spec: mujoco.MjSpec | None
     _links: Mapping[str, Link] = field(default_factory=dict)
     variant: Hashable = ()
     frame: NamedFrame | None = None
@@ -285,9 +285,10 @@ class Arm:
         elsewhere = self.others.addresses
         is_home = np.array_equal(qpos[elsewhere], self.configuration("home")[elsewhere])
         name = start if isinstance(start, str) else "home" if is_home else None
-        stands_for = {key.name: key for key in self._spec.keys}
+        keys = self._written.keys
+        stands_for = {key.name: key for key in keys}
         if self.home is not None:
-            stands_for["home"] = self._spec.keys[self.home]
+            stands_for["home"] = keys[self.home]
         key = stands_for.get(name) if name else None
         given = (None, None) if key is None else (list(key.ctrl), list(key.act))
         ctrl, act = (np.array(values) if values else None for values in given)
@@ -487,10 +488,23 @@ class Arm:
         fixed: NDArray[np.bool_] = self.model.body_weldid == 0
         return fixed
 
+    @property
+    def _written(self) -> mujoco.MjSpec:
+        """The model as it is written.
+
+        Raises:
+            ModelError: Only what was compiled of it is there.
+        """
+        if self._spec is None:
+            raise ModelError(
+                f"{self.path}: a plant cannot be made of a compiled model; give its file, or an MjSpec"
+            )
+        return self._spec
+
     @cached_property
     def _bare_spec(self) -> mujoco.MjSpec:
         """The author's model without textures, which take nearly all of its memory and time to compile."""
-        spec = self._spec.copy()
+        spec = self._written.copy()
         for material in spec.materials:
             material.textures = [""] * len(material.textures)
         for texture in list(spec.textures):

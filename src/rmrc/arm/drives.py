@@ -63,11 +63,11 @@ class OwnDrives:
         """
         self._model, self._others, self._wiring, self._followers = model, others, wiring, followers
         kinds = {i: kind for i in sorted(others.replaced) if (kind := kind_of(model, i)) is not None}
-        served = {joint for i, kind in kinds.items() if kind < DriveKind.MOTOR for joint in others.pulls(i)}
+        served = {joint for i, kind in kinds.items() if kind < DriveKind.MOTOR for joint in others.pulled(i)}
         self.kinds = {
             i: kind
             for i, kind in kinds.items()
-            if kind < DriveKind.MOTOR or served.isdisjoint(others.pulls(i))
+            if kind < DriveKind.MOTOR or served.isdisjoint(others.pulled(i))
         }
         self.idle = tuple(i for i in sorted(others.replaced) if i not in self.kinds)
 

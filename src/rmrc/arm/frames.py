@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from rmrc.arm.wiring import HINGE, SLIDE, joints_above
+from rmrc.arm.wiring import HINGE, SLIDE, joints_above, joints_of, soft_bodies
 
 # How words begin that name what is mounted, held or aimed with, the most telling last; those of three letters
 # or fewer are whole words.
@@ -91,6 +91,7 @@ def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
         branches = np.flatnonzero(
             (model.body_parentid == last) & (model.body_weldid != model.body_weldid[last])
         )
+        branches = np.setdiff1d(branches, list(soft_bodies(model)))
         found = (
             ("body", last, "as the last before the fingers")
             if len(branches)
@@ -107,7 +108,7 @@ def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
 
 def _trunk(model: mujoco.MjModel) -> list[int]:
     """Return the bodies from the first that a joint moves to the one before the fingers, outward."""
-    children = _children(model)
+    children = _children(model, soft_bodies(model))
     depth = _depths(model, children)
     for into_fingers in (False, True):
         links: list[int] = []
@@ -128,9 +129,9 @@ def _trunk(model: mujoco.MjModel) -> list[int]:
     return []
 
 
-def _children(model: mujoco.MjModel) -> list[list[int]]:
+def _children(model: mujoco.MjModel, but: frozenset[int]) -> list[list[int]]:
     children: list[list[int]] = [[] for _ in range(model.nbody)]
-    for body in range(1, model.nbody):
+    for body in (one for one in range(1, model.nbody) if one not in but):
         children[int(model.body_parentid[body])].append(body)
     return children
 
@@ -157,9 +158,7 @@ def _end(model: mujoco.MjModel, body: int) -> int:
 
 
 def _own(model: mujoco.MjModel, body: int) -> list[int]:
-    first = int(model.body_jntadr[body])
-    joints = range(first, first + int(model.body_jntnum[body]))
-    return [i for i in joints if model.jnt_type[i] in (HINGE, SLIDE)]
+    return [i for i in joints_of(model, body) if model.jnt_type[i] in (HINGE, SLIDE)]
 
 
 def _joints(model: mujoco.MjModel, body: int) -> list[int]:

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.arm.arm import Arm
-from rmrc.arm.wiring import HINGE, SLIDE
+from rmrc.arm.wiring import HINGE, SLIDE, flex_bodies, flex_name, soft_bodies
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
 _KINDS = {HINGE: "hinge", SLIDE: "slide", int(mujoco.mjtJoint.mjJNT_BALL): "ball"}
@@ -46,8 +46,8 @@ class OtherJoint:
 
     Attributes:
         name: Its own, or its number.
-        kind: `hinge`, `slide`, `ball` or `free`.
-        body: That it moves.
+        kind: `hinge`, `slide`, `ball`, `free` or `flex`.
+        body: That it moves; of a flex the last.
         moves_site: Whether it is between the world and the site.
     """
 
@@ -84,10 +84,14 @@ def actuators(arm: Arm) -> tuple[Actuator, ...]:
 
 
 def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
-    """Return the joints of the model that are neither the arm's nor follow one of them."""
-    model, idle = arm.model, arm.idle
+    """Return the joints of the model that are neither the arm's nor follow one of them; a flex is one."""
+    model, idle, soft = arm.model, arm.idle, soft_bodies(arm.model)
     own = {*arm.joints, *(one.name for one in arm.followers)}
-    return tuple(
+    flexes = (
+        OtherJoint(flex_name(model, i), "flex", _body(model, max(flex_bodies(model, i))), False)
+        for i in range(model.nflex)
+    )
+    joints = (
         OtherJoint(
             model.joint(i).name or f"joint{i}",
             _KINDS.get(int(model.jnt_type[i]), "free"),
@@ -95,8 +99,9 @@ def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
             bool(model.joint(i).name) and model.joint(i).name in idle,
         )
         for i in range(model.njnt)
-        if model.joint(i).name not in own
+        if model.joint(i).name not in own and int(model.jnt_bodyid[i]) not in soft
     )
+    return (*joints, *flexes)
 
 
 def contacts(arm: Arm, qpos: NDArray[np.float64]) -> tuple[Contact, ...]:

@@ -8,7 +8,7 @@ from pathlib import Path
 import mujoco
 import numpy as np
 
-from rmrc.arm import urdf
+from rmrc.arm import names, numbers, urdf
 from rmrc.arm.arm import Arm
 from rmrc.arm.bounds import bounded_memory
 from rmrc.arm.compiling import compiled, quiet_log, read
@@ -55,7 +55,54 @@ def load(
         raise ModelError(f"{path}: no such model file{near}")
     asked = Asked(site, body, tool, base, tuple(sorted((packages or {}).items())))
     spec, model, velocity, told = read(path, packages)
-    notes = list(told)
+    return _found(path, spec, model, velocity, list(told), asked, joints, urdf.is_urdf(path))
+
+
+def is_model(given: object) -> bool:
+    """Say whether `load_model` takes something."""
+    return isinstance(given, mujoco.MjModel | mujoco.MjSpec)
+
+
+def load_model(
+    given: mujoco.MjModel | mujoco.MjSpec,
+    site: str | None = None,
+    joints: Sequence[str] | None = None,
+    *,
+    body: str | None = None,
+) -> Arm:
+    """Find the arm in a model that is loaded already.
+
+    Args:
+        given: It stays as it is. A model that is compiled can have no site added: its arm needs a site, names
+            of all joints, and a base that does not float.
+        site: As in `load`, and so are the others.
+        joints: Names of the joints to drive.
+        body: Name of the body whose frame to control.
+
+    Raises:
+        ModelError: The site, the body or a joint is missing or will not do, or a number is not finite.
+    """
+    is_spec = isinstance(given, mujoco.MjSpec)
+    title = given.modelname if is_spec else bytes(given.names).split(b"\0")[0].decode("utf-8", "replace")
+    path = Path(title or "the model")
+    spec = given.copy() if is_spec else None
+    model = given if spec is None else compiled(path, spec)
+    names.check(path, model)
+    numbers.check(path, model)
+    return _found(path, spec, model, {}, [], Asked(site, body, None, "fixed", ()), joints)
+
+
+def _found(
+    path: Path,
+    spec: mujoco.MjSpec | None,
+    model: mujoco.MjModel,
+    velocity: Mapping[str, float],
+    notes: list[str],
+    asked: Asked,
+    joints: Sequence[str] | None,
+    is_urdf: bool = False,
+) -> Arm:
+    """Return the arm of a model: see `load`."""
     model, site, frame, obvious = mounted(path, spec, model, asked, notes)
     chain = find_chain(path, model, site)
     links = find_links(path, model, chain)
@@ -71,7 +118,11 @@ def load(
     joint = np.array([model.joint(name).id for name in driven])
     limit = position_limit(model, driven, following)
     keys = keyframes(model, joint.tolist(), limit, asked.prefix, notes)
-    if urdf.is_urdf(path) and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0))):
+    if (
+        spec is not None
+        and is_urdf
+        and (apart := urdf.keep_apart(spec, model, keys.get("home", model.qpos0)))
+    ):
         notes += apart
         model = compiled(path, spec)
     arm = Arm(

@@ -76,13 +76,13 @@ class Mounted(NamedTuple):
 
 
 def mounted(
-    path: Path, spec: mujoco.MjSpec, model: mujoco.MjModel, asked: Asked, notes: list[str]
+    path: Path, spec: mujoco.MjSpec | None, model: mujoco.MjModel, asked: Asked, notes: list[str]
 ) -> Mounted:
     """Return the model with a fixed base and a site that is the frame to be controlled.
 
     Args:
         path: Of the model.
-        spec: As it was parsed and compiled; it is changed if the model is.
+        spec: As it was parsed and compiled; it is changed if the model is. None: the model cannot be changed.
         model: That it gave.
         asked: Which frame, and which base.
         notes: What was assumed is added.
@@ -92,6 +92,9 @@ def mounted(
     """
     kind, i, obvious = _place(path, model, asked, notes)
     body = i if kind == "body" else int(model.site_bodyid[i])
+    if spec is None:
+        _check_whole(path, model, kind, joints_above(model, body))
+        return Mounted(model, model.site(i).name, ("site", model.site(i).name), obvious)
     holder = next(each for each in spec.bodies if each.id == body)  # a spec that was changed has no ids
     above = joints_above(model, body)
     changed = _name(spec, model, above, notes)
@@ -117,6 +120,26 @@ def mounted(
         notes.append(Note("frame", told))
         site = model.site(frame.id).name
     return Mounted(model, site, ("tool", asked.tool))
+
+
+def _check_whole(path: Path, model: mujoco.MjModel, kind: str, joints: Sequence[int]) -> None:
+    """Refuse a compiled model that lacks what a specification could be given.
+
+    Raises:
+        ModelError: It has no site where one is controlled, a joint without a name, or a base that floats.
+    """
+    lacks = []
+    if kind == "body":
+        lacks.append("a site at the frame that is controlled")
+    if any(not model.joint(i).name and model.jnt_type[i] != _FREE for i in joints):
+        lacks.append("names of all joints of the arm")
+    if any(model.jnt_type[i] == _FREE for i in joints):
+        lacks.append("a base that does not float")
+    if lacks:
+        raise ModelError(
+            f"{path}: a compiled model needs {listed(lacks)}; name a site, or give its file or an MjSpec",
+            "site",
+        )
 
 
 def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) -> tuple[str, int, str]:

@@ -2,7 +2,7 @@
 
 Joints beside the arm stay where a run starts. An actuator that works like a spring about its control holds
 them. Those that none holds are locked in a copy of the model, unless they follow joints that move by an
-equality, or belong to a thing that floats, as a cube on a table does.
+equality, or belong to a thing that floats, as a cube on a table does, or to a flex.
 """
 
 from collections import Counter
@@ -15,6 +15,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.arm.wiring import joints_of, soft_bodies
 from rmrc.support.errors import ModelError
 
 Array = NDArray[np.float64]
@@ -75,7 +76,7 @@ class Others:
 
     @cached_property
     def locked(self) -> frozenset[int]:
-        """Joints that no actuator holds, that no equality moves, and that belong to nothing that floats."""
+        """Joints that no actuator holds, that no equality moves, and of nothing that floats or is soft."""
         model = self.model
         held = (self._pulls[i] for i in self.kept if self.holds(i))
         moving = self._own.union(*held, self._floating())
@@ -104,10 +105,6 @@ class Others:
             and abs(model.actuator_gainprm[actuator, 0]) > mujoco.mjMINVAL
             and model.actuator_biasprm[actuator, 1] < 0.0
         )
-
-    def pulls(self, actuator: int) -> frozenset[int]:
-        """Return the joints that an actuator pulls at."""
-        return self._pulls[actuator]
 
     def controls(
         self, qpos: Array, ctrl: Array | None, act: Array | None, every: bool = False
@@ -184,7 +181,7 @@ class Others:
             joint.springdamper, joint.frictionloss = [0, 0], 0.0
             joint.limited = joint.actfrclimited = mujoco.mjtLimited.mjLIMITED_FALSE
         for tendon in spec.tendons:
-            if self._along(tendon.id) <= locked:
+            if self.along(tendon.id) <= locked:
                 tendon.limited, tendon.frictionloss = mujoco.mjtLimited.mjLIMITED_FALSE, 0.0
         still = {i for i, linked in self._equalities().items() if linked <= locked}
         for equality in spec.equalities:
@@ -197,8 +194,7 @@ class Others:
         model = self.model
         carrier = np.arange(model.nbody)
         for b in range(1, model.nbody):
-            first = int(model.body_jntadr[b])
-            if self.locked.issuperset(range(first, first + int(model.body_jntnum[b]))):
+            if self.locked.issuperset(joints_of(model, b)):
                 carrier[b] = carrier[model.body_parentid[b]]
         weld, known = model.body_weldid, {int(signature) for signature in model.exclude_signature}
         collides = (model.geom_contype | model.geom_conaffinity) != 0
@@ -222,10 +218,12 @@ class Others:
                 spec.delete(pair)
 
     def _floating(self) -> frozenset[int]:
-        """Joints of trees that hang at a free joint."""
+        """Joints of trees that hang at a free joint, and of the points of a flex."""
         model = self.model
+        soft = {joint for body in soft_bodies(model) for joint in joints_of(model, body)}
         trees = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in np.flatnonzero(model.jnt_type == _FREE)}
-        return frozenset(j for j in range(model.njnt) if int(model.body_rootid[model.jnt_bodyid[j]]) in trees)
+        hang = (j for j in range(model.njnt) if int(model.body_rootid[model.jnt_bodyid[j]]) in trees)
+        return frozenset(hang) | soft
 
     def _found_pulled(self, i: int) -> frozenset[int]:
         model = self.model
@@ -233,12 +231,12 @@ class Others:
         if kind in _JOINT_TARGETS:
             return frozenset([int(first)])
         if kind == _TENDON:
-            return self._along(int(first))
+            return self.along(int(first))
         if kind in (_SITE, _CRANK):
             return self._between(*(int(model.site_bodyid[s]) if s >= 0 else 0 for s in (first, second)))
         return frozenset()
 
-    def _along(self, tendon: int) -> frozenset[int]:
+    def along(self, tendon: int) -> frozenset[int]:
         """Return the joints that change the length of a tendon."""
         model = self.model
         parts = range(model.tendon_adr[tendon], model.tendon_adr[tendon] + model.tendon_num[tendon])
@@ -270,7 +268,7 @@ class Others:
             if kind == _EQUAL_JOINTS:
                 yield one
             elif kind == _EQUAL_TENDONS:
-                yield from self._along(one)
+                yield from self.along(one)
 
     def _between(self, a: int, b: int) -> frozenset[int]:
         """Return the joints that move one body against another."""
@@ -279,8 +277,7 @@ class Others:
     def _above(self, body: int) -> set[int]:
         model, joints = self.model, set[int]()
         while body > 0:
-            first = int(model.body_jntadr[body])
-            joints.update(range(first, first + int(model.body_jntnum[body])))
+            joints.update(joints_of(model, body))
             body = int(model.body_parentid[body])
         return joints
 

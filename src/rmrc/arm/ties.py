@@ -18,6 +18,9 @@ _KINDS = {
     int(mujoco.mjtEq.mjEQ_WELD): ("weld", mujoco.mjtObj.mjOBJ_BODY),
     int(mujoco.mjtEq.mjEQ_JOINT): ("joint equality", mujoco.mjtObj.mjOBJ_JOINT),
     int(mujoco.mjtEq.mjEQ_TENDON): ("tendon equality", mujoco.mjtObj.mjOBJ_TENDON),
+    int(mujoco.mjtEq.mjEQ_FLEX): ("equality", mujoco.mjtObj.mjOBJ_FLEX),
+    int(mujoco.mjtEq.mjEQ_FLEXVERT): ("equality", mujoco.mjtObj.mjOBJ_FLEX),
+    int(mujoco.mjtEq.mjEQ_FLEXSTRAIN): ("equality", mujoco.mjtObj.mjOBJ_FLEX),
 }
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 

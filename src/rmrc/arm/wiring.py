@@ -102,12 +102,42 @@ def find_body(path: Path, model: mujoco.MjModel, wanted: str, about: str = "body
     return int(model.body(wanted).id)
 
 
+def soft_bodies(model: mujoco.MjModel) -> frozenset[int]:
+    """Return the bodies that are points of a flex: moved by slides alone, and without a shape."""
+    return frozenset(
+        b
+        for b in set().union(*(flex_bodies(model, i) for i in range(model.nflex)))
+        if not model.body_geomnum[b] and (joints := joints_of(model, b))
+        if all(model.jnt_type[i] == SLIDE for i in joints)
+    )
+
+
+def flex_bodies(model: mujoco.MjModel, flex: int) -> set[int]:
+    """Return the bodies that carry points of a flex, the world among them where it is pinned there."""
+    points = (
+        (model.flex_vertbodyid, model.flex_vertadr, model.flex_vertnum),
+        (model.flex_nodebodyid, model.flex_nodeadr, model.flex_nodenum),
+    )
+    spans = (body[first[flex] : first[flex] + count[flex]] for body, first, count in points)
+    return {int(b) for span in spans for b in span if b >= 0}
+
+
+def flex_name(model: mujoco.MjModel, flex: int) -> str:
+    """Return what a flex is called."""
+    return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, flex) or f"flex{flex}"
+
+
+def joints_of(model: mujoco.MjModel, body: int) -> range:
+    """Return the joints of a body."""
+    first = int(model.body_jntadr[body])
+    return range(first, first + int(model.body_jntnum[body]))
+
+
 def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
     """Return the joints between the world and a body, its own among them, the last first."""
     joints: list[int] = []
     while body > 0:
-        first = model.body_jntadr[body]
-        joints += reversed(range(first, first + model.body_jntnum[body]))
+        joints += reversed(joints_of(model, body))
         body = int(model.body_parentid[body])
     return joints
 

@@ -33,11 +33,12 @@ SCENARIO = Kind("a scenario", (".yaml", ".yml"), verb="run", shipped="scenarios"
 MODEL = Kind("a model", (".xml", ".mjcf", ".urdf"), b"<", "inspect", shipped="models")
 RECORDING = Kind("a recording", (".rrd", ".part"), b"RRF", "replay")
 LOG = Kind("a log", (".csv", ".parquet", ".npz"), verb="identify")
+RUN = Kind("what a run leaves", (".npz", ".rrd", ".part", ".json"))
 KINDS = (
     SCENARIO,
     MODEL,
     RECORDING,
-    Kind("the columns of a run", (".npz",), b"PK\x03\x04", library="rmrc.Run.read"),
+    Kind("the columns of a run", (".npz",), b"PK\x03\x04", "plot"),
     Kind("the rows of a sweep", (".parquet",), b"PAR1", library="pandas.read_parquet"),
     LOG,
     Kind("the figures of a run", (".json",), library="json.load"),

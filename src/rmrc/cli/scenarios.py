@@ -106,7 +106,7 @@ def compare(
     record: Record = True,
     quiet: Quiet = False,
 ) -> None:
-    """Run variants of a scenario side by side; leave NAME.compare.rrd, .json, .png and .svg.
+    """Run variants of a scenario side by side; leave NAME.compare.rrd, .npz, .json, .png and .svg.
 
     The exit code is that of the runs, whatever the scenario expects: what was missed is in the table.
     """

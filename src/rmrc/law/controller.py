@@ -1,344 +1,422 @@
-"""The law without a scenario: in a loop of one's own, or one inverse and one twist.
+"""The law of an arm in a loop of one's own: the same rates as a run, to the bit where it sees the same.
 
-    controller = Controller(Law(task, ControlSection(), start), data)
-    while True:
-        rates = controller.step(data.qpos[...], data.qvel[...], pose, twist).qdot
-        ...
-
-A controller has the record, the Writers and the law of a run, and gives the same rates to the bit where it
-sees the same. `resolve` is compiled beside `step`, as it takes a third less time alone; both have records of
-one type, so that who needs both compiles most of it once.
+c = Controller("ur5e.xml", site="tool", control="tuned.yaml", period=0.002)
+c.reset(q)
+while True:
+    out = c.step(q, qdot, pose=T, twist=v)
+    data.ctrl[c.actuators] = out.qdot_cmd
+    ...
 """
 
-import math
-from collections.abc import Mapping
-from functools import partial
-from typing import Any, ClassVar
+import os
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias
 
-import mujoco
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
-from rmrc.law.jerk import come_to_rest, remember
-from rmrc.law.jit import Array, Record, compiled, entry, machine_code
-from rmrc.law.kinematics import (
-    chain_jacobian,
-    follow_chain,
-    geometric_jacobian,
-    quat_product,
-    second_jacobian,
-)
-from rmrc.law.law import Law, control, resolve
-from rmrc.law.record import CHAIN, MEMORY, ROWS, Field, records, tick_type
-from rmrc.law.task import Task
-from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, SCHEDULES, Choice, Choices, Status
-from rmrc.support.errors import ModelError, did_you_mean
+from rmrc import arm as arms
+from rmrc.arm import Arm
+from rmrc.law import fit
+from rmrc.law.bare import started
+from rmrc.law.command import Command
+from rmrc.law.kinematics import FRAMES
+from rmrc.law.law import TaskLaw
+from rmrc.law.loop import NOTHING, RATES, Loop, taken
+from rmrc.law.sight import Sight
+from rmrc.law.step import CHAIN_ALONE, FRAME, Given
+from rmrc.law.task import Task, choose
+from rmrc.scenario import ArmSection, ControlSource, TaskSection, read_controls, read_task
+from rmrc.support import shipped
+from rmrc.support.errors import ModelError, QuestionError, ScenarioError
+from rmrc.support.legible import shortened
+from rmrc.support.problems import Problem
+from rmrc.support.spatial import AXES
 
-STOPPED = int(Status.STOPPED)
+if TYPE_CHECKING:
+    import mujoco
 
-# A larger position, velocity or command is none: MuJoCo calls it bad (its mjMAXVAL).
-LARGEST = 1e10
+TWIST, QUATERNION, MATRIX, ROTVEC = map(int, (Given.TWIST, Given.QUATERNION, Given.MATRIX, Given.ROTVEC))
+POSITION_TARGET, RATE_TARGET = int(Given.POSITION_TARGET), int(Given.RATE_TARGET)
 
+ControlledModel: TypeAlias = "str | os.PathLike[str] | Arm | mujoco.MjModel | mujoco.MjSpec"
+"""An MJCF or URDF file, the name of a shipped model, an Arm, or a model that is loaded already."""
 
-class Command:
-    """What the law commands: views that the next step writes over.
-
-    Attributes:
-        qdot: Joint rates, (n,) [rad/s or m/s].
-        sigma: Singular values of A, falling, (k,); NaN where what was measured or wanted is not finite.
-        gain: What stands for 1/σ, (k,).
-        pose_error: From the site to where it is wanted, [Δp; rotation vector], (6,) [m, rad].
-    """
-
-    __slots__ = ("_tick", "gain", "pose_error", "qdot", "sigma")
-
-    def __init__(self, tick: np.void, n: int, k: int) -> None:
-        """Look into the record of a tick."""
-        self._tick = tick
-        self.qdot: Array = tick["qdot_cmd"][:n]
-        self.sigma: Array = tick["sigma"][:k]
-        self.gain: Array = tick["gain"][:k]
-        self.pose_error: Array = tick["pose_error"]
-
-    @property
-    def damping(self) -> float:
-        """Damping λ, in the units of σ."""
-        return float(self._tick["damping"])
-
-    @property
-    def path_rate(self) -> float:
-        """By how many periods the reference shall advance: 1, or less where the law slows it down."""
-        return float(self._tick["path_rate"])
-
-    @property
-    def status(self) -> Status:
-        """What happened."""
-        return Status(int(self._tick["status"]))
+FRAME_CODES = {name: code * FRAME for code, name in enumerate(FRAMES)}
+# Where an orientation is of a pose, by the size of its last axis.
+POSES = {7: QUATERNION, 6: ROTVEC, 4: MATRIX}
 
 
-class Controller:
-    """One arm under the law, to be called once a control period.
+class Controller(Loop):
+    """One arm, or a batch of them, under the law, to be stepped once a control period.
+
+    `step` raises nothing. What is not finite, has another shape, is no rotation or comes too late brakes the
+    joints from the last command within all limits, and the status says so. So does a joint outside its
+    position limits: it comes back slowly while the others come to rest. Near a singularity the status says
+    so, and the law does what it is told to.
 
     Attributes:
-        law: What it does.
-        command: What it did last.
+        arm: The arm.
+        task: What of the site's motion counts.
+        control: The law.
+        actuators: Where the arm's joints are in `data.ctrl` of the model, (n,).
     """
 
-    def __init__(self, law: Law, data: mujoco.MjData | None = None) -> None:
-        """Bind the law to what it is to see.
+    def __init__(
+        self,
+        model: ControlledModel,
+        site: str | None = None,
+        control: ControlSource = None,
+        *,
+        period: float | None = None,
+        task: Task | TaskSection | Mapping[str, Any] | None = None,
+        body: str | None = None,
+        joints: Sequence[str] | None = None,
+        watchdog: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Load the arm and its law; nothing is compiled yet.
 
         Args:
-            law: The law of a task.
-            data: Fresh kinematics at each step, of any model that has the arm: after `mj_step`,
-                `mj_fwdPosition`. None: those of the arm's own chain at the joint positions given.
+            model: The arm, or what it is in.
+            site: Name of the site to control; None for that of a scenario that is given as `control`, else
+                that of the
+                hand: see `rmrc.arm.frames`.
+            control: The law: a mapping or a YAML file with the keys of the section `control`, or with that
+                section, as `rmrc tune` prints it; a scenario, whose task, frame and joints are taken where
+                none are given here; or a ControlSection. None: all defaults.
+            period: Time between two steps [s]; None for that of `control`.
+            task: A section `task` or its keys: axes, weights, length, frame. None for that of `control`, else
+                the axes that the arm can move independently of each other.
+            body: Name of the body whose frame to control, instead of a site.
+            joints: Names of the joints to drive; None for all on the chain to the site.
+            watchdog: See `watchdog`.
+            clock: By which a step is overdue [s]: that of a simulation, for example.
 
         Raises:
-            ModelError: The chain alone does not say where the sites are, or the model lacks the arm.
+            ModelError: The model, the site or a joint is missing or will not do.
+            ScenarioError: What `control` or `task` says cannot be used, or does not fit the arm.
+            QuestionError: The period or the watchdog is no positive time.
         """
-        task, n = law.task, law.task.arm.n
-        self.law = law
-        self._world = records(n, [task, law, Sight(law, data)], axes=n + len(task.arm.followers))
-        ticks = np.zeros(1, tick_type(n))
-        (world,), (tick,) = self._world, ticks
-        self.command = Command(tick, n, min(len(task.rows), n))
-        self._q, self._qdot = world["q"][:n], world["qdot"][:n]
-        self._pose, self._twist = tick["pose_ref"], tick["twist_ref"]
-        nothing = np.zeros((1, 3)), np.zeros((1, 4)), np.zeros((1, 3)), np.zeros((1, 3))
-        seen = nothing if data is None else (data.site_xpos, data.xquat, data.xanchor, data.xaxis)
-        arrays = self._world, ticks, *seen
-        self._step = partial(machine_code(step, *arrays), *arrays)
+        told = read_controls(control, period)
+        self.control = told.control
+        self.arm = _arm(model, site, body, joints, told.arm)
+        self.arm.require_open()
+        self.task = self._task(told.task if task is None else task)
+        found = list(fit.misfits(self.control, len(self.task.rows), self.arm))
+        found += fit.second_task_misfits(self.control, self.arm)
+        found += fit.scale_misfits("task.length", (self.task.length,), is_list=False)
+        found += fit.scale_misfits("task.weights", tuple(self.task.weights or ()))
+        if found:
+            raise ScenarioError([Problem(tuple(key.split(".")), text) for key, text in found])
+        super().__init__(self.arm.joints, 6, self.control.period, clock)
+        self._data: mujoco.MjData | None = None
+        self.reset()
+        self.watchdog = watchdog
 
-    def step(self, q: ArrayLike, qdot: ArrayLike, pose: ArrayLike, twist: ArrayLike) -> Command:
-        """Return what to command for the next period; nothing is raised, and nothing kept.
+    def _task(self, task: Task | TaskSection | Mapping[str, Any] | None) -> Task:
+        weights = self.control.joint_weights
+        if isinstance(task, Task):
+            return task
+        if task is None:
+            chosen = choose(self.arm)
+            return Task(self.arm, chosen.rows, chosen.length, None, weights)
+        section = read_task(task)
+        rows = np.array([AXES.index(axis) for axis in section.axes])
+        return Task(self.arm, rows, section.length, section.weights, weights, section.frame)
 
-        What is not finite, or beyond 1e10, brakes the joints from the last command; then the status is
-        STOPPED and the path rate 0. Near a singularity the status says so.
+    @property
+    def actuators(self) -> NDArray[np.int64]:
+        """Where the arm's joints are in `data.ctrl` of the model, (n,).
+
+        Raises:
+            ModelError: A joint has no actuator of its own.
+        """
+        ids = self.arm.wiring.actuator
+        if (ids < 0).any():
+            without = ", ".join(f'"{name}"' for name, one in zip(self.joints, ids, strict=True) if one < 0)
+            raise ModelError(f"{self.arm.path}: no actuator drives joint {without}")
+        return np.asarray(self.arm.model.actuator_ctrladr[ids], np.int64)
+
+    def reset(self, q: ArrayLike | None = None) -> None:
+        """Forget all steps: the next one is the first, from rest.
 
         Args:
-            q: Joint positions, as measured, (n,) [rad or m].
-            qdot: Joint rates, as measured, (n,) [rad/s or m/s]; they are checked, and no term of the law
-                needs them.
-            pose: Where the site is wanted, [p, quat w x y z], (7,) [m, 1].
-            twist: At which velocity [v; ω], along world axes, that of full pace, (6,) [m/s, rad/s].
+            q: Where the joints are, (n,), or (w, n) for a batch of w worlds [rad or m]. Commanded positions
+                go on from there, and it is what the null space holds where `control` says nothing else. None:
+                the next step tells; the null space holds what it did, at first the keyframe `home`.
+
+        Raises:
+            QuestionError: q has another shape, or is not finite.
         """
-        self._q[:], self._qdot[:], self._pose[:], self._twist[:] = q, qdot, pose, twist
-        self._step()
-        return self.command
+        if q is None and hasattr(self, "_worlds"):
+            self._forget()
+            return
+        n, home = self.arm.n, self.arm.configuration("home")[self.arm.wiring.qpos]
+        starts = started("q", home if q is None else q, n)
+        self._laws = [TaskLaw(self.task, self.control, start) for start in starts.reshape(-1, n)]
+        writers = [(self.task, law, Sight(self.arm, law.second)) for law in self._laws]
+        self._renew(writers, self.arm.n + len(self.arm.followers), starts.ndim == 1)
+        self._pose, self._vector = self._put["pose"], self._put["vector"]
+        self._data, self._unseen = None, self._idle()
+        if q is not None:
+            self._worlds["q_cmd"][:, :n] = starts
 
-    def reset(self) -> None:
-        """Forget all steps: the next one is the first, from rest."""
-        for field in MEMORY:
-            self._world[field.name] = field.start
+    # Kinematics -----------------------------------------------------------------------------------
 
+    def _idle(self) -> str:
+        """Return why the chain alone does not say where the sites are, "" if it does."""
+        second = self._laws[0].second
+        idle = self.arm.idle or (self.arm.idle_before(second.site) if second else ())
+        if idle:
+            return f'joint "{idle[0]}" moves the site and is not driven: step_data reads where it is'
+        return ""
 
-class Sight:
-    """Where kinematics are read: it owns the numbers of joints and sites in MuJoCo's arrays, if any."""
+    def _follow_chain(self) -> None:
+        """Have steps compute kinematics by the arm's own chain."""
+        self._data = None
+        self._worlds["sites"] = CHAIN_ALONE
+        self._point_at(*NOTHING)
 
-    fields: ClassVar[tuple[Field, ...]] = (
-        Field("sites", np.int64), Field("joint", np.int64, (CHAIN,)),
-        Field("site", np.int64, (2,)), Field("body", np.int64, (2,)), Field("site_quat", size=(2, 4)),
-    )  # fmt: skip
+    def _look_at(self, data: "mujoco.MjData") -> None:
+        """Have steps read kinematics of some data.
 
-    def __init__(self, law: Law, data: mujoco.MjData | None) -> None:
-        """Find the arm: see `Controller`."""
-        arm, second = law.task.arm, law.second
-        self._sites, self._joint = np.zeros(0, np.int64), np.zeros(0, np.int64)
-        self._model = None if data is None else data.model
-        if self._model is not None:
-            try:
-                self._joint = arm.wire(self._model).axis
-                names = [arm.site, second.site] if second else [arm.site]
-                self._sites = np.array([self._model.site(name).id for name in names])
-            except KeyError as error:
-                raise ModelError(f"the model of the data lacks a part of {arm.path}: {error}") from None
-        elif arm.idle or second:
-            what = f'site "{second.site}"' if second else f'joint "{arm.idle[0]}", which is not driven,'
-            raise ModelError(
-                f"{arm.path}: positions of the driven joints do not say where {what} is; give MuJoCo's data"
+        Raises:
+            ModelError: The model of the data lacks a part of the arm.
+            QuestionError: There is a batch, or what is given is no MjData.
+        """
+        self._data = None
+        if not self._is_one:
+            raise QuestionError(
+                f"step_data reads one arm, and reset made a batch of {len(self._worlds)}; call step"
             )
+        try:
+            model, arrays = data.model, (data.xquat, data.xanchor, data.xaxis)
+        except AttributeError:
+            raise QuestionError(f"step_data reads an mujoco.MjData, got {type(data).__name__}") from None
+        try:
+            wiring = [model.joint(name) for name in self.joints]
+            sight = Sight(self.arm, self._laws[0].second, model)
+        except KeyError as error:
+            told = " ".join(str(error).strip("'\"").split())
+            raise ModelError(f"the model of the data lacks a part of {self.arm.path}: {told}") from None
+        self._at_q = _address([joint.qposadr[0] for joint in wiring])
+        self._at_qdot = _address([joint.dofadr[0] for joint in wiring])
+        self._qpos, self._qvel = data.qpos, data.qvel
+        sight.write(self._worlds[0])
+        self._point_at(data.xpos if sight.is_beside else data.site_xpos, *arrays)
+        self._data = data
 
-    def write(self, world: np.void) -> None:
-        """Write its fields of a world's record."""
-        count = len(self._sites)
-        world["sites"], world["joint"][: len(self._joint)] = count, self._joint
-        if self._model is not None:
-            world["site"][:count], world["body"][:count] = self._sites, self._model.site_bodyid[self._sites]
-            world["site_quat"][:count] = self._model.site_quat[self._sites]
+    # Steps ----------------------------------------------------------------------------------------
+
+    def step(
+        self,
+        q: ArrayLike,
+        qdot: ArrayLike | None = None,
+        *,
+        pose: ArrayLike | None = None,
+        twist: ArrayLike | None = None,
+        frame: str = "world",
+        q_target: ArrayLike | None = None,
+        qdot_target: ArrayLike | None = None,
+    ) -> Command:
+        """Return what to command for the next period, by the arm's own kinematics; nothing is raised or kept.
+
+        What is wanted is a pose, a twist or both; or joint positions, rates or both, which are reached and
+        followed within the same limits. Where nothing is wanted, the site is to stand still. Of a batch each
+        array has one row a world, or is that of all worlds.
+
+        Args:
+            q: Joint positions, as measured, (n,) or (w, n) [rad or m].
+            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; they are checked, and no term of
+                the law needs them.
+            pose: Where the site is wanted: [p, quat w x y z], (7,) [m, 1]; [p, rotation vector], (6,) [m,
+                rad]; or a homogeneous matrix, (4, 4). Without it there is no feedback.
+            twist: At which velocity, that of full pace, [v; ω], (6,) [m/s, rad/s]. Without it there is no
+                feed-forward.
+            frame: Of pose and twist: `world`; `base`, the body that carries the first joint; or `site`, the
+                site as it is: then pose is the way that is left, and twist is along the site's axes.
+            q_target: Where the joints are wanted, (n,) or (w, n) [rad or m].
+            qdot_target: At which rates, (n,) or (w, n) [rad/s or m/s].
+
+        Returns:
+            Views that the next step writes over.
+        """
+        try:
+            if self._data is not None:
+                self._follow_chain()
+            given = FRAME_CODES[frame]
+            self._q[:] = q
+            if qdot is not None:
+                self._qdot[:] = qdot
+                given |= RATES
+            given |= self._take(pose, twist, q_target, qdot_target)
+        except Exception:
+            return self._step_with_care(q, qdot, pose, twist, frame, q_target, qdot_target)
+        return self._refuse(self._unseen) if self._unseen else self._finish(given)
+
+    def step_data(
+        self,
+        data: "mujoco.MjData",
+        *,
+        pose: ArrayLike | None = None,
+        twist: ArrayLike | None = None,
+        frame: str = "world",
+        q_target: ArrayLike | None = None,
+        qdot_target: ArrayLike | None = None,
+    ) -> Command:
+        """Return what to command for the next period, by MuJoCo's kinematics: to the bit as a run does.
+
+        Args:
+            data: Fresh positions, rates and kinematics of any model that has the arm: after `mj_step`,
+                `mj_fwdPosition`.
+            pose: As in `step`, and so are the others.
+            twist: Velocity of the site.
+            frame: Of pose and twist.
+            q_target: Where the joints are wanted.
+            qdot_target: At which rates.
+
+        Returns:
+            Views that the next step writes over.
+        """
+        try:
+            if data is None or data is not self._data:
+                self._look_at(data)
+            given = FRAME_CODES[frame] | RATES
+            self._q[:] = self._qpos[self._at_q]
+            self._qdot[:] = self._qvel[self._at_qdot]
+            given |= self._take(pose, twist, q_target, qdot_target)
+        except Exception as error:
+            if self._data is None:
+                return self._refuse(str(error))
+            q, qdot = self._qpos[self._at_q], self._qvel[self._at_qdot]
+            return self._step_with_care(q, qdot, pose, twist, frame, q_target, qdot_target)
+        return self._finish(given)
+
+    def _take(
+        self,
+        pose: ArrayLike | None,
+        twist: ArrayLike | None,
+        q_target: ArrayLike | None,
+        qdot_target: ArrayLike | None,
+    ) -> int:
+        """Put what is wanted where the law reads it; raise what an array raises that does not fit."""
+        given = 0
+        if pose is not None:
+            size = pose.shape[-1]  # type: ignore[union-attr]
+            given = POSES[size]
+            if size == 7:
+                self._pose[:] = pose
+            elif size == 6:
+                self._vector[:] = pose
+            else:
+                self._matrix[:] = pose
+        if twist is not None:
+            self._twist[:] = twist
+            given |= TWIST
+        if q_target is None and qdot_target is None:
+            return given
+        if given:
+            raise ValueError
+        if q_target is not None:
+            self._put["q_target"][:] = q_target
+            given |= POSITION_TARGET
+        if qdot_target is not None:
+            self._put["qdot_target"][:] = qdot_target
+            given |= RATE_TARGET
+        return given
+
+    def _step_with_care(
+        self,
+        q: ArrayLike,
+        qdot: ArrayLike | None,
+        pose: ArrayLike | None,
+        twist: ArrayLike | None,
+        frame: str,
+        q_target: ArrayLike | None,
+        qdot_target: ArrayLike | None,
+    ) -> Command:
+        """Take what is no array of 64 bits of the right shape, or say why not."""
+        given, wrong = 0, self._unseen if self._data is None else ""
+        if q is None:
+            wrong = wrong or f"q must be ({self.arm.n},), got None"
+        if frame in FRAME_CODES if isinstance(frame, str) else False:
+            given = FRAME_CODES[frame]
+        else:
+            wrong = wrong or f"frame must be one of {', '.join(FRAMES)}, got {shortened(repr(frame))}"
+        if (pose is not None or twist is not None) and (q_target is not None or qdot_target is not None):
+            wrong = wrong or "give pose and twist, or q_target and qdot_target, not both"
+        try:
+            sizes = np.shape(pose)[-1:]  # type: ignore[arg-type]
+        except ValueError:  # a list of lists that are not of one length
+            sizes = ()
+        kind = POSES.get(sizes[0] if sizes else 0, QUATERNION)
+        named = {QUATERNION: "pose", ROTVEC: "vector", MATRIX: "matrix"}[kind]
+        for name, values, bit, where in (
+            ("q", q, 0, "q"), ("qdot", qdot, RATES, "qdot"),
+            ("pose", pose, kind, named), ("twist", twist, TWIST, "twist"),
+            ("q_target", q_target, POSITION_TARGET, "q_target"),
+            ("qdot_target", qdot_target, RATE_TARGET, "qdot_target"),
+        ):  # fmt: skip
+            if wrong or values is None:
+                continue
+            wrong = self._taken(name, values, where)
+            given |= bit
+        return self._refuse(wrong) if wrong else self._finish(given)
+
+    def _taken(self, name: str, values: ArrayLike, where: str) -> str:
+        n, w = self.arm.n, len(self._worlds)
+        size = {
+            "q": n,
+            "qdot": n,
+            "q_target": n,
+            "qdot_target": n,
+            "pose": 7,
+            "vector": 6,
+            "matrix": 4,
+            "twist": 6,
+        }[where]
+        shape = (size, size) if where == "matrix" else (size,)
+        wrong = taken(name, values, self._put[where], [shape] if self._is_one else [(w, *shape), shape])
+        if wrong and name == "pose":
+            return f"pose must be (7,), (6,) or (4, 4){'' if self._is_one else f', or {w} of them'}; {wrong}"
+        return f"{wrong}; reset made a batch of {w}" if wrong and not self._is_one else wrong
 
 
-def resolve_rates(
-    J: Array,
-    twist: Array,
-    method: str = "damped",
-    *,
-    schedule: str = "constant",
-    damping_maximum: float = 0.1,
-    damping_below: float = 0.3,
-    manipulability_below: float = 0.3,
-    error_gain: float = 1.0,
-    error: float = 0.0,
-    tolerance: float = 1e-6,
-    cutoff: float = 0.01,
-    gamma: float = 0.1,
-    rate_bound: float = 2.0,
-    **others: float,
-) -> Array:
-    """Return the joint rates that one inverse answers to one twist: the law for a notebook.
+def _address(numbers: Sequence[int]) -> Any:
+    """Return what takes these out of an array: a slice if they follow each other, which copies nothing."""
+    first = int(numbers[0])
+    if list(numbers) == list(range(first, first + len(numbers))):
+        return slice(first, first + len(numbers))
+    return np.array(numbers, np.int64)
 
-    Args:
-        J: Jacobian of the task, (m, n), m <= 6.
-        twist: Commanded task velocity, (m,).
-        method: One of the inverses; `inverse` needs a square J.
-        schedule: How the damping of `damped` is chosen.
-        damping_maximum: λ_max, in the units of σ.
-        damping_below: ε, where `smallest_singular_value` and the method `filtered` start to damp.
-        manipulability_below: w₀, where `manipulability` starts to damp.
-        error_gain: λ of the schedule `error` for an error of 1.
-        error: Norm of the task error, for that schedule.
-        tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
-        cutoff: `truncated` drops σ_i <= cutoff.
-        gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
-        rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
-        others: Parameters without a name here, by their key below `control.inverse`, with `_` for the dots.
 
-    Returns:
-        Joint rates, (n,).
+def _arm(
+    model: ControlledModel, site: str | None, body: str | None, joints: Sequence[str] | None, told: ArmSection
+        | None
+) -> Arm:  # fmt: skip
+    """Return the arm of a model.
 
     Raises:
-        ValueError: A shape or a name that the law does not have.
-
-    >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), damping_maximum=0.1).round(3)
-    array([0.99, 5.  ])
-    >>> resolve_rates(np.diag([1.0, 0.01]), np.array([1.0, 1.0]), "jparse", gamma=0.1).round(3)
-    array([1., 1.])
+        ModelError: The model, the site or a joint is missing or will not do.
+        QuestionError: It is none, or both site and body are given, or they are for an arm that is loaded.
     """
-    J, twist = np.atleast_2d(np.asarray(J, np.float64)), np.asarray(twist, np.float64)
-    m, n = J.shape
-    if m > 6 or twist.shape != (m,):
-        raise ValueError(f"J must be (m, n) with m <= 6 and twist (m,), got {J.shape}, {twist.shape}")
-    code = _code("method", method, INVERSES)
-    if INVERSES[method].needs_square and m != n:
-        raise ValueError(f"method '{method}' needs a square J, got {J.shape}")
-    if not (np.isfinite(J).all() and np.isfinite(twist).all()):
-        raise ValueError("J and twist must be finite")
-    given = {
-        "damping_maximum": damping_maximum, "damping_below": damping_below,
-        "damping_manipulability_below": manipulability_below, "damping_error_gain": error_gain,
-        "tolerance": tolerance, "cutoff": cutoff, "gamma": gamma, "rate_bound": rate_bound, **others,
-    }  # fmt: skip
-    known = {one.field.removeprefix("inverse_"): one for one in (*INVERSES.parameters, *SCHEDULES.parameters)}
-    for name in given:
-        if name not in known:
-            raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
-    defaults = {name: one.null if one.default is None else one.default for name, one in known.items()}
-    chosen = {one.field: (defaults | given)[name] for name, one in known.items()}
-    chosen |= {INVERSES.field: code, SCHEDULES.field: _code("schedule", schedule, SCHEDULES)}
-    (world,), (tick,) = records(n, [_Bare(m, n, chosen)]), np.zeros(1, tick_type(n))
-    world["J"][:m, :n], world["twist_cmd"][:m], world["error"] = J, twist, error
-    machine_code(resolve, world, tick)(world, tick)
-    return np.array(tick["qdot_cmd"][:n])
-
-
-class _Bare:
-    """A task without an arm, and a law that inverts it and does nothing else."""
-
-    fields: ClassVar[tuple[Field, ...]] = (*Task.fields, *Law.fields, *Sight.fields)
-
-    def __init__(self, m: int, n: int, chosen: Mapping[str, Any]) -> None:
-        self._m, self._n, self._chosen = m, n, chosen
-
-    def write(self, world: np.void) -> None:
-        m, n = self._m, self._n
-        world["n"], world["m"], world["k"], world["rank"] = n, m, min(m, n), min(m, n)
-        world["row"], world["row_scale"], world["joint_scale"] = np.arange(ROWS), 1.0, 1.0
-        for choices, nothing in ((OBJECTIVES, "none"), (LIMITS, "none"), (POLICIES, "damp")):
-            world[choices.field] = choices.code(nothing)
-        for field, value in self._chosen.items():
-            world[field] = value
-
-
-def _code(key: str, name: str, choices: Choices[Choice]) -> int:
-    if name not in choices.names:
-        known, hint = ", ".join(choices.names), did_you_mean(name, choices.names)
-        raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
-    return choices.code(name)
-
-
-@entry
-def step(
-    worlds: Record, ticks: Record, site_xpos: Array, xquat: Array, xanchor: Array, xaxis: Array
-) -> None:  # fmt: skip
-    """Turn q, and the pose and twist that are wanted, into `qdot_cmd`.
-
-    A record alone would take Python ten times as long to hand over as an array of one.
-
-    Args:
-        worlds: The record of a world, (1,).
-        ticks: That of its tick, (1,).
-        site_xpos: And the other fields of MjData of the same names: fresh, read where the world has sites.
-        xquat: Orientation of each body.
-        xanchor: Joint anchors.
-        xaxis: Joint axes.
-    """
-    world, tick = worlds[0], ticks[0]
-    if world.sites == 0:
-        follow_chain(world, world.q)
-        chain_jacobian(world, world.J)
-    else:
-        see(world, 0, site_xpos, xquat, world.pose)
-        geometric_jacobian(world, site_xpos[world.site[0]], xanchor, xaxis, world.J)
-    if world.sites == 2:
-        see(world, 1, site_xpos, xquat, world.pose_2)
-        second_jacobian(world, site_xpos[world.site[1]], xanchor, xaxis)
-    is_known = are_bounded(world, tick)
-    if is_known:
-        control(world, tick)
-    if not (is_known and is_bounded(tick.qdot_cmd, world.n)):
-        brake(world, tick)
-    remember(world, tick.qdot_cmd)
-    world.path_tick += tick.path_rate
-
-
-@compiled
-def see(world: Record, i: int, site_xpos: Array, xquat: Array, pose: Array) -> None:
-    """Write the pose of a site, its orientation that of its body times its own, to the bit as in a run."""
-    for c in range(3):
-        pose[c] = site_xpos[world.site[i], c]
-    body, own = xquat[world.body[i]], world.site_quat[i]
-    pose[3], pose[4], pose[5], pose[6] = quat_product(
-        (body[0], body[1], body[2], body[3]), (own[0], own[1], own[2], own[3])
-    )
-
-
-@compiled
-def are_bounded(world: Record, tick: Record) -> bool:
-    """Say whether all that is measured and wanted is finite, and no larger than anything can be."""
-    bounded = is_bounded(world.q, world.n) and is_bounded(world.qdot, world.n) and is_bounded(world.pose, 7)
-    for i in range(6):
-        bounded = bounded and is_bounded(world.J[i], world.n)
-    return bounded and is_bounded(tick.pose_ref, 7) and is_bounded(tick.twist_ref, 6)
-
-
-@compiled
-def is_bounded(values: Array, count: int) -> bool:
-    """Say whether the first values are finite and no larger than anything can be."""
-    bounded = True
-    for i in range(count):
-        bounded = bounded and abs(values[i]) <= LARGEST
-    return bounded
-
-
-@compiled
-def brake(world: Record, tick: Record) -> None:
-    """Bring each joint nearer to rest from the last command, and say that nothing else is known."""
-    if world.is_eased:
-        come_to_rest(world, tick.qdot_cmd)
-    for j in range(0 if world.is_eased else world.n):
-        last = world.qdot_cmd_last[j]
-        tick.qdot_cmd[j] = math.copysign(max(0.0, abs(last) - world.braking[j] * world.period), last)
-    for i in range(world.k):
-        tick.sigma[i] = tick.gain[i] = math.nan
-    for i in range(6):
-        tick.pose_error[i] = math.nan
-    tick.damping, tick.path_rate, tick.status = math.nan, 0.0, STOPPED
-    world.age = 0  # no decomposition starts from what this one left
+    if site is not None and body is not None:
+        raise QuestionError("give site or body, not both")
+    if isinstance(model, Arm):
+        if (site, body, joints) != (None, None, None):
+            raise QuestionError("an Arm has its site and joints; load it with what is wanted")
+        return model
+    tool = None
+    if told is not None:
+        if site is None and body is None:
+            site, body, tool = told.site, told.body, told.tool
+        joints = told.joints if joints is None else joints
+    if isinstance(model, str | os.PathLike):
+        return arms.load(shipped.found(model, "models"), site, joints, body=body, tool=tool)
+    if not arms.is_model(model):
+        raise QuestionError(
+            f"model must be a file, an Arm, an MjModel or an MjSpec, got {type(model).__name__}"
+        )
+    return arms.load_model(model, site, joints, body=body)

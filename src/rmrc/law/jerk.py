@@ -12,9 +12,8 @@ import math
 
 from rmrc.law.braking import brake, brake_gently, is_far, largest_change, steady_stop, stops_within
 from rmrc.law.jit import Array, Record, compiled
-from rmrc.scenario.choices import LIMITS, Status
+from rmrc.scenario.choices import Status
 
-CLAMP = LIMITS.code("clamp")
 ACCELERATION_LIMITED, POSITION_LIMITED, JERK_LIMITED = map(
     int, (Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED, Status.JERK_LIMITED)
 )
@@ -96,20 +95,24 @@ def stopping_rate(world: Record, j: int, side: float) -> float:
 
 
 @compiled
-def ease(world: Record, rates: Array) -> int:
+def ease(world: Record, rates: Array, alone: bool) -> int:
     """Bring the rates towards those that are wished for as acceleration and jerk allow; return status bits.
 
     The wish is what rate and position limits leave. Changes, and changes of changes, are scaled by factors
-    for all joints alike, so that the tip keeps its direction; by `clamp`, of each joint alone. A joint that
-    is held by its position limit has its own way.
+    for all joints alike, so that the tip keeps its direction, or of each joint alone. A joint that is held by
+    its position limit has its own way.
+
+    Args:
+        world: Bounds, and the memory of what was sent.
+        rates: Wished for; replaced, (n,).
+        alone: Whether each joint has factors of its own.
     """
     reach_by_jerk(world)
     for j in range(world.n):
         rate, limit = rates[j], world.rate_limit[j]
         is_held = (rate >= world.rest_upper[j]) * (world.rest_upper[j] < limit)
         is_held += (rate <= world.rest_lower[j]) * (world.rest_lower[j] > -limit)
-        is_alone = is_held or world.limits_on_excess == CLAMP
-        world.wish[j], world.group[j] = rate, j + 1 if is_alone else 0
+        world.wish[j], world.group[j] = rate, j + 1 if is_held or alone else 0
     bits = approach(world, rates, 0)
     for j in range(world.n):
         if world.group[j] > 0:

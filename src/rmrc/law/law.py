@@ -14,7 +14,6 @@ from typing import ClassVar
 
 import numpy as np
 
-from rmrc.arm import Arm
 from rmrc.law.inertia import Inertia, find_metric
 from rmrc.law.inverses import damping, gains, push_fading
 from rmrc.law.jit import Array, Record, compiled, entry, inlined
@@ -36,7 +35,7 @@ from rmrc.law.svd import (
     set_identity,
     svd,
 )
-from rmrc.law.task import SecondTask, Task
+from rmrc.law.task import BareTask, Joints, SecondTask, Task
 from rmrc.scenario import ControlSection, LimitsSection
 from rmrc.scenario.choices import (
     OBJECTIVES,
@@ -65,7 +64,7 @@ REFRESH = 64
 JERK_STEPS = 1e-30, 1e30
 
 
-class Law:
+class TaskLaw:
     """What a scenario asks of the joints of a task: it owns the parameters of the law in a world's record.
 
     Attributes:
@@ -86,14 +85,14 @@ class Law:
         Field("change_limit", size=(JOINTS,), start=math.inf),
         Field("jerk_step", size=(JOINTS,), start=math.inf), Field("is_eased", np.int64),
         Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
-        Field("feedback_2"), *Inertia.fields,
+        Field("keep_direction", np.int64), Field("feedback_2"), *Inertia.fields,
         *(
             Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
             for name, kind, is_each in record_fields()
         ),
     )  # fmt: skip
 
-    def __init__(self, task: Task, control: ControlSection, start: Array) -> None:
+    def __init__(self, task: Task | BareTask, control: ControlSection, start: Array) -> None:
         """Bind parameters to joints.
 
         Args:
@@ -117,8 +116,12 @@ class Law:
             self.position_limit = np.array([np.maximum(own[0], lower), np.minimum(own[1], upper)])
         self.posture = start if nullspace.posture is None else np.array(nullspace.posture)
         is_second = nullspace.objective == "secondary"
-        self.second = SecondTask(task, nullspace.secondary, start) if is_second else None
-        self._inertia = Inertia(arm, task.length) if control.inverse.metric == "inertia" else None
+        self.second: SecondTask | None = None
+        if is_second and isinstance(task, Task):
+            self.second = SecondTask(task, nullspace.secondary, start)
+        self._inertia: Inertia | None = None
+        if control.inverse.metric == "inertia" and isinstance(task, Task):
+            self._inertia = Inertia(task.arm, task.length)
 
     def write(self, world: np.void) -> None:
         """Write its fields of a world's record."""
@@ -134,6 +137,7 @@ class Law:
         if is_eased:
             world["jerk_step"][:n] = np.clip(self.jerk_limit * control.period**2, *JERK_STEPS)
         world["braking"][:n], world["position_limit"][:, :n] = self.braking, self.position_limit
+        world["keep_direction"] = control.limits.keep_direction
         if self.second is not None:
             self.second.write(world)
         world["feedback_2"] = control.nullspace.secondary.feedback
@@ -143,7 +147,7 @@ class Law:
         world["nullspace_posture"][:n] = self.posture
 
 
-def rate_limit(arm: Arm, limits: LimitsSection) -> Array:
+def rate_limit(arm: Joints, limits: LimitsSection) -> Array:
     """Return the largest rates of an arm's joints, (n,): the model's own where none are given."""
     return arm.rate_limit if limits.rate is None else np.full(arm.n, limits.rate)
 
@@ -158,6 +162,13 @@ def control(world: Record, tick: Record) -> None:
         tick: Reads pose_ref and twist_ref, that of full pace; writes every column from pose_error to
             status but tau.
     """
+    aim(world, tick)
+    resolve_twist(world, tick)
+
+
+@inlined
+def aim(world: Record, tick: Record) -> None:
+    """Write the twist that is commanded, along the axes of the task's frame, into which J is turned."""
     take_error(world, tick.pose_ref, world.pose, tick.pose_error)
     for i in range(6):
         world.twist_task[i] = tick.twist_ref[i]
@@ -173,7 +184,6 @@ def control(world: Record, tick: Record) -> None:
     world.error = scaled_error(world, tick.pose_error)
     if world.inverse_metric == INERTIA:
         find_metric(world)
-    resolve_twist(world, tick)
 
 
 @compiled

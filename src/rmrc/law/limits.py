@@ -4,8 +4,10 @@ Where they contradict each other, position and rate come before acceleration, an
 """
 
 from rmrc.law.braking import brake, brake_gently
+from rmrc.law.inverses import SCHEDULED
 from rmrc.law.jerk import ease, is_within_jerk, look_back, rest_bounds
 from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
+from rmrc.law.optimal import best_within, largest_share
 from rmrc.law.redistribution import ROUNDING, saturate
 from rmrc.law.stops import give_way, given_back, is_beyond
 from rmrc.scenario.choices import LIMITS, Status
@@ -13,7 +15,7 @@ from rmrc.scenario.choices import LIMITS, Status
 # A limit is broken if by more than this share of it, and rounding: that of rates adds up, twice, while a
 # change comes to zero over hundreds of ticks, to this share of the rate.
 ALL_OF, ADDED_UP = 1.0 + 1e-9, 1e-10
-NONE = LIMITS.code("none")
+NONE, CLAMP, OPTIMAL = map(LIMITS.code, ("none", "clamp", "optimal"))
 RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
     int, (Status.RATE_LIMITED, Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED)
 )
@@ -187,6 +189,13 @@ def redistribute(world: Record, tick: Record, acting: int) -> int:
     for j in range(world.n):
         if share >= 0.0 and world.held[j] > 0.0 and rates[j] == world.qdot0[j]:
             acting |= kind(world, j, 1 if rates[j] == world.upper[j] else -1)
+    return leave_to_stops(world, tick, share, acting)
+
+
+@compiled
+def leave_to_stops(world: Record, tick: Record, share: float, acting: int) -> int:
+    """Let stops have their way with rates for a share of the task; scale where there is none (-1)."""
+    rates = tick.qdot_cmd
     bounds(world)
     if share < 0.0:
         return scale(world, tick, acting)
@@ -195,6 +204,25 @@ def redistribute(world: Record, tick: Record, acting: int) -> int:
         give_way(world, tick, share, world.lower, world.upper)
         acting |= held_by(world)
     confine(world, rates)
+    return acting
+
+
+@compiled
+def optimal(world: Record, tick: Record, acting: int) -> int:
+    """Do what comes nearest to the task of all rates within their bounds.
+
+    By the measure of the damped inverse; other inverses say nothing of what they cannot have, and get the
+    rates that are nearest to theirs. With `keep_direction` the largest share of the task that fits, and of
+    the rates that do it the least; a joint at its stop holds, and the others do what they can.
+    """
+    if world.keep_direction:
+        forget_stops(world)
+        share = largest_share(world, tick)
+        return leave_to_stops(world, tick, share, acting | held_by(world))
+    if world.inverse_method in SCHEDULED:
+        best_within(world, tick, world.task, 1.0, tick.damping)
+        return acting | held_by(world)
+    confine(world, tick.qdot_cmd)
     return acting
 
 
@@ -220,9 +248,27 @@ def limit(world: Record, tick: Record) -> int:
         world.drift[j] = world.qdot0[j]
     bits = confine_by_choice(world, tick, exceeded(world, tick.qdot_cmd))
     if world.is_eased:
-        bits |= ease(world, tick.qdot_cmd)
+        bits |= ease_by_choice(world, tick)
         look_back(world, world.wish, tick.qdot_cmd)
     return bits | broken(world, tick.qdot_cmd)
+
+
+@compiled
+def ease_by_choice(world: Record, tick: Record) -> int:
+    """Ease the rates by common factors, by those of each joint, or by what is best between the two."""
+    rates, is_free = tick.qdot_cmd, world.limits_on_excess == OPTIMAL and world.keep_direction == 0
+    bits, differ = ease(world, rates, is_free or world.limits_on_excess == CLAMP), False
+    if not is_free or world.inverse_method not in SCHEDULED:
+        return bits
+    for j in range(world.n):
+        world.part_a[j], rates[j] = rates[j], world.wish[j]
+    bits |= ease(world, rates, False)
+    for j in range(world.n):
+        differ |= rates[j] != world.part_a[j]
+        world.lower[j], world.upper[j] = min(rates[j], world.part_a[j]), max(rates[j], world.part_a[j])
+    if differ:
+        best_within(world, tick, world.task, 1.0, tick.damping)
+    return bits
 
 
 @compiled

@@ -66,14 +66,15 @@ MEASUREMENT = (
 # From tick to tick: vectors of the decomposition, last command and its change, what its next change goes on
 # from, how far it lags behind what was wished for, the change of that, and where it is if it does what it is
 # told; ticks of the path behind it, its pace and the fastest within the rate limits, how fast that fell,
-# share of the rates left, how long the site has stood still while it should move.
+# share of the rates left, how long the site has stood still while it should move; joints that were held at
+# their bounds, and when.
 MEMORY = (
     Field("u", size=(ROWS, JOINTS)), Field("v", size=(ROWS, JOINTS)), Field("age", np.int64),
     Field("v_last", size=(JOINTS,)), Field("qdot_cmd_last", size=(JOINTS,)),
     Field("change_last", size=(JOINTS,)), Field("course", size=(JOINTS,)), Field("lag", size=(JOINTS,)),
     Field("slope", size=(JOINTS,)), Field("q_sent", size=(JOINTS,), start=math.nan),
     Field("path_tick"), Field("pace", start=1.0), Field("fastest"), Field("falling"), Field("waited"),
-    Field("share", start=1.0), Field("still"),
+    Field("share", start=1.0), Field("still"), Field("active", size=(JOINTS,)), Field("active_age", np.int64),
 )  # fmt: skip
 
 # Of one tick: axes of the arm's own chain; the task, with the twist wanted along the axes of its frame;
@@ -93,6 +94,8 @@ SCRATCH = (
     Field("B", size=(ROWS, JOINTS)), Field("task_B", size=(ROWS,)), Field("asked_B", size=(ROWS,)),
     Field("sigma_B", size=(ROWS,)), Field("gain_B", size=(ROWS,)),
     Field("u_B", size=(ROWS, JOINTS)), Field("v_B", size=(ROWS, JOINTS)),
+    Field("direction", size=(ROWS,)), Field("missing", size=(ROWS,)), Field("pull", size=(ROWS,)),
+    Field("magnitude", size=(ROWS,)),
     # the metric of the joints: where their links are, what these carry, its factors
     Field("turn", size=(CHAIN, 4)), Field("point", size=(3,)), Field("half_turned", size=(3, 3)),
     Field("moving_mass", size=(CHAIN,)), Field("moving_moment", size=(CHAIN, 3)),

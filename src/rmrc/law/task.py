@@ -3,12 +3,11 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Arm
 from rmrc.law.kinematics import FRAMES
 from rmrc.law.record import CHAIN, JOINTS, ROWS, Field
 from rmrc.scenario import Frame, SecondarySection
@@ -25,6 +24,9 @@ from rmrc.support.spatial import (
     tilt_error,
 )
 
+if TYPE_CHECKING:  # MuJoCo is not loaded for a task without an arm
+    from rmrc.arm import Arm
+
 Array = NDArray[np.float64]
 
 # The rank of a task almost everywhere is the largest at so many random configurations. One would do with
@@ -32,6 +34,8 @@ Array = NDArray[np.float64]
 SAMPLES = 20
 # A singular value below this share of the largest, at a random configuration, is rounding.
 RANK_TOLERANCE = 1e-9
+# A row that others give but for this share of itself is none to choose: files have π/2 as 1.5708 or 1.57.
+INDEPENDENT = 2e-3
 
 
 class View(NamedTuple):
@@ -86,7 +90,7 @@ def _turned(R: Array, rows: Array) -> Array:
     return np.asarray((R[..., None, :, :] @ threes).reshape(rows.shape))
 
 
-def view(arm: Arm, frame: Frame, rows: NDArray[np.intp]) -> View:
+def view(arm: "Arm", frame: Frame, rows: NDArray[np.intp]) -> View:
     """Return along whose axes some rows of an arm's twist are."""
     free = {3, 4, 5} - set(rows.tolist())
     is_one = frame == "site" and len(free) == 1
@@ -108,7 +112,7 @@ class Task:
         frame: Along whose axes the rows are: of the world, of the arm's base, or of the site as it turns.
     """
 
-    arm: Arm
+    arm: "Arm"
     rows: NDArray[np.intp]
     length: float = 1.0
     weights: Sequence[float] | None = None
@@ -150,12 +154,12 @@ class Task:
     @cached_property
     def rank(self) -> int:
         """Rank of A almost everywhere: the largest at random but always equal configurations."""
-        ranks = []
-        for q in self.arm.sampled(SAMPLES):
-            J = self.turned(self.arm.jacobian(q), self.arm.pose(q))
-            sigma = np.linalg.svd(self.matrix(J), compute_uv=False)
-            ranks.append(int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[0])))
-        return max(ranks)
+        return self._rank(*_sampled(self.arm, self.frame))
+
+    def _rank(self, jacobians: Array, poses: Array) -> int:
+        """Return the largest rank of A, by Jacobians (s, 6, n) along world axes and poses (s, 7)."""
+        sigma = np.linalg.svd(self.matrix(self.turned(jacobians, poses)), compute_uv=False)
+        return int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[:, :1], axis=1).max())
 
     def matrix(self, jacobian: Array) -> Array:
         """Return A = S_x J S_q, (..., m, n), of a Jacobian along the axes of the frame, (..., 6, n)."""
@@ -187,6 +191,84 @@ class Task:
         world["is_slide"][:axes], world["pitch"][:axes] = np.isinf(chain.pitch), chain.pitch
         world["zero_axis"][:axes], world["zero_step"][:axes] = chain.axis, chain.step
         world["tip_step"], world["tip_quat"] = chain.tip_step, chain.tip_quat
+
+
+def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
+    """Return Jacobians (s, 6, n) along world axes, and poses (s, 7) of the site if its frame needs them."""
+    q = arm.sampled(SAMPLES)
+    poses = [arm.pose(one) if frame == "site" else ORIGIN for one in q]
+    return np.array([arm.jacobian(one) for one in q]), np.array(poses)
+
+
+class Joints(Protocol):
+    """What the limits of a law need to know of joints."""
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Their names."""
+
+    @property
+    def position_limit(self) -> Array:
+        """Lower and upper, (n, 2) [rad or m]; infinite where there are none."""
+
+    @property
+    def rate_limit(self) -> Array:
+        """Largest rates, (n,) [rad/s or m/s]; infinite where there are none."""
+
+
+@dataclass(frozen=True, eq=False)
+class BareJoints:
+    """Joints of which nothing is known but their limits: see `Joints`."""
+
+    joints: tuple[str, ...]
+    position_limit: Array
+    rate_limit: Array
+
+    @property
+    def n(self) -> int:
+        """Number of joints."""
+        return len(self.joints)
+
+
+@dataclass(frozen=True, eq=False)
+class BareTask:
+    """A task without an arm: whoever calls the law brings the Jacobian of its rows.
+
+    It owns the same fields of a world's record as `Task`.
+
+    Attributes:
+        arm: The joints.
+        m: Number of rows.
+        weights: Task weights W_x, (m,); None: all 1.
+        joint_weights: Joint weights W_q, (n,); None: all 1.
+    """
+
+    arm: Joints
+    m: int
+    weights: Sequence[float] | None = None
+    joint_weights: Sequence[float] | None = None
+
+    fields: ClassVar[tuple[Field, ...]] = Task.fields
+
+    @property
+    def rank(self) -> int:
+        """Rank of A almost everywhere, of rows that do not depend on each other."""
+        return min(self.m, self.arm.n)
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        m, n = self.m, self.arm.n
+        world["n"], world["m"], world["k"], world["free"] = n, m, self.rank, -1
+        world["row"], world["row_scale"], world["joint_scale"] = np.arange(ROWS), 1.0, 1.0
+        if self.weights is not None:
+            world["row_scale"][:m] = np.sqrt(self.weights)
+        if self.joint_weights is not None:
+            world["joint_scale"][:n] = 1.0 / np.sqrt(self.joint_weights)
+        world["axes"], world["leader"][:n], world["ratio"][:n] = n, np.arange(n), 1.0
 
 
 class SecondTask:
@@ -240,12 +322,15 @@ class SecondTask:
         world["last_2"], world["tip_step_2"], world["tip_quat_2"] = self._by_chain
 
 
-def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0, frame: Frame = "world") -> Task:
+def choose(
+    arm: "Arm", axes: Sequence[str] | None = None, length: float = 1.0, frame: Frame = "world"
+) -> Task:
     """Return the task of some axes, or of those that the arm can move independently of each other.
 
     These are the rows of its reduced Jacobian [Khatib08]: of x y z rx ry rz, in this order, each that raises
     the rank that the rows before it have almost everywhere. A 2-link planar arm gets x and y, a SCARA arm
-    x, y, z and rz, an arm with six joints or more usually all. The rotations come first if they alone can
+    x, y, z and rz, an arm with six joints or more usually all. What moves a row by a few thousandths of what
+    others do is rounding of the file. The rotations come first if they alone can
     tell all joints and the translations cannot: a spherical wrist gets rx, ry and rz at any of its points.
 
     Args:
@@ -260,8 +345,14 @@ def choose(arm: Arm, axes: Sequence[str] | None = None, length: float = 1.0, fra
     if axes is not None:
         return Task(arm, np.array(sorted({AXES.index(axis) for axis in axes})), length, frame=frame)
 
+    task = Task(arm, np.arange(6), length, frame=frame)
+    J = task.turned(*_sampled(arm, frame)) * task.joint_scale
+    size = np.linalg.norm(J, axis=2).max(axis=0)
+    # each row in its own unit, as a small arm is no worse than a large one
+    J = np.where((size > RANK_TOLERANCE * size.max())[:, None], J / np.maximum(size, 1e-300)[:, None], 0.0)
+
     def rank(rows: Sequence[int]) -> int:
-        return Task(arm, np.array(rows), length, frame=frame).rank
+        return int((np.linalg.svd(J[:, rows], compute_uv=False) > INDEPENDENT).sum(axis=1).max())
 
     turns_first = rank([3, 4, 5]) == arm.n > rank([0, 1, 2])
     rows: list[int] = []

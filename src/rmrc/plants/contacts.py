@@ -2,7 +2,7 @@
 
 A contact is one that MuJoCo includes in its dynamics. The arm is all that its first joint moves, a gripper
 among it. What touches from the start on is at rest while it stays: parts of the arm that overlap in the model
-or a hand that is closed, and what floats, such as a thing that is held. A floor is none of these.
+or a hand that is closed, and what floats, such as a thing that is held, or a flex. A floor is none of these.
 """
 
 from collections.abc import Callable, Iterator
@@ -13,6 +13,7 @@ from mujoco.batch import Batch
 from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
+from rmrc.arm.wiring import flex_name
 from rmrc.scenario.choices import Status
 
 Pair = tuple[str, str]  # names: of the arm's body first
@@ -156,7 +157,7 @@ class Contacts:
             ends = [self._end(int(geom), int(flex)) for geom, flex in zip(geoms, flexes, strict=True)]
             bodies = [body for _, body in ends]
             owns = [body >= 0 and bool(self._is_own[body]) for body in bodies]
-            rests = all(body >= 0 and self._may_rest[body] for body in bodies)
+            rests = all(body < 0 or self._may_rest[body] for body in bodies)
             (first, _), (second, _) = ends if owns[0] else reversed(ends)
             yield (first, second), any(owns), rests
 
@@ -164,7 +165,7 @@ class Contacts:
         """Return a body's name and id; of the world, the name of what stands there; of a flex, -1."""
         model = self._model
         if geom < 0:
-            return model.flex(flex).name or f"flex{flex}", -1
+            return flex_name(model, flex), -1
         body = int(model.geom_bodyid[geom])
         name = model.body(body).name if body else model.geom(geom).name
         return name.removeprefix("rmrc:") or (f"body{body}" if body else f"geom{geom}"), body

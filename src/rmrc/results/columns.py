@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.task import WORLD_VIEW, View
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import IN_RUNS
 from rmrc.scenario.profile import Profile
 
 
@@ -56,7 +56,7 @@ COLUMNS: Mapping[str, Column] = {
     "secondary_sigma": Column(
         "1", "smallest singular value that the first task leaves to the second; or NaN"
     ),
-    "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in Status if s)),
+    "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in IN_RUNS)),
 }
 
 
@@ -118,6 +118,8 @@ class Recorded:
         chatter_floor: Acceleration of each joint above which a change of sign counts as chatter [rad/s² or
             m/s²]; none: `rmrc.results.tally.CHATTER_FLOOR` for all.
         profile: What the commands are held against, or None.
+        rate_limit: Of each joint [rad/s or m/s], infinite where it has none; none: not known.
+        damping_below: ε, below which damping begins, in the units of σ; 0 where it follows something else.
     """
 
     name: str
@@ -137,6 +139,8 @@ class Recorded:
     resting: tuple[tuple[str, ...], ...] = ()
     chatter_floor: tuple[float, ...] = ()
     profile: Profile | None = None
+    rate_limit: tuple[float, ...] = ()
+    damping_below: float = 0.0
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""

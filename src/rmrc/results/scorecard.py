@@ -21,7 +21,7 @@ from rmrc.law.task import View
 from rmrc.results.columns import COLUMNS, Recorded
 from rmrc.results.tally import CONDITIONS, ERRORS, EXTREMES, JOINTS, adder, begin
 from rmrc.scenario import Check, Scenario
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.scenario.sections import PROFILE
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Problem
@@ -474,7 +474,7 @@ def _singularity(tallies: NDArray[np.void]) -> _Figures:
 
 
 def _status_times(tallies: NDArray[np.void]) -> _Figures:
-    for one in (Status.OK, *Status):
+    for one in (Status.OK, *IN_RUNS):
         times = tallies["status"][:, one.bit_length()] * tallies["period"]
         what = f"time with status {one.name}" if one else "time with no status at all"
         yield f"status_time.{one.name}", times.tolist(), "s", what

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from rmrc.law.jit import Record, compiled, entry, machine_code
 from rmrc.law.record import capacity
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.scenario.profile import Profile
 from rmrc.support.spatial import AXES
 
@@ -53,7 +53,7 @@ CHATTER_TIME = 0.1
 # Encoder noise of 1e-5 rad stays below it: at K = 20 /s and 1 ms it is 20 · 1e-5 · √2/0.001 = 0.3 rad/s² rms.
 CHATTER_FLOOR = 1.0
 
-BITS = len(Status)
+BITS = len(IN_RUNS)
 STUCK, TORQUE_LIMITED = int(Status.STUCK), int(Status.TORQUE_LIMITED)
 
 

@@ -18,6 +18,7 @@ a file, a text or a change never does.
 
 from rmrc.scenario.aliases import place_of
 from rmrc.scenario.changes import Change, Variant, changes_of
+from rmrc.scenario.controls import Controls, ControlSource, read_controls, read_task
 from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, Source, draft_of, load, loads
 from rmrc.scenario.path import (
     Arc,
@@ -65,11 +66,12 @@ from rmrc.scenario.wording import block, inline
 
 __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ConfigurationsSegment",
-    "ControlSection", "Draft", "EncoderSection", "FileSegment", "Frame", "FrictionSection", "Hold",
+    "ControlSection", "ControlSource", "Controls", "Draft", "EncoderSection", "FileSegment", "Frame",
+    "FrictionSection", "Hold",
     "HoldSegment", "InverseSection", "LimitsSection", "Line", "LineSegment", "Motion", "NullspaceSection",
     "PathFrame", "PlantSection", "Problems", "ResonanceSection", "Scenario", "SchemaRow", "SecondarySection",
     "Section", "Segment", "Set", "SetSegment", "Source", "StartPose", "SweepSection", "TargetLimitsSection",
     "TargetSection", "TaskSection", "Tilt", "TiltSegment", "ToolSection", "TuneSection", "Turn",
     "TurnSegment", "Variant", "angle", "block", "changes_of", "draft_of", "grid", "inline", "json_schema",
-    "load", "loads", "place_of", "schema_rows", "variants",
+    "load", "loads", "place_of", "read_controls", "read_task", "schema_rows", "variants",
 ]  # fmt: skip

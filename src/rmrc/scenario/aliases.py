@@ -128,6 +128,7 @@ NONE = {
 # Of a mapping: what to write for a value that stands in its place, by the value's type.
 INSTEAD: dict[str, dict[type, str]] = {
     "arm": {str: "{{model: {}, site: ...}}"},
+    "arm.start": {dict: "the pose under arm.pose, which is searched from arm.start"},
     "arm.encoder": {float: "{{offset: {}}}", list: "{{offset: {}}}"},
     "arm.stretch": {float: "{{BODY: {}}}"},
     "plant.stretch": {float: "{{BODY: {}}}"},

@@ -32,6 +32,13 @@ class Status(IntFlag):
     ACCELERATION_EXCEEDED = 2048
     JERK_EXCEEDED = 4096
     KEPT_OUT = 8192
+    INVALID_INPUT = 16384
+    OVERDUE = 32768
+
+
+# What only a loop of one's own can tell: a simulation has no input that could be wrong or late.
+OF_LOOPS = Status.INVALID_INPUT | Status.OVERDUE
+IN_RUNS = tuple(one for one in Status if not one & OF_LOOPS)
 
 
 class Scales(NamedTuple):
@@ -429,7 +436,8 @@ PRIORITIES = Choices(
 LIMITS = Choices(
     "limits.on_excess",
     "beyond a limit: scale all joints alike (keeps direction, unless a joint is at its position limit), "
-    "clamp each, let the others take over what a saturated joint cannot do, or limit nothing",
+    "clamp each, let the others take over what a saturated joint cannot do, take the rates within all "
+    "bounds that are best for the task, or limit nothing",
     "scale",
     (
         Choice("scale",
@@ -440,6 +448,12 @@ LIMITS = Choices(
             others="clip clipped saturate saturation cut"),
         Choice("redistribute", "what a saturated joint cannot do, the others take over", "Flacco15",
             others="sns saturation_in_the_null_space"),
+        Choice("optimal",
+            "of all rates within the bounds those that are best for the task, by the measure of the damped "
+            "inverse; nearest to those of another",
+            "Stark95",
+            others="best qp quadratic_program quadratic_programming bvls daqp osqp quadprog proxqp optimum "
+            "optimize least_squares bounded_least_squares"),
         Choice("none", "nothing", acts=False, others="off false ignore nothing no"),
     ),
 )  # fmt: skip

@@ -344,7 +344,7 @@ def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
         text = read(name)
     except TextError as error:
         raise ScenarioError([_of_text(error, name)]) from None
-    return Draft(_document(text, name), Carried(_absolute(Path(name).parent))).overridden(overrides)
+    return Draft(document_of(text, name), Carried(_absolute(Path(name).parent))).overridden(overrides)
 
 
 def load(path: str | os.PathLike[str], overrides: Iterable[str] = ()) -> Scenario:
@@ -377,7 +377,7 @@ def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> S
     Raises:
         ScenarioError: With all mistakes at once.
     """
-    return Draft(_document(text, source), Carried(_absolute(Path()))).overridden(overrides).scenario()
+    return Draft(document_of(text, source), Carried(_absolute(Path()))).overridden(overrides).scenario()
 
 
 def _absolute(folder: Path) -> Path:
@@ -388,7 +388,12 @@ def _absolute(folder: Path) -> Path:
         return folder
 
 
-def _document(text: str, source: str) -> Document:
+def document_of(text: str, source: str) -> Document:
+    """Return the values of a YAML text, which is a mapping.
+
+    Raises:
+        ScenarioError: It cannot be read, or is none.
+    """
     try:
         document = parse(text, source)
     except TextError as error:

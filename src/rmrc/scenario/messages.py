@@ -191,7 +191,9 @@ _WHOLE: dict[str, Callable[[ErrorDetails, Key], str]] = {
     "rule": lambda detail, _: str(detail["ctx"]["text"]),
     "missing": _required,
     "extra_forbidden": _unknown,
-    "choice": lambda detail, _: f"{detail['msg']}, got {show(detail['input'])}",
+    "choice": lambda detail, key: (
+        f"{detail['msg']}, got {show(detail['input'])}{_write(aliases.mapping(key, detail['input']))}"
+    ),
     "segment": _no_segment,
     "literal_error": _no_option,
     "float_type": _no_number,

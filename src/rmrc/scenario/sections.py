@@ -398,6 +398,11 @@ class LimitsSection(Derived):
         10.0,
         "rad/s² or m/s²",
     )
+    keep_direction: Switch = key(
+        "on_excess optimal: whether the tip keeps its direction, but at position limits: then the largest "
+        "share of the task that fits is done, by the least rates",
+        default=False,
+    )
 
     @model_validator(mode="after")
     def _by_profile(self) -> Self:

@@ -20,8 +20,9 @@ def save(figure: Figure, paths: Sequence[Path]) -> None:
         figure: The picture.
         paths: Files to write; the suffix says how: `.png`, `.svg` or `.pdf`.
     """
-    # Text as text, so that a page can be searched; and the same bytes for the same picture.
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc"}):
+    # Text as text, so that a page can be searched, in fonts that journals take (they refuse Type 3); and the
+    # same bytes for the same picture.
+    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}):
         for path in paths:
             kind = path.suffix[1:]
             # A date would make equal pictures differ.

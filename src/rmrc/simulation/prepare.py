@@ -12,7 +12,8 @@ from numpy.typing import NDArray
 from rmrc import arm as arms
 from rmrc.arm import Arm
 from rmrc.arm.differences import check_stretch
-from rmrc.law.law import Law, rate_limit
+from rmrc.law import fit
+from rmrc.law.law import TaskLaw
 from rmrc.law.record import Writer, records
 from rmrc.law.task import Task
 from rmrc.plants.encoders import Encoders
@@ -22,13 +23,13 @@ from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.wiring import WIRING
 from rmrc.results.tally import CHATTER_FLOOR
 from rmrc.scenario import ArmSection, Problems, Scenario, angle, inline
-from rmrc.scenario.choices import INVERSES, PLANTS, POLICIES
+from rmrc.scenario.choices import PLANTS, POLICIES
 from rmrc.scenario.profile import Profile, load_profile
 from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.start import start_positions
 from rmrc.simulation.trajectory import Places, make_reference
-from rmrc.support.errors import ModelError, ScenarioError, TargetError, did_you_mean
+from rmrc.support.errors import ModelError, ScenarioError, TargetError
 from rmrc.support.legible import listed
 from rmrc.support.notices import tell, tell_assumed
 from rmrc.support.spatial import AXES
@@ -105,7 +106,7 @@ class Cache:
 
         def pose_at(configuration: str | Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
             if not isinstance(configuration, str) and len(configuration) != arm.n:
-                raise TargetError(_wrong_length(len(configuration), arm))
+                raise TargetError(fit.wrong_length(len(configuration), arm))
             try:
                 return arm.pose(arm.configuration(configuration)[arm.wiring.qpos])
             except ModelError as error:
@@ -178,9 +179,9 @@ class Prepared:
         return self.cache.task(self.scenario, self.arm)
 
     @cached_property
-    def law(self) -> Law:
+    def law(self) -> TaskLaw:
         """What is asked of the joints."""
-        return Law(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos] - self.joint_offset)
+        return TaskLaw(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos] - self.joint_offset)
 
     @property
     def encoder_offset(self) -> NDArray[np.float64]:
@@ -280,9 +281,9 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
     hardware = Hardware(scenario, arm)
     for stage in hardware.stages:
         problems.extend(stage.misfits())
-    _check_method(scenario, arm, problems)
-    _check_second_task(scenario, arm, problems)
-    _check_slow(scenario, arm, problems)
+    problems.extend(fit.method_misfits(scenario.control, len(scenario.task.axes), arm))
+    problems.extend(fit.second_task_misfits(scenario.control, arm))
+    problems.extend(fit.slow_misfits(scenario.control, arm, arm.path))
     problems.extend(hardware.plant.misfits())
     problems.raise_any()
     _doubt_start(scenario, arm)
@@ -302,7 +303,7 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
 def _start(scenario: Scenario, arm: Arm, problems: Problems) -> NDArray[np.float64]:
     start = scenario.arm.start
     if not isinstance(start, str) and len(start) != arm.n:
-        problems.add("arm.start", _wrong_length(len(start), arm))
+        problems.add("arm.start", fit.wrong_length(len(start), arm))
         start = "home"
     try:
         qpos = arm.configuration(start)
@@ -396,8 +397,7 @@ def _check_profiles(scenario: Scenario, arm: Arm, problems: Problems) -> None:
             continue
         profile, period = load_profile(name), scenario.control.period
         if profile.joints != arm.n:
-            has = f"the arm has {arm.n} ({', '.join(arm.joints)})"
-            problems.add(key, f"{profile.name} is of a robot with {profile.joints} joints, and {has}")
+            problems.extend(fit.profile_misfits(key, name, arm))
             continue
         published = profile.period.value if profile.period else period
         differs = abs(published - period) > 1e-9 * period
@@ -410,8 +410,6 @@ def _check_profiles(scenario: Scenario, arm: Arm, problems: Problems) -> None:
 
 
 def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
-    control = scenario.control
-    by_profile = load_profile(control.limits.profile).limits if control.limits.profile else {}
     for key, values in (
         ("arm.encoder.offset", scenario.arm.encoder.offset),
         ("arm.encoder.deviation", scenario.arm.encoder.deviation),
@@ -420,41 +418,19 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
         ("plant.friction.coulomb", scenario.plant.friction.coulomb),
         ("plant.friction.viscous", scenario.plant.friction.viscous),
         ("plant.joint_offset", scenario.plant.joint_offset),
-        ("control.joint_weights", control.joint_weights),
-        ("control.nullspace.posture", control.nullspace.posture),
-        ("control.nullspace.rates", control.nullspace.rates),
-        *(  # of what a profile sets, the profile has been told
-            (f"control.limits.{name}", values)
-            for name in ("rate", "acceleration", "jerk", "braking")
-            if (values := getattr(control.limits, name)) != by_profile.get(name)
-        ),
         ("plant.lag", scenario.plant.lag),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:
-            problems.add(key, _wrong_length(len(values), arm))
-
-
-def _wrong_length(got: int, arm: Arm) -> str:
-    return f"must have {arm.n} values, one for each joint ({', '.join(arm.joints)}), got {got}"
-
-
-# Scales between these and their inverses leave the squares of S_x J S_q finite.
-_LARGEST_SCALE = 1e30
+            problems.add(key, fit.wrong_length(len(values), arm))
+    problems.extend(fit.length_misfits(scenario.control, arm))
 
 
 def _check_scales(scenario: Scenario, problems: Problems) -> None:
-    for key, values in (
-        ("task.length", (scenario.task.length,)),
-        ("task.weights", scenario.task.weights or ()),
-        ("control.joint_weights", scenario.control.joint_weights or ()),
-    ):
-        for i, value in enumerate(values):
-            if not 1.0 / _LARGEST_SCALE <= value <= _LARGEST_SCALE:
-                problems.add(
-                    key if key == "task.length" else f"{key}[{i}]",
-                    f"must be between {1.0 / _LARGEST_SCALE:g} and {_LARGEST_SCALE:g}, got {value:g}",
-                )
+    task = scenario.task
+    problems.extend(fit.scale_misfits("task.length", (task.length,), is_list=False))
+    problems.extend(fit.scale_misfits("task.weights", task.weights or ()))
+    problems.extend(fit.scale_misfits("control.joint_weights", scenario.control.joint_weights or ()))
 
 
 # 285 years [s]; beyond them, nanoseconds do not fit into 64 bits.
@@ -470,62 +446,6 @@ def _check_duration(prepared: Prepared, problems: Problems) -> None:
             f"takes up to {prepared.most_ticks} control periods of {period:g} s, which is more than "
             f"{_LONGEST:g} s; raise target.limits, lower control.period or control.slow.longest, or shorten "
             "the path",
-        )
-
-
-def _check_method(scenario: Scenario, arm: Arm, problems: Problems) -> None:
-    m = len(scenario.task.axes)
-    method = scenario.control.inverse.method
-    if INVERSES[method].needs_square and m != arm.n:
-        problems.add(
-            "control.inverse.method",
-            f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
-            'choose other task.axes, or "pseudoinverse" or "damped"',
-        )
-    if method == "selectively_damped" and scenario.control.inverse.metric == "inertia":
-        problems.add(
-            "control.inverse.metric",
-            f'"{method}" clamps joint by joint, so it needs the metric "joints", got "inertia"; choose '
-            'another method, such as "damped"',
-        )
-
-
-def _check_second_task(scenario: Scenario, arm: Arm, problems: Problems) -> None:
-    nullspace = scenario.control.nullspace
-    site = nullspace.secondary.site
-    if nullspace.objective != "secondary" or site is None:
-        return
-    if site not in arm.sites:
-        known, hint = listed(arm.sites), did_you_mean(site, arm.sites)
-        problems.add(
-            "control.nullspace.secondary.site", f'{arm.path}: has no site "{site}"{hint}; its sites: {known}'
-        )
-    elif not arm.moves(site).any():
-        problems.add(
-            "control.nullspace.secondary.site",
-            f'must be a site that the arm moves, but none of its joints moves "{site}"; '
-            f"its sites: {listed(name for name in arm.sites if arm.moves(name).any())}",
-        )
-
-
-def _check_slow(scenario: Scenario, arm: Arm, problems: Problems) -> None:
-    control = scenario.control
-    name = control.at_singularity
-    if not POLICIES[name].slows:
-        return
-    if not control.feedforward:
-        problems.add(
-            "control.at_singularity",
-            f'"{name}" scales the feed-forward, so it needs control.feedforward: true, got false',
-        )
-    rate = control.limits.rate
-    if isinstance(rate, tuple) and len(rate) != arm.n:  # which has been told
-        return
-    if not np.isfinite(rate_limit(arm, control.limits)).all():
-        problems.add(
-            "control.at_singularity",
-            f'"{name}" keeps rates within their limits, and {arm.path} has none for every joint; '
-            "give control.limits.rate",
         )
 
 

@@ -20,6 +20,8 @@ from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
 from rmrc.results.scorecard import Scorecard, figures, tallies_of
 from rmrc.results.tally import adder
+from rmrc.scenario import InverseSection
+from rmrc.scenario.choices import DAMPING_BELOW, INVERSES, SCHEDULES
 from rmrc.simulation.footprint import refuse_excess, rows_of
 from rmrc.simulation.prepare import Prepared, world_records
 from rmrc.support.threads import side_by_side
@@ -147,6 +149,8 @@ class _Shard:
             resting=tuple(contacts.resting.get(w, ())) if contacts else (),
             chatter_floor=prepared.chatter_floor,
             profile=prepared.expected_profile,
+            rate_limit=tuple(prepared.law.rate_limit.tolist()),
+            damping_below=_damping_below(scenario.control.inverse),
         )
 
     def scorecards(self) -> list[Scorecard]:
@@ -303,6 +307,13 @@ class Simulation:
             for index, one in zip(shard.members, results, strict=True)
         }
         return [found[index] for index in sorted(found)]
+
+
+def _damping_below(inverse: InverseSection) -> float:
+    """Return ε, where the inverse in use reads it, or 0."""
+    method, schedule = INVERSES[inverse.method], SCHEDULES[inverse.damping.schedule]
+    read = (*method.parameters, *(schedule.parameters if method.is_scheduled else ()))
+    return inverse.damping.below if DAMPING_BELOW in read else 0.0
 
 
 def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:

@@ -6,6 +6,8 @@ from pathlib import Path
 
 from rmrc.recording import unlogged
 from rmrc.results import facts
+from rmrc.results.leaving import array_size
+from rmrc.results.run import save_runs
 from rmrc.scenario import Draft, Scenario, Source, Variant, choices, draft_of
 from rmrc.simulation.simulation import Watcher
 from rmrc.study.batch import Batch, Recording
@@ -23,7 +25,7 @@ CHOICES = tuple(f"control.{one.key}" for one in choices.CHOICES)
 class Comparison(Batch[Compared]):
     """Variants of a scenario that were checked and are ready to run."""
 
-    kinds = (".rrd", ".json", ".png", ".svg")
+    kinds = (".rrd", ".npz", ".json", ".png", ".svg")
     suffix = ".compare"
 
     def __init__(
@@ -54,7 +56,11 @@ class Comparison(Batch[Compared]):
         study = Study(base)
         worlds = study.prepare_all(self.variants)
         self._written = _sound(written, base)
-        super().__init__(study, worlds[0].scenario.name, worlds, folder, record)
+        size = sum(
+            array_size(one.reference.ticks, one.arm.n, min(one.arm.n, len(one.task.rows)), len(one.qpos))
+            for one in worlds
+        )
+        super().__init__(study, worlds[0].scenario.name, worlds, folder, record, size)
 
     def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
@@ -71,6 +77,8 @@ class Comparison(Batch[Compared]):
         return overlay, overlay.write
 
     def _writers(self, results: Sequence[Compared]) -> Iterator[tuple[Sequence[str], Callable[..., None]]]:
+        ran = {one.variant.label: one.run for one in results}
+        yield [".npz"], lambda path: save_runs(path, ran)
         yield [".json"], lambda path: self._save_facts(path, results)
         if any(len(one.run) for one in results) and not results[0].interrupted:
             # which takes longer than one waits after Ctrl-C

@@ -10,7 +10,7 @@ import numpy as np
 from rmrc.results.run import Run
 from rmrc.results.scorecard import joint_changes
 from rmrc.scenario import Variant
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import IN_RUNS
 from rmrc.show.sheets import UNDEFINED, Sheet, as_markdown, escaped, number
 from rmrc.study.study import Ran
 
@@ -35,7 +35,7 @@ _FIGURES = (
         "position_error.end": "pos.\nerror\nat end",
         "orientation_error.end": "rot.\nerror\nat end",
     },
-    {f"status_time.{one.name}": f"time\n{one.name}" for one in Status},
+    {f"status_time.{one.name}": f"time\n{one.name}" for one in IN_RUNS},
 )
 _TIMES = "status_time."
 

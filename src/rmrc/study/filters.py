@@ -9,10 +9,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.controller import Sight
 from rmrc.law.jit import machine_code
-from rmrc.law.law import Law, resolve
+from rmrc.law.law import TaskLaw, resolve
 from rmrc.law.record import records, tick_type
+from rmrc.law.sight import Sight
 from rmrc.results.run import Run
 from rmrc.scenario import LimitsSection, NullspaceSection
 from rmrc.simulation.prepare import Prepared
@@ -86,7 +86,7 @@ def _record(prepared: Prepared) -> np.void:
     arm, task, control = prepared.arm, prepared.task, prepared.scenario.control
     nothing = {"nullspace": NullspaceSection(), "limits": LimitsSection(on_excess="none")}
     alone = control.model_copy(update={**nothing, "at_singularity": "damp"})
-    law = Law(task, alone, np.zeros(arm.n))
+    law = TaskLaw(task, alone, np.zeros(arm.n))
     record: np.void = records(arm.n, [task, law], beside=Sight.fields, axes=len(arm.axis_names))[0]
     return record
 

@@ -58,8 +58,8 @@ def compare(
     Args:
         scenario: The scenario, its file, or the name of a shipped one.
         vary: Values of keys; their combinations are the variants, 2 to 50.
-        out: Folder for NAME.compare.rrd, .json, .png and .svg; made if it is missing. None: nothing is
-            written.
+        out: Folder for NAME.compare.rrd, .npz, .json, .png and .svg; made if it is missing. None: nothing
+            is written.
         record: Whether the recording is among them.
 
     Returns:

@@ -16,9 +16,10 @@ from rmrc.tuning.tune import Tuned, Tuning
 
 
 def words(setting: Setting) -> str:
-    """Return a structure in words: `damped, constant`, and `stop` or `slow` if it is not `damp`."""
+    """Return a structure in words: `damped, constant`, and what is not `damp` or as in the scenario."""
     structure = setting.structure
-    parts = [structure.method, structure.schedule, structure.at_singularity.replace("damp", "")]
+    policy = structure.at_singularity.replace("damp", "")
+    parts = (structure.method, structure.schedule, policy, structure.on_excess)
     return ", ".join(filter(None, parts))
 
 

@@ -11,16 +11,19 @@ from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.scenario import Change, Scenario, changes_of
-from rmrc.scenario.choices import INVERSES, POLICIES, SCHEDULES, Choice, Parameter, Scales
+from rmrc.scenario.choices import INVERSES, LIMITS, POLICIES, SCHEDULES, Choice, Parameter, Scales, Status
 from rmrc.simulation.prepare import Prepared
 from rmrc.textbook.stability import edge_gain
 from rmrc.tuning.robot import Robot
 
-METHOD, SCHEDULE, AT_SINGULARITY = (f"control.{one.key}" for one in (INVERSES, SCHEDULES, POLICIES))
+METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS = (
+    f"control.{one.key}" for one in (INVERSES, SCHEDULES, POLICIES, LIMITS)
+)
 FEEDBACK = "control.feedback"
 
 WORDS: Mapping[str, tuple[str, ...]] = {
-    METHOD: INVERSES.names, SCHEDULE: SCHEDULES.names, AT_SINGULARITY: POLICIES.names
+    METHOD: INVERSES.names, SCHEDULE: SCHEDULES.names, AT_SINGULARITY: POLICIES.names,
+    ON_EXCESS: LIMITS.names,
 }  # fmt: skip
 
 
@@ -43,11 +46,13 @@ class Structure(NamedTuple):
         method: `control.inverse.method`.
         schedule: `control.inverse.damping.schedule`; "" for the methods that have none.
         at_singularity: `control.at_singularity`.
+        on_excess: `control.limits.on_excess`; "" for what the scenario has.
     """
 
     method: str
     schedule: str
     at_singularity: str
+    on_excess: str = ""
 
     @property
     def inverse(self) -> tuple[str, str]:
@@ -67,13 +72,14 @@ class Structure(NamedTuple):
     @property
     def words(self) -> dict[str, str]:
         """Key and value of each part that there is."""
-        parts = {METHOD: self.method, SCHEDULE: self.schedule, AT_SINGULARITY: self.at_singularity}
+        parts = dict(zip((METHOD, SCHEDULE, AT_SINGULARITY, ON_EXCESS), self, strict=True))
         return {key: value for key, value in parts.items() if value}
 
     @property
     def unread(self) -> tuple[str, ...]:
-        """The keys of `WORDS` and `NUMBERS` that it does not read."""
-        return tuple(key for key in (*WORDS, *NUMBERS) if key not in self.words and key not in self.keys)
+        """The keys of `WORDS` and `NUMBERS` that it does not read; rates are limited whatever it is."""
+        read = (*self.words, *self.keys, ON_EXCESS)
+        return tuple(key for key in (*WORDS, *NUMBERS) if key not in read)
 
 
 TRIED = tuple(one.name for one in POLICIES.options if one.is_tried)
@@ -89,6 +95,14 @@ def all_structures(policies: Iterable[str] = TRIED) -> Iterator[Structure]:
         for method in WORDS[METHOD]:
             for schedule in WORDS[SCHEDULE] if INVERSES[method].is_scheduled else ("",):
                 yield Structure(method, schedule, policy)
+    for schedule in WORDS[SCHEDULE]:
+        yield Structure("damped", schedule, "damp", "optimal")
+
+
+def meets_limits(run: Run) -> bool:
+    """Say whether a limit acts in a run: only then it matters what is made of rates beyond."""
+    limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
+    return bool(np.any(run["status"].astype(np.int64) & int(limits)))
 
 
 class Setting(NamedTuple):

@@ -79,13 +79,14 @@ def _structure(one: Tried) -> tuple[object, bool]:
     return one.setting.structure, one.setting.is_written
 
 
-def preference(one: Tried) -> tuple[bool, int, int, float, tuple[float, ...]]:
+def preference(one: Tried) -> tuple[bool, int, bool, int, float, tuple[float, ...]]:
     """Return what comes first of equals: as written, then what does the least beside inverting."""
     structure, out = one.setting.structure, one.worst
     policy = WORDS[AT_SINGULARITY].index(structure.at_singularity)
     return (
         not one.setting.is_written,
         policy,
+        structure.on_excess != "",
         INVERSES[structure.method].preference,
         out.error,
         one.setting.numbers,

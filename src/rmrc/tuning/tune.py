@@ -27,6 +27,7 @@ from rmrc.tuning.search import Search
 from rmrc.tuning.space import (
     AT_SINGULARITY,
     NUMBERS,
+    ON_EXCESS,
     TRIED,
     WORDS,
     Setting,
@@ -34,6 +35,7 @@ from rmrc.tuning.space import (
     Structure,
     all_structures,
     bounds,
+    meets_limits,
     own_setting,
 )
 from rmrc.tuning.tables import Row
@@ -152,6 +154,7 @@ class Tuning:
         self._own = own_setting(self.scenario)
         self._values = {key: float(attrgetter(key)(self.scenario)) for key in NUMBERS}
         self._structures, self.left_out = self._possible(words)
+        self._asks_for_excess = ON_EXCESS in words
         self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
         self.margin = GAIN_MARGIN if self.robot.is_assumed else 1.0
         self.copies = draw_copies(self._nominal, copies, seed, spread, self.robot)
@@ -191,7 +194,9 @@ class Tuning:
             if stop.is_set():
                 raise KeyboardInterrupt
             limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
-            space = Space(self._structures, limits, self._only, self._values)
+            matters = self._asks_for_excess or meets_limits(nominal.run)
+            structures = tuple(one for one in self._structures if matters or not one.on_excess)
+            space = Space(structures, limits, self._only, self._values)
             search = Search(space, trials, self._runs, self._seed)
             if not search.begin(self._own, self.slower):
                 raise KeyboardInterrupt
@@ -291,10 +296,16 @@ class Tuning:
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why it cannot have the others."""
         found, reasons = list[Structure](), dict[Problem, None]()
-        own = self.scenario.control.at_singularity
-        policies = [one for one in WORDS[AT_SINGULARITY] if one in words.get(AT_SINGULARITY, (*TRIED, own))]
+        own, policy = self.scenario.control.limits.on_excess, self.scenario.control.at_singularity
+        policies = [
+            one for one in WORDS[AT_SINGULARITY] if one in words.get(AT_SINGULARITY, (*TRIED, policy))
+        ]
         for one in all_structures(policies):
-            if any(value not in words.get(key, (value,)) for key, value in one.words.items()):
+            if any(
+                value not in words.get(key, (value,)) for key, value in {ON_EXCESS: own, **one.words}.items()
+            ):
+                continue
+            if one.on_excess == own:  # is one of the others
                 continue
             try:
                 self._study.prepare(changes_of(one.words))
@@ -303,7 +314,8 @@ class Tuning:
             else:
                 found.append(one)
         if not found:
-            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons)
+            tried = f"{ON_EXCESS}: must be {own}, as the scenario has it, or optimal, with the method damped"
+            raise ScenarioError(Problem((), f"--only {reason}") for reason in reasons or (tried,))
         return tuple(found), tuple(map(str, reasons))
 
     def _bearable(self, robot: Robot) -> Robot:

@@ -220,7 +220,8 @@ def _target(move: Move) -> str:
 
 def _segment(by: Array, turn: Array) -> dict[str, Any]:
     angle = float(np.linalg.norm(turn))
-    about = {"axis": [tidy(float(x), 5) for x in turn / angle], "angle": tidy(angle, 5)} if angle else None
+    axis = [tidy(float(x), 5) + 0.0 for x in turn / (angle or 1.0)]
+    about = {"axis": axis, "angle": tidy(angle, 5)} if angle else None
     if not by.any():
         return {"turn": about}
     line: dict[str, Any] = {"by": [float(x) + 0.0 for x in by]}

@@ -16,7 +16,6 @@ from numpy.typing import NDArray
 
 from rmrc.analysis.new.text import identity
 from rmrc.analysis.statics.balance import Balance, balance
-from rmrc.arm.inventory import contacts
 from rmrc.law.task import Task
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
@@ -59,7 +58,6 @@ class HoldResult:
         at_limit: Joints whose drive gave all it can at any time, (n,).
         rate: Fastest joint in the last tenth of a second [rad/s or m/s].
         is_at_rest: Whether none was faster than what counts as rest.
-        touching: Names of bodies that touch where it ended, two each, which the arm moves against each other.
         allowed: How much the actuators may differ, (n,) [N·m or N].
         run: The run.
     """
@@ -71,7 +69,6 @@ class HoldResult:
     at_limit: NDArray[np.bool_]
     rate: float
     is_at_rest: bool
-    touching: tuple[tuple[str, str], ...]
     allowed: Array
     run: Run
 
@@ -121,25 +118,28 @@ def hold_wrench(
         raise QuestionError(f"--hold: {ticks} ticks need {excess}; hold for a shorter time")
     kv = np.array(prepared.scenario.plant.kv)
     slow = np.maximum(STILL, CREEP * arm.friction / kv)
-    watchers: list[Watcher] = [lambda _, part: stop.set() if (_rates(part) <= slow).all() else None]
+    share = SHARE_OF_SCREWS if arm.followers else SHARE
+
+    def result(run: Run) -> HoldResult:
+        ended, rates = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rates(run)
+        # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
+        moving = kv * np.maximum(rates, min(rates.max(), STILL))
+        return HoldResult(
+            wanted=wanted, ended=ended, measured=run["tau"][-1],
+            drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),
+            at_limit=np.asarray((np.abs(run["tau"]) >= arm.torque_limit).any(axis=0)),
+            rate=float(rates.max()), is_at_rest=bool((rates <= slow).all()),
+            allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
+        )  # fmt: skip
+
+    # Where the arm is still but something beside it is not, it waits for that.
+    watchers: list[Watcher] = [lambda _, part: stop.set() if result(part).agrees else None]
     if on_ticks is not None:
         watchers.insert(0, lambda _, part: on_ticks(len(part)))
     run = study.step([prepared], stop, watchers)[0].run
     if not len(run):
         raise DivergenceError(f"cannot hold: {run.divergence}")
-    ended, rates = balance(arm, run["q"][-1], wanted.wrench, wanted.bears_weight), _rates(run)
-    # What still moves is braked by M q̈, and the actuators are those of a step ago: both are within this.
-    moving = kv * np.maximum(rates, min(rates.max(), STILL))
-    touching = contacts(arm, run["qpos"][-1:])
-    share = SHARE_OF_SCREWS if arm.followers else SHARE
-    return HoldResult(
-        wanted=wanted, ended=ended, measured=run["tau"][-1],
-        drift=-pose_error(arm.pose(wanted.q), run["pose"][-1]),
-        at_limit=np.asarray((np.abs(run["tau"]) >= arm.torque_limit).any(axis=0)),
-        rate=float(rates.max()), is_at_rest=bool((rates <= slow).all()),
-        touching=tuple(one.bodies for one in touching if one.is_moved),
-        allowed=np.asarray(share * ended.size.max() + moving + arm.friction), run=run,
-    )  # fmt: skip
+    return result(run)
 
 
 def most_ticks(seconds: float) -> int:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.analysis.statics.balance import ROUNDING, Balance, Costs, Elsewhere
+from rmrc.analysis.statics.causes import borne
 from rmrc.analysis.statics.hold import HoldResult
 from rmrc.analysis.statics.statics import WRENCH, Statics
 from rmrc.arm import Arm
@@ -17,8 +18,6 @@ from rmrc.show.sheets import Sheet, number
 Array = NDArray[np.float64]
 
 PLURALS = {"wrench": "wrenches", "force": "forces alone", "moment": "moments alone"}
-# A joint is at the end of its range this near to it [rad or m]: MuJoCo's limits give way a little.
-NEAR = 1e-3
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 
 
@@ -261,25 +260,11 @@ def verdict(held: HoldResult) -> str:
     if not held.is_still:
         longer = "" if names else "; hold it for longer"
         rate = f"the fastest joint does {number(held.rate)} rad/s or m/s"
-        return f"MISSED: not still, {rate}; {reached}{_borne(held) or longer}."
+        return f"MISSED: not still, {rate}; {reached}{borne(held) or longer}."
     if not held.agrees:
-        return f"MISSED: still, but the actuators give something else; {reached}{_borne(held)}."
+        why = borne(held) or "; nothing was found that bears a part: see what `rmrc check` tells"
+        return f"MISSED: still, but the actuators give something else; {reached}{why}."
     return f"met: still, and the actuators give what statics says; {reached}."
-
-
-def _borne(held: HoldResult) -> str:
-    """Say what else bears a part of the wrench, and the way out."""
-    arm, q = held.wanted.arm, held.ended.q
-    lower, upper = arm.position_limit.T
-    at_end = (q < lower + NEAR) | (q > upper - NEAR)
-    ends = [name for name, is_there in zip(arm.joints, at_end, strict=True) if is_there]
-    parts = [f"{', '.join(ends)} {'are' if len(ends) > 1 else 'is'} at the end of the range"] if ends else []
-    parts += [f"{one} touches {other}" for one, other in held.touching[:1]]
-    return (
-        f"; {' and '.join(parts)}, which bears a part: give other positions by --q or --keyframe"
-        if parts
-        else ""
-    )
 
 
 def in_words(wrench: Array) -> str:

@@ -1,0 +1,302 @@
+"""The arms, paths and measures of benchmarks/peers.py: what is the same for everyone.
+
+An arm is our model without fingers, its base at the origin, without weight and friction, and with a rate
+servo on each joint. A path is one screw, there and back, with a rest at both ends. Everyone is told the same
+pose and twist at each tick, and is judged by where the tool is.
+"""
+
+import functools
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NamedTuple
+
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike
+
+ROOT = Path(__file__).parent.parent
+PERIOD = 0.002  # s, as in the examples of mink
+REST = 0.4  # s, after each leg
+# rad/s² or m/s²: smaller accelerations whose sign changes are no chatter.
+CHATTER_FLOOR = 1.0
+# Ticks that are timed together, as a clock costs as much as a fast step.
+TIMED = 100
+
+
+class Pose(NamedTuple):
+    """A pose in the forms that libraries want."""
+
+    p: np.ndarray
+    quat: np.ndarray
+    T: np.ndarray
+    vector: np.ndarray
+
+
+@dataclass(frozen=True)
+class Arm:
+    """An arm that all libraries can load.
+
+    Attributes:
+        path: Its MJCF file, without drives.
+        model: The same with rate servos.
+        site: The tool.
+        rate: Rate limits [rad/s or m/s].
+        joints: Names of the joints, in the order of q.
+    """
+
+    path: str
+    model: mujoco.MjModel
+    site: str
+    rate: np.ndarray
+    joints: tuple[str, ...]
+
+    def at(self, q: np.ndarray) -> mujoco.MjData:
+        """Return fresh kinematics at q."""
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = q
+        mujoco.mj_forward(self.model, data)
+        return data
+
+    def solve(self, q: np.ndarray, p: np.ndarray, R: np.ndarray) -> np.ndarray:
+        """Return joint positions near q for a pose, by Newton's method."""
+        for _ in range(100):
+            data = self.at(q)
+            error = pose_error(p, R, data.site(self.site).xpos, data.site(self.site).xmat.reshape(3, 3))
+            q = q + 0.5 * np.linalg.pinv(jacobian(self, data)) @ error
+        if np.abs(error).max() > 1e-9:
+            raise ValueError(f"no posture near {q} has its tool at {p}")
+        return q
+
+
+@functools.cache
+def arm(name: str, rate: tuple[float, ...], site: str = "tool") -> Arm:
+    """Return one of our models for this purpose."""
+    spec = mujoco.MjSpec.from_file(str(ROOT / f"models/{name}.xml"))
+    surplus = (spec.actuators, spec.keys, spec.equalities, spec.tendons, spec.geoms, spec.lights)
+    for one in [one for group in surplus for one in group] + [*spec.materials, *spec.textures]:
+        spec.delete(one)
+    for joint in list(spec.joints):
+        if "finger" in joint.name:
+            spec.delete(joint)
+        joint.frictionloss, joint.damping = 0.0, np.zeros(3)
+    for body in spec.bodies[1:]:
+        body.gravcomp = 1.0
+    spec.worldbody.first_body().pos = np.zeros(3)
+    spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_AUTO
+    spec.option.timestep = PERIOD
+    spec.compile()
+    file = Path(tempfile.mkdtemp()) / f"{name}.xml"
+    # Six digits are written, by which a moment of inertia may be larger than the sum of the others.
+    file.write_text(spec.to_xml().replace("<compiler ", '<compiler balanceinertia="true" ', 1))
+    spec = mujoco.MjSpec.from_file(str(file))
+    bare = spec.compile()
+    for joint, gain in zip(spec.joints, 2 * bare.dof_M0 / PERIOD, strict=True):
+        servo = spec.add_actuator(trntype=mujoco.mjtTrn.mjTRN_JOINT, target=joint.name)
+        servo.set_to_velocity(kv=gain)
+    names = tuple(joint.name for joint in spec.joints)
+    return Arm(str(file), spec.compile(), site, np.array(rate), names)
+
+
+def jacobian(one: Arm, data: mujoco.MjData) -> np.ndarray:
+    """Return J of the tool, (6, n), rows [v; ω], along world axes."""
+    J = np.zeros((6, one.model.nv))
+    mujoco.mj_jacSite(one.model, data, J[:3], J[3:], one.model.site(one.site).id)
+    return J
+
+
+def rotation(vector: np.ndarray) -> np.ndarray:
+    """Return the matrix of a rotation vector."""
+    angle = np.linalg.norm(vector)
+    quat, matrix = np.zeros(4), np.zeros(9)
+    mujoco.mju_axisAngle2Quat(quat, vector / (angle or 1.0), angle)
+    mujoco.mju_quat2Mat(matrix, quat)
+    return matrix.reshape(3, 3)
+
+
+def pose_error(p: np.ndarray, R: np.ndarray, p_now: np.ndarray, R_now: np.ndarray) -> np.ndarray:
+    """Return [Δp; rotation vector] from now to where it is wanted, along world axes."""
+    quat, vector = np.zeros(4), np.zeros(3)
+    mujoco.mju_mat2Quat(quat, (R @ R_now.T).ravel())
+    mujoco.mju_quat2Vel(vector, quat, 1.0)
+    return np.concatenate([p - p_now, vector])
+
+
+@dataclass(frozen=True)
+class Case:
+    """A path of one arm.
+
+    Attributes:
+        name: What it is about.
+        what: What happens, in a sentence.
+        arm: Which arm.
+        start: Joint positions at the start.
+        poses: Where the tool is wanted at each tick, and at the end of the last.
+        twists: At which velocity in the mean until the next tick, (T, 6) [m/s, rad/s].
+    """
+
+    name: str
+    what: str
+    arm: Arm
+    start: np.ndarray
+    poses: tuple[Pose, ...]
+    twists: np.ndarray
+
+    @property
+    def ticks(self) -> int:
+        """Number of control ticks."""
+        return len(self.twists)
+
+
+def case(name: str, what: str, one: Arm, q: np.ndarray, screw: np.ndarray, duration: float) -> Case:
+    """Return the path that takes the tool along a screw [v at the origin; ω], by its norm, and back."""
+    data = one.at(q)
+    p0, R0 = data.site(one.site).xpos.copy(), data.site(one.site).xmat.reshape(3, 3).copy()
+    leg, rest = round(duration / PERIOD), round(REST / PERIOD)
+    x = np.arange(leg + 1) / leg
+    out = x**3 * (10 - 15 * x + 6 * x**2)
+    s = np.concatenate([out[:-1], np.ones(rest), 1 - out, np.zeros(rest)])
+    poses, twists = [], []
+    v, w = screw[:3], screw[3:]
+    for part, speed in zip(s, np.diff(s, append=0.0) / PERIOD, strict=True):
+        R = rotation(part * w)
+        # A screw is a turn about a line, or a translation: no case here is both.
+        center = np.cross(w, v) / (w @ w) if w.any() else np.zeros(3)
+        p = center + R @ (p0 - center) + (0 if w.any() else part) * v
+        T, quat = np.eye(4), np.zeros(4)
+        T[:3, :3], T[:3, 3] = R @ R0, p
+        mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
+        poses.append(Pose(p, quat, T, np.concatenate([p, quat])))
+        twists.append(speed * np.concatenate([v + np.cross(w, p), w]))
+    return Case(name, what, one, q, tuple(poses), np.array(twists[:-1]))
+
+
+def turning(point: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:
+    """Return the screw of a turn about a line."""
+    return angle * np.concatenate([np.cross(point, axis), axis])
+
+
+def reach(
+    name: str, what: str, one: Arm, stretched: np.ndarray, bend: np.ndarray, wrist: int, beyond: float
+) -> Case:
+    """Return the path straight out from the shoulder, from 0.25 m before full reach to so much beyond it."""
+    data = one.at(stretched)
+    axis, out = data.xaxis[1], data.xanchor[wrist] - data.xanchor[1]
+    out = out - axis * (axis @ out)
+    out /= np.linalg.norm(out)
+    p, R = data.site(one.site).xpos, data.site(one.site).xmat.reshape(3, 3)
+    start = one.solve(stretched + bend, p - 0.25 * out, R)
+    return case(name, what, one, start, line((0.25 + beyond) * out), 2.0)
+
+
+def wrist(name: str, what: str, one: Arm, q: np.ndarray, offset: float) -> Case:
+    """Return the path that turns the hand about axis 5 of the start, so far beside the singularity."""
+    data = one.at(q)
+    fifth, sixth = data.xaxis[4].copy(), data.xaxis[5].copy()
+    tilt, point = rotation(offset * np.cross(fifth, sixth)), data.xanchor[4].copy()
+    p, R = data.site(one.site).xpos, data.site(one.site).xmat.reshape(3, 3)
+    start = one.solve(q, point + tilt @ (p - point), tilt @ R)
+    return case(name, what, one, start, turning(point, fifth, -2 * q[4]), 2.0)
+
+
+@functools.cache
+def cases() -> tuple[Case, ...]:
+    """Return all cases."""
+    ur5e, fr3 = arm("ur5e", (3.1416,) * 6), arm("fr3", (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26))
+    stanford, puma = arm("stanford", (1.5, 1.5, 0.75, 4, 4, 4)), arm("puma560", (1.5, 1.5, 1.5, 4, 4, 4))
+    high = np.radians([0, -60, 120, -150, -90, 0])
+    straight = np.radians([0, -30, 0, -60, -90, 0])
+    out = np.radians([0, -30, 92.7, 0, 60, 0])
+    bent, folded = np.radians([0, -40, 80, -40, 0, 0]), np.radians([0, -35, 70, 0, -35, 0])
+    crossing = np.array([0, 1.2, 0.7, 0, 0.698, 0])
+    flat = np.radians([0, -90, 90, 0, 40, 0])
+    edge = np.array([0, -0.785, 0, -2.356, 0, 3.9, 0.785])
+    boom = np.array([0, 1.2, 1.1, 0, 1.2, 0])
+    along, about = stanford.at(boom).xaxis[2], fr3.at(edge)
+    straight_out = "Straight out to {} full reach, and back."
+    beside = "A turn of 80° about axis 5, there and back, that passes the wrist's singularity at {}°."
+    return (
+        case("far, UR5e", "0.2 m sideways, far from any singularity.", ur5e, high, line([0, 0.2, 0.05]), 2.0),
+        reach("reach - 5 mm, PUMA 560", straight_out.format("5 mm before"), puma, out, folded, 4, -0.005),
+        reach("reach + 1 mm, UR5e", straight_out.format("1 mm beyond"), ur5e, straight, bent, 3, 0.001),
+        wrist("wrist 1°, Stanford arm", beside.format(1), stanford, crossing, np.radians(1)),
+        wrist("wrist 1°, UR5e", beside.format(1), ur5e, flat, np.radians(1)),
+        wrist("wrist 0.1°, UR5e", beside.format(0.1), ur5e, flat, np.radians(0.1)),
+        case(
+            "joint limit, FR3", "A turn of 40° about axis 6, the last 83 mrad of it beyond the limit.",
+            fr3, edge, turning(about.xanchor[5], about.xaxis[5], 0.7), 2.0,
+        ),
+        case(
+            "boom limit, Stanford arm", "0.185 m along the boom, the last 15 mm of it beyond the limit.",
+            stanford, boom, line(0.185 * along), 2.0,
+        ),
+    )  # fmt: skip
+
+
+def line(v: ArrayLike) -> np.ndarray:
+    """Return the screw of a translation."""
+    return np.concatenate([np.asarray(v, float), np.zeros(3)])
+
+
+@dataclass(frozen=True)
+class Track:
+    """What came of a run, a row a tick."""
+
+    q: np.ndarray
+    qdot: np.ndarray
+    command: np.ndarray
+    error: np.ndarray
+
+
+def drive(one: Case, step: Callable[..., np.ndarray]) -> Track:
+    """Return what a loop does with an arm: its commands go to the servos, physics follow."""
+    model, ticks, n = one.arm.model, one.ticks, len(one.start)
+    data, site = one.arm.at(one.start), model.site(one.arm.site).id
+    q, qdot, command, error = (np.zeros((ticks, width)) for width in (n, n, n, 6))
+    for k in range(ticks):
+        pose, R_now = one.poses[k], data.site_xmat[site].reshape(3, 3)
+        error[k] = pose_error(pose.p, pose.T[:3, :3], data.site_xpos[site], R_now)
+        q[k], qdot[k] = data.qpos, data.qvel
+        command[k] = step(q[k], qdot[k], pose, one.twists[k], one.poses[k + 1])
+        data.ctrl[:] = command[k]
+        mujoco.mj_step(model, data)
+        mujoco.mj_fwdPosition(model, data)
+    return Track(q, qdot, command, error)
+
+
+def measure(one: Case, track: Track) -> dict[str, float]:
+    """Return the figures of a run, by the names of the columns."""
+    rate, n = track.command, len(one.start)
+    acceleration = np.diff(rate, axis=0, prepend=np.zeros((1, n))) / PERIOD
+    turns = (acceleration[1:] * acceleration[:-1] < 0) & (
+        np.minimum(np.abs(acceleration[1:]), np.abs(acceleration[:-1])) > CHATTER_FLOOR
+    )
+    lower, upper = one.arm.model.jnt_range.T
+    outside = np.maximum(track.q - upper, lower - track.q)
+    p, R = (np.linalg.norm(track.error[:, part], axis=1) for part in (slice(0, 3), slice(3, 6)))
+    return {
+        "peak rate": np.abs(rate).max(),
+        "rms rate": np.sqrt((rate**2).sum(axis=1).mean()),
+        "mm": 1e3 * p.max(), "mrad": 1e3 * R.max(),
+        "end mm": 1e3 * p[-1], "end mrad": 1e3 * R[-1],
+        "peak acc": np.abs(acceleration).max(), "rms acc": np.sqrt((acceleration**2).sum(axis=1).mean()),
+        "chatter": turns.sum(axis=0).max() / (one.ticks * PERIOD),
+        "rate over": (np.abs(rate) / one.arm.rate).max() - 1, "over": 1e3 * max(outside.max(), 0.0),
+    }  # fmt: skip
+
+
+def step_times(one: Case, step: Callable[..., np.ndarray], track: Track) -> np.ndarray:
+    """Return microseconds of this thread a step, a figure for each hundred ticks of a recorded run."""
+    found = []
+    for first in range(0, one.ticks - TIMED, TIMED):
+        rows = [
+            (track.q[k], track.qdot[k], one.poses[k], one.twists[k], one.poses[k + 1])
+            for k in range(first, first + TIMED)
+        ]
+        started = time.thread_time()
+        for row in rows:
+            step(*row)
+        found.append((time.thread_time() - started) / TIMED * 1e6)
+    return np.array(found)

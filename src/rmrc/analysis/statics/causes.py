@@ -1,0 +1,37 @@
+"""Why the drives do not give what statics says: what else bears a part of a wrench, and the way out."""
+
+import numpy as np
+
+from rmrc.analysis.statics.hold import LAST, HoldResult
+from rmrc.arm.bearing import ends, pulls
+from rmrc.arm.inventory import contacts
+from rmrc.show.sheets import number
+
+# A joint beside the arm that is faster moves [rad/s or m/s]; slower it creeps below its friction.
+MOVES = 1e-6
+
+
+def borne(held: HoldResult) -> str:
+    """Say what else bears a part of the wrench, and the way out; "" where nothing is found."""
+    arm, qpos = held.wanted.arm, held.run["qpos"]
+    touching = (one.bodies for one in contacts(arm, qpos[-1:]) if one.is_moved)
+    bears = [*ends(arm, qpos[-1]), *[f"{one} touches {other}" for one, other in touching][:1]]
+    said = []
+    if bears:
+        said.append(f"{' and '.join(bears)}, which bears a part: give other positions by --q or --keyframe")
+    if unknown := list(pulls(arm, qpos[0], qpos[-1])):
+        said.append(f"{' and '.join(unknown)}, which statics leaves out: take it out of a copy of the model")
+    if not said and (moves := _moves(held)):
+        said.append(f"{moves} still moves beside the arm: hold it for longer")
+    return "".join(f"; {one}" for one in said)
+
+
+def _moves(held: HoldResult) -> str:
+    """Return the joint beside the arm that moved most in the last tenth of a second, and how fast."""
+    model, others = held.wanted.arm.model, held.wanted.arm.others.addresses
+    last = held.run["qpos"][-round(LAST / held.run.period) :, others]
+    rates = np.ptp(last, axis=0) / LAST
+    if not len(rates) or rates.max() < MOVES:
+        return ""
+    joint = int(np.flatnonzero(model.jnt_qposadr <= others[np.argmax(rates)])[-1])
+    return f'joint "{model.joint(joint).name or joint}" ({number(rates.max())} rad/s or m/s)'

@@ -1,0 +1,66 @@
+"""What else than its drives acts on an arm at rest: ends of ranges, other actuators, what hangs there."""
+
+from collections.abc import Iterator
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.arm.arm import Arm
+from rmrc.arm.wiring import flex_bodies, flex_name, joints_above
+
+Array = NDArray[np.float64]
+
+# A joint or tendon is at the end of its range this near to it [rad or m]: MuJoCo's limits give a little.
+NEAR = 1e-3
+
+
+def ends(arm: Arm, qpos: Array) -> Iterator[str]:
+    """Yield which joints of an arm, and which tendons that it moves, are at the end of their ranges.
+
+    Args:
+        arm: The arm.
+        qpos: Where the model stands, (nq,).
+    """
+    q, near = qpos[arm.wiring.qpos], NEAR + arm.model.jnt_margin[arm.wiring.joint]
+    lower, upper = arm.position_limit.T
+    at_end = (q < lower + near) | (q > upper - near)
+    if names := [name for name, is_there in zip(arm.joints, at_end, strict=True) if is_there]:
+        yield f"{', '.join(names)} {'are' if len(names) > 1 else 'is'} at the end of the range"
+    model, length = arm.model, _at_rest(arm, qpos).ten_length
+    for i in np.flatnonzero(model.tendon_limited):
+        (low, high), gap = model.tendon_range[i], NEAR + model.tendon_margin[i]
+        if not low + gap <= length[i] <= high - gap and not _own(arm).isdisjoint(arm.others.along(int(i))):
+            yield f'tendon "{model.tendon(i).name or i}" is at the end of its range'
+
+
+def pulls(arm: Arm, start: Array, qpos: Array) -> Iterator[str]:
+    """Yield the actuators that pull at an arm and at something else, and each flex that hangs at it.
+
+    Args:
+        arm: The arm.
+        start: Where the model stood when their controls were chosen, (nq,).
+        qpos: Where it stands, (nq,).
+    """
+    model, data = arm.model, _at_rest(arm, qpos)
+    data.ctrl[:], data.act[:] = arm.others.controls(start, None, None, every=True)
+    mujoco.mj_fwdActuation(model, data)
+    for i in arm.others.kept:
+        if data.actuator_force[model.actuator_outadr[i]] and not _own(arm).isdisjoint(arm.others.pulled(i)):
+            yield f'actuator "{model.actuator(i).name or i}" pulls at the arm'
+    for i in range(model.nflex):
+        if any(not _own(arm).isdisjoint(joints_above(model, body)) for body in flex_bodies(model, i)):
+            yield f'flex "{flex_name(model, i)}" hangs at the arm'
+
+
+def _own(arm: Arm) -> frozenset[int]:
+    return frozenset([*arm.wiring.joint.tolist(), *arm.wiring.follower_joint.tolist()])
+
+
+def _at_rest(arm: Arm, qpos: Array) -> mujoco.MjData:
+    data = mujoco.MjData(arm.model)
+    data.qpos[:] = qpos
+    arm.place_mocap(data)
+    mujoco.mj_fwdPosition(arm.model, data)
+    mujoco.mj_fwdVelocity(arm.model, data)
+    return data

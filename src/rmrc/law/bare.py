@@ -1,0 +1,375 @@
+"""The law of a Jacobian that somebody else computes: no model, and no MuJoCo.
+
+    law = Law(7, 6, {"feedback": 0, "limits": {"rate": 2.0}})
+    while True:
+        rates = law.step(J, twist).qdot_cmd
+        ...
+
+`resolve_rates` is its inverse alone, for one Jacobian and one twist.
+"""
+
+import math
+import threading
+import time
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, ClassVar
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from rmrc.law.command import Command
+from rmrc.law.fit import misfits
+from rmrc.law.jit import Array, machine_code
+from rmrc.law.law import TaskLaw, resolve
+from rmrc.law.loop import RATES, Loop, taken
+from rmrc.law.record import ROWS, Field, records, tick_type
+from rmrc.law.sight import Sight
+from rmrc.law.step import JACOBIAN_ALONE, Given
+from rmrc.law.task import BareJoints, BareTask, Task
+from rmrc.scenario import ControlSection, ControlSource, read_controls
+from rmrc.scenario.choices import INVERSES, LIMITS, OBJECTIVES, POLICIES, SCHEDULES, Choice, Choices
+from rmrc.support.errors import QuestionError, ScenarioError, did_you_mean
+from rmrc.support.legible import shortened
+from rmrc.support.problems import Problem
+
+TWIST = int(Given.TWIST)
+
+
+class Law(Loop):
+    """The law without an arm: a Jacobian and a twist in, joint rates within the limits out.
+
+    It is the same compiled law as that of a run. What needs the arm itself, `Controller` has: a pose, the
+    objectives `manipulability` and `secondary`, the metric `inertia`, and all policies but `damp` and `slow`.
+
+    Attributes:
+        n: Number of joints.
+        m: Number of task rows.
+        control: What it does.
+    """
+
+    def __init__(
+        self,
+        n: int,
+        m: int = 6,
+        control: ControlSource = None,
+        *,
+        period: float | None = None,
+        weights: Sequence[float] | None = None,
+        position_limit: ArrayLike | None = None,
+        rate_limit: ArrayLike | None = None,
+        joints: Sequence[str] | None = None,
+        watchdog: float | None = None,
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Make the law.
+
+        Args:
+            n: Number of joints.
+            m: Number of task rows, 1 to 6.
+            control: As in `Controller`.
+            period: Time between two steps [s]; None for that of `control`.
+            weights: Task weights W_x, (m,); None: all 1.
+            position_limit: Lower and upper position of each joint, (n, 2) [rad or m]; None: none are kept.
+                With limits `step` needs q.
+            rate_limit: Largest rates where `control` has none, (n,) [rad/s or m/s]; None: none.
+            joints: Names of the joints, which messages and `limited_by` use.
+            watchdog: See `watchdog`.
+            clock: By which a step is overdue [s].
+
+        Raises:
+            QuestionError: A shape or a number will not do.
+            ScenarioError: What `control` says cannot be used, or does not fit n and m.
+        """
+        if not (isinstance(n, int) and n > 0 and isinstance(m, int) and 0 < m <= ROWS):
+            raise QuestionError(f"n must be 1 or more, and m 1 to {ROWS}, got n {n} and m {m}")
+        names = tuple(joints) if joints is not None else tuple(f"joint{j}" for j in range(n))
+        limit = _limits("position_limit", position_limit, (n, 2), [-math.inf, math.inf])
+        rate = _limits("rate_limit", rate_limit, (n,), math.inf)
+        if len(names) != n or (limit[:, 0] > limit[:, 1]).any() or (rate < 0.0).any():
+            raise QuestionError(
+                f"joints must have {n} names, position_limit lower ends first, and rate_limit nothing below 0"
+            )
+        self.n, self.m = n, m
+        self.control = read_controls(control, period).control
+        self._joints = BareJoints(names, limit, rate)
+        task = BareTask(self._joints, m, weights, self.control.joint_weights)
+        if weights is not None and (len(weights) != m or min(weights) <= 0.0):
+            raise QuestionError(f"weights must be {m} numbers > 0, got {list(weights)}")
+        found = [
+            Problem(tuple(key.split(".")), text) for key, text in _misfits(self.control, m, self._joints)
+        ]
+        if found:
+            raise ScenarioError(found)
+        self._task = task
+        posture = self.control.nullspace.objective == "posture"
+        self._needs_q = bool(np.isfinite(limit).any() and self.control.limits.position) or posture
+        super().__init__(names, m, self.control.period, clock)
+        self.reset()
+        self.watchdog = watchdog
+
+    def reset(self, q: ArrayLike | None = None, *, worlds: int | None = None) -> None:
+        """Forget all steps: the next one is the first, from rest.
+
+        Args:
+            q: Where the joints are, (n,), or (w, n) for a batch of w worlds [rad or m]; the posture of the
+                null space is that where `control` has none. None: as many worlds as there were, and q of the
+                first step.
+            worlds: Number of worlds, instead of q.
+
+        Raises:
+            QuestionError: q has another shape, or is not finite.
+        """
+        shape = (self.n,) if worlds is None else (worlds, self.n)
+        if q is None and worlds is None and hasattr(self, "_worlds"):
+            self._forget()
+            return
+        starts = started("q", np.zeros(shape) if q is None else q, self.n)
+        laws = [TaskLaw(self._task, self.control, start) for start in starts.reshape(-1, self.n)]
+        self._renew([[self._task, law, Sight()] for law in laws], self.n, starts.ndim == 1)
+        J = self._worlds["J"][:, : self.m, : self.n]
+        self._J = J[0] if self._is_one else J
+        if q is not None:
+            self._worlds["q"][:, : self.n] = self._worlds["q_cmd"][:, : self.n] = starts
+
+    def step(
+        self, J: ArrayLike, twist: ArrayLike, q: ArrayLike | None = None, qdot: ArrayLike | None = None
+    ) -> Command:
+        """Return what to command for the next period; nothing is raised, and nothing kept.
+
+        Args:
+            J: Jacobian of the task, (m, n), or (w, m, n) of a batch, in the axes of the twist.
+            twist: Wanted velocity of the task, feedback included, (m,) or (w, m) [m/s, rad/s].
+            q: Joint positions, as measured, (n,) or (w, n) [rad or m]; position limits and the objective
+                `posture` need them.
+            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; they are checked, and no term needs
+                them.
+
+        Returns:
+            Views that the next step writes over. What cannot be used brakes the joints: see
+            `Command.problem`.
+        """
+        given = TWIST
+        try:
+            if J.shape != self._J.shape:  # type: ignore[union-attr]
+                raise ValueError
+            self._J[...] = J
+            self._twist[:] = twist
+            if q is not None:
+                self._q[:] = q
+            if qdot is not None:
+                self._qdot[:] = qdot
+                given |= RATES
+        except Exception:
+            return self._step_with_care(J, twist, q, qdot)
+        if q is None and self._needs_q:
+            return self._refuse("q is needed: position limits or a posture depend on it")
+        return self._finish(given)
+
+    def _step_with_care(
+        self, J: ArrayLike, twist: ArrayLike, q: ArrayLike | None, qdot: ArrayLike | None
+    ) -> Command:
+        """Take what is no array of 64 bits of the right shape, or say why not."""
+        n, w = self.n, len(self._worlds)
+        rows, twists = ([(n,)], [(self.m,)]) if self._is_one else ([(w, n), (n,)], [(w, self.m), (self.m,)])
+        wrong = taken("J", J, self._J, [self._J.shape]) or taken("twist", twist, self._twist, twists)
+        for name, values in (("q", q), ("qdot", qdot)):
+            wrong = wrong or (taken(name, values, self._put[name], rows) if values is not None else "")
+        if not wrong and q is None and self._needs_q:
+            wrong = "q is needed: position limits or a posture depend on it"
+        if wrong and not self._is_one:
+            wrong += f"; reset made a batch of {w}"
+        elif wrong and getattr(J, "ndim", 0) == 3:
+            wrong += "; reset(worlds=...) makes a batch"
+        return self._refuse(wrong) if wrong else self._finish(TWIST | (RATES if qdot is not None else 0))
+
+
+def _limits(name: str, given: ArrayLike | None, shape: tuple[int, ...], nothing: Any) -> Array:
+    if given is None:
+        return np.full(shape, nothing)
+    try:
+        values = np.array(given, np.float64)
+    except (TypeError, ValueError):
+        raise QuestionError(f"{name} must be numbers, got {shortened(repr(given))}") from None
+    if values.shape != shape or np.isnan(values).any():
+        raise QuestionError(f"{name} must be {shape} and no NaN, got {shortened(str(values.tolist()))}")
+    return values
+
+
+def started(name: str, q: ArrayLike, n: int) -> Array:
+    """Return joint positions to start from, (n,) or (w, n).
+
+    Raises:
+        QuestionError: They have another shape, or are not finite.
+    """
+    try:
+        values = np.array(q, np.float64)
+    except (TypeError, ValueError):
+        raise QuestionError(f"{name} must be numbers, got {shortened(repr(q))}") from None
+    if values.ndim not in (1, 2) or values.shape[-1] != n or not values.size:
+        raise QuestionError(f"{name} must be ({n},) or (w, {n}), got {values.shape}")
+    if not np.isfinite(values).all():
+        raise QuestionError(f"{name} must be finite, got {shortened(str(values.tolist()))}")
+    return values
+
+
+def _misfits(control: ControlSection, m: int, joints: BareJoints) -> list[tuple[str, str]]:
+    found = list(misfits(control, m, joints))
+    needs = "needs the arm's kinematics, which a Jacobian alone does not tell; take rmrc.Controller"
+    objective, policy = control.nullspace.objective, control.at_singularity
+    if objective in ("manipulability", "secondary"):
+        found.append(("control.nullspace.objective", f'"{objective}" {needs}'))
+    if objective == "joint_limits" and not np.isfinite(joints.position_limit).all():
+        found.append(("control.nullspace.objective", '"joint_limits" needs position_limit of all joints'))
+    if policy in ("stop", "singularity_consistent", "keep_out"):
+        found.append(("control.at_singularity", f'"{policy}" {needs}'))
+    if control.inverse.metric == "inertia":
+        found.append(("control.inverse.metric", f'"inertia" {needs}'))
+    if INVERSES[control.inverse.method].is_scheduled and control.inverse.damping.schedule == "error":
+        found.append(
+            ("control.inverse.damping.schedule", '"error" needs the error of a pose; take rmrc.Controller')
+        )
+    return found
+
+
+# One inverse ---------------------------------------------------------------------------------------
+
+
+def resolve_rates(
+    J: ArrayLike,
+    twist: ArrayLike,
+    method: str = INVERSES.default,
+    *,
+    schedule: str = SCHEDULES.default,
+    damping_maximum: float = 0.1,
+    damping_below: float = 0.3,
+    manipulability_below: float = 0.3,
+    error_gain: float = 1.0,
+    error: float = 0.0,
+    tolerance: float = 1e-6,
+    cutoff: float = 0.01,
+    gamma: float = 0.1,
+    rate_bound: float = 2.0,
+    **others: float,
+) -> Array:
+    """Return the joint rates that one inverse answers to one twist: the law for a notebook.
+
+    The defaults are those of a scenario.
+
+    Args:
+        J: Jacobian of the task, (m, n), m <= 6.
+        twist: Commanded task velocity, (m,).
+        method: One of the inverses; `inverse` needs a square J.
+        schedule: How the damping of `damped` is chosen.
+        damping_maximum: λ_max, in the units of σ.
+        damping_below: ε, where `smallest_singular_value` and the method `filtered` start to damp.
+        manipulability_below: w₀, where `manipulability` starts to damp.
+        error_gain: λ of the schedule `error` for an error of 1.
+        error: Norm of the task error, for that schedule.
+        tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
+        cutoff: `truncated` drops σ_i <= cutoff.
+        gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
+        rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
+        others: Parameters without a name here, by their key below `control.inverse`, with `_` for the dots.
+
+    Returns:
+        Joint rates, (n,).
+
+    Raises:
+        ValueError: A shape or a name that the law does not have.
+
+    >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), schedule="constant").round(3)
+    array([0.99, 5.  ])
+    >>> resolve_rates(np.diag([1.0, 0.01]), np.array([1.0, 1.0]), "jparse", gamma=0.1).round(3)
+    array([1., 1.])
+    """
+    J, twist = np.asarray(J, np.float64), np.asarray(twist, np.float64)
+    J = J if J.ndim > 1 else J[None]
+    numbers = (
+        damping_maximum, damping_below, manipulability_below, error_gain, tolerance, cutoff, gamma, rate_bound
+    )  # fmt: skip
+    key = J.shape, method, schedule, numbers, *others.items()
+    known: dict[Any, _Resolved] = _known.__dict__
+    one = known.get(key)
+    if one is None:
+        while len(known) >= MOST_KNOWN:
+            del known[next(iter(known))]
+        given = dict(zip(_NAMES, numbers, strict=True)) | others
+        one = known[key] = _Resolved(J.shape, method, schedule, given)
+    return one(J, twist, error)
+
+
+# Of the numbers above, by their keys below `control.inverse`.
+_NAMES = (
+    "damping_maximum", "damping_below", "damping_manipulability_below", "damping_error_gain", "tolerance",
+    "cutoff", "gamma", "rate_bound",
+)  # fmt: skip
+MOST_KNOWN = 64
+_known = threading.local()
+
+
+class _Resolved:
+    """One inverse for Jacobians of one shape: its records are made once, and used by one thread."""
+
+    def __init__(
+        self, shape: tuple[int, ...], method: str, schedule: str, parameters: Mapping[str, float]
+    ) -> None:
+        if len(shape) != 2 or not 0 < shape[0] <= ROWS or not shape[1]:
+            raise ValueError(f"J must be (m, n) with m <= {ROWS}, got {shape}")
+        m, n = shape
+        codes = {INVERSES.field: _code("method", method, INVERSES)}
+        codes[SCHEDULES.field] = _code("schedule", schedule, SCHEDULES)
+        if INVERSES[method].needs_square and m != n:
+            raise ValueError(f"method '{method}' needs a square J, got {shape}")
+        known = {
+            one.field.removeprefix("inverse_"): one for one in (*INVERSES.parameters, *SCHEDULES.parameters)
+        }
+        for name in parameters:
+            if name not in known:
+                raise ValueError(f'no inverse has a parameter "{name}"{did_you_mean(name, known)}')
+        defaults = {name: one.null if one.default is None else one.default for name, one in known.items()}
+        chosen = {one.field: (defaults | dict(parameters))[name] for name, one in known.items()}
+        self._worlds, self._ticks = records(n, [_Inverse(m, n, chosen | codes)]), np.zeros(1, tick_type(n))
+        (world,), (tick,) = self._worlds, self._ticks
+        self._J, self._twist, self._error = world["J"][:m, :n], world["twist_cmd"][:m], self._worlds["error"]
+        self._rates, self._age = tick["qdot_cmd"][:n], self._worlds["age"]
+        self._nothing, self._world, self._tick = np.zeros(shape), world, tick
+        self._resolve = machine_code(resolve, world, tick)
+
+    def __call__(self, J: Array, twist: Array, error: float) -> Array:
+        if twist.shape != self._twist.shape:
+            raise ValueError(
+                f"J must be (m, n) with m <= {ROWS} and twist (m,), got {J.shape}, {twist.shape}"
+            )
+        if (
+            np.vdot(J, self._nothing) != 0.0 or np.vdot(twist, self._nothing[:, 0]) != 0.0
+        ):  # 0 times what is not finite
+            raise ValueError("J and twist must be finite")
+        self._J[...], self._twist[...], self._error[0], self._age[0] = J, twist, error, 0
+        self._resolve(self._world, self._tick)
+        rates: Array = self._rates.copy()
+        return rates
+
+
+class _Inverse:
+    """A task without an arm, and a law that inverts it and does nothing else."""
+
+    fields: ClassVar[tuple[Field, ...]] = (*Task.fields, *TaskLaw.fields, *Sight.fields)
+
+    def __init__(self, m: int, n: int, chosen: Mapping[str, Any]) -> None:
+        joints = BareJoints(("",) * n, np.zeros((n, 2)), np.zeros(n))
+        self._task, self._chosen = BareTask(joints, m), chosen
+
+    def write(self, world: np.void) -> None:
+        self._task.write(world)
+        world["sites"] = JACOBIAN_ALONE
+        for choices, nothing in ((OBJECTIVES, "none"), (LIMITS, "none"), (POLICIES, "damp")):
+            world[choices.field] = choices.code(nothing)
+        for field, value in self._chosen.items():
+            world[field] = value
+
+
+def _code(key: str, name: str, choices: Choices[Choice]) -> int:
+    if name not in choices.names:
+        known, hint = ", ".join(choices.names), did_you_mean(name, choices.names)
+        raise ValueError(f'{key} must be one of {known}, got "{name}"{hint}')
+    return choices.code(name)

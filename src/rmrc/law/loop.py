@@ -1,0 +1,246 @@
+"""What `Controller` and `Law` have in common: records of worlds, one compiled call a period, a watchdog."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from rmrc.law.command import Command
+from rmrc.law.jit import Array, machine_code
+from rmrc.law.record import MEMORY, Writer, records, tick_type
+from rmrc.law.step import OVERDUE, STOPPED, Given, step
+from rmrc.support.errors import QuestionError
+
+RATES, REFUSED = int(Given.RATES), int(Given.REFUSED)
+# Periods that are braked at most where no step came in time: any arm is at rest by then.
+MOST_LATE = 1_000_000
+# A part of a period by which clocks may differ.
+ON_TIME = 1e-6
+# Stand for MuJoCo's data where nothing reads them.
+NOTHING = np.zeros((1, 3)), np.zeros((1, 4)), np.zeros((1, 3)), np.zeros((1, 3))
+
+
+class Loop:
+    """A law that is stepped from Python, one world or a batch of them.
+
+    Attributes:
+        joints: Names of the joints, n of them.
+        period: Time from one step to the next [s].
+        command: What the last step gave; the next one writes over it.
+    """
+
+    command: Command
+
+    def __init__(self, joints: Sequence[str], rows: int, period: float, clock: Callable[[], float]) -> None:
+        """Keep what does not change: names, rows of the twist that is given, the period."""
+        self._rows = rows
+        self.joints, self.period, self._clock = tuple(joints), period, clock
+        self._watchdog: float | None = None
+        self._shadow: _Shadow | None = None
+
+    # Records --------------------------------------------------------------------------------------
+
+    def _renew(self, writers: Sequence[Sequence[Writer]], axes: int, is_one: bool) -> None:
+        """Make the records of worlds anew, and the views that steps write through."""
+        n = len(self.joints)
+        self._worlds = worlds = records(n, *writers, axes=axes)
+        self._ticks = ticks = np.zeros(len(worlds), tick_type(n))
+        worlds["called"] = math.nan
+        self._is_one, self._given = is_one, 0
+        self._codes, self._late, self._called = worlds["given"], worlds["late"], worlds["called"]
+        self.command = Command(worlds, ticks, self.joints, is_one)
+        self._put = {
+            name: _entrance(values[:, :size], is_one)
+            for name, values, size in (
+                ("q", worlds["q"], n), ("qdot", worlds["qdot"], n), ("q_target", worlds["q_target"], n),
+                ("qdot_target", worlds["qdot_target"], n), ("pose", ticks["pose_ref"], 7),
+                ("vector", worlds["given_vector"], 6), ("twist", ticks["twist_ref"], self._rows),
+            )
+        } | {"matrix": _Rows(worlds["given_matrix"])}  # fmt: skip
+        self._q, self._qdot, self._twist = self._put["q"], self._put["qdot"], self._put["twist"]
+        self._matrix = self._put["matrix"]
+        self._watch()
+        self._point_at(*NOTHING)
+
+    def _point_at(self, *arrays: Array) -> None:
+        """Have steps read these fields of MuJoCo's data."""
+        self._arrays = arrays
+        self._act: Callable[[], None] = self._load_and_act
+
+    def _load_and_act(self) -> None:
+        self.warm_up()
+        self._act()
+
+    def warm_up(self) -> None:
+        """Compile the law, or load its machine code: seconds or tenths, which the first step takes else."""
+        arguments: Any = (self._worlds, self._ticks, *self._arrays)
+        self._act = partial(machine_code(step, *arguments), *arguments)
+
+    def _forget(self) -> None:
+        for field in MEMORY:
+            self._worlds[field.name] = field.start
+        self._worlds["q_cmd"], self._worlds["returning"], self._called[:] = math.nan, 0.0, math.nan
+
+    # Steps ----------------------------------------------------------------------------------------
+
+    def _finish(self, given: int) -> Command:
+        """Call the law, once all that is given stands in the records."""
+        if given != self._given:
+            self._codes[:] = self._given = given
+        if self._watchdog is not None:
+            self._look_at_the_clock()
+        self._act()
+        if self._shadow is not None:
+            self._shadow.publish()
+        return self.command
+
+    def _refuse(self, given: str) -> Command:
+        """Brake, as what was given cannot be used; the text says why."""
+        self.command.refusal = given
+        return self._finish(REFUSED)
+
+    # Watchdog -------------------------------------------------------------------------------------
+
+    @property
+    def watchdog(self) -> float | None:
+        """Time after which a step is overdue [s]; None: steps may come when they like.
+
+        A command holds for so long after its step. From then on it is braked by a period for each period that
+        goes by: `command_at` has what is to be sent meanwhile, and the next step goes on from there, and says
+        OVERDUE. No thread is started.
+
+        Raises:
+            QuestionError: It is set to what is no positive time.
+        """
+        return self._watchdog
+
+    @watchdog.setter
+    def watchdog(self, seconds: float | None) -> None:
+        if seconds is not None and not 0.0 < seconds < math.inf:
+            raise QuestionError(f"watchdog must be > 0 and finite [s], or None, got {seconds}")
+        self._watchdog = seconds
+        self._watch()
+
+    def _watch(self) -> None:
+        self._shadow = (
+            None if self._watchdog is None else _Shadow(self._worlds, self._ticks, self.joints, self._is_one)
+        )
+
+    def _periods_late(self, gap: float) -> int:
+        """Return in how many periods a command is braked that was given so long ago."""
+        assert self._watchdog is not None
+        over = (gap - self._watchdog) / self.period - ON_TIME
+        return min(MOST_LATE, math.ceil(over)) if over > 0.0 else 0  # NaN is not late
+
+    def _look_at_the_clock(self) -> None:
+        now = self._clock()
+        late = self._periods_late(now - self._called.item(0))
+        if late:
+            self._late[:] = late
+        self._called[:] = now
+
+    def command_at(self, time: float | None = None) -> Command:
+        """Return what is to be sent at a time: the last command, or a braked one where a step is overdue.
+
+        It may be called from another thread than `step`, as by a driver that sends at a fixed rate, by one
+        thread alone. Nothing of the law changes.
+
+        Args:
+            time: By the clock of the controller [s]; None: now.
+
+        Returns:
+            Views that the next call writes over.
+
+        Raises:
+            QuestionError: There is no watchdog.
+        """
+        shadow = self._shadow
+        if shadow is None:
+            raise QuestionError(
+                "command_at needs a watchdog: set it to the time after which a step is overdue"
+            )
+        called = shadow.read()
+        now = self._clock() if time is None else time
+        return shadow.braked(self._periods_late(now - called))
+
+
+class _Shadow:
+    """What another thread may read while a step goes on: a copy of the records as the last step left them.
+
+    Bytes are copied in one go, which Python's lock does not interrupt.
+    """
+
+    def __init__(
+        self, worlds: NDArray[np.void], ticks: NDArray[np.void], joints: Sequence[str], is_one: bool
+    ) -> None:
+        published = worlds.copy(), ticks.copy()
+        self._own = worlds.copy(), ticks.copy()
+        self._from, self._to, self._last = _bytes(worlds, ticks), _bytes(*published), _bytes(*self._own)
+        self.command = Command(*self._own, joints, is_one)
+        self._act: Callable[[], None] | None = None
+
+    def publish(self) -> None:
+        for to, source in zip(self._to, self._from, strict=True):
+            to[:] = source
+
+    def read(self) -> float:
+        for to, source in zip(self._last, self._to, strict=True):
+            to[:] = source
+        return float(self._own[0]["called"].item(0))
+
+    def braked(self, periods: int) -> Command:
+        worlds, ticks = self._own
+        if periods:
+            if self._act is None:
+                arguments: Any = (*self._own, *NOTHING)
+                self._act = partial(machine_code(step, *arguments), *arguments)
+            worlds["given"], worlds["late"] = REFUSED, periods - 1
+            self._act()
+            ticks["status"] = OVERDUE | STOPPED
+        return self.command
+
+
+def _bytes(*records: Any) -> list[memoryview]:
+    return [memoryview(one.view(np.uint8)) for one in records]
+
+
+class _Rows:
+    """Takes the values of all worlds, (w, size), or of one for all of them, (size,)."""
+
+    def __init__(self, values: Array) -> None:
+        self._values, self._shapes = values, (values.shape, values.shape[1:])
+
+    def __setitem__(self, all_of_it: slice, given: NDArray[Any]) -> None:
+        if given.shape not in self._shapes:
+            raise ValueError
+        self._values[...] = given
+
+
+def _entrance(values: Array, is_one: bool) -> Any:
+    """Return what takes all values of a row by `[:] =`, and refuses what has another shape.
+
+    A memoryview does for one world, in a third of the time of an array, and takes numbers of 64 bits alone.
+    """
+    return memoryview(values[0]) if is_one else _Rows(values)
+
+
+def taken(name: str, given: ArrayLike, entrance: Any, shapes: Sequence[tuple[int, ...]]) -> str:
+    """Put values where a step takes them, whatever holds them; return why not, or "".
+
+    Args:
+        name: Of the argument.
+        given: Its values.
+        entrance: Where they go.
+        shapes: That it may have.
+    """
+    try:
+        values = np.asarray(given, np.float64)
+    except Exception:  # whatever an object that is no array raises
+        return f"{name} must be numbers, got {type(given).__name__}"
+    if values.shape not in shapes:
+        return f"{name} must be {' or '.join(map(str, shapes))}, got {values.shape}"
+    entrance[:] = np.ascontiguousarray(values)
+    return ""

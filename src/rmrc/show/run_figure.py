@@ -1,0 +1,211 @@
+"""The figure of one run: how an arm crossed a singularity, joint by joint."""
+
+import math
+from collections.abc import Callable, Sequence
+from functools import partial
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from rmrc.results.run import Run
+from rmrc.show.figures import DASHES, plain
+from rmrc.show.panels import (
+    DOTTED,
+    GRAY,
+    NAMES,
+    SPANS,
+    Array,
+    Panel,
+    applies,
+    arranged,
+    decades,
+    draw_spans,
+    frame_path,
+    in_words,
+    legend,
+    name_lanes,
+    paints,
+    power,
+    rate_unit,
+    split_error,
+    statuses,
+    thinned,
+    torque_unit,
+)  # fmt: skip
+
+# Rates are drawn up to so many times their limits; where a peak is beyond, its value is written.
+CLIPPED = 1.6
+# Without limits, rates are drawn on a signed logarithmic scale if the peak is so many times the median peak.
+BLOWN_UP = 30.0
+# Torque limits are drawn up to so many times the peak: farther away they would flatten the curves.
+FAR = 3.0
+
+
+def figure(run: Run, names: Sequence[str], width: float) -> Figure:
+    """Return the figure of a run, in the sizes of letters of the context.
+
+    Args:
+        run: Of one tick at least.
+        names: Of the panels, from the top; none: all that the run has something for.
+        width: Of the figure [in].
+    """
+    chosen = names or [name for name in NAMES if applies(name, run)]
+    panels = [Panel(name, partial(_DRAW[name], run=run), len(statuses(run))) for name in chosen]
+    return arranged(panels, max(float(run["time"][-1]), run.period), width)
+
+
+def _draw_path(axes: Axes, run: Run) -> None:
+    """Draw the path wanted and the path taken, on the two world axes along which most happens."""
+    wanted, taken = run["pose_ref"][:, :3], run["pose"][:, :3]
+    first, second = frame_path(axes, [wanted, taken])
+    blue = paints(1)[0]
+    axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
+    axes.plot(taken[:, first], taken[:, second], color=blue, linewidth=1.1, label="actual")
+    closest = int(np.argmin(run["sigma"][:, -1]))
+    axes.plot(*taken[0, [first, second]], "o", color=blue, markersize=4, label="start")
+    axes.plot(
+        *taken[closest, [first, second]], "D", color="black", markersize=4, markerfacecolor="none",
+        label=r"smallest $\sigma_{\min}$",
+    )  # fmt: skip
+    legend(axes, 2)
+
+
+def _draw_rates(axes: Axes, run: Run) -> None:
+    """Draw measured and commanded rates against their limits; a peak beyond the plot is written."""
+    colors, limit = paints(len(run.joints)), np.array(run.rate_limit or [math.inf] * len(run.joints))
+    for j, (name, paint) in enumerate(zip(run.joints, colors, strict=True)):
+        dashes = (0, DASHES[j % len(DASHES)])
+        axes.plot(*thinned(run["time"], run["qdot"][:, j]), color=paint, linestyle=dashes, label=plain(name))
+        axes.plot(*thinned(run["time"], run["qdot_cmd"][:, j]), color=paint, linewidth=0.5, alpha=0.6)
+    known = sorted(set(limit[np.isfinite(limit)].tolist()))
+    _draw_limits(axes, limit, colors)
+    both = np.abs(np.hstack([run["qdot"], run["qdot_cmd"]]))
+    peak = float(both.max())
+    if known and peak > CLIPPED * known[-1]:
+        axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
+        joint = run.joints[int(both.max(axis=0).argmax()) % len(run.joints)]
+        axes.text(
+            0.99, 0.96, f"peak {_grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})",
+            transform=axes.transAxes, va="top", ha="right",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
+        )  # fmt: skip
+    elif peak > BLOWN_UP * max(float(np.median(both.max(axis=1))), 1e-12):
+        axes.set_yscale("symlog", linthresh=power(float(np.median(both.max(axis=1)))))
+    axes.set_ylabel(rf"rate $\dot q$ [{rate_unit(run)}/s]")
+    legend(axes, 4)
+
+
+def _draw_sigma(axes: Axes, run: Run) -> None:
+    """Draw the smallest singular value, the damping, and where damping begins, on a logarithmic scale."""
+    (blue, orange), time = paints(2), run["time"]
+    sigma, damping = run["sigma"][:, -1], run["damping"]
+    axes.plot(*thinned(time, sigma), color=blue, label=r"$\sigma_{\min}$")
+    shown = [sigma[sigma > 0.0]]
+    if (damping > 0.0).any():
+        axes.plot(
+            *thinned(time, np.where(damping > 0.0, damping, np.nan)), color=orange,
+            linestyle=(0, DASHES[1]), label=r"$\lambda$",
+        )  # fmt: skip
+        shown.append(damping[damping > 0.0])
+    if run.damping_below > 0.0:
+        axes.axhline(run.damping_below, color="black", linewidth=0.7, linestyle=DOTTED,
+                     label=r"$\varepsilon$")  # fmt: skip
+        shown.append(np.array([run.damping_below]))
+    axes.set_yscale("log")
+    if len(positive := np.concatenate(shown)):
+        axes.set_ylim(decades(positive))
+    axes.set_ylabel(r"$\sigma$, $\lambda$ [1]" if len(shown) > 1 else r"$\sigma$ [1]")
+    legend(axes, 4)
+
+
+def _draw_error(axes: Axes, run: Run) -> None:
+    """Draw the position error along and across the path, and the rotation error."""
+    (blue, orange, green), time = paints(3), run["time"]
+    moved = [i for i, axis in enumerate("xyz") if axis in run.axes]
+    if moved and run.view.frame == "world":
+        along, across = split_error(run, moved)
+        axes.plot(*thinned(time, 1e3 * along), color=blue, label="along the path [mm]")
+        axes.plot(*thinned(time, 1e3 * across), color=orange, linestyle=(0, DASHES[1]), label="across [mm]")
+    elif moved:
+        off = np.linalg.norm(run["pose_error"][:, moved], axis=1)
+        axes.plot(*thinned(time, 1e3 * off), color=blue, label="position [mm]")
+    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in run.axes]
+    if turned:
+        off = np.linalg.norm(run["pose_error"][:, turned], axis=1)
+        axes.plot(*thinned(time, 1e3 * off), color=green, linestyle=(0, DASHES[2]), label="rotation [mrad]")
+    axes.set_ylabel(f"error [{'mm, mrad' if moved and turned else 'mrad' if turned else 'mm'}]")
+    legend(axes, 3)
+
+
+def _draw_torque(axes: Axes, run: Run) -> None:
+    """Draw the actuator torques against their limits."""
+    for j, (name, paint) in enumerate(zip(run.joints, paints(len(run.joints)), strict=True)):
+        dashes = (0, DASHES[j % len(DASHES)])
+        axes.plot(*thinned(run["time"], run["tau"][:, j]), color=paint, linestyle=dashes, label=plain(name))
+    peak = float(np.abs(run["tau"]).max())
+    limit = np.array(run.torque_limit or [math.inf] * len(run.joints))
+    _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), paints(len(run.joints)))
+    axes.set_ylabel(rf"torque $\tau$ [{torque_unit(run)}]")
+    legend(axes, 4)
+
+
+def _draw_pace(axes: Axes, run: Run) -> None:
+    """Draw the pace along the path."""
+    axes.plot(*thinned(run["time"], run["path_rate"]), color=paints(1)[0])
+    axes.set_ylim(-0.05, 1.1)
+    axes.set_ylabel(r"pace $\dot s$ [1]")
+    axes.grid(color="0.92", linewidth=0.6)
+
+
+def _draw_status(axes: Axes, run: Run) -> None:
+    """Draw when each status holds, a lane each."""
+    flags = statuses(run)
+    for lane, flag in enumerate(flags):
+        draw_spans(axes, run, flag, lane, "0.4")
+    name_lanes(axes, [in_words(flag) for flag in flags])
+
+
+def _draw_filter(axes: Axes, run: Run) -> None:
+    """Draw the gain that the inverse gave each direction, over its singular value."""
+    sigma, gain = run["sigma"].ravel(), run["gain"].ravel()
+    order = np.argsort(sigma, kind="stable")
+    sigma, gain = sigma[order], gain[order]
+    seen = (sigma > 0.0) & (gain > 0.0)
+    if seen.any():
+        every = max(1, int(seen.sum()) // (2 * SPANS))
+        blue = paints(1)[0]
+        axes.plot(
+            sigma[seen][::every], gain[seen][::every], ".", color=blue, markersize=2.5, label="of the run"
+        )
+        ends = np.array([sigma[seen][0], sigma[-1]])
+        axes.plot(ends, 1.0 / ends, "--", color=GRAY, label=r"$1/\sigma$")
+        axes.set_yscale("log")
+        axes.set_xscale("log")
+        axes.set_xlim(decades(sigma[seen]))
+        axes.set_ylim(decades(gain[seen]))
+    axes.set_xlabel(r"$\sigma$ [1]")
+    axes.set_ylabel(r"gain $g(\sigma)$ [1]")
+    axes.grid(color="0.92", linewidth=0.6)
+    legend(axes, 2)
+
+
+def _draw_limits(axes: Axes, limit: Array, colors: Sequence[str]) -> None:
+    """Draw finite limits of joints, (n,), to both sides: black where they are one, else in their colors."""
+    finite = np.isfinite(limit)
+    is_one = len(set(limit.tolist())) == 1
+    for i, j in enumerate(np.flatnonzero(finite)[: 1 if is_one else None]):
+        for side in (limit[j], -limit[j]):
+            axes.axhline(side, color="black" if is_one else colors[j], linewidth=0.8, linestyle=DOTTED,
+                         label="limit" if i == 0 and side > 0 else None)  # fmt: skip
+
+
+def _grouped(value: float) -> str:
+    """Return a number of four digits, or whole with its thousands apart."""
+    return f"{value:,.0f}" if value >= 1e3 else f"{value:.4g}"
+
+
+_DRAW: dict[str, Callable[..., None]] = {
+    "path": _draw_path, "rates": _draw_rates, "sigma": _draw_sigma, "error": _draw_error,
+    "torque": _draw_torque, "pace": _draw_pace, "status": _draw_status, "g": _draw_filter,
+}  # fmt: skip

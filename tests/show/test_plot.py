@@ -1,0 +1,191 @@
+"""The figures of runs: what their panels show is what the columns hold, in sizes that a journal takes."""
+
+import dataclasses
+import re
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from project import ROOT
+from rmrc.results.run import Run, read_runs
+from rmrc.show.panels import NAMES, OVER_TIME, SPANS, thinned
+from rmrc.show.plot import plot
+from rmrc.study.verbs import compare
+from rmrc.study.verbs import run as run_scenario
+from rmrc.support.errors import QuestionError
+from wording import says
+
+TIMED = [name for name in NAMES if name in OVER_TIME]
+
+
+@pytest.fixture(scope="module")
+def left(tmp_path_factory):
+    """Return the folder with the files of one run, and the run."""
+    folder = tmp_path_factory.mktemp("run")
+    run = run_scenario(ROOT / "scenarios/blow_up.yaml")
+    run.save(folder / "blow_up.npz")
+    return folder, run
+
+
+def axes_of(picture, label):
+    (axes,) = [axes for axes in picture.get_axes() if label in axes.get_ylabel()]
+    return axes
+
+
+def curve(axes, label):
+    (line,) = [line for line in axes.get_lines() if line.get_label() == label]
+    return line.get_xydata()
+
+
+def test_what_is_drawn_are_the_columns_and_no_peak_is_lost(left):
+    run = left[1]
+    picture = plot(run)
+    rates = axes_of(picture, "rate")
+    for j, name in enumerate(run.joints):
+        drawn = curve(rates, name)
+        assert drawn[:, 1].max() == run["qdot"][:, j].max()
+        assert drawn[:, 1].min() == run["qdot"][:, j].min()
+        rows = np.searchsorted(run["time"], drawn[:, 0])
+        assert (run["qdot"][rows, j] == drawn[:, 1]).all()
+    assert (
+        curve(axes_of(picture, r"\sigma$ [1]"), r"$\sigma_{\min}$")[:, 1].min() == run["sigma"][:, -1].min()
+    )
+    peak = run.scorecard["joint_rate_cmd.peak"].value
+    (told,) = [text.get_text() for text in rates.texts]
+    assert f"peak {peak:,.0f} rad/s" in told  # 12,658: far off the scale, which shows the limits
+    assert rates.get_ylim()[1] < 0.01 * peak
+    limits = {line.get_ydata()[0] for line in rates.get_lines() if len(set(line.get_ydata())) == 1}
+    assert limits == {5.0, -5.0}  # of the model
+
+
+def test_errors_along_and_across_add_up_to_the_error(left):
+    run = left[1]
+    axes = axes_of(plot(run), "error")
+    along, across = (curve(axes, label) for label in ("along the path [mm]", "across [mm]"))
+    rows = np.intersect1d(along[:, 0], across[:, 0])
+    split = [part[np.isin(part[:, 0], rows), 1] for part in (along, across)]
+    wanted = 1e3 * np.linalg.norm(run["pose_error"][np.isin(run["time"], rows), :2], axis=1)
+    np.testing.assert_allclose(np.hypot(*split), wanted, rtol=1e-9, atol=1e-9)  # rounding of nanometers
+    assert split[1].max() > 10.0  # negative control: the tip does leave the line
+
+
+@given(st.integers(1, 5 * SPANS), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_the_ends_and_the_peaks(count, seed):
+    time, values = np.arange(count) * 1e-3, np.random.default_rng(seed).standard_normal(count)
+    at, kept = thinned(time, values)
+    assert len(at) <= 2 * SPANS + 10
+    assert (np.diff(at) > 0).all()
+    assert (kept == values[np.searchsorted(time, at)]).all()
+    assert (kept.min(), kept.max()) == (values.min(), values.max())
+    assert (at[0], at[-1] >= time[-1] - 5e-3) == (0.0, True)
+
+
+@pytest.mark.parametrize(("width", "inches"), [("3.5in", 3.5), ("88mm", 88 / 25.4), ("7.16in", 7.16)])
+def test_a_picture_has_the_width_asked_and_letters_that_can_be_read(rmrc, left, width, inches):
+    folder, _ = left
+    code, out, err = rmrc("plot", str(folder / "blow_up.npz"), "-o", str(folder / "x.svg"), "--width", width)
+    assert (code, err) == (0, "")
+    assert out == f"wrote {folder / 'x.svg'}\n"
+    text = (folder / "x.svg").read_text("utf-8")
+    assert float(re.search(r'<svg [^>]*?width="([0-9.]+)pt"', text)[1]) == pytest.approx(
+        72 * inches, abs=0.01
+    )
+    sizes = {float(size) for size in re.findall(r"font-size: ([0-9.]+)px", text)}
+    # They are pt, though written px. Subscripts of symbols are smaller by 0.7, as in any mathematics.
+    assert {7.0, 8.0} <= sizes <= {7.0, 8.0, 4.9, 5.6}
+
+
+def test_fonts_are_embedded_as_journals_want_them(rmrc, left):
+    folder, _ = left
+    assert rmrc("plot", str(folder / "blow_up.npz"), "--panels", "rates,sigma")[0] == 0
+    content = (folder / "blow_up.pdf").read_bytes()
+    assert b"/FontFile2" in content
+    assert b"/Type3" not in content
+
+
+def test_every_panel_can_be_drawn_alone_and_all_share_one_time(left):
+    run = left[1]
+    for name in NAMES:
+        assert len(plot(run, panels=[name], width=3.5).get_axes()) == 1
+    picture = plot(run, panels=TIMED)
+    assert {axes.get_xlim() for axes in picture.get_axes()} == {(0.0, float(run["time"][-1]))}
+    shown = [axes.xaxis.get_tick_params()["labelbottom"] for axes in picture.get_axes()]
+    assert shown == [*[False] * (len(TIMED) - 1), True]
+
+
+def test_a_file_from_before_limits_were_kept_is_drawn_without_them(left, tmp_path):
+    run = left[1]
+    dataclasses.replace(run, rate_limit=(), damping_below=0.0).save(tmp_path / "old.npz")
+    old = Run.read(tmp_path / "old.npz")
+    assert (
+        plot(old, panels=["rates"]).get_axes()[0].get_yscale() == "symlog"
+    )  # where a peak would hide the rest
+
+
+@pytest.fixture(scope="module")
+def compared(tmp_path_factory):
+    """Return the file that a comparison left, and its runs."""
+    folder = tmp_path_factory.mktemp("compared")
+    runs = compare(
+        ROOT / "scenarios/blow_up.yaml", {"control.inverse.method": ["inverse", "damped"]}, out=folder,
+        record=False,
+    )  # fmt: skip
+    return folder / "blow_up.compare.npz", runs
+
+
+def test_a_comparison_is_kept_bit_for_bit_and_has_a_curve_per_variant(compared):
+    path, runs = compared
+    kept = read_runs(path)
+    assert list(kept) == list(runs) == ["inverse", "damped"]
+    for label, run in runs.items():
+        for name, column in run.columns.items():
+            np.testing.assert_array_equal(kept[label].columns[name], column, strict=True)
+    with pytest.raises(QuestionError, match="holds 2 runs"):
+        Run.read(path)
+    rates = axes_of(plot(kept), r"\dot q")
+    for label, run in runs.items():
+        assert curve(rates, label)[:, 1].max() == run.scorecard["joint_rate_cmd.peak"].value
+    assert rates.get_yscale() == "log"  # one blows up, and the other is still to be seen
+    lanes = {text.get_text() for text in axes_of(plot(kept, panels=["status"]), "").get_yticklabels()}
+    assert {"inverse: singular", "damped: damped"} <= lanes
+
+
+def test_the_verb_draws_a_comparison(rmrc, compared):
+    path = compared[0]
+    code, out, err = rmrc("plot", str(path.with_suffix(".json")), "-o", "both.svg", "--panels", "rates,g")
+    assert (code, out, err) == (0, "wrote both.svg\n", "")
+
+
+WRONG = {
+    "another kind": (["{folder}/x.yaml"], "… scenario, …; … `rmrc run {folder}/x.yaml`"),
+    "no columns": (["{folder}/alone.json"], "alone.npz … not beside it; `rmrc run SCENARIO` …"),
+    "damaged": (["{folder}/torn.npz"], "… columns of a run, … damaged"),
+    "panel": (
+        ["{folder}/blow_up.npz", "--panels", "rate"],
+        '--panels: … rate … path, rates, … did you mean "rates"?',
+    ),
+    "twice": (["{folder}/blow_up.npz", "--panels", "rates,rates"], "--panels: … rates … twice"),
+    "width": (["{folder}/blow_up.npz", "--width", "3"], "--width … 3.5in, … 3…"),
+    "narrow": (["{folder}/blow_up.npz", "--width", "1mm"], "--width … 2in … 40in, … 1mm…"),
+    "kind of picture": (["{folder}/blow_up.npz", "-o", "x.gif"], "--out x.gif: … .png, .svg … .pdf"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_mistake_is_one_line(rmrc, left, case):
+    folder, _ = left
+    (folder / "x.yaml").write_text("name: x\n", "utf-8")
+    (folder / "alone.json").write_text("{}", "utf-8")
+    (folder / "torn.npz").write_bytes((folder / "blow_up.npz").read_bytes()[:5000])
+    arguments, message = WRONG[case]
+    code, out, err = rmrc("plot", *(text.format(folder=folder) for text in arguments))
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err == says(f"rmrc: error: … {message.format(folder=folder)}\n")
+
+
+def test_what_is_no_run_is_refused_in_python_too(tmp_path):
+    np.savez(tmp_path / "other.npz", a=np.zeros(3))
+    with pytest.raises(QuestionError, match=r"other\.npz"):
+        Run.read(tmp_path / "other.npz")
