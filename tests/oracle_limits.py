@@ -3,7 +3,7 @@
 import itertools
 
 import numpy as np
-from scipy.optimize import linprog
+from scipy.optimize import linprog, nnls
 
 
 def fastest_pace(a, b, rate_limit):
@@ -68,6 +68,39 @@ def slowed_change(rates, last, change, lower, upper):
     step = rates - last
     rates = last + step * np.min(change[step != 0] / np.abs(step[step != 0]), initial=1.0)
     return np.clip(rates, lower, upper)
+
+
+def kept_out(slopes, least, rates, scale, A, floor):
+    """Return the change of rates with which slopes · rates ≥ least, each softened by 1e-6, and least ‖Az‖² + floor²‖z‖².
+
+    And by how much they may be short of each.
+
+    By Lawson and Hanson's least squares of positive numbers: p ≥ 0 with the least ‖Rᵀ p − R⁻¹ need‖.
+    """
+    steep = slopes.any(axis=1)
+    need, S = (least - slopes @ rates)[steep], slopes[steep] * scale
+    if np.all(need <= 0):
+        return np.zeros(len(rates)), np.zeros(len(slopes))
+    metric = np.linalg.cholesky(A.T @ A + floor**2 * np.eye(len(rates)))
+    S = np.linalg.solve(metric, S.T).T
+    root = np.linalg.cholesky(S @ S.T + 1e-6 * np.diag(np.sum(S * S, axis=1)))
+    p, _ = nnls(root.T, np.linalg.solve(root, need))
+    slack = np.zeros(len(slopes))
+    slack[steep] = 2e-6 * p * np.sum(S * S, axis=1)
+    return scale * np.linalg.solve(metric.T, S.T @ p), slack
+
+
+def held_off(slopes, least, rates, last, change):
+    """Return rates that are scaled until slopes · rates ≥ least, as far as their changes allow."""
+    falls = slopes @ rates
+    beyond = falls < least
+    share = np.min(least[beyond] / falls[beyond], initial=1.0)
+    if share > 1 - 1e-9:
+        return rates
+    less = (1 - share) * rates
+    room = change + np.sign(rates) * (rates - last)
+    part = np.min(np.maximum(0.0, room)[less != 0] / np.abs(less[less != 0]), initial=1.0)
+    return rates - part * less
 
 
 def held_at_stops(start, drift, lower, upper, resolve, pull):

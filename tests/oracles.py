@@ -28,6 +28,8 @@ from oracle_limits import (
     bounds,
     fastest_pace,
     held_at_stops,
+    held_off,
+    kept_out,
     largest_share,
     next_pace,
     redistributed,
@@ -91,15 +93,20 @@ class Kinematics:
             ranks.append(np.linalg.matrix_rank(J, tol=1e-9 * np.linalg.norm(J)))
         return max(ranks)
 
-    def gradient(self, f, q, site, frame):
+    def gradient(self, f, q, site, frame, size=None):
         """Return the derivatives of f(Jacobians of a site, along a frame) with respect to q, by differences of sixth order.
+
+        Of several values, `size` of them, a column each.
 
         With this step rounding gives 1e-13, and what is left out less.
         """
         step, factors = 2e-3, {-3: -1, -2: 9, -1: -45, 1: 45, 2: -9, 3: 1}
         moved = [q + i * step * joint for joint in np.eye(len(q)) for i in factors]
-        values = f(np.array([self.at(one, site, frame)[2] for one in moved])).reshape(len(q), -1)
-        return values @ list(factors.values()) / (60 * step)
+        values = f(np.array([self.at(one, site, frame)[2] for one in moved])).reshape(
+            len(q), len(factors), -1
+        )
+        slopes = np.tensordot(values, list(factors.values()), (1, 0)) / (60 * step)
+        return slopes if size else slopes[:, 0]
 
 
 class NumpyLoop:
@@ -180,7 +187,7 @@ class NumpyLoop:
     def run(self):
         """Return the columns of the whole run as a dict of arrays."""
         planned, control = len(self.reference.time), self.scenario.control
-        slows = control.at_singularity == "slow"
+        slows = control.at_singularity in ("slow", "singularity_consistent")
         rows = []
         for _ in range(math.ceil(control.slow.longest * planned) if slows else planned):
             is_last = self.path_tick >= planned - 1
@@ -315,7 +322,22 @@ class NumpyLoop:
         G = self.inverse(J, v, lam)
         drift, row = self.drift(q, J, G @ v)
         rates = G @ v + drift
-        assert control.at_singularity in ("damp", "slow", "stop"), "no oracle for this policy: write it here"
+        known = ("damp", "slow", "stop", "singularity_consistent", "keep_out")
+        assert control.at_singularity in known, "no oracle for this policy: write it here"
+        beside, barrier = np.zeros(len(q)), None  # rates that limits take for a wish and a part of the task
+        if control.at_singularity == "singularity_consistent":
+            rates, change, beside = self.go_along_kernel(q, J, rates, G @ forward, forward)
+            v = v + change * forward
+        if control.at_singularity == "keep_out":
+            barrier = self.barrier(q, J)
+            beside, slack = kept_out(
+                *barrier,
+                rates,
+                1 / np.sqrt(self.wq),
+                scaled_jacobian(J, self.wx, self.wq),
+                control.keep_out.sigma,
+            )
+            rates, lowest = rates + beside, np.where(barrier[1] <= 0, barrier[1] - slack, -np.inf)
         if control.at_singularity == "slow":
             change = self.choose_pace(rates, G @ forward)
             rates, v = rates + change * (G @ forward), v + change * forward
@@ -324,8 +346,17 @@ class NumpyLoop:
             rates, v, drift = self.share * rates, self.share * v, self.share * drift
         status = Status.SLOWED * (self.pace < 1) | Status.STOPPED * (self.share < 1)
         status |= Status.SINGULAR * bool(sigma[-1] <= sigma[0] / 100)
+        v, drift, self.beside = v + J @ beside, drift + beside, bool(beside.any())
         cmd, limited = self.limit(q, J, v, lam, drift, rates)
-        status |= Status.STUCK * self.stands(self.pace * twist_ref[self.rows], v, J @ cmd)
+        if barrier:
+            held = (
+                cmd
+                if self.easing
+                else held_off(barrier[0], lowest, cmd, self.last, self.acceleration * control.period)
+            )
+            status |= Status.KEPT_OUT * bool(beside.any() or np.any(held != cmd))
+            cmd = held
+        status |= Status.STUCK * self.stands(self.pace * twist_ref[self.rows], v, J @ cmd, status)
         if control.inverse.method != "transpose":  # at rest its α is rounding over rounding
             row["gain"] = self.gains(u, vt, G)
         return row | {
@@ -459,6 +490,46 @@ class NumpyLoop:
         self.pace = next_pace(last, fastest, self.falling, control.slow.change, control.period)
         return self.pace - last
 
+    def slopes(self, q, J):
+        """Return ∇σ_i of the first singular values, (r, n), from differences of A alone."""
+        u, _, vt = np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), full_matrices=False)
+        A = lambda full: scaled_jacobian(full[:, self.rows], self.wx, self.wq)  # noqa: E731
+        along = lambda full: np.einsum("ri,krj,ij->ki", u, A(full), vt)  # noqa: E731
+        return self.kinematics.gradient(along, q, self.site, self.frame, len(vt)).T[: self.rank]
+
+    def barrier(self, q, J):
+        """Return ∇σ_i, (r, n), and the least rate of each σ_i."""
+        section, slopes = self.scenario.control.keep_out, self.slopes(q, J)
+        least = section.approach * (section.sigma - self.sigma(J)[: self.rank])
+        square = np.sum(slopes**2 / self.wq, axis=1)
+        slopes[square < 1e-18] = 0
+        return slopes, np.where(least > 0, np.minimum(least, 0.2 * section.approach * square), least)
+
+    def go_along_kernel(self, q, J, rates, along, forward):
+        """Choose ṡ by the kernel of [Σ | −c], and return the rates, how much ṡ changes, and what is beside G."""
+        slow, period, last, r = (
+            self.scenario.control.slow,
+            self.scenario.control.period,
+            self.pace,
+            self.rank - 1,
+        )
+        u, sigma, vt = np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), full_matrices=False)
+        c = (u.T @ (np.sqrt(self.wx) * forward))[: r + 1]
+        # the null vector of (r + 1) equations for r + 2 unknowns, by elimination from the last, smallest, σ
+        kernel = (vt[: r + 1].T @ (c * sigma[r] / sigma[: r + 1])) / np.sqrt(self.wq)
+        a, full = rates - last * along, min(1.0, last + slow.change * period)
+        falls = -period * (self.slopes(q, J)[r] @ kernel)
+        moving = kernel != 0
+        room = np.maximum(0.0, 0.95 * self.rate - np.sign(kernel) * a)[moving] / np.abs(kernel)[moving]
+        most = min(np.min(room, initial=np.inf), 0.5 * sigma[r] / falls if falls > 0 else np.inf)
+        times = min(most, full / sigma[r])
+        self.pace = full if most * sigma[r] >= full else most * sigma[r]
+        self.waited = max(0.0, self.waited + (period if self.pace < 1e-3 else -period))
+        if self.waited > slow.patience:
+            self.pace = full
+            return a + full * along, full - last, np.zeros(len(q))
+        return a + times * kernel, self.pace - last, times * kernel - self.pace * along
+
     def hold(self, q, sigma, rates):
         """Move β towards 0 near a singularity, unless the rates lead out of it, and towards 1 elsewhere."""
         stop = self.scenario.control.stop
@@ -475,11 +546,11 @@ class NumpyLoop:
         step = stop.change * self.scenario.control.period
         self.share = max(0.0, self.share - step) if near else min(1.0, self.share + step)
 
-    def stands(self, wanted, asked, done):
+    def stands(self, wanted, asked, done, status):
         """Return whether the site has stood still for more than 0.2 s while its reference moved."""
         wanted, asked, done = (np.linalg.norm(np.sqrt(self.wx) * x) for x in (wanted, asked, done))
         wished = wanted if wanted > 1e-3 else asked
-        if self.share < 1 or wished <= 1e-3 or done > max(0.02 * wished, 1e-4):
+        if status & (Status.STOPPED | Status.KEPT_OUT) or wished <= 1e-3 or done > max(0.02 * wished, 1e-4):
             self.still = 0.0
         elif wanted > 1e-3:
             self.still += self.scenario.control.period
@@ -544,7 +615,8 @@ class NumpyLoop:
             low, up = lower, upper
             wide = self.bounds(0.0 * rates, np.tile([-np.inf, np.inf], (len(rates), 1)))[2:]
             A = lambda J: scaled_jacobian(J, self.wx, self.wq)  # noqa: E731
-            if np.all((wide[0] <= rates) & (rates <= wide[1])):
+            within = wide if not self.beside else (lower, upper)
+            if np.all((within[0] <= rates) & (rates <= within[1])):
                 # qdot(1), with the gains from before pace and stop changed the command
                 cmd, given = rates, 1.0
             elif limits.on_excess == "optimal":

@@ -326,7 +326,9 @@ def shipped(name, *overrides):
         [
             case
             for case in itertools.product(SHIPPED, POLICIES.names, LIMITING, [5000.0, 500.0])
-            if case[:2] not in (("start_by_pose", "slow"), ("whitney_1972", "slow"))  # which are refused
+            if not (
+                case[0] in ("start_by_pose", "whitney_1972") and POLICIES[case[1]].slows
+            )  # which is refused
         ],
         67,
     ),

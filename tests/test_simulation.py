@@ -209,6 +209,26 @@ VARIANTS = {
         *STANFORD, *SIX, "control.at_singularity=slow", "control.limits.rate=0.3", METHOD + "filtered",
         "plant.kind=ideal",
     ),
+    "along the kernel": (
+        *NEAR, "control.at_singularity=singularity_consistent", "control.limits={rate: 0.5, acceleration: 5}",
+    ),
+    "along the kernel, 6 joints": (
+        *STANFORD, *SIX, "control.at_singularity=singularity_consistent", "control.limits.rate=0.3", METHOD + "filtered",
+        "plant.kind=ideal",
+    ),
+    "along the kernel, redistributed": (
+        *PLANAR, DRIFT, "control.at_singularity=singularity_consistent",
+        "control.limits={rate: 0.3, on_excess: redistribute}",
+    ),
+    "keep out": (*NEAR, "control.at_singularity=keep_out", "control.keep_out.sigma=0.12"),
+    "keep out, redundant, limits": (
+        *PLANAR, DRIFT, "control.at_singularity=keep_out", "control.keep_out={sigma: 0.85, approach: 8}",
+        "control.limits={rate: 0.3, acceleration: 4}",
+    ),
+    "keep out, 6 joints, clamped": (
+        *STANFORD, *SIX, "control.at_singularity=keep_out", "control.keep_out={sigma: 0.3}",
+        "control.limits={rate: 0.3, on_excess: clamp}", "plant.kind=ideal",
+    ),
     "stop": (*NEAR, "control.at_singularity=stop", "control.stop.sigma=0.12"),
     "stop, by condition": (
         *NEAR, "control.at_singularity=stop", "control.stop={condition: 15, change: 30}",
@@ -330,7 +350,7 @@ def assert_same_run(run, want, rtol, kv=0.0):
     A servo's torque is its gain kv times what is left of a rate, and so is its rounding.
     """
     assert len(run) == len(want["q"])
-    known = Status.SLOWED | Status.STOPPED | Status.SINGULAR | Status.STUCK
+    known = Status.SLOWED | Status.STOPPED | Status.SINGULAR | Status.STUCK | Status.KEPT_OUT
     limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
     assert_array_equal(run["status"] & known, want["status"])
     assert_array_equal(run["status"] & limits & ~want["limited"], 0, err_msg="a limit that is not there")
@@ -554,6 +574,7 @@ def draw_law(rng, arm, start, axes):
         "at_singularity": choose(*POLICIES.names),
         "slow": {"change": rng.uniform(2, 20), "longest": 1.5},
         "stop": {"sigma": rng.uniform(0.05, 0.5), "condition": rng.uniform(5, 50), "change": rng.uniform(2, 20)},
+        "keep_out": {"sigma": rng.uniform(0.05, 0.3), "approach": rng.uniform(2, 10)},
     }  # fmt: skip
 
 

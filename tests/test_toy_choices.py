@@ -32,9 +32,9 @@ OTHERS = {
         ('        Schedule("half", "λ_max/2", "", (DAMPING_MAXIMUM,)),\n', 'Schedule("constant"'),
         ('        Choice("unwind", "−gain · q", "", (GAIN,)),\n', 'Choice("posture"'),
         ('        Choice("freeze", "all stand still"),\n', 'Choice("clamp"'),
-        ('        Choice("crawl", "all are slower by a factor", "", (CRAWL_SHARE,)),\n', 'Choice("damp"'),
+        ('        Policy("crawl", "all are slower by a factor", "", (CRAWL_SHARE,)),\n', 'Policy("damp"'),
         ('    CRAWL_SHARE := Parameter("crawl.share", "what is left of the rates", 0.5, "1", SHARE),\n', "SLOW_CHANGE :="),
-        ('    Group("crawl", "at_singularity crawl: how", "How `at_singularity: crawl` slows the arm."),\n', 'Group("slow"'),
+        ('    Group("crawl", "at_singularity crawl: how", "How `at_singularity: crawl` slows the arm."),\n', 'Group("stop"'),
     ],
     "law/damping.py": [("""\
 @inlined

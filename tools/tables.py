@@ -18,7 +18,7 @@ README = Path(__file__).resolve().parent.parent / "README.md"
 def tables() -> Iterator[tuple[str, list[tuple[str, ...]]]]:
     """Yield each key with the cells of its rows."""
     for some in CHOICES:
-        cells = [(f"`{one.name}`", one.meaning) for one in some.options]
+        cells = [(f"`{one.name}`", one.meaning.replace("|", r"\|")) for one in some.options]
         if some is INVERSES:
             needs = ("as many task axes as joints" if one.needs_square else "any" for one in INVERSES.options)
             yield f"control.{some.key}", [(*row, need) for row, need in zip(cells, needs, strict=True)]

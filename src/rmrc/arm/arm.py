@@ -16,6 +16,7 @@ from rmrc.arm.compiling import compiled
 from rmrc.arm.differences import check_stretch, stretched_fields
 from rmrc.arm.drives import OwnDrives
 from rmrc.arm.followers import Follower, Link
+from rmrc.arm.masses import Masses, find_masses
 from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others
 from rmrc.arm.shapes import Shape, visible
@@ -206,6 +207,12 @@ class Arm:
         full = np.zeros((self.model.nv, self.model.nv))
         mujoco.mj_fullM(self.model, self._data, full)
         return np.diag(self._followed(self._followed(full).T))
+
+    @cached_property
+    def masses(self) -> Masses:
+        """What the joints move, with all of them at 0, and those that are not the arm's at rest."""
+        self._kinematics(np.zeros(self.n))
+        return find_masses(self.model, self._data, self.wiring, self.followers)
 
     @cached_property
     def axis_names(self) -> tuple[str, ...]:

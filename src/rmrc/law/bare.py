@@ -40,7 +40,7 @@ class Law(Loop):
     """The law without an arm: a Jacobian and a twist in, joint rates within the limits out.
 
     It is the same compiled law as that of a run. What needs the arm itself, `Controller` has: a pose, the
-    objectives `manipulability` and `secondary`, and the policy `stop`.
+    objectives `manipulability` and `secondary`, the metric `inertia`, and all policies but `damp` and `slow`.
 
     Attributes:
         n: Number of joints.
@@ -221,8 +221,10 @@ def _misfits(control: ControlSection, m: int, joints: BareJoints) -> list[tuple[
         found.append(("control.nullspace.objective", f'"{objective}" {needs}'))
     if objective == "joint_limits" and not np.isfinite(joints.position_limit).all():
         found.append(("control.nullspace.objective", '"joint_limits" needs position_limit of all joints'))
-    if policy == "stop":
+    if policy in ("stop", "singularity_consistent", "keep_out"):
         found.append(("control.at_singularity", f'"{policy}" {needs}'))
+    if control.inverse.metric == "inertia":
+        found.append(("control.inverse.metric", f'"inertia" {needs}'))
     if INVERSES[control.inverse.method].is_scheduled and control.inverse.damping.schedule == "error":
         found.append(
             ("control.inverse.damping.schedule", '"error" needs the error of a pose; take rmrc.Controller')

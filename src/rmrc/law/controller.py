@@ -157,7 +157,7 @@ class Controller(Loop):
         starts = started("q", home if q is None else q, n)
         self._laws = [TaskLaw(self.task, self.control, start) for start in starts.reshape(-1, n)]
         writers = [(self.task, law, Sight(self.arm, law.second)) for law in self._laws]
-        self._renew(writers, len(self.arm.axis_names), starts.ndim == 1)
+        self._renew(writers, self.arm.n + len(self.arm.followers), starts.ndim == 1)
         self._pose, self._vector = self._put["pose"], self._put["vector"]
         self._data, self._unseen = None, self._idle()
         if q is not None:

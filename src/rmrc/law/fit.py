@@ -8,7 +8,7 @@ import numpy as np
 from rmrc.law.law import rate_limit
 from rmrc.law.task import Joints
 from rmrc.scenario import ControlSection
-from rmrc.scenario.choices import INVERSES
+from rmrc.scenario.choices import INVERSES, POLICIES
 from rmrc.scenario.profile import load_profile
 from rmrc.support.errors import did_you_mean
 from rmrc.support.legible import listed
@@ -71,7 +71,7 @@ def scale_misfits(key: str, values: tuple[float, ...], is_list: bool = True) -> 
 
 
 def method_misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
-    """Yield that an inverse needs a square Jacobian."""
+    """Yield that an inverse needs a square Jacobian, or joints for its metric."""
     method = control.inverse.method
     if INVERSES[method].needs_square and m != arm.n:
         yield (
@@ -80,6 +80,20 @@ def method_misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
                 f'"{method}" needs as many task axes as joints, got {m} axes and {arm.n} joints; '
                 'choose other task.axes, or "pseudoinverse" or "damped"'
             ),
+        )
+    if control.inverse.metric != "inertia":
+        return
+    if method == "selectively_damped":
+        yield (
+            "control.inverse.metric",
+            f'"{method}" clamps joint by joint, so it needs the metric "joints", got "inertia"; choose '
+            'another method, such as "damped"',
+        )
+    if control.limits.on_excess == "optimal":
+        yield (
+            "control.inverse.metric",
+            'on_excess "optimal" measures joint by joint, so it needs the metric "joints", got "inertia"; '
+            'choose "scale" or "redistribute"',
         )
 
 
@@ -103,13 +117,14 @@ def second_task_misfits(control: ControlSection, arm: "Arm") -> Misfits:
 
 
 def slow_misfits(control: ControlSection, arm: Joints, called: object) -> Misfits:
-    """Yield what `slow` lacks: a feed-forward that it can scale, and limits to keep."""
-    if control.at_singularity != "slow":
+    """Yield what a policy that slows the path lacks: a feed-forward that it can scale, and limits to keep."""
+    name = control.at_singularity
+    if not POLICIES[name].slows:
         return
     if not control.feedforward:
         yield (
             "control.at_singularity",
-            ('"slow" scales the feed-forward, so it needs control.feedforward: true, got false'),
+            (f'"{name}" scales the feed-forward, so it needs control.feedforward: true, got false'),
         )
     rate = control.limits.rate
     if isinstance(rate, tuple) and len(rate) != arm.n:  # which has been told
@@ -118,7 +133,7 @@ def slow_misfits(control: ControlSection, arm: Joints, called: object) -> Misfit
         yield (
             "control.at_singularity",
             (
-                f'"slow" keeps rates within their limits, and {called} has none for every joint; '
+                f'"{name}" keeps rates within their limits, and {called} has none for every joint; '
                 "give control.limits.rate"
             ),
         )

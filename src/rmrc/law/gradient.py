@@ -1,7 +1,10 @@
 """How the singular values change with the joints, from the derivative of J, without differences."""
 
+from rmrc.law.inertia import add_energy_gradient
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.kinematics import SITE
+from rmrc.law.metric import INERTIA, backward, scale_joints
+from rmrc.law.svd import dot
 
 
 @compiled
@@ -21,11 +24,30 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
         i: Which singular value.
         gradient: Written, (n,) [1/rad or 1/m].
     """
+    for j in range(world.n):
+        world.shape[j] = world.v[i, j]
+    scale_joints(world, world.shape)
     # J and columns may be of two types, of which no one variable can be
     if world.axes == world.n:
         gradient_of(world, i, world.J, gradient)
     else:
         gradient_of(world, i, world.columns, gradient)
+    if world.inverse_metric == INERTIA:
+        add_metric_gradient(world, i, gradient)
+
+
+@compiled
+def add_metric_gradient(world: Record, i: int, gradient: Array) -> None:
+    """Add what σ_i changes by as the inertia of the joints does: −σ_i ∂T/∂q at the rates of v_i."""
+    n, sigma = world.n, 0.0
+    for j in range(n):
+        world.shape[j] = world.v[i, j]
+    backward(world.root, world.shape, n)
+    for r in range(world.m):
+        sigma += world.u[i, r] * dot(world.A[r], world.shape, n)
+    for j in range(n):
+        world.shape[j] *= world.metric_scale[j]
+    add_energy_gradient(world, world.shape, -sigma, gradient)
 
 
 @compiled
@@ -35,7 +57,7 @@ def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
     fx, fy, fz, mx, my, mz = expanded(world, i)
     for a in range(n):
         leader = world.leader[a]
-        world.axis_rate[a] = world.ratio[a] * (world.joint_scale[leader] * world.v[i, leader])
+        world.axis_rate[a] = world.ratio[a] * world.shape[leader]
     for j in range(world.n):
         gradient[j] = 0.0
     for j in range(n):

@@ -12,7 +12,7 @@ from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
 from rmrc.law.svd import RANK_FLOOR, combine
 from rmrc.scenario.choices import INVERSES
 
-FILTERED = INVERSES.code("filtered")
+FILTERED, JPARSE = INVERSES.code("filtered"), INVERSES.code("jparse")
 SCHEDULED = INVERSES.codes(lambda one: one.is_scheduled)
 
 # No gain is larger: its products with any command then stay finite, so that nothing is ever NaN.
@@ -150,6 +150,19 @@ def jparse(world: Record, asked: Array, sigma: Array, v: Array, damped: float, g
             gain[i] = min(sigma[i] / fades_below / fades_below, LARGEST_GAIN)
         else:
             gain[i] = min(1.0 / sigma[i], LARGEST_GAIN)
+
+
+@compiled
+def push_fading(world: Record, u: Array, task: Array, sigma: Array, asked: Array) -> None:
+    """Weigh what linear and angular rows ask of the directions that `jparse` lets fade: u_iᵀ K t."""
+    linear, angular = world.inverse_push_position, world.inverse_push_rotation
+    if world.inverse_method != JPARSE or (linear == 1.0 and angular == 1.0):
+        return
+    for i in range(world.k):
+        if sigma[i] < world.inverse_gamma * sigma[0]:
+            asked[i] = 0.0
+            for r in range(world.m):
+                asked[i] += u[i, r] * task[r] * (linear if world.row[r] < 3 else angular)
 
 
 gains = compiled(dispatch(INVERSES, like=inverse))

@@ -200,13 +200,6 @@ def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
 
 
 @compiled
-def scale_joints(world: Record, rates: Array) -> None:
-    """Turn scaled rates into joint rates: multiply by S_q."""
-    for j in range(world.n):
-        rates[j] *= world.joint_scale[j]
-
-
-@compiled
 def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     """Write [p_ref − p; log(R_ref Rᵀ)], (6,) [m, rad], along world axes.
 

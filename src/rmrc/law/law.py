@@ -14,18 +14,21 @@ from typing import ClassVar
 
 import numpy as np
 
-from rmrc.law.inverses import damping, gains
+from rmrc.law.inertia import Inertia, find_metric
+from rmrc.law.inverses import damping, gains, push_fading
 from rmrc.law.jit import Array, Record, compiled, entry, inlined
-from rmrc.law.kinematics import WORLD, frame_turn, framed_error, scale_joints, turn_columns, turn_twist
+from rmrc.law.kinematics import WORLD, frame_turn, framed_error, turn_columns, turn_twist
 from rmrc.law.limits import limit
+from rmrc.law.metric import INERTIA, backward, scale_joints, weigh_columns
 from rmrc.law.nullspace import add_projected, wished_rates
-from rmrc.law.policies import near_singularity
+from rmrc.law.policies import KEEP_OUT, hold_off, near_singularity
 from rmrc.law.record import JOINTS, Field
 from rmrc.law.standstill import stuck
 from rmrc.law.svd import (
     RANK_FLOOR,
     combine,
     continue_row,
+    dot,
     orthonormalize,
     product,
     project,
@@ -82,7 +85,7 @@ class TaskLaw:
         Field("change_limit", size=(JOINTS,), start=math.inf),
         Field("jerk_step", size=(JOINTS,), start=math.inf), Field("is_eased", np.int64),
         Field("braking", size=(JOINTS,)), Field("position_limit", size=(2, JOINTS)),
-        Field("keep_direction", np.int64), Field("feedback_2"),
+        Field("keep_direction", np.int64), Field("feedback_2"), *Inertia.fields,
         *(
             Field(name, np.int64 if kind is int else np.float64, (JOINTS,) if is_each else ())
             for name, kind, is_each in record_fields()
@@ -116,6 +119,9 @@ class TaskLaw:
         self.second: SecondTask | None = None
         if is_second and isinstance(task, Task):
             self.second = SecondTask(task, nullspace.secondary, start)
+        self._inertia: Inertia | None = None
+        if control.inverse.metric == "inertia" and isinstance(task, Task):
+            self._inertia = Inertia(task.arm, task.length)
 
     def write(self, world: np.void) -> None:
         """Write its fields of a world's record."""
@@ -135,6 +141,8 @@ class TaskLaw:
         if self.second is not None:
             self.second.write(world)
         world["feedback_2"] = control.nullspace.secondary.feedback
+        if self._inertia is not None:
+            self._inertia.write(world)
         write_choices(world, control)
         world["nullspace_posture"][:n] = self.posture
 
@@ -174,6 +182,8 @@ def aim(world: Record, tick: Record) -> None:
     for i in range(6):
         world.twist_cmd[i] = feedforward * world.twist_task[i] + world.feedback * tick.pose_error[i]
     world.error = scaled_error(world, tick.pose_error)
+    if world.inverse_metric == INERTIA:
+        find_metric(world)
 
 
 @inlined
@@ -197,6 +207,7 @@ def resolve_twist(world: Record, tick: Record) -> None:
     scale_task(world)
     decompose(world, tick.sigma)
     project(world.u, world.task, world.k, world.m, world.asked)
+    push_fading(world, world.u, world.task, tick.sigma, world.asked)
     tick.damping = damping(world, world.asked, tick.sigma)
     gains(world, world.asked, tick.sigma, world.v, tick.damping, tick.gain)
     combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_cmd)
@@ -210,6 +221,8 @@ def resolve_twist(world: Record, tick: Record) -> None:
     tick.path_rate = 1.0
     status = singular_status(world, tick) | near_singularity(world, tick)
     status |= limit(world, tick)
+    if world.at_singularity == KEEP_OUT:
+        status |= hold_off(world, tick)
     tick.status = status | stuck(world, tick, status)
     record_measures(world, tick)
 
@@ -247,7 +260,11 @@ def decompose(world: Record, sigma: Array) -> None:
     elif world.age % REFRESH == 0:
         orthonormalize(basis, world.k)
     world.age += 1
-    svd(world.A, world.m, world.n, world.u, sigma, world.v)
+    if world.inverse_metric == INERTIA:
+        weigh_columns(world.root, world.A, world.m, world.n, world.B)
+        svd(world.B, world.m, world.n, world.u, sigma, world.v)
+    else:
+        svd(world.A, world.m, world.n, world.u, sigma, world.v)
     last = world.k - 1
     if sigma[last] <= RANK_FLOOR * sigma[0] and world.m <= world.n and world.age > 1:
         continue_row(world.v, last, world.v_last, world.n)
@@ -279,3 +296,8 @@ def record_measures(world: Record, tick: Record) -> None:
         tick.u_min[world.row[i]] = world.u[last, i]
     for j in range(world.n):
         tick.v_min[j] = world.v[last, j]
+    if world.inverse_metric == INERTIA:  # of the joints, and of length 1
+        backward(world.root, tick.v_min, world.n)
+        size = math.sqrt(dot(tick.v_min, tick.v_min, world.n))
+        for j in range(world.n):
+            tick.v_min[j] /= size

@@ -4,6 +4,7 @@ import math
 
 from rmrc.law.gradient import sigma_gradient
 from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
+from rmrc.law.metric import INERTIA, backward, times_transposed, weigh_wish
 from rmrc.law.priority import secondary  # noqa: F401 - one of the objectives
 from rmrc.law.svd import dot
 from rmrc.scenario.choices import OBJECTIVES
@@ -29,6 +30,8 @@ def joint_limits(world: Record, tick: Record, qdot0: Array) -> None:
         if upper - lower < math.inf:
             slope = (world.q[j] - 0.5 * (lower + upper)) / ((upper - lower) * (upper - lower) * n)
         qdot0[j] = -world.nullspace_gain * world.joint_scale[j] * world.joint_scale[j] * slope
+    if world.inverse_metric == INERTIA:
+        weigh_wish(world, qdot0)
 
 
 @inlined
@@ -49,6 +52,8 @@ def manipulability(world: Record, tick: Record, qdot0: Array) -> None:
             qdot0[j] += others * world.work[j]
     for j in range(n):
         qdot0[j] *= world.nullspace_gain * world.joint_scale[j] * world.joint_scale[j]
+    if world.inverse_metric == INERTIA:
+        weigh_wish(world, qdot0)
 
 
 @inlined
@@ -73,7 +78,12 @@ def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
     n, scale = world.n, world.joint_scale
     for j in range(n):
         qdot0[j] /= scale[j]
-    remove_task(world, qdot0)
+    if world.inverse_metric == INERTIA:
+        times_transposed(world.root, qdot0, n)
+        remove_task(world, qdot0)
+        backward(world.root, qdot0, n)
+    else:
+        remove_task(world, qdot0)
     for j in range(n):
         qdot0[j] *= scale[j]
         rates[j] += qdot0[j]

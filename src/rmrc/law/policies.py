@@ -1,14 +1,16 @@
-"""What happens near a singularity beyond the inverse itself: slow down along the path, or stop and wait."""
+"""What happens near a singularity beyond the inverse itself: slow down along the path, stop, or keep out."""
 
 import math
 
 from rmrc.law.gradient import sigma_gradient
-from rmrc.law.jit import Record, compiled, dispatch, inlined
-from rmrc.law.kinematics import scale_joints
+from rmrc.law.inverses import push_fading
+from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
+from rmrc.law.metric import backward, factor, forward, scale_gradient, scale_joints
 from rmrc.law.svd import RANK_FLOOR, combine, dot, project
 from rmrc.scenario.choices import POLICIES, Status
 
-SLOWED, STOPPED = int(Status.SLOWED), int(Status.STOPPED)
+SLOWED, STOPPED, KEPT_OUT = int(Status.SLOWED), int(Status.STOPPED), int(Status.KEPT_OUT)
+KEEP_OUT = POLICIES.code("keep_out")
 
 # The pace is chosen for this share of the rate limits: the rest is for what feedback adds on the way.
 USABLE = 0.95
@@ -17,6 +19,19 @@ USABLE = 0.95
 FASTEST = 8.0
 # Where the path has advanced by less than this part of a tick, a difference quotient along it is noise.
 ADVANCED = 1e-3
+# A pace below it waits. Along the kernel it halves from tick to tick where the path leads out of reach.
+WAITING = 1e-3
+# In a tick an arm goes at most this part of the way to a singularity, which it would else overstep.
+OF_THE_WAY = 0.5
+# Below its floor σ_min is brought back by at most this times its squared slope [rad²]: where that fades, as
+# at its largest value, it would else take any rate. A slope that is less than FLAT [1/rad] is rounding.
+FARTHEST, FLAT = 0.2, 1e-9
+# By so much of its multiplier a bound on a singular value may give way.
+SOFT = 1e-6
+# A bound is met when it is to rounding.
+ROUNDING = 1e-12
+# A share that differs from 1 by rounding.
+ALL = 1.0 - 1e-9
 
 
 @inlined
@@ -69,6 +84,7 @@ def feedforward_rates(world: Record, tick: Record) -> None:
     for r in range(world.m):
         world.task_B[r] = world.row_scale[r] * world.feedforward * world.twist_task[world.row[r]]
     project(world.u, world.task_B, world.k, world.m, world.asked_B)
+    push_fading(world, world.u, world.task_B, tick.sigma, world.asked_B)
     combine(tick.gain, world.asked_B, world.v, world.k, world.n, world.part_b)
     scale_joints(world, world.part_b)
 
@@ -108,6 +124,226 @@ def stop(world: Record, tick: Record) -> int:
     for i in range(world.m):
         world.task[i] *= share
     return STOPPED if share < 1.0 else 0
+
+
+@compiled
+def singularity_consistent(world: Record, tick: Record) -> int:
+    """Choose rates and pace together, along the kernel of [A | −t]; return SLOWED if the pace is below 1.
+
+    (y, ṡ) = b (Σ c_i σ_r/σ_i v_i, σ_r), c = Uᵀ t, solves A y = ṡ t for every b, and nothing in it grows where
+    σ_r goes to 0: the pace does [Nenchev00]. b is the largest for which the pace is at most 1 and all rates
+    are within their limits. What feedback and null space ask for is left as the inverse has it. Where the
+    path leads out of reach it is as with `slow`.
+
+    Args:
+        world: Memory of the pace; task, and the gains' decomposition.
+        tick: qdot_cmd is that of the last pace, twist_ref that of full pace; both become the new one's.
+    """
+    n, last, smallest = world.n, world.pace, tick.sigma[world.rank - 1]
+    feedforward_rates(world, tick)
+    kernel_rates(world, tick, smallest)
+    full, most = min(1.0, last + world.slow_change * world.period), kernel_bound(world, tick, smallest)
+    pace = most * smallest if most < math.inf else 0.0
+    if pace >= full or (most == math.inf and smallest > 0.0):
+        pace, most = full, full / smallest
+    elif most == math.inf:
+        most = 0.0
+    world.waited = max(0.0, world.waited + (world.period if pace < WAITING else -world.period))
+    if world.waited > world.slow_patience:
+        pace = full
+        for j in range(n):
+            world.part_a[j] = pace * world.part_b[j]
+        most = 1.0
+    for j in range(n):
+        tick.qdot_cmd[j] += (pace - last) * world.part_b[j]
+        world.work[j] = most * world.part_a[j] - pace * world.part_b[j]
+    for i in range(world.m):
+        world.task[i] += (pace - last) * world.task_B[i]
+    for i in range(6):
+        tick.twist_ref[i] *= pace
+        world.twist_task[i] *= pace
+    world.pace = tick.path_rate = pace
+    take_on(world, tick)
+    return SLOWED if pace < 1.0 else 0
+
+
+@compiled
+def kernel_rates(world: Record, tick: Record, smallest: float) -> None:
+    """Write into part_a the rates of the kernel, with which the pace is σ_r."""
+    project(world.u, world.task_B, world.k, world.m, world.asked_B)
+    for i in range(world.k):
+        share = smallest / tick.sigma[i] if tick.sigma[i] > smallest else 1.0
+        world.gain_B[i] = share if i < world.rank else 0.0
+    combine(world.gain_B, world.asked_B, world.v, world.k, world.n, world.part_a)
+    scale_joints(world, world.part_a)
+
+
+@compiled
+def kernel_bound(world: Record, tick: Record, smallest: float) -> float:
+    """Return how many times the rates of the kernel fit beside the others into the limits; infinite: any.
+
+    No more than with which a part of the way to the singularity is gone in the tick.
+    """
+    sigma_gradient(world, world.rank - 1, world.work)
+    falls = -world.period * dot(world.work, world.part_a, world.n)
+    most = OF_THE_WAY * smallest / falls if falls > 0.0 else math.inf
+    for j in range(world.n):
+        rate, beside = world.part_a[j], tick.qdot_cmd[j] - world.pace * world.part_b[j]
+        room = USABLE * world.rate_limit[j] - math.copysign(beside, beside * rate)
+        if rate != 0.0:
+            most = min(most, max(0.0, room) / abs(rate))
+    return float(most)
+
+
+@compiled
+def take_on(world: Record, tick: Record) -> None:
+    """Add the rates in `work`, so that limits know them: as a wish, and as a part of the task."""
+    for j in range(world.n):
+        tick.qdot_cmd[j] += world.work[j]
+        world.qdot0[j] += world.work[j]
+    for i in range(world.m):
+        for j in range(world.n):
+            world.task[i] += world.A[i, j] * world.work[j] / world.joint_scale[j]
+
+
+@compiled
+def keep_out(world: Record, tick: Record) -> int:
+    """Change the rates by the least that lets no σ_i fall to its floor too fast; return KEPT_OUT if they are.
+
+    The change z = S_q⁻¹ Δqdot is that with the least ‖A z‖² + σ_floor² ‖z‖² with which ∇σ_i · qdot ≥
+    −α (σ_i − σ_floor), i ≤ r: a control barrier function [Ames19]. Its multipliers p ≥ 0 are those with the
+    least ½ pᵀ G p − pᵀ need, G = B Bᵀ of the gradients B in coordinates in which the change has norm ‖z‖.
+    """
+    n, z, is_asked = world.n, world.work, False
+    for i in range(world.rank):
+        find_barrier(world, tick, i)
+        is_asked |= world.need[i] > 0.0
+    if not is_asked:
+        return 0
+    push_back(world)
+    for j in range(n):
+        z[j] = 0.0
+    for i in range(world.rank):
+        for j in range(n):
+            z[j] += world.push[i] * world.barrier[i, j]
+        world.least[i] -= 2.0 * SOFT * world.push[i] * dot(world.barrier[i], world.barrier[i], n)
+    value_task(world, tick.sigma, z)
+    scale_joints(world, z)
+    take_on(world, tick)
+    return KEPT_OUT
+
+
+@compiled
+def find_barrier(world: Record, tick: Record, i: int) -> None:
+    """Write the slope of σ_i, also as `push_back` takes it, its least rate, and what the rates lack of it."""
+    n, z, floor = world.n, world.work, world.keep_out_sigma
+    sigma_gradient(world, i, z)
+    for j in range(n):
+        world.slopes[i, j] = z[j]
+    scale_gradient(world, z)
+    square, least = dot(z, z, n), world.keep_out_approach * (floor - tick.sigma[i])
+    if square <= FLAT * FLAT:
+        for j in range(n):
+            world.slopes[i, j] = z[j] = 0.0
+    if least > 0.0:
+        least = min(least, world.keep_out_approach * FARTHEST * square)
+    value_task(world, tick.sigma, z)
+    for j in range(n):
+        world.barrier[i, j] = z[j]
+    world.least[i], world.push[i] = least if tick.sigma[i] >= floor else -math.inf, 0.0
+    world.need[i] = least - dot(world.slopes[i], tick.qdot_cmd, n) if square > FLAT * FLAT else 0.0
+
+
+@compiled
+def value_task(world: Record, sigma: Array, z: Array) -> None:
+    """Multiply coordinates by (AᵀA + σ_floor² 1)^-½, (n,): motions that the task hardly feels cost less."""
+    floor = world.keep_out_sigma
+    project(world.v, z, world.k, world.n, world.asked_B)
+    for j in range(world.n):
+        z[j] /= floor
+    for i in range(world.k):
+        less = world.asked_B[i] * (1.0 / math.hypot(sigma[i], floor) - 1.0 / floor)
+        for j in range(world.n):
+            z[j] += less * world.v[i, j]
+
+
+@compiled
+def push_back(world: Record) -> None:
+    """Write the multipliers of the bounds on σ_i by an active set [Lawson95]: those that act are solved for.
+
+    Bounds may give way by SOFT of their multiplier, so that also those that contradict each other have an
+    answer, the one that is off by the least squares.
+    """
+    k, G, acts, push = world.rank, world.u_B, world.gain_B, world.push
+    for i in range(k):
+        acts[i] = 0.0
+        for j in range(k):
+            G[i, j] = dot(world.barrier[i], world.barrier[j], world.n)
+        G[i, i] *= 1.0 + SOFT
+    for _ in range(3 * k):
+        chosen, most = -1, 0.0
+        for i in range(k):
+            short = world.need[i] - dot(G[i], push, k)
+            if acts[i] == 0.0 and G[i, i] > 0.0 and short > most + ROUNDING * abs(world.need[i]):
+                chosen, most = i, short
+        if chosen < 0:
+            break
+        acts[chosen] = 1.0
+        while not solve_acting(world):
+            pass
+
+
+@compiled
+def solve_acting(world: Record) -> bool:
+    """Bring the multipliers to those of the bounds that act, or to where the first is 0 and no longer acts.
+
+    Return whether none is.
+    """
+    k, root, acts, push, wanted = world.rank, world.v_B, world.gain_B, world.push, world.sigma_B
+    for i in range(k):
+        wanted[i] = acts[i] * world.need[i]
+        for j in range(i + 1):
+            root[i, j] = acts[i] * world.u_B[i, j] * acts[j]
+        root[i, i] += 1.0 - acts[i]
+    factor(root, k)
+    forward(root, wanted, k)
+    backward(root, wanted, k)
+    step, last = 1.0, -1
+    for i in range(k):
+        if wanted[i] < 0.0 and push[i] <= step * (push[i] - wanted[i]):
+            step, last = push[i] / (push[i] - wanted[i]), i
+    for i in range(k):
+        push[i] += step * (wanted[i] - push[i])
+    if last >= 0:
+        acts[last] = push[last] = 0.0
+    return last < 0
+
+
+@compiled
+def hold_off(world: Record, tick: Record) -> int:
+    """Take away of what limits made of the rates as much as `keep_out` needs; return KEPT_OUT if any.
+
+    Less of all rates alike is within rate and position limits again, and lets each σ_i fall more slowly. An
+    acceleration limit allows a part of that, a jerk limit none.
+    """
+    n, share, part = world.n, 1.0, 1.0
+    if world.is_eased:
+        return 0
+    for i in range(world.rank):
+        falls = dot(world.slopes[i], tick.qdot_cmd, n)
+        if falls < world.least[i]:
+            share = min(share, world.least[i] / falls)
+    if share > ALL:
+        return 0
+    for j in range(n):
+        less, most = (1.0 - share) * abs(tick.qdot_cmd[j]), world.change_limit[j]
+        change = tick.qdot_cmd[j] - world.qdot_cmd_last[j]
+        room = most + math.copysign(change, change * tick.qdot_cmd[j])
+        if less > room:
+            part = min(part, max(0.0, room) / less)
+    for j in range(n):
+        tick.qdot_cmd[j] *= 1.0 - part * (1.0 - share)
+    return KEPT_OUT if part > 0.0 else 0
 
 
 # What is done near a singularity; it returns the bits of the status.

@@ -3,7 +3,8 @@
 import math
 
 from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
-from rmrc.law.kinematics import WORLD, frame_turn, framed_error, scale_joints, turn_columns
+from rmrc.law.kinematics import WORLD, frame_turn, framed_error, turn_columns
+from rmrc.law.metric import INERTIA, scale_joints, unscale_joints, weigh_columns
 from rmrc.law.svd import combine, dot, project, svd_from_scratch
 from rmrc.scenario.choices import PRIORITIES
 
@@ -44,6 +45,11 @@ def scale_second(world: Record) -> float:
             entry = world.row_scale_2[i] * world.J_2[world.row_2[i], j] * world.joint_scale[j]
             world.B[i, j] = entry
             total += entry * entry
+    if world.inverse_metric == INERTIA:
+        weigh_columns(world.root, world.B, world.m_2, world.n, world.B)
+        total = 0.0
+        for i in range(world.m_2):
+            total += dot(world.B[i], world.B[i], world.n)
     return math.sqrt(total)
 
 
@@ -75,7 +81,13 @@ def solve_second(world: Record, size: float, rates: Array) -> None:
 def classical(world: Record, tick: Record, size: float, qdot0: Array) -> None:
     """Write S_q (A_2 P)* (t_2 − A_2 S_q⁻¹ qdot_1): what is missing, within what is left [Nakamura87]."""
     n, m = world.n, world.m_2
-    for i in range(m):
+    if world.inverse_metric == INERTIA:
+        for j in range(n):
+            world.shape[j] = tick.qdot_cmd[j]
+        unscale_joints(world, world.shape)
+        for i in range(m):
+            world.task_B[i] -= dot(world.B[i], world.shape, n)
+    for i in range(m if world.inverse_metric != INERTIA else 0):
         for j in range(n):
             world.task_B[i] -= world.B[i, j] * tick.qdot_cmd[j] / world.joint_scale[j]
     leave_first(world)

@@ -98,6 +98,16 @@ SCRATCH = (
     Field("u_B", size=(ROWS, JOINTS)), Field("v_B", size=(ROWS, JOINTS)),
     Field("direction", size=(ROWS,)), Field("missing", size=(ROWS,)), Field("pull", size=(ROWS,)),
     Field("magnitude", size=(ROWS,)),
+    # the metric of the joints: where their links are, what these carry, its factors
+    Field("turn", size=(CHAIN, 4)), Field("point", size=(3,)), Field("half_turned", size=(3, 3)),
+    Field("moving_mass", size=(CHAIN,)), Field("moving_moment", size=(CHAIN, 3)),
+    Field("moving_inertia", size=(CHAIN, 3, 3)),
+    Field("link_twist", size=(CHAIN, 6)), Field("link_momentum", size=(CHAIN, 6)),
+    Field("metric", size=(JOINTS, JOINTS)), Field("root", size=(JOINTS, JOINTS)),
+    Field("root_B", size=(JOINTS, JOINTS)), Field("shape", size=(JOINTS,)), Field("sway", size=(JOINTS,)),
+    # singular values that shall not fall faster: gradients, bounds, what is missing, and multipliers
+    Field("slopes", size=(ROWS, JOINTS)), Field("barrier", size=(ROWS, JOINTS)),
+    Field("least", size=(ROWS,)), Field("need", size=(ROWS,)), Field("push", size=(ROWS,)),
 )  # fmt: skip
 
 TICK = (

@@ -2,8 +2,9 @@
 
 import math
 
-from rmrc.law.inverses import gains
+from rmrc.law.inverses import gains, push_fading
 from rmrc.law.jit import Record, compiled, inlined
+from rmrc.law.metric import take_along, weigh_free
 from rmrc.law.svd import combine, project, svd_from_scratch
 
 # A joint's bound is exceeded when it is by more than rounding.
@@ -60,14 +61,18 @@ def free_rates(world: Record, tick: Record) -> bool:
             missing += world.A[r, j] * world.qdot0[j] / world.joint_scale[j]
             world.B[r, j] = world.A[r, j] * (1.0 - world.held[j])
         world.task_B[r] = missing
+    weigh_free(world, world.qdot0, 1.0)
     svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
     if world.sigma_B[k - 1] <= LOST * tick.sigma[0]:
         return False
     project(world.u_B, world.task, k, m, world.asked_B)
+    push_fading(world, world.u_B, world.task, world.sigma_B, world.asked_B)
     gains(world, world.asked_B, world.sigma_B, world.v_B, tick.damping, world.gain_B)
     combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_a)
     project(world.u_B, world.task_B, k, m, world.asked_B)
     combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_b)
+    take_along(world, world.part_a, 0.0)
+    take_along(world, world.part_b, -1.0)
     for j in range(n):
         scale = world.joint_scale[j] * (1.0 - world.held[j])
         world.part_a[j] = scale * world.part_a[j]

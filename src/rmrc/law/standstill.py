@@ -3,7 +3,7 @@
 from rmrc.law.jit import Record, compiled
 from rmrc.scenario.choices import Status
 
-STUCK, STOPPED = int(Status.STUCK), int(Status.STOPPED)
+STUCK, WAITS = int(Status.STUCK), int(Status.STOPPED | Status.KEPT_OUT)
 
 # The site stands still below this share of the speed that it should have, in scaled rows. A limit or damping
 # that slows an arm down leaves it more, but for the moments in which a rate changes its sign.
@@ -28,7 +28,7 @@ def stuck(world: Record, tick: Record, status: int) -> int:
         tick: Rates as they are sent.
         status: All other bits of this tick.
     """
-    if (status == 0 and world.m <= world.n) or status & STOPPED:  # it does what is asked, or waits
+    if (status == 0 and world.m <= world.n) or status & WAITS:  # it does what is asked, or waits
         world.still = 0.0
         return 0
     wanted, asked, done = 0.0, 0.0, 0.0

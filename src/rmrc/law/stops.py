@@ -1,9 +1,10 @@
 """A joint at its stop holds, and the others do what they still can of the task."""
 
-from rmrc.law.inverses import SCHEDULED, damping, gains
+from rmrc.law.inverses import SCHEDULED, damping, gains, push_fading
 from rmrc.law.jit import Array, Record, compiled, inlined
+from rmrc.law.metric import INERTIA, take_along, weigh_faded, weigh_free
 from rmrc.law.redistribution import ROUNDING
-from rmrc.law.svd import combine, project, svd_from_scratch
+from rmrc.law.svd import combine, dot, project, svd_from_scratch
 from rmrc.scenario.choices import SCHEDULES
 
 # How often a joint may be let go. Once left 2 of 3,000 random tasks of six joints beside their optimum; twice
@@ -111,6 +112,7 @@ def resolve_free(world: Record, share: float, damped: float) -> float:
         for r in range(m):
             for j in range(n):
                 world.B[r, j] = world.A[r, j] * world.fade[j]
+        weigh_faded(world)
         svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
         damped = max(damped, damping(world, world.asked_B, world.sigma_B))
     for r in range(m):
@@ -121,12 +123,15 @@ def resolve_free(world: Record, share: float, damped: float) -> float:
             left -= world.A[r, j] * given / world.joint_scale[j]
             world.B[r, j] = world.A[r, j] if is_free else 0.0
         world.task_B[r] = left
+    weigh_free(world, world.best, -1.0)
     svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
     project(world.u_B, world.task_B, k, m, world.asked_B)
+    push_fading(world, world.u_B, world.task_B, world.sigma_B, world.asked_B)
     if is_scheduled and schedule in FOLLOWS_COMMAND:
         damped = max(damped, damping(world, world.asked_B, world.sigma_B))
     gains(world, world.asked_B, world.sigma_B, world.v_B, damped, world.gain_B)
     combine(world.gain_B, world.asked_B, world.v_B, k, n, world.part_b)
+    take_along(world, world.part_b, 1.0)
     for j in range(n):
         if world.held[j] == 0.0:
             world.part_b[j] = world.drift[j] + world.joint_scale[j] * world.part_b[j]
@@ -161,6 +166,9 @@ def drawn_inwards(world: Record, share: float, damped: float) -> int:
         for j in range(n):
             left -= world.A[r, j] * world.best[j] / world.joint_scale[j]
         world.task_B[r] = left
+    is_weighed = world.inverse_metric == INERTIA
+    for j in range(n if is_weighed else 0):
+        world.shape[j] = (world.best[j] - world.drift[j]) / world.joint_scale[j]
     for j in range(n):
         if world.held[j] == 0.0 or world.part_a[j] >= LET_GO:
             continue
@@ -168,7 +176,10 @@ def drawn_inwards(world: Record, share: float, damped: float) -> int:
         for r in range(m):
             pull += world.A[r, j] * world.task_B[r]
             size += abs(world.A[r, j] * share * world.task[r])
-        pull -= damped * damped * (world.best[j] - world.drift[j]) / world.joint_scale[j]
+        if is_weighed:
+            pull -= damped * damped * dot(world.metric[j], world.shape, n)
+        else:
+            pull -= damped * damped * (world.best[j] - world.drift[j]) / world.joint_scale[j]
         inwards = -pull * world.held[j]
         if inwards > most and inwards > ROUNDING * size:
             chosen, most = j, inwards

@@ -45,7 +45,7 @@ from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Values
 from rmrc.recording.track import Track, prefix_of
 from rmrc.results.run import Run
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import POLICIES, Status
 from rmrc.show.palette import WHITE, distinct, mix
 from rmrc.simulation.prepare import Prepared
 
@@ -268,7 +268,7 @@ def _layout(name: str, labels: list[str], prepared: list[Prepared], scenes: list
         eye_controls=eye(points, normals.pop() if len(normals) == 1 else None),
         line_grid=grid(points),
     )
-    is_slowed = any(one.scenario.control.at_singularity == "slow" for one in prepared)
+    is_slowed = any(POLICIES[one.scenario.control.at_singularity].slows for one in prepared)
     axis = time_axis(max(one.reference.duration for one in prepared), is_open=is_slowed)
     axes = {axis for one in prepared for axis in one.scenario.task.axes}
     slides = {bool(slide) for one in prepared for slide in one.arm.is_slide}

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS, Scene
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import POLICIES, Status
 from rmrc.show.palette import BLACK, HUES, WHITE, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import rotate
@@ -37,7 +37,7 @@ STATUS_COLORS = {
     Status.POSITION_LIMITED: 0xE668B3FF, Status.SINGULAR: 0xFF2D2DFF, Status.STOPPED: 0x9AA0A6FF,
     Status.STUCK: 0xB5651DFF, Status.CONTACT: 0x17C3CEFF, Status.TORQUE_LIMITED: 0xFFF3B0FF,
     Status.JERK_LIMITED: 0x6FE3D0FF, Status.ACCELERATION_EXCEEDED: 0x0B5FFFFF,
-    Status.JERK_EXCEEDED: 0x00A693FF,
+    Status.JERK_EXCEEDED: 0x00A693FF, Status.KEPT_OUT: 0x7A5C00FF,
 }  # fmt: skip
 
 LEGEND = f"""\
@@ -172,7 +172,7 @@ def _arriving(prepared: Prepared, hues: Sequence[int]) -> dict[str, rr.AsCompone
 def extra_curves(prepared: Prepared) -> dict[str, tuple[str, int]]:
     """Return name and color of the columns that are plotted with σ where the scenario makes use of them."""
     control, curves = prepared.scenario.control, {}
-    if control.at_singularity == "slow":
+    if POLICIES[control.at_singularity].slows:
         curves["path_rate"] = ("ṡ pace", YELLOW)
     if control.nullspace.objective == "secondary":
         curves["secondary_sigma"] = ("σ left to the second task", CYAN)
@@ -193,7 +193,7 @@ def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
         eye_controls=eye(scene.points, scene.normal),
         line_grid=grid(scene.points),
     )
-    is_slowed = prepared.scenario.control.at_singularity == "slow"
+    is_slowed = POLICIES[prepared.scenario.control.at_singularity].slows
     axis = time_axis(prepared.reference.duration, is_open=is_slowed)
     rates = [f"/columns/{name}" for name in ("qdot", "qdot_cmd", "qdot_arrived")]
     extra = [f"/columns/{name}" for name in extra_curves(prepared)]

@@ -31,6 +31,7 @@ class Status(IntFlag):
     JERK_LIMITED = 1024
     ACCELERATION_EXCEEDED = 2048
     JERK_EXCEEDED = 4096
+    KEPT_OUT = 8192
     INVALID_INPUT = 16384
     OVERDUE = 32768
 
@@ -158,6 +159,14 @@ PARAMETERS = (
         "jparse: directions fade whose σ is below this share of the largest", 0.1, "1", SHARE,
         range=lambda seen: (1e-3, 0.5),  # noqa: ARG005 - as the others are called
     ),
+    PUSH_POSITION := Parameter(
+        "inverse.push.position",
+        "jparse: how much of what the linear rows ask of a fading direction is let in", 1.0, "1",
+        NOT_NEGATIVE,
+    ),
+    PUSH_ROTATION := Parameter(
+        "inverse.push.rotation", "jparse: the same of the angular rows", 1.0, "1", NOT_NEGATIVE,
+    ),
     RATE_BOUND := Parameter(
         "inverse.rate_bound",
         "selectively_damped: largest rate of a joint; schedule rate_bound: largest norm of the rates; "
@@ -204,6 +213,13 @@ PARAMETERS = (
     ),
     STOP_CHANGE := Parameter(
         "stop.change", "share of the rates that is taken away, or given back, in a second", 20.0, "1/s",
+    ),
+    KEEP_OUT_SIGMA := Parameter(
+        "keep_out.sigma", "the floor, below which σ_min shall not fall", 0.1, "as σ",
+    ),
+    KEEP_OUT_APPROACH := Parameter(
+        "keep_out.approach", "α: σ_min may fall by so much of its distance to the floor in a second", 5.0,
+        "1/s",
     ),
 )  # fmt: skip
 
@@ -256,6 +272,21 @@ class Schedule(Choice):
     """
 
     follows: Literal["", "arm", "command"] = ""
+
+
+@dataclass(frozen=True)
+class Policy(Choice):
+    """What is done near a singularity.
+
+    Attributes:
+        is_tried: Whether `tune` tries it unasked. One that gives up a part of the path, wherever it leads,
+            loses by that in every search for the smallest error; one that slows down as another does would
+            double its cost.
+        slows: Whether it slows the time along the path.
+    """
+
+    is_tried: bool = True
+    slows: bool = False
 
 
 C_co = TypeVar("C_co", bound=Choice, covariant=True)
@@ -328,8 +359,21 @@ INVERSES = Choices(
             others="numerical_filtering nf filter maciejewski"),
         Inverse("selectively_damped", "1/σ, clamped by what a direction may ask of the joints", "Buss05",
             (RATE_BOUND,), preference=2, others="sdls selective selectively_damped_least_squares buss"),
-        Inverse("jparse", "1/σ where σ ≥ γ σ₁, else σ/(γ σ₁)²", "Guptasarma25", (GAMMA,), preference=3,
+        Inverse("jparse", "1/σ where σ ≥ γ σ₁, else σ/(γ σ₁)²", "Guptasarma25",
+            (GAMMA, PUSH_POSITION, PUSH_ROTATION), preference=3,
             others="j_parse jparse_inverse"),
+    ),
+)  # fmt: skip
+
+METRICS = Choices(
+    "inverse.metric",
+    "what makes joint rates small: their scaled norm, or the kinetic energy of the arm", "joints",
+    (
+        Choice("joints", "‖W_q^½ qdot‖, sliding joints over task.length", "Whitney69", acts=False,
+            others="euclidean rates weights none off kinematic"),
+        Choice("inertia", "√(qdotᵀ M qdot), with the inertia M(q) of the arm: dynamically consistent",
+            "Khatib87", acts=False,
+            others="dynamically_consistent dynamic mass khatib kinetic_energy energy operational_space"),
     ),
 )  # fmt: skip
 
@@ -416,22 +460,34 @@ LIMITS = Choices(
 
 POLICIES = Choices(
     "at_singularity",
-    "near a singularity: leave it to the inverse, slow down along the path, or stop and wait for a way out",
+    "near a singularity: leave it to the inverse, slow down along the path, stop and wait for a way out, "
+    "slow down along the kernel of [J | −t], or keep out of it",
     "damp",
     (
-        Choice("damp", "what the inverse does", acts=False,
+        Policy("damp", "what the inverse does", acts=False,
             others="damped dls damping none off false nothing ignore"),
-        Choice("slow",
+        Policy("slow",
             "time along the path is slowed, so that rates stay within their limits and the tip on its path",
-            "", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST),
+            "", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), slows=True,
             others="slow_down slowdown scale time_scaling slowing true"),
-        Choice("stop",
+        Policy("stop",
             "the arm holds where σ_min or κ passes its bound, and goes on when the command leads out",
             "", (STOP_SIGMA, STOP_CONDITION, STOP_CHANGE), others="halt hold pause wait abort"),
+        Policy("singularity_consistent",
+            "rates and the time along the path are chosen together, along the kernel of [J | −t]: the tip "
+            "stays on the path's tangent",
+            "Nenchev00", (SLOW_CHANGE, SLOW_PATIENCE, SLOW_LONGEST), is_tried=False, slows=True,
+            others="sc consistent nenchev tsumaki adjugate natural_motion"),
+        Policy("keep_out",
+            "the arm slides along the configurations with σ_min = `sigma` and does not go nearer",
+            "Ames19", (KEEP_OUT_SIGMA, KEEP_OUT_APPROACH), is_tried=False,
+            others="barrier cbf control_barrier_function avoid avoidance slide keepout"),
     ),
 )  # fmt: skip
 
-CHOICES: tuple[Choices[Choice], ...] = (INVERSES, SCHEDULES, OBJECTIVES, PRIORITIES, LIMITS, POLICIES)
+CHOICES: tuple[Choices[Choice], ...] = (
+    INVERSES, METRICS, SCHEDULES, OBJECTIVES, PRIORITIES, LIMITS, POLICIES
+)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -453,9 +509,23 @@ GROUPS = (
         "damped, filtered: the damping λ",
         "How much damping λ the method `damped` uses, and when.",
     ),
+    Group(
+        "inverse.push",
+        "jparse: what is left of a fading direction",
+        "How much of what is asked of a fading direction the method `jparse` lets in.",
+    ),
     Group("nullspace.secondary", "secondary: the second task"),
-    Group("slow", "at_singularity slow: how", "How `at_singularity: slow` scales the time along the path."),
+    Group(
+        "slow",
+        "at_singularity slow, singularity_consistent: how",
+        "How the time along the path is scaled.",
+    ),
     Group("stop", "at_singularity stop: when", "When `at_singularity: stop` holds the arm."),
+    Group(
+        "keep_out",
+        "at_singularity keep_out: how far",
+        "How far `at_singularity: keep_out` keeps the arm from singularities.",
+    ),
 )
 
 

@@ -23,7 +23,7 @@ from rmrc.plants.plant import Assumed, Plant
 from rmrc.plants.wiring import WIRING
 from rmrc.results.tally import CHATTER_FLOOR
 from rmrc.scenario import ArmSection, Problems, Scenario, angle, inline
-from rmrc.scenario.choices import PLANTS
+from rmrc.scenario.choices import PLANTS, POLICIES
 from rmrc.scenario.profile import Profile, load_profile
 from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.reference import Reference
@@ -171,7 +171,7 @@ class Prepared:
     def most_ticks(self) -> int:
         """Control ticks of the run, at most: where the path is slowed, more than it has."""
         control, ticks = self.scenario.control, self.reference.ticks
-        return math.ceil(control.slow.longest * ticks) if control.at_singularity == "slow" else ticks
+        return math.ceil(control.slow.longest * ticks) if POLICIES[control.at_singularity].slows else ticks
 
     @cached_property
     def task(self) -> Task:

@@ -82,9 +82,16 @@ class Structure(NamedTuple):
         return tuple(key for key in (*WORDS, *NUMBERS) if key not in read)
 
 
-def all_structures() -> Iterator[Structure]:
-    """Iterate over all structures; what does the least beside inverting comes first."""
-    for policy in WORDS[AT_SINGULARITY]:
+TRIED = tuple(one.name for one in POLICIES.options if one.is_tried)
+
+
+def all_structures(policies: Iterable[str] = TRIED) -> Iterator[Structure]:
+    """Iterate over all structures; what does the least beside inverting comes first.
+
+    Args:
+        policies: At a singularity, in the order of their declaration.
+    """
+    for policy in policies:
         for method in WORDS[METHOD]:
             for schedule in WORDS[SCHEDULE] if INVERSES[method].is_scheduled else ("",):
                 yield Structure(method, schedule, policy)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from rmrc.results.scorecard import Scorecard
 from rmrc.results.tally import ACCELERATION, RATE, WHOLE
 from rmrc.scenario import Change, Variant, changes_of
+from rmrc.scenario.choices import POLICIES
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.executors import threads
 from rmrc.study.margins.search import bears
@@ -365,7 +366,7 @@ class Trials:
     def _changes(self, setting: Setting, copy: int) -> tuple[Change, ...]:
         """Return what makes a run; a slow one ends when it has taken longer than allowed."""
         changes = (*setting.changes, *self._copies[copy].changes)
-        if setting.structure.at_singularity != "slow" or self._longest[copy] == math.inf:
+        if not POLICIES[setting.structure.at_singularity].slows or self._longest[copy] == math.inf:
             return changes
         share = self._longest[copy] / self.planned[copy]
         longest = min(max(share, 1.0), self._control.slow.longest)

@@ -26,9 +26,11 @@ from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import (
+    AT_SINGULARITY,
     FEEDBACK,
     NUMBERS,
     ON_EXCESS,
+    TRIED,
     WORDS,
     Setting,
     Space,
@@ -304,8 +306,11 @@ class Tuning:
     def _possible(self, words: Mapping[str, Sequence[str]]) -> tuple[tuple[Structure, ...], tuple[str, ...]]:
         """Return the structures that the scenario can have, and why it cannot have the others."""
         found, reasons = list[Structure](), dict[Problem, None]()
-        own = self.scenario.control.limits.on_excess
-        for one in all_structures():
+        own, policy = self.scenario.control.limits.on_excess, self.scenario.control.at_singularity
+        policies = [
+            one for one in WORDS[AT_SINGULARITY] if one in words.get(AT_SINGULARITY, (*TRIED, policy))
+        ]
+        for one in all_structures(policies):
             if any(
                 value not in words.get(key, (value,)) for key, value in {ON_EXCESS: own, **one.words}.items()
             ):

@@ -1,0 +1,220 @@
+"""The inertia M(q) of the arm, from its own links, as the metric of joint rates [Khatib87].
+
+    M_ab = b S_bᵀ I_a^c S_a a,   link b at or before link a, each moved by its leader in a ratio
+
+with the composite inertia I^c of all that a link carries [Walker82], about the joint of the first link. Where
+the law takes the arm to be decides, as everywhere.
+"""
+
+import math
+from typing import ClassVar, TypeAlias
+
+import numpy as np
+
+from rmrc.arm import Arm
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.kinematics import quat_product, turned
+from rmrc.law.metric import factor
+from rmrc.law.record import CHAIN, JOINTS, Field
+from rmrc.law.svd import dot
+
+Twist: TypeAlias = tuple[float, float, float, float, float, float]
+
+
+class Inertia:
+    """The metric of a law: it owns the fields of a world's record that say what the joints move."""
+
+    fields: ClassVar[tuple[Field, ...]] = (
+        Field("links", np.int64), Field("link_parent", np.int64, (CHAIN,)),
+        Field("link_leader", np.int64, (CHAIN,)), Field("link_ratio", size=(CHAIN,)),
+        Field("link_slides", np.int64, (CHAIN,)), Field("link_axis", size=(CHAIN, 3)),
+        Field("link_step", size=(CHAIN, 3)), Field("link_mass", size=(CHAIN,)),
+        Field("link_moment", size=(CHAIN, 3)), Field("link_inertia", size=(CHAIN, 3, 3)),
+        Field("armature", size=(JOINTS,)), Field("metric_scale", size=(JOINTS,)),
+    )  # fmt: skip
+
+    def __init__(self, arm: Arm, length: float) -> None:
+        """Bind it to an arm.
+
+        Args:
+            arm: The arm.
+            length: Characteristic length [m].
+        """
+        self._masses, lengths = arm.masses, np.where(arm.is_slide, length, 1.0)
+        # so that it is 1 in the mean at `home`: σ and λ are then as large as those of the joints' metric
+        self._scale = lengths / math.sqrt(float(np.mean(lengths**2 * arm.inertia)))
+
+    def write(self, world: np.void) -> None:
+        """Write its fields of a world's record."""
+        masses, count = self._masses, len(self._masses.mass)
+        world["links"] = count
+        for name, values in (
+            ("parent", masses.parent), ("leader", masses.leader), ("ratio", masses.ratio),
+            ("slides", masses.is_slide), ("axis", masses.axis), ("step", masses.step),
+            ("mass", masses.mass), ("moment", masses.moment), ("inertia", masses.inertia),
+        ):  # fmt: skip
+            world[f"link_{name}"][:count] = values
+        n = len(masses.armature)
+        world["armature"][:n], world["metric_scale"][:n] = masses.armature, self._scale
+
+
+@compiled
+def find_metric(world: Record) -> None:
+    """Write the scaled inertia at q into `metric` (n, n), and its Cholesky factor into `root`."""
+    n = world.n
+    place_links(world)
+    for i in range(n):
+        for j in range(n):
+            world.metric[i, j] = 0.0
+        world.metric[i, i] = world.armature[i]
+    for a in range(world.links - 1, -1, -1):  # those that a link carries are added to it by then
+        carried, b = momentum(world, a, screw(world, a)), a
+        while b >= 0:
+            inertia = world.link_ratio[a] * world.link_ratio[b] * paired(carried, screw(world, b))
+            i, j = world.link_leader[a], world.link_leader[b]
+            world.metric[i, j] += inertia
+            if a != b:
+                world.metric[j, i] += inertia
+            b = world.link_parent[b]
+        if world.link_parent[a] >= 0:
+            load_on(world, a, world.link_parent[a])
+    for i in range(n):
+        for j in range(n):
+            world.metric[i, j] *= world.metric_scale[i] * world.metric_scale[j]
+            world.root[i, j] = world.metric[i, j]
+    factor(world.root, n)
+
+
+@compiled
+def load_on(world: Record, a: int, b: int) -> None:
+    """Add what link a carries, itself included, to what link b carries."""
+    world.moving_mass[b] += world.moving_mass[a]
+    for i in range(3):
+        world.moving_moment[b, i] += world.moving_moment[a, i]
+        for c in range(3):
+            world.moving_inertia[b, i, c] += world.moving_inertia[a, i, c]
+
+
+@compiled
+def place_links(world: Record) -> None:
+    """Write where q puts each link: its axis, its joint, and its mass, moment and inertia."""
+    for a in range(world.links):
+        b, moved = world.link_parent[a], world.link_ratio[a] * world.q[world.link_leader[a]]
+        x = y = z = 0.0
+        turn = (1.0, 0.0, 0.0, 0.0)
+        if b >= 0:
+            t = world.turn[b]
+            turn = (t[0], t[1], t[2], t[3])
+            x, y, z = world.anchor[b, 0], world.anchor[b, 1], world.anchor[b, 2]
+            if world.link_slides[b]:
+                way = world.link_ratio[b] * world.q[world.link_leader[b]]
+                x += way * world.axis[b, 0]
+                y += way * world.axis[b, 1]
+                z += way * world.axis[b, 2]
+        dx, dy, dz = turned(turn, world.link_step[a])
+        x, y, z = x + dx, y + dy, z + dz
+        ax, ay, az = turned(turn, world.link_axis[a])
+        world.anchor[a, 0], world.anchor[a, 1], world.anchor[a, 2] = x, y, z
+        world.axis[a, 0], world.axis[a, 1], world.axis[a, 2] = ax, ay, az
+        if world.link_slides[a]:
+            x, y, z = x + moved * ax, y + moved * ay, z + moved * az
+        else:
+            c, s = math.cos(0.5 * moved), math.sin(0.5 * moved)
+            turn = quat_product((c, s * ax, s * ay, s * az), turn)
+        t = world.turn[a]
+        t[0], t[1], t[2], t[3] = turn
+        move_mass(world, a, x, y, z)
+
+
+@compiled
+def move_mass(world: Record, a: int, x: float, y: float, z: float) -> None:
+    """Write mass, moment and inertia of a link about the origin, its joint being at x, y, z.
+
+    I_0 = R I Rᵀ + (2 p·h + m p·p) 1 − p hᵀ − h pᵀ − m p pᵀ,   h the moment about the joint
+    """
+    t, m, p, half = world.turn[a], world.link_mass[a], world.point, world.half_turned
+    h, inertia = world.moving_moment[a], world.moving_inertia[a]
+    turn = (t[0], t[1], t[2], t[3])
+    p[0], p[1], p[2] = x, y, z
+    h[0], h[1], h[2] = turned(turn, world.link_moment[a])
+    for c in range(3):
+        half[0, c], half[1, c], half[2, c] = turned(turn, world.link_inertia[a, c])
+    square = 2.0 * dot(p, h, 3) + m * dot(p, p, 3)
+    for i in range(3):
+        inertia[i, 0], inertia[i, 1], inertia[i, 2] = turned(turn, half[i])
+        inertia[i, i] += square
+        for c in range(3):
+            inertia[i, c] -= p[i] * h[c] + h[i] * p[c] + m * p[i] * p[c]
+    world.moving_mass[a] = m
+    for i in range(3):
+        h[i] += m * p[i]
+
+
+@compiled
+def screw(world: Record, a: int) -> Twist:
+    """Return the twist [ω; v at the origin] of a link at a unit rate of its joint."""
+    x, y, z = world.axis[a, 0], world.axis[a, 1], world.axis[a, 2]
+    if world.link_slides[a]:
+        return 0.0, 0.0, 0.0, x, y, z
+    px, py, pz = world.anchor[a, 0], world.anchor[a, 1], world.anchor[a, 2]
+    return x, y, z, py * z - pz * y, pz * x - px * z, px * y - py * x
+
+
+@compiled
+def momentum(world: Record, a: int, twist: Twist) -> Twist:
+    """Return [angular; linear] momentum about the origin of a link, and of all it carries, at a twist."""
+    wx, wy, wz, vx, vy, vz = twist
+    m, h, inertia = world.moving_mass[a], world.moving_moment[a], world.moving_inertia[a]
+    return (
+        inertia[0, 0] * wx + inertia[0, 1] * wy + inertia[0, 2] * wz + h[1] * vz - h[2] * vy,
+        inertia[1, 0] * wx + inertia[1, 1] * wy + inertia[1, 2] * wz + h[2] * vx - h[0] * vz,
+        inertia[2, 0] * wx + inertia[2, 1] * wy + inertia[2, 2] * wz + h[0] * vy - h[1] * vx,
+        m * vx + wy * h[2] - wz * h[1],
+        m * vy + wz * h[0] - wx * h[2],
+        m * vz + wx * h[1] - wy * h[0],
+    )
+
+
+@compiled
+def paired(a: Twist, b: Twist) -> float:
+    """Return the inner product of a momentum, or a wrench, and a twist."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
+
+
+@compiled
+def add_energy_gradient(world: Record, rates: Array, factor: float, gradient: Array) -> None:
+    """Add a multiple of ∂T/∂q_j, T = ½ ratesᵀ M(q) rates, where `find_metric` was last.
+
+    A joint moves what it carries as a rigid body, and not what carries it: ∂T/∂q_a = −h_aᵀ (S_a × V_a), with
+    V_a the twist of the link and h_a the momentum of all that it carries, itself included. That is
+    I_a^c V_b + Σ_l I_l^c S_l rates_l, over itself and all behind it, b being the link before it.
+
+    Args:
+        world: Reads the links where they are.
+        rates: Joint rates, (n,).
+        factor: Of the gradient.
+        gradient: Added to, (n,).
+    """
+    for a in range(world.links):
+        b, rate, S = world.link_parent[a], world.link_ratio[a] * rates[world.link_leader[a]], screw(world, a)
+        own = momentum(world, a, S)
+        for c in range(6):
+            world.link_twist[a, c] = rate * S[c] + (world.link_twist[b, c] if b >= 0 else 0.0)
+            world.link_momentum[a, c] = rate * own[c]
+    for a in range(world.links - 1, -1, -1):
+        b, S, h, v = world.link_parent[a], screw(world, a), world.link_momentum[a], world.link_twist[a]
+        if b >= 0:
+            for c in range(6):
+                world.link_momentum[b, c] += h[c]
+            u = world.link_twist[b]
+            base = momentum(world, a, (u[0], u[1], u[2], u[3], u[4], u[5]))
+            for c in range(6):
+                h[c] += base[c]
+        turns = (
+            S[1] * v[2] - S[2] * v[1], S[2] * v[0] - S[0] * v[2], S[0] * v[1] - S[1] * v[0],
+            S[1] * v[5] - S[2] * v[4] + S[4] * v[2] - S[5] * v[1],
+            S[2] * v[3] - S[0] * v[5] + S[5] * v[0] - S[3] * v[2],
+            S[0] * v[4] - S[1] * v[3] + S[3] * v[1] - S[4] * v[0],
+        )  # fmt: skip
+        slope = paired((h[0], h[1], h[2], h[3], h[4], h[5]), turns)
+        gradient[world.link_leader[a]] -= factor * world.link_ratio[a] * slope

@@ -1,0 +1,158 @@
+"""The metric of joint rates: S_q, which makes coordinates of them in which all directions weigh the same.
+
+    S_q = W_q^-½ · L                         metric joints
+    S_q = W_q^-½ · L · R⁻ᵀ,  R Rᵀ = M        metric inertia, of the scaled inertia M of the arm
+
+Rates over W_q^-½ · L are called scaled. The columns of A = S_x J W_q^-½ L are joints; A R⁻ᵀ is decomposed.
+"""
+
+import math
+
+from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.svd import dot
+from rmrc.scenario.choices import METRICS
+
+INERTIA = METRICS.code("inertia")
+
+
+@compiled
+def factor(root: Array, n: int) -> None:
+    """Replace a positive definite matrix (n, n) by its Cholesky factor, lower; what is above it stays."""
+    for i in range(n):
+        for j in range(i + 1):
+            left = root[i, j]
+            for p in range(j):
+                left -= root[i, p] * root[j, p]
+            root[i, j] = math.sqrt(left) if i == j else left / root[j, j]
+
+
+@compiled
+def forward(root: Array, values: Array, n: int) -> None:
+    """Solve R x = values, (n,), in place."""
+    for i in range(n):
+        left = values[i]
+        for p in range(i):
+            left -= root[i, p] * values[p]
+        values[i] = left / root[i, i]
+
+
+@compiled
+def backward(root: Array, values: Array, n: int) -> None:
+    """Solve Rᵀ x = values, (n,), in place."""
+    for i in range(n - 1, -1, -1):
+        left = values[i]
+        for p in range(i + 1, n):
+            left -= root[p, i] * values[p]
+        values[i] = left / root[i, i]
+
+
+@compiled
+def times_transposed(root: Array, values: Array, n: int) -> None:
+    """Write Rᵀ values, (n,), in their place."""
+    for i in range(n):
+        total = 0.0
+        for p in range(i, n):
+            total += root[p, i] * values[p]
+        values[i] = total
+
+
+@compiled
+def weigh_columns(root: Array, A: Array, m: int, n: int, B: Array) -> None:
+    """Write B = A R⁻ᵀ, (m, n), which may be A."""
+    for r in range(m):
+        for j in range(n):
+            B[r, j] = A[r, j]
+        forward(root, B[r], n)
+
+
+@compiled
+def scale_joints(world: Record, rates: Array) -> None:
+    """Turn coordinates into joint rates: multiply by S_q."""
+    if world.inverse_metric == INERTIA:
+        backward(world.root, rates, world.n)
+    for j in range(world.n):
+        rates[j] *= world.joint_scale[j]
+
+
+@compiled
+def unscale_joints(world: Record, rates: Array) -> None:
+    """Turn joint rates into coordinates: multiply by S_q⁻¹."""
+    for j in range(world.n):
+        rates[j] /= world.joint_scale[j]
+    if world.inverse_metric == INERTIA:
+        times_transposed(world.root, rates, world.n)
+
+
+@compiled
+def scale_gradient(world: Record, gradient: Array) -> None:
+    """Turn a gradient with respect to the joints into one with respect to coordinates: multiply by S_qᵀ."""
+    for j in range(world.n):
+        gradient[j] *= world.joint_scale[j]
+    if world.inverse_metric == INERTIA:
+        forward(world.root, gradient, world.n)
+
+
+@compiled
+def weigh_wish(world: Record, wish: Array) -> None:
+    """Turn joint rates S² ∇H, with S = W_q^-½ L, into S_q S_qᵀ ∇H."""
+    for j in range(world.n):
+        wish[j] /= world.joint_scale[j]
+    forward(world.root, wish, world.n)
+    scale_joints(world, wish)
+
+
+@compiled
+def keep_free(world: Record, fade: Array) -> None:
+    """Write into `root_B` the factor of F M F + 1 − F²: of the joints that are free, where F is 1 or 0."""
+    for i in range(world.n):
+        for j in range(i + 1):
+            world.root_B[i, j] = fade[i] * world.metric[i, j] * fade[j]
+        world.root_B[i, i] += 1.0 - fade[i] * fade[i]
+    factor(world.root_B, world.n)
+
+
+@compiled
+def weigh_faded(world: Record) -> None:
+    """Weigh the columns in B, of joints that fade: so that its singular values are those in their metric."""
+    if world.inverse_metric == INERTIA:
+        keep_free(world, world.fade)
+        weigh_columns(world.root_B, world.B, world.m, world.n, world.B)
+
+
+@compiled
+def weigh_free(world: Record, rates: Array, sign: float) -> None:
+    """Weigh the columns in B, those of the joints that are not held, and let these move along with the held.
+
+    That is by −M_FF⁻¹ M_FH (rates − drift)_H, scaled: of all motions of the free joints it has the least
+    energy. It is left in `sway`, and what the task has of it, times a sign, is added to `task_B`.
+
+    Args:
+        world: Reads M, what is held and the drift; with the metric of the joints nothing moves along.
+        rates: Of the held joints, (n,).
+        sign: Of what is added.
+    """
+    n, sway, held = world.n, world.sway, world.held
+    if world.inverse_metric != INERTIA:
+        return
+    for j in range(n):
+        world.shape[j] = 1.0 if held[j] == 0.0 else 0.0
+    keep_free(world, world.shape)
+    for i in range(n):
+        sway[i] = 0.0
+        for j in range(n if held[i] == 0.0 else 0):
+            if held[j] != 0.0:
+                sway[i] -= world.metric[i, j] * (rates[j] - world.drift[j]) / world.joint_scale[j]
+    forward(world.root_B, sway, n)
+    backward(world.root_B, sway, n)
+    for r in range(world.m):
+        world.task_B[r] += sign * dot(world.A[r], sway, n)
+    weigh_columns(world.root_B, world.B, world.m, n, world.B)
+
+
+@compiled
+def take_along(world: Record, rates: Array, sign: float) -> None:
+    """Turn coordinates of the free joints into scaled rates, and add what moves along, times a sign."""
+    if world.inverse_metric == INERTIA:
+        backward(world.root_B, rates, world.n)
+        for j in range(world.n):
+            rates[j] += sign * world.sway[j]

@@ -1,0 +1,198 @@
+"""What keeping out of singularities, and following the kernel of [J | −t] through them, promise of whole runs."""
+
+import itertools
+
+import numpy as np
+import pytest
+from numpy.testing import assert_array_equal
+
+from project import mostly_long
+from rmrc.scenario.choices import Status
+from test_policies import BEYOND, COARSE, PLAIN, START, error_norms, has, wrist
+
+KEEP_OUT, KERNEL = "control.at_singularity=keep_out", "control.at_singularity=singularity_consistent"
+OUT = (START, *COARSE, BEYOND, "plant.kind=ideal", KEEP_OUT)
+
+
+def smallest(prepared, q):
+    """Return σ_r of A at joint positions, by LAPACK."""
+    task = prepared.task
+    J = task.turned(prepared.arm.jacobian(q), prepared.arm.pose(q))
+    return np.linalg.svd(task.matrix(J), compute_uv=False)[task.rank - 1]
+
+
+def curvature(prepared, run, every=10):
+    """Return the largest −d²σ_r/dt² along the rates of a run, by differences of steps of 1e-3 [1/s²]."""
+    found, h = [0.0], 1e-3
+    for q, rates in zip(run["q"][::every], run["qdot_cmd"][::every], strict=True):
+        speed = np.linalg.norm(rates)
+        if speed > 1e-6:
+            ahead, here, behind = (smallest(prepared, q + i * h * rates / speed) for i in (1, 0, -1))
+            found.append((2 * here - ahead - behind) * (speed / h) ** 2)
+    return max(found)
+
+
+def promised(prepared, run):
+    """Return the least σ_r that the theory promises of an ideal plant: T max(−σ̈)/(2 α) below the floor.
+
+    A quarter more is for the ticks between those at which the curvature is taken, and a millionth of the
+    correction, σ̇/α at most, for how soft the bound is.
+    """
+    section = prepared.scenario.control.keep_out
+    falling = np.abs(np.diff(run["sigma"][:, -1])).max() / run.period
+    most = curvature(prepared, run)
+    return (
+        section.sigma - 1.25 * run.period * most / (2 * section.approach) - 1e-6 * falling / section.approach
+    )
+
+
+ARMS = {
+    "2-link": OUT,
+    "2-link, quickly": (*OUT, "control.keep_out={sigma: 0.2, approach: 20}"),
+    "wrist": wrist("1 deg", KEEP_OUT, "plant.kind=ideal"),
+    "wrist, damped": wrist("0.1 deg", KEEP_OUT, "plant.kind=ideal", "control.inverse.method=damped"),
+    "xarm7": (
+        "arm={model: models/xarm7.xml, site: tool, start: home}", "task.axes=[x, y, z]", "plant.kind=ideal",
+        "control.keep_out.sigma=0.15", "target.path=[{line: {by: [0.5, 0, 0]}}, {line: {by: [-0.5, 0, 0]}}]", *COARSE,
+        KEEP_OUT,
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("arm", "on_excess"),
+    mostly_long([*itertools.product(ARMS, ["scale", "clamp", "redistribute", "none"])], 7),
+)
+def test_the_smallest_singular_value_stays_above_its_floor(simulate, arm, on_excess):
+    overrides = *ARMS[arm], f"control.limits.on_excess={on_excess}"
+    prepared, run = simulate(*overrides)
+    floor, sigma = prepared.scenario.control.keep_out.sigma, run["sigma"][:, -1]
+    assert sigma[0] > floor and sigma.min() >= promised(prepared, run)
+    assert sigma.min() < 1.2 * floor and np.any(has(run, Status.KEPT_OUT))
+    # negative control: without it, the arm goes where it is not to be
+    _, free = simulate(*overrides, "control.at_singularity=damp")
+    assert free["sigma"][:, -1].min() < 0.6 * floor
+
+
+def test_it_comes_back_and_waits_without_being_stuck(simulate):
+    _, run = simulate(*OUT, PLAIN)
+    assert error_norms(run)[0][-1] < 0.002 and not has(run, Status.KEPT_OUT)[-1]
+    assert np.count_nonzero(has(run, Status.KEPT_OUT)) * run.period > 1.0 and not np.any(
+        has(run, Status.STUCK)
+    )
+    # what it loses is the way outwards, 0.1 m, and hardly any of the way across
+    assert np.abs(run["pose_error"][:, 0]).max() > 0.1 > 20 * np.abs(run["pose_error"][:, 1]).max()
+
+
+@pytest.mark.parametrize("approach", [2.0, 10.0])
+def test_it_takes_the_least_from_the_rates_and_nothing_far_away(simulate, approach):
+    # Along a circle around the base nothing is lost; of a line outwards only what brings σ down too fast.
+    prepared, run = simulate(
+        *OUT, PLAIN, f"control.keep_out.approach={approach}", "control.limits.on_excess=none"
+    )
+    h, K, sigma = 1e-6, 5.0, run["sigma"][:, -1]
+    for t in range(0, len(run), 25):
+        q = run["q"][t]
+        slope = np.array([smallest(prepared, q + e) - smallest(prepared, q - e) for e in h * np.eye(2)]) / (
+            2 * h
+        )
+        J = prepared.arm.jacobian(q)[:2]
+        free = np.linalg.solve(J, (run["twist_ref"][t] + K * run["pose_error"][t])[:2])
+        short = -approach * (sigma[t] - 0.1) - slope @ free
+        along = np.linalg.solve(J.T @ J + 0.01 * np.eye(2), slope)
+        want = free + max(0.0, short) * along / (slope @ along)
+        # differences over 1e-6 leave 1e-10 of a slope, and the bound is soft by 1e-6
+        assert run["qdot_cmd"][t] == pytest.approx(want, rel=1e-5, abs=1e-5)
+        assert has(run, Status.KEPT_OUT)[t] == (short > 0) or abs(short) < 1e-6
+
+
+def test_far_from_its_floor_it_changes_no_bit(simulate):
+    _, damp = simulate("plant.kind=ideal")
+    _, kept = simulate("plant.kind=ideal", KEEP_OUT, "control.keep_out.approach=50")
+    for name, column in damp.columns.items():
+        assert_array_equal(kept[name], column, err_msg=name)
+
+
+def test_its_rates_have_no_jumps(simulate):
+    # Half the period, half the largest change from tick to tick: rates are continuous in time, with a kink where the
+    # bound begins to act.
+    changes = [
+        np.abs(np.diff(simulate(*OUT, f"control.period={period}")[1]["qdot_cmd"], axis=0)).max()
+        for period in (0.002, 0.001)
+    ]
+    assert changes[1] < 0.6 * changes[0]
+
+
+def test_below_its_floor_an_arm_is_brought_back(simulate):
+    hold = "target.path=[{hold: {for: 1.5}}]"
+    prepared, run = simulate("arm.start=[2 deg, -4 deg]", *COARSE, hold, "plant.kind=ideal", KEEP_OUT)
+    sigma = run["sigma"][:, -1]
+    assert sigma[0] < 0.04 and np.all(np.diff(sigma) > -1e-6) and sigma[-1] > 0.09
+    assert np.diff(sigma).max() / run.period <= 5.0 * 0.1  # no faster than by α times the floor
+
+
+@pytest.mark.parametrize("floor", [0.95, 0.9995])
+def test_where_singular_values_are_equal_none_of_them_passes_the_floor_by_more_than_a_tick(simulate, floor):
+    # A wrist whose axes are square to each other: all σ are 1, to the bit, and have no slopes of their own.
+    _, run = simulate(
+        "arm={model: models/spherical_wrist.xml, start: [0.2, 90 deg, 0.3]}", "task.axes=[rx, ry, rz]", *COARSE,
+        "target.path=[{turn: {axis: x, angle: 40 deg}}, {turn: {axis: x, angle: -40 deg}}]",
+        "plant.kind=ideal", KEEP_OUT, f"control.keep_out.sigma={floor}",
+    )  # fmt: skip
+    sigma = run["sigma"]
+    assert np.ptp(sigma[0]) < 1e-12 and np.any(has(run, Status.KEPT_OUT))
+    # a slope of at most 1 for each joint
+    assert sigma.min() > floor - np.abs(run["qdot_cmd"]).sum(axis=1).max() * run.period
+
+
+# Along the kernel ---------------------------------------------------------------------------------------------
+
+
+def tangent(prepared, run):
+    """Return of each tick how far J qdot_cmd is from the pace times the tangent, in scaled rows."""
+    task, off = prepared.task, []
+    for t in range(0, len(run), 5):
+        J = task.turned(prepared.arm.jacobian(run["q"][t]), run["pose"][t])
+        moved = J[task.rows] @ run["qdot_cmd"][t]
+        off.append(task.row_scale * (moved - run["twist_ref"][t][task.rows]))  # which has the pace in it
+    return np.abs(off).max()
+
+
+@pytest.mark.parametrize(
+    ("offset", "method"), mostly_long([*itertools.product(["1 deg", "0.1 deg"], ["inverse", "damped"])], 3)
+)
+def test_along_the_kernel_the_tip_is_on_the_tangent_and_rates_are_within_their_limits(
+    simulate, offset, method
+):
+    prepared, run = simulate(
+        *wrist(offset, KERNEL, "plant.kind=ideal", "control.feedback=0", "control.limits.on_excess=none"),
+        f"control.inverse.method={method}",
+    )  # fmt: skip
+    # σ_r falls to 1e-3, so that rounding of J is 1e-13 of a rate
+    assert tangent(prepared, run) < 1e-12
+    assert np.all(np.abs(run["qdot_cmd"]) <= prepared.arm.rate_limit)
+    assert run.is_complete and run["path_rate"].min() < 0.3 and np.any(has(run, Status.SLOWED))
+    # negative control: the inverse alone is off the tangent, or beyond its limits
+    _, free = simulate(
+        *wrist(offset, "plant.kind=ideal", "control.feedback=0", "control.limits.on_excess=none"),
+        f"control.inverse.method={method}",
+    )  # fmt: skip
+    assert tangent(prepared, free) > 1e-3 or np.any(np.abs(free["qdot_cmd"]) > 3 * prepared.arm.rate_limit)
+
+
+def test_a_wrist_that_starts_singular_turns_until_the_tangent_is_within_reach_and_goes_on(simulate):
+    # At θ_5 = 0 the tangent is lost: joints 4 and 6 turn against each other, and the path waits for them.
+    start = "arm.start=[0, 90 deg, 0.7, 0, 0, 0]"
+    path = "target.path=[{turn: {axis: x, angle: 20 deg}}]"
+    over = "plant.kind=ideal", start, path
+    prepared, run = simulate(*wrist("1 deg", KERNEL), *over)
+    assert run["sigma"][0, -1] < 1e-12 and run.is_complete
+    assert np.all(np.abs(run["qdot_cmd"]) <= prepared.arm.rate_limit)
+    assert error_norms(run)[1][-1] < 1e-3
+
+
+def test_beyond_reach_it_waits_goes_on_and_comes_back(simulate):
+    _, run = simulate(START, *COARSE, BEYOND, "plant.kind=ideal", KERNEL, "control.slow.patience=0.5")
+    waits = run["path_rate"] < 1e-3
+    assert np.count_nonzero(waits) * run.period == pytest.approx(0.5, abs=0.15)
+    assert error_norms(run)[0][-1] < 0.002 and run.is_complete

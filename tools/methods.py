@@ -1,0 +1,176 @@
+"""Run methods on shipped scenarios, and write what came of it into `docs/which_method.md`.
+
+    python tools/methods.py [--write]
+
+Prints the tables, or writes them into the page, between its marks. Each row is `rmrc run` of a scenario with
+the row's `--set`; nothing but figures of its scorecard goes into the page. A test runs a part of it again.
+"""
+
+import argparse
+import math
+import re
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import rmrc
+from rmrc import Run
+from rmrc.simulation.prepare import prepare
+from rmrc.simulation.simulation import Simulation
+from rmrc.support.errors import RmrcError
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs/which_method.md"
+
+SITUATIONS = {
+    "approach_singularity": "near the edge of the workspace, 5 mm from full reach",
+    "blow_up": "1 mm beyond reach",
+    "ur5e_elbow": "10 mm beyond reach, six joints",
+    "fr3_elbow": "10 mm beyond reach, redundant",
+    "ur5e_wrist": "past the wrist singularity at 1°",
+    "ur5e_wrist_close": "past the wrist singularity at 0.1°",
+    "joint_limit": "into a joint limit",
+    "line_tracking": "far from singularities",
+}
+METHOD, SCHEDULE = "control.inverse.method=", "control.inverse.damping.schedule="
+POLICY, EXCESS = "control.at_singularity=", "control.limits.on_excess="
+PLAIN = METHOD + "pseudoinverse"
+METHODS: dict[str, tuple[str, ...]] = {
+    "undamped": (PLAIN,),
+    "undamped, clamped": (PLAIN, EXCESS + "clamp"),
+    "undamped, redistributed": (PLAIN, EXCESS + "redistribute"),
+    "undamped, slow": (PLAIN, POLICY + "slow"),
+    "undamped, singularity-consistent": (PLAIN, POLICY + "singularity_consistent"),
+    "transpose": (METHOD + "transpose",),
+    "damped, constant": (METHOD + "damped", SCHEDULE + "constant"),
+    "damped by σ_min": (METHOD + "damped", SCHEDULE + "smallest_singular_value"),
+    "damped by rate_bound": (METHOD + "damped", SCHEDULE + "rate_bound"),
+    "filtered": (METHOD + "filtered",),
+    "selectively damped": (METHOD + "selectively_damped",),
+    "jparse": (METHOD + "jparse",),
+    "damped, inertia": (METHOD + "damped", "control.inverse.metric=inertia"),
+    "damped, stop": (METHOD + "damped", POLICY + "stop"),
+    "damped, keep out": (METHOD + "damped", POLICY + "keep_out"),
+}
+# What a run must come to, to be recommended: it is back on its path at the end [mm or mrad].
+BACK = 2.0
+# A smaller figure may cost so many times the least error, or this error.
+WORTH, NOTHING = 3.0, 0.5
+COLUMNS = (
+    "peak rate [rad/s]", "error [mm]", "[mrad]", "end [mm]", "[mrad]", "acceleration [rad/s²]",
+    "chatter [1/s]", "time [s]",
+)  # fmt: skip
+
+
+def figures(run: Run) -> tuple[float, ...]:
+    """Return the figures of a run, in the order of the columns; NaN where it has none."""
+
+    def value(name: str, factor: float = 1.0) -> float:
+        found = run.scorecard.get(name)
+        return factor * float(found.value) if found is not None and found.value is not None else math.nan
+
+    return (
+        value("joint_rate_cmd.peak"), value("position_error.max", 1e3), value("orientation_error.max", 1e3),
+        value("position_error.end", 1e3), value("orientation_error.end", 1e3),
+        value("joint_acceleration_cmd.peak"), value("chatter"), value("duration"),
+    )  # fmt: skip
+
+
+def measured(scenario: str, methods: Sequence[str]) -> dict[str, tuple[float, ...] | str]:
+    """Return the figures of methods on a scenario, or in a word why there are none."""
+    prepared, found = {}, dict[str, tuple[float, ...] | str]()
+    for name in methods:
+        try:
+            prepared[name] = prepare(rmrc.load(ROOT / f"scenarios/{scenario}.yaml", METHODS[name]))
+        except RmrcError:
+            found[name] = "refused"
+    for name, run in zip(prepared, Simulation(list(prepared.values())).run(), strict=True):
+        whole = run.divergence is None and run.is_complete
+        found[name] = figures(run) if whole else "diverged" if run.divergence else "path not finished"
+    return {name: found[name] for name in methods}
+
+
+def shown(value: float) -> str:
+    """Return a number with three digits."""
+    return "" if math.isnan(value) else f"{value:.3g}" if value < 1000 else f"{value:.0f}"
+
+
+def table(scenario: str, found: dict[str, tuple[float, ...] | str]) -> Iterator[str]:
+    """Yield the lines of a scenario's table."""
+    yield f"### {SITUATIONS[scenario][0].upper()}{SITUATIONS[scenario][1:]}"
+    yield ""
+    yield f"`rmrc run {scenario}` with the `--set` of the [method](#the-methods):"
+    yield ""
+    yield f"| method | {' | '.join(COLUMNS)} |"
+    yield f"|---|{'---|' * len(COLUMNS)}"
+    for name, row in found.items():
+        cells = [row, *[""] * (len(COLUMNS) - 1)] if isinstance(row, str) else map(shown, row)
+        yield f"| {name} | {' | '.join(cells)} |"
+    yield ""
+
+
+def error_of(row: tuple[float, ...]) -> float:
+    """Return the larger of both errors [mm or mrad]."""
+    return max(value for value in row[1:3] if not math.isnan(value))
+
+
+def decision(scenario: str, found: dict[str, tuple[float, ...] | str]) -> str:
+    """Return the row of the decision table: the best of those that come back."""
+    back = {
+        name: row for name, row in found.items()
+        if not isinstance(row, str) and max(v for v in row[3:5] if not math.isnan(v)) <= BACK
+    }  # fmt: skip
+    if not back:
+        return f"| {SITUATIONS[scenario]} | none comes back | | |"
+    least = min(back, key=lambda name: error_of(back[name]))
+    allowed = max(WORTH * error_of(back[least]), NOTHING)
+    near = [name for name in back if error_of(back[name]) <= allowed]
+
+    def cell(name: str, unit: str, value: float) -> str:
+        return f"{name}: {shown(value)} {unit}"
+
+    slowest, smoothest = (min(near, key=lambda name, i=i: back[name][i]) for i in (0, 5))
+    cells = [
+        f"{cell(least, 'mm or mrad', error_of(back[least]))}, {shown(back[least][0])} rad/s",
+        f"{cell(slowest, 'rad/s', back[slowest][0])}, {shown(error_of(back[slowest]))} mm or mrad",
+        f"{cell(smoothest, 'rad/s²', back[smoothest][5])}, {shown(error_of(back[smoothest]))} mm or mrad",
+    ]
+    return f"| {SITUATIONS[scenario]} | {' | '.join(cells)} |"
+
+
+def blocks() -> dict[str, str]:
+    """Return what stands between the marks of the page, by their names."""
+    rows = {scenario: measured(scenario, list(METHODS)) for scenario in SITUATIONS}
+    decided = [
+        "| situation | least error | slowest joints | smoothest |", "|---|---|---|---|",
+        *(decision(scenario, found) for scenario, found in rows.items()),
+    ]  # fmt: skip
+    named = ["| method | `--set` |", "|---|---|"]
+    named += [f"| {name} | {' '.join(f'`{one}`' for one in sets)} |" for name, sets in METHODS.items()]
+    tables = [line for scenario, found in rows.items() for line in table(scenario, found)]
+    parts = {"decision": decided, "methods": named, "tables": tables}
+    return {name: "\n".join(lines).strip() for name, lines in parts.items()}
+
+
+def with_blocks(page: str, found: dict[str, str]) -> str:
+    """Return a page with what is between its marks replaced."""
+    for name, block in found.items():
+        mark = f"<!-- {name} -->\n"
+        page = re.sub(f"(?s){mark}.*?{mark}", lambda _, m=mark, b=block: f"{m}\n{b}\n\n{m}", page)
+    return page
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Print or write; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("--write", action="store_true", help="write the tables into the page")
+    found = blocks() if not parser.parse_args(arguments).write else None
+    if found is not None:
+        print("\n\n".join(found.values()))
+    else:
+        PAGE.write_text(with_blocks(PAGE.read_text("utf-8"), blocks()), "utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
