@@ -148,7 +148,8 @@ def test_a_step_keeps_nothing(way):
     elif way == "batch":
         one.reset(np.tile(START, (5, 1)))
         many = {name: np.tile(value, (5, 1)) for name, value in wanted.items()}
-        call = lambda: one.step(np.tile(START, (5, 1)), **many)  # noqa: E731
+        starts = np.tile(START, (5, 1))
+        call = lambda: one.step(starts, **many)  # noqa: E731
     elif way == "watched":
         one.watchdog = 1.0
     for _ in range(100):
