@@ -5,6 +5,7 @@ Nothing here shares code with the compiled law: sums are summed, and roots are b
 
 import numpy as np
 from scipy.optimize import brentq
+from scipy.signal import lfilter
 
 from oracle_limits import brake, gentle
 
@@ -66,19 +67,35 @@ class Easing:
         self.jerk = np.broadcast_to(np.asarray(jerk, float), n)
         self.step, self.most, self.braking = self.jerk * period**2, acceleration * period, braking
         self.last, self.course, self.lag, self.slope = (np.zeros(n) for _ in range(4))
-        self.sent_to = None
+        self.sent_to, self.strayed = None, np.zeros(n, bool)
+        self.coast, self.sent, self.rates = np.zeros(n), [], []
 
     def rest_bounds(self, q, position):
         """Return the rates at rest, lower and upper, that end before some positions, (n, 2)."""
-        down, up = (
+        up, down = (
             np.minimum(self.rate, steady_stop(left, self.braking, self.jerk, self.T))
-            for left in (q - position[:, 0], position[:, 1] - q)
+            for left in self.left(q, position)
         )
         return -down, up
 
-    def left(self, q):
-        """Return the ways up and down to the position limits."""
-        return self.position[:, 1] - q, q - self.position[:, 0]
+    def watch(self, rate):
+        """Judge by the measured rates, (n,), how far joints go on after their commands."""
+        self.rates.append(rate)
+        self.sent.append(self.last)
+        fade = max(0.0, 1 - self.T / 2)
+        # what is behind, and the changes of rates, each less the longer it was ago
+        behind = lfilter([self.T], [1, -fade], np.subtract(self.sent, self.rates), axis=0)
+        rates = lfilter([1], [1, -fade], np.diff(self.rates, axis=0, prepend=0.0), axis=0)
+        age = fade ** np.arange(len(rates))[::-1, None]
+        both, square = (age * behind * rates).sum(axis=0), (age * rates**2).sum(axis=0)
+        lag = np.divide(both, square, out=np.zeros(len(rate)), where=square > 0)
+        self.coast = np.clip(lag, 0.0, 0.5) * rate
+
+    def left(self, q, position=None):
+        """Return the ways up and down to some positions, (n, 2), or the limits, less what joints go on by."""
+        position = self.position if position is None else position
+        there = np.maximum(q, q + self.coast), np.minimum(q, q + self.coast)
+        return position[:, 1] - there[0], there[1] - position[:, 0]
 
     def ahead(self, side):
         """Return the largest changes that can come to zero before the rate limit (119)."""
@@ -168,7 +185,7 @@ class Easing:
 
     def stopping_rates(self, q, side):
         """Return the largest rates towards one end of the range from which joints can stop before it (121)."""
-        surprise = np.zeros(len(q)) if self.sent_to is None else side * (q - self.sent_to)
+        surprise = np.zeros(len(q)) if self.sent_to is None else side * (q + self.coast - self.sent_to)
         lefts = np.maximum(0.0, self.left(q)[0 if side > 0 else 1])
         return np.array([self.stopping_rate(j, side, lefts[j], max(0.0, surprise[j])) for j in range(len(q))])
 
@@ -187,6 +204,7 @@ class Easing:
             return limit
         if way(least) <= left:
             return min(limit, v + largest(lambda change: way(change) <= left * (1 + 1e-13), least, most))
+        self.strayed[j] = True
         left += surprise
         if way(least, min(self.most[j], 1e9 * step)) <= left:
             return min(limit, v + least)
@@ -196,8 +214,9 @@ class Easing:
     def look_back(self, q, wish, rates):
         """Keep what was wished for, and where the joints should be if they do what they are told."""
         self.slope, self.lag = wish - self.last - self.lag, wish - rates
-        surprise = 0.0 if self.sent_to is None else q - self.sent_to
-        self.sent_to = q - max(0.0, 1 - self.T / 0.5) * surprise + self.T * rates
+        there = q + self.coast
+        base = there if self.sent_to is None else np.where(self.strayed, self.sent_to, there)
+        self.sent_to, self.strayed = base + self.T * rates, np.zeros(len(q), bool)
 
     def remember(self, rates):
         """Keep what is sent."""

@@ -35,6 +35,7 @@ class Way:
     def __init__(self, plant, period, n):
         self.plant, self.period, self.n = plant, period, n
         self.tick, self.sent, self.filters = 0, [], []
+        self.play, self.drive, self.joint = np.broadcast_to(plant.backlash, n), np.zeros(n), np.zeros(n)
         lags = np.broadcast_to(plant.lag, n)
         if lags.any():
             steps = [response(np.array([[-1 / L]]), np.array([1 / L]), period) if L else None for L in lags]
@@ -58,6 +59,10 @@ class Way:
                     end, mean = step
                     known = np.append(x[j], told[j])
                     x[j], told[j] = end @ known, mean @ known
+        if self.play.any():
+            before, self.drive = self.joint, self.drive + self.period * told
+            self.joint = np.clip(before, self.drive - self.play / 2, self.drive + self.play / 2)
+            told = (self.joint - before) / self.period
         return told
 
     def mean_between(self, first, last):

@@ -205,6 +205,8 @@ class NumpyLoop:
         q = data.qpos[self.qpos].copy()
         self.kinematics.data.qpos[:] = data.qpos  # joints beside the arm move as well
         believed, rate = self.sensing(q, qdot, self.last)
+        if self.easing:
+            self.easing.watch(rate)
         row = self.law(believed)
         row |= {"q": q, "q_believed": believed, "qdot": qdot, "tau": tau}
         self.truth.data.qpos[:] = data.qpos

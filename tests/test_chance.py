@@ -20,7 +20,8 @@ def uniform(seed, stream, tick, block):
 
 @numba.njit
 def normal(seed, stream, tick, block):
-    return normals(seed, stream, tick, block)
+    a, b, c, d = uniforms(seed, stream, tick, block)
+    return normals(a, b) + normals(c, d)
 
 
 def as_word(value):

@@ -530,7 +530,7 @@ def test_every_question_has_an_answer_on_its_page():
     assert {"inspect", "ik", "statics"} <= answered
 
 
-@pytest.mark.parametrize("name", ["questions", "textbook"])
+@pytest.mark.parametrize("name", ["python", "questions", "textbook"])
 def test_the_python_examples_of_a_page_print_what_it_says(monkeypatch, capsys, name):
     monkeypatch.chdir(ROOT)
     blocks = fenced(DOCUMENTS[f"docs/{name}.md"], "python")

@@ -24,7 +24,23 @@ SAYS = {
         "6[34] of 22[56] m²",
     ],
     "log_an_arm": [r"^t,q_shoulder,q_elbow,qdot_cmd_shoulder,qdot_cmd_elbow\n0.000,"],
-    "own_loop": ["5181 ticks, at most 3.[89]", "least singular value: 0.063", "DAMPED, OK"],
+    "own_loop": [r"5181 ticks, the bits of `rmrc run`: True", "least singular value: 0.063"],
+    "robot_driver": [
+        "1500 commands at 500 Hz",
+        r"100 states lost: braked from 0\.[6-9]\d to 0\.[0-4]\d rad/s",
+        r"largest acceleration [1-4]\.\d\d of 4 rad/s²; at the goal within 0\.\d mm",
+    ],
+    "environment": ["goal 0: .* reached: True", "goal 1: .* reached: True", "goal 2: .* reached: True"],
+    "batch": [
+        r"64 arms of 7 joints; rates \(64, 7\), status \(64,\)",
+        r"largest error \d.\de-[01]\d; 0 limited",
+    ],
+    "coming_from": [
+        r"as with mink: 0\.\d\d mm",
+        r"as with pink, the goal as a matrix: 0\.\d\d mm",
+        r"as with Robotics Toolbox: v is met within \d.\de-1\d",
+    ],
+    "test_my_robot": ["passed: test_the_commands_keep", "passed: test_the_hand", "passed: test_a_feedback"],
 }
 
 

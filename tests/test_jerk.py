@@ -138,7 +138,7 @@ class Joints:
         """Return rates and status of a tick, and go on."""
         put(self.world, q=self.q, qdot_cmd_last=self.last, change_last=self.change, course=self.change)
         self.world["twist_cmd"][0, : self.n] = wish
-        resolve(self.world[0], self.tick[0])
+        resolve(self.world, self.tick)
         sent = self.tick["qdot_cmd"][0, : self.n].copy()
         self.change, self.last, self.q = sent - self.last, sent, self.q + T * sent
         return sent, Status(int(self.tick["status"][0]))
@@ -194,6 +194,40 @@ def test_from_rest_no_wish_brings_two_joints_beyond_any_limit(seed, on_excess, j
     sent, q, status = joints.run(greedy(seed, 2))
     assert np.isfinite(sent).all() and joints.holds(sent, q) == ALL
     assert not status & EXCEEDED
+
+
+class Lagging(Joints):
+    """A joint whose rates follow with a time constant, which measured rates tell or not."""
+
+    def __init__(self, lag, tells=True, **limits):
+        super().__init__(1, **limits)
+        self.lag, self.tells, self.state = lag, tells, np.zeros(1)
+
+    def step(self, wish):
+        before = self.q
+        sent, status = super().step(wish)
+        share = 1 - np.exp(-T / self.lag)
+        rate = sent - self.lag / T * share * (sent - self.state)  # the mean over the tick
+        self.state, self.q = self.state + share * (sent - self.state), before + T * rate
+        put(self.world, qdot=rate * self.tells)
+        return sent, status
+
+
+@pytest.mark.parametrize("lag", [2e-3, 1e-2, 3e-2])
+@pytest.mark.parametrize("jerk", [500.0, 5000.0])
+def test_a_joint_that_lags_stops_within_jerk_before_its_position_limit(lag, jerk):
+    limits = {"jerk": jerk, "acceleration": 10.0, "rate": 1.0, "ends": [[-0.5], [0.5]]}
+    wishes = [50.0] * 1500 + [-50.0] * 2500
+    joint = Lagging(lag, **limits)
+    sent, q, status = joint.run(wishes)
+    assert joint.holds(sent, q) >= {"jerk", "acceleration", "rate"} and not status & EXCEEDED
+    assert (
+        0.499 < np.abs(q).max() < 0.5 + 1e-5
+    )  # it comes close; the mean rate of a tick is not that at its end
+    # negative control: what does not show in its rates is not foreseen, and the joint goes on by rate times lag
+    hidden = Lagging(lag, tells=False, **limits)
+    sent, q, status = hidden.run(wishes)
+    assert np.abs(q).max() > 0.5 + 0.3 * lag and hidden.holds(sent, q) >= {"jerk"} and not status & EXCEEDED
 
 
 def test_the_same_wishes_break_a_jerk_limit_that_is_not_set():
@@ -302,17 +336,6 @@ def test_shipped_scenarios_stay_below_a_jerk_limit_at_every_tick(name, policy, o
     run = shipped(name, f"control.at_singularity={policy}", *limits)
     peak, rounding = jerk_of(run)
     assert run.divergence is None and np.isfinite(run["qdot_cmd"]).all()
-    if name == "fr3_stop" and peak > jerk * (1 + 1e-9) + rounding:
-        # Without its own policy it leans on its elbow's stop, which its servos cross by up to 0.3 mrad: a position
-        # limit comes before jerk, and the status tells each tick. On the ideal plant nothing is crossed.
-        changes = np.diff(run["qdot_cmd"], axis=0, prepend=0.0)
-        over = np.abs(np.diff(changes, axis=0, prepend=0.0)) / run.period**2 > jerk * (1 + 1e-6) + rounding
-        assert np.all(run["status"][over.any(axis=1)] & Status.JERK_EXCEEDED)
-        lower, upper = prepare(rmrc.load(ROOT / f"scenarios/{name}.yaml")).arm.position_limit.T
-        assert np.minimum(run["q"] - lower, upper - run["q"])[over].max() < 1e-3
-        peak, rounding = jerk_of(
-            shipped(name, f"control.at_singularity={policy}", *limits, "plant.kind=ideal")
-        )
     assert peak <= jerk * (1 + 1e-9) + rounding
 
 

@@ -232,7 +232,7 @@ def joints(J, **fields):
 def answer(world, tick, twist):
     """Return the rates and the status of one tick."""
     world["twist_cmd"][0, : len(twist)] = twist
-    resolve(world[0], tick[0])
+    resolve(world, tick)
     return tick["qdot_cmd"][0, : int(world["n"][0])].copy(), Status(int(tick["status"][0]))
 
 

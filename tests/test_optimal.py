@@ -58,7 +58,7 @@ def answer(world, tick, twist):
     """Return the rates, (n,), their bounds, (2, n), what was wished for in the null space, and the status."""
     n = int(world["n"][0])
     world["twist_cmd"][0, : len(twist)] = twist
-    resolve(world[0], tick[0])
+    resolve(world, tick)
     span = np.array([world["lower"][0, :n], world["upper"][0, :n]])
     return tick["qdot_cmd"][0, :n].copy(), span, world["drift"][0, :n].copy(), Status(int(tick["status"][0]))
 
@@ -361,6 +361,7 @@ def test_less_feedback_and_a_constant_damping_are_better_beyond_reach():
         (10, 0.05, 7.5, 2.54),
         (8, 0.04, 5.8, 2.44),
         (8, 0.03, 5.7, 2.62),
+        (2, 0.0244, 3.4, 2.03),
     )
     worlds = [
         prepare(load(ROOT / "scenarios/approach_singularity.yaml", [

@@ -315,6 +315,7 @@ VARIANTS = {
     "swinging and lagging, torque": (
         SHORT, FINER, "plant={kind: torque, lag: 0.02, resonance: {frequency: 40, damping: 1.5}}", "control.feedback=5",
     ),
+    "play": (*PLANAR, DRIFT, "plant={delay: 0.003, backlash: [0.004, 0, 0.01]}", "control.feedback=5"),
     "servo, substeps, wrench": ("control.period=0.004", "plant.timestep=0.002", "plant.wrench=[5, -3, 1, 0, 0, 2]"),
 }  # fmt: skip
 
@@ -376,6 +377,7 @@ OFF = {
     "jitter": ("late now and then, and lost, torque", "plant.jitter=0.009000009"),
     "loss": ("lost, limits", "plant.loss=0.45"),
     "lag": ("lagging, slow", "plant.lag=[0.05, 0, 0.01000001]"),
+    "backlash": ("play", "plant.backlash=[0.004000004, 0, 0.01]"),
     "resonance.frequency": ("swinging, model", "plant.resonance.frequency=12.000012"),
     "resonance.damping": ("swinging, model", "plant.resonance.damping=0.05000005"),
     "encoder.delay": ("encoders late and noisy", "arm.encoder.delay=0.01800002"),

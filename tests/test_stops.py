@@ -57,7 +57,7 @@ def arm(J, twist, room, rate, **fields):
 def answer(J, twist, room, rate, **fields):
     """Return the rates and the status of one tick."""
     world, tick = arm(J, twist, room, rate, **fields)
-    resolve(world[0], tick[0])
+    resolve(world, tick)
     return tick["qdot_cmd"][0, : J.shape[1]].copy(), Status(int(tick["status"][0]))
 
 
@@ -168,11 +168,11 @@ def steepest(J, twist, limit, j, steps, **fields):
     ticks = np.floor(bounds / (BRAKING * PERIOD))  # (21) turned round
     room = PERIOD * (ticks + 1) * (bounds - BRAKING * PERIOD * ticks / 2)
     world, tick = arm(J, twist, np.full((n, 2), np.inf), limit, **fields)
-    law, record, out = machine_code(resolve, world[0], tick[0]), world[0], tick[0]
+    law = machine_code(resolve, world, tick)
     rates, edges, sent = np.empty((steps + 1, n)), world["position_limit"][0, :, j], tick["qdot_cmd"][0, :n]
     for i, distance in enumerate(room):
         edges[:] = -distance, distance
-        law(record, out)
+        law(world, tick)
         rates[i] = sent
     return quotient(rates, bounds)
 

@@ -260,6 +260,25 @@ def test_a_resonance_is_exact_for_a_command_that_is_constant_during_a_tick(simul
     assert_allclose(run["qdot_arrived"], told, rtol=0, atol=1e-11)  # rounding of 500 ticks
 
 
+@pytest.mark.parametrize("kind", ["servo", "torque"])
+def test_play_loses_its_width_at_each_turn(simulate, kind):
+    turns = "target={path: [{line: {by: [0.1, 0.1]}}, {line: {by: [-0.1, -0.1]}}, {line: {by: [0.1, 0.1]}}]}"
+    _, run = simulate(turns, "control.feedback=0", f"plant={{kind: {kind}, backlash: [0.02, 0.005]}}")
+    drive, joint = (run.period * np.cumsum(run[name], axis=0) for name in ("qdot_cmd", "qdot_arrived"))
+    play = np.array([0.02, 0.005])
+    turned = [
+        int(i) for i in np.flatnonzero(np.diff(np.sign(run["qdot_cmd"][:, 0]))) if 100 < i < len(run) - 100
+    ]
+    assert len(turned) == 2
+    # first half of it is crossed, then all of it twice; a joint moves with its drive or not at all
+    legs = [np.abs(np.diff(each[[0, *turned, -1]], axis=0)) for each in (drive, joint)]
+    # sums of a thousand rates; the drive turns within a tick
+    assert_allclose(legs[0] - legs[1], np.outer([0.5, 1.0, 1.0], play), rtol=0, atol=1e-5)
+    rests, follows = run["qdot_arrived"] == 0.0, np.abs(run["qdot_arrived"] - run["qdot_cmd"]) < 1e-12
+    assert (~rests & ~follows).sum(axis=0).max() <= 3  # and in between in the ticks in which it is reached
+    assert np.abs(drive - joint).max(axis=0) == pytest.approx(play / 2, abs=1e-12)
+
+
 ANGLES = st.floats(1e-5 * math.tau, 1e3 * math.tau)
 
 
@@ -332,7 +351,8 @@ def test_the_seed_decides_what_is_late_and_lost(simulate):
 
 MIXED = (
     (), ("plant.delay=0.0055",), ("plant.delay=0.2",), ("plant={lag: 0.02, jitter: 0.01, seed: 3}",), ("plant={loss: 0.4}",),
-    ("plant.resonance.frequency=9",), ("plant={delay: 0.001, loss: 0.1, lag: [0, 0.1], resonance: {frequency: 30}}",),
+    ("plant.resonance.frequency=9",), ("plant.backlash=0.01",),
+    ("plant={delay: 0.001, loss: 0.1, lag: [0, 0.1], resonance: {frequency: 30}}",),
 )  # fmt: skip
 
 
@@ -374,6 +394,8 @@ def test_what_is_held_counts_the_ticks_that_a_delay_looks_back_to(scenario):
         (["plant.resonance.frequency=0.001"], "--set plant.resonance.frequency: … 0.01 … 1e+06 Hz … 0.001 s … 0.001 Hz"),
         (["plant.resonance={frequency: 2.0e+6}"], "--set plant.resonance: plant.resonance.frequency: … 1e+06 Hz … 2e+06 Hz"),
         (["plant.resonance={frequency: 9, damping: 11}"], "--set plant.resonance: plant.resonance.damping: … 10 … 11 … plant.lag"),
+        (["plant={kind: ideal, backlash: 0.01}"], "--set plant: plant.backlash: … ideal … servo, torque, model"),
+        (["plant.backlash=[0.1]"], "--set plant.backlash: … 2 values … shoulder, elbow … 1"),
         (["plant.lag=[0.1, 0.1, 0.1]"], "--set plant.lag: … 2 values … shoulder, elbow … 3"),
     ],
 )  # fmt: skip

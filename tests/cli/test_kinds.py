@@ -117,6 +117,17 @@ def test_a_joint_without_limits_that_starts_beyond_a_turn_is_warned_of_once(rmrc
     assert "turns" not in err
 
 
+def test_a_loop_that_is_slower_than_robots_is_warned_of(rmrc, tmp_path):
+    (tmp_path / "quick.yaml").write_text(SCENARIO + "plant: {lag: [0.1, 8]}\n")
+    code, _, err = rmrc("run", "quick.yaml", "--no-record", "-q", "--set", "plant.jitter=0.6")
+    assert (code, err.splitlines()) == (0, [
+        says("rmrc: warning: --set plant.jitter: 0.6 s … 0.6 ms write 0.0006"),
+        says("rmrc: warning: quick.yaml:… plant.lag: 8 s … 8 ms write 0.008"),
+    ])  # fmt: skip
+    _, _, err = rmrc("run", "quick.yaml", "--no-record", "-q", "--set", "plant.lag=0.5")
+    assert err == ""
+
+
 def test_a_model_that_is_only_named_is_found_in_the_folder_of_models(rmrc, tmp_path):
     (tmp_path / "models").mkdir()
     (tmp_path / "models/ur5e.xml").write_text("<mujoco/>")

@@ -1,5 +1,7 @@
 """What a controller is made of and told: models, laws in files, poses and twists in any form and frame, batches."""
 
+import inspect
+
 import mujoco
 import numpy as np
 import pytest
@@ -132,6 +134,19 @@ def test_a_scenario_gives_its_law_task_and_frame_and_what_is_given_is_first():
 
 def test_a_period_needs_no_whole_steps_of_mujoco():
     assert Controller(ARM, control={"period": 0.0025, "feedback": 1}).period == 0.0025
+
+
+def test_the_defaults_of_one_inverse_are_those_of_a_scenario():
+    defaults, inverse = inspect.signature(rmrc.resolve_rates).parameters, ControlSection().inverse
+    homes = {
+        "method": inverse.method, "schedule": inverse.damping.schedule, "damping_maximum": inverse.damping.maximum,
+        "damping_below": inverse.damping.below, "manipulability_below": inverse.damping.manipulability_below,
+        "error_gain": inverse.damping.error_gain, "tolerance": inverse.tolerance, "cutoff": inverse.cutoff,
+        "gamma": inverse.gamma, "rate_bound": inverse.rate_bound,
+    }  # fmt: skip
+    assert {name: defaults[name].default for name in homes} == homes
+    given = {name for name, one in defaults.items() if one.default is not inspect.Parameter.empty}
+    assert given == {*homes, "error"}
 
 
 def test_without_a_task_it_is_what_the_arm_can_do():

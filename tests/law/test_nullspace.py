@@ -192,7 +192,7 @@ class Chain:
         world["m"], world["k"] = m, min(m, self.n)
         world["rank"] = self.rank if rank is None else rank
         world["row"][0, :m], world["row_scale"][0, :m] = self.rows, self.row_scale
-        resolve(world[0], tick[0])
+        resolve(world, tick)
         return tick["qdot_cmd"][0, : self.n].copy()
 
     def middle(self, q):

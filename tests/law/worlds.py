@@ -79,7 +79,7 @@ def one_world(J, twist, wx=1.0, wq=1.0, variant=None, **parameters):
     if variant is not None:
         parameters = {"method": variant.method, "schedule": variant.schedule, **parameters}
     world, tick = make_world(J, twist, np.sqrt(wx), 1 / np.sqrt(wq), **parameters)
-    resolve(world[0], tick[0])
+    resolve(world, tick)
     return world[0], tick[0]
 
 
@@ -91,9 +91,9 @@ def rates_of(J, twist, variant, **parameters):
 def along(J, twist, cold=False, **parameters):
     """Return what the law answers along a path, (steps, n): warm, each tick starting from the last, or cold."""
     world, tick = make_world(J[0], twist, **parameters)
-    law = machine_code(resolve, world[0], tick[0])
+    law = machine_code(resolve, world, tick)
     # bytes, because numpy copies a record field by field
-    start, state, record, out = world.tobytes(), memoryview(world.view(np.uint8)), world[0], tick[0]
+    start, state = world.tobytes(), memoryview(world.view(np.uint8))
     m, n = J[0].shape
     measured, rates = world["J"][0, :m, :n], tick["qdot_cmd"][0, :n]
     answers = np.empty((len(J), n))
@@ -101,7 +101,7 @@ def along(J, twist, cold=False, **parameters):
         if cold:
             state[:] = start
         measured[:] = jacobian
-        law(record, out)
+        law(world, tick)
         answer[:] = rates
     return answers
 

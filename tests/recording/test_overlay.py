@@ -153,6 +153,32 @@ def test_the_curves_are_those_of_the_columns(recorded, compared):
     assert not stored(recorded, entity(LABELS[0], "error/rotation"))  # the task has no rotations
 
 
+def test_what_has_not_arrived_and_what_the_law_believes_are_drawn_of_those_that_have_it(compared, tmp_path):
+    late = prepared_of("plant={delay: 0.02, joint_offset: [0.01, -0.02]}")
+    worlds = [compared[0][0][1], late]
+    runs = Simulation(worlds).run()
+    path = tmp_path / "x.rrd"
+    record(path, [("plain", worlds[0]), ("late", late)], runs)
+    found = {
+        name: np.array(stored(path, entity("late", name))["Scalars:scalars"])[:, 0]
+        for name in ("waiting", "belief")
+    }
+    commands, ticks = runs[1]["qdot_cmd"], 20
+    arrived = np.vstack([np.zeros((ticks, 2)), commands[:-ticks]])
+    np.testing.assert_allclose(found["waiting"], np.abs(commands - arrived).max(axis=1), atol=1e-12)
+    np.testing.assert_allclose(found["belief"], 20.0, rtol=1e-9)  # mrad
+    link = late.arm.model.body(late.arm.shapes()[-1].body).name
+    true, pale = (
+        np.array(stored(path, entity("late", f"{root}/{link}"))["Transform3D:translation"])[0, 0]
+        for root in ("arm", "believed")
+    )
+    np.testing.assert_allclose(pale[:2], [np.cos(np.pi / 3), np.sin(np.pi / 3)], atol=1e-6)
+    np.testing.assert_allclose(true[:2], [np.cos(np.pi / 3 + 0.01), np.sin(np.pi / 3 + 0.01)], atol=1e-6)
+    assert "pale arm" in stored(path, "/text/legend")["TextDocument:text"][0][0]
+    for name in ("waiting", "belief", f"believed/{link}"):
+        assert not stored(path, entity("plain", name)), name
+
+
 def test_a_path_of_its_own_is_shown_and_a_shared_one_once(recorded, compared, tmp_path):
     assert len(stored(recorded, "/target/path")["LineStrips3D:strips"]) == 1
     assert not stored(recorded, entity(LABELS[1], "path"))

@@ -90,6 +90,7 @@ target:
 plant: {kind: torque, kv: 10.0, bandwidth: 20.0, timestep: 0.001, gravity_compensation: false,
         payload: 1.5, gravity: [0.0, 0.5, -9.0], wrench: [1, 2, 3, 4, 5, 6],
         delay: 0.01, jitter: 0.002, loss: 0.1, lag: [0.01, 0.02], resonance: {frequency: 12.0, damping: 0.2}, seed: 7,
+        backlash: [0.1 deg, 0.002],
         friction: {coulomb: [1.0, 2.0], viscous: 0.5}, stretch: {link_1: 1.005}, joint_offset: [0.1 deg, 0.001]}
 expect:
   joint_rate.peak: {below: 3.0, above: 1.0}

@@ -236,6 +236,7 @@ plant:
   loss: 0.0
   lag: 0.0
   resonance: {frequency: null, damping: 0.1}
+  backlash: 0.0
   seed: 0
   friction: {coulomb: 0.0, viscous: 0.0}
   stretch: {}

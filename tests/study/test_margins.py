@@ -117,6 +117,28 @@ def test_edges_of_physical_plants_part_plain_runs_that_settle_from_those_that_sw
     assert unstable > 20.0 * stable
 
 
+def test_a_loop_bears_so_many_times_its_feedback_up_to_the_edge_of_the_equation(short):
+    edge = edge_gain(PERIOD, 0.03)
+    # the last two are judged with a quarter of the edge first, and have nothing to show with what is asked
+    asked = [(0.45, True), (0.55, False), (0.3, True), (0.01, True), (0.05, True)]
+    settings = [changes_of({"plant.delay": 0.03, "control.feedback": share * edge}) for share, _ in asked]
+    assert bears(short, settings, 2.0) == [is_borne for _, is_borne in asked]
+    # a lag that nobody knows of: not even the quarter is borne, and what is asked decides
+    slow = {"plant.kind": "servo", "plant.timestep": 0.01, "plant.kv": 0.05, "control.feedback": 0.01 * edge}
+    assert bears(short, [changes_of(slow)], 2.0) == [
+        not judge(short, **slow | {"control.feedback": 0.02 * edge}).is_unstable
+    ]
+
+
+def test_a_sparing_search_finds_the_same_edges_by_fewer_runs(short):
+    scenario = short.prepare(changes_of({"plant.delay": 0.02})).scenario
+    usual, sparing = (Asking(scenario, accuracy=0.05, is_sparing=one).run() for one in (False, True))
+    assert sparing.runs < 0.75 * usual.runs
+    for one, other in zip(usual.all, sparing.all, strict=True):
+        assert max(one.edge.low, other.edge.low) < min(one.edge.high, other.edge.high)  # both hold the edge
+        assert other.edge.high <= 1.05 * (1.0 + 1e-9) * other.edge.low or one.name != "gain"
+
+
 @pytest.mark.long
 def test_more_delay_leaves_less_gain_and_a_finer_search_comes_nearer(short):
     delays = (0.0, 0.015, 0.04, 0.1)

@@ -201,6 +201,24 @@ def test_a_comparison_of_a_scenario_object_is_that_of_its_file(tmp_path, monkeyp
     assert [one["overrides"] for one in a["variants"]] == [one["overrides"] for one in b["variants"]]
 
 
+def test_a_watcher_of_some_columns_sees_the_same_ticks():
+    study = Study(
+        draft_of(ROOT / "scenarios" / "approach_singularity.yaml", ["target.path=[{hold: {for: 1.5}}]"])
+    )
+    worlds = study.prepare_all(variants([["control.feedback=20"], ["control.feedback=30"]]))
+    seen = {}
+    for columns in (None, ("q", "status")):
+        seen[columns] = [[], []]
+        study.watch(
+            worlds, lambda i, part, c=columns: seen[c][i].append(part), threading.Event(), columns=columns
+        )
+    for all_of_it, some in zip(*seen.values(), strict=True):
+        assert [set(part.columns) for part in some] == [{"time", "q", "status"}] * len(some)
+        for name in ("time", "q", "status"):
+            one, other = (np.concatenate([part[name] for part in parts]) for parts in (all_of_it, some))
+            assert np.array_equal(one, other) and len(one) == 1501
+
+
 def test_watchers_see_every_tick_and_a_rule_ends_the_runs():
     study = Study(
         draft_of(ROOT / "scenarios" / "approach_singularity.yaml", ["target.path=[{hold: {for: 3}}]"])

@@ -93,7 +93,9 @@ def test_copies_are_on_the_slowest_the_quickest_and_drawn_loops(path):
     assert noises[1] == 0.0
     assert len(set(noises)) == 4
     assert work.robot.words == "delay 6 to 12 ms, lag 10 ms, encoder noise 0 to 0.0001 rad"
-    assert work.margin == 1.0
+    assert work.margin == GAIN_MARGIN
+    assert Tuning(path, robot={"delay": 0.01}, gain_margin=1.5).margin == 1.5
+    assert Tuning(path, ideal=True).margin == 1.0
 
 
 def test_a_calibration_is_off_in_links_and_zeros_to_either_side(path):
@@ -153,7 +155,9 @@ def test_what_the_scenario_cannot_have_is_not_assumed_and_told(path):
 def test_feedback_is_tried_up_to_the_edge_of_the_loop(path):
     fine = ["control.period=0.001", "plant.timestep=0.001"]
     found = Tuning(path, fine, robot={"delay": "6ms..12ms", "lag": "5ms"}, copies=0, runs=12, only=FEW).run()
-    assert found.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, 0.012, 0.005))
+    assert found.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, 0.012, 0.005) / GAIN_MARGIN)
+    bare = Tuning(path, fine, robot={"delay": "12ms"}, gain_margin=1.0, copies=0, runs=12, only=FEW).run()
+    assert bare.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, 0.012))
     assumed = Tuning(path, fine, copies=0, runs=12, only=FEW).run()
     assert assumed.bounds[FEEDBACK][1] == pytest.approx(edge_gain(0.001, DELAY, LAG) / GAIN_MARGIN)
     # without a loop it is five periods for 1/e, which the servos bear
@@ -175,8 +179,9 @@ def test_what_is_recommended_for_an_assumed_robot_bears_its_margin(path):
     assert all(bear(found.feasible[::4]))
     assert found.margins["recommended"].gain.value > 0.97 * GAIN_MARGIN  # its edge is found within 5 %
     told = Tuning(
-        path, fine, robot={"delay": (0.0, DELAY), "lag": (0.0, LAG)}, copies=1, runs=160, only=FEW
-    ).run()
+        path, fine, robot={"delay": (0.0, DELAY), "lag": (0.0, LAG)}, gain_margin=1.0, copies=1, runs=160,
+        only=FEW,
+    ).run()  # fmt: skip
     best = told.verdict.recommended
     assert best.feedback > 1.1 * found.verdict.recommended.feedback  # negative control: without the margin
     assert bear([best]) == [False]

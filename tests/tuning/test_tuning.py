@@ -22,9 +22,10 @@ from rmrc.support.errors import ScenarioError
 from rmrc.tuning import figure as tuning_figure
 from rmrc.tuning import report
 from rmrc.tuning import tables as tuning_table
+from rmrc.tuning.bearing import Bearing
 from rmrc.tuning.copies import Spread
 from rmrc.tuning.search import Search
-from rmrc.tuning.space import NUMBERS, WORDS, Setting, Structure, all_structures, own_setting
+from rmrc.tuning.space import FEEDBACK, NUMBERS, WORDS, Setting, Space, Structure, all_structures, own_setting
 from rmrc.tuning.trials import CHATTER, Limits, Outcome, Trials, worst
 from rmrc.tuning.tried import Tried, best
 from rmrc.tuning.tune import Tuning as AnyTuning
@@ -174,6 +175,19 @@ def test_a_search_of_a_scenario_object_is_that_of_its_file(path):
         (one.setting, one.outcomes) for one in by_object.tried
     ]
     assert by_file.block == by_object.block
+
+
+def test_the_best_within_limits_is_tried_where_a_limit_acts_and_where_it_is_asked_for(path):
+    def tried(*only, **changes):
+        found = Tuning(path, only=only, copies=0, runs=70, **changes).run()
+        return {one.setting.structure.on_excess for one in found.tried if one is not found.own}
+
+    assert tried() == {""}
+    assert tried("control.limits.on_excess=optimal") == {"optimal"}
+    assert tried(overrides=["control.limits.rate=0.3"]) == {"", "optimal"}
+    with pytest.raises(ScenarioError) as refused:
+        Tuning(path, only=["control.limits.on_excess=clamp"])
+    assert str(refused.value) == says("--only control.limits.on_excess: … scale … optimal …")
 
 
 def test_only_what_is_allowed_is_chosen_and_the_setting_as_written_is_compared(path):
@@ -527,6 +541,47 @@ def test_the_verdict_is_the_least_error_then_the_smoothest_then_the_lowest_feedb
     assert best([strong, weak]) is weak
     assert best([strong, tried(first, 1.03, 2.0, number=30.0)]) is strong  # 3 % of error are not alike
     assert len(set(all_structures())) == 3 * (7 + 5) + 5
+
+
+def test_a_plain_inverse_is_recommended_near_a_singularity_only_where_nothing_else_is_left():
+    def come_to(method, error, condition):
+        one = tried(Structure(method, "constant" if method == "damped" else "", "damp"), error, 1.0)
+        one.outcomes[0] = one.outcomes[0]._replace(condition=condition)
+        return one
+
+    damped, others = (
+        come_to("damped", 1.5, 400.0),
+        [come_to(m, 1.0, 400.0) for m in ("pseudoinverse", "inverse")],
+    )
+    verdict = judge([damped, *others], [damped, *others], damped)
+    assert (verdict.recommended, verdict.second) == (damped, others[0])
+    assert others[0] in verdict.front  # it is shown all the same
+    assert best(others) is others[0]
+    far = come_to("pseudoinverse", 1.0, 90.0)
+    assert best([come_to("damped", 1.5, 90.0), far]) is far  # negative control: no singularity is near
+
+
+def test_what_an_inverse_did_not_bear_none_of_its_settings_is_tried_with():
+    damped, other = Structure("damped", "constant", "damp"), Structure("jparse", "", "stop")
+    space = Space((damped, other), {FEEDBACK: (1.0, 100.0)}, {}, {})
+
+    def setting(structure, feedback):
+        return Setting(structure, tuple(feedback if key == FEEDBACK else 0.1 for key in structure.keys))
+
+    bearing = Bearing()
+    assert bearing.within(setting(damped, 100.0), space).feedback == 100.0  # nothing is known
+    bearing.probed |= {50.0: True, 60.0: False}
+    assert bearing.within(setting(damped, 55.0), space).feedback == 55.0
+    assert bearing.within(setting(other, 90.0), space).feedback == 54.8  # √(50 · 60)
+    bearing.add(setting(damped, 40.0), bears=False)
+    assert bearing.within(setting(damped, 45.0), space).feedback == 32.0
+    assert bearing.within(setting(other, 45.0), space).feedback == 45.0  # which is another inverse
+    bearing.add(setting(damped, 39.8), bears=True)
+    assert (
+        bearing.within(setting(damped, 45.0), space).feedback == 39.8
+    )  # as near to the edge as is told apart
+    only = Space((damped,), {}, {FEEDBACK: (10.0, 30.0, 80.0)}, {})
+    assert bearing.within(setting(damped, 80.0), only).feedback == 30.0
 
 
 def test_the_setting_as_written_is_told_to_be_what_it_is(path):

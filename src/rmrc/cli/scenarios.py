@@ -40,6 +40,9 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the scenario; repeatable."),
 ]
+# Robots answer within this time, the slowest that is known within 0.25 s; what takes longer is doubted [s].
+_LONGEST_DELAY = 0.5
+
 Record = Annotated[bool, typer.Option(help="Write the .rrd recording.")]
 
 
@@ -56,7 +59,9 @@ def run(
     from rmrc.study.run import Job  # with numba and mujoco, which `schema` and `replay` do without
 
     console = output(quiet, pipe=80)
-    job = Job(scenarios.load(scenario, set_ or ()), out, record)
+    loaded = scenarios.load(scenario, set_ or ())
+    _doubt_times(loaded)
+    job = Job(loaded, out, record)
     left = _ran(job, job.name, quiet)
     (one,) = left.results
     console.print(tables.render(one.scorecard, one.outcomes))
@@ -72,6 +77,19 @@ def run(
     for line in loads.told(one.scorecard, job.prepared.scenario.expect):
         complain(line)
     raise typer.Exit(_exit_code(left, one))
+
+
+def _doubt_times(scenario: scenarios.Scenario) -> None:
+    """Say that a loop is slower than any robot's, as one is whose milliseconds were taken for seconds."""
+    plant = scenario.plant
+    for key, longest in (
+        ("plant.delay", plant.delay), ("plant.jitter", plant.jitter),
+        ("plant.lag", max(plant.lag) if isinstance(plant.lag, tuple) else plant.lag),
+        ("arm.encoder.delay", scenario.arm.encoder.delay),
+    ):  # fmt: skip
+        if longest > _LONGEST_DELAY:
+            text = f"{longest:g} s is more than robots take; for {longest:g} ms write {longest / 1e3:g}"
+            complain(f"warning: {scenario.locate(key)}: {text}")
 
 
 def _exit_code(left: "Left[Ran]", one: "Ran") -> int:

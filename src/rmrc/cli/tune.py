@@ -50,8 +50,16 @@ Calibration = Annotated[
 Ideal = Annotated[
     bool, typer.Option("--ideal", help="Take the loop as the scenario has it, and assume no robot.")
 ]
+GainMargin = Annotated[
+    float | None,
+    typer.Option(
+        metavar="FACTOR",
+        help="Times its feedback that a recommended loop bears on the slowest robot; 1: any.",
+        show_default="2; with --ideal: 1",
+    ),
+]
 Slower = Annotated[float, typer.Option(help="Times the duration as written that another may take.")]
-Runs = Annotated[int, typer.Option(help="Runs in all.")]
+Runs = Annotated[int, typer.Option(help="Runs in all; first looks count by their ticks.")]
 Seed = Annotated[int, typer.Option(help="Of the copies and of the search.")]
 Picture = Annotated[
     Path | None,
@@ -75,6 +83,7 @@ def tune(
     noise: Noise = None,
     calibration: Calibration = None,
     ideal: Ideal = False,
+    gain_margin: GainMargin = None,
     slower: Slower = 1.1,
     runs: Runs = 2000,
     seed: Seed = 0,
@@ -105,7 +114,7 @@ def tune(
         work = Tuning(
             scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread,
             robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration},
-            ideal=ideal, slower=slower, runs=runs, threads=threads,
+            ideal=ideal, gain_margin=gain_margin, slower=slower, runs=runs, threads=threads,
         )  # fmt: skip
         found = _run(work, runs, work.files(out, picture), quiet)
     if found.interrupted:  # said first: the picture takes longer than one waits after Ctrl-C

@@ -12,6 +12,7 @@ import math
 import threading
 import time
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any, ClassVar
 
 import numpy as np
@@ -289,6 +290,8 @@ def resolve_rates(
     known: dict[Any, _Resolved] = _known.__dict__
     one = known.get(key)
     if one is None:
+        if J.ndim != 2 or not 0 < len(J) <= ROWS or not J.shape[1] or twist.shape != J.shape[:1]:
+            raise ValueError(_shapes(J, twist))
         while len(known) >= MOST_KNOWN:
             del known[next(iter(known))]
         given = dict(zip(_NAMES, numbers, strict=True)) | others
@@ -311,8 +314,6 @@ class _Resolved:
     def __init__(
         self, shape: tuple[int, ...], method: str, schedule: str, parameters: Mapping[str, float]
     ) -> None:
-        if len(shape) != 2 or not 0 < shape[0] <= ROWS or not shape[1]:
-            raise ValueError(f"J must be (m, n) with m <= {ROWS}, got {shape}")
         m, n = shape
         codes = {INVERSES.field: _code("method", method, INVERSES)}
         codes[SCHEDULES.field] = _code("schedule", schedule, SCHEDULES)
@@ -330,20 +331,19 @@ class _Resolved:
         (world,), (tick,) = self._worlds, self._ticks
         self._J, self._twist, self._error = world["J"][:m, :n], world["twist_cmd"][:m], self._worlds["error"]
         self._rates, self._age = tick["qdot_cmd"][:n], self._worlds["age"]
-        self._nothing, self._world, self._tick = np.zeros(shape), world, tick
-        self._resolve = machine_code(resolve, world, tick)
+        self._nothing = np.zeros(shape)
+        arguments: Any = (self._worlds, self._ticks)
+        self._resolve = partial(machine_code(resolve, *arguments), *arguments)
 
     def __call__(self, J: Array, twist: Array, error: float) -> Array:
         if twist.shape != self._twist.shape:
-            raise ValueError(
-                f"J must be (m, n) with m <= {ROWS} and twist (m,), got {J.shape}, {twist.shape}"
-            )
+            raise ValueError(_shapes(J, twist))
         if (
             np.vdot(J, self._nothing) != 0.0 or np.vdot(twist, self._nothing[:, 0]) != 0.0
         ):  # 0 times what is not finite
             raise ValueError("J and twist must be finite")
         self._J[...], self._twist[...], self._error[0], self._age[0] = J, twist, error, 0
-        self._resolve(self._world, self._tick)
+        self._resolve()
         rates: Array = self._rates.copy()
         return rates
 
@@ -364,6 +364,10 @@ class _Inverse:
             world[choices.field] = choices.code(nothing)
         for field, value in self._chosen.items():
             world[field] = value
+
+
+def _shapes(J: Array, twist: Array) -> str:
+    return f"J must be (m, n) with m <= {ROWS} and twist (m,), got {J.shape}, {twist.shape}"
 
 
 def _code(key: str, name: str, choices: Choices[Choice]) -> int:

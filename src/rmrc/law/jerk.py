@@ -23,8 +23,11 @@ SLACK = 1e-9
 ALL = 1.0 - SLACK
 # No stop within a jerk limit takes a deceleration of so many steps of it.
 HARD = 1e9
-# A joint that is elsewhere than it was sent is taken to be there after this time [s]: longer than it brakes.
-FORGOTTEN = 0.5
+# How far a joint lags behind its commands is judged by so much of its past [s], which has some motions, and
+# is no more [s]: drives take some milliseconds, and the slowest that are known a third of a second.
+REMEMBERED, LONGEST_LAG = 2.0, 0.5
+# No rate is larger [rad/s or m/s].
+LARGEST = 1e10
 
 
 @compiled
@@ -42,11 +45,39 @@ def is_within_jerk(world: Record, rates: Array) -> bool:
         ):
             return False
         braking = world.braking[j] * T
-        if not is_far(world.position_limit[1, j] - world.q[j], rate, change, braking, step, T):
+        if not is_far(room(world, j, 1.0), rate, change, braking, step, T):
             return False
-        if not is_far(world.q[j] - world.position_limit[0, j], -rate, -change, braking, step, T):
+        if not is_far(room(world, j, -1.0), -rate, -change, braking, step, T):
             return False
     return True
+
+
+@compiled
+def foresee(world: Record) -> None:
+    """Write how far each joint goes on after its commands have come to rest: its rate, times its lag.
+
+    The lag of a drive is how far it is behind its commands over its rate, by least squares, both without what
+    they were long ago. A command that takes time counts like a lag.
+    """
+    T, sums = world.period, world.behind
+    kept = max(0.0, 1.0 - T / REMEMBERED)
+    for j in range(world.n):
+        qdot, world.coast[j] = world.qdot[j], 0.0
+        if not abs(qdot) <= LARGEST:  # who calls may have no rates to tell
+            continue
+        behind, rate = kept * sums[0, j] + T * (world.qdot_cmd_last[j] - qdot), qdot - sums[1, j]
+        sums[0, j], sums[1, j] = behind, kept * sums[1, j] + (1.0 - kept) * qdot
+        sums[2, j] = kept * sums[2, j] + behind * rate
+        sums[3, j] = kept * sums[3, j] + rate * rate
+        lag = sums[2, j] / sums[3, j] if sums[3, j] > 0.0 else 0.0
+        world.coast[j] = min(max(lag, 0.0), LONGEST_LAG) * qdot
+
+
+@compiled
+def room(world: Record, j: int, side: float) -> float:
+    """Return how far commands may take a joint towards an end of its range (side 1 or -1)."""
+    left = world.position_limit[1, j] - world.q[j] if side > 0.0 else world.q[j] - world.position_limit[0, j]
+    return float(left - max(0.0, side * world.coast[j]))
 
 
 @compiled
@@ -56,23 +87,21 @@ def rest_bounds(world: Record) -> None:
         limit, T, braking, step = (
             world.rate_limit[j], world.period, world.braking[j] * world.period, world.jerk_step[j],
         )  # fmt: skip
-        above, below = world.position_limit[1, j] - world.q[j], world.q[j] - world.position_limit[0, j]
-        world.rest_upper[j] = min(limit, steady_stop(max(0.0, above), braking, step, T))
-        world.rest_lower[j] = -min(limit, steady_stop(max(0.0, below), braking, step, T))
+        world.rest_upper[j] = min(limit, steady_stop(max(0.0, room(world, j, 1.0)), braking, step, T))
+        world.rest_lower[j] = -min(limit, steady_stop(max(0.0, room(world, j, -1.0)), braking, step, T))
 
 
 @compiled
 def stopping_rate(world: Record, j: int, side: float) -> float:
     """Return the largest rate towards an end of its range (side 1 or -1) from which a joint can stop before.
 
-    It brakes harder than it is told where it has to, as hard as jerk and acceleration allow. Only where that
-    is too late jerk gives way, to the braking rate or the least deceleration of all. For that alone a joint
-    is not taken to be where its lag behind the commands, or whatever pushes it, has brought it: what was sent
-    would have stopped in time.
+    It brakes harder than it is told where it has to, as hard as jerk and acceleration allow. Where that is
+    too late it has strayed: since it could last stop in time, whatever pushes it has brought it farther than
+    what was sent. What was sent can still stop in time, and that is enough.
+    Only where it cannot, jerk gives way, to the braking rate or the least deceleration of all.
     """
     limit, T, step = world.rate_limit[j], world.period, world.jerk_step[j]
-    upper, lower = world.position_limit[1, j], world.position_limit[0, j]
-    distance = upper - world.q[j] if side > 0.0 else world.q[j] - lower
+    distance = room(world, j, side)
     if distance == math.inf:
         return float(limit)
     distance = max(0.0, distance)
@@ -83,7 +112,8 @@ def stopping_rate(world: Record, j: int, side: float) -> float:
         return float(limit)
     if stops_within(distance, last + least, least, braking, step, T):
         return float(min(limit, last + largest_change(distance, last, least, most, braking, step, T)))
-    surprise = side * (world.q[j] - world.q_sent[j])
+    world.strayed[j] = 1
+    surprise = side * (world.q[j] + world.coast[j] - world.q_sent[j])
     distance += surprise if surprise > 0.0 else 0.0
     if stops_within(distance, last + least, least, min(world.change_limit[j], HARD * step), step, T):
         return float(min(limit, last + least))
@@ -132,13 +162,14 @@ def ease(world: Record, rates: Array, alone: bool) -> int:
 
 @compiled
 def look_back(world: Record, wish: Array, rates: Array) -> None:
-    """Keep what was wished for, and where the joints should be if they do what they are told."""
-    kept = max(0.0, 1.0 - world.period / FORGOTTEN)
+    """Keep what was wished for, and where joints will be if they did as told since they strayed."""
     for j in range(world.n):
         world.slope[j] = wish[j] - world.qdot_cmd_last[j] - world.lag[j]
         world.lag[j] = wish[j] - rates[j]
-        surprise = 0.0 if math.isnan(world.q_sent[j]) else world.q[j] - world.q_sent[j]
-        world.q_sent[j] = world.q[j] - kept * surprise + world.period * rates[j]
+        if not (world.strayed[j] and math.isfinite(world.q_sent[j])):
+            world.q_sent[j] = world.q[j] + world.coast[j]
+        world.q_sent[j] += world.period * rates[j]
+        world.strayed[j] = 0
 
 
 @compiled
@@ -248,16 +279,24 @@ def come_to_rest(world: Record, rates: Array) -> None:
 
 
 @compiled
-def remember(world: Record, rates: Array) -> None:
-    """Keep what is sent, and its change, which the next one goes on from.
+def keep_changes(world: Record, rates: Array) -> None:
+    """Keep by how much each rate that is sent differs from the last one, which the next change goes on from.
 
     After a change that jerk does not allow it goes on from no more than braking: what a stop in an emergency
     was would else have to be kept for some time.
     """
     for j in range(world.n):
         change, course = rates[j] - world.qdot_cmd_last[j], world.course[j]
-        world.change_last[j], world.qdot_cmd_last[j] = change, rates[j]
+        world.change_last[j] = change
         if abs(change - course) > world.jerk_step[j] * (1.0 + SLACK):
             most = max(world.braking[j] * world.period, abs(course))
             change = min(max(change, -most), most)
         world.course[j] = change
+
+
+@compiled
+def remember(world: Record, rates: Array) -> None:
+    """Keep what is sent, and by how much it differs from the last."""
+    keep_changes(world, rates)
+    for j in range(world.n):
+        world.qdot_cmd_last[j] = rates[j]

@@ -103,20 +103,23 @@ def dispatch(choices: Choices[Choice], like: Function) -> Function:
     return cast(Function, of_chain["chosen"])
 
 
-def chain(name: str, arguments: str, calls: Mapping[str, Callable[..., object]]) -> Callable[..., bool]:
+def chain(
+    name: str, arguments: str, calls: Mapping[str, Callable[..., object]], passed: str = ""
+) -> Callable[..., bool]:
     """Compile a function that calls those of some functions whose condition holds, in order; is there any?
 
     Its source is written here: if-chains cost nothing, where closures over functions cost a fifth.
 
     Args:
         name: Of the function.
-        arguments: Of all of them.
+        arguments: Of the function.
         calls: Compiled functions, by conditions on the arguments such as `world.is_off`.
+        passed: What these are called with, where that is made of the arguments, and only for them.
     """
     names: dict[str, Any] = {f"call_{i}": function for i, function in enumerate(calls.values())}
     lines = [f"def {name}({arguments}):", "    called = False"]
     for called, condition in zip(names, calls, strict=True):
-        lines += [f"    if {condition}:", f"        {called}({arguments})", "        called = True"]
+        lines += [f"    if {condition}:", f"        {called}({passed or arguments})", "        called = True"]
     exec("\n".join([*lines, "    return called"]), names)
     return compiled(cast(Callable[..., bool], names[name]))
 

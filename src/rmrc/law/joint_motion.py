@@ -6,7 +6,7 @@ Each joint is limited on its own, but for the rate limits, which scale all joint
 import math
 
 from rmrc.law.braking import steady_stop
-from rmrc.law.jerk import come_to_rest, ease, is_within_jerk, look_back
+from rmrc.law.jerk import come_to_rest, ease, foresee, is_within_jerk, look_back
 from rmrc.law.jit import Record, compiled
 from rmrc.law.limits import bounds, broken, confine, exceeded, is_within
 from rmrc.scenario.choices import LIMITS, Status
@@ -103,6 +103,8 @@ def limit_joints(world: Record, tick: Record) -> int:
     rates, choice = tick.qdot_cmd, world.limits_on_excess
     if choice == NONE:
         return 0
+    if world.is_eased:
+        foresee(world)
     if is_within_jerk(world, rates) if world.is_eased else is_within(world, rates):
         if world.is_eased:
             look_back(world, rates, rates)

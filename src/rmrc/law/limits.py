@@ -5,7 +5,7 @@ Where they contradict each other, position and rate come before acceleration, an
 
 from rmrc.law.braking import brake, brake_gently
 from rmrc.law.inverses import SCHEDULED
-from rmrc.law.jerk import ease, is_within_jerk, look_back, rest_bounds
+from rmrc.law.jerk import ease, foresee, is_within_jerk, look_back, rest_bounds
 from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
 from rmrc.law.optimal import best_within, largest_share
 from rmrc.law.redistribution import ROUNDING, saturate
@@ -239,6 +239,8 @@ def limit(world: Record, tick: Record) -> int:
     """
     if world.limits_on_excess == NONE:
         return 0
+    if world.is_eased:
+        foresee(world)
     if is_within_jerk(world, tick.qdot_cmd) if world.is_eased else is_within(world, tick.qdot_cmd):
         if world.is_eased:
             look_back(world, tick.qdot_cmd, tick.qdot_cmd)

@@ -90,9 +90,10 @@ class Loop:
         """Call the law, once all that is given stands in the records."""
         if given != self._given:
             self._codes[:] = self._given = given
-        if self._watchdog is not None:
-            self._look_at_the_clock()
+        late = self._watchdog is not None and self._look_at_the_clock()
         self._act()
+        if late:
+            self._ticks["status"] |= OVERDUE
         if self._shadow is not None:
             self._shadow.publish()
         return self.command
@@ -135,12 +136,14 @@ class Loop:
         over = (gap - self._watchdog) / self.period - ON_TIME
         return min(MOST_LATE, math.ceil(over)) if over > 0.0 else 0  # NaN is not late
 
-    def _look_at_the_clock(self) -> None:
+    def _look_at_the_clock(self) -> bool:
+        """Have the law brake for the periods that no step came in; say whether this step is overdue."""
         now = self._clock()
         late = self._periods_late(now - self._called.item(0))
-        if late:
-            self._late[:] = late
+        if late > 1:
+            self._late[:] = late - 1  # the last of them is this step's
         self._called[:] = now
+        return late > 0
 
     def command_at(self, time: float | None = None) -> Command:
         """Return what is to be sent at a time: the last command, or a braked one where a step is overdue.

@@ -64,17 +64,18 @@ MEASUREMENT = (
 )  # fmt: skip
 
 # From tick to tick: vectors of the decomposition, last command and its change, what its next change goes on
-# from, how far it lags behind what was wished for, the change of that, and where it is if it does what it is
-# told; ticks of the path behind it, its pace and the fastest within the rate limits, how fast that fell,
-# share of the rates left, how long the site has stood still while it should move; joints that were held at
-# their bounds, and when.
+# from, how far it lags behind what was wished for, the change of that, where it is if it did what it was told
+# since it strayed, and what says how late it is; ticks of the path behind it, its pace and the fastest within
+# the rate limits, how fast that fell, share of the rates left, how long the site has stood still while it
+# should move; joints that were held at their bounds, and when.
 MEMORY = (
     Field("u", size=(ROWS, JOINTS)), Field("v", size=(ROWS, JOINTS)), Field("age", np.int64),
     Field("v_last", size=(JOINTS,)), Field("qdot_cmd_last", size=(JOINTS,)),
     Field("change_last", size=(JOINTS,)), Field("course", size=(JOINTS,)), Field("lag", size=(JOINTS,)),
     Field("slope", size=(JOINTS,)), Field("q_sent", size=(JOINTS,), start=math.nan),
-    Field("path_tick"), Field("pace", start=1.0), Field("fastest"), Field("falling"), Field("waited"),
-    Field("share", start=1.0), Field("still"), Field("active", size=(JOINTS,)), Field("active_age", np.int64),
+    Field("behind", size=(4, JOINTS)), Field("path_tick"), Field("pace", start=1.0), Field("fastest"),
+    Field("falling"), Field("waited"), Field("share", start=1.0), Field("still"),
+    Field("active", size=(JOINTS,)), Field("active_age", np.int64),
 )  # fmt: skip
 
 # Of one tick: axes of the arm's own chain; the task, with the twist wanted along the axes of its frame;
@@ -90,6 +91,7 @@ SCRATCH = (
     Field("drift", size=(JOINTS,)), Field("best", size=(JOINTS,)),
     Field("part_a", size=(JOINTS,)), Field("part_b", size=(JOINTS,)),
     Field("wish", size=(JOINTS,)), Field("kept", size=(JOINTS,)), Field("group", np.int64, (JOINTS,)),
+    Field("strayed", np.int64, (JOINTS,)), Field("coast", size=(JOINTS,)),
     Field("work", size=(JOINTS,)), Field("error_2", size=(6,)),
     Field("B", size=(ROWS, JOINTS)), Field("task_B", size=(ROWS,)), Field("asked_B", size=(ROWS,)),
     Field("sigma_B", size=(ROWS,)), Field("gain_B", size=(ROWS,)),

@@ -59,9 +59,7 @@ def uniforms(seed: int, stream: int, tick: int, block: int) -> Four:
 
 
 @compiled
-def normals(seed: int, stream: int, tick: int, block: int) -> Four:
-    """Return four numbers of a tick from the standard normal distribution [Box58]; see `uniforms`."""
-    a, b, c, d = uniforms(seed, stream, tick, block)
-    first, second = math.sqrt(-2.0 * math.log(1.0 - a)), math.sqrt(-2.0 * math.log(1.0 - c))
-    b, d = 2.0 * math.pi * b, 2.0 * math.pi * d
-    return first * math.cos(b), first * math.sin(b), second * math.cos(d), second * math.sin(d)
+def normals(a: float, b: float) -> tuple[float, float]:
+    """Return two numbers of the standard normal distribution, made of two of `uniforms` [Box58]."""
+    radius, angle = math.sqrt(-2.0 * math.log(1.0 - a)), 2.0 * math.pi * b
+    return radius * math.cos(angle), radius * math.sin(angle)

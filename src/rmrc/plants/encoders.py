@@ -13,7 +13,7 @@ import numpy as np
 
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.record import JOINTS, Field
-from rmrc.plants.chance import ENCODER_NOISE, normals, word
+from rmrc.plants.chance import ENCODER_NOISE, normals, uniforms, word
 from rmrc.plants.stage import Stage, in_ticks, refuse_unseen
 
 # No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
@@ -35,11 +35,9 @@ def read_encoders(world: Record, out: Record, past: Record, t: int) -> None:
         world.q[j] += world.encoder_offset[j]
     if world.is_noisy:
         for first in range(0, world.n, 4):
-            a, b, c, d = normals(world.encoder_seed, ENCODER_NOISE, t, first // 4)
-            disturb(world, first, a)
-            disturb(world, first + 1, b)
-            disturb(world, first + 2, c)
-            disturb(world, first + 3, d)
+            a, b, c, d = uniforms(world.encoder_seed, ENCODER_NOISE, t, first // 4)
+            disturb(world, first, a, b)
+            disturb(world, first + 2, c, d)
     for j in range(world.n):
         step = world.encoder_resolution[j]
         if step > 0.0:
@@ -58,10 +56,13 @@ def look_back(world: Record, past: Record, t: int) -> None:
 
 
 @compiled
-def disturb(world: Record, j: int, z: float) -> None:
-    """Add a deviation of noise to joint j, if there is one."""
+def disturb(world: Record, j: int, a: float, b: float) -> None:
+    """Add a deviation of noise to joint j and to the next, if they are there."""
     if j < world.n:
-        world.q[j] += world.encoder_noise[j] * z
+        first, second = normals(a, b)
+        world.q[j] += world.encoder_noise[j] * first
+        if j + 1 < world.n:
+            world.q[j + 1] += world.encoder_noise[j + 1] * second
 
 
 @compiled

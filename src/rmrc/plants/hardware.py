@@ -28,6 +28,8 @@ class Hardware:
 
     fields = (
         Field("plant", np.int64),
+        Field("is_sensed", np.int64),
+        Field("is_sent", np.int64),
         *dict.fromkeys(field for part in _PARTS for field in part.fields),
     )
     memory = (
@@ -73,8 +75,9 @@ class Hardware:
             yield from stage.excesses(ticks)
 
     def write(self, world: np.void) -> None:
-        """Write which plant it is, and its parameters and those of the stages."""
+        """Write which plant it is, whether it has stages, and the parameters of all."""
         world["plant"] = PLANTS.names.index(self.plant.name)
+        world["is_sensed"], world["is_sent"] = self.is_misled, not self.is_direct
         self.plant.write(world)
         for stage in self.stages:
             stage.write(world)

@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.jerk import remember
+from rmrc.law.jerk import keep_changes
 from rmrc.law.jit import Array, Record, compiled, entry
 from rmrc.law.kinematics import (
     chain_jacobian,
@@ -93,11 +93,11 @@ def tick(
     """
     running, row = 0, t % ticks.shape[0]
     for w in range(worlds.shape[0]):
-        world, out, past = worlds[w], ticks[row, w], ticks[:, w]
+        world, out = worlds[w], ticks[row, w]
         if world.diverged >= 0 or t >= world.ticks:
             continue
         sense(world, out, state[w], force[w])
-        is_misled = read_joints(world, out, past, t, site_xpos[w], site_xquat[w])
+        is_misled = read_joints(world, out, ticks, w, t, site_xpos[w], site_xquat[w])
         world.diverged_joint = bad_joint(world, warning[w])
         if world.diverged_joint >= -1:
             world.diverged = t
@@ -119,7 +119,7 @@ def tick(
         if world.diverged_joint >= 0:
             world.diverged = t
             continue
-        send(world, out, past, t)
+        send(world, out, ticks, w, t)
         obey(world, out, state[w])
         proceed(world, t)
         if t + 1 < world.ticks:
@@ -128,10 +128,10 @@ def tick(
 
 
 @compiled
-def read_joints(world: Record, out: Record, past: Record, t: int, xpos: Array, xquat: Array) -> bool:
+def read_joints(world: Record, out: Record, ticks: Record, w: int, t: int, xpos: Array, xquat: Array) -> bool:
     """Read what is sensed of joints and site; does a stage have the law take the arm to be elsewhere?"""
     for j in range(world.n):
-        world.q[j] = out.q[j]
+        world.q[j] = out.q_believed[j] = out.q[j]
         world.qdot[j] = out.qdot[j]
     for i in range(3):
         out.pose[i] = xpos[world.site, i]
@@ -139,10 +139,12 @@ def read_joints(world: Record, out: Record, past: Record, t: int, xpos: Array, x
         out.pose[3 + i] = xquat[world.site, i]
     for i in range(7):
         world.pose[i] = out.pose[i]
-    is_misled = sensed(world, out, past, t)
+    if not world.is_sensed:
+        return False
+    sensed(world, out, ticks, w, t)
     for j in range(world.n):
         out.q_believed[j] = world.q[j]
-    return is_misled
+    return True
 
 
 @compiled
@@ -220,14 +222,16 @@ def read_reference(world: Record, out: Record, reference: Array) -> None:
 
 
 @compiled
-def send(world: Record, out: Record, past: Record, t: int) -> None:
+def send(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
     """Send what is commanded through the stages after the law, and record what arrives."""
-    remember(world, out.qdot_cmd)
+    if world.is_eased:
+        keep_changes(world, out.qdot_cmd)
     for j in range(world.n):
-        world.qdot_sent[j] = out.qdot_cmd[j]
-    sent(world, out, past, t)
-    for j in range(world.n):
-        out.qdot_arrived[j] = world.qdot_sent[j]
+        world.qdot_cmd_last[j] = world.qdot_sent[j] = out.qdot_arrived[j] = out.qdot_cmd[j]
+    if world.is_sent:
+        sent(world, out, ticks, w, t)
+        for j in range(world.n):
+            out.qdot_arrived[j] = world.qdot_sent[j]
 
 
 @compiled

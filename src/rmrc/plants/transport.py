@@ -18,18 +18,32 @@ from rmrc.plants.stage import Stage, in_ticks
 
 @compiled
 def carry(world: Record, out: Record, past: Record, t: int) -> None:
-    """Tell the plant what is in effect during tick t, [t, t + 1): of all that is there, what was sent last.
+    """Tell the plant what is in effect in tick t, [t, t + 1): of all that is there, what was sent last."""
+    if world.jitter > 0.0 or world.loss > 0.0:
+        carry_by_chance(world, out, past, t)
+        return
+    newest, rows = t - math.floor(world.latency), past.shape[0]
+    arrival = newest + world.latency  # within this tick, or with it
+    for j in range(world.n):
+        world.qdot_sent[j] = -0.0 if newest >= 0 else 0.0  # a sum that begins with -0 keeps the sign of zero
+    if newest >= 0:
+        add(world, t + 1.0 - arrival, past[newest % rows].qdot_cmd)
+    if arrival > t and newest > 0:
+        add(world, arrival - t, past[(newest - 1) % rows].qdot_cmd)
+
+
+@compiled
+def carry_by_chance(world: Record, out: Record, past: Record, t: int) -> None:
+    """Do so where each command has a latency of its own, or is lost.
 
     From the command that was sent last back in time: each is in effect from its arrival to the arrival of
     one that was sent later. What was in effect before this tick, or nothing, has what is left.
     """
-    out.arrival = t + world.latency
-    if world.jitter > 0.0 or world.loss > 0.0:
-        later, chance, _, _ = uniforms(world.transport_seed, TRANSPORT, t, 0)
-        out.arrival = math.inf if chance < world.loss else out.arrival + world.jitter * later
+    later, chance, _, _ = uniforms(world.transport_seed, TRANSPORT, t, 0)
+    out.arrival = math.inf if chance < world.loss else t + world.latency + world.jitter * later
     end, newest, rows = t + 1.0, -1, past.shape[0]
     for j in range(world.n):
-        world.qdot_sent[j] = -0.0  # a sum that begins so keeps the sign of zero
+        world.qdot_sent[j] = -0.0
     for k in range(min(t, math.floor(end - world.latency)), max(world.arrived, t - world.span - 1), -1):
         command = past[k % rows]
         if command.arrival < end:

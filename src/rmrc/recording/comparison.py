@@ -6,7 +6,10 @@ Entities; `<variant>` is the label of a variant, and what stands below it is as 
     variants/<variant>/arm/<body>       poses, with the geometries in the color of the variant
     variants/<variant>/tip/..           position and trail
     variants/<variant>/path             the target path, if it is not that of the first variant
+    variants/<variant>/believed/<body>  the same, pale, where the law takes the arm to be, if elsewhere
     variants/<variant>/fastest          largest |joint rate|
+    variants/<variant>/waiting          largest |qdot_cmd − qdot_arrived|, where commands do not just arrive
+    variants/<variant>/belief           largest |q_believed − q| [mrad or mm], where the law is misled
     variants/<variant>/sigma_min        smallest singular value
     variants/<variant>/error/..         position [mm] and rotation [mrad], of the axes that the task has
     status/<variant>                    one lane each, only where it changes
@@ -27,6 +30,7 @@ from numpy.typing import NDArray
 from rmrc.arm import Shape
 from rmrc.recording import stream
 from rmrc.recording.layout import (
+    PALE_ARM,
     STATUS_COLORS,
     eye,
     grid,
@@ -56,6 +60,9 @@ LIFT = 3e-4
 # Pixels of the curves; those drawn first are wider, and so leave a border to be seen.
 WIDEST, NARROWEST = 5.5, 2.0
 
+# Plots of what stands between law and plant, where any variant has it.
+WAITING, BELIEF = "Commanded, and not arrived", "Joints as the law takes them, less what they are"
+
 LEGEND = """\
 Each variant has its color, in the picture and in the plots, whose legends name them.
 
@@ -63,7 +70,7 @@ Each variant has its color, in the picture and in the plots, whose legends name 
 |---|---|
 | **white line** | the path that the tips shall follow |
 | **trail**, **ball** | where a tip has been, and is |
-
+{pale}
 Where arms coincide, the first variant is the outermost glass, and the last one is the core.
 """
 
@@ -102,7 +109,8 @@ class Overlay:
             self._arms.append(_Arm(self._out, prepared, label, look))
             if not np.array_equal(prepared.reference.pose, first):
                 self._out.log(f"{prefix_of(label)}path", path_line(scenes[i], mix(look.color, WHITE, 0.5)))
-        self._out.log_text("text/legend", LEGEND)
+        is_misled = any(prepared.hardware.is_misled for _, prepared in variants)
+        self._out.log_text("text/legend", LEGEND.format(pale=PALE_ARM * is_misled))
         self._out.log_text("text/scenario", _scenarios(variants))
 
     def __enter__(self) -> Self:
@@ -176,18 +184,17 @@ class _Arm(Track):
         self._log("tip/now", rr.Points3D.from_fields(colors=look.color, radii=5.5 * thin))
         self._log("tip/trail", rr.LineStrips3D.from_fields(radii=2.5 * thin))
         self._log("tip/trail", rr.Transform3D(translation=[0.0, 0.0, look.lift * self.scene.reach]))
-        for name in ("fastest", "sigma_min", "columns/damping", "error/position", "error/rotation"):
-            if name.startswith("error") and not self._rows(name):
-                continue
+        for name in ("fastest", *self._only_here(), "sigma_min", "columns/damping", *self._errors()):
             curve = rr.SeriesLines(names=[label], colors=packed([look.color]), widths=look.width)
             self._log(name, curve)
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         super().write_block(part, ticks)
         curves = {"fastest": np.abs(part["qdot"]).max(axis=1), "sigma_min": part["sigma"][:, -1]}
-        for name in ("error/position", "error/rotation"):
-            if self._rows(name):
-                curves[name] = 1e3 * np.linalg.norm(part["pose_error"][:, self._rows(name)], axis=1)
+        for name, (column, other, factor) in self._only_here().items():
+            curves[name] = factor * np.abs(part[column] - part[other]).max(axis=1)
+        for name, rows in self._errors().items():
+            curves[name] = 1e3 * np.linalg.norm(part["pose_error"][:, rows], axis=1)
         index = stream.index(ticks, part["time"])
         for name, values in curves.items():
             self.send(name, index, Values(stream.SCALARS, values))
@@ -229,8 +236,18 @@ class _Arm(Track):
             self.out.log(self._lane, look)
         self.out.send(self._lane, index, rr.StateChange.columns(state=states))
 
-    def _rows(self, error: str) -> list[int]:
-        return self.translations if error == "error/position" else self.rotations
+    def _errors(self) -> dict[str, list[int]]:
+        rows = {"error/position": self.translations, "error/rotation": self.rotations}
+        return {name: some for name, some in rows.items() if some}
+
+    def _only_here(self) -> dict[str, tuple[str, str, float]]:
+        """Return the curves of what stands between law and plant here: of which columns, and a factor."""
+        hardware, curves = self._prepared.hardware, {}
+        if not hardware.is_direct:
+            curves["waiting"] = ("qdot_cmd", "qdot_arrived", 1.0)
+        if hardware.moves_q:
+            curves["belief"] = ("q_believed", "q", 1e3)
+        return curves
 
     def _log(self, path: str, look: rr.AsComponents) -> None:
         self.out.log(self.prefix + path, look)
@@ -238,12 +255,14 @@ class _Arm(Track):
 
 def _layout(name: str, labels: list[str], prepared: list[Prepared], scenes: list[Scene]) -> rrb.Blueprint:
     prefixes = [f"/{prefix_of(label)}" for label in labels]
+    every = list(zip(prefixes, prepared, strict=True))
     points, normals = np.vstack([scene.points for scene in scenes]), {scene.normal for scene in scenes}
     picture = rrb.Spatial3DView(
         name=f"{name}: {len(labels)} variants",
         contents=[
             "/target/**",
             *(f"{prefix}{entity}" for prefix in prefixes for entity in ("arm/**", "tip/**", "path")),
+            *(f"{prefix}believed/**" for prefix, one in every if one.hardware.is_misled),
         ],
         overrides={f"{prefix[1:]}tip/trail": until_now() for prefix in prefixes},
         eye_controls=eye(points, normals.pop() if len(normals) == 1 else None),
@@ -254,13 +273,22 @@ def _layout(name: str, labels: list[str], prepared: list[Prepared], scenes: list
     axes = {axis for one in prepared for axis in one.scenario.task.axes}
     slides = {bool(slide) for one in prepared for slide in one.arm.is_slide}
     unit = " or ".join(unit for unit, is_slide in (("rad/s", False), ("m/s", True)) if is_slide in slides)
-    curves = {f"Fastest joint [{unit}]": "fastest", "σ_min": "sigma_min", "λ damping": "columns/damping"}
-    if axes & {"x", "y", "z"}:
-        curves["Position error [mm]"] = "error/position"
-    if axes & {"rx", "ry", "rz"}:
-        curves["Rotation error [mrad]"] = "error/rotation"
+    small = " or ".join(unit for unit, is_slide in (("mrad", False), ("mm", True)) if is_slide in slides)
+    late = [prefix for prefix, one in every if not one.hardware.is_direct]
+    misled = [prefix for prefix, one in every if one.hardware.moves_q]
+    curves = {
+        f"Fastest joint [{unit}]": ("fastest", prefixes), f"{WAITING} [{unit}]": ("waiting", late),
+        f"{BELIEF} [{small}]": ("belief", misled),
+        "σ_min": ("sigma_min", prefixes), "λ damping": ("columns/damping", prefixes),
+        "Position error [mm]": ("error/position", prefixes if axes & {"x", "y", "z"} else []),
+        "Rotation error [mrad]": ("error/rotation", prefixes if axes & {"rx", "ry", "rz"} else []),
+    }  # fmt: skip
+    curves = {title: (curve, those) for title, (curve, those) in curves.items() if those}
     plots = rrb.Vertical(
-        *(plot(title, [f"{prefix}{curve}" for prefix in prefixes], axis) for title, curve in curves.items()),
+        *(
+            plot(title, [f"{prefix}{curve}" for prefix in those], axis)
+            for title, (curve, those) in curves.items()
+        ),
         rrb.StateTimelineView(name="Status", origin="/status", time_view=axis),
         # A lane needs a third of what a plot does; many are scrolled.
         row_shares=[*([1.0] * len(curves)), min(2.5, 0.35 * len(labels) + 0.2)],

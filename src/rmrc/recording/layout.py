@@ -1,6 +1,7 @@
 """How a recording looks: colors, shapes, the legend, and the layout that opens by itself."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -57,11 +58,13 @@ Plots: bold and pale are the same joint, measured and commanded{{arriving}}.
 """
 
 
+PALE_ARM = "| **pale arm** | where the law takes the arm to be |\n"
+
+
 def legend(prepared: Prepared) -> str:
     """Return the texts of the picture and of its plots."""
     arriving = "" if prepared.hardware.is_direct else "; dark is what of that arrives at the plant"
-    pale = "| **pale arm** | where the law takes the arm to be |\n" if prepared.hardware.is_misled else ""
-    return LEGEND.format(arriving=arriving, pale=pale)
+    return LEGEND.format(arriving=arriving, pale=PALE_ARM * prepared.hardware.is_misled)
 
 
 def geometry(shape: Shape) -> rr.AsComponents:
@@ -151,6 +154,11 @@ def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
     for name, (text, color) in extra_curves(prepared).items():
         looks[f"columns/{name}"] = rr.SeriesLines(names=[text], colors=packed([color]), widths=3.0)
     return looks
+
+
+def ghost(shape: Shape) -> Shape:
+    """Return a shape of the arm that the law takes for the true one, as it is drawn: pale."""
+    return replace(shape, rgba=np.array([*shape.rgba[:3], PALE * shape.rgba[3]]))
 
 
 def _arriving(prepared: Prepared, hues: Sequence[int]) -> dict[str, rr.AsComponents]:

@@ -17,7 +17,6 @@ Entities, one name everywhere:
 
 import re
 import tempfile
-from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -30,12 +29,10 @@ from rerun.chunk import RrdReader
 from rmrc.recording import stream
 from rmrc.recording.layout import (
     CYAN,
-    PALE,
     STATUS_COLORS,
     YELLOW,
     blueprint,
     curves,
-    geometry,
     lane,
     legend,
     marks,
@@ -77,7 +74,6 @@ class Recorder:
         self.path, self.part_path = self._out.path, self._out.part_path
         self._story = _Story(self._out, prepared)
         self._story.write_arm()
-        self._story.write_ghost()
         for looks in (marks(scene), curves(prepared)):
             for entity, look in looks.items():
                 self._out.log(entity, look)
@@ -125,20 +121,6 @@ class _Story(Track):
         super().__init__(out, prepared)
         self._status: int | None = None
         self._lanes: set[Status] = set()
-        self._is_misled, self._moves_q = prepared.hardware.is_misled, prepared.hardware.moves_q
-
-    def write_ghost(self) -> None:
-        """Write the geometries of the arm that the law takes for this one, if it does."""
-        if not self._is_misled:
-            return
-        for shape in self.scene.believed.shapes():
-            if not self.scene.is_fixed[shape.body]:
-                pale = replace(shape, rgba=np.array([*shape.rgba[:3], PALE * shape.rgba[3]]))
-                self.out.log(self.shape_path("believed", shape), geometry(pale))
-
-    def write_belief(self, part: Run, rows: NDArray[np.int64], index: list[rr.TimeColumn]) -> None:
-        if self._is_misled:
-            self.send_bodies("believed", self.scene.believed_bodies(part, rows), index)
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         super().write_block(part, ticks)
@@ -147,7 +129,7 @@ class _Story(Track):
         errors = Values(stream.SCALARS, np.column_stack(norms))
         index = stream.index(ticks, part["time"])
         self.send("error", index, errors)
-        if self._moves_q:
+        if self._prepared.hardware.moves_q:
             self.send("belief", index, Values(stream.SCALARS, 1e3 * (part["q_believed"] - part["q"])))
         self._write_status(part, ticks)
 

@@ -5,6 +5,7 @@ Its entities stand below a prefix, so that a recording can hold many worlds:
     columns/<name>   every column of the run at every tick; float64 scalars, status as int64; what arrives
                      is left out where it is what is commanded, what is believed where it is true
     arm/<body>       poses, with the geometries as static children
+    believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
     tip/..           position and trail
 """
 
@@ -16,7 +17,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording import stream
-from rmrc.recording.layout import geometry, xyzw
+from rmrc.recording.layout import geometry, ghost, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Values
 from rmrc.results.columns import SAME
@@ -66,7 +67,7 @@ class Track:
         self._tip = self.scene.path[:1]
 
     def write_arm(self, paint: Callable[[Shape], Shape] = lambda shape: shape) -> None:
-        """Write the geometries, and where the bodies are that never move.
+        """Write the geometries, those that the law takes for them pale, and where bodies are that never move.
 
         Args:
             paint: What is drawn for each geometry.
@@ -80,6 +81,10 @@ class Track:
                 self.out.log(self.prefix + self.body_path("arm", body), there)
         for shape in scene.shapes:
             self.out.log(self.prefix + self.shape_path("arm", shape), geometry(paint(shape)))
+        for shape in scene.believed.shapes() if self._prepared.hardware.is_misled else ():
+            if not scene.is_fixed[shape.body]:
+                path = self.prefix + self.shape_path("believed", shape)
+                self.out.log(path, geometry(ghost(paint(shape))))
 
     def write(self, part: Run) -> None:
         """Write one block of ticks; blocks come in order.
@@ -143,7 +148,9 @@ class Track:
         self.send("tip/trail", index, Values(stream.STRIP, segments), colors)
 
     def write_belief(self, part: Run, rows: NDArray[np.int64], index: list[rr.TimeColumn]) -> None:
-        """Write where the law takes the arm to be at some ticks (F,) of a block."""
+        """Write where the law takes the arm to be at some ticks (F,) of a block, if that is elsewhere."""
+        if self._prepared.hardware.is_misled:
+            self.send_bodies("believed", self.scene.believed_bodies(part, rows), index)
 
     def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
         """Return a color 0xRRGGBBAA for each instant, (F,)."""

@@ -102,6 +102,7 @@ KEYS = {
     "plant.jitter": "delay_jitter latency_jitter",
     "plant.loss": "packet_loss drop dropout drop_rate",
     "plant.lag": "time_constant timeconst",
+    "plant.backlash": "play deadband dead_band lost_motion gear_play",
     "plant.resonance": "oscillation flexibility",
     "plant.resonance.frequency": "freq f hz natural_frequency",
     "plant.resonance.damping": "zeta damping_ratio",

@@ -562,6 +562,12 @@ class PlantSection(_PlantKeys):
         "time constant with which the rates of all joints, or of each, follow what arrived", 0.0, "s"
     )
     resonance: ResonanceSection = key("swings of the drives", ResonanceSection())
+    backlash: NotNegativeAngleOrEach = key(
+        f"{PLANTS.physical}: play between drives and joints, of all or of each: a drive that turns back "
+        "moves nothing until it has crossed it",
+        0.0,
+        "rad or m",
+    )
     seed: Seed = key("what is drawn of jitter and loss: the same seed, the same commands late and lost", 0)
     friction: FrictionSection = key(
         f"{PLANTS.physical}: friction of the joints that no compensation knows of", FrictionSection()

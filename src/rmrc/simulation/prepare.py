@@ -419,6 +419,7 @@ def _check_lengths(scenario: Scenario, arm: Arm, problems: Problems) -> None:
         ("plant.friction.viscous", scenario.plant.friction.viscous),
         ("plant.joint_offset", scenario.plant.joint_offset),
         ("plant.lag", scenario.plant.lag),
+        ("plant.backlash", scenario.plant.backlash),
         *((f"plant.{one.key}", getattr(scenario.plant, one.key)) for one in PLANTS.parameters),
     ):
         if isinstance(values, tuple) and len(values) != arm.n:

@@ -6,7 +6,7 @@ a run do not depend on the worlds and threads beside it.
 
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, TypeVar
 
@@ -65,6 +65,7 @@ class _Shard:
         lock: threading.Lock,
         is_stopped: Callable[[], bool],
         rule: Rule | None = None,
+        columns: Collection[str] | None = None,
     ) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
         if not self.keeps or rule:
@@ -79,7 +80,7 @@ class _Shard:
             if on_block is not None:
                 with lock:
                     for w, index in enumerate(self.members):
-                        part = self.run(w, first, self.batch.done)
+                        part = self.run(w, first, self.batch.done, columns)
                         if len(part) or part.divergence:
                             on_block(index, part)
         return running > 0
@@ -101,8 +102,8 @@ class _Shard:
             row = batch.done % len(batch.ticks)
         return running
 
-    def run(self, w: int, first: int, last: int) -> Run:
-        """Return ticks [first, last) of world w, or what there is of them."""
+    def run(self, w: int, first: int, last: int, names: Collection[str] | None = None) -> Run:
+        """Return ticks [first, last) of world w, or what there is of them; of some columns, or of all."""
         world = self.batch.worlds[w]
         diverged = int(world["diverged"])
         count = max(0, min(last, int(self._ends()[w])) - first)
@@ -110,12 +111,15 @@ class _Shard:
         rows = self.batch.ticks[begin:, w][:count]
         width = {"n": int(world["n"]), "k": int(world["k"])}
         qpos = self.batch.whole(w, begin, rows["q"][:, : width["n"]])
-        if not self.keeps:
+        if not self.keeps and names is None:
             rows, qpos = rows.copy(), qpos.copy()
         columns: dict[str, NDArray[np.generic]] = {}
         for name, column in COLUMNS.items():
+            if names is not None and name not in names and name != "time":
+                continue
             values = qpos if column.width == "nq" else rows[name]
-            columns[name] = values[:, : width[column.width]] if column.width in width else values
+            values = values[:, : width[column.width]] if column.width in width else values
+            columns[name] = values if self.keeps or names is None else values.copy()
         divergence = self.divergence(w) if first <= diverged <= last else None
         return self._about(w, columns, divergence)
 
@@ -231,6 +235,7 @@ class Simulation:
         on_block: Watcher | None = None,
         stop: threading.Event | None = None,
         rule: Rule | None = None,
+        columns: Collection[str] | None = None,
     ) -> None:
         """Step every world to its end.
 
@@ -239,6 +244,7 @@ class Simulation:
                 block alone; from any thread, one call at a time.
             stop: Once it is set, every world stops within a moment.
             rule: Ends worlds before their time.
+            columns: That `on_block` sees beside `time`; None: all, which takes longer.
 
         Raises:
             KeyboardInterrupt: Passed on, after `on_block` saw the last, shorter block.
@@ -249,7 +255,7 @@ class Simulation:
             return stop.is_set() or failed.is_set()
 
         def work(shard: _Shard) -> None:
-            while not is_stopped() and shard.advance(on_block, lock, is_stopped, rule):
+            while not is_stopped() and shard.advance(on_block, lock, is_stopped, rule, columns):
                 pass
 
         if len(self._shards) == 1:  # in the caller's thread, where Ctrl-C arrives

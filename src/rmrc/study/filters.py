@@ -57,15 +57,15 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     task, n = prepared.task, prepared.arm.n
     at, k = _world_at(prepared, run, tick), min(len(task.rows), n)
     scale = np.outer(task.row_scale, task.joint_scale)
-    u, sigmas, v = np.linalg.svd(scale * at["J"][task.rows, :n], full_matrices=False)
+    u, sigmas, v = np.linalg.svd(scale * at["J"][0, task.rows, :n], full_matrices=False)
     largest = float(sigmas[0] if k > 1 else run["sigma"].max())
     end = float(sigmas[-2]) if k > 1 else 1.2 * largest
 
     def gain(sigma: float) -> float:
-        world, (out,) = at.copy(), np.zeros(1, tick_type(n))
-        world["J"][task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
+        world, out = at.copy(), np.zeros(1, tick_type(n))
+        world["J"][0, task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
         resolve(world, out)
-        return float(out["gain"][k - 1])
+        return float(out["gain"][0, k - 1])
 
     sigma = np.geomspace(min(NEAREST * largest, 0.1 * end), end, POINTS)
     sigma_min = float(run["sigma"][tick, -1])
@@ -75,11 +75,11 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
 def compile_for(prepared: Prepared) -> None:
     """Load the compiled law for one problem alone, or compile it the first time, which takes seconds."""
     n = prepared.arm.n
-    machine_code(resolve, _record(prepared), np.zeros(1, tick_type(n))[0])
+    machine_code(resolve, _record(prepared), np.zeros(1, tick_type(n)))
 
 
-def _record(prepared: Prepared) -> np.void:
-    """Return a record of the law alone, of the type of `resolve_rates`, for which the law is compiled once.
+def _record(prepared: Prepared) -> NDArray[np.void]:
+    """Return the record of the law alone, (1,): of the type of `resolve_rates`, and so compiled once.
 
     Limits, policies and the null space come after the gains, and are left out.
     """
@@ -87,16 +87,15 @@ def _record(prepared: Prepared) -> np.void:
     nothing = {"nullspace": NullspaceSection(), "limits": LimitsSection(on_excess="none")}
     alone = control.model_copy(update={**nothing, "at_singularity": "damp"})
     law = TaskLaw(task, alone, np.zeros(arm.n))
-    record: np.void = records(arm.n, [task, law], beside=Sight.fields, axes=len(arm.axis_names))[0]
-    return record
+    return records(arm.n, [task, law], beside=Sight.fields, axes=len(arm.axis_names))
 
 
-def _world_at(prepared: Prepared, run: Run, tick: int) -> np.void:
-    """Return the record of a world as the law finds it at a tick."""
+def _world_at(prepared: Prepared, run: Run, tick: int) -> NDArray[np.void]:
+    """Return the record of a world, (1,), as the law finds it at a tick."""
     control, arm, task, world = prepared.scenario.control, prepared.arm, prepared.task, _record(prepared)
     q = run["q_believed"][tick]
     pose = arm.pose(q)
-    world["J"][:, : arm.n] = task.turned(arm.jacobian(q), pose)
+    world["J"][0, :, : arm.n] = task.turned(arm.jacobian(q), pose)
     error = task.view.error(run["pose_ref"][tick], pose)
     world["twist_cmd"] = (
         control.feedforward * task.turned(run["twist_ref"][tick], pose) + control.feedback * error

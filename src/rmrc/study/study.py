@@ -12,7 +12,7 @@ works on the pieces of many is a crew of `rmrc.study.executors`, of threads or o
 import math
 import sys
 import threading
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from contextlib import closing, suppress
 from dataclasses import asdict, dataclass, field
 from typing import Any, Generic, Protocol, TypeVar
@@ -338,7 +338,12 @@ class Study:
         return [Ran(**vars(one), run=run) for one, run in zip(results, runs, strict=True)]
 
     def watch(
-        self, worlds: Sequence[Prepared], watcher: Watcher, stop: threading.Event, threads: int = 1
+        self,
+        worlds: Sequence[Prepared],
+        watcher: Watcher,
+        stop: threading.Event,
+        threads: int = 1,
+        columns: Collection[str] | None = None,
     ) -> list[Result]:
         """Return what comes of a few variants, stepped together; their ticks are for a watcher alone.
 
@@ -347,13 +352,14 @@ class Study:
             watcher: Called with each block of ticks, from any thread, one call at a time.
             stop: Once it is set, the runs end.
             threads: How many step their share of the variants.
+            columns: That the watcher sees beside `time`; None: all, which takes longer.
 
         Raises:
             ScenarioError: They do not fit into memory.
         """
         with self._lock:
             simulation = Simulation(worlds, threads, keep_columns=False, batches=self._batches)
-        simulation.step(watcher, stop)
+        simulation.step(watcher, stop, columns=columns)
         return _results(simulation, range(len(worlds)), worlds, stop)
 
     # Many variants, by a crew ----------------------------------------------------------------

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -68,6 +69,7 @@ def edge_gain(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
     return float(abs((z - 1.0) / (late * follow)) / period)
 
 
+@lru_cache(maxsize=4096)
 def edge_frequency(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
     """Return the frequency with which the loop rings at its edge: the first at which the phase of P is −π.
 

@@ -57,20 +57,22 @@ def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:
     ]
     if found.looks:
         late = 1e3 * sum(work.robot.slowest(work.scenario))
-        first = f"{found.looks} settings on an ideal plant with a dead time of {late:.4g} ms"
+        coarse = f"dead time of {late:.4g} ms, in ticks of {1e3 * found.tick:.4g} ms"
+        first = f"{found.looks} settings on an ideal plant with a {coarse}"
         lines.append(("first looks", first))
     return lines + [("not possible", reason) for reason in work.left_out]
 
 
 def _robot(work: Tuning) -> str:
     """Return on which robots it was tried, and how to give others, in a line."""
-    robot = work.robot
+    robot, margin = work.robot, f", with a gain margin of {work.margin:g}" if work.margin > 1.0 else ""
     if robot.is_assumed:
-        yours = "give yours by --delay, --lag and --noise"
-        return f"assumed: {robot.words}, with a gain margin of {work.margin:g}; {yours}"
+        return f"assumed: {robot.words}{margin}; give yours by --delay, --lag and --noise"
     if robot.profile:
-        return f"{robot.words}, as the profile {robot.profile} has it"
-    return robot.words or "as the scenario has it: --delay, --lag and --noise give a range"
+        return f"{robot.words}, as the profile {robot.profile} has it{margin}"
+    if robot.words:
+        return f"{robot.words}{margin}"
+    return f"as the scenario has it{margin}: --delay, --lag and --noise give a range"
 
 
 def _allowed(values: NDArray[np.float64], what: str, limits: Limits, per: str) -> str:
@@ -154,10 +156,10 @@ def doubts(found: Tuned) -> list[str]:
     if best is None:
         return []
     margin = found.margins.get("recommended")
-    if margin and margin.gain.edge.is_found and margin.gain.value < GAIN_MARGIN:
+    if margin and margin.gain.edge.high <= GAIN_MARGIN:
         lines.append(
             f"Warning: its gain margin is {margin.gain.value:.3g}, below {GAIN_MARGIN:g}: if your robot may "
-            "be slower than was told, take less feedback, by --only control.feedback=VALUE."
+            f"be slower than was told, take less feedback, by --gain-margin {GAIN_MARGIN:g}."
         )
     pairs = zip(best.setting.structure.keys, best.setting.numbers, strict=True)
     for key, value in () if best.setting.is_written else pairs:

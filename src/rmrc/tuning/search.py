@@ -1,41 +1,53 @@
-"""What is tried next: points of every structure, then neighbors of the best, on the hardest copy first.
+"""What is tried next: on a model that costs little first, then on the hardest copy, then on the others.
 
-The scenario's own setting comes first, on all copies, and tells which of them is the hardest. Where there is
-a model that is cheap to run, all structures are looked at on that, and the best of what was seen goes on.
-What is tried is run on the hardest copy, and ends once it can no longer count: see `rmrc.tuning.bar`. What is
-left of it is run on the other copies, one after another, and is raced in the same way, as the worst of more
-runs is never better; then more feedback is tried. So nothing is lost that betters the front by more than is
-told apart. Nondominated sorting is that of NSGA-II [Deb02]; that what does badly gets no more runs is the
-idea of successive halving [Jamieson16].
+The scenario's own setting comes first, on all copies, and tells which of them is the hardest. All structures
+are looked at on the model, and neighbors of the best of them; what is best there goes on to the copies. From
+then on neighbors are tried on the model before: what they come to there, and what their parents came to on
+both, tells what they will come to on the copies, and only what betters the front by that is run. Where no
+model is cheap, the copies are what is looked at.
+
+What runs on the hardest copy ends once it can no longer count: see `rmrc.tuning.bar`. What is left of it is
+tried with more feedback, and run on the next copy, and then on all the others, as the worst of more runs is
+never better. So what counts in the end was run whole on every copy. Nondominated sorting is that of NSGA-II
+[Deb02]; that what does badly gets no more runs is the idea of successive halving [Jamieson16].
 """
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import count
 
 import numpy as np
 
 from rmrc.study.sobol import sobol_point
 from rmrc.tuning.bar import Bar
-from rmrc.tuning.front import front, ranks
-from rmrc.tuning.space import Setting, Space
-from rmrc.tuning.trials import Trials
+from rmrc.tuning.bearing import Bearing, with_feedback
+from rmrc.tuning.front import front
+from rmrc.tuning.space import FEEDBACK, Setting, Space
+from rmrc.tuning.trials import Outcome, Trials, scaled
 from rmrc.tuning.tried import Tried, best, best_of_each, is_same
 
-# Shares of the runs for the first look at all structures, and until the best of a look at a model are known
-# on the copies.
-_LOOK, _CONFIRM = 0.25, 0.5
+# Shares of the runs for a look at all structures, and for the neighbors of the best of them on a model.
+_LOOK, _NEARER = 0.25, 0.25
+# Of what is left then, the share that goes to the hardest copy at once.
+_CONFIRM = 0.25
 # Settings that are tried at a time: enough for a batch on each of some cores, and few enough for what is
-# found to end those that come after.
-_ROUND = 64
-# Steps in the unit cube, whose sides are two or three decades: the first, the last, and by how much they
-# shrink after a round that brought something new, and after one that did not.
-_FIRST_STEP, _LAST_STEP, _SHRINK = 0.25, 0.003, (0.6, 0.4)
+# found to end those that come after. Then on the model, before so many at most are run on the copies.
+_ROUND, _NEXT_ROUND, _CHOSEN = 64, 32, 12
+# Of a front on the model, so many go on to the copies.
+_FRONT = 24
+# Steps in the unit cube, whose sides are two or three decades: the first, that of what was refined on a model
+# already, the last, and by how much they shrink after a round that brought something new, and after one that
+# did not: by less where a model leaves little of a round to be run.
+_FIRST_STEP, _NEXT_STEP, _LAST_STEP = 0.25, 0.15, 0.003
+_SHRINK, _NEXT_SHRINK = (0.6, 0.4), (0.75, 0.55)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
 _NEAREST = 2
+# Shares of the largest feedback of which it is asked first whether a loop bears it, within what share of the
+# runs that are left, and how near it comes to the edge.
+_PROBED, _PROBES, _NEAR = (1.0, 0.9, 0.8, 0.7), 0.1, 1.03
 
 
 class Search:
@@ -51,9 +63,10 @@ class Search:
             seed: Of what is drawn.
         """
         self._space, self._trials, self._seed = space, trials, seed
-        self._left = self._budget = budget
+        self._left = self._budget = float(budget)
         self._tried: dict[Setting, Tried] = {}
         self._seen: dict[Setting, Tried] = {}
+        self._bearing = Bearing()
 
     @property
     def tried(self) -> list[Tried]:
@@ -78,29 +91,36 @@ class Search:
             slower: Times its duration that the others may take; where it does not complete its path, times
                 the duration of the path.
         """
-        planned = self._trials.planned
-        outcomes = self._trials.run([(own, copy) for copy in range(len(planned))])
-        self._left -= len(planned)
-        done = [one for one in outcomes if one is not None]
-        if len(done) < len(planned):
-            return False
-        self._trials.allow(
+        trials, done = self._trials, list[Outcome]()
+        for _ in range(1 if trials.model is None else 2):  # the model last, when it is known what is hardest
+            copies = range(len(done), len(trials.planned) if done else trials.copies)
+            outcomes = trials.run([(own, copy) for copy in copies])
+            self._left -= len(copies)
+            done += [one for one in outcomes if one is not None]
+            if len(done) < copies.stop:
+                return False
+            trials.aim(max(range(trials.copies), key=lambda copy: done[copy].error))
+        trials.allow(
             [
                 slower * (one.time if one.completed == 1.0 else plan)
-                for one, plan in zip(done, planned, strict=True)
+                for one, plan in zip(done, trials.planned, strict=True)
             ]
         )
-        self._own = self._tried[own] = Tried(own, dict(enumerate(done[: self._trials.copies])))
-        return bool(self._bear([self._own]))
+        self._own = self._tried[own] = Tried(own, dict(enumerate(done[: trials.copies])))
+        if trials.model is not None:
+            self._seen[own] = Tried(own, {trials.model: done[trials.model]})
+        return self._bear([self._own])
 
     def run(self) -> None:
         """Spend the runs, or as many of them as there is time for and as bring anything new."""
-        if self._trials.model is None:
-            for settings in self._looks():
+        model = self._trials.model
+        for settings in self._looks():
+            if model is None:
                 self._round(settings)
-        else:
-            for settings in self._looks():
-                self._see(settings, self._trials.model)
+            else:
+                self._see(settings, self._able_on_model())
+        if model is not None:
+            self._refine_model()
             self._confirm()
         self._refine()
 
@@ -113,9 +133,27 @@ class Search:
             and (one.bears is not None or self._trials.margin == 1.0 or one.worst.excess > 0.0)
         ]  # fmt: skip
 
+    def _able_on_model(self) -> list[Tried]:
+        """Return what can be chosen and keeps limits on the model, by rising error."""
+        return self._able(one for one in self._seen.values() if self._space.allows(one.setting))
+
+    def _able(self, some: Iterable[Tried]) -> list[Tried]:
+        """Return those that keep limits, by rising error."""
+        return sorted((one for one in some if one.keeps_limits), key=lambda one: one.worst.error)
+
+    @property
+    def _room(self) -> int:
+        """How many runs of copies are left."""
+        return max(0, int(self._left))
+
+    # Stages ---------------------------------------------------------------------------------
+
     def _looks(self) -> Iterator[list[Setting]]:
         """Yield each structure with the scenario's numbers, and points that fill its cube, as rounds."""
-        structures, until = self._space.structures, self._left - int(_LOOK * self._budget)
+        structures, until = (
+            self._space.structures,
+            self._left - int(_LOOK * self._budget) * self._trials.weight,
+        )
         settings = [self._space.usual(one) for one in structures]
         for index in count():
             settings += [
@@ -123,77 +161,158 @@ class Search:
             ]
             if len(settings) >= _ROUND:
                 before = self._left
-                yield settings[: before - until]
+                yield settings[: max(0, round((before - until) / self._trials.weight))]
                 settings = []
-                if self._left <= max(until, 0) or self._left == before or self._trials.is_stopped:
+                if self._left <= max(until, 0.0) or self._left == before or self._trials.is_stopped:
                     return  # where nothing is new, the space is finite
 
-    def _see(self, settings: Iterable[Setting], model: int) -> None:
-        """Run settings that are new on a model, as far as they count there."""
-        new = [one for one in dict.fromkeys(settings) if one not in self._seen][: self._left]
-        known = [one for one in self._seen.values() if one.keeps_limits]
-        found = self._run([Tried(one, {}) for one in new], model, known)
-        self._seen |= {one.setting: one for one in found}
+    def _refine_model(self) -> None:
+        """Try neighbors on the model, before anything is known of the copies."""
+        until = self._left - int(_NEARER * self._budget) * self._trials.weight
+        for step, round_ in self._steps(_FIRST_STEP, _SHRINK, until, self._able_on_model):
+            able = self._able_on_model()
+            if not able:
+                return
+            children = self._children(self._parents(able), step, (self._seed, 1, round_), _ROUND)
+            self._see((child for child, _ in children), able, until)
 
     def _confirm(self) -> None:
-        """Try what did best on the model: the best of each inverse, then the first of the fronts."""
-        able = sorted(
-            (one for one in self._seen.values() if one.keeps_limits), key=lambda one: one.worst.error
-        )
-        first = best_of_each(able)
-        first += best_of_each(one for one in able if one not in first)
-        order = dict(zip(map(id, able), ranks([one.worst.point for one in able]), strict=True))
-        rest = sorted((one for one in able if one not in first), key=lambda one: order[id(one)])
-        until = int((1.0 - _CONFIRM) * self._budget)
-        chosen = [one.setting for one in (*first, *rest) if order[id(one)] < 2 or one in first]
-        for begin in range(0, len(chosen), _ROUND):
-            if self._left > until and not self._trials.is_stopped:
-                self._round(chosen[begin : begin + _ROUND])
+        """Try on the copies what did best on the model: of its front, and the best of some inverses."""
+        able = [one for one in self._able_on_model() if not one.setting.is_written]
+        bar, preferred = self._bar(able), best(able)
+        if bar is None or preferred is None:
+            return
+        on_front = [able[i] for i in front([one.worst.point for one in able])]
+        near = [one for one in on_front if one.worst.error <= bar.wanted]
+        first = [preferred, *best_of_each(able), *_spread(near, min(_FRONT, len(near)))]
+        self._probe(preferred.setting)
+        some = [self._bearing.within(one.setting, self._space) for one in first]
+        if self._trials.margin > 1.0 and not self._bearing.probed:  # what is borne is found on the way
+            shares = _PROBED * len(some)
+            some = [
+                with_feedback(one, by * one.feedback, self._space)
+                for one, by in zip(some, shares, strict=False)
+            ]
+        self._round(list(dict.fromkeys(some))[: max(1, int(_CONFIRM * self._left))])
 
     def _refine(self) -> None:
         """Try neighbors of the front and of the best of some inverses, in steps that shrink."""
-        rounds, step = 0, _FIRST_STEP
-        while self._left > 0 and step >= _LAST_STEP and not self._trials.is_stopped:
-            random = np.random.default_rng((self._seed, rounds))
-            parents = self._parents()
-            children = []
-            for child in range(_ROUND):
-                parent = parents[child % len(parents)]
-                point = self._space.point(parent) + step * random.standard_normal(len(parent.numbers))
-                children.append(self._space.at(parent.structure, np.clip(point, 0.0, 1.0)))
-            before = len(self._whole())
-            self._round(children)
-            step *= _SHRINK[len(self._whole()) == before]
-            rounds += 1
+        model = self._trials.model
+        first, shrink, number = _FIRST_STEP, _SHRINK, _ROUND
+        if model is not None:
+            first, shrink, number = _NEXT_STEP, _NEXT_SHRINK, _NEXT_ROUND
+        for step, round_ in self._steps(first, shrink, 0.0, self._whole):
+            children = self._children(self._worth_refining(), step, (self._seed, round_), number)
+            if model is None:
+                self._round(child for child, _ in children)
+            else:
+                self._round(self._expected(children))
+
+    def _steps(
+        self, step: float, shrink: tuple[float, float], until: float, known: Callable[[], list[Tried]]
+    ) -> Iterator[tuple[float, int]]:
+        """Yield steps and their numbers until so many runs are left; they shrink faster if nothing is new."""
+        for round_ in count():
+            if self._left <= max(until, 0.0) or step < _LAST_STEP or self._trials.is_stopped:
+                return
+            before = len(known())
+            yield step, round_
+            step *= shrink[len(known()) == before]
+
+    # Proposals ------------------------------------------------------------------------------
+
+    def _children(
+        self, parents: Sequence[Tried], step: float, seed: tuple[int, ...], number: int
+    ) -> list[tuple[Setting, Tried]]:
+        """Return neighbors, each with what it is the neighbor of."""
+        random, children = np.random.default_rng(seed), list[tuple[Setting, Tried]]()
+        for child in range(number):
+            parent = parents[child % len(parents)]
+            point = self._space.point(parent.setting)
+            point = np.clip(point + step * random.standard_normal(len(point)), 0.0, 1.0)
+            setting = self._space.at(parent.setting.structure, point)
+            children.append((self._bearing.within(setting, self._space), parent))
+        return children
+
+    def _expected(self, children: Sequence[tuple[Setting, Tried]]) -> list[Setting]:
+        """Return which neighbors are expected to count, by what they and their parents do on the model."""
+        if not self.feasible:
+            return [child for child, _ in children]
+        self._see([setting for child, parent in children for setting in (child, parent.setting)])
+        expected = list[Tried]()
+        for child, parent in dict(children).items():
+            seen, before = self._seen.get(child), self._seen.get(parent.setting)
+            if seen is None or before is None or seen.worst.excess > max(0.0, before.worst.excess):
+                continue
+            expected.append(Tried(child, {0: scaled(seen.worst, before.worst, parent.worst)}))
+        counts = self._promising([one for one in expected if one.setting not in self._tried])
+        return [one.setting for one in _spread(counts, min(_CHOSEN, len(counts)))]
+
+    def _worth_refining(self) -> list[Tried]:
+        """Return what is worth refining on the copies; where nothing is feasible, the nearest."""
+        feasible = self.feasible
+        if feasible:
+            return self._parents(feasible)
+        near = sorted(self._whole(), key=lambda one: (one.worst.excess, one.worst.error))
+        far = sorted(self._tried.values(), key=lambda one: (one.worst.excess, one.worst.error))
+        return self._possible([*near[:2], *far[: 2 * _RIVALS]])
+
+    def _parents(self, known: Sequence[Tried]) -> list[Tried]:
+        """Return what is worth refining: each second of the front, the others the best of some inverses."""
+        bar = self._bar(known)
+        assert bar is not None  # something is known
+        near = [known[i] for i in front([one.worst.point for one in known])]
+        near = [one for one in near if one.worst.error <= bar.wanted]
+        refined = _unlike(best_of_each(sorted(known, key=lambda one: one.worst.error)))
+        pairs = zip(_spread(near, 2 * len(refined)), [*refined, *refined], strict=True)
+        return self._possible([one for pair in pairs for one in pair])
+
+    def _possible(self, some: Iterable[Tried]) -> list[Tried]:
+        """Return those whose structure can be chosen; the first structure as it is where none can."""
+        allowed = [one for one in some if one.setting.structure in self._space.structures]
+        return allowed or [Tried(self._space.usual(self._space.structures[0]), {})]
+
+    # Runs -----------------------------------------------------------------------------------
+
+    def _see(self, settings: Iterable[Setting], known: Sequence[Tried] = (), until: float = 0.0) -> None:
+        """Run settings that are new on the model, as far as they count beside what is known of it."""
+        assert self._trials.model is not None
+        room = max(0, round((self._left - until) / self._trials.weight))
+        new = [one for one in dict.fromkeys(settings) if one not in self._seen][:room]
+        found = self._run([Tried(one, {}) for one in new], [self._trials.model], known)
+        self._seen |= {one.setting: one for one in found}
 
     def _round(self, settings: Iterable[Setting]) -> None:
-        """Run settings that are new on the hardest copy, and what counts then on the others."""
+        """Run settings that are new on the hardest copy, then with more feedback and on the other copies."""
         written = {(one.structure, one.numbers) for one in self._tried}
         new = [one for one in dict.fromkeys(settings) if (one.structure, one.numbers) not in written]
         first, *others = self._hardest()
-        found = self._run([Tried(one, {}) for one in new[: self._left]], first, self.feasible)
+        each = len(others) + 2 * (self._trials.margin > 1.0)  # runs that follow where the first is promising
+        most = self._room // (2 if each else 1)
+        found = self._run([Tried(one, {}) for one in new[:most]], [first], self.feasible)
         self._tried |= {one.setting: one for one in found}
-        for copy in others:
-            found = self._run(self._promising(found)[: self._left], copy, self.feasible)
-        able = [one for one in self._promising(found) if one.keeps_limits]
-        self._bear(able[: max(0, self._left) // 2])
+        found = self._promising(found)[: self._room // max(1, each)]
+        self._bear([one for one in found if one.keeps_limits])
+        for copies in (others[:1], others[1:]):
+            if copies:
+                found = self._run(self._promising(found), copies, self.feasible)
 
     def _hardest(self) -> list[int]:
         """Return the copies, that first on which most settings have their largest error."""
         most = Counter(max(one.outcomes, key=lambda i: one.outcomes[i].error) for one in self._whole())
         return sorted(range(self._trials.copies), key=lambda copy: (-most[copy], copy))
 
-    def _run(self, some: Sequence[Tried], copy: int, known: Sequence[Tried]) -> list[Tried]:
-        """Run settings on a copy as far as they count beside others; return what was not interrupted."""
+    def _run(self, some: Sequence[Tried], copies: Sequence[int], known: Sequence[Tried]) -> list[Tried]:
+        """Run settings on copies as far as they count beside others; return what was not interrupted."""
         rivals = _rivals(known)
-        of_each = [rivals.get(one.setting.structure.inverse, math.inf) for one in some]
-        self._left -= len(some)
-        jobs = [(one.setting, copy) for one in some]
-        outcomes = self._trials.run(jobs, self._bar(known), of_each)
-        done = [(one, out) for one, out in zip(some, outcomes, strict=True) if out is not None]
-        for one, out in done:
-            one.outcomes[copy] = out
-        return [one for one, _ in done]
+        jobs = [(one, copy) for copy in copies for one in some]
+        of_each = [rivals.get(one.setting.structure.inverse, math.inf) for one, _ in jobs]
+        self._left -= len(jobs) * (self._trials.weight if copies == [self._trials.model] else 1.0)
+        outcomes = self._trials.run([(one.setting, copy) for one, copy in jobs], self._bar(known), of_each)
+        for (one, copy), out in zip(jobs, outcomes, strict=True):
+            if out is not None:
+                one.outcomes[copy] = out
+        return [one for one in some if one.outcomes.keys() >= set(copies)]
 
     def _bear(self, some: Sequence[Tried]) -> bool:
         """Try settings with more feedback, where that is asked; say whether it was done."""
@@ -203,7 +322,29 @@ class Search:
         self._left -= 2 * len(some)
         for one, out in zip(some, found, strict=True):
             one.bears = out
+            if out is not None:
+                self._bearing.add(one.setting, bears=out.excess <= 0.0)
         return None not in found
+
+    def _probe(self, setting: Setting) -> None:
+        """Find how much feedback a setting bears, to a few percent, where that is asked."""
+        if self._trials.margin == 1.0 or FEEDBACK in self._space.only:
+            return
+        high = self._space.limits[FEEDBACK][1]
+        wanted = [share * high for share in _PROBED]
+        while wanted and 2 * len(wanted) <= _PROBES * self._left and not self._trials.is_stopped:
+            some = [with_feedback(setting, one, self._space) for one in wanted]
+            self._left -= 2 * len(some)
+            for one, out in zip(some, self._trials.bear(some), strict=True):
+                if out is not None:
+                    self._bearing.probed[one.feedback] = out.excess <= 0.0
+            low, high = self._bearing.edge
+            if low == 0.0:
+                wanted = [share * high for share in _PROBED[1:]]
+            else:
+                wanted = list(np.geomspace(low, high, 5)[1:-1]) if low * _NEAR < high < math.inf else []
+
+    # What counts ----------------------------------------------------------------------------
 
     def _bar(self, known: Sequence[Tried]) -> Bar | None:
         own = [self._own.worst.point] if self._own.keeps_limits else []
@@ -211,7 +352,7 @@ class Search:
 
     def _promising(self, found: Sequence[Tried]) -> list[Tried]:
         """Return what may still be on the front, or the best of its inverse, or the smoothest of the best."""
-        able = sorted((one for one in found if one.keeps_limits), key=lambda one: one.worst.error)
+        able = self._able(found)
         known, points = self.feasible, [one.worst.point for one in able]
         bar, rivals = self._bar(known), _rivals(known)
         if bar is None:
@@ -221,7 +362,7 @@ class Search:
                 (one for one in found if one.worst.excess < least), key=lambda one: one.worst.excess
             )
             return able or near[:_NEAREST]
-        kept = {id(able[i]) for i in front(points)} | {id(one) for one in best_of_each(able)}
+        kept = {id(able[i]) for i in front(points)} | {id(one) for one in best_of_each(able)[: _RIVALS + 1]}
         rival = np.array([rivals.get(one.setting.structure.inverse, math.inf) for one in able])
         rate, error = np.array([point[:2] for point in points]).reshape(-1, 2).T
         left = bar.beats(rate, error, rival)
@@ -229,34 +370,17 @@ class Search:
         preferred = best([*known, *able])
         return counts if preferred in (*known, *counts) or preferred is None else [preferred, *counts]
 
-    def _parents(self) -> list[Setting]:
-        """Return what is worth refining, the best first."""
-        feasible = self.feasible
-        if not feasible:
-            near = sorted(self._whole(), key=lambda one: (one.worst.excess, one.worst.error))
-            far = sorted(self._tried.values(), key=lambda one: (one.worst.excess, one.worst.error))
-            found = [one.setting for one in [*near[:2], *far[: 2 * _RIVALS]]]
-        else:
-            bar = self._bar(feasible)
-            assert bar is not None  # something is feasible
-            on_front = [feasible[i] for i in front([one.worst.point for one in feasible])]
-            near = [one for one in on_front if one.worst.error <= bar.wanted]
-            first, *others = best_of_each(sorted(feasible, key=lambda one: one.worst.error))
-            refined = [first, *(one for one in others if not is_same(one, first))][: _RIVALS + 1]
-            # each second child is of the front, the others of the best few
-            found = [
-                one.setting
-                for pair in zip(_spread(near, 2 * len(refined)), [*refined, *refined], strict=True)
-                for one in pair
-            ]
-        allowed = [one for one in found if one.structure in self._space.structures]
-        return allowed or [self._space.usual(self._space.structures[0])]
-
 
 def _rivals(known: Sequence[Tried]) -> dict[tuple[str, str], float]:
     """Return the least error of each inverse."""
     by_error = sorted(known, key=lambda one: one.worst.error)
     return {one.setting.structure.inverse: one.worst.error for one in best_of_each(by_error)}
+
+
+def _unlike(by_error: Sequence[Tried]) -> list[Tried]:
+    """Return the first, and some of those after it that come to something else."""
+    first, *others = by_error
+    return [first, *(one for one in others if not is_same(one, first))][: _RIVALS + 1]
 
 
 def _spread(found: Sequence[Tried], number: int) -> list[Tried]:

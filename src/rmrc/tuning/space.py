@@ -112,6 +112,11 @@ class Setting(NamedTuple):
     is_written: bool = False
 
     @property
+    def feedback(self) -> float:
+        """Its feedback [1/s]."""
+        return self.numbers[self.structure.keys.index(FEEDBACK)]
+
+    @property
     def values(self) -> dict[str, str | float]:
         """Value of each key."""
         return {**self.structure.words, **dict(zip(self.structure.keys, self.numbers, strict=True))}

@@ -32,7 +32,7 @@ SATURATED = 0.01
 # A batch is a second of one core at most, so that Ctrl-C and the progress bar need not wait.
 _TICKS = 200_000
 # Of the jobs that are run together, each thread has so many batches, so that none waits long for another.
-_PARTS = 4
+_PARTS = 2
 
 
 class Outcome(NamedTuple):
@@ -47,6 +47,7 @@ class Outcome(NamedTuple):
         excess: Share by which what is allowed is exceeded most; not positive: it is kept.
         missed: What that is, in words.
         ended: Whether it was ended because it could no longer count: all of this is as far as it came.
+        condition: Largest κ.
     """
 
     error: float
@@ -57,6 +58,7 @@ class Outcome(NamedTuple):
     excess: float
     missed: str
     ended: bool = False
+    condition: float = 0.0
 
     @property
     def point(self) -> Point:
@@ -70,8 +72,22 @@ def worst(outcomes: Sequence[Outcome]) -> Outcome:
     error, peak_rate, time, roughness = (max(values) for values in figures)
     tightest = max(outcomes, key=lambda one: one.excess)
     completed = min(one.completed for one in outcomes)
-    ended = any(one.ended for one in outcomes)
-    return Outcome(error, peak_rate, time, roughness, completed, tightest.excess, tightest.missed, ended)
+    ended, condition = any(one.ended for one in outcomes), max(one.condition for one in outcomes)
+    excess, missed = tightest.excess, tightest.missed
+    return Outcome(error, peak_rate, time, roughness, completed, excess, missed, ended, condition)
+
+
+def scaled(one: Outcome, by: Outcome, to: Outcome) -> Outcome:
+    """Return what a setting is expected to come to on all copies, if it keeps the limits there.
+
+    Args:
+        one: Of it on a model.
+        by: Of a neighbor on that model.
+        to: Of that neighbor on all copies.
+    """
+    figures = (a * (c / b if b else 1.0) for a, b, c in zip(one[:4], by[:4], to[:4], strict=True))
+    error, peak_rate, time, roughness = figures
+    return Outcome(error, peak_rate, time, roughness, to.completed, -1.0, "", condition=to.condition)
 
 
 @dataclass(frozen=True)
@@ -129,7 +145,8 @@ class Limits:
             found.append((math.inf, f"it {result.divergence}"))
         excess, missed = max(found, key=lambda pair: pair[0])
         rate, rough = float((rates / self.scale).max()), figure("joint_acceleration_cmd.rms")
-        return Outcome(error, rate, time, rough, completed, excess, missed, result.ended)
+        condition = figure("condition.max")
+        return Outcome(error, rate, time, rough, completed, excess, missed, result.ended, condition)
 
     def _peaks(self, card: Scorecard) -> Iterator[tuple[float, str]]:
         """Yield by which share the limits of the joints are exceeded, and in words."""
@@ -248,7 +265,10 @@ class Trials:
         margin: float = 1.0,
         model: Variant | None = None,
     ) -> None:
-        """Keep what all trials share; `planned` has the times of the copies' paths [s].
+        """Keep what all trials share.
+
+        `planned` has the times of the copies' paths [s]; of the model, `tick` is its period [s], and `weight`
+        what a run of it counts.
 
         Args:
             study: Of the scenario.
@@ -266,14 +286,27 @@ class Trials:
         self.limits, self._control = Limits.of(nominal), nominal.scenario.control
         references = [study.prepare(copy.changes).reference for copy in self._copies]
         self.planned = [one.period * one.ticks for one in references]
+        self.tick = references[-1].period
+        self.weight = min(1.0, references[-1].ticks / nominal.reference.ticks) if model else 1.0
         self._longest = [math.inf] * len(self._copies)
         self._ticks = nominal.reference.ticks
-        self.done = 0
+        self.done, self._spent = 0, 0.0
 
     @property
     def is_stopped(self) -> bool:
         """Whether the runs were ended from outside."""
         return self._stop.is_set()
+
+    def aim(self, copy: int) -> None:
+        """Let the model start and aim as a copy does."""
+        if self.model is None:
+            return
+        model, there = self._copies[self.model], self._copies[copy].changes
+        placed = [one for one in there if ".".join(map(str, one.key)) in ("arm.start", "target.offset")]
+        changes = (*model.changes, *placed)
+        reference = self._study.prepare(changes).reference
+        self._copies = (*self._copies[:-1], model._replace(changes=changes))
+        self.planned[self.model] = reference.period * reference.ticks
 
     def allow(self, times: Sequence[float]) -> None:
         """Say how long a run of each copy may take from now on [s]."""
@@ -293,7 +326,10 @@ class Trials:
         size = max(1, min(most, -(-len(jobs) // (_PARTS * self._threads))))
         pieces = [range(first, min(first + size, len(jobs))) for first in range(0, len(jobs), size)]
         longest = [self._longest[copy] for _, copy in jobs]
-        into = _Outcomes(pieces, self.limits, longest, self._count, [None] * len(jobs))
+        is_model = all(copy == self.model for _, copy in jobs)
+        into = _Outcomes(
+            pieces, self.limits, longest, self._count_model if is_model else self._count, [None] * len(jobs)
+        )
         variants = Listed([Variant("", self._changes(*job)) for job in jobs])
         with threads(self._threads, self._study) as crew:
             ending = Ending(bar, self.limits, np.array(rivals)) if bar else None
@@ -302,23 +338,29 @@ class Trials:
 
     def bear(self, settings: Sequence[Setting]) -> list[Outcome | None]:
         """Return what the margin of settings comes to, as an excess alone; None for what was interrupted."""
-        changes = [(*one.changes, *self._copies[0].changes) for one in settings]  # that is the slowest loop
-        found = bears(self._study, changes, self.margin, threads=self._threads, stop=self._stop)
-        self._count(2 * len(settings))
+        fed_back = [one for one in dict.fromkeys(settings) if one.feedback > 0.0]  # others have no loop
+        changes = [(*one.changes, *self._copies[0].changes) for one in fed_back]  # that is the slowest loop
+        known = bears(self._study, changes, self.margin, threads=self._threads, stop=self._stop)
+        self._count(2 * len(fed_back))
         missed = (
-            f"with {self.margin:g} times its feedback its loop is not stable on the robot that is assumed"
+            f"with {self.margin:g} times its feedback its loop is not stable on the slowest of the robots"
         )
-        return [
-            one
-            if one is None
-            else Outcome(0.0, 0.0, 0.0, 0.0, 1.0, -1.0 if one else 1.0, "" if one else missed)
-            for one in found
-        ]
+        kept = Outcome(0.0, 0.0, 0.0, 0.0, 1.0, -1.0, "")
+        outcomes = {None: None, True: kept, False: kept._replace(excess=1.0, missed=missed)}
+        found = dict(zip(fed_back, known, strict=True))
+        return [outcomes[found.get(one, True)] for one in settings]
 
     def _count(self, runs: int) -> None:
         self.done += runs
+        self._tell(runs)
+
+    def _count_model(self, runs: int) -> None:
+        self._tell(self.weight * runs)
+
+    def _tell(self, runs: float) -> None:
+        told, self._spent = int(self._spent), self._spent + runs
         if self._on_runs is not None:
-            self._on_runs(runs)
+            self._on_runs(int(self._spent) - told)
 
     def _changes(self, setting: Setting, copy: int) -> tuple[Change, ...]:
         """Return what makes a run; a slow one ends when it has taken longer than allowed."""

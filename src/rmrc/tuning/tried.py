@@ -7,9 +7,11 @@ import numpy as np
 
 from rmrc.scenario.choices import INVERSES
 from rmrc.tuning.bar import ALIKE, SAME
-from rmrc.tuning.space import AT_SINGULARITY, FEEDBACK, WORDS, Setting
+from rmrc.tuning.space import AT_SINGULARITY, WORDS, Setting
 from rmrc.tuning.trials import Outcome, worst
 
+# Where κ reaches this, a plain inverse is a matter of luck: the arm may come nearer, and its rates with it.
+SINGULAR = 100.0
 # Feedback within this share is as low: then what the structure is counts more.
 SLOW = 0.1
 
@@ -46,7 +48,13 @@ class Tried:
     @property
     def feedback(self) -> float:
         """Its feedback [1/s]."""
-        return float(self.setting.values[FEEDBACK])
+        return self.setting.feedback
+
+    @property
+    def is_bounded(self) -> bool:
+        """Whether its rates stay bounded if the arm comes nearer to a singularity than it did, if it did."""
+        is_plain = INVERSES[self.setting.structure.method].preference >= INVERSES["pseudoinverse"].preference
+        return not is_plain or self.worst.condition < SINGULAR
 
 
 def is_same(one: Tried, other: Tried) -> bool:
@@ -60,9 +68,10 @@ def best(some: Iterable[Tried]) -> Tried | None:
     """Return the setting with the smallest error; of errors that are alike, the smoothest; None of none.
 
     Of settings that are as smooth, that with the lowest feedback; then the structure that is preferred, and
-    its smallest error.
+    its smallest error. What is not bounded near a singularity counts only where nothing else is there.
     """
-    alike = _least(sorted(some, key=preference), lambda one: one.worst.error, ALIKE)
+    able = sorted(some, key=preference)
+    alike = _least([one for one in able if one.is_bounded] or able, lambda one: one.worst.error, ALIKE)
     alike = _least(alike, lambda one: one.worst.roughness, ALIKE)
     alike = _least(alike, lambda one: one.feedback, SLOW)
     alike = [one for one in alike if _structure(one) == _structure(alike[0])]

@@ -3,6 +3,7 @@
 import math
 import os
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from operator import attrgetter
 from pathlib import Path
@@ -14,7 +15,7 @@ from rmrc.scenario import Source, Variant, block, changes_of, draft_of
 from rmrc.simulation.footprint import footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.dataset import Column, write_table
-from rmrc.study.margins.margins import Margins, margins
+from rmrc.study.margins.margins import Asking, Margins
 from rmrc.study.study import OnRuns, Study
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
@@ -25,6 +26,7 @@ from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
 from rmrc.tuning.search import Search
 from rmrc.tuning.space import (
+    FEEDBACK,
     NUMBERS,
     ON_EXCESS,
     WORDS,
@@ -44,6 +46,9 @@ from rmrc.tuning.verdict import Verdict, judge
 # Of the margins that are told, relative: their second digit.
 _ACCURACY = 0.05
 
+# A tick of the model corrects at most this share of an error, and its path has so many ticks at least.
+_COARSE, _FEWEST = 0.3, 300
+
 
 @dataclass(frozen=True)
 class Tuned:
@@ -59,8 +64,9 @@ class Tuned:
         limits: What was allowed.
         bounds: Least and largest value of each number that was tried, where `--only` does not say which.
         margins: Of what is recommended and second best, by its role, on the slowest loop.
-        looks: How many settings were looked at on a model alone.
-        runs: How many were made.
+        looks: How many settings were looked at on a model.
+        tick: Of that model [s].
+        runs: How many were made on copies.
         interrupted: Whether Ctrl-C ended it.
     """
 
@@ -74,6 +80,7 @@ class Tuned:
     bounds: Mapping[str, tuple[float, float]]
     margins: Mapping[str, Margins]
     looks: int
+    tick: float
     runs: int
     interrupted: bool
 
@@ -102,7 +109,7 @@ class Tuning:
         left_out: Why some structures cannot be chosen here.
         slower: Times the duration as written that another setting may take.
         robot: Of the loops that the copies have.
-        margin: Times its feedback that what is recommended bears on the slowest of them.
+        margin: Times its feedback that what is recommended bears on the slowest of them; 1: any is fine.
     """
 
     def __init__(
@@ -116,6 +123,7 @@ class Tuning:
         spread: Spread | None = None,
         robot: Mapping[str, Given] = MappingProxyType({}),
         ideal: bool = False,
+        gain_margin: float | None = None,
         slower: float = 1.1,
         runs: int = 2000,
         threads: int | None = None,
@@ -131,15 +139,18 @@ class Tuning:
             spread: How far copies are off; None: by the defaults.
             robot: Ranges by name, `delay`, `lag` and `noise` of its loop, and its `calibration`.
             ideal: Whether the loop is as the scenario has it, and nothing is assumed.
+            gain_margin: Times its feedback that what is recommended bears on the slowest of the robots; None:
+                2, or 1 with `ideal`.
             slower: Times the duration with the scenario's own setting that another may take.
-            runs: How many runs are made at most.
+            runs: How many runs are made at most; first looks count by their ticks.
             threads: How many batches are run at a time; None: one a core.
 
         Raises:
             ScenarioError: All that is wrong.
         """
         spread = spread or Spread()
-        _check(copies, seed, spread, slower, runs, threads)
+        self.margin = gain_margin if gain_margin is not None else 1.0 if ideal else GAIN_MARGIN
+        _check(copies, seed, spread, self.margin, slower, runs, threads)
         self._seed, self.slower, self._runs = seed, slower, runs
         self._spread = spread
         self._threads = threads or os.cpu_count() or 1
@@ -154,7 +165,6 @@ class Tuning:
         self._structures, self.left_out = self._possible(words)
         self._asks_for_excess = ON_EXCESS in words
         self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
-        self.margin = GAIN_MARGIN if self.robot.is_assumed else 1.0
         self.copies = draw_copies(self._nominal, copies, seed, spread, self.robot)
         self._refuse_excess(self._study.prepare_all(self.copies, ""))
 
@@ -185,13 +195,12 @@ class Tuning:
             KeyboardInterrupt: Ctrl-C, before anything was found.
         """
         with interruptible() as stop:
-            trials = Trials(
-                self._study, self.copies, self._threads, stop, on_runs, self.margin, self._model()
-            )
             (nominal,) = self._study.step([self._nominal], stop)
             if stop.is_set():
                 raise KeyboardInterrupt
             limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
+            model = self._model(limits[FEEDBACK][1])
+            trials = Trials(self._study, self.copies, self._threads, stop, on_runs, self.margin, model)
             matters = self._asks_for_excess or meets_limits(nominal.run)
             structures = tuple(one for one in self._structures if matters or not one.on_excess)
             space = Space(structures, limits, self._only, self._values)
@@ -205,9 +214,10 @@ class Tuning:
             control = self._written(best.setting).get("control", {}) if best else None
             interrupted = stop.is_set()
         free = {key: one for key, one in limits.items() if key not in self._only}
+        bears = {} if interrupted else self._margins(verdict)
         return Tuned(
-            tried[0], tried, feasible, verdict, control, self.copies, trials.limits, free,
-            {} if interrupted else self._margins(verdict), search.looks, trials.done, interrupted,
+            tried[0], tried, feasible, verdict, control, self.copies, trials.limits, free, bears,
+            search.looks, trials.tick, trials.done, interrupted,
         )  # fmt: skip
 
     def _margins(self, verdict: Verdict) -> dict[str, Margins]:
@@ -217,7 +227,7 @@ class Tuning:
             if one is None or one.feedback == 0.0:
                 continue
             slowest = self._draft.changed(*one.setting.changes, *self.copies[0].changes)
-            found[name] = margins(slowest, accuracy=_ACCURACY, threads=self._threads)
+            found[name] = Asking(slowest, accuracy=_ACCURACY, threads=self._threads, is_sparing=True).run()
         return found
 
     def write(self, tuned: Tuned, folder: Path, picture: Path | None = None) -> list[Path]:
@@ -323,22 +333,26 @@ class Tuning:
                 robot = robot.without(name)
         return robot
 
-    def _model(self) -> Variant | None:
-        """Return what comes near to the slowest loop and costs half: an ideal plant with one dead time.
+    def _model(self, feedback: float) -> Variant | None:
+        """Return what comes near to the slowest loop and costs a tenth: an ideal plant with one dead time.
 
-        What matters of a loop is the sum of its delay and lags; without either, servos do what an ideal plant
-        does not.
+        What matters of a loop is the sum of its delay and lags. Its ticks may be longer, as long as feedback
+        corrects little in one.
+
+        Args:
+            feedback: The largest that will be tried.
         """
-        late = sum(self.robot.slowest(self.scenario))
-        if not late or not self._nominal.plant.has_physics:
-            return None
-        ideal = {"plant.kind": "ideal", "plant.delay": late, "plant.lag": 0.0}
-        model = Variant("the model", changes_of(ideal))
-        try:
-            self._study.prepare(model.changes)
-        except ScenarioError:  # of a scenario with a payload, say
-            return None
-        return model
+        late, period = sum(self.robot.slowest(self.scenario)), self.scenario.control.period
+        ticks = max(1, min(int(_COARSE / (feedback * period)), self._nominal.reference.ticks // _FEWEST))
+        for times in dict.fromkeys((ticks, 1)):
+            if times == 1 and not (late and self._nominal.plant.has_physics):
+                return None  # it costs as much, or servos do what an ideal plant does not
+            ideal = {"plant.kind": "ideal", "plant.delay": late, "plant.lag": 0.0}
+            model = Variant("the model", changes_of(ideal | {"control.period": round(times * period, 9)}))
+            with suppress(ScenarioError):  # of a scenario with a payload, say
+                self._study.prepare(model.changes)
+                return model
+        return None
 
     def _refuse_excess(self, copies: Sequence[Prepared]) -> None:
         """Refuse what does not fit into memory: the run as written, and batches of its copies."""
@@ -366,6 +380,7 @@ def tune(
     noise: Given = None,
     calibration: Given = None,
     ideal: bool = False,
+    gain_margin: float | None = None,
     slower: float = 1.1,
     runs: int = 2000,
     seed: int = 0,
@@ -391,8 +406,10 @@ def tune(
         noise: Standard deviation of its encoders' noise [rad]; of slides, times `task.length` [m].
         calibration: How far lengths of its links and zeros of its joints are off, to either side [1, rad].
         ideal: Whether the loop is as the scenario has it, and nothing is assumed.
+        gain_margin: Times its feedback that what is recommended bears on the slowest of the robots; 1: no
+            margin is asked for; None: 2, or 1 with `ideal`.
         slower: Times the duration with the scenario's own setting that another may take.
-        runs: How many runs are made at most.
+        runs: How many runs are made at most; first looks count by their ticks.
         seed: Of the copies and of the search.
         out: Folder for NAME.tune.yaml, .png and .parquet; made if it is missing. None: nothing is written.
         threads: How many batches are run at a time; None: one a core.
@@ -411,7 +428,7 @@ def tune(
     work = Tuning(
         scenario, only=only or (), copies=copies, seed=seed, spread=spread,
         robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration}, ideal=ideal,
-        slower=slower, runs=runs, threads=threads,
+        gain_margin=gain_margin, slower=slower, runs=runs, threads=threads,
     )  # fmt: skip
     if out is not None:
         refuse_unwritable(work.files(Path(out)))
@@ -421,11 +438,13 @@ def tune(
     return found
 
 
-def _check(copies: int, seed: int, spread: Spread, slower: float, runs: int, threads: int | None) -> None:
+def _check(
+    copies: int, seed: int, spread: Spread, margin: float, slower: float, runs: int, threads: int | None
+) -> None:
     least = {
         "copies": (copies, 0), "seed": (seed, 0), "start": (spread.start, 0), "offset": (spread.offset, 0),
-        "payload": (spread.payload, 0), "slower": (slower, 1), "runs": (runs, 2 * (copies + 1)),
-        "threads": (threads or 1, 1),
+        "payload": (spread.payload, 0), "gain-margin": (margin, 1), "slower": (slower, 1),
+        "runs": (runs, 2 * (copies + 1)), "threads": (threads or 1, 1),
     }  # fmt: skip
     problems = [
         Problem((), f"must be finite and >= {low}, got {value:g}", Origin(f"--{name}"))

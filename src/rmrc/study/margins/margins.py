@@ -93,6 +93,7 @@ class Asking:
         *,
         accuracy: float = ACCURACY,
         threads: int | None = None,
+        is_sparing: bool = False,
     ) -> None:
         """Check everything before the first run.
 
@@ -101,6 +102,7 @@ class Asking:
             overrides: `KEY=VALUE` texts.
             accuracy: Of the edges, relative: of the gain, and of how late commands are in all.
             threads: How many step their share of the runs; None: one a core.
+            is_sparing: Whether it takes more rounds of fewer runs.
 
         Raises:
             ScenarioError: All that is wrong.
@@ -109,6 +111,7 @@ class Asking:
             wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
             raise ScenarioError.about("--accuracy", wrong)
         self._study, self._accuracy = Study(draft_of(source, overrides)), accuracy
+        self._is_sparing = is_sparing
         self._threads = threads or os.cpu_count() or 1
         self._prepared: Prepared = self._study.prepare()
         self.scenario = self._prepared.scenario
@@ -159,7 +162,7 @@ class Asking:
     def _close_in(self, searches: Mapping[str, Search], stop: threading.Event, on_runs: OnRuns) -> None:
         chosen = list(searches.values())
         for search in chosen:
-            search.accuracy = self._accuracy
+            search.accuracy, search.is_sparing = self._accuracy, self._is_sparing
         close_in(self._study, chosen, stop, self._threads, on_runs)
 
     def _margin(self, name: str, search: Search) -> Margin:

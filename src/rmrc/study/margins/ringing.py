@@ -47,6 +47,9 @@ _LIMITED = int(
     Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED | Status.TORQUE_LIMITED
 )
 
+# Of a run, what is judged.
+_COLUMNS = ("q", "qdot_cmd", "path_time", "status")
+
 Reason = Literal["", "diverged", "rings", "reverses"]
 
 
@@ -78,7 +81,7 @@ class _Track:
         self._parts: list[tuple[Array, ...]] = []
 
     def add(self, part: Run) -> None:
-        self._parts.append(tuple(part[name] for name in ("q", "qdot_cmd", "path_time", "status")))
+        self._parts.append(tuple(part[name] for name in _COLUMNS))
 
     def columns(self) -> tuple[Array, ...]:
         return tuple(np.concatenate(parts) for parts in zip(*self._parts, strict=True))
@@ -119,7 +122,7 @@ def _judged(
         return [None] * len(worlds)
     pairs = [one for world in worlds for one in (world, twin_of(world, _starts(world), kick_of(world)))]
     tracks = [_Track() for _ in pairs]
-    results = study.watch(pairs, lambda index, part: tracks[index].add(part), stop, threads)
+    results = study.watch(pairs, lambda index, part: tracks[index].add(part), stop, threads, columns=_COLUMNS)
     if stop.is_set():
         return [None] * len(worlds)
     return [_judge(results[i : i + 2], tracks[i : i + 2]) for i in range(0, len(pairs), 2)]

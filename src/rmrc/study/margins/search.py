@@ -15,8 +15,9 @@ from rmrc.study.study import OnRuns, Study
 from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 
 # Around the edge of the ideal plant; then points between the two that are nearest to the edge, as many as the
-# accuracy needs and no more than so many, until these two differ by less than the accuracy.
-_GRID = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0)
+# accuracy needs and no more than so many, until these two differ by less than the accuracy. Where runs are to
+# be spared, fewer at a time.
+_GRID, _FEW = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0), (0.77, 1.0, 1.4)
 _POINTS = 6
 ACCURACY = 0.02
 # Steps are finer than the accuracy by this share, so that rounding asks for no further round.
@@ -27,6 +28,8 @@ _SHARE = 0.9
 # and down to this share of the feedback as written.
 _STEPS = (1.5, 2.25, 3.4, 5.0)
 _BEYOND, _LOWEST = 10.0, 0.01
+# With this share of the edge of the ideal plant, a loop shows quickly what it does.
+_QUICK = 0.25
 
 
 class Edge(NamedTuple):
@@ -63,6 +66,7 @@ class Search:
         least: The smallest one.
         value: What is asked for, by factor: the factor itself, or a time [s].
         accuracy: Relative, of the factor.
+        is_sparing: Whether it takes more rounds of fewer runs.
         known: What was found, by factor.
     """
 
@@ -72,6 +76,7 @@ class Search:
     least: float
     value: Callable[[float], float] = float
     accuracy: float = ACCURACY
+    is_sparing: bool = False
     known: dict[float, Judged] = field(default_factory=dict)
 
     @property
@@ -89,14 +94,16 @@ class Search:
         """Return the factors to try next; none: the edge is known, or there is none within bounds."""
         low, high = self.edge
         if self.known.keys() <= {1.0} and not high <= 1.0 <= self.guess:
-            wanted = [self.guess * share for share in _GRID]
+            wanted = [self.guess * share for share in (_FEW if self.is_sparing else _GRID)]
         elif low == 0.0:
             wanted = [high / step for step in _STEPS] if high > self.least else []
         elif high == math.inf:
             wanted = [low * step for step in _STEPS] if low < self.most else []
         elif high > low * (1.0 + self.accuracy):
             steps = math.ceil(math.log(high / low) / math.log1p(self.accuracy) + _ROUNDING)
-            wanted = list(np.geomspace(low, high, min(steps, _POINTS + 1) + 1)[1:-1])
+            wanted = list(
+                np.geomspace(low, high, min(steps, 2 if self.is_sparing else _POINTS + 1) + 1)[1:-1]
+            )
         else:
             return []
         within = (float(min(max(one, self.least), self.most)) for one in wanted)
@@ -182,7 +189,10 @@ def bears(
     threads: int = 1,
     stop: threading.Event | None = None,
 ) -> list[bool | None]:
-    """Return whether loops stay stable with so many times their feedback; None if interrupted. Two runs each.
+    """Return whether loops stay stable with so many times their feedback; None if interrupted.
+
+    Two runs each. What rings slowly takes long to show it: a loop of little feedback is judged with more
+    first, as what bears more bears less, and only where it does not, as it is asked for.
 
     Args:
         study: Of the scenario.
@@ -194,9 +204,19 @@ def bears(
     Raises:
         ScenarioError: A setting is wrong, or they do not fit into memory.
     """
-    worlds = [study.prepare(gain(study.prepare(one).scenario, one).changes(factor)) for one in settings]
-    found = judged(study, worlds, stop or threading.Event(), threads)
-    return [None if one is None else not one.is_unstable for one in found]
+    searches = [gain(study.prepare(one).scenario, one) for one in settings]
+    stop = stop or threading.Event()
+
+    def judge(which: Sequence[int], factors: Sequence[float]) -> list[bool | None]:
+        worlds = [study.prepare(searches[i].changes(by)) for i, by in zip(which, factors, strict=True)]
+        return [None if one is None else not one.is_unstable for one in judged(study, worlds, stop, threads)]
+
+    quick = [max(factor, _QUICK * one.guess) for one in searches]
+    found = judge(range(len(searches)), quick)
+    again = [i for i, one in enumerate(found) if one is False and quick[i] > factor]
+    for i, one in zip(again, judge(again, [factor] * len(again)), strict=True):
+        found[i] = one
+    return found
 
 
 def gain_margins(
