@@ -225,6 +225,8 @@ def words(rows: list[Row], all_ours: list[tuple[dict[str, object], dict[str, flo
     (ours,) = (row for row in rows if row.peer.name == OURS)
     behind, outside = [], []
     for row in rows:
+        if row.peer.loop.package != "rmrc" and is_led(row.times[0], ours.times[0], 0.1):
+            yield f"**{row.peer.name} takes {row.times[0]:.1f} µs a step (ours {ours.times[0]:.1f})**."
         ahead = leads(row, ours.figures)
         if row.peer.loop.package == "rmrc" or len(row.peer.settings) == 1 or not ahead:
             continue
@@ -323,9 +325,10 @@ def page(keep: Keep, only: list[str]) -> Iterator[str]:
     yield from versions()
     yield f"| Python | {platform.python_version()} |"
     yield "\n| loop | statements of its user |\n|---|---:|"
-    for package, peer in peers():
-        if installed(package) and len(peer.settings) > 1 and peer.name != OURS:
-            yield f"| {peer.name} | {lines_of(peer.loop)} |"
+    shown = [peer for package, peer in peers() if installed(package) and len(peer.settings) > 1]
+    counts = {peer.name: lines_of(peer.loop) for peer in shown if peer.name != OURS}
+    yield from (f"| {name} | {count} |" for name, count in counts.items())
+    yield f"\nThe shortest is that of {min(counts, key=lambda name: counts[name])}."
     for case in cases():
         if not only or any(case.name.startswith(name) for name in only):
             yield from table(case, keep)

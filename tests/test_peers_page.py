@@ -87,7 +87,7 @@ def test_figures_of_a_run():
 def figures(**values):
     return (
         dict.fromkeys(peers.COLUMNS, 1.0)
-        | {"rate over": 0.0, "chatter": 0.0, "end mm": 0.0, "end mrad": 0.0}
+        | {"rate over": 0.0, "chatter": 0.0, "end mm": 0.0, "end mrad": 0.0, "over": 0.0}
         | values
     )
 
@@ -115,4 +115,8 @@ def test_a_peer_that_leads_is_named_with_what_it_costs():
     assert said == "Slower or smoother, but with so many times our error: numpy DLS (4.5)."
     (said,) = peers.words([ours, rival], [({}, ours.figures), ({"gain": 5.0}, rival.figures)])
     assert said.endswith("With gain 5 rmrc is as good in every column.")
+    (said,) = peers.words([ours, peers.Row(package, {}, ours.figures, (0.5, 2.0))], [({}, ours.figures)])
+    assert said == "**numpy DLS takes 0.5 µs a step (ours 1.0)**."
+    (said,) = peers.words([ours, row(mm=1.0, mrad=0.0, over=5.0)], [({}, ours.figures)])
+    assert said.startswith("Ahead in a column, but so far beyond a joint's limit")
     assert list(peers.words([ours, row(mm=1.98, mrad=0.0)], [({}, ours.figures)])) == []  # within 2 %
