@@ -129,10 +129,10 @@ MISTAKES = {
         ],
         [
             "--set arm.start: … 2 … (shoulder, elbow) … 3",
+            "--set plant.kv: … 2 … (shoulder, elbow) … 1",
             "--set control.joint_weights: … 2 … (shoulder, elbow) … 1",
             "--set control.nullspace.posture: … 2 … (shoulder, elbow) … 3",
             "--set control.limits.rate: … 2 … (shoulder, elbow) … 3",
-            "--set plant.kv: … 2 … (shoulder, elbow) … 1",
         ],
     ),
     "inverse of a wide task": (
@@ -189,7 +189,7 @@ def test_compare_leaves_recording_facts_and_pictures_and_prints_a_row_for_each_v
     # What the file expects is for its own method, the default: damped, which the command damps too much.
     ends = {cells[0]: cells[-2:] for cells in rows if cells}
     assert (ends["inverse"][-1], ends["damped"]) == ("-", ["missed", "1"])
-    files = [f"quick.compare.{kind}" for kind in ("rrd", "json", "png", "svg")]
+    files = [f"quick.compare.{kind}" for kind in ("rrd", "npz", "json", "png", "svg")]
     assert [cells[1] for cells in rows if cells[:1] == ["wrote"]] == [f"recordings/{name}" for name in files]
     assert sorted(p.name for p in (tmp_path / "recordings").iterdir()) == sorted(files)
     assert out.splitlines()[-1] == "look at it: rmrc replay recordings/quick.compare.rrd"
@@ -199,7 +199,7 @@ def test_compare_leaves_recording_facts_and_pictures_and_prints_a_row_for_each_v
 def test_compare_takes_no_record_and_out_and_quiet(rmrc, tmp_path):
     code, out, err = rmrc("compare", "quick.yaml", *VARY, "--no-record", "--out", "a/b", "-q")
     assert (code, out, err) == (0, "", "")
-    names = ["quick.compare.json", "quick.compare.png", "quick.compare.svg"]
+    names = [f"quick.compare.{kind}" for kind in ("json", "npz", "png", "svg")]
     assert sorted(p.name for p in (tmp_path / "a/b").iterdir()) == names
 
 

@@ -115,11 +115,14 @@ def error_of(row: tuple[float, ...]) -> float:
 
 
 def decision(scenario: str, found: dict[str, tuple[float, ...] | str]) -> str:
-    """Return the row of the decision table: the best of those that come back."""
-    back = {
-        name: row for name, row in found.items()
-        if not isinstance(row, str) and max(v for v in row[3:5] if not math.isnan(v)) <= BACK
-    }  # fmt: skip
+    """Return the row of the decision table: the best of those that come back, the simplest of equals.
+
+    Equal are those whose figures read the same: what decides must be seen in the tables.
+    """
+    back = {}
+    for name, row in found.items():
+        if not isinstance(row, str) and max(v for v in row[3:5] if not math.isnan(v)) <= BACK:
+            back[name] = tuple(float(shown(value) or "nan") for value in row)
     if not back:
         return f"| {SITUATIONS[scenario]} | none comes back | | |"
     least = min(back, key=lambda name: error_of(back[name]))

@@ -79,7 +79,7 @@ TOO_LONG = {
     "a choice": (["--set", f"control.inverse.method={LONG}"], 'characters)'),
     "a number": (["--set", f"control.feedback={LONG}"], 'characters)'),
     "an angle": (["--set", f"arm.start=[{'1' * 10_000} degrees]"], 'characters)'),
-    "a key": (["--set", f"control.{LONG}=1"], "slow, stop"),
+    "a key": (["--set", f"control.{LONG}=1"], "keep_out"),
     "a model": (["--set", f"arm.model={LONG}"], ""),
     "a site": (["--set", f"arm.site={LONG}"], "its sites: tip"),
     "an option": ([f"--{LONG}"], "rmrc run --help"),

@@ -19,6 +19,7 @@ OVERRIDES = (
     "plant.kind=torque",
     "control.nullspace={objective: secondary, secondary: {site: wrist, axes: [x]}}",
     "control.limits.jerk=1000",
+    "control.inverse.metric=inertia",
     "plant.resonance.frequency=20",
     "target.path=[{line: {by: [0.01, 0]}}]",
 )

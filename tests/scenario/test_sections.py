@@ -186,12 +186,14 @@ control:
   rate_filter: 0.0
   inverse:
     method: damped
+    metric: joints
     tolerance: 1.0e-06
     cutoff: 0.01
     gamma: 0.1
     rate_bound: 2.0
     damping: {schedule: smallest_singular_value, maximum: 0.1, below: 0.3, manipulability_below: 0.3,
       error_gain: 1.0}
+    push: {position: 1.0, rotation: 1.0}
   feedback: 20.0
   feedforward: true
   joint_weights: null
@@ -209,10 +211,11 @@ control:
       priority: robust
       damping: 0.05
   limits: {profile: null, rate: null, acceleration: null, jerk: null, position: true,
-    braking: 10.0, on_excess: scale}
+    braking: 10.0, keep_direction: false, on_excess: scale}
   at_singularity: damp
   slow: {change: 10.0, patience: 1.0, longest: 10.0}
   stop: {sigma: 0.1, condition: null, change: 20.0}
+  keep_out: {sigma: 0.1, approach: 5.0}
 target:
   path:
   - line:

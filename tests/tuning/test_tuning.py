@@ -200,7 +200,7 @@ def test_the_best_within_limits_is_tried_where_a_limit_acts_and_where_it_is_aske
         assert meets_limits({"status": np.array([0.0, status])}) == acts
     with pytest.raises(ScenarioError) as refused:
         Tuning(path, only=["control.limits.on_excess=clamp"])
-    assert str(refused.value) == says("--only control.limits.on_excess: … scale … optimal …")
+    assert str(refused.value) == says("--only control.limits.on_excess: … none … optimal …")
 
 
 def test_only_what_is_allowed_is_chosen_and_the_setting_as_written_is_compared(path):

@@ -7,16 +7,18 @@ the law takes the arm to be decides, as everywhere.
 """
 
 import math
-from typing import ClassVar, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
-from rmrc.arm import Arm
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.kinematics import quat_product, turned
 from rmrc.law.metric import factor
 from rmrc.law.record import CHAIN, JOINTS, Field
 from rmrc.law.svd import dot
+
+if TYPE_CHECKING:  # MuJoCo is not loaded for a law without an arm
+    from rmrc.arm import Arm
 
 Twist: TypeAlias = tuple[float, float, float, float, float, float]
 
@@ -33,7 +35,7 @@ class Inertia:
         Field("armature", size=(JOINTS,)), Field("metric_scale", size=(JOINTS,)),
     )  # fmt: skip
 
-    def __init__(self, arm: Arm, length: float) -> None:
+    def __init__(self, arm: "Arm", length: float) -> None:
         """Bind it to an arm.
 
         Args:

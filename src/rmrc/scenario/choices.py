@@ -370,7 +370,7 @@ METRICS = Choices(
     "what makes joint rates small: their scaled norm, or the kinetic energy of the arm", "joints",
     (
         Choice("joints", "‖W_q^½ qdot‖, sliding joints over task.length", "Whitney69", acts=False,
-            others="euclidean rates weights none off kinematic"),
+            others="euclidean rates weights kinematic"),
         Choice("inertia", "√(qdotᵀ M qdot), with the inertia M(q) of the arm: dynamically consistent",
             "Khatib87", acts=False,
             others="dynamically_consistent dynamic mass khatib kinetic_energy energy operational_space"),
