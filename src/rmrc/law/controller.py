@@ -81,8 +81,7 @@ class Controller(Loop):
         Args:
             model: The arm, or what it is in.
             site: Name of the site to control; None for that of a scenario that is given as `control`, else
-                that of the
-                hand: see `rmrc.arm.frames`.
+                that of the hand: see `rmrc.arm.frames`.
             control: The law: a mapping or a YAML file with the keys of the section `control`, or with that
                 section, as `rmrc tune` prints it; a scenario, whose task, frame and joints are taken where
                 none are given here; or a ControlSection. None: all defaults.
@@ -393,9 +392,12 @@ def _address(numbers: Sequence[int]) -> Any:
 
 
 def _arm(
-    model: ControlledModel, site: str | None, body: str | None, joints: Sequence[str] | None, told: ArmSection
-        | None
-) -> Arm:  # fmt: skip
+    model: ControlledModel,
+    site: str | None,
+    body: str | None,
+    joints: Sequence[str] | None,
+    told: ArmSection | None,
+) -> Arm:
     """Return the arm of a model.
 
     Raises:
