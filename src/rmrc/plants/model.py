@@ -12,11 +12,12 @@ from numpy.typing import NDArray
 
 from rmrc.arm import DriveKind, Own
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
+from rmrc.law.metric import backward, forward
 from rmrc.law.record import Field
 from rmrc.plants.physics import Physical
 from rmrc.plants.plant import Assumed, BeforeSteps, Wired
 from rmrc.plants.servo import Servo
-from rmrc.plants.torque import Torque, choose_acceleration, substitute
+from rmrc.plants.torque import Torque, choose_acceleration
 from rmrc.plants.wiring import column
 from rmrc.scenario.choices import Status
 from rmrc.support.legible import listed
@@ -159,7 +160,8 @@ def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) 
         force: Forces, (d,), written.
     """
     factorize(R, count, n, N)
-    substitute(N, n, tau)
+    forward(N, tau, n)
+    backward(N, tau, n)
     for d in range(count):
         force[d] = 0.0
         for j in range(n):

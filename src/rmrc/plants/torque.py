@@ -1,6 +1,5 @@
 """The torque plant: computed torque, which takes the arm's own dynamics out, in MuJoCo's physics."""
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -12,6 +11,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Arm, Wiring
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
+from rmrc.law.metric import backward, factor, forward
 from rmrc.law.record import JOINTS, Field
 from rmrc.plants.physics import Physical, push
 from rmrc.plants.plant import BeforeSteps, Wired
@@ -109,7 +109,9 @@ def give_way(
     for u in range(len(free)):
         for j in range(n):
             answer[u] -= coupling[u, j] * world.qddot[j]
-    _solve(inertias, answer)
+    factor(inertias, len(answer))
+    forward(inertias, answer, len(answer))
+    backward(inertias, answer, len(answer))
     for j in range(n):
         for u in range(len(free)):
             state[world.ctrl_column[j]] += coupling[u, j] * answer[u]
@@ -140,32 +142,6 @@ def _resisted(world: Record, j: int, inertia: float) -> Any:
         left = (inertia / (inertia + world.period / world.substeps * slope)) ** world.substeps
         added = world.period * slope / (1.0 - left) - inertia
     return added * wanted + friction_at(world, j, (1.0 + added / inertia) * wanted, world.qdot[j])
-
-
-@compiled
-def _solve(A: Array, x: Array) -> None:
-    """Solve A y = x for y, written over x, by A = L Lᵀ, written over A, which is symmetric and positive."""
-    n = len(x)
-    for i in range(n):
-        for j in range(i + 1):
-            rest = A[i, j]
-            for k in range(j):
-                rest -= A[i, k] * A[j, k]
-            A[i, j] = math.sqrt(rest) if i == j else rest / A[j, j]
-    substitute(A, n, x)
-
-
-@compiled
-def substitute(L: Array, n: int, x: Array) -> None:
-    """Solve L Lᵀ y = x for y, written over x, (n,); L is a lower triangle, and what is above is not read."""
-    for i in range(n):
-        for k in range(i):
-            x[i] -= L[i, k] * x[k]
-        x[i] /= L[i, i]
-    for i in range(n - 1, -1, -1):
-        for k in range(i + 1, n):
-            x[i] -= L[k, i] * x[k]
-        x[i] /= L[i, i]
 
 
 @dataclass(frozen=True)
