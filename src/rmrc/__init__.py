@@ -64,13 +64,14 @@ if TYPE_CHECKING:
         ScenarioError,
         TargetError,
     )
+    from rmrc.tuning.page import report
     from rmrc.tuning.tune import tune
 
 __all__ = [
     "ClusterError", "Controller", "DivergenceError", "Law", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
     "TargetError", "check", "compare", "identify", "ik", "inspect", "load", "loads", "margins", "new",
-    "plot", "prepare", "read_runs", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
+    "plot", "prepare", "read_runs", "report", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
@@ -94,6 +95,7 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.study.study": ("Study",),
         "rmrc.study.verbs": ("compare", "run", "sweep"),
         "rmrc.support.errors": tuple(name for name in __all__ if name.endswith(("Error", "Warning"))),
+        "rmrc.tuning.page": ("report",),
         "rmrc.tuning.tune": ("tune",),
     }
 

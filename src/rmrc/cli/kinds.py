@@ -34,12 +34,13 @@ MODEL = Kind("a model", (".xml", ".mjcf", ".urdf"), b"<", "inspect", shipped="mo
 RECORDING = Kind("a recording", (".rrd", ".part"), b"RRF", "replay")
 LOG = Kind("a log", (".csv", ".parquet", ".npz"), verb="identify")
 RUN = Kind("what a run leaves", (".npz", ".rrd", ".part", ".json"))
+REPORTED = Kind("what run, compare, sweep or tune leaves", (*RUN.suffixes, ".parquet"))
 KINDS = (
     SCENARIO,
     MODEL,
     RECORDING,
     Kind("the columns of a run", (".npz",), b"PK\x03\x04", "plot"),
-    Kind("the rows of a sweep", (".parquet",), b"PAR1", library="pandas.read_parquet"),
+    Kind("the rows of a sweep", (".parquet",), b"PAR1", "report", library="pandas.read_parquet"),
     LOG,
     Kind("the figures of a run", (".json",), library="json.load"),
     Kind("a picture", (".png",), b"\x89PNG"),

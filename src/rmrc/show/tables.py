@@ -119,6 +119,16 @@ def schema_text(rows: Sequence[SchemaRow]) -> str:
 # Sheets -----------------------------------------------------------------------------------------
 
 
+def sheets(card: "Scorecard", outcomes: Sequence["Outcome"] = ()) -> list[Sheet]:
+    """Return the tables without a form.
+
+    Args:
+        card: The figures.
+        outcomes: Of the scenario's expectations; none: no such table.
+    """
+    return _sheets(card, outcomes)
+
+
 class _Figures:
     """The figures of a card; those not yet shown are left over for the last sheet.
 

@@ -37,7 +37,7 @@ _TYPES = {"number": pa.float64(), "count": pa.int64(), "text": pa.string(), "swi
 
 
 # What pyarrow raises of files that are none of its own, or torn.
-_UNREADABLE = (pa.ArrowException, OSError)
+UNREADABLE = (pa.ArrowException, OSError)
 
 
 Table: TypeAlias = pa.Table
@@ -164,7 +164,7 @@ class Dataset:
             else:
                 return None
             differs = [key for key in identity if found.identity.get(key) != identity[key]]
-        except (*_UNREADABLE, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
+        except (*UNREADABLE, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             if isinstance(error, OSError) and error.filename and not isinstance(error, IsADirectoryError):
                 raise
             what = "was altered" if str(error) == "was altered" else "is no sweep's"
@@ -251,7 +251,7 @@ class Dataset:
         try:
             with pq.ParquetFile(pa.BufferReader(data)) as file:
                 table, written = file.read(), (file.metadata.metadata or {}).get(_DIGEST, b"")
-        except _UNREADABLE:
+        except UNREADABLE:
             raise _spoiled(path, "is damaged") from None
         indices = contents.indices(part)
         if not table.schema.equals(_bare(contents.columns)):
@@ -322,7 +322,7 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
         try:
             with pq.ParquetFile(data, page_checksum_verification=True) as file:
                 yield file
-        except _UNREADABLE:
+        except UNREADABLE:
             raise _spoiled(path, "is damaged") from None
 
 
@@ -337,16 +337,25 @@ def _digest(part: int, data: bytes, contents: Contents) -> bytes:
     return found.hexdigest().encode()
 
 
-def write_table(path: Path, columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> None:
+def write_table(
+    path: Path,
+    columns: Sequence[Column],
+    rows: Sequence[Mapping[str, Any]],
+    about: Mapping[str, Any] | None = None,
+) -> None:
     """Write a file of its own, whole or not at all; a number that a row lacks is NaN, anything else null.
 
     Args:
         path: Of the file.
         columns: Of a row.
         rows: All of them.
+        about: What else is told of them, as strict JSON, by the name `rmrc` in the file's metadata.
     """
+    schema = _described(columns)
+    if about is not None:
+        schema = schema.with_metadata({"rmrc": json.dumps(about, ensure_ascii=False, allow_nan=False)})
     with written_whole(path) as temporary:
-        pq.write_table(_table(_described(columns), columns, rows), temporary)
+        pq.write_table(_table(schema, columns, rows), temporary)
 
 
 def _bare(columns: Sequence[Column]) -> pa.Schema:

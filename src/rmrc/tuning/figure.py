@@ -24,7 +24,14 @@ def draw_front(
     limits: Sequence[float],
     path: Path,
 ) -> None:
-    """Draw what was found.
+    """Write `front_figure` to a file, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`."""
+    save(front_figure(name, points, front, marks, limits), [path])
+
+
+def front_figure(
+    name: str, points: Sequence[Row], front: Sequence[Row], marks: Sequence[Row], limits: Sequence[float]
+) -> Figure:
+    """Return the picture of what was found.
 
     Args:
         name: Of the scenario.
@@ -32,7 +39,6 @@ def draw_front(
         front: Those that none dominates, by rising peak rate.
         marks: Those that have a name, the most important first.
         limits: Rate limits of the joints [rad/s].
-        path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
     """
     figure = Figure(figsize=(9.0, 5.4), layout="constrained")
     axes = figure.add_subplot(yscale="log")
@@ -54,7 +60,7 @@ def draw_front(
     _frame(axes, points, marks, limits)
     axes.set_title(f"{plain(name)}: settings that keep the limits on every copy")
     figure.legend(loc="outside right upper", frameon=False)
-    save(figure, [path])
+    return figure
 
 
 def _steps(rows: Sequence[Row]) -> tuple[list[float], list[float]]:

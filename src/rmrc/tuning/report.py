@@ -1,10 +1,12 @@
 """What a search found, in words and as rows of its tables."""
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.results.facts import versions
 from rmrc.study.margins.margins import Margin
 from rmrc.tuning.bar import ALIKE
 from rmrc.tuning.robot import GAIN_MARGIN
@@ -13,6 +15,18 @@ from rmrc.tuning.tables import Row
 from rmrc.tuning.trials import CHATTER, SATURATED, TOLERANCE, Limits
 from rmrc.tuning.tried import Tried
 from rmrc.tuning.tune import Tuned, Tuning
+
+
+def told(work: Tuning, found: Tuned) -> dict[str, Any]:
+    """Return what a search says beside its settings, as strict JSON: for the page of it."""
+    limits = found.limits.rate / found.limits.scale
+    return {
+        "name": work.scenario.name, "title": title(work, found), "facts": facts(work, found),
+        "front": front(found) if found.feasible else [], "named": named(found) if found.feasible else [],
+        "margins": margins(found), "limits": sorted(set(limits[np.isfinite(limits)].tolist())),
+        "lines": [as_written(found), *alike(found), *doubts(found)] if found.feasible else [nothing(found)],
+        "block": found.block if found.feasible else "", "versions": versions(),
+    }  # fmt: skip
 
 
 def words(setting: Setting) -> str:

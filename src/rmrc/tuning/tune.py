@@ -243,8 +243,10 @@ class Tuning:
         Returns:
             The files.
         """
+        from rmrc.tuning.report import told
+
         files = self.files(folder, picture)
-        write_table(files[2], _columns(), [_row(one, tuned) for one in tuned.tried])
+        write_table(files[2], _columns(), [_row(one, tuned) for one in tuned.tried], told(self, tuned))
         best = tuned.verdict.recommended
         if best is None:
             return files[2:]

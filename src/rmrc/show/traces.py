@@ -1,0 +1,294 @@
+"""Curves over time for a page whose reader moves over them and zooms in."""
+
+import base64
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.results.run import Run
+from rmrc.scenario.choices import Status
+from rmrc.show.figures import DASHES
+from rmrc.show.palette import distinct
+from rmrc.show.panels import (
+    Array,
+    applies,
+    decades,
+    in_words,
+    paints,
+    rate_unit,
+    split_error,
+    statuses,
+    torque_unit,
+)
+
+# Numbers of a panel at most: of a longer run, each span of time keeps the least and the largest of a curve.
+ROOM = 60_000
+# Rates are drawn up to so many times their limits; where a peak is beyond, its value is written.
+CLIPPED = 1.6
+# Limits are in the plot up to so many times the peak: farther away they would flatten the curves.
+FAR = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Trace:
+    """A curve.
+
+    Attributes:
+        label: Its name.
+        values: (T,); what is not finite is not drawn.
+        color: Which of the colors it has.
+        dash: Which of the dashes.
+        width: Of the line [px].
+        is_shown: Whether it is drawn before somebody clicks its name.
+    """
+
+    label: str
+    values: Array
+    color: int
+    dash: int = 0
+    width: float = 1.5
+    is_shown: bool = True
+
+
+@dataclass(frozen=True, eq=False)
+class Panel:
+    """Curves over the same time.
+
+    Attributes:
+        title: Above it.
+        unit: Of its vertical axis, with its quantity.
+        time: (T,) [s].
+        traces: Its curves.
+        lines: Values at which horizontal lines are drawn.
+        bounds: Ends of the vertical axis; None: of what is drawn.
+        peak: What is told beside the title of a curve that leaves it; "": nothing.
+        is_logarithmic: Whether its vertical axis is.
+        lanes: Names of lanes 0, 1, ..., from below, where it has lanes instead of numbers.
+        place: Name of its place on the page.
+    """
+
+    title: str
+    unit: str
+    time: Array
+    traces: Sequence[Trace]
+    lines: Sequence[float] = ()
+    bounds: tuple[float, float] | None = None
+    peak: str = ""
+    is_logarithmic: bool = False
+    lanes: Sequence[str] = ()
+    place: str = field(default="")
+
+    def json(self, colors: int) -> dict[str, Any]:
+        """Return what the page draws.
+
+        Args:
+            colors: How many the page has.
+        """
+        rows = _kept([one.values for one in self.traces], ROOM)
+        light, dark = paints(colors), [f"#{color >> 8:06x}" for color in distinct(colors)]
+        return {
+            "place": self.place, "title": self.title, "unit": self.unit, "time": _packed(self.time[rows]),
+            "lines": [{"value": value} for value in self.lines], "range": self.bounds, "lanes": self.lanes,
+            "logarithmic": self.is_logarithmic,
+            "series": [
+                {
+                    "label": one.label, "values": _packed(one.values[rows], self.is_logarithmic),
+                    "light": light[one.color], "dark": dark[one.color], "width": one.width,
+                    "dash": [2.0 * part for part in DASHES[one.dash % len(DASHES)]] if one.dash else [],
+                    "shown": one.is_shown, "spans": not self.lanes and not self.is_logarithmic,
+                }
+                for one in self.traces
+            ],
+        }  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False)
+class Traces:
+    """The panels of a page.
+
+    Attributes:
+        panels: From the top.
+        colors: How many colors they use.
+    """
+
+    panels: Sequence[Panel]
+    colors: int
+
+    def json(self) -> list[dict[str, Any]]:
+        """Return what the page draws, as strict JSON."""
+        return [panel.json(self.colors) for panel in self.panels]
+
+
+def of_run(run: Run) -> Traces:
+    """Return the curves of a run of one tick at least: joint by joint."""
+    panels = [_rates(run), _sigma({"": run}), _errors(run)]
+    if applies("torque", run):
+        curves = [Trace(name, run["tau"][:, j], j, j) for j, name in enumerate(run.joints)]
+        panels.append(Panel("Actuator torques", f"torque [{torque_unit(run)}]", run["time"], curves))
+    panels += _pace({"": run}) + _lanes({"": run})
+    return _placed(panels, max(len(run.joints), 3))
+
+
+def of_runs(runs: Mapping[str, Run]) -> Traces:
+    """Return the curves of several runs of one tick at least: one for each run."""
+    units, first = {rate_unit(run) for run in runs.values()}, next(iter(runs.values()))
+    moved = [i for i, axis in enumerate("xyz") if axis in first.axes]
+    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in first.axes]
+    rates = _curves(runs, {label: np.abs(run["qdot_cmd"]).max(axis=1) for label, run in runs.items()})
+    panels = [
+        Panel("Largest commanded rate of a joint", f"rate [{' or '.join(units)}/s]", *rates,
+              is_logarithmic=_is_apart([one.values for one in rates[1]])),
+        _sigma(runs),
+    ]  # fmt: skip
+    for rows, title, unit in ((moved, "Position error", "mm"), (turned, "Rotation error", "mrad")):
+        if rows:
+            off = {
+                label: 1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for label, run in runs.items()
+            }
+            curves = _curves(runs, off)
+            apart = _is_apart([one.values for one in curves[1]])
+            panels.append(Panel(title, f"error [{unit}]", *curves, is_logarithmic=apart))
+    if any(applies("torque", run) for run in runs.values()):
+        torques = _curves(runs, {label: np.abs(run["tau"]).max(axis=1) for label, run in runs.items()})
+        panels.append(Panel("Largest actuator torque", f"torque [{torque_unit(first)}]", *torques))
+    return _placed([*panels, *_pace(runs), *_lanes(runs)], max(len(runs), 3))
+
+
+def _placed(panels: Sequence[Panel], colors: int) -> Traces:
+    return Traces([Panel(**{**vars(one), "place": f"plot-{i}"}) for i, one in enumerate(panels)], colors)
+
+
+def _rates(run: Run) -> Panel:
+    """Return commanded and measured rates, up to a little more than their limits."""
+    traces = [Trace(f"{name}, commanded", run["qdot_cmd"][:, j], j, j) for j, name in enumerate(run.joints)]
+    traces += [
+        Trace(f"{name}, measured", run["qdot"][:, j], j, j, 0.8, is_shown=False)
+        for j, name in enumerate(run.joints)
+    ]
+    limits = sorted({limit for limit in run.rate_limit if math.isfinite(limit)})
+    peak, bounds, told = float(np.abs(run["qdot_cmd"]).max()), None, ""
+    if limits and peak > CLIPPED * limits[-1]:
+        bounds = (-CLIPPED * limits[-1], CLIPPED * limits[-1])
+        joint = run.joints[int(np.abs(run["qdot_cmd"]).max(axis=0).argmax())]
+        told = f"peak {peak:,.4g} {rate_unit(run)}/s, of {joint}, beyond the plot"
+    elif limits and limits[-1] < FAR * peak:
+        bounds = (-1.1 * max(limits[-1], peak), 1.1 * max(limits[-1], peak))
+    lines = [side * limit for limit in limits for side in (1.0, -1.0)]
+    title = "Joint rates, and their limits dotted" if lines else "Joint rates"
+    return Panel(title, f"rate [{rate_unit(run)}/s]", run["time"], traces, lines, bounds, told)
+
+
+def _sigma(runs: Mapping[str, Run]) -> Panel:
+    """Return the smallest singular value of each, and its damping."""
+    sigma = _curves(runs, {label: run["sigma"][:, -1] for label, run in runs.items()}, "σ_min")
+    damping = _curves(runs, {label: run["damping"] for label, run in runs.items()}, "λ", 1)
+    shown = [one for one in damping[1] if (one.values > 0.0).any()]
+    below = sorted({run.damping_below for run in runs.values() if run.damping_below > 0.0})
+    drawn = [*(one.values for one in (*sigma[1], *shown)), np.array(below)]
+    positive = np.concatenate([values[values > 0.0] for values in drawn])
+    title = "Smallest singular value and damping" if shown else "Smallest singular value"
+    if below:
+        title += "; dotted: ε, below which damping begins"
+    bounds = decades(positive) if len(positive) else None
+    return Panel(title, "σ, λ [1]", sigma[0], [*sigma[1], *shown], below, bounds, is_logarithmic=True)
+
+
+def _errors(run: Run) -> Panel:
+    moved = [i for i, axis in enumerate("xyz") if axis in run.axes]
+    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in run.axes]
+    traces = []
+    if moved and run.view.frame == "world":
+        along, across = split_error(run, moved)
+        traces = [Trace("along the path [mm]", 1e3 * along, 0), Trace("across [mm]", 1e3 * across, 1, 1)]
+    elif moved:
+        traces = [Trace("position [mm]", 1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1), 0)]
+    if turned:
+        off = 1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1)
+        traces.append(Trace("rotation [mrad]", off, 2, 2))
+    unit = "mm, mrad" if moved and turned else "mrad" if turned else "mm"
+    return Panel("Tracking error", f"error [{unit}]", run["time"], traces)
+
+
+def _pace(runs: Mapping[str, Run]) -> list[Panel]:
+    if not any(applies("pace", run) for run in runs.values()):
+        return []
+    time, curves = _curves(runs, {label: run["path_rate"] for label, run in runs.items()}, "ṡ")
+    return [Panel("Pace along the path", "ṡ [1]", time, curves, bounds=(-0.05, 1.1))]
+
+
+def _lanes(runs: Mapping[str, Run]) -> list[Panel]:
+    """Return when each status holds, a lane each."""
+    lanes: list[tuple[str, Status, Run]] = [
+        (f"{label}: {in_words(flag)}" if label else in_words(flag), flag, run)
+        for label, run in reversed(list(runs.items()))
+        for flag in reversed(statuses(run))
+    ]
+    if not lanes:
+        return []
+    holds = {
+        name: np.where(run["status"].astype(np.int64) & int(flag), float(i), math.nan)
+        for i, (name, flag, run) in enumerate(lanes)
+    }
+    time = _common({name: run["time"] for name, _, run in lanes})
+    traces = [
+        Trace(name, _placed_at(time, run["time"], holds[name]), 0, width=12.0) for name, _, run in lanes
+    ]
+    names = [name for name, _, _ in lanes]
+    return [Panel("Status", "", time, traces, bounds=(-0.6, len(names) - 0.4), lanes=names)]
+
+
+def _curves(
+    runs: Mapping[str, Run], values: Mapping[str, Array], what: str = "", dash: int = 0
+) -> tuple[Array, list[Trace]]:
+    """Return the times of all runs, and one curve for each at these."""
+    time = _common({label: run["time"] for label, run in runs.items()})
+    return time, [
+        Trace(", ".join(filter(None, (label, what))), _placed_at(time, runs[label]["time"], one),
+              i if len(runs) > 1 else dash, dash if dash else i)
+        for i, (label, one) in enumerate(values.items())
+    ]  # fmt: skip
+
+
+def _common(times: Mapping[str, Array]) -> Array:
+    """Return all times, to the nanosecond."""
+    return np.unique(np.round(np.concatenate(list(times.values())), 9))
+
+
+def _placed_at(time: Array, own: Array, values: Array) -> Array:
+    """Return values at all times; NaN where there is none."""
+    spread = np.full(len(time), math.nan)
+    spread[np.searchsorted(time, np.round(own, 9))] = values
+    return spread
+
+
+def _is_apart(curves: Sequence[Array]) -> bool:
+    """Say whether one curve blows up, so that the others would lie on the axis."""
+    peaks = [float(np.nanmax(one)) for one in curves]
+    return max(peaks) > 30.0 * max(min(peaks), 1e-12)
+
+
+def _kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
+    """Return the rows that are drawn: all, or those with the least and largest value of each span of time."""
+    count = len(curves[0])
+    if count * (len(curves) + 1) <= room:
+        return np.arange(count)
+    spans = max(1, room // ((len(curves) + 1) * 2 * len(curves)))
+    every = -(-count // spans)
+    whole = count // every * every
+    starts = np.arange(0, whole, every)
+    rows = [np.array([0, count - 1]), np.arange(whole, count)]
+    for one in curves:
+        blocks = np.nan_to_num(one[:whole].reshape(-1, every), nan=0.0)
+        rows += [starts + blocks.argmin(axis=1), starts + blocks.argmax(axis=1)]
+    return np.unique(np.concatenate(rows))
+
+
+def _packed(values: Array, is_logarithmic: bool = False) -> str:
+    """Return values as little-endian 32-bit floats in base64; a logarithm has none of 0."""
+    shown = np.where(values > 0.0, values, np.nan) if is_logarithmic else values
+    with np.errstate(over="ignore"):  # what is beyond has no place in a plot
+        return base64.b64encode(shown.astype("<f4").tobytes()).decode()

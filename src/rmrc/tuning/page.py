@@ -1,0 +1,52 @@
+"""The page of whatever a verb left: `rmrc.report`."""
+
+from os import PathLike
+from pathlib import Path
+
+import pyarrow.parquet as pq
+
+from rmrc.show import run_page
+from rmrc.show.page import Page
+from rmrc.study import sweep_page
+from rmrc.study.dataset import UNREADABLE
+from rmrc.support.errors import QuestionError
+from rmrc.tuning import tune_page
+
+
+def page(path: Path) -> Page:
+    """Return the page of a run, a comparison, a sweep or a search.
+
+    Args:
+        path: The `.npz` that `run` or `compare` left, or the `.parquet` of `sweep` or `tune`.
+
+    Raises:
+        OSError: It cannot be read.
+        QuestionError: It is something else, or damaged.
+    """
+    if path.suffix != ".parquet":
+        return run_page.page(path)
+    try:
+        names = pq.read_schema(path).names
+    except UNREADABLE:
+        raise QuestionError(f"{path}: is no Parquet file, or is damaged") from None
+    return tune_page.page(path) if "on_front" in names else sweep_page.page(path)
+
+
+def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:
+    """Write one self-contained HTML page of what a verb left: verdict, figures, plots, what to paste.
+
+    Args:
+        result: `NAME.npz` of `run` or `compare` with its `.json` beside it, `NAME.sweep.parquet` or
+            `NAME.tune.parquet`.
+        path: The page; None: beside the result, ending in `.html`.
+
+    Returns:
+        The page.
+
+    Raises:
+        OSError: A file cannot be read or written.
+        QuestionError: The result is something else, or damaged.
+    """
+    written = Path(result).with_suffix(".html") if path is None else Path(path)
+    page(Path(result)).write(written)
+    return written

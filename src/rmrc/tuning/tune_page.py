@@ -1,0 +1,83 @@
+"""The page of a search: what it recommends, the front, what the loops bear, and the block to paste."""
+
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import pyarrow.parquet as pq
+
+from rmrc.show.page import Page
+from rmrc.show.run_page import versions
+from rmrc.support.errors import QuestionError
+from rmrc.tuning import tables
+from rmrc.tuning.figure import front_figure
+from rmrc.tuning.tables import Row
+
+METHOD = "control.inverse.method"
+
+
+def page(path: Path) -> Page:
+    """Return the page of a search.
+
+    Args:
+        path: The `.parquet` that `tune` left.
+
+    Raises:
+        OSError: It cannot be read.
+        QuestionError: It is something else.
+    """
+    table = pq.read_table(path)
+    try:
+        told: dict[str, Any] = json.loads((table.schema.metadata or {})[b"rmrc"])
+        front, named = ([Row(*one) for one in told[name]] for name in ("front", "named"))
+    except (KeyError, ValueError, TypeError):
+        raise QuestionError(f"{path}: does not hold what `rmrc tune` found; run it again") from None
+    rows = table.to_pylist()
+    made = Page(f"Tuning of {told['name']}", _verdict(named, told))
+    if told["block"]:
+        made.section("To paste", "The control section that is recommended.")
+        made.code(told["block"], "Copy the block")
+    made.section("What was tried", told["title"].partition(": ")[2])
+    made.table(tables.heading("", [tuple(one) for one in told["facts"]]))
+    if named:
+        _found(made, front, named, told, rows)
+    made.section("What to know")
+    made.items(told["lines"])
+    made.section("Made with", "Equal versions give equal bits on one machine.")
+    made.table(versions(told["versions"]))
+    return made
+
+
+def _found(
+    made: Page, front: list[Row], named: list[Row], told: Mapping[str, Any], rows: list[dict[str, Any]]
+) -> None:
+    """Add the front, the margins and the tables."""
+
+    def row(one: dict[str, Any]) -> Row:
+        return Row(one["role"] or "", one[METHOD], "", one["error"], one["peak_rate"], one["time"])
+
+    points = [row(one) for one in rows if one["feasible"]]
+    roles = ("recommended", "second best", "as written")
+    marks = [row(one) for role in roles for one in rows if one["role"] == role]
+    made.section("Error against peak rate")
+    picture = front_figure(told["name"], points, front, marks, told["limits"])
+    made.figure(picture, "Settings that keep the limits on every copy, the front, and what is recommended")
+    _, *sheets = tables.sheets("", [], front, named)
+    for sheet in sheets:
+        made.table(sheet)
+    if told["margins"]:
+        made.table(tables.margins([tuple(one) for one in told["margins"]]))
+
+
+def _verdict(named: list[Row], told: Mapping[str, Any]) -> str:
+    """Return what is recommended, in a sentence."""
+    if not named:
+        return "Nothing that was tried keeps what is allowed."
+    best = named[0]
+    bears = {name: gain for name, gain, *_ in told["margins"]}.get("recommended")
+    margin = f"; its loop bears {bears} times its gain" if bears and bears != "none" else ""
+    return (
+        f"Recommended: {best.words} ({best.numbers}), with an error of {1e3 * best.error:.3g} mm "
+        f"at a peak rate of {best.peak_rate:.3g} rad/s{margin}."
+    )
