@@ -44,12 +44,14 @@ OWNERS = {
         *(
             "rmrc.show.figures",
             "rmrc.show.compare_figure",
+            "rmrc.show.page",
             "rmrc.show.panels",
             "rmrc.show.plot",
             "rmrc.show.run_figure",
             "rmrc.show.textbook_figures",
             "rmrc.study.filter_figure",
             "rmrc.study.margins.figure",
+            "rmrc.study.sweep_figure",
             "rmrc.tuning.figure",
         ),
         *(

@@ -150,7 +150,7 @@ def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quie
         for line in lines:
             console.print(line, highlight=False)
         console.print(f"\n{found.block}", highlight=False, soft_wrap=True)
-    for path in work.write(found, *places):
+    for path in work.write(found, *places, told=report.told(work, found)):
         print_line(console, f"wrote {path}")
     if nearest:
         complain(report.nothing(found))

@@ -24,7 +24,7 @@ from typing import Any, NamedTuple, TypeAlias
 import pyarrow.lib as pa
 import pyarrow.parquet as pq
 
-from rmrc.support.errors import ScenarioError
+from rmrc.support.errors import QuestionError, ScenarioError
 from rmrc.support.files import written_whole
 
 # Rows that are held while parts become one file: some 30 MB of figures.
@@ -37,7 +37,7 @@ _TYPES = {"number": pa.float64(), "count": pa.int64(), "text": pa.string(), "swi
 
 
 # What pyarrow raises of files that are none of its own, or torn.
-UNREADABLE = (pa.ArrowException, OSError)
+_UNREADABLE = (pa.ArrowException, OSError)
 
 
 Table: TypeAlias = pa.Table
@@ -164,7 +164,7 @@ class Dataset:
             else:
                 return None
             differs = [key for key in identity if found.identity.get(key) != identity[key]]
-        except (*UNREADABLE, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
+        except (*_UNREADABLE, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             if isinstance(error, OSError) and error.filename and not isinstance(error, IsADirectoryError):
                 raise
             what = "was altered" if str(error) == "was altered" else "is no sweep's"
@@ -251,7 +251,7 @@ class Dataset:
         try:
             with pq.ParquetFile(pa.BufferReader(data)) as file:
                 table, written = file.read(), (file.metadata.metadata or {}).get(_DIGEST, b"")
-        except UNREADABLE:
+        except _UNREADABLE:
             raise _spoiled(path, "is damaged") from None
         indices = contents.indices(part)
         if not table.schema.equals(_bare(contents.columns)):
@@ -322,7 +322,7 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
         try:
             with pq.ParquetFile(data, page_checksum_verification=True) as file:
                 yield file
-        except UNREADABLE:
+        except _UNREADABLE:
             raise _spoiled(path, "is damaged") from None
 
 
@@ -335,6 +335,33 @@ def _digest(part: int, data: bytes, contents: Contents) -> bytes:
     found = hashlib.sha256(f"{contents.digest} {part} ".encode())
     found.update(data)
     return found.hexdigest().encode()
+
+
+class Left(NamedTuple):
+    """What a file of rows holds that `sweep` or `tune` left.
+
+    Attributes:
+        rows: Its columns, by name.
+        about: What is told of them, as JSON; "": nothing.
+    """
+
+    rows: Mapping[str, list[Any]]
+    about: str
+
+
+def read_left(path: Path) -> Left:
+    """Return what a file of rows holds.
+
+    Raises:
+        OSError: It cannot be opened.
+        QuestionError: It is something else, or damaged.
+    """
+    path.stat()  # of a file that is not there Arrow tells no more than of a damaged one
+    try:
+        table = pq.read_table(path)
+    except _UNREADABLE:
+        raise QuestionError(f"{path}: is no Parquet file, or is damaged") from None
+    return Left(table.to_pydict(), (table.schema.metadata or {}).get(b"rmrc", b"").decode())
 
 
 def write_table(

@@ -3,13 +3,10 @@
 from os import PathLike
 from pathlib import Path
 
-import pyarrow.parquet as pq
-
 from rmrc.show import run_page
 from rmrc.show.page import Page
 from rmrc.study import sweep_page
-from rmrc.study.dataset import UNREADABLE
-from rmrc.support.errors import QuestionError
+from rmrc.study.dataset import read_left
 from rmrc.tuning import tune_page
 
 
@@ -25,11 +22,8 @@ def page(path: Path) -> Page:
     """
     if path.suffix != ".parquet":
         return run_page.page(path)
-    try:
-        names = pq.read_schema(path).names
-    except UNREADABLE:
-        raise QuestionError(f"{path}: is no Parquet file, or is damaged") from None
-    return tune_page.page(path) if "on_front" in names else sweep_page.page(path)
+    left = read_left(path)
+    return tune_page.page(path, left) if "on_front" in left.rows else sweep_page.page(path, left)
 
 
 def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:

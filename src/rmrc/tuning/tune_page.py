@@ -5,10 +5,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import pyarrow.parquet as pq
-
 from rmrc.show.page import Page
 from rmrc.show.run_page import versions
+from rmrc.study.dataset import Left
 from rmrc.support.errors import QuestionError
 from rmrc.tuning import tables
 from rmrc.tuning.figure import front_figure
@@ -17,23 +16,22 @@ from rmrc.tuning.tables import Row
 METHOD = "control.inverse.method"
 
 
-def page(path: Path) -> Page:
+def page(path: Path, left: Left) -> Page:
     """Return the page of a search.
 
     Args:
         path: The `.parquet` that `tune` left.
+        left: What it holds.
 
     Raises:
-        OSError: It cannot be read.
         QuestionError: It is something else.
     """
-    table = pq.read_table(path)
     try:
-        told: dict[str, Any] = json.loads((table.schema.metadata or {})[b"rmrc"])
+        told: dict[str, Any] = json.loads(left.about)
         front, named = ([Row(*one) for one in told[name]] for name in ("front", "named"))
     except (KeyError, ValueError, TypeError):
         raise QuestionError(f"{path}: does not hold what `rmrc tune` found; run it again") from None
-    rows = table.to_pylist()
+    rows = [dict(zip(left.rows, row, strict=True)) for row in zip(*left.rows.values(), strict=True)]
     made = Page(f"Tuning of {told['name']}", _verdict(named, told))
     if told["block"]:
         made.section("To paste", "The control section that is recommended.")

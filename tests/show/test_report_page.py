@@ -1,0 +1,249 @@
+"""The page of a result: it says what the columns hold, has all in itself, and runs nothing that a file names."""
+
+import base64
+import dataclasses
+import json
+import re
+import shutil
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import rmrc
+from project import ROOT
+from rmrc.results.run import Run, save_runs
+from rmrc.scenario import load, loads
+from rmrc.show import traces
+from rmrc.show.page import Page
+from rmrc.show.sheets import Sheet
+from rmrc.support.errors import QuestionError
+from rmrc.tuning.page import page, report
+from wording import says
+
+BLOW_UP = ROOT / "scenarios/blow_up.yaml"
+CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+
+
+class Parsed(HTMLParser):
+    """Tags with their attributes, and the text by the name of the innermost part that has one."""
+
+    def __init__(self, html):
+        super().__init__()
+        self.tags, self.texts, self._inside = [], {}, []
+        self.feed(html)
+
+    def handle_starttag(self, tag, attrs):
+        self.tags.append((tag, dict(attrs)))
+        if "id" in dict(attrs) and tag in ("pre", "script"):
+            self._inside.append(dict(attrs)["id"])
+
+    def handle_endtag(self, tag):
+        if tag in ("pre", "script") and self._inside:
+            self._inside.pop()
+
+    def handle_data(self, data):
+        name = self._inside[-1] if self._inside else ""
+        self.texts[name] = self.texts.get(name, "") + data
+
+    def all(self, tag):
+        return [attributes for name, attributes in self.tags if name == tag]
+
+
+def unpacked(text):
+    return np.frombuffer(base64.b64decode(text), "<f4")
+
+
+@pytest.fixture(scope="module")
+def left(tmp_path_factory):
+    """Return the folder with what run, compare, sweep and tune left."""
+    folder = tmp_path_factory.mktemp("left")
+    rmrc.run(BLOW_UP, out=folder, record=False)
+    rmrc.compare(BLOW_UP, {"control.inverse.method": ["inverse", "damped"]}, out=folder, record=False)
+    short = load(ROOT / "scenarios/approach_singularity.yaml").set({"control.period": 0.01})
+    rmrc.sweep(short, {"control.feedback": [5.0, 10.0, 20.0]}, out=folder, threads=1)
+    rmrc.tune(short, runs=12, copies=0, ideal=True, out=folder, threads=1)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def pages(left):
+    """Return the pages of these, as text and parsed."""
+    names = {
+        "run": "blow_up.npz", "compare": "blow_up.compare.npz",
+        "sweep": "approach_singularity.sweep.parquet", "tune": "approach_singularity.tune.parquet",
+    }  # fmt: skip
+    return {
+        kind: Parsed(report(left / name, left / f"{kind}.html").read_text("utf-8"))
+        for kind, name in names.items()
+    }
+
+
+@pytest.mark.parametrize("kind", ["run", "compare", "sweep", "tune"])
+def test_a_page_asks_for_nothing_and_names_nothing_twice(pages, left, kind):
+    found = pages[kind]
+    for _, attributes in found.tags:
+        for name in ("src", "href", "xlink:href", "action", "srcset"):
+            assert attributes.get(name, "#").startswith(("#", "data:"))
+    assert "default-src 'none'" in next(a["content"] for a in found.all("meta") if "http-equiv" in a)
+    names = [attributes["id"] for _, attributes in found.tags if "id" in attributes]
+    assert len(names) == len(set(names))
+    used = set(re.findall(r"url\(#([^)]*)\)", (left / f"{kind}.html").read_text("utf-8")))
+    assert used <= set(names)  # clip paths of the pictures were renamed with what uses them
+    assert (left / f"{kind}.html").stat().st_size < 3_000_000
+
+
+def test_the_plots_of_a_page_hold_the_columns_and_their_peaks(pages, left):
+    run = Run.read(left / "blow_up.npz")
+    rates, sigma, *_ = json.loads(pages["run"].texts["traces"])
+    rows = np.searchsorted(run["time"], unpacked(rates["time"]).astype(float) - run.period / 2)
+    for j, one in enumerate(rates["series"][: len(run.joints)]):
+        drawn = unpacked(one["values"])
+        np.testing.assert_array_equal(drawn, run["qdot_cmd"][rows, j].astype("<f4"))
+        assert np.abs(drawn).max() == np.float32(np.abs(run["qdot_cmd"][:, j]).max())
+    assert unpacked(sigma["series"][0]["values"]).min() == np.float32(run["sigma"][:, -1].min())
+    peak = run.scorecard["joint_rate_cmd.peak"].value
+    assert f"peak {peak:,.4g} rad/s" in pages["run"].texts[""]
+    assert rates["range"][1] < 0.01 * peak  # off scale: the limits are seen
+
+
+def test_what_a_page_gives_to_paste_is_the_scenario_that_ran(pages, left):
+    (text,) = [text for name, text in pages["run"].texts.items() if name.startswith("text-")]
+    named = text.replace("planar_2link.xml", str(ROOT / "models/planar_2link.xml"))
+    assert loads(named).model_dump() == load(BLOW_UP).model_dump()
+    assert "gravity_compensation: null" not in text  # as by default
+    (text,) = [text for name, text in pages["tune"].texts.items() if name.startswith("text-")]
+    best = load(left / "approach_singularity.tune.yaml").control
+    base = (
+        (ROOT / "scenarios/approach_singularity.yaml").read_text().replace("../models", str(ROOT / "models"))
+    )
+    assert loads(re.sub(r"(?ms)^control:.*?(?=^\w)", text, base)).control == best
+
+
+def test_a_page_says_what_the_files_say(pages, left):
+    facts = json.loads((left / "blow_up.json").read_text())
+    for one in facts["expect"]:
+        assert one["text"] in pages["run"].texts[""]
+    for line in facts["assumed"]:
+        assert line in pages["run"].texts[""]
+    assert facts["versions"]["mujoco"] in pages["run"].texts[""]
+    assert "3 of 3 runs completed the path" in pages["sweep"].texts[""]
+    assert "Recommended: " in pages["tune"].texts[""]
+
+
+def test_names_of_a_file_are_text_and_nothing_else(left, tmp_path):
+    hostile = ("<img src=x onerror=alert(1)>", '</script><script>alert("&")</script>')
+    run = dataclasses.replace(Run.read(left / "blow_up.npz"), joints=hostile)
+    run.save(tmp_path / "h.npz")
+    facts = json.loads((left / "blow_up.json").read_text())
+    (tmp_path / "h.json").write_text(json.dumps({**facts, "name": hostile[1], "assumed": list(hostile)}))
+    found = Parsed(report(tmp_path / "h.npz").read_text("utf-8"))
+    assert len(found.all("script")) == 2 and not found.all("img")
+    assert hostile[0] in found.texts[""]
+    assert hostile[1] in [
+        one["label"].split(", comm")[0] for one in json.loads(found.texts["traces"])[0]["series"]
+    ]
+
+
+def test_equal_results_give_equal_pages(left, tmp_path):
+    first, second = (report(left / "blow_up.npz", tmp_path / f"{i}.html").read_bytes() for i in range(2))
+    assert first == second
+
+
+def test_runs_of_different_periods_share_an_axis(left):
+    fast = Run.read(left / "blow_up.npz")
+    slow = dataclasses.replace(
+        fast, period=2 * fast.period, columns={name: values[::2] for name, values in fast.columns.items()}
+    )
+    rates = traces.of_runs({"fast": fast, "slow": slow}).panels[0]
+    np.testing.assert_array_equal(rates.time, np.round(fast["time"], 9))
+    np.testing.assert_array_equal(np.isnan(rates.traces[1].values), np.arange(len(fast)) % 2 == 1)
+
+
+@given(st.integers(1, 5000), st.integers(1, 8), st.integers(0, 2**32 - 1))
+def test_thinning_keeps_the_extremes_of_every_curve_and_the_room(count, curves, seed):
+    values = [np.random.default_rng([seed, i]).normal(size=count) for i in range(curves)]
+    rows = traces._kept(values, 2000)
+    assert (np.diff(rows) > 0).all() and {0, count - 1} <= set(rows.tolist())
+    # the last, shorter span is kept whole: at most as many rows again as there are spans
+    assert len(rows) * (curves + 1) <= 2000 + (curves + 1) * (2 + -(-count // 10))
+    for one in values:
+        assert one[rows].min() == one.min() and one[rows].max() == one.max()
+
+
+def test_what_is_no_result_is_refused_in_one_line(rmrc, left, tmp_path):
+    (tmp_path / "x.parquet").write_text("no")
+    (tmp_path / "x.npz").write_text("no")
+    (tmp_path / "x.json").write_text("{}")
+    shutil.copy(left / "blow_up.npz", tmp_path / "alone.npz")
+    for arguments, told in (
+        (["x.parquet"], "x.parquet: … damaged"),
+        (["x.npz"], "x.npz: … damaged"),
+        (["alone.npz"], "alone.json: … beside"),
+        (["missing.npz"], "missing.npz: no such file"),
+        (["missing.parquet"], "missing.parquet: no such file"),
+        (["x.json", "-o", "x.pdf"], "x.pdf: must end in .html"),
+    ):
+        paths = [str(tmp_path / one) if one[0] != "-" else one for one in arguments]
+        code, out, told_of = rmrc("report", *paths)
+        assert (code, out) == (2, "")
+        assert says(f"rmrc: error: …{told}…\n") == told_of
+    empty = dataclasses.replace(
+        (run := Run.read(left / "blow_up.npz")), columns={name: one[:0] for name, one in run.columns.items()}
+    )
+    save_runs(tmp_path / "blow_up.npz", {"blow_up": empty})
+    shutil.copy(left / "blow_up.json", tmp_path)
+    with pytest.raises(QuestionError, match="no tick"):
+        page(tmp_path / "blow_up.npz")
+
+
+def test_a_table_has_headings_for_rows_and_columns(tmp_path):
+    made = Page("p")
+    made.table(Sheet("title", ("", "a\nb"), [("row", "1"), ("MISSED", "2")], frozenset({0})))
+    made.write(tmp_path / "p.html")
+    found = Parsed((tmp_path / "p.html").read_text("utf-8"))
+    assert [one["scope"] for one in found.all("th")] == ["col", "row", "row"]
+    assert found.all("caption")
+
+
+@pytest.mark.browser
+@pytest.mark.usefixtures("pages")
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("kind", ["run", "compare", "sweep", "tune"])
+def test_a_browser_shows_a_page_without_complaint(left, kind, scheme):
+    if CHROMIUM is None:
+        pytest.skip("there is no Chromium here; `.ci/run browser` installs one")
+    import axe_playwright_python
+    from playwright.sync_api import sync_playwright
+
+    axe = Path(axe_playwright_python.__path__[0]) / "axe.min.js"
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--disable-gpu"], timeout=150_000
+        )
+        shown = browser.new_page(color_scheme=scheme, viewport={"width": 1280, "height": 720})
+        complaints, asked = [], []
+        shown.on("console", lambda message: complaints.append(message.text))
+        shown.on("pageerror", lambda error: complaints.append(str(error)))
+        shown.on("request", lambda request: asked.append(request.url))
+        shown.goto((left / f"{kind}.html").as_uri())
+        assert asked == [(left / f"{kind}.html").as_uri()] and complaints == []
+        canvases = shown.locator("canvas")
+        assert (canvases.count() > 3) is (kind in ("run", "compare"))
+        if canvases.count():
+            inks = shown.evaluate(
+                "[...document.querySelectorAll('canvas')].map(c => new Set(new Uint32Array("
+                "c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer)).size)"
+            )
+            assert min(inks) > 3  # none is blank
+            over = shown.locator(".u-over")
+            over.first.hover(position={"x": 300, "y": 60})
+            read = shown.locator(".u-legend tr:first-child .u-value").all_inner_texts()
+            assert len(set(read)) == 1 and read[0] != "–"  # one time for all panels
+        shown.evaluate(axe.read_text("utf-8"))
+        wrong = shown.evaluate("axe.run()")["violations"]
+        assert [(one["id"], one["nodes"][0]["html"]) for one in wrong] == []
+        browser.close()
