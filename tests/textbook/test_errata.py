@@ -13,15 +13,19 @@ from rmrc.support.spatial import (
     twist_transform,
     wrench_transform,
 )
+from rmrc.textbook.anthropomorphic import anthropomorphic_jacobian, anthropomorphic_position
 from rmrc.textbook.dh import DHChain
 from rmrc.textbook.ellipsoid import velocity_ellipsoid
 from rmrc.textbook.motion import point_velocity, written_in
 from rmrc.textbook.newton import newton_raphson
 from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian, planar_position, three_link_jacobian
+from rmrc.textbook.planar_rp import planar_rp_chain, planar_rp_determinant
 from rmrc.textbook.redundancy import resolved_rates, weighted_left_inverse, weighted_right_inverse
 from rmrc.textbook.singularity import minors, rank_by_minors
+from rmrc.textbook.spherical_wrist import spherical_wrist_chain
 from rmrc.textbook.stanford import stanford_jacobian
-from rmrc.textbook.two_link import two_link_jacobian, two_link_rates
+from rmrc.textbook.torus import torus_chain, torus_determinant, torus_position
+from rmrc.textbook.two_link import two_link_jacobian, two_link_postures, two_link_rates
 
 # All numbers here are of order 1; a dozen operations leave errors of some 1e-16.
 ROUNDING = 1e-12
@@ -176,6 +180,63 @@ def test_force_transform_is_the_transpose_of_the_velocity_transform_the_other_wa
     assert_allclose(wrench_transform(ROTATION, OFFSET), velocity_b_a.T, atol=ROUNDING)
 
 
+def test_moment_block_of_the_force_transform_has_the_way_to_the_origin_of_b():
+    def printed(joint):
+        return np.block([[ROTATION, np.zeros((3, 3))], [-skew(joint) @ ROTATION, ROTATION]])
+
+    velocity_b_a = twist_transform(ROTATION.T, -ROTATION.T @ OFFSET)  # checked by power in the test above
+    assert refuted(printed(OFFSET), velocity_b_a.T)
+    assert_allclose(printed(-OFFSET), velocity_b_a.T, atol=ROUNDING)
+    assert_allclose(wrench_transform(ROTATION, OFFSET)[3:, :3], skew(OFFSET) @ ROTATION, atol=ROUNDING)
+
+
+def test_a_slide_adds_no_angular_velocity():
+    slide = STANDARD.kinds.index("prismatic")
+    turned = np.zeros(3)
+    turned[slide] = 1e-3  # by differences, so that no Jacobian is believed
+    before, after = STANDARD.frames(Q)[-1], STANDARD.frames(Q + turned)[-1]
+    assert_allclose(after[:3, :3], before[:3, :3], atol=ROUNDING)
+    assert refuted((after - before)[:3, 3] / 1e-3, np.zeros(3))
+
+
+def aligned(chain, q):
+    """Whether two axes of revolute joints, or one of these and one of a slide, lie on one line."""
+    frames = chain.frames(q)[1:]  # joint i acts along z of frame i
+    axes, points = frames[:, :3, 2], frames[:, :3, 3]
+    apart = [
+        max(np.abs(np.cross(axes[i], axes[j])).max(), np.abs(np.cross(points[i] - points[j], axes[i])).max())
+        for i in range(len(axes))
+        for j in range(i)
+    ]
+    return min(apart) < 1e-6
+
+
+def test_an_arm_is_singular_inside_its_workspace_without_aligned_axes():
+    assert planar_rp_determinant([0.3, -1.0]) == 0.0  # r = 0; its reach is from -oo to oo: inside
+    assert not aligned(planar_rp_chain(), [0.3, -1.0])
+    lengths = np.array([0.3, 0.6, 0.4])
+    # l1 + l2 c2 + l3 c23 = 0 with the last joint at 90 degrees, well within the reach of l1 + l2 + l3
+    elbow = np.arccos(-0.3 / np.hypot(0.6, 0.4)) - np.arctan2(0.4, 0.6)
+    q = np.array([0.2, elbow, np.pi / 2])
+    assert torus_determinant(lengths, q) == pytest.approx(0.0, abs=ROUNDING)
+    assert np.linalg.norm(torus_position(lengths, q)) < 0.6 * lengths.sum()
+    assert not aligned(torus_chain(lengths), q)
+    # The claim is true of wrists: the first and the third axis are aligned where det = -s2 is 0.
+    assert aligned(spherical_wrist_chain(), [0.4, 0.0, 0.7]) and not aligned(
+        spherical_wrist_chain(), [0.4, 0.6, 0.7]
+    )
+
+
+def test_folded_links_of_equal_length_are_at_the_center_and_not_at_the_boundary():
+    turns = np.linspace(0.0, 2.0 * np.pi, 9)
+    around = 0.01 * np.stack([np.cos(turns), np.sin(turns)], axis=-1)
+    for point in around:  # on every side of the folded tip there are points that the arm reaches
+        for q in two_link_postures([1.0, 1.0], point):
+            assert_allclose(planar_position([1.0, 1.0], q)[:2], point, atol=ROUNDING)
+    assert_allclose(planar_position([1.0, 1.0], [0.3, np.pi])[:2], 0.0, atol=ROUNDING)
+    assert np.isnan(two_link_postures([1.0, 0.8], around[0])).all()  # unequal links leave a hole
+
+
 def test_jacobian_times_its_right_inverse_is_the_identity_of_the_task():
     J = np.random.default_rng(5).normal(size=(2, 4))
     right_inverse = np.column_stack([resolve_rates(J, twist, "pseudoinverse") for twist in np.eye(2)])
@@ -275,6 +336,8 @@ def test_printed_root_of_the_worked_example_misses_its_goal_by_more_than_its_dec
     miss = np.abs(planar_position(lengths, [0.6984, 1.4329, -0.0369]) - goal)
     # Four correct decimals would leave at most 4 · 3 · 0.5e-4 = 6e-4.
     assert 6e-4 < miss.max() < 2e-3
+    # The root has six decimals, the print four.
+    assert np.abs(root - [0.6984, 1.4329, -0.0369]).max() == pytest.approx(1.01e-3, abs=5e-6)
 
 
 def test_near_full_reach_both_terms_of_the_elbow_are_negative():
@@ -296,6 +359,26 @@ def test_full_jacobian_of_two_links_has_three_rows_of_zeros():
     assert_allclose(embed_planar_jacobian(planar_jacobian(LENGTHS[:2], Q[:2])), J, atol=ROUNDING)
     # Its determinant is that of the two rows that are left when they and the angle are dropped.
     assert np.linalg.det(J[:2]) == pytest.approx(0.8 * np.sin(Q[1]))
+
+
+def test_only_the_reduced_matrix_has_a_determinant():
+    arm = DHChain(((0.0, 0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0)), ("revolute", "revolute"))
+    J = np.delete(arm.jacobian(Q[:2], point=(0.8, 0.0, 0.0)), 2, axis=0)
+    assert J.shape == (5, 2)  # as it is printed
+    with pytest.raises(np.linalg.LinAlgError):
+        np.linalg.det(J)
+    assert np.linalg.det(J[:2]) == pytest.approx(0.8 * np.sin(Q[1]))
+    assert refuted(np.sqrt(np.linalg.det(J.T @ J)), 0.8 * abs(np.sin(Q[1])))
+
+
+def test_three_joints_give_any_velocity_in_three_dimensions():
+    J = anthropomorphic_jacobian([0.5, 0.8, 0.6], Q)[:3]
+    assert J.shape == (3, 3) != (6, 6)
+    for v in np.random.default_rng(5).normal(size=(20, 3)):
+        qdot = np.linalg.solve(J, v)
+        # central differences of the position: their error is of second order in 1e-5
+        ahead, behind = (anthropomorphic_position([0.5, 0.8, 0.6], Q + h * qdot) for h in (1e-5, -1e-5))
+        assert_allclose((ahead - behind) / 2e-5, v, atol=1e-6)
 
 
 def test_jacobian_at_the_end_effector_from_frame_n_needs_no_trailing_rotation():

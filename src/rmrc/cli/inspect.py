@@ -47,7 +47,7 @@ Frame = Annotated[
 JointError = Annotated[
     str | None,
     typer.Option(
-        metavar="S | S1,S2,...", help='Standard deviation of the joints, such as "0.1 deg": tell the site\'s.'
+        metavar="S | S1,S2,...", help='Errors of the joints, such as "0.1 deg": tell those of the site.'
     ),
 ]
 Wrench = Annotated[

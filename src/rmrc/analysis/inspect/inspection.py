@@ -16,7 +16,7 @@ from rmrc.arm import Arm
 from rmrc.law.task import SAMPLES, Task
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.spatial import AXES, quat_to_matrix
-from rmrc.textbook.displacement import tip_covariance
+from rmrc.textbook.displacement import tip_covariance, tip_error
 from rmrc.textbook.ellipsoid import Ellipsoid, force_ellipsoid, velocity_ellipsoid
 from rmrc.textbook.euler import analytic_jacobian, zyz_angles, zyz_is_singular, zyz_rate_matrix
 from rmrc.textbook.reference_frame import rotate_jacobian
@@ -51,16 +51,19 @@ class Ellipsoids:
 
 @dataclass(frozen=True, eq=False)
 class TipError:
-    """What independent random errors of the joints do to the site, to first order.
+    """What errors of the joints do to the site, to first order.
 
     Attributes:
-        joints: Standard deviation of each joint, (n,) [rad or m].
-        covariance: J Σ Jᵀ, rows x y z rx ry rz, (6, 6) [m², m rad, rad²].
+        joints: Error of each joint, δθ, (n,) [rad or m].
+        displacement: J δθ, rows x y z rx ry rz, (6,) [m, rad]: these errors, with their signs.
+        covariance: J Σ Jᵀ for independent random errors with standard deviations |δθ|, (6, 6)
+            [m², m rad, rad²].
         worst_translation: Standard deviation times direction in which it is largest, (3,) [m].
         worst_rotation: Likewise, (3,) [rad].
     """
 
     joints: Array
+    displacement: Array
     covariance: Array
     worst_translation: Array
     worst_rotation: Array
@@ -177,7 +180,8 @@ def inspect(
             scenario, else 1.
         frame: Along whose axes J and the words are: `world`, `site` or `base`, the body that carries the arm;
             None for those of the rows.
-        joint_error: Standard deviation of each joint, (n,) [rad or m].
+        joint_error: Error of each joint, whose magnitude is taken as a standard deviation as well, (n,)
+            [rad or m].
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
 
     Raises:
@@ -279,16 +283,11 @@ def _angles_in_words(angles: Array) -> str:
     return "the angles are regular here: the analytic Jacobian is singular where J is, and nowhere else"
 
 
-def _tip_error(arm: Arm, J: Array, deviations: ArrayLike) -> TipError:
-    joints = numbers("joint error", deviations, arm.joints)
-    if (joints < 0.0).any():
-        worst = int(np.argmin(joints))
-        raise QuestionError(
-            f"joint error, {arm.joints[worst]}: a standard deviation must be >= 0, got {joints[worst]:g}"
-        )
+def _tip_error(arm: Arm, J: Array, errors: ArrayLike) -> TipError:
+    joints = numbers("joint error", errors, arm.joints)
     covariance = tip_covariance(J, np.diag(joints**2))
     worst_translation, worst_rotation = (_worst(covariance[part, part]) for part in (slice(3), slice(3, 6)))
-    return TipError(joints, covariance, worst_translation, worst_rotation)
+    return TipError(joints, tip_error(J, joints), covariance, worst_translation, worst_rotation)
 
 
 def _worst(covariance: Array) -> Array:

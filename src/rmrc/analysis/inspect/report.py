@@ -40,7 +40,7 @@ KEYS = {
     "self_motions": "joint_motion that does not move the task; twist of the site; words",
     "ellipsoids": "rows; directions as rows of numbers; half axes of velocity and force, null if infinite",
     "euler_rates": "E with w = E (alpha', beta', gamma'); the analytic jacobian, null where singular; words",
-    "tip_error": "joints, deviation of x y z rx ry rz, covariance, worst translation and rotation; or null",
+    "tip_error": "joints, displacement J dq, deviation, covariance, worst translation and rotation; or null",
     "statics": "wrench, equilibrium and equivalent torques, reactions, their points, disagreement; or null",
     "warnings": "in words",
 }
@@ -121,7 +121,8 @@ def _joint_values(found: Inspection, i: int) -> dict[str, Any]:
 
 def _error_values(error: TipError) -> dict[str, Any]:
     return {
-        "joints": error.joints, "deviation": error.deviation, "covariance": error.covariance,
+        "joints": error.joints, "displacement": error.displacement, "deviation": error.deviation,
+        "covariance": error.covariance,
         "worst_translation": error.worst_translation, "worst_rotation": error.worst_rotation,
     }  # fmt: skip
 
@@ -262,9 +263,12 @@ def _angles(found: Inspection) -> Sheet:
 
 
 def _tip_error(found: Inspection, error: TipError) -> Sheet:
+    units = ("m", "m", "m", "rad", "rad", "rad")
     rows = [
-        (axis, f"{number(deviation)} {'m' if i < 3 else 'rad'}")
-        for i, (axis, deviation) in enumerate(zip(AXES, error.deviation, strict=True))
+        (axis, f"{number(_clean(displaced))} {unit}", f"{number(deviation)} {unit}")
+        for axis, displaced, deviation, unit in zip(
+            AXES, error.displacement, error.deviation, units, strict=True
+        )
     ]
     for vector, unit, word in (
         (error.worst_translation, "m", "along"),
@@ -272,13 +276,13 @@ def _tip_error(found: Inspection, error: TipError) -> Sheet:
     ):
         size = float(np.linalg.norm(vector))
         where = f" {word} {direction(vector)}" if size > 0.0 else ""
-        rows.append((f"most{where}", f"{number(size)} {unit}"))
+        rows.append((f"most{where}", "", f"{number(size)} {unit}"))
     given = ", ".join(
         f"{number(size)} {unit}" for size, unit in zip(error.joints, found.arm.units, strict=True)
     )
     return Sheet(
-        f"Errors of the site for errors of the joints of {given}, standard deviations",
-        ("", "of the site"),
+        f"Errors of the site for joint errors dq of {given}",
+        ("", "J dq", "standard deviation"),
         rows,
     )
 
