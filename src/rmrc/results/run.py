@@ -75,8 +75,8 @@ class Run(Recorded):
     def _of(cls, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[np.generic]]) -> "Run":
         """Return the run of facts and columns of a file."""
         columns = completed({name: arrays[name] for name in COLUMNS if name in arrays or name not in ADDED})
-        if "tau_gravity" not in columns:
-            columns["tau_gravity"] = np.full_like(columns["tau"], math.nan)
+        for lacking in {"tau_gravity", "qdot_plain"} - columns.keys():
+            columns[lacking] = np.full_like(columns["tau"], math.nan)
         divergence = facts["divergence"] and Divergence(**facts["divergence"])
         frame, base, free = facts.get("view", WORLD_VIEW)
         view = View(frame, tuple(base), free)

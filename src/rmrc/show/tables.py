@@ -22,6 +22,7 @@ if TYPE_CHECKING:  # with numba, which a table of keys does without
 _PEAKS = (
     "joint_rate",
     "joint_rate_cmd",
+    "joint_rate_plain",
     "joint_acceleration",
     "joint_acceleration_cmd",
     "joint_jerk_cmd",
