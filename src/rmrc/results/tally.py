@@ -266,10 +266,8 @@ def _of_joint(tally: Record, tick: Record, row: int, j: int, acceleration: float
     """Return what a row adds up; the acceleration is that of the command."""
     if row == RATE:
         return tick.qdot[j]
-    if row == COMMAND:
-        return tick.qdot_cmd[j]
-    if row == PLAIN:
-        return tick.qdot_plain[j]
+    if row in (COMMAND, PLAIN):
+        return tick.qdot_cmd[j] if row == COMMAND else tick.qdot_plain[j]
     if row == ACCELERATION:
         return (tick.qdot[j] - tally.qdot[j]) / tally.period
     if row == ACCELERATION_CMD:
