@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from rmrc.law.task import WORLD_VIEW, View
 from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
 from rmrc.results.scorecard import Scorecard, scorecard
+from rmrc.results.verdict import told
 from rmrc.scenario.profile import Profile
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
@@ -37,6 +38,11 @@ class Run(Recorded):
     def scorecard(self) -> Scorecard:
         """The figures of the run, as far as it came."""
         return scorecard(self)
+
+    @property
+    def verdict(self) -> str:
+        """What it comes to, in one sentence."""
+        return told(self)
 
     def save(self, path: Path) -> None:
         """Write all columns and the facts about them to an npz file, whole or not at all."""
