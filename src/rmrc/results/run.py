@@ -42,7 +42,8 @@ class Run(Recorded):
     @property
     def verdict(self) -> str:
         """What it comes to, in one sentence."""
-        return told(self)
+        other = self.baseline
+        return told(self, self.scorecard, None if other is None else (other, other.scorecard))
 
     def save(self, path: Path) -> None:
         """Write all columns and the facts about them to an npz file, whole or not at all."""

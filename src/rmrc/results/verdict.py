@@ -2,15 +2,13 @@
 
 import math
 import textwrap
-from typing import TYPE_CHECKING
 
 import numpy as np
 
+from rmrc.results.columns import Recorded
+from rmrc.results.scorecard import Scorecard
 from rmrc.scenario.choices import Status
 from rmrc.support.legible import visible
-
-if TYPE_CHECKING:
-    from rmrc.results.run import Run
 
 # Lines of a terminal, and characters of a line and of the name of a joint.
 LINES, WIDTH, LONGEST_NAME = 2, 100, 24
@@ -42,11 +40,13 @@ _TIMES = {
 }
 
 
-def told(run: "Run") -> str:
+def told(run: Recorded, card: Scorecard, beside: tuple[Recorded, Scorecard] | None = None) -> str:
     """Return what a run comes to: where it came, what its commands did, its error, and what others asked for.
 
     Args:
-        run: As far as it came, with its baseline, if it has one.
+        run: As far as it came.
+        card: Its figures.
+        beside: Its baseline and the figures of that, if it has one.
 
     Returns:
         A sentence of at most LINES lines; joints are called by their names.
@@ -54,14 +54,15 @@ def told(run: "Run") -> str:
     if not len(run):
         end = f"{run.divergence} before" if run.divergence else "Ended before"
         return f"{end[:1].upper()}{end[1:]} the first tick was recorded."
-    place, rates, error, times, other = _place(run), _rates(run), _error(run), _times(run), _other(run)
+    place, rates, error, times = _place(run), _rates(run), _error(card), _times(card)
+    other = _plainly(run, card) if beside is None else _other(*beside)
     details = [[rates, error, *times[:count]] for count in range(len(times), -1, -1)]
     sentences = [f"{place}: {', '.join(told)}{other}." for told in [*details, [rates]]]
     short = f"{place}: {rates}."
     return next((one for one in sentences if len(textwrap.wrap(one, WIDTH)) <= LINES), short)
 
 
-def _place(run: "Run") -> str:
+def _place(run: Recorded) -> str:
     """Return how near a singularity it came, and whether it came to its end."""
     status, condition = run.columns["status"].astype(np.int64), float(np.max(run["condition"]))
     singular = (status & Status.SINGULAR) != 0
@@ -79,7 +80,7 @@ def _place(run: "Run") -> str:
     return place if run.is_complete else f"{place} and went {math.floor(100.0 * run.completed)}% of its path"
 
 
-def _rates(run: "Run") -> str:
+def _rates(run: Recorded) -> str:
     """Return what kept the joint that the plain inverse would drive hardest, or how fast the fastest went."""
     n = len(run.joints)
     limit = np.array(run.rate_limit or (math.inf,) * n)
@@ -95,7 +96,7 @@ def _rates(run: "Run") -> str:
     return f"{_name(run.joints[j])}'s commands peaked at {_of_limit(run, j, sent[j])}"
 
 
-def _keepers(run: "Run", *ticks: int) -> str:
+def _keepers(run: Recorded, *ticks: int) -> str:
     """Return what acted at one of some ticks, in words."""
     status = Status(int(np.bitwise_or.reduce(run.columns["status"][list(ticks)].astype(np.int64))))
     is_damped = any(run["damping"][tick] > 0.0 for tick in ticks)
@@ -104,14 +105,13 @@ def _keepers(run: "Run", *ticks: int) -> str:
     return " and ".join(found[:2]) if len(found) < 3 else f"{found[0]}, {found[1]} and others"
 
 
-def _of_limit(run: "Run", j: int, rate: float) -> str:
+def _of_limit(run: Recorded, j: int, rate: float) -> str:
     limit = run.rate_limit[j] if run.rate_limit else math.inf
     of = f" of {_amount(limit)}" if math.isfinite(limit) else ""
     return f"{_amount(rate)}{of} {run.joint_unit(j)}/s"
 
 
-def _error(run: "Run") -> str:
-    card = run.scorecard
+def _error(card: Scorecard) -> str:
     parts = [
         f"{_amount(factor * float(card[name].value))} {unit}"
         for name, factor, unit in (
@@ -122,31 +122,31 @@ def _error(run: "Run") -> str:
     return f"with at most {' and '.join(parts)} of error"
 
 
-def _times(run: "Run") -> list[str]:
+def _times(card: Scorecard) -> list[str]:
     """Return what of note it was, and how long, the gravest first."""
-    times = {one: float(run.scorecard[f"status_time.{one.name}"].value) for one in _TIMES}
+    times = {one: float(card[f"status_time.{one.name}"].value) for one in _TIMES}
     return [f"{_TIMES[one]} for {_amount(seconds)} s" for one, seconds in times.items() if seconds > 0.0]
 
 
-def _other(run: "Run") -> str:
-    """Return what its baseline commanded, or what the plain inverse would have asked for, if that is more."""
-    other = run.baseline
-    if other is None:
-        plain, sent = (run.scorecard[f"joint_rate_{name}.peak"] for name in ("plain", "cmd"))
-        if not float(plain.value) > MORE * float(sent.value):
-            return ""
-        return f"; the plain inverse would ask for {_peak(run, 'plain')}"
-    is_plain = len(other) and np.allclose(other["qdot_cmd"], other["qdot_plain"], rtol=1e-9, atol=1e-12)
+def _plainly(run: Recorded, card: Scorecard) -> str:
+    """Return what the plain inverse would have asked for, if that is more than was commanded."""
+    plain, sent = (float(card[f"joint_rate_{kind}.peak"].value) for kind in ("plain", "cmd"))
+    return f"; the plain inverse would ask for {_peak(run, card, 'plain')}" if plain > MORE * sent else ""
+
+
+def _other(run: Recorded, card: Scorecard) -> str:
+    """Return what a baseline commanded."""
+    is_plain = len(run) and np.allclose(run["qdot_cmd"], run["qdot_plain"], rtol=1e-9, atol=1e-12)
     who = "the plain inverse" if is_plain else "the baseline"
-    commanded = f"commanded {_peak(other, 'cmd') if len(other) else 'nothing'}"
-    if other.divergence:
-        return f"; {who} {commanded} and diverged at {_amount(other.divergence.time)} s"
+    commanded = f"commanded {_peak(run, card, 'cmd') if len(run) else 'nothing'}"
+    if run.divergence:
+        return f"; {who} {commanded} and diverged at {_amount(run.divergence.time)} s"
     return f"; {who} {commanded}"
 
 
-def _peak(run: "Run", kind: str) -> str:
+def _peak(run: Recorded, card: Scorecard, kind: str) -> str:
     """Return the largest rate of a kind, of all joints and ticks, with the unit of its joint."""
-    peak, joint = (run.scorecard[f"joint_rate_{kind}.{name}"].value for name in ("peak", "peak_joint"))
+    peak, joint = (card[f"joint_rate_{kind}.{name}"].value for name in ("peak", "peak_joint"))
     unit = run.joint_unit(run.joints.index(str(joint))) if joint else "?"
     return f"{_amount(float(peak))} {unit}/s"
 
