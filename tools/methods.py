@@ -83,7 +83,9 @@ def measured(scenario: str, methods: Sequence[str]) -> dict[str, tuple[float, ..
     prepared, found = {}, dict[str, tuple[float, ...] | str]()
     for name in methods:
         try:
-            prepared[name] = prepare(rmrc.load(ROOT / f"scenarios/{scenario}.yaml", (*SETS.get(scenario, ()), *METHODS[name])))
+            prepared[name] = prepare(
+                rmrc.load(ROOT / f"scenarios/{scenario}.yaml", (*SETS.get(scenario, ()), *METHODS[name]))
+            )
         except RmrcError:
             found[name] = "refused"
     for name, run in zip(prepared, Simulation(list(prepared.values())).run(), strict=True):
