@@ -10,6 +10,7 @@ Entities, one name everywhere:
     target/..        path, and the pose wanted at the moment
     tip/..           trail, ellipsoids and the dying direction
     status/<flag>    one lane for each status, only where it changes
+    baseline/..      columns of the scenario's baseline, if it has one
     text/..          legend, scorecard, scenario
 
 `sim_time` is rounded to nanoseconds, while columns/time keeps all its bits.
@@ -48,6 +49,9 @@ from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import Prepared
 
+# Begins the entities of a baseline.
+BASELINE = "baseline/"
+
 
 class Recorder:
     """Writes one run, block by block.
@@ -59,12 +63,13 @@ class Recorder:
         part_path: Where it grows until then.
     """
 
-    def __init__(self, path: Path, prepared: Prepared) -> None:
+    def __init__(self, path: Path, prepared: Prepared, baseline: Prepared | None = None) -> None:
         """Open the file, and write all that is known before the run.
 
         Args:
             path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
             prepared: The world that will run.
+            baseline: Its baseline, if that runs beside it.
 
         Raises:
             RecordingError: The file cannot be made.
@@ -73,6 +78,7 @@ class Recorder:
         self._out = Stream(path, scenario.name, blueprint(scene, prepared))
         self.path, self.part_path = self._out.path, self._out.part_path
         self._story = _Story(self._out, prepared)
+        self._baseline = None if baseline is None else _Columns(self._out, baseline, BASELINE)
         self._story.write_arm()
         for looks in (marks(scene), curves(prepared)):
             for entity, look in looks.items():
@@ -100,6 +106,19 @@ class Recorder:
         self._story.write(part)
         self._out.flush()
 
+    def write_baseline(self, part: Run) -> None:
+        """Write and flush one block of ticks of the baseline; blocks come in order.
+
+        Args:
+            part: As in `write`.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        assert self._baseline is not None
+        self._baseline.write(part)
+        self._out.flush()
+
     def finish(self, scorecard_markdown: str) -> None:
         """Add the scorecard, close the file and move it to `path`.
 
@@ -112,6 +131,16 @@ class Recorder:
         self._story.write_last()
         self._out.log_text("text/scorecard", scorecard_markdown)
         self._out.finish()
+
+
+class _Columns(Track):
+    """A track of nothing but columns."""
+
+    def write(self, part: Run) -> None:
+        """Write one block of ticks; blocks come in order."""
+        if len(part):
+            self.write_block(part, np.arange(self._ticks, self._ticks + len(part)))
+            self._ticks += len(part)
 
 
 class _Story(Track):

@@ -14,6 +14,7 @@ _ABSENT: dict[str, tuple[str, object]] = {
     "arm.packages": ("package", None),
     "arm.stretch": ("body", 1),
     "plant.stretch": ("body", 1),
+    "baseline": ("key", None),
     "sweep.vary": ("key", None),
     "sweep.draw": ("key", None),
 }
@@ -88,14 +89,15 @@ def _type(schema: dict[str, Any]) -> str:
         return " or ".join(_type(o) for o in options if o.get("type") != "null")
     if "enum" in schema or "const" in schema:
         return " | ".join(schema.get("enum", [schema.get("const")]))
-    if schema["type"] == "array":
+    kind = schema.get("type", "any")
+    if kind == "array":
         low, high = schema["minItems"], schema.get("maxItems")
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
         item = re.sub("^(number|angle)", r"\1s", _type(schema["items"])) if schema["items"] else "values"
         return f"list of {count}({item})" if "|" in item or " or " in item else f"list of {count}{item}"
-    if schema["type"] in ("number", "integer"):
+    if kind in ("number", "integer"):
         signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
         bounds = [f"{sign} {show(schema[k])}" for k, sign in signs.items() if k in schema]
-        return " ".join([schema["type"], ", ".join(bounds)]).strip()
-    words = {"string": "text", "boolean": "true | false"}
-    return "path" if schema.get("format") == "path" else words[schema["type"]]
+        return " ".join([kind, ", ".join(bounds)]).strip()
+    words = {"string": "text", "boolean": "true | false", "any": "value"}
+    return "path" if schema.get("format") == "path" else words[kind]
