@@ -71,7 +71,7 @@ def _draw_path(axes: Axes, run: Run) -> None:
     legend(axes, 2)
 
 
-def _draw_rates(axes: Axes, run: Run) -> None:
+def draw_rates(axes: Axes, run: Run) -> None:
     """Draw measured and commanded rates against their limits; a peak beyond the plot is written."""
     colors, limit = paints(len(run.joints)), np.array(run.rate_limit or [math.inf] * len(run.joints))
     for j, (name, paint) in enumerate(zip(run.joints, colors, strict=True)):
@@ -206,6 +206,6 @@ def _grouped(value: float) -> str:
 
 
 _DRAW: dict[str, Callable[..., None]] = {
-    "path": _draw_path, "rates": _draw_rates, "sigma": _draw_sigma, "error": _draw_error,
+    "path": _draw_path, "rates": draw_rates, "sigma": _draw_sigma, "error": _draw_error,
     "torque": _draw_torque, "pace": _draw_pace, "status": _draw_status, "g": _draw_filter,
 }  # fmt: skip
