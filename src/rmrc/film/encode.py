@@ -48,7 +48,7 @@ def write_gif(path: Path, frames: Iterator[Frame], samples: Sequence[Frame], del
         samples: Frames that have all colors that matter.
         delay: Between frames [s].
     """
-    colors = Image.fromarray(np.concatenate(samples)).quantize(COLORS, dither=Image.Dither.NONE)
+    colors = few_colors(Image.fromarray(np.concatenate(samples)), COLORS)
     # No dithering: flat areas stay flat, which is small, and nothing flickers.
     images = (Image.fromarray(one).quantize(palette=colors, dither=Image.Dither.NONE) for one in frames)
     first, *others = images
@@ -57,6 +57,20 @@ def write_gif(path: Path, frames: Iterator[Frame], samples: Sequence[Frame], del
         first.save(
             temporary, "GIF", save_all=True, append_images=others, duration=durations, loop=0, optimize=False
         )
+
+
+def few_colors(image: Image.Image, count: int) -> Image.Image:
+    """Return an image in the colors that suit it best, white among them: without dots in flat areas.
+
+    Args:
+        image: In red, green and blue.
+        count: Of the colors.
+    """
+    found = image.quantize(count, dither=Image.Dither.NONE)
+    palette = np.array(found.getpalette(), np.uint8).reshape(-1, 3)
+    palette[palette.sum(axis=1, dtype=int).argmax()] = 255
+    found.putpalette(palette.ravel().tolist())
+    return found
 
 
 def write_mp4(path: Path, frames: Iterator[Frame], size: tuple[int, int], fps: float) -> None:

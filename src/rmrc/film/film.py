@@ -33,7 +33,7 @@ WIDTH, HEIGHT, LEAST_WIDTH, LEAST_HEIGHT, MOST_SIZE = 480, 480, 200, 200, 4096
 # Frames of a film, at most: some ten minutes of drawing.
 MOST_FRAMES = 6000
 # Heights of the title and of the rates below, as parts of the whole; of the title, at most [pixels].
-TITLE, RATES, TITLE_MOST = 0.12, 0.36, 44
+TITLE, RATES, TITLE_MOST = 0.12, 0.4, 44
 # Frames from which the colors of a GIF are taken.
 SAMPLES = 8
 

@@ -21,8 +21,10 @@ FINER = 2
 FRONT = 0.5
 # Marks that a picture may have, beside the arm.
 MOST_MARKS = 2000
-# Nearest and farthest of what is drawn, as parts of the camera's distance.
-NEAREST, FARTHEST = 0.02, 20.0
+# Nearest and farthest of what is drawn, and the wall behind it, as parts of the camera's distance.
+NEAREST, FARTHEST, PAPER = 0.02, 20.0, 15.0
+
+Flag = mujoco.mjtRndFlag
 
 
 class Renderer:
@@ -61,7 +63,7 @@ class Renderer:
         self._data = mujoco.MjData(model)
         self._scene = mujoco.MjvScene(model, model.ngeom + 100 + MOST_MARKS)
         self._option = mujoco.MjvOption()
-        for flag in (mujoco.mjtRndFlag.mjRND_SHADOW, mujoco.mjtRndFlag.mjRND_SKYBOX):
+        for flag in (Flag.mjRND_SHADOW, Flag.mjRND_SKYBOX, Flag.mjRND_HAZE, Flag.mjRND_REFLECTION):
             self._scene.flags[flag] = 0
         self._hide_planes()
 
@@ -97,6 +99,7 @@ class Renderer:
         self._model.stat.extent = camera.distance
         self._model.vis.map.znear, self._model.vis.map.zfar = NEAREST, FARTHEST
         mujoco.mjv_updateScene(self._model, self._data, self._option, None, _free(camera), every, scene)
+        _add_paper(scene, camera)
         for mark in marks[: scene.maxgeom - scene.ngeom]:
             _add(scene, mark, camera)
         return self._pixels()
@@ -127,13 +130,12 @@ class Renderer:
         mujoco.mj_forward(self._model, data)
 
     def _pixels(self) -> NDArray[np.uint8]:
-        """Return the picture of the scene: what nothing is drawn at is white."""
+        """Return the picture of the scene."""
         width, height = FINER * self.width, FINER * self.height
-        colors, depth = np.empty((height, width, 3), np.uint8), np.empty((height, width), np.float32)
+        colors = np.empty((height, width, 3), np.uint8)
         where = mujoco.MjrRect(0, 0, width, height)
         mujoco.mjr_render(where, self._scene, self._context)
-        mujoco.mjr_readPixels(colors, depth, where, self._context)
-        np.copyto(colors, np.uint8(255), where=(depth >= 1.0)[:, :, None])
+        mujoco.mjr_readPixels(colors, None, where, self._context)
         fine = colors[::-1].astype(np.uint16)
         parts = [fine[i::FINER, j::FINER] for i in range(FINER) for j in range(FINER)]
         found: NDArray[np.uint8] = (np.add.reduce(parts) // FINER**2).astype(np.uint8)
@@ -149,6 +151,19 @@ def _free(camera: Camera) -> mujoco.MjvCamera:
     found.azimuth = np.degrees(np.arctan2(-back[1], -back[0]))
     found.elevation = -np.degrees(np.arcsin(back[2]))
     return found
+
+
+def _add_paper(scene: mujoco.MjvScene, camera: Camera) -> None:
+    """Add a white wall behind everything: MuJoCo's own background is black, or a sky."""
+    away = PAPER * camera.distance
+    wide = away * np.tan(ANGLE) * max(camera.aspect, 1.0)
+    place, size = camera.position - away * camera.axes[2], np.array([wide, wide, 1e-3 * away])
+    white = np.ones(4, np.float32)
+    geom = scene.geoms[scene.ngeom]
+    mujoco.mjv_initGeom(geom, mujoco.mjtGeom.mjGEOM_BOX, size, place, camera.axes.T.ravel(), white)
+    geom.category = mujoco.mjtCatBit.mjCAT_DECOR
+    geom.emission, geom.specular, geom.shininess = 1.0, 0.0, 0.0  # whatever shines on it
+    scene.ngeom += 1
 
 
 def _add(scene: mujoco.MjvScene, mark: Mark, camera: Camera) -> None:

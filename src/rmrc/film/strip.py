@@ -17,7 +17,7 @@ DPI = 100.0
 LETTERS = 8.0
 # Beside the plot [pixels]: for the numbers at its left and below it, and what stays free. It is as high as
 # the last at least, or else has no legend.
-LEFT, BELOW, FREE, LEAST = 54, 38, 6, 40
+LEFT, BELOW, FREE, LEAST = 54, 38, 14, 40
 CURSOR = (0.9, 0.28, 0.3)
 
 
