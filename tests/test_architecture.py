@@ -68,6 +68,7 @@ OWNERS = {
     ),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),
+    "pandas": ("rmrc.results.notebook",),
     "PIL": ("rmrc.film.film", "rmrc.film.encode"),
     "imageio_ffmpeg": ("rmrc.film.encode",),
 }
@@ -75,7 +76,7 @@ OWNERS = {
 # Names that say nothing about what a module does.
 NAMELESS = {"utils", "util", "helpers", "helper", "common", "core", "base", "manager", "misc"}
 
-SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg"}
+SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg", "pandas"}
 
 # Modules of ours that load these, or rich; only who shows something loads them.
 PICTURES = ("rmrc.film", *OWNERS["matplotlib"]) + OWNERS["rich"] + OWNERS["rerun"]

@@ -22,6 +22,7 @@ from rmrc.scenario.sections import PROFILE, ControlSection, SecondarySection, Se
 from rmrc.scenario.values import Section
 from rmrc.scenario.wording import block, show
 from rmrc.support import shipped
+from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Origin, Problem, join
 
@@ -42,6 +43,10 @@ class Scenario(Sections):
     """
 
     _draft: "Draft" = PrivateAttr(default_factory=_nothing)
+
+    def __repr__(self) -> str:
+        """Return its keys and values, as many as fit on a screen."""
+        return cut(super().__repr__())
 
     @property
     def draft(self) -> "Draft":
