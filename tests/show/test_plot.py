@@ -248,3 +248,10 @@ def test_legends_of_long_names_stay_within_the_figure(left):
     picture.draw_without_rendering()
     for axes in picture.get_axes():
         assert axes.get_legend().get_window_extent().x1 <= picture.bbox.x1
+
+
+def test_an_arm_that_locks_within_its_limits_is_drawn_to_scale(compared):
+    run = compared[1]["damped"]
+    locked = {name: np.where(run["time"][:, None] < 1.0, run[name], 0.0) for name in ("qdot", "qdot_cmd")}
+    assert rates_of(run, columns=locked)[0].get_yscale() == "linear"
+    assert rates_of(run, columns=locked, rate_limit=())[0].get_yscale() == "symlog"  # without limits, by peak

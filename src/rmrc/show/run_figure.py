@@ -131,7 +131,7 @@ def draw_rates(axes: Axes, run: Run) -> None:
         axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
         joint = run.joints[int(both.max(axis=0).argmax()) % len(run.joints)]
         told.append(f"peak {_grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})")
-    elif peak > BLOWN_UP * max(float(np.median(both.max(axis=1))), 1e-12):
+    elif not known and peak > BLOWN_UP * max(float(np.median(both.max(axis=1))), 1e-12):
         axes.set_yscale("symlog", linthresh=power(float(np.median(both.max(axis=1)))))
     told += _draw_plain(axes, run, colors, peak)
     if told:
