@@ -23,58 +23,62 @@ FILMED = Kind(
 SUFFIXES = (".gif", ".png", ".mp4")
 
 
+Run = Annotated[
+    Path,
+    typer.Argument(
+        help="What `run` or `compare` left: NAME.npz, or NAME.rrd or NAME.json beside it; or a scenario, "
+        "which is run first.",
+        show_default=False,
+        callback=lambda path: expect(path, FILMED),
+    ),
+]
+OutFile = Annotated[
+    Path | None,
+    typer.Option(
+        "--out", "-o", metavar="FILE", show_default="NAME.gif",
+        help="The picture .png, or the film .gif or .mp4, which needs the extra `film`.",
+    ),
+]  # fmt: skip
+Vary = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--vary", metavar="KEY=V1,V2,...", help="Of a scenario: variants, side by side; repeatable."
+    ),
+]
+Overrides = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="KEY=VALUE", help="Of a scenario: override any key; repeatable."),
+]
+At = Annotated[
+    float | None,
+    typer.Option(metavar="SECONDS", help="Time of a picture.", show_default="nearest to a singularity"),
+]
+Begin = Annotated[float, typer.Option("--from", metavar="SECONDS", help="Where a film begins.")]
+End = Annotated[
+    float | None,
+    typer.Option("--to", metavar="SECONDS", help="Where a film ends.", show_default="with the longest run"),
+]
+Speed = Annotated[
+    float, typer.Option(help="Simulated seconds in one of the film.", callback=within("--speed", 1e-4, 1e4))
+]
+Fps = Annotated[float, typer.Option(help="Frames a second.", callback=within("--fps", 0.1, 120.0))]
+Size = Annotated[
+    str | None,
+    typer.Option(metavar="WIDTHxHEIGHT", help="Of the whole [pixels].", show_default="480x480 for each run"),
+]
+
+
 def render(
-    run: Annotated[
-        Path,
-        typer.Argument(
-            help="What `run` or `compare` left: NAME.npz, or NAME.rrd or NAME.json beside it; or a scenario, "
-            "which is run first.",
-            show_default=False,
-            callback=lambda path: expect(path, FILMED),
-        ),
-    ],
-    out: Annotated[
-        Path | None,
-        typer.Option(
-            "--out",
-            "-o",
-            metavar="FILE",
-            show_default="NAME.gif",
-            help="The picture .png, or the film .gif or .mp4, which needs the extra `film`.",
-        ),
-    ] = None,
-    vary: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--vary", metavar="KEY=V1,V2,...", help="Of a scenario: variants, side by side; repeatable."
-        ),
-    ] = None,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option("--set", metavar="KEY=VALUE", help="Of a scenario: override any key; repeatable."),
-    ] = None,
-    at: Annotated[
-        float | None,
-        typer.Option(metavar="SECONDS", help="Time of a picture.", show_default="nearest to a singularity"),
-    ] = None,
-    begin: Annotated[float, typer.Option("--from", metavar="SECONDS", help="Where a film begins.")] = 0.0,
-    end: Annotated[
-        float | None,
-        typer.Option(
-            "--to", metavar="SECONDS", help="Where a film ends.", show_default="with the longest run"
-        ),
-    ] = None,
-    speed: Annotated[
-        float,
-        typer.Option(help="Simulated seconds in one of the film.", callback=within("--speed", 1e-4, 1e4)),
-    ] = 1.0,
-    fps: Annotated[float, typer.Option(help="Frames a second.", callback=within("--fps", 0.1, 120.0))] = 20.0,
-    size: Annotated[
-        str | None,
-        typer.Option(
-            metavar="WIDTHxHEIGHT", help="Of the whole [pixels].", show_default="480x480 for each run"
-        ),
-    ] = None,
+    run: Run,
+    out: OutFile = None,
+    vary: Vary = None,
+    set_: Overrides = None,
+    at: At = None,
+    begin: Begin = 0.0,
+    end: End = None,
+    speed: Speed = 1.0,
+    fps: Fps = 20.0,
+    size: Size = None,
     quiet: Quiet = False,
 ) -> None:
     """Draw a run as a picture or a film, or variants side by side: the arm, and its rates below it.
