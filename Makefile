@@ -3,7 +3,7 @@
 
 PYTHON ?= .venv/bin/python
 
-.PHONY: figures
+.PHONY: figures films
 figures:
 	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --picture docs/figures/workspace_6_3.png --out build/figures --quiet
 	$(PYTHON) -m rmrc workspace models/planar_6_3.xml --map sigma_min --picture docs/figures/sigma_min_6_3.png --out build/figures --quiet
@@ -16,3 +16,8 @@ figures:
 	$(PYTHON) -m rmrc identify scenarios/arm_log.csv --picture docs/figures/identify_arm_log.png --out build/figures --quiet
 	$(PYTHON) -m rmrc tune scenarios/approach_singularity.yaml --set "target.path[0].line.to=[1.995, 0]" --picture docs/figures/front_approach_singularity.png --out build/figures --quiet
 	$(PYTHON) -m rmrc margins scenarios/approach_singularity.yaml --set plant.delay=0.008 --set "target.path[0].line.to=[1.995, 0]" --picture docs/figures/margins_approach_singularity.png --quiet
+
+# Those that need OpenGL.
+films:
+	$(PYTHON) -m rmrc render blow_up --vary control.inverse.method=inverse,damped -o docs/figures/blow_up.gif --fps 12.5 --size 840x430
+	$(PYTHON) tools/gallery.py --write

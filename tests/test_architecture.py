@@ -18,6 +18,7 @@ LAYERS = (
     ("rmrc.cli",),
     ("rmrc.tuning", "rmrc.analysis"),
     ("rmrc.study",),
+    ("rmrc.film",),
     ("rmrc.recording",),
     ("rmrc.show",),
     ("rmrc.simulation",),
@@ -32,7 +33,7 @@ LAYERS = (
 # Who may import an outside library. A library that is missing here has no owner, and is refused.
 OWNERS = {
     "numpy": ("rmrc",),
-    "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller"),
+    "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller", "rmrc.film.renderer"),
     "numba": ("rmrc.law.jit",),
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
@@ -53,6 +54,8 @@ OWNERS = {
             "rmrc.study.margins.figure",
             "rmrc.study.sweep_figure",
             "rmrc.tuning.figure",
+            "rmrc.film.film",
+            "rmrc.film.strip",
         ),
         *(
             "rmrc.analysis.identify.figure",
@@ -67,15 +70,18 @@ OWNERS = {
     ),
     "typer": ("rmrc.cli",),
     "distributed": ("rmrc.study.dask",),
+    "pandas": ("rmrc.results.notebook",),
+    "PIL": ("rmrc.film.film", "rmrc.film.encode"),
+    "imageio_ffmpeg": ("rmrc.film.encode",),
 }
 
 # Names that say nothing about what a module does.
 NAMELESS = {"utils", "util", "helpers", "helper", "common", "core", "base", "manager", "misc"}
 
-SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow"}
+SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg", "pandas"}
 
 # Modules of ours that load these, or rich; only who shows something loads them.
-PICTURES = OWNERS["matplotlib"] + OWNERS["rich"] + OWNERS["rerun"]
+PICTURES = ("rmrc.film", *OWNERS["matplotlib"]) + OWNERS["rich"] + OWNERS["rerun"]
 
 
 def read_sources():

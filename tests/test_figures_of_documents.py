@@ -8,18 +8,20 @@ from matplotlib.image import imread
 
 from project import ROOT
 
-COMMANDS = re.findall(r"^\t\$\(PYTHON\) (.+)$", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
-FIGURES = ROOT / "docs/figures"
-PICTURE = re.compile(r"docs/figures/(\w+\.\w+)")
+PICTURE = re.compile(r"docs/figures/(\w+\.png)")
+LINES = re.findall(r"^\t\$\(PYTHON\) (.+)$", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
+# Films and the gallery need OpenGL: tests/test_gallery.py holds them.
+COMMANDS = [line for line in LINES if PICTURE.search(line)]
+FIGURES = sorted((ROOT / "docs/figures").glob("*.png"))
 
 
 def test_every_picture_has_its_command_and_every_command_its_picture():
     made = [PICTURE.search(command)[1] for command in COMMANDS]
-    assert sorted(made) == sorted(path.name for path in FIGURES.iterdir())
+    assert sorted(made) == [path.name for path in FIGURES]
     assert len(made) >= 4
 
 
-@pytest.mark.parametrize("path", sorted(FIGURES.iterdir()), ids=lambda path: path.name)
+@pytest.mark.parametrize("path", FIGURES, ids=lambda path: path.name)
 def test_a_picture_is_whole_and_small_enough_for_a_page(path):
     assert path.stat().st_size < 300_000
     assert min(imread(path).shape[:2]) > 400

@@ -9,6 +9,7 @@ thousands of them, or have its law chosen:
     run["qdot_cmd"]                                # a column: joint rates that were sent, (T, n)
     run.scorecard["position_error.max"].value      # a figure
     rmrc.plot(run, "crossing.pdf")                 # for a paper: path, rates, singular values, errors
+    rmrc.render("blow_up", "blow_up.gif")          # a film of the arm, with its rates below
 
     one = rmrc.load("approach_singularity").set({"control.feedback": 40})
     runs = rmrc.compare(one, {"control.inverse.method": ["damped", "inverse"]})
@@ -51,6 +52,7 @@ if TYPE_CHECKING:
     from rmrc.show.plot import plot
     from rmrc.simulation.prepare import Prepared, prepare
     from rmrc.simulation.simulation import Simulation
+    from rmrc.study.filming import render
     from rmrc.study.margins.margins import margins
     from rmrc.study.study import Study
     from rmrc.study.verbs import compare, run, sweep
@@ -71,7 +73,8 @@ __all__ = [
     "ClusterError", "Controller", "DivergenceError", "Law", "ModelError", "ModelWarning", "Prepared",
     "QuestionError", "RmrcError", "Run", "Scenario", "ScenarioError", "Scorecard", "Simulation", "Study",
     "TargetError", "check", "compare", "identify", "ik", "inspect", "load", "loads", "margins", "new",
-    "plot", "prepare", "read_runs", "report", "resolve_rates", "run", "statics", "sweep", "tune", "workspace",
+    "plot", "prepare", "read_runs", "render", "report", "resolve_rates", "run", "statics", "sweep", "tune",
+    "workspace",
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
@@ -91,6 +94,7 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.show.plot": ("plot",),
         "rmrc.simulation.prepare": ("Prepared", "prepare"),
         "rmrc.simulation.simulation": ("Simulation",),
+        "rmrc.study.filming": ("render",),
         "rmrc.study.margins.margins": ("margins",),
         "rmrc.study.study": ("Study",),
         "rmrc.study.verbs": ("compare", "run", "sweep"),

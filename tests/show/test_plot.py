@@ -189,3 +189,69 @@ def test_what_is_no_run_is_refused_in_python_too(tmp_path):
     np.savez(tmp_path / "other.npz", a=np.zeros(3))
     with pytest.raises(QuestionError, match=r"other\.npz"):
         Run.read(tmp_path / "other.npz")
+
+
+def test_ellipses_on_the_path_are_those_of_the_jacobian(left):
+    run = left[1]
+    (path,) = plot(run, panels=["path"]).get_axes()
+    outlines = [patch.get_path().vertices for patch in path.patches]
+    assert len(outlines) >= 3
+    checked = 0
+    for outline in outlines:
+        center = (outline.min(axis=0) + outline.max(axis=0)) / 2
+        row = np.linalg.norm(run["pose"][:, :2] - center, axis=1).argmin()
+        first, second = run["q"][row, 0], run["q"][row].sum()
+        if abs(np.sin(second - first)) < 0.1:
+            continue  # where the inverse below is none
+        J = np.array([
+            [-np.sin(first) - np.sin(second), -np.sin(second)], [np.cos(first) + np.cos(second), np.cos(second)]
+        ])  # fmt: skip
+        rates = np.linalg.solve(J, (outline - center).T / 0.2)
+        np.testing.assert_allclose(np.linalg.norm(rates, axis=0), 1.0, rtol=2e-3)  # a tick beside the row
+        checked += 1
+    assert checked >= 2
+
+
+def rates_of(run, **changes):
+    """Return the panel of rates of a run with another column or limit, and what is written in it."""
+    columns = dict(run.columns) | changes.pop("columns", {})
+    axes = axes_of(plot(dataclasses.replace(run, columns=columns, **changes), panels=["rates"]), r"\dot q")
+    return axes, "\n".join(text.get_text() for text in axes.texts)
+
+
+def test_what_the_plain_inverse_asks_is_dashed_and_its_peak_is_written(compared):
+    run = compared[1]["damped"]
+    asked = 10.0 * run["qdot_cmd"]
+    asked[100, 1] = -512.0
+    axes, told = rates_of(run, columns={"qdot_plain": asked})
+    assert "asks 512 rad/s ↑ (elbow)" in told
+    dashed = [line for line in axes.get_lines() if line.get_linestyle() == "--" and len(line.get_xdata()) > 2]
+    drawn = [line.get_ydata() for line in dashed]
+    assert any((values == -512.0).any() for values in drawn)
+    assert axes.get_ylim()[1] < 20.0  # the others are still seen
+    axes, told = rates_of(run, columns={"qdot_plain": run["qdot_cmd"]})
+    assert "asks" not in told  # the same curve
+    axes, told = rates_of(run, columns={"qdot_plain": np.full_like(asked, np.nan)})
+    assert "asks" not in told  # a file from before it was kept
+
+
+def test_a_limit_far_above_the_rates_is_told_and_does_not_flatten_them(compared):
+    run = compared[1]["damped"]
+    axes, told = rates_of(run, rate_limit=(100.0, 100.0))
+    assert "limit 100 rad/s ↑" in told
+    assert axes.get_ylim()[1] < 10.0
+
+
+def test_legends_of_long_names_stay_within_the_figure(left):
+    run = dataclasses.replace(left[1], joints=("a_rather_long_name_of_a_joint", "another_one_that_is_long"))
+    picture = plot(run, panels=["rates", "sigma"], width=3.5)
+    picture.draw_without_rendering()
+    for axes in picture.get_axes():
+        assert axes.get_legend().get_window_extent().x1 <= picture.bbox.x1
+
+
+def test_an_arm_that_locks_within_its_limits_is_drawn_to_scale(compared):
+    run = compared[1]["damped"]
+    locked = {name: np.where(run["time"][:, None] < 1.0, run[name], 0.0) for name in ("qdot", "qdot_cmd")}
+    assert rates_of(run, columns=locked)[0].get_yscale() == "linear"
+    assert rates_of(run, columns=locked, rate_limit=())[0].get_yscale() == "symlog"  # without limits, by peak

@@ -21,6 +21,7 @@ from rmrc.arm.mounting import NamedFrame
 from rmrc.arm.others import Others
 from rmrc.arm.shapes import Shape, visible
 from rmrc.arm.wiring import SLIDE, Wiring, find_chain, joints_above, wire
+from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, did_you_mean
 from rmrc.support.legible import listed
 from rmrc.support.spatial import matrix_to_quat
@@ -28,6 +29,7 @@ from rmrc.support.spatial import matrix_to_quat
 Array = NDArray[np.float64]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Arm:
     """A chain of hinge, slide and screw joints from the world to a site.

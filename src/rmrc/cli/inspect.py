@@ -18,6 +18,7 @@ from rmrc.cli.options import (
     TaskAxes,
     TaskFrame,
     drawable,
+    pictured,
     read_arm,
 )
 from rmrc.cli.reports import show
@@ -66,6 +67,7 @@ Picture = Annotated[
 ]
 
 
+@pictured
 def inspect(
     model: Model,
     site: Site = None,

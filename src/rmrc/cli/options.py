@@ -1,8 +1,11 @@
 """Options that several verbs share, each declared once."""
 
+import re
 from collections.abc import Callable
+from functools import wraps
+from inspect import Parameter, signature
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -13,6 +16,8 @@ from rmrc.support.notices import tell_assumed
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
+
+T = TypeVar("T")
 
 # Positions and angles up to this [m or rad] are kept to 1e-10.
 FARTHEST = 1e6
@@ -139,3 +144,57 @@ def drawable(path: Path | None) -> Path | None:
     if path is not None and path.suffix not in PICTURES:
         raise QuestionError(f"--picture {path}: must end in {', '.join(PICTURES[:-1])} or {PICTURES[-1]}")
     return path
+
+
+# Units of the width of a picture; and its bounds [in].
+INCHES = {"in": 1.0, "cm": 1 / 2.54, "mm": 1 / 25.4, "pt": 1 / 72.27}
+NARROWEST, WIDEST = 2.0, 40.0
+
+
+def inches(text: str) -> float:
+    """Return the number of `--width` in inches.
+
+    Raises:
+        QuestionError: It is no length, or no picture can be so wide.
+    """
+    found = re.fullmatch(rf"\s*([0-9]*\.?[0-9]+)\s*({'|'.join(INCHES)})\s*", text)
+    if not found:
+        raise QuestionError(f"--width must be a length such as 3.5in, 88mm or 18cm, got {quoted(text)}")
+    length = float(found[1]) * INCHES[found[2]]
+    if not NARROWEST <= length <= WIDEST:
+        raise QuestionError(f"--width must be between {NARROWEST:g}in and {WIDEST:g}in, got {quoted(text)}")
+    return length
+
+
+_Width = Annotated[
+    str | None,
+    typer.Option("--width", help="Of the picture: in, cm, mm or pt; a journal's column is 3.5in."),
+]
+_Font = Annotated[
+    float | None,
+    typer.Option(
+        "--font",
+        help="Size of the letters of the picture [pt].",
+        callback=lambda value: value if value is None else within("--font", 4.0, 40.0)(value),
+    ),
+]
+
+
+def pictured(verb: Callable[..., T]) -> Callable[..., T]:
+    """Give a verb that leaves a picture the options --width and --font, behind its own."""
+
+    @wraps(verb)
+    def call(*given: Any, width: str | None = None, font: float | None = None, **options: Any) -> T:
+        from rmrc.show.asked import sized
+
+        with sized(None if width is None else inches(width), font):
+            return verb(*given, **options)
+
+    more = {"width": _Width, "font": _Font}
+    own = signature(verb)
+    added = [
+        Parameter(name, Parameter.KEYWORD_ONLY, default=None, annotation=kind) for name, kind in more.items()
+    ]
+    call.__signature__ = own.replace(parameters=[*own.parameters.values(), *added])  # type: ignore[attr-defined]
+    call.__annotations__ = {**verb.__annotations__, **more}
+    return call

@@ -1,6 +1,5 @@
 """The verb `plot`: the figure of a run or of a comparison, for a paper or a lecture."""
 
-import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
@@ -9,13 +8,10 @@ import typer
 
 from rmrc.cli.console import interruption, output, print_line
 from rmrc.cli.kinds import RUN, expect
-from rmrc.cli.options import PICTURES, Quiet, within
+from rmrc.cli.options import PICTURES, Quiet, inches, within
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.invocation import command
 from rmrc.support.legible import quoted, visible
-
-INCHES = {"in": 1.0, "cm": 1 / 2.54, "mm": 1 / 25.4, "pt": 1 / 72.27}
-LEAST, MOST = 2.0, 40.0
 
 
 def _columns_of(path: Path) -> Path:
@@ -69,7 +65,7 @@ def plot(
     wanted = out or run.with_suffix(".pdf")
     if wanted.suffix not in PICTURES:
         raise QuestionError(f"--out {visible(str(wanted))}: must end in .png, .svg or .pdf")
-    inches = _inches(width)
+    size = inches(width)
     with interruption("interrupted; nothing was written"):
         from rmrc.results.leaving import refuse_unwritable
         from rmrc.results.run import read_runs
@@ -84,7 +80,7 @@ def plot(
                 raise QuestionError(
                     f"{visible(str(run))}: {quoted(label)} has no tick, so there is nothing to draw"
                 )
-        draw(found, wanted, names, inches, font)
+        draw(found, wanted, names, size, font)
     print_line(output(quiet), f"wrote {wanted}")
 
 
@@ -99,14 +95,3 @@ def _chosen(text: str | None, known: Sequence[str]) -> list[str]:
         if names.count(name) > 1:
             raise QuestionError(f"--panels: {quoted(name)} is given twice")
     return names
-
-
-def _inches(text: str) -> float:
-    """Return the number of `--width` in inches."""
-    found = re.fullmatch(rf"\s*([0-9]*\.?[0-9]+)\s*({'|'.join(INCHES)})\s*", text)
-    if not found:
-        raise QuestionError(f"--width must be a length such as 3.5in, 88mm or 18cm, got {quoted(text)}")
-    inches = float(found[1]) * INCHES[found[2]]
-    if not LEAST <= inches <= MOST:
-        raise QuestionError(f"--width must be between {LEAST:g}in and {MOST:g}in, got {quoted(text)}")
-    return inches

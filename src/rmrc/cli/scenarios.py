@@ -23,7 +23,7 @@ from rmrc.cli.console import (
     progress,
 )
 from rmrc.cli.kinds import RECORDING, SCENARIO, expect
-from rmrc.cli.options import Out, Quiet
+from rmrc.cli.options import Out, Quiet, pictured
 from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
@@ -113,6 +113,7 @@ def _exit_code(left: "Left[Scored]", one: "Scored") -> int:
     return code or (EXIT_MISSED if missed else 0)
 
 
+@pictured
 def compare(
     scenario: ScenarioFile,
     vary: Annotated[

@@ -14,7 +14,7 @@ from rmrc.cli.console import (
     print_line,
     progress,
 )
-from rmrc.cli.options import Out, Quiet, Threads, drawable
+from rmrc.cli.options import Out, Quiet, Threads, drawable, pictured
 from rmrc.cli.scenarios import Overrides, ScenarioFile
 from rmrc.support.errors import ScenarioError
 
@@ -71,6 +71,7 @@ Picture = Annotated[
 ]
 
 
+@pictured
 def tune(
     scenario: ScenarioFile,
     only: Only = None,

@@ -22,6 +22,7 @@ from rmrc.cli.options import (
     TaskAxes,
     TaskFrame,
     drawable,
+    pictured,
     read_arm,
 )
 from rmrc.cli.reports import show
@@ -82,6 +83,7 @@ Picture = Annotated[
 ]
 
 
+@pictured
 def workspace(
     model: Model,
     site: Site = None,

@@ -2,7 +2,7 @@
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -12,11 +12,14 @@ from zipfile import BadZipFile
 import numpy as np
 from numpy.typing import NDArray
 
+import rmrc
 from rmrc.law.task import WORLD_VIEW, View
+from rmrc.results import notebook
 from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
 from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.results.verdict import told
 from rmrc.scenario.profile import Profile
+from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
 
@@ -24,6 +27,7 @@ from rmrc.support.files import written_whole
 BASELINE = "baseline/"
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Run(Recorded):
     """What one world did: `run["qdot_cmd"]` is a column, `run.scorecard["tau.peak"].value` a figure.
@@ -44,6 +48,28 @@ class Run(Recorded):
         """What it comes to, in one sentence."""
         other = self.baseline
         return told(self, self.scorecard, None if other is None else (other, other.scorecard))
+
+    def plot(
+        self,
+        path: str | Path | None = None,
+        panels: Sequence[str] = (),
+        width: float = 7.16,
+        font: float = 8.0,
+    ) -> Any:
+        """Draw it, and return the figure of matplotlib, which a notebook shows; see `rmrc.plot`."""
+        return rmrc.plot(self, path, panels, width, font)
+
+    def to_pandas(self) -> Any:
+        """Return the columns as a DataFrame over time, such as `qdot_cmd.elbow`.
+
+        Raises:
+            QuestionError: pandas is not installed.
+        """
+        return notebook.frame(self)
+
+    def _repr_html_(self) -> str:
+        """Return its figures, for a notebook."""
+        return self.scorecard._repr_html_()
 
     def save(self, path: Path) -> None:
         """Write all columns and the facts about them to an npz file, whole or not at all."""
@@ -117,6 +143,31 @@ class Run(Recorded):
         )  # fmt: skip
 
 
+class Runs(dict[str, Run]):
+    """Runs by label, as `compare` returns them; a notebook shows the figures in which they differ."""
+
+    def __repr__(self) -> str:
+        """Return the labels."""
+        labels = ", ".join(f"{label!r}: {len(run)} ticks" for label, run in self.items())
+        return cut(f"Runs({{{labels}}})")
+
+    def _repr_html_(self) -> str:
+        """Return the figures in which they differ, side by side."""
+        return notebook.beside({label: run.scorecard for label, run in self.items()})
+
+    def to_pandas(self) -> Any:
+        """Return all figures as a DataFrame, a row a run.
+
+        Raises:
+            QuestionError: pandas is not installed.
+        """
+        rows = {
+            label: {name: figure.value for name, figure in run.scorecard.items()}
+            for label, run in self.items()
+        }
+        return notebook.pandas().DataFrame.from_dict(rows, orient="index")
+
+
 def save_runs(path: Path, runs: Mapping[str, Run]) -> None:
     """Write several runs to an npz file, whole or not at all: `0/q` is column q of the first.
 
@@ -131,7 +182,7 @@ def save_runs(path: Path, runs: Mapping[str, Run]) -> None:
     _write(path, {**arrays, "facts": np.array(json.dumps(facts))})
 
 
-def read_runs(path: Path) -> dict[str, Run]:
+def read_runs(path: Path) -> Runs:
     """Return the runs in a file that `save` or `save_runs` wrote, by label; that of one alone is its name.
 
     Raises:
@@ -142,13 +193,14 @@ def read_runs(path: Path) -> dict[str, Run]:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:
             facts = json.loads(str(file["facts"]))
             if isinstance(facts, dict):
-                return {facts["name"]: Run._of(facts, file)}
-            return {
-                one["label"]: Run._of(
-                    one, {name: file[f"{i}/{name}"] for name in COLUMNS if f"{i}/{name}" in file}
+                return Runs({facts["name"]: Run._of(facts, file)})
+            return Runs(
+                (
+                    one["label"],
+                    Run._of(one, {name: file[f"{i}/{name}"] for name in COLUMNS if f"{i}/{name}" in file}),
                 )
                 for i, one in enumerate(facts)
-            }
+            )
     except (KeyError, ValueError, TypeError, EOFError, BadZipFile):
         raise QuestionError(f"{path}: does not hold the columns of a run, or is damaged") from None
 

@@ -11,18 +11,20 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.record import tick_type
 from rmrc.law.task import View
+from rmrc.results import notebook
 from rmrc.results.columns import COLUMNS, Recorded
 from rmrc.results.tally import CONDITIONS, ERRORS, EXTREMES, JOINTS, adder, begin
 from rmrc.scenario import Check, Scenario
 from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.scenario.sections import PROFILE
+from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Problem
 from rmrc.support.spatial import AXES
@@ -53,6 +55,7 @@ class Figure(NamedTuple):
     meaning: str
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Scorecard(Mapping[str, Figure]):
     """The figures of one run by name, in the order in which they are shown.
@@ -78,6 +81,20 @@ class Scorecard(Mapping[str, Figure]):
     def __len__(self) -> int:
         """Return the number of figures."""
         return len(self.figures)
+
+    def to_pandas(self) -> Any:
+        """Return the figures as a DataFrame: a row each, with value, unit and meaning.
+
+        Raises:
+            QuestionError: pandas is not installed.
+        """
+        return notebook.pandas().DataFrame.from_dict(
+            {name: figure._asdict() for name, figure in self.items()}, orient="index"
+        )
+
+    def _repr_html_(self) -> str:
+        """Return the figures that are defined, for a notebook."""
+        return notebook.figures(self.name, self)
 
     def nested(self) -> dict[str, object]:
         """Return the values as dicts within dicts, ready for strict JSON.

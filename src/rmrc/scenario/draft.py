@@ -30,6 +30,7 @@ from rmrc.scenario.sections import (
 from rmrc.scenario.values import Section
 from rmrc.scenario.wording import block, show
 from rmrc.support import shipped
+from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem, join
 
@@ -50,6 +51,10 @@ class Scenario(Sections):
     """
 
     _draft: "Draft" = PrivateAttr(default_factory=_nothing)
+
+    def __repr__(self) -> str:
+        """Return its keys and values, as many as fit on a screen."""
+        return cut(super().__repr__())
 
     @property
     def draft(self) -> "Draft":

@@ -2,16 +2,76 @@
 
 import io
 from collections.abc import Sequence
+from contextlib import AbstractContextManager, nullcontext
 from pathlib import Path
+from textwrap import fill
+from typing import Any
 
 import matplotlib as mpl
 from matplotlib.figure import Figure
 
+from rmrc.show.asked import ASKED
 from rmrc.support.files import written_whole
 
 # Without colors, neighbors differ by these; a dozen curves have a pair each.
 DASHES = ((1, 0), (5, 2), (2, 1), (6, 1.5, 1.5, 1.5), (9, 3), (3, 1, 1, 1, 1, 1))
 MARKERS = "osD^vP*X"
+
+
+# A picture that is narrower than this is for a column: its legend is below it, its title in the caption [in].
+COLUMN = 5.0
+# Height of such a picture, at least, as a part of its width; and width of a letter, as a part of its size.
+LOWEST, LETTER = 0.75, 0.55
+
+
+def sheet(width: float, height: float) -> Figure:
+    """Return an empty figure of a size [in], or as wide as a user asks, with the same proportions.
+
+    Letters are as large as asked where what draws into it is within `lettering`.
+    """
+    wide = ASKED.get().width or width
+    high = height * wide / width
+    return Figure(figsize=(wide, max(high, LOWEST * wide) if is_narrow() else high), layout="constrained")
+
+
+def lettering() -> AbstractContextManager[None]:
+    """Have letters as large as a user asks: those that are smaller by custom are 7 pt at least."""
+    font = ASKED.get().font or (8.0 if is_narrow() else None)
+    if font is None:
+        return nullcontext()
+    small = max(min(7.0, font), font - 1.0)
+    return mpl.rc_context(
+        {"font.size": font, "legend.fontsize": small, "axes.titlesize": font, "figure.titlesize": font}
+    )
+
+
+def entitle(figure: Figure, text: str) -> None:
+    """Put a title above a picture, unless it is for a column."""
+    if not is_narrow():
+        figure.get_axes()[0].set_title(text)
+
+
+def explain(figure: Figure, **options: Any) -> None:
+    """Put a legend outside the axes of a picture, or below them, entry by entry, where it is for a column."""
+    if not is_narrow():
+        figure.legend(frameon=False, **options)
+        return
+    # The legend takes its height from nobody: the figure grows by it.
+    found = figure.legend(**{**options, "frameon": False, "loc": "outside lower left", "ncols": 1})
+    (width, height), size = figure.get_size_inches(), mpl.rcParams["font.size"]
+    for text in found.get_texts():
+        letters = int((72.0 * width - 6.0 * size) / (LETTER * size))
+        text.set_text(
+            "\n".join(fill(one, letters, drop_whitespace=False) for one in text.get_text().split("\n"))
+        )
+    count = sum(1 + text.get_text().count("\n") for text in found.get_texts())
+    figure.set_size_inches(width, height + 1.5 * count * size / 72.0)
+
+
+def is_narrow() -> bool:
+    """Return whether a picture is for a column of a journal."""
+    width = ASKED.get().width
+    return width is not None and width < COLUMN
 
 
 def save(figure: Figure, paths: Sequence[Path]) -> None:

@@ -4,9 +4,12 @@ import math
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
+from matplotlib.textpath import text_to_path
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
@@ -26,6 +29,9 @@ WIDE = 5.0
 SPANS = 1500
 # Heights of a panel over time, of a lane of the status, of the path, of the filter [in].
 TALL, LANE, PATH, FILTER = 1.15, 0.17, 2.1, 1.9
+# Of legends: lengths of a handle and between columns, as parts of the size of letters; and the room that the
+# vertical axis takes beside a panel [pt].
+HANDLE, SPACE, AXIS = 2.2, 1.2, 45.0
 GRAY = "0.45"
 DOTTED = (0, (1, 1.5))
 
@@ -177,14 +183,30 @@ def decades(values: Array) -> tuple[float, float]:
 
 
 def legend(axes: Axes, columns: int) -> None:
-    """Put the legend above the panel, where it covers nothing."""
+    """Put the legend above the panel, where it covers nothing.
+
+    Args:
+        axes: The panel.
+        columns: At most; fewer where long names would make the legend wider than the figure.
+    """
     axes.grid(color="0.92", linewidth=0.6)
     if axes.get_yscale() == "linear":
         axes.yaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3, steps=[1, 2, 2.5, 5, 10]))
+    names = axes.get_legend_handles_labels()[1]
+    size = FontProperties(size=mpl.rcParams["legend.fontsize"]).get_size_in_points()
+    room = 72.0 * axes.figure.bbox.width / axes.figure.dpi - AXIS - SPACE * size
+    width = max([size, *(_width(name, size) for name in names)]) + (HANDLE + SPACE + 0.5) * size
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, handlelength=2.2,
-        columnspacing=1.2, borderaxespad=0.1, handletextpad=0.5,
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=max(1, min(columns, int(room / width))),
+        frameon=False, handlelength=HANDLE, columnspacing=SPACE, borderaxespad=0.1, handletextpad=0.5,
     )  # fmt: skip
+
+
+def _width(text: str, size: float) -> float:
+    """Return the width of a text in letters of a size [pt]."""
+    is_formula = text.replace(r"\$", "").count("$") > 1
+    width, _, _ = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), is_formula)
+    return float(width)
 
 
 def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:

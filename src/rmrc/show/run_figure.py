@@ -26,6 +26,7 @@ from rmrc.show.panels import (
     legend,
     name_lanes,
     paints,
+    path_plane,
     power,
     rate_unit,
     split_error,
@@ -38,8 +39,15 @@ from rmrc.show.panels import (
 CLIPPED = 1.6
 # Without limits, rates are drawn on a signed logarithmic scale if the peak is so many times the median peak.
 BLOWN_UP = 30.0
-# Torque limits are drawn up to so many times the peak: farther away they would flatten the curves.
+# Limits are drawn up to so many times the peak: farther away they would flatten the curves.
 FAR = 3.0
+# What the plain inverse would ask is drawn where it is so many times the peak: else it is the same curve.
+PLAIN_MORE = 1.05
+# How much higher the plot is then.
+ROOM = 1.35
+# Ellipses on the way out, beside that at the smallest singular value, and the time in which a tip at unit
+# joint rates draws them [s].
+ELLIPSES, ELLIPSE_TIME = 4, 0.2
 
 
 def figure(run: Run, names: Sequence[str], width: float) -> Figure:
@@ -58,8 +66,14 @@ def figure(run: Run, names: Sequence[str], width: float) -> Figure:
 def _draw_path(axes: Axes, run: Run) -> None:
     """Draw the path wanted and the path taken, on the two world axes along which most happens."""
     wanted, taken = run["pose_ref"][:, :3], run["pose"][:, :3]
-    first, second = frame_path(axes, [wanted, taken])
-    blue = paints(1)[0]
+    outlines = _ellipses(run, *path_plane([wanted, taken])[:2])
+    first, second = frame_path(axes, [wanted, taken, *outlines])
+    blue, _, green = paints(3)
+    for i, outline in enumerate(outlines):
+        axes.fill(
+            *outline[:, [first, second]].T, facecolor=f"{green}30", edgecolor=green, linewidth=0.7,
+            label=None if i else f"velocities, {ELLIPSE_TIME:g} s",
+        )  # fmt: skip
     axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
     axes.plot(taken[:, first], taken[:, second], color=blue, linewidth=1.1, label="actual")
     closest = int(np.argmin(run["sigma"][:, -1]))
@@ -71,7 +85,36 @@ def _draw_path(axes: Axes, run: Run) -> None:
     legend(axes, 2)
 
 
-def _draw_rates(axes: Axes, run: Run) -> None:
+def _ellipses(run: Run, first: int, second: int) -> list[Array]:
+    """Return outlines of velocity ellipses at a few instants, (p, 3) each [m].
+
+    Where the task is the two translations of the plane, the columns have all of them: half axes of the
+    singular values, and the direction of the smaller. Other ellipsoids need the model.
+
+    Args:
+        run: Of one tick at least.
+        first: World axis of the plane.
+        second: The other one.
+    """
+    is_whole = {*run.axes} == {"xyz"[first], "xyz"[second]} and run["sigma"].shape[1] == 2
+    if not is_whole or run.view.frame != "world" or len(set(run.weights)) > 1:
+        return []
+    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run["pose"][:, :3], axis=0), axis=1))])
+    rows = np.searchsorted(way, np.linspace(0.0, 0.5 * way[-1], ELLIPSES)).clip(0, len(run) - 1)
+    rows = np.unique([*rows, int(np.argmin(run["sigma"][:, -1]))])
+    scale = ELLIPSE_TIME * run.length / math.sqrt(run.weights[0] if run.weights else 1.0)
+    angle, found = np.linspace(0.0, 2.0 * np.pi, 73)[:, None], []
+    for row in rows:
+        low = np.zeros(3)
+        low[[first, second]] = run["u_min"][row, [first, second]]
+        high = np.zeros(3)
+        high[[first, second]] = -low[second], low[first]
+        large, small = scale * run["sigma"][row]
+        found.append(run["pose"][row, :3] + large * np.cos(angle) * high + small * np.sin(angle) * low)
+    return found
+
+
+def draw_rates(axes: Axes, run: Run) -> None:
     """Draw measured and commanded rates against their limits; a peak beyond the plot is written."""
     colors, limit = paints(len(run.joints)), np.array(run.rate_limit or [math.inf] * len(run.joints))
     for j, (name, paint) in enumerate(zip(run.joints, colors, strict=True)):
@@ -79,21 +122,51 @@ def _draw_rates(axes: Axes, run: Run) -> None:
         axes.plot(*thinned(run["time"], run["qdot"][:, j]), color=paint, linestyle=dashes, label=plain(name))
         axes.plot(*thinned(run["time"], run["qdot_cmd"][:, j]), color=paint, linewidth=0.5, alpha=0.6)
     known = sorted(set(limit[np.isfinite(limit)].tolist()))
-    _draw_limits(axes, limit, colors)
     both = np.abs(np.hstack([run["qdot"], run["qdot_cmd"]]))
-    peak = float(both.max())
+    peak, told = float(both.max()), []
+    _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), colors)
+    if known and known[0] >= FAR * peak:
+        told.append(f"limit{'s from' * (len(known) > 1)} {_grouped(known[0])} {rate_unit(run)}/s ↑")
     if known and peak > CLIPPED * known[-1]:
         axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
         joint = run.joints[int(both.max(axis=0).argmax()) % len(run.joints)]
-        axes.text(
-            0.99, 0.96, f"peak {_grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})",
-            transform=axes.transAxes, va="top", ha="right",
-            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.8, "pad": 1.0},
-        )  # fmt: skip
-    elif peak > BLOWN_UP * max(float(np.median(both.max(axis=1))), 1e-12):
+        told.append(f"peak {_grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})")
+    elif not known and peak > BLOWN_UP * max(float(np.median(both.max(axis=1))), 1e-12):
         axes.set_yscale("symlog", linthresh=power(float(np.median(both.max(axis=1)))))
+    told += _draw_plain(axes, run, colors, peak)
+    if told:
+        axes.text(
+            0.99, 0.96, "\n".join(told), transform=axes.transAxes, va="top", ha="right",
+            bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1.0},
+        )  # fmt: skip
     axes.set_ylabel(rf"rate $\dot q$ [{rate_unit(run)}/s]")
     legend(axes, 4)
+
+
+def _draw_plain(axes: Axes, run: Run, colors: Sequence[str], peak: float) -> list[str]:
+    """Draw what the plain inverse would ask where that is more than is commanded; return its peak in words.
+
+    The plot stays as high as its other curves need: what is beyond them is told, not drawn.
+    """
+    rates = run.columns.get("qdot_plain")
+    if rates is None or not np.isfinite(rates).any():  # a file from before it was kept
+        return []
+    asked = np.nan_to_num(np.abs(rates), nan=0.0, posinf=0.0)
+    most = float(asked.max())
+    if most <= PLAIN_MORE * peak:
+        return []
+    low, high = axes.get_ylim()
+    for j, paint in enumerate(colors):
+        time, values = thinned(run["time"], run["qdot_plain"][:, j])
+        axes.plot(
+            time, values, color=paint, linewidth=0.9, linestyle=(0, (2, 1.5)), alpha=0.75, zorder=1.5,
+            label=None if j else r"plain $J^{-1}$",
+        )  # fmt: skip
+    axes.set_ylim(ROOM * low, ROOM * high)
+    if most <= ROOM * high:
+        return []
+    joint = run.joints[int(asked.max(axis=0).argmax())]
+    return [rf"plain $J^{{-1}}$ asks {_grouped(most)} {rate_unit(run)}/s ↑ ({plain(joint)})"]
 
 
 def _draw_sigma(axes: Axes, run: Run) -> None:
@@ -206,6 +279,6 @@ def _grouped(value: float) -> str:
 
 
 _DRAW: dict[str, Callable[..., None]] = {
-    "path": _draw_path, "rates": _draw_rates, "sigma": _draw_sigma, "error": _draw_error,
+    "path": _draw_path, "rates": draw_rates, "sigma": _draw_sigma, "error": _draw_error,
     "torque": _draw_torque, "pace": _draw_pace, "status": _draw_status, "g": _draw_filter,
 }  # fmt: skip

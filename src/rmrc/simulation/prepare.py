@@ -29,6 +29,7 @@ from rmrc.scenario.sections import PROFILE
 from rmrc.simulation.reference import Reference
 from rmrc.simulation.start import start_positions
 from rmrc.simulation.trajectory import Places, make_reference
+from rmrc.support.brief import brief
 from rmrc.support.errors import ModelError, ScenarioError, TargetError
 from rmrc.support.legible import listed
 from rmrc.support.notices import tell, tell_assumed
@@ -137,6 +138,7 @@ def _key(arm: Arm) -> Hashable:
     return arm.path.resolve(), *frame, tuple((name, folder.absolute()) for name, folder in arm.packages)
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Prepared:
     """All that a world needs.

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
+from rmrc.support.brief import brief
 
 # Ruckig's seven phases, and rest behind them.
 PHASES = 8
@@ -35,6 +36,7 @@ PIECE = np.dtype(
 )  # fmt: skip
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Reference:
     """A target at each control tick, at rest at the first and at the last.

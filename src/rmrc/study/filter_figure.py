@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rmrc.show.figures import DASHES, MARKERS, plain, save
+from rmrc.show.figures import DASHES, MARKERS, entitle, explain, is_narrow, lettering, plain, save, sheet
 from rmrc.show.palette import BLACK, distinct, mix
 from rmrc.study.filters import FilterFactor
 
@@ -23,11 +23,12 @@ def filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]], paths:
         curves: Label and curve of each variant, one or more.
         paths: Files to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
     """
-    save(_filter_factors(name, curves), paths)
+    with lettering():
+        save(_filter_factors(name, curves), paths)
 
 
 def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Figure:
-    figure = Figure(figsize=(9.0, max(4.8, 1.0 + LEGEND_LINE * len(curves))), layout="constrained")
+    figure = sheet(9.0, max(4.8, 1.0 + LEGEND_LINE * len(curves)))
     axes = figure.add_subplot(xscale="log", yscale="log")
     both = np.concatenate([curve.sigma for _, curve in curves])
     ends = np.array([both.min(), both.max()])
@@ -51,8 +52,8 @@ def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Fi
         )  # fmt: skip
     axes.plot(ends, 1.0 / ends, ":", color="black", linewidth=0.9, label="1/σ, exact")
     _frame(axes, curves)
-    axes.set_title(f"{plain(name)}: the inverses as filters")
-    figure.legend(loc="outside right upper", frameon=False, handlelength=4.5)
+    entitle(figure, f"{plain(name)}: the inverses as filters")
+    explain(figure, loc="outside right upper", handlelength=4.5)
     return figure
 
 
@@ -64,8 +65,7 @@ def _frame(axes: Axes, curves: Sequence[tuple[str, FilterFactor]]) -> None:
     if len(positive):
         axes.set_ylim(0.5 * positive.min(), 2.0 * positive.max())
     axes.set_yscale("log", nonpositive="clip")
-    axes.set_xlabel(
-        "σ of the direction that is lost first [1]\nmarks: the smallest of each run, at the edge if beyond"
-    )
-    axes.set_ylabel("g(σ), joint rate for a unit of task velocity [1]")
+    more = "" if is_narrow() else "\nmarks: the smallest of each run, at the edge if beyond"
+    axes.set_xlabel(f"σ of the direction that is lost first [1]{more}")
+    axes.set_ylabel("gain g(σ) [1]" if is_narrow() else "g(σ), joint rate for a unit of task velocity [1]")
     axes.grid(which="major", color="0.85", linewidth=0.8)

@@ -6,7 +6,7 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TypeAlias
 
-from rmrc.results.run import Run
+from rmrc.results.run import Run, Runs
 from rmrc.scenario import Source, draft_of, grid
 from rmrc.study.compare import Comparison
 from rmrc.study.dataset import Table
@@ -53,7 +53,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
 
 def compare(
     scenario: Source, vary: Values, *, out: str | os.PathLike[str] | None = None, record: bool = True
-) -> dict[str, Run]:
+) -> Runs:
     """Run variants of a scenario side by side, as one batch; the function behind `rmrc compare`.
 
     Args:
@@ -85,7 +85,7 @@ def compare(
         left = Comparison(scenario, variants, folder=Path(out), record=record).run()
         left.raise_any()
         results = left.results
-    return {variant.label: one.run for variant, one in zip(variants, results, strict=True)}
+    return Runs({variant.label: one.run for variant, one in zip(variants, results, strict=True)})
 
 
 def sweep(

@@ -6,12 +6,14 @@ from pathlib import Path
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from rmrc.show.figures import MARKERS, plain, save
+from rmrc.show.figures import MARKERS, entitle, explain, lettering, plain, save, sheet
 from rmrc.show.palette import BLACK, distinct, mix
 from rmrc.tuning.tables import Row
 
 # What has a name: drawn large, and told apart without colors.
 _NAMED = {"recommended": ("*", 15.0), "second best": ("D", 13.0), "as written": ("X", 13.0)}
+# Sizes of the markers of the first method and of the last.
+LARGEST, SMALLEST = 11.0, 4.0
 # The picture shows errors down from so many times the largest that has a name.
 _ROOM = 4.0
 
@@ -40,14 +42,23 @@ def front_figure(
         marks: Those that have a name, the most important first.
         limits: Rate limits of the joints [rad/s].
     """
-    figure = Figure(figsize=(9.0, 5.4), layout="constrained")
+    with lettering():
+        return _front(name, points, front, marks, limits)
+
+
+def _front(
+    name: str, points: Sequence[Row], front: Sequence[Row], marks: Sequence[Row], limits: Sequence[float]
+) -> Figure:
+    figure = sheet(9.0, 5.4)
     axes = figure.add_subplot(yscale="log")
     methods = sorted({one.words for one in points})
     for i, (color, method) in enumerate(zip(distinct(len(methods)), methods, strict=True)):
+        # Far from a singularity methods do the same: rings within each other show how many there are.
+        size = LARGEST - (LARGEST - SMALLEST) * i / max(1, len(methods) - 1)
         axes.plot(
             *_steps([one for one in points if one.words == method]), linestyle="",
-            marker=MARKERS[i % len(MARKERS)], markersize=4.5, alpha=0.55,
-            color=f"#{mix(color, BLACK, 0.15) >> 8:06x}", markeredgewidth=0.0, label=plain(method),
+            marker=MARKERS[i % len(MARKERS)], markersize=size, markerfacecolor="none",
+            color=f"#{mix(color, BLACK, 0.15) >> 8:06x}", markeredgewidth=1.0, label=plain(method),
         )  # fmt: skip
     axes.step(*_steps(front), where="post", color="black", linewidth=1.3, label="front", zorder=3)
     for i, mark in enumerate(marks):  # the first on top
@@ -58,8 +69,8 @@ def front_figure(
             label=f"{mark.name}: {plain(mark.words)}",
         )  # fmt: skip
     _frame(axes, points, marks, limits)
-    axes.set_title(f"{plain(name)}: settings that keep the limits on every copy")
-    figure.legend(loc="outside right upper", frameon=False)
+    entitle(figure, f"{plain(name)}: settings that keep the limits on every copy")
+    explain(figure, loc="outside right upper")
     return figure
 
 

@@ -16,6 +16,7 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.study.dataset import Column, write_table
 from rmrc.study.margins.margins import Asking, Margins
 from rmrc.study.study import OnRuns, Study
+from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
@@ -51,6 +52,7 @@ _ACCURACY = 0.05
 _COARSE, _FEWEST = 0.3, 300
 
 
+@brief
 @dataclass(frozen=True)
 class Tuned:
     """What a search found.

@@ -14,10 +14,12 @@ from rmrc.analysis.new.nearest import nearest_singularity
 from rmrc.analysis.new.scaling import scales
 from rmrc.analysis.subject import Model, Packages, read_arm
 from rmrc.arm.inventory import actuators, contacts, other_joints
+from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Checked(Facts):
     """What was found out about a model.

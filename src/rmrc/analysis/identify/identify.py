@@ -9,6 +9,7 @@ from rmrc.analysis.identify.fit import Fitted, Interval, Samples, fit, fit_lag
 from rmrc.analysis.identify.log import Log, Source, read_log
 from rmrc.analysis.identify.noise import resolution, white_noise
 from rmrc.analysis.identify.verdict import odd, unfit, untold
+from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 
 # Longer than any arm is known to take [s].
@@ -38,6 +39,7 @@ class Joint:
     notes: tuple[str, ...]
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Identified:
     """What `identify` found.

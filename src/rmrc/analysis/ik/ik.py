@@ -21,10 +21,12 @@ from rmrc.analysis.ik.solve import (
 from rmrc.analysis.subject import Model, Packages, numbers, subject
 from rmrc.law.descent import unwound
 from rmrc.law.task import Array, Task
+from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import AXES
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class IkResult:
     """What `ik` found.

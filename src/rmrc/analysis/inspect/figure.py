@@ -13,7 +13,7 @@ from matplotlib.patches import Polygon
 from rmrc.analysis.inspect.inspection import Inspection
 from rmrc.analysis.inspect.routes import Array, link_transforms
 from rmrc.arm import Arm
-from rmrc.show.figures import plain, save
+from rmrc.show.figures import explain, lettering, plain, save, sheet
 from rmrc.show.sheets import number
 from rmrc.textbook.ellipsoid import Ellipsoid, ellipsoid_points, force_ellipsoid, velocity_ellipsoid
 from rmrc.textbook.reference_frame import rotate_jacobian
@@ -39,7 +39,8 @@ def draw_arm(found: Sequence[Inspection], path: Path) -> None:
         found: Inspections of one arm, one or more.
         path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
     """
-    save(figure(found), [path])
+    with lettering():
+        save(figure(found), [path])
 
 
 def figure(found: Sequence[Inspection]) -> Figure:
@@ -48,7 +49,7 @@ def figure(found: Sequence[Inspection]) -> Figure:
     sticks = [skeleton(one) for one in found]
     length = max(float(np.linalg.norm(np.diff(stick, axis=0), axis=1).sum()) for stick in sticks)
     scales = _scales(found, planes, length)
-    picture = Figure(figsize=(7.0 * len(planes), 7.0 + 0.25 * len(found)), layout="constrained")
+    picture = sheet(7.0 * len(planes), 7.0 + 0.25 * len(found))
     for panel, plane in enumerate(planes):
         axes = picture.add_subplot(1, len(planes), panel + 1)
         for i, (one, stick) in enumerate(zip(found, sticks, strict=True)):
@@ -70,9 +71,7 @@ def figure(found: Sequence[Inspection]) -> Figure:
         axes.set_axisbelow(True)
     arm = found[0].arm
     picture.suptitle(plain(f"{arm.path.name}, site {arm.site}"))
-    picture.legend(
-        handles=_legend(found, scales, CUT_SHARE * length), loc="outside lower left", frameon=False
-    )
+    explain(picture, handles=_legend(found, scales, CUT_SHARE * length), loc="outside lower left")
     return picture
 
 

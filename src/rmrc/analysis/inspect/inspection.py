@@ -14,6 +14,7 @@ from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.analysis.subject import FRAMES, Model, Packages, numbers, subject
 from rmrc.arm import Arm
 from rmrc.law.task import SAMPLES, Task
+from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.spatial import AXES, quat_to_matrix
 from rmrc.textbook.displacement import tip_covariance, tip_error
@@ -74,6 +75,7 @@ class TipError:
         return np.sqrt(np.maximum(np.diag(self.covariance), 0.0))
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Inspection:
     """An arm at one configuration. Vectors are along world axes but for `jacobian`.

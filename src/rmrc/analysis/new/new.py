@@ -23,6 +23,7 @@ from rmrc.scenario import Scenario, loads
 from rmrc.scenario.choices import IDEAL, PLANTS, SERVO
 from rmrc.simulation.prepare import Cache, prepare
 from rmrc.simulation.simulation import Simulation
+from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.legible import quoted
@@ -41,6 +42,7 @@ COARSE = 5.0 * PERIOD
 LOOKS = 40
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class New:
     """A scenario for an arm that had none.

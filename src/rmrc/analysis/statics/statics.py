@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike
 from rmrc.analysis.statics.balance import Balance, Costs, Elsewhere, balance, elsewhere, wrench_costs
 from rmrc.analysis.statics.hold import HoldResult, hold_wrench
 from rmrc.analysis.subject import Model, Packages, numbers, subject
+from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError
 from rmrc.support.spatial import rotate
 
@@ -16,6 +17,7 @@ FRAMES = ("world", "site")
 WRENCH = ("fx", "fy", "fz", "nx", "ny", "nz")
 
 
+@brief
 @dataclass(frozen=True, eq=False)
 class Statics:
     """What `statics` found.

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rmrc.analysis.workspace.joint_map import JointMap
 from rmrc.analysis.workspace.reach import Workspace
 from rmrc.law.task import Array
-from rmrc.show.figures import plain, save
+from rmrc.show.figures import entitle, explain, lettering, plain, save, sheet
 
 NAMES = {
     "sigma_min": "σ_min [1]",
@@ -42,18 +42,17 @@ def draw(found: Workspace | JointMap, path: Path, measure: str | None = None) ->
         measure: `sigma_min`, `manipulability`, `condition`, or of a slice `postures`, as a map of what is
             reached within the limits; None for none, and over two joints for `sigma_min`.
     """
-    figure = (
-        _joint_map(found, measure or "sigma_min")
-        if isinstance(found, JointMap)
-        else _workspace(found, measure)
-    )
-    save(figure, [path])
+    with lettering():
+        if isinstance(found, JointMap):
+            save(_joint_map(found, measure or "sigma_min"), [path])
+        else:
+            save(_workspace(found, measure), [path])
 
 
 def _workspace(found: Workspace, measure: str | None) -> Figure:
     arm, part = found.task.arm, found.part
     wide, high = found.a[-1] - found.a[0], found.b[-1] - found.b[0]
-    figure = Figure(figsize=(WIDTH, np.clip(WIDTH * high / wide, 4.0, 8.0) + 1.7), layout="constrained")
+    figure = sheet(WIDTH, float(np.clip(WIDTH * high / wide, 4.0, 8.0)) + 1.7)
     axes = figure.add_subplot(aspect="equal")
     handles: list[Patch | Line2D] = []
     same = bool((found.free.reached == found.limited.reached).all())
@@ -96,8 +95,8 @@ def _workspace(found: Workspace, measure: str | None) -> Figure:
     if part.cuts:
         other = ({"x", "y", "z"} - set(part.name)).pop()
         where = f", {other} = {round(float(part.origin @ part.normal), 9) + 0.0:.3g} m"
-    axes.set_title(f"{plain(arm.path.stem)}: workspace of {plain(arm.site)}{where}")
-    figure.legend(handles=handles, loc="outside lower center", ncols=2, frameon=False, handlelength=3.5)
+    entitle(figure, f"{plain(arm.path.stem)}: workspace of {plain(arm.site)}{where}")
+    explain(figure, handles=handles, loc="outside lower center", ncols=2, handlelength=3.5)
     return figure
 
 
@@ -224,7 +223,7 @@ def _colored(figure: Figure, axes: Axes, a: Array, b: Array, values: Array, meas
 
 def _joint_map(found: JointMap, measure: str) -> Figure:
     arm = found.task.arm
-    figure = Figure(figsize=(WIDTH, 6.4), layout="constrained")
+    figure = sheet(WIDTH, 6.4)
     axes = figure.add_subplot()
     degrees = [1.0 if arm.is_slide[joint] else 180.0 / np.pi for joint in found.joints]
     first, second = found.first * degrees[0], found.second * degrees[1]
@@ -236,10 +235,10 @@ def _joint_map(found: JointMap, measure: str) -> Figure:
     names = [f"{plain(arm.joints[joint])} [{'m' if arm.is_slide[joint] else '°'}]" for joint in found.joints]
     axes.set_xlabel(names[0])
     axes.set_ylabel(names[1])
-    axes.set_title(f"{plain(arm.path.stem)}: {plain(arm.site)}, rows {' '.join(found.task.axes)}")
+    entitle(figure, f"{plain(arm.path.stem)}: {plain(arm.site)}, rows {' '.join(found.task.axes)}")
     axes.plot(
         found.q[found.joints[0]] * degrees[0], found.q[found.joints[1]] * degrees[1], "*", markersize=14.0,
         color="white", markeredgecolor="black", label="the arm as asked",
     )  # fmt: skip
-    figure.legend(loc="outside lower center", ncols=2, frameon=False, handlelength=3.5)
+    explain(figure, loc="outside lower center", ncols=2, handlelength=3.5)
     return figure

@@ -12,6 +12,7 @@ from rmrc.analysis.workspace.folds import zero_curves
 from rmrc.analysis.workspace.footprint import MAPPED, refuse_excess
 from rmrc.arm import Arm
 from rmrc.law.task import Array, Task
+from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.legible import quoted
 
@@ -23,6 +24,7 @@ ROUNDING = 1e-12
 VALLEYS, ROUNDS, FINEST = 8, 200, 1e-11
 
 
+@brief
 @dataclass(frozen=True)
 class JointMap:
     """What `joint_map` found.

@@ -10,6 +10,7 @@ from rmrc.analysis.survey import Survey
 from rmrc.analysis.workspace.extents import Extent
 from rmrc.analysis.workspace.slices import Slice
 from rmrc.law.task import Array, Task
+from rmrc.support.brief import brief
 
 Measure = Literal["sigma_min", "manipulability", "condition"]
 MEASURES: tuple[Measure, ...] = ("sigma_min", "manipulability", "condition")
@@ -73,6 +74,7 @@ class Reach:
         return float(borders) * (1.0 if (self.postures < 0).any() else 0.5) * self.size**2
 
 
+@brief
 @dataclass(frozen=True)
 class Workspace:
     """What `workspace` found.

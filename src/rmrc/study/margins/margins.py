@@ -10,6 +10,7 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.study.margins.ringing import Judged, lateness
 from rmrc.study.margins.search import ACCURACY, Edge, Search, close_in, delay, gain, lag
 from rmrc.study.study import OnRuns, Study
+from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag, rule_gain
@@ -44,6 +45,7 @@ class Margin:
         return self.edge.value
 
 
+@brief
 @dataclass(frozen=True)
 class Margins:
     """The margins of a scenario.

@@ -1,0 +1,72 @@
+"""OpenGL without a display: which of its routes this machine has, and one line where it has none."""
+
+import ctypes.util
+import os
+import platform
+import warnings
+from contextlib import AbstractContextManager
+from importlib import import_module
+from typing import Any
+
+from rmrc.support.errors import QuestionError
+from rmrc.support.legible import line
+
+# By the names of MUJOCO_GL.
+LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
+WAY_OUT = "Debian and Ubuntu have it in libegl1 and libgl1-mesa-dri, or in libosmesa6 for MUJOCO_GL=osmesa"
+
+
+class PictureError(QuestionError):
+    """This machine cannot draw, or not what is asked."""
+
+
+def refuse_missing() -> None:
+    """Refuse what MUJOCO_GL names if it is not here: MuJoCo itself could not be imported then.
+
+    Raises:
+        PictureError: It is not here.
+    """
+    asked = os.environ.get("MUJOCO_GL", "").lower().strip()
+    library = LIBRARIES.get(asked)
+    if platform.system() == "Linux" and library and not ctypes.util.find_library(library):
+        raise PictureError(f"MUJOCO_GL={asked} needs lib{library}, which is missing; {WAY_OUT}")
+
+
+def opened(width: int, height: int) -> Any:
+    """Return an OpenGL context without a display: what MUJOCO_GL names, else EGL or OSMesa.
+
+    MuJoCo decides when it is imported, and for a window where nobody said what; that is too early and needs
+    a display.
+
+    Args:
+        width: Of the pictures [pixels].
+        height: Of the pictures [pixels].
+
+    Raises:
+        PictureError: There is none.
+    """
+    try:
+        with quietly():
+            # By name: MuJoCo has a module for each route, and its import fails where the route is missing.
+            return import_module(_route()).GLContext(width, height)
+    except Exception as error:  # ImportError, AttributeError, RuntimeError and those of PyOpenGL
+        raise no_picture(error) from None
+
+
+def _route() -> str:
+    """Return the module of MuJoCo that opens OpenGL here."""
+    if platform.system() != "Linux" or os.environ.get("MUJOCO_GL"):
+        return "mujoco"
+    has_mesa_alone = not ctypes.util.find_library("EGL") and ctypes.util.find_library("OSMesa")
+    return "mujoco.osmesa" if has_mesa_alone else "mujoco.egl"
+
+
+def quietly() -> AbstractContextManager[Any]:
+    """Keep warnings of GLFW to itself: the error says the same."""
+    return warnings.catch_warnings(action="ignore")
+
+
+def no_picture(error: Exception) -> PictureError:
+    """Return what a user is told for an error of OpenGL, whichever it is."""
+    reason = line(str(error).strip().partition("\n")[0].rstrip(".")) or type(error).__name__
+    return PictureError(f"this machine has no OpenGL to draw with ({reason}); {WAY_OUT}")

@@ -1,0 +1,78 @@
+"""The strip below an arm: its joint rates over time against their limits, and a cursor that moves."""
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from rmrc.results.run import Run
+from rmrc.show.run_figure import draw_rates
+
+DPI = 100.0
+# Of the letters [pt]: 11 pixels, which are read on a screen.
+LETTERS = 8.0
+# Beside the plot [pixels]: for the numbers at its left and below it, and what stays free. It is as high as
+# the last at least, or else has no legend.
+LEFT, BELOW, FREE, LEAST = 54, 38, 14, 40
+CURSOR = (0.9, 0.28, 0.3)
+
+
+class Strip:
+    """Joint rates of a run, drawn once.
+
+    Attributes:
+        axes: As matplotlib has them.
+    """
+
+    def __init__(self, run: Run, end: float, width: int, height: int) -> None:
+        """Draw the rates.
+
+        Args:
+            run: Of one tick at least.
+            end: Of the time axis [s].
+            width: Of the picture [pixels].
+            height: Of the picture [pixels].
+        """
+        with mpl.rc_context({"font.size": LETTERS, "legend.fontsize": LETTERS}):
+            figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)
+            self._canvas = FigureCanvasAgg(figure)
+            self.axes: Axes = figure.add_subplot()
+            draw_rates(self.axes, run)
+            self.axes.set_xlim(0.0, end)
+            self.axes.set_xlabel("time [s]", labelpad=1.0)
+        self._picture: NDArray[np.uint8] | None = None
+        above, legend = float(FREE), self.axes.get_legend()
+        if legend is not None:
+            renderer = self._canvas.get_renderer()  # type: ignore[no-untyped-call]
+            above = legend.get_window_extent(renderer).height + 2.0
+            if height - BELOW - above < LEAST:
+                legend.remove()
+                above = float(FREE)
+        size = (width - LEFT - FREE) / width, (height - BELOW - above) / height
+        self.axes.set_position((LEFT / width, BELOW / height, *size))
+
+    def at(self, time: float) -> NDArray[np.uint8]:
+        """Return the strip with the cursor at a time [s], (height, width, 3)."""
+        if self._picture is None:
+            self._canvas.draw()  # type: ignore[no-untyped-call]
+            pixels = self._canvas.buffer_rgba()  # type: ignore[no-untyped-call]
+            self._picture = np.asarray(pixels)[:, :, :3].copy()
+        picture, box = self._picture.copy(), self.axes.get_window_extent()
+        column = self.axes.transData.transform((min(time, self.axes.get_xlim()[1]), 0.0))[0]
+        left = int(np.clip(round(column), box.x0, box.x1 - 2))
+        top = picture.shape[0] - round(box.y1)
+        picture[top : picture.shape[0] - round(box.y0), left : left + 2] = np.multiply(255, CURSOR)
+        return picture
+
+
+def share_scale(strips: Sequence[Strip]) -> None:
+    """Give strips one range, so that rates beside each other can be compared; of logarithmic ones as well."""
+    ranges = [strip.axes.get_ylim() for strip in strips]
+    scales = {strip.axes.get_yscale() for strip in strips}
+    if len(scales) == 1:
+        for strip in strips:
+            strip.axes.set_ylim(min(low for low, _ in ranges), max(high for _, high in ranges))

@@ -1,0 +1,89 @@
+"""How results look in a notebook: tables as HTML, and as DataFrames of pandas, where it is installed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from html import escape
+from typing import Any
+
+from rmrc.results.columns import COLUMNS, Recorded
+from rmrc.support.errors import QuestionError
+
+PANDAS = "to_pandas needs pandas, which rmrc does without: `pip install pandas`"
+
+
+def pandas() -> Any:
+    """Return pandas.
+
+    Raises:
+        QuestionError: It is not installed.
+    """
+    try:
+        import pandas as found
+    except ImportError:
+        raise QuestionError(PANDAS) from None
+    return found
+
+
+def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[object]]) -> str:
+    """Return a table as HTML: numbers at the right, in six digits.
+
+    Args:
+        caption: Above it.
+        headings: Of the columns.
+        rows: Of them; None and NaN are dashes.
+    """
+    head = "".join(f"<th>{escape(text)}</th>" for text in headings)
+    body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
+    title = f"<caption>{escape(caption)}</caption>"
+    return f"<table>{title}<thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+
+
+def _cell(value: object) -> str:
+    if value is None or (isinstance(value, float) and math.isnan(value)):
+        return '<td style="text-align:right">–</td>'
+    if isinstance(value, int | float):
+        return f'<td style="text-align:right">{value:.6g}</td>'
+    return f'<td style="text-align:left">{escape(str(value))}</td>'
+
+
+def figures(name: str, card: Mapping[str, Any]) -> str:
+    """Return the figures of a run that are defined, as HTML."""
+    rows = [
+        (key, one.value, one.unit, one.meaning)
+        for key, one in card.items()
+        if one.value != "" and one.value == one.value  # NaN is not
+    ]
+    return table(name, ("figure", "value", "unit", "meaning"), rows)
+
+
+def beside(cards: Mapping[str, Mapping[str, Any]]) -> str:
+    """Return the figures of several runs side by side, those that differ, as HTML.
+
+    Args:
+        cards: By label; the names of figures are those of the first.
+    """
+    first = next(iter(cards.values()))
+    rows = []
+    for name, one in first.items():
+        values = [card[name].value if name in card else None for card in cards.values()]
+        if any(value != values[0] for value in values):
+            rows.append((name, one.unit, *values))
+    return table("figures that differ", ("figure", "unit", *cards), rows)
+
+
+def frame(run: Recorded) -> Any:
+    """Return the columns of a run as a DataFrame over time: `qdot_cmd.elbow`, `pose.0`, `status`.
+
+    Raises:
+        QuestionError: There is no pandas.
+    """
+    flat = {}
+    for name, values in run.columns.items():
+        if name == "time":
+            continue
+        if values.ndim == 1:
+            flat[name] = values
+            continue
+        parts = run.joints if COLUMNS[name].width == "n" else tuple(map(str, range(values.shape[1])))
+        flat |= {f"{name}.{part}": values[:, i] for i, part in enumerate(parts)}
+    return pandas().DataFrame(flat, index=pandas().Index(run.columns["time"], name="time"))

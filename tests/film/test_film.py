@@ -1,0 +1,257 @@
+"""Pictures and films: what is drawn is where it should be, files are as asked for, and mistakes are one line."""
+
+import ctypes.util
+import sys
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from PIL import Image
+
+import rmrc
+from project import ROOT
+from rmrc.film import camera, encode, opengl
+from rmrc.film.film import Cut, Film, render
+from rmrc.film.opengl import PictureError
+from rmrc.film.renderer import FINER, Renderer
+from rmrc.scenario import loads
+from rmrc.study import filming
+from rmrc.support.errors import QuestionError
+from wording import says
+
+# A tip that goes out and back in a second, without physics.
+SCENARIO = """
+name: there
+arm: {{model: {model}, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+control: {{period: 0.01, inverse: {{method: damped}}}}
+target: {{path: [{{line: {{to: [1.4, 0.0]}}}}, {{line: {{to: [1.0, 0.0]}}}}], limits: {{velocity: 2, acceleration: 8, jerk: 100}}}}
+plant: {{kind: ideal}}
+"""
+MODEL = ROOT / "models/planar_2link.xml"
+
+
+@pytest.fixture(scope="module")
+def opened():
+    """Skip, visibly, where this machine has no OpenGL."""
+    try:
+        opengl.refuse_missing()
+        opengl.opened(8, 8).free()
+    except PictureError as error:
+        pytest.skip(str(error))
+
+
+@pytest.fixture(scope="module")
+def worlds():
+    """Return the world and the run of the scenario, by its name."""
+    return filming.ran(loads(SCENARIO.format(model=MODEL)), ())
+
+
+def projected(renderer, point):
+    """Return the pixel of a point as MuJoCo's camera has it."""
+    eye, other = renderer._scene.camera  # for each eye; the picture is from between them
+    right = np.cross(eye.forward, eye.up)
+    x, y, depth = np.array([right, eye.up, eye.forward]) @ (point - (eye.pos + other.pos) / 2)
+    scale = 0.5 * renderer.height * eye.frustum_near / eye.frustum_top
+    return np.array([renderer.width / 2 + scale * x / depth, renderer.height / 2 - scale * y / depth])
+
+
+@pytest.mark.usefixtures("opened")
+def test_marks_are_in_the_pixels_where_the_camera_of_mujoco_sees_them(worlds):
+    film = Film(worlds, None)
+    (shot,) = film._shots
+    with film:
+        (renderer,), (eye,) = film._renderers, film._cameras
+        at = float(shot.run["time"][shot.run["pose"][:, 0].argmax()])  # outermost
+        picture = shot.picture(at, renderer, eye).astype(int)
+        early = shot.picture(0.0, renderer, eye).astype(int)
+        tip, passed = shot.run["pose"][shot.row(at), :3], np.array([1.2, 0.0, 0.0])
+        for point in (tip, passed):
+            np.testing.assert_allclose(
+                eye.pixels(point, renderer.width, renderer.height)[0], projected(renderer, point), atol=0.01
+            )  # MuJoCo's camera has single precision
+        column, row = projected(renderer, tip).astype(int)
+        red, green, blue = picture[row, column]
+        assert red > green > blue + 60  # the ball at the tip is orange
+        column, row = projected(renderer, passed).astype(int)
+        trail, before = picture[row - 2 : row + 3, column], early[row - 2 : row + 3, column]
+        assert (trail[:, 2] > trail[:, 0] + 60).any()  # the trail is blue
+        assert not (before[:, 2] > before[:, 0] + 60).any()  # and was not there before the tip
+        assert (early[row - 3 : row + 4, column - 12 : column + 13].sum(axis=-1) < 300).any()  # dashes, dark
+        assert (picture[0, 0] == 255).all()  # paper
+
+
+@pytest.mark.usefixtures("opened")
+def test_nothing_of_the_arm_is_cut_off(worlds):
+    film = Film(worlds, (320, 320))
+    with film:
+        for time in np.linspace(0.0, film.end, 5):
+            picture = film._shots[0].picture(time, film._renderers[0], film._cameras[0])
+            edge = np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])
+            assert (edge == 255).all()
+            assert (picture < 128).any(axis=-1).mean() > 0.01
+
+
+@given(st.integers(0, 2**32 - 1), st.sampled_from([None, 0, 1, 2]), st.floats(0.3, 3.0))
+def test_the_camera_sees_all_points_and_is_no_farther_than_it_must(seed, normal, aspect):
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(20, 3)) * rng.uniform(0.1, 3.0, 3) + rng.normal(size=3)
+    width, height = 1000.0 * aspect, 1000.0
+    seen = camera.fitted(points, normal, aspect).pixels(points, width, height)
+    inside = np.stack([seen[:, 0] / width, seen[:, 1] / height], axis=1)
+    margins = np.minimum(inside, 1.0 - inside).min(axis=0)
+    np.testing.assert_allclose(margins.min(), camera.MARGIN / 2, atol=1e-9)  # one direction binds
+
+
+@pytest.mark.usefixtures("opened")
+def test_a_picture_has_the_size_asked_and_an_instant(worlds, tmp_path):
+    for name, at in (("a.png", 0.1), ("b.png", 0.5)):
+        render(worlds, tmp_path / name, Cut(at=at), (300, 260))
+    first, second = (Image.open(tmp_path / name) for name in ("a.png", "b.png"))
+    assert first.size == (300, 260)
+    assert np.abs(np.asarray(first).astype(int) - np.asarray(second)).max() > 100
+
+
+@pytest.mark.usefixtures("opened")
+def test_a_film_has_the_frames_and_the_pace_asked_and_the_same_bytes_each_time(worlds, tmp_path):
+    end = float(next(iter(worlds.values()))[1]["time"][-1])
+    for name in ("a.gif", "b.gif"):
+        render(worlds, tmp_path / name, Cut(fps=12.5, speed=2.0), (200, 200))
+    with Image.open(tmp_path / "a.gif") as film:
+        frames = film.n_frames
+        assert frames == int(np.ceil(end / 0.16 - 1e-9)) + 1
+        durations = []
+        for i in range(frames):
+            film.seek(i)
+            durations.append(film.info["duration"])
+    assert durations == [80] * (frames - 1) + [1500]
+    assert (tmp_path / "a.gif").read_bytes() == (tmp_path / "b.gif").read_bytes()
+
+
+@pytest.mark.usefixtures("opened")
+def test_variants_stand_side_by_side_on_one_scale(worlds):
+    ((world, run),) = worlds.values()
+    film = Film({"one": (world, run), "two": (world, run)}, (640, 320))
+    with film:
+        frame = film.frame(0.3)
+    assert frame.shape == (320, 640, 3)
+    title = 44
+    assert (frame[title:, :320] == frame[title:, 320:]).all()  # all but their labels
+    assert (frame[:title, :320] != frame[:title, 320:]).any()
+
+
+@pytest.mark.usefixtures("opened")
+def test_an_mp4_has_the_frames_asked(worlds, tmp_path):
+    ffmpeg = pytest.importorskip("imageio_ffmpeg", reason="the extra film is not installed")
+    render(worlds, tmp_path / "a.mp4", Cut(fps=10.0, end=0.5), (200, 200))
+    assert ffmpeg.count_frames_and_secs(str(tmp_path / "a.mp4"))[0] == 6
+
+
+def test_without_ffmpeg_one_line_names_the_extra(worlds, tmp_path, monkeypatch):
+    monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
+    with pytest.raises(QuestionError, match=r"rmrc\[film\]"):
+        render(worlds, tmp_path / "a.mp4")
+
+
+@pytest.mark.parametrize("asked", ["egl", "osmesa"])
+def test_without_opengl_one_line_names_the_packages(worlds, tmp_path, monkeypatch, asked):
+    monkeypatch.setenv("MUJOCO_GL", asked)
+    monkeypatch.setattr(ctypes.util, "find_library", lambda _: None)
+    with pytest.raises(PictureError, match=r"libegl1 and libgl1-mesa-dri.*libosmesa6") as told:
+        opengl.refuse_missing()
+    assert "\n" not in str(told.value)
+
+    def opens(*_):
+        raise AttributeError("'NoneType' object has no attribute 'eglQueryString'\nmore")
+
+    monkeypatch.setattr(opengl, "import_module", lambda _: SimpleNamespace(GLContext=opens))
+    with pytest.raises(PictureError, match=r"eglQueryString.*libegl1"):
+        render(worlds, tmp_path / "a.png")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.fixture(scope="module")
+def left(tmp_path_factory):
+    """Return a folder with a model of its own, and what a run with it left."""
+    folder = tmp_path_factory.mktemp("left")
+    (folder / "common").mkdir()
+    for name in ("planar_2link.xml", "common/world.xml"):
+        (folder / name).write_text((ROOT / "models" / name).read_text("utf-8"), "utf-8")
+    rmrc.run(loads(SCENARIO.format(model=folder / "planar_2link.xml")), out=folder, record=False)
+    return folder
+
+
+@pytest.mark.usefixtures("opened")
+def test_what_a_run_left_is_drawn_with_the_model_that_it_names(rmrc, left, tmp_path):
+    out = tmp_path / "x.png"
+    code, told, err = rmrc("render", str(left / "there.json"), "-o", str(out), "--size", "200x200")
+    assert (code, told, err) == (0, f"wrote {out}\n", "")
+    with Image.open(out) as picture:
+        assert picture.size == (200, 200)
+
+
+def test_a_model_that_changed_since_or_is_gone_is_one_line(rmrc, left):
+    model, asked = left / "planar_2link.xml", ("render", str(left / "there.npz"), "-o", "x.png")
+    written = model.read_text("utf-8")
+    changed = written.replace('<site name="tip" pos="1 0 0"/>', '<site name="tip" pos="0.99 0 0"/>')
+    assert changed != written
+    try:
+        model.write_text(changed, "utf-8")
+        code, _, err = rmrc(*asked)
+        assert (code, err) == (2, says("rmrc: error: there: … no longer the model … 10 mm away; …\n"))
+        model.unlink()
+        code, _, err = rmrc(*asked)
+        assert (code, err.count("\n")) == (2, 1)
+        assert "planar_2link.xml" in err
+    finally:
+        model.write_text(written, "utf-8")
+
+
+WRONG = {
+    "kind of picture": (["there.npz", "-o", "x.jpg"], "--out x.jpg: … .gif, .png … .mp4"),
+    "instant of a film": (["there.npz", "--at", "1"], "--at … --from … --to …"),
+    "size": (["there.npz", "--size", "wide"], "--size … WIDTHxHEIGHT … wide…"),
+    "small": (["there.npz", "--size", "20x20"], "--size … 200x200 … 4096x4096 … 20x20"),
+    "odd": (["there.npz", "-o", "x.mp4", "--size", "301x300"], "--size … even … 301x300"),
+    "late": (["there.npz", "-o", "x.png", "--at", "9"], "--at … 0 … 9"),
+    "order": (["there.npz", "--from", "0.3", "--to", "0.2"], "--from and --to … 0.3 and 0.2"),
+    "too long": (["there.npz", "--speed", "0.0001"], "… frames … --fps … --speed …"),
+    "changed": (["there.npz", "--set", "control.feedback=1"], "… has been run … scenario"),
+    "no scenario": (["bare.npz"], "bare.json: … `run` and `compare` leave it …"),
+    "damaged": (["torn.npz"], "torn.json: … scenario … damaged"),
+    "another run": (["other.npz"], "other.json: … another run …"),
+    "a model": (["planar_2link.xml"], "… a model, …"),
+}
+
+
+@pytest.mark.parametrize("case", WRONG)
+def test_a_mistake_is_one_line(rmrc, left, monkeypatch, case):
+    monkeypatch.chdir(left)
+    columns, facts = (left / f"there{kind}" for kind in (".npz", ".json"))
+    for name in ("bare", "torn", "other"):
+        (left / f"{name}.npz").write_bytes(columns.read_bytes())
+    (left / "torn.json").write_text("{", "utf-8")
+    (left / "other.json").write_text(facts.read_text("utf-8").replace('"there"', '"elsewhere"'), "utf-8")
+    arguments, message = WRONG[case]
+    code, out, err = rmrc("render", *arguments)
+    assert (code, out, err.count("\n")) == (2, "", 1)
+    assert err == says(f"rmrc: error: {message}\n")
+
+
+def test_delays_of_a_gif_are_hundredths_of_a_second_and_two_at_least():
+    assert [encode.delay_of(".gif", fps) for fps in (100.0, 50.0, 12.5, 1.0)] == [0.02, 0.02, 0.08, 1.0]
+    assert encode.delay_of(".mp4", 60.0) == 1 / 60
+
+
+@pytest.mark.usefixtures("opened")
+def test_a_pixel_is_the_mean_of_its_parts(worlds):
+    ((world, run),) = worlds.values()
+    assert FINER == 2
+    with Renderer(world.true_arm.model, 64, 48) as small:
+        box = small.corners(run["qpos"][0], world.true_arm.mocap_now)
+        eye = camera.fitted(box, 2, 64 / 48)
+        picture = small.draw(run["qpos"][0], eye, [], world.true_arm.mocap_now)
+    assert picture.shape == (48, 64, 3)
+    assert len(np.unique(picture)) > 20  # edges are smooth

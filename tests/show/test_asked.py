@@ -1,0 +1,78 @@
+"""Pictures of verbs in the width and the letters that a user asks for: those of a journal's column."""
+
+import re
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from matplotlib.figure import Figure
+
+from rmrc.show.asked import sized
+from rmrc.study.filter_figure import filter_factors
+from rmrc.study.filters import FilterFactor
+from rmrc.tuning.figure import draw_front
+from rmrc.tuning.tables import Row
+
+METHODS = ("damped", "filtered", "inverse", "jparse", "pseudoinverse", "selective", "truncated")
+
+
+def sizes(path):
+    """Return the width of an SVG [in] and the sizes of its letters [pt], which are written as px."""
+    text = path.read_text("utf-8")
+    width = float(re.search(r'<svg [^>]*?width="([0-9.]+)pt"', text)[1]) / 72
+    return width, {float(size) for size in re.findall(r"font-size: ([0-9.]+)px", text)} | {
+        float(size) for size in re.findall(r"font: ([0-9.]+)px", text)
+    }
+
+
+def front(path):
+    points = [Row("", name, "", error, 1.9, 1.0) for name in METHODS for error in (1e-3, 5e-3)]
+    marks = [Row("recommended", "damped", "", 1e-3, 1.9, 1.0)]
+    draw_front("x", points, points[:2], marks, [3.0], path)
+
+
+def filters(path):
+    import numpy as np
+
+    sigma = np.geomspace(1e-3, 1.0, 20)
+    curve = FilterFactor(sigma, sigma / (sigma**2 + 0.01), 0.02, 0.02 / 0.0104)
+    filter_factors("x", [("damped", curve), ("a long name of a variant, control.feedback=20", curve)], [path])
+
+
+@pytest.mark.parametrize("draw", [front, filters])
+@pytest.mark.parametrize(("width", "font"), [(3.5, 8.0), (7.16, 9.0)])
+def test_a_picture_is_as_wide_as_asked_with_letters_that_can_be_read(tmp_path, draw, width, font):
+    with sized(width, font):
+        draw(tmp_path / "x.svg")
+    found, letters = sizes(tmp_path / "x.svg")
+    assert found == pytest.approx(width, abs=0.001)
+    assert {font} <= letters <= {font, font - 1.0, 0.7 * font}  # superscripts of powers are smaller
+    draw(tmp_path / "own.svg")
+    assert sizes(tmp_path / "own.svg")[0] == pytest.approx(9.0)  # nothing is left of what was asked
+
+
+@pytest.mark.parametrize("verb", ["inspect", "workspace"])
+def test_verbs_take_the_options(rmrc, tmp_path, verb):
+    more = ["--cells", "30", "--out", str(tmp_path)] if verb == "workspace" else []
+    path = tmp_path / "x.svg"
+    code, _, err = rmrc(verb, "planar_2link", *more, "--picture", str(path), "--width", "88mm", "--font", "8")
+    assert (code, err.count("error")) == (0, 0)
+    width, letters = sizes(path)
+    assert width == pytest.approx(88 / 25.4, abs=0.001)
+    assert letters <= {7.0, 8.0, 5.6}
+    code, _, err = rmrc(verb, "planar_2link", *more, "--picture", str(path), "--width", "88")
+    assert code == 2
+    assert "--width must be a length such as 3.5in" in err
+
+
+def test_methods_that_do_the_same_are_told_apart(monkeypatch):
+    drawn = []
+    monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: drawn.append(self))
+    front(Path("x.png"))
+    (axes,) = drawn[0].get_axes()
+    rings = [line for line in axes.get_lines() if line.get_label() in METHODS]
+    assert [line.get_label() for line in rings] == list(METHODS)
+    around = [line.get_markersize() for line in rings]
+    assert all(later < earlier for earlier, later in pairwise(around))  # within each other
+    assert {line.get_markerfacecolor() for line in rings} == {"none"}
+    assert len({(line.get_color(), line.get_marker()) for line in rings}) == len(METHODS)
