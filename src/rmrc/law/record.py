@@ -110,6 +110,15 @@ SCRATCH = (
     Field("least", size=(ROWS,)), Field("need", size=(ROWS,)), Field("push", size=(ROWS,)),
 )  # fmt: skip
 
+# Where in this process the machine code is that a world needs and others do not (`rmrc.law.jit.apart`).
+ADDRESSES = tuple(
+    Field(f"call_{name}", np.int64)
+    for name in (
+        "metric", "damping", "gains", "null_space", "objective", "policy", "hold_off", "limits", "eased",
+        "rest_bounds", "best", "rest", "sensed", "sent", "second", "sense", "obey",
+    )
+)  # fmt: skip
+
 TICK = (
     Field("time"), Field("q", size=(JOINTS,)), Field("q_believed", size=(JOINTS,)),
     Field("qdot", size=(JOINTS,)), Field("qdot_cmd", size=(JOINTS,)),
