@@ -12,6 +12,7 @@ from rmrc.law import jit
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
 from rmrc.law.record import ADDRESSES
 from rmrc.plants import lockstep
+from rmrc.plants.wiring import WIRING
 
 WORLD = np.dtype([
     ("call_toy", np.int64), ("call_chosen", np.int64), ("is_toy", np.int64), ("choice", np.int64), ("values", float, (3,))
@@ -79,7 +80,9 @@ def test_a_world_that_was_not_prepared_raises_and_harms_nothing():
 
 def test_each_address_is_declared_and_used():
     known = [one for one in jit._APARTS if one.function.__module__ != __name__]
-    assert lockstep.tick and {one.field for one in known} == {one.name for one in ADDRESSES}
+    assert lockstep.tick
+    declared = {one.name for one in (*ADDRESSES, *WIRING) if one.name.startswith("call_")}
+    assert {one.field for one in known} == declared
 
 
 RUN = ["-m", "rmrc", "run", "scenarios/approach_singularity.yaml", "--quiet"]

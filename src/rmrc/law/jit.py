@@ -108,7 +108,7 @@ def apart(field: str, **needs: tuple[int, ...]) -> Callable[[Function], Function
     the field of the world or the tick that has its type, or is a row of the entry's argument of its name.
 
     Args:
-        field: Of `ADDRESSES` in `law/record.py`: where a world's record holds its address.
+        field: Where the record of a world holds its address.
         **needs: By which fields of its record a world needs it, and which values of them; none: all but 0.
             Only such worlds may call it.
     """

@@ -115,7 +115,7 @@ ADDRESSES = tuple(
     Field(f"call_{name}", np.int64)
     for name in (
         "metric", "damping", "gains", "null_space", "objective", "policy", "hold_off", "limits", "eased",
-        "rest_bounds", "best", "rest", "sensed", "sent", "second", "sense", "obey",
+        "rest_bounds", "best", "rest",
     )
 )  # fmt: skip
 
@@ -150,7 +150,7 @@ def records(
         ValueError: A field has two owners.
     """
     owned = [field for writer in worlds[0] for field in writer.fields]
-    fields = (*owned, *beside, *MEASUREMENT, *MEMORY, *SCRATCH)
+    fields = (*owned, *beside, *MEASUREMENT, *MEMORY, *SCRATCH, *ADDRESSES)
     made = np.zeros(len(worlds), _type(capacity(n), fields, capacity(max(n, axes))))
     for field in fields:
         if field.start:
