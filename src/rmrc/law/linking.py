@@ -32,11 +32,6 @@ class Part(JITCodeLibrary):
         """What makes code, but for what needs the code to be loaded."""
         return _Unnamed(self._codegen)
 
-    def add_llvm_module(self, ll_module: Any) -> None:
-        """Take over what was made of a function."""
-        ll_module.data_layout = self._codegen._data_layout
-        self._final_module.link_in(ll_module)
-
     def finalize(self) -> None:
         """Leave everything to whoever links it."""
         self._finalized = True
