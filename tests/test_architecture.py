@@ -34,7 +34,7 @@ LAYERS = (
 OWNERS = {
     "numpy": ("rmrc",),
     "mujoco": ("rmrc.arm", "rmrc.plants", "rmrc.law.controller", "rmrc.film.renderer"),
-    "numba": ("rmrc.law.jit",),
+    "numba": ("rmrc.law.jit", "rmrc.law.linking"),
     "ruckig": ("rmrc.simulation.trajectory",),
     "yaml": ("rmrc.scenario",),
     "pydantic": ("rmrc.scenario",),

@@ -16,6 +16,7 @@ from oracle_limits import least_way, ticks_to_rate
 from project import ROOT, mostly_long
 from records import blank, put
 from rmrc.law import braking as stops
+from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
 from rmrc.scenario.choices import LIMITS, POLICIES, Status
 from rmrc.simulation.prepare import prepare
@@ -138,7 +139,7 @@ class Joints:
         """Return rates and status of a tick, and go on."""
         put(self.world, q=self.q, qdot_cmd_last=self.last, change_last=self.change, course=self.change)
         self.world["twist_cmd"][0, : self.n] = wish
-        resolve(self.world, self.tick)
+        machine_code(resolve, self.world, self.tick)(self.world, self.tick)
         sent = self.tick["qdot_cmd"][0, : self.n].copy()
         self.change, self.last, self.q = sent - self.last, sent, self.q + T * sent
         return sent, Status(int(self.tick["status"][0]))

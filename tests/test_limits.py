@@ -16,6 +16,7 @@ from oracle_limits import brake
 from project import mostly_long
 from records import blank, put
 from rmrc.arm import load
+from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
 from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import prepare
@@ -232,7 +233,7 @@ def joints(J, **fields):
 def answer(world, tick, twist):
     """Return the rates and the status of one tick."""
     world["twist_cmd"][0, : len(twist)] = twist
-    resolve(world, tick)
+    machine_code(resolve, world, tick)(world, tick)
     return tick["qdot_cmd"][0, : int(world["n"][0])].copy(), Status(int(tick["status"][0]))
 
 

@@ -16,6 +16,7 @@ from codes import Method, OnExcess, Schedule
 from oracle_limits import best_within
 from project import ROOT, mostly_long
 from records import blank, put
+from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
 from rmrc.scenario import load
 from rmrc.scenario.choices import Status
@@ -58,7 +59,7 @@ def answer(world, tick, twist):
     """Return the rates, (n,), their bounds, (2, n), what was wished for in the null space, and the status."""
     n = int(world["n"][0])
     world["twist_cmd"][0, : len(twist)] = twist
-    resolve(world, tick)
+    machine_code(resolve, world, tick)(world, tick)
     span = np.array([world["lower"][0, :n], world["upper"][0, :n]])
     return tick["qdot_cmd"][0, :n].copy(), span, world["drift"][0, :n].copy(), Status(int(tick["status"][0]))
 

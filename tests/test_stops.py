@@ -57,7 +57,7 @@ def arm(J, twist, room, rate, **fields):
 def answer(J, twist, room, rate, **fields):
     """Return the rates and the status of one tick."""
     world, tick = arm(J, twist, room, rate, **fields)
-    resolve(world, tick)
+    machine_code(resolve, world, tick)(world, tick)
     return tick["qdot_cmd"][0, : J.shape[1]].copy(), Status(int(tick["status"][0]))
 
 

@@ -35,7 +35,7 @@ EXAMINES = (
     survey.locate,
     folds.scan,
     descent.reach,
-    svd.svd,
+    svd.svd_alone,
 )
 DRIVES = (model.settle, model.tell_drives, model.tell_motors)
 

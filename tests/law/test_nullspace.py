@@ -11,6 +11,7 @@ from worlds import Variant, chain_text, make_world, matrices, one_world, seeds
 
 from codes import Method, Objective, Priority
 from rmrc.arm import load
+from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
 
 DAMPED, PSEUDOINVERSE = Variant(Method.DAMPED), Variant(Method.PSEUDOINVERSE)
@@ -192,7 +193,7 @@ class Chain:
         world["m"], world["k"] = m, min(m, self.n)
         world["rank"] = self.rank if rank is None else rank
         world["row"][0, :m], world["row_scale"][0, :m] = self.rows, self.row_scale
-        resolve(world, tick)
+        machine_code(resolve, world, tick)(world, tick)
         return tick["qdot_cmd"][0, : self.n].copy()
 
     def middle(self, q):

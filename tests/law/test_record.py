@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rmrc.law.descent import Bounds
-from rmrc.law.record import MEASUREMENT, MEMORY, SCRATCH, Field, records
+from rmrc.law.record import ADDRESSES, MEASUREMENT, MEMORY, SCRATCH, Field, records
 from rmrc.plants.hardware import Hardware
 from rmrc.plants.servo import Servo
 from rmrc.plants.torque import Torque
@@ -23,7 +23,7 @@ OVERRIDES = (
     "plant.resonance.frequency=20",
     "target.path=[{line: {by: [0.01, 0]}}]",
 )
-COMPUTED = {field.name for field in (*MEASUREMENT, *MEMORY, *SCRATCH, *Hardware.memory)}
+COMPUTED = {field.name for field in (*MEASUREMENT, *MEMORY, *SCRATCH, *ADDRESSES, *Hardware.memory)}
 
 
 @pytest.fixture
@@ -81,7 +81,7 @@ def test_what_a_batch_writes_is_its_wiring_and_what_a_run_writes_is_computed(pre
     before = world_records([prepared], [0])
     simulation = Simulation([prepared])
     worlds = simulation._shards[0].batch.worlds
-    assert {"qpos_column", "lever"} <= differing(worlds, before) <= names(WIRING)
+    assert {"qpos_column", "lever"} <= differing(worlds, before) <= names((*WIRING, *ADDRESSES))
     wired = worlds.copy()
     simulation.run()
     # of what has an owner, only how far the world comes

@@ -9,6 +9,7 @@ from worlds import NAMES, VARIANT, chain_text
 
 from codes import Method, Objective, OnExcess
 from records import put
+from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
 from rmrc.law.record import records, tick_type
 from rmrc.law.sight import Sight
@@ -71,8 +72,8 @@ def drawn(folder, chain, scale, objective=Objective.NONE, length=True):
 
 def compare(meters, other, rtol=ROUNDING):
     """Resolve both, and hold measures and rates of the one against those of the other."""
-    resolve(meters.world, meters.tick)
-    resolve(other.world, other.tick)
+    machine_code(resolve, meters.world, meters.tick)(meters.world, meters.tick)
+    machine_code(resolve, other.world, other.tick)(other.world, other.tick)
     one, two = meters.tick[0], other.tick[0]
     n = len(meters.factor)
     condition = one["sigma"][0] / one["sigma"][meters.world[0]["k"] - 1]
@@ -117,7 +118,7 @@ def test_rates_of_every_objective_are_the_same_in_millimeters(tmp_path, objectiv
         compare(*worlds)
         moved = worlds[0].tick[0]["qdot_cmd"].copy()
         worlds[0].world["nullspace_objective"] = Objective.NONE
-        resolve(worlds[0].world, worlds[0].tick)
+        machine_code(resolve, worlds[0].world, worlds[0].tick)(worlds[0].world, worlds[0].tick)
         parts.append(np.abs(moved - worlds[0].tick[0]["qdot_cmd"]).max())
     assert objective == Objective.NONE or max(parts) > 1e-3  # it had a part in what was compared
 

@@ -79,7 +79,7 @@ def one_world(J, twist, wx=1.0, wq=1.0, variant=None, **parameters):
     if variant is not None:
         parameters = {"method": variant.method, "schedule": variant.schedule, **parameters}
     world, tick = make_world(J, twist, np.sqrt(wx), 1 / np.sqrt(wq), **parameters)
-    resolve(world, tick)
+    machine_code(resolve, world, tick)(world, tick)
     return world[0], tick[0]
 
 

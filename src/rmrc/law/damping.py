@@ -71,4 +71,4 @@ def rate_bound(world: Record, asked: Array, sigma: Array) -> float:
     return math.sqrt(mu)
 
 
-scheduled = inlined(dispatch(SCHEDULES, like=constant))
+scheduled = inlined(dispatch(SCHEDULES, like=constant, field="call_damping"))

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.jit import Array, Record, apart, compiled
 from rmrc.law.kinematics import quat_product, turned
-from rmrc.law.metric import factor
+from rmrc.law.metric import INERTIA, factor
 from rmrc.law.record import CHAIN, JOINTS, Field
 from rmrc.law.svd import dot
 
@@ -60,7 +60,7 @@ class Inertia:
         world["armature"][:n], world["metric_scale"][:n] = masses.armature, self._scale
 
 
-@compiled
+@apart("call_metric", inverse_metric=(INERTIA,))
 def find_metric(world: Record) -> None:
     """Write the scaled inertia at q into `metric` (n, n), and its Cholesky factor into `root`."""
     n = world.n

@@ -165,4 +165,4 @@ def push_fading(world: Record, u: Array, task: Array, sigma: Array, asked: Array
                 asked[i] += u[i, r] * task[r] * (linear if world.row[r] < 3 else angular)
 
 
-gains = compiled(dispatch(INVERSES, like=inverse))
+gains = inlined(dispatch(INVERSES, like=inverse, field="call_gains"))

@@ -11,7 +11,7 @@ to rate and position.
 import math
 
 from rmrc.law.braking import brake, brake_gently, is_far, largest_change, steady_stop, stops_within
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.jit import Array, Record, apart, compiled
 from rmrc.scenario.choices import Status
 
 ACCELERATION_LIMITED, POSITION_LIMITED, JERK_LIMITED = map(
@@ -80,7 +80,7 @@ def room(world: Record, j: int, side: float) -> float:
     return float(left - max(0.0, side * world.coast[j]))
 
 
-@compiled
+@apart("call_rest_bounds", is_eased=())
 def rest_bounds(world: Record) -> None:
     """Write the largest and smallest rate that each joint may keep, and stop before its limits."""
     for j in range(world.n):

@@ -1,21 +1,27 @@
-"""How this package compiles: decorators, so that every function has the same flags, and dispatch by name."""
+"""How this package compiles: decorators, so that every function has the same flags, and dispatch by name.
+
+A function that few worlds need is `apart`: it is machine code of its own, compiled when a world that needs it
+is first prepared, and called at its address, which the record of that world holds in this process.
+"""
 
 import gc
 import hashlib
 import inspect
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from pathlib import Path
-from typing import Any, TypeAlias, TypeVar, cast
+from typing import Any, NamedTuple, TypeAlias, TypeVar, cast
 
 import numba
 import numpy as np
 from numba import config
-from numba.core import event
+from numba.core import cgutils, event, types
+from numba.extending import intrinsic
 from numpy.typing import NDArray
 
 from rmrc.law.keeping import Forgiving, known_home, notice, own_folder
+from rmrc.law.linking import PartCompiler, WholeCompiler
 from rmrc.scenario.choices import Choice, Choices
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
 
@@ -26,9 +32,10 @@ Function = TypeVar("Function", bound=Callable[..., object])
 # `nogil` lets threads run worlds side by side. With `error_model="numpy"` 1/0 is infinite and raises nothing,
 # as the law decides itself what a zero means. No `fastmath`: the bits of a world must not depend on how
 # many others are computed beside it.
-_compile = partial(numba.njit, nogil=True, error_model="numpy")
+_compile = partial(numba.njit, nogil=True, error_model="numpy", pipeline_class=WholeCompiler)
 # What only compiled code calls needs no doors to Python and C, which take a quarter of the compile time.
-_compile_inner = partial(_compile, no_cpython_wrapper=True, no_cfunc_wrapper=True)
+_inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+_compile_inner = partial(_compile, pipeline_class=PartCompiler, **_inner)
 
 
 # What the user hears that is compiled, where it is not the control law.
@@ -68,16 +75,161 @@ def inlined(function: Function) -> Function:
     return cast(Function, _compile_inner(inline="always")(function))
 
 
-def dispatch(choices: Choices[Choice], like: Function) -> Function:
+class _Apart(NamedTuple):
+    """A function that is called at its address: in which field that is, and which worlds need it.
+
+    Attributes:
+        field: Of a world's record.
+        function: The function, with its types.
+        needs: By which fields, and which of their values, a world needs it; no values: all but 0.
+    """
+
+    field: str
+    function: Callable[..., object]
+    needs: Mapping[str, tuple[int, ...]]
+
+    def is_used(self, worlds: Any) -> NDArray[np.bool_]:
+        """Return which of some worlds need it, (w,)."""
+        used = np.zeros(len(worlds), np.bool_)
+        for name, values in self.needs.items():
+            if self.field in worlds.dtype.names and name in worlds.dtype.names:
+                found = worlds[name]
+                used |= np.any([found == one for one in values], axis=0) if values else found != 0
+        return used
+
+
+_APARTS: list[_Apart] = []
+
+
+def apart(field: str, **needs: tuple[int, ...]) -> Callable[[Function], Function]:
+    """Compile a function apart from those that call it, and only if a world is prepared that needs it.
+
+    Its arguments are a world, and by the names `tick` or `out` the record of a tick. An array is named as
+    the field of the world or the tick that has its type, or is a row of the entry's argument of its name.
+
+    Args:
+        field: Where the record of a world holds its address.
+        **needs: By which fields of its record a world needs it, and which values of them; none: all but 0.
+            Only such worlds may call it.
+    """
+
+    def decorate(function: Function) -> Function:
+        _APARTS.append(_Apart(field, function, needs))
+        return cast(Function, _caller(field, function))
+
+    return decorate
+
+
+def apart_by_code(field: str, chosen: str, functions: Mapping[int, Callable[..., Any]]) -> Callable[..., Any]:
+    """Return what calls one of several functions, each of them `apart`, by a code in a world's record.
+
+    Args:
+        field: Of `ADDRESSES`, where a world's record holds the address of the one that it chooses.
+        chosen: The field of the code.
+        functions: Compiled ones by their codes: all take the same arguments.
+    """
+    plain = {code: cast(Any, function).py_func for code, function in functions.items()}
+    for code, function in plain.items():
+        _APARTS.append(_Apart(field, function, {chosen: (code,)}))
+    return _caller(field, next(iter(plain.values())))
+
+
+# What compiled code knows of a function that it calls at an address.
+_TYPES: Mapping[Any, Any] = {
+    int: types.int64, float: types.float64, bool: types.boolean, None: types.none,
+}  # fmt: skip
+
+
+def _caller(field: str, function: Callable[..., object]) -> Callable[..., Any]:
+    """Return a function that calls another at the address that its first argument, a world, holds."""
+    signature, unlikely = inspect.signature(function), cast(Any, cgutils).if_unlikely
+    names, result = tuple(signature.parameters), _TYPES[signature.return_annotation]
+    message = f"nothing is at {field}: a world is first given to rmrc.law.jit.machine_code"
+
+    def typed(context: Any, address: Any, *given: Any) -> Any:  # noqa: ARG001 - as numba calls it
+        told = (signature.parameters[name].annotation for name in names)
+        taken = [_TYPES.get(one, kind) for one, kind in zip(told, given, strict=True)]
+
+        def generate(context: Any, builder: Any, _: Any, values: Any) -> Any:
+            convention, nowhere = context.call_conv, context.get_constant(types.int64, 0)
+            with unlikely(builder, builder.icmp_unsigned("==", values[0], nowhere)):
+                convention.return_user_exc(builder, RuntimeError, (message,))
+            kind = convention.get_function_type(result, taken)
+            called = builder.inttoptr(values[0], kind.as_pointer())
+            status, value = convention.call_function(builder, called, result, taken, values[1:])
+            with unlikely(builder, status.is_error):
+                convention.return_status_propagate(builder, status)
+            return value
+
+        return result(types.int64, *taken), generate
+
+    arguments, made = ", ".join(names), {"typed": typed}
+    exec(f"def call(context, address, {arguments}): return typed(context, address, {arguments})", made)
+    made["call"] = intrinsic(made["call"])
+    exec(f"def caller({arguments}): return call({names[0]}.{field}, {arguments})", made)
+    return inlined(made["caller"])
+
+
+def _link(function: Callable[..., object], worlds: Any, *others: Any) -> None:
+    """Compile what some worlds need of what is apart, or load it, and tell each world where it is.
+
+    Args:
+        function: The entry that they are given to.
+        worlds: Their records, (w,).
+        *others: The other arguments of the entry, of which the first are the ticks.
+    """
+    for one in _APARTS:
+        used = one.is_used(worlds)
+        if used.any():
+            key = (one.function, *map(_kind, (worlds, *others)))
+            if key not in _addresses:
+                names = inspect.signature(cast(Any, function).py_func).parameters
+                _addresses[key] = _address(one.function, dict(zip(names, (worlds, *others), strict=True)))
+            worlds[one.field][used] = _addresses[key]
+
+
+_addresses: dict[tuple[object, ...], int] = {}
+
+
+@cache
+def _entry_apart(function: Callable[..., object]) -> Any:
+    return entry(function, **_inner)
+
+
+def _address(function: Callable[..., object], given: Mapping[str, Any]) -> int:
+    """Return where the machine code of a function is, for what an entry is given, by name."""
+    typeof: Any = numba.typeof
+    kinds = {name: typeof(one) for name, one in given.items()}
+    world, tick = (kind.dtype for kind in list(kinds.values())[:2])
+    signature, taken = inspect.signature(function), [world]
+    for name, one in list(signature.parameters.items())[1:]:
+        if name in ("tick", "out"):
+            taken.append(tick)
+        elif one.annotation != Array:
+            taken.append(kinds[name] if name == "ticks" else _TYPES[one.annotation])
+        elif name in kinds:
+            taken.append(kinds[name].copy(ndim=kinds[name].ndim - 1))
+        else:
+            taken.append((world if name in world.fields else tick).typeof(name))
+    with _briskly():
+        dispatcher = _entry_apart(function)
+        dispatcher.compile(_TYPES[signature.return_annotation](*taken))
+    compiled = dispatcher.overloads[tuple(taken)]
+    return int(compiled.library.get_pointer_to_function(compiled.fndesc.llvm_func_name))
+
+
+def dispatch(choices: Choices[Choice], like: Function, field: str = "") -> Function:
     """Compile a function that calls the one with the name of what a world chooses.
 
     It is a chain of comparisons that is written here: as fast as one that is written by hand, where numba's
-    own ways, a tuple of functions or a function that is made of others, take a third longer.
+    own ways, a tuple of functions or a function that is made of others, take a third longer. With a field,
+    each of the functions is `apart`.
 
     Args:
         choices: For each that acts there is a compiled function of its name in the module of `like`. For
             others nothing is done, and 0 returned.
         like: One of these functions; all take its arguments, of which the first is the world.
+        field: Of `ADDRESSES`, where a world's record holds the address of the function that it chooses.
 
     Raises:
         ImportError: There is no such function, or it takes other arguments.
@@ -85,7 +237,8 @@ def dispatch(choices: Choices[Choice], like: Function) -> Function:
     of_like = cast(Any, like).py_func
     module, signature = of_like.__globals__, inspect.signature(of_like)
     arguments, of_chain = ", ".join(signature.parameters), {"__name__": module["__name__"]}
-    lines = [f"def chosen({arguments}):"]
+    lines, done = [f"def chosen({arguments}):"], dict[int, Any]()
+    world = next(iter(signature.parameters))
     for code, one in enumerate(choices.options):
         if not one.acts:
             continue
@@ -96,11 +249,20 @@ def dispatch(choices: Choices[Choice], like: Function) -> Function:
                 f"{module['__name__']} must have a compiled function {one.name}({arguments}), which "
                 f"control.{choices.key}: {one.name} stands for"
             )
-        lines.append(f"    if {next(iter(signature.parameters))}.{choices.field} == {code}:")
+        done[code] = function
+        lines.append(f"    if {world}.{choices.field} == {code}:")
         lines.append(f"        return do_{one.name}({arguments})")
+    if field:
+        idle = " and ".join(f"{world}.{choices.field} != {code}" for code in choices.codes(_is_idle))
+        lines = [lines[0], f"    if {idle or True}:", f"        return by_address({arguments})"]
+        of_chain["by_address"] = apart_by_code(field, choices.field, done)
     lines.append(f"    return {signature.return_annotation and signature.return_annotation(0)}")
     exec(compile("\n".join(lines), f"<control.{choices.key}>", "exec"), of_chain)
     return cast(Function, of_chain["chosen"])
+
+
+def _is_idle(one: Choice) -> bool:
+    return not one.acts
 
 
 def chain(
@@ -124,34 +286,34 @@ def chain(
     return compiled(cast(Callable[..., bool], names[name]))
 
 
-def entry(function: Function) -> Function:
+def entry(function: Function, **options: bool) -> Function:
     """Compile a function that Python calls, and keep the machine code on disk for the next process.
 
     Numba recompiles when the function's own file changes, but not when a file changes whose functions it
     calls; what was kept from other sources is therefore removed here.
     """
-    dispatcher = _kept(function)
+    dispatcher = _kept(function, options)
     if dispatcher.stats.cache_path is not None:
         _forget_other_sources(Path(str(dispatcher.stats.cache_path)), function)
         dispatcher._cache = Forgiving(dispatcher._cache)
     return cast(Function, dispatcher)
 
 
-def _kept(function: Callable[..., object]) -> Any:
+def _kept(function: Callable[..., object], options: Mapping[str, bool]) -> Any:
     """Return what compiles a function, and keeps it where numba can, else in a folder of the user's own."""
     try:
         with known_home():
-            return _compile(cache=True)(function)
+            return _compile(cache=True, **options)(function)
     except RuntimeError:  # there is no place for it
         pass
     folder, settings = own_folder(), cast(Any, config)
     if folder is None:
         notice("machine code cannot be kept: not with the package, in HOME or among temporary files")
-        return _compile()(function)
+        return _compile(**options)(function)
     before = settings.CACHE_DIR
     settings.CACHE_DIR = str(folder)
     try:
-        dispatcher = _compile(cache=True)(function)
+        dispatcher = _compile(cache=True, **options)(function)
     finally:
         settings.CACHE_DIR = before
     notice(f"machine code is kept in {folder}, as neither the package nor HOME can be written")
@@ -163,7 +325,12 @@ def machine_code(function: Function, *arguments: object) -> Function:
 
     Calling it spares the look at the type of each argument, which takes as long as the law. It must only
     be called with arguments of the very same types.
+
+    Where the first two arguments are records of worlds and of their ticks, what these worlds need of what is
+    `apart` is compiled as well, and their records are told where it is.
     """
+    if all(isinstance(one, np.ndarray) and one.dtype.names for one in arguments[:2]):
+        _link(function, *arguments)
     key = (function, *map(_kind, arguments))
     if key not in _codes:
         dispatcher: Any = function
@@ -236,9 +403,10 @@ def _digest_sources() -> str:
     """Return a digest of all modules that hold compiled functions, and of what these take as constants."""
     package = Path(__file__).parents[1]
     own = (path.read_bytes() for path in sorted(package.glob("law/*.py")))
-    sources = [text for text in own if b"@compiled" in text or b"@inlined" in text or b"@entry" in text]
+    marks = b"@compiled", b"@inlined", b"@entry", b"@apart"
+    sources = [text for text in own if any(mark in text for mark in marks)]
     sources.append((package / "law/record.py").read_bytes())
-    sources.append((package / "law/jit.py").read_bytes())
+    sources += [(package / "law" / name).read_bytes() for name in ("jit.py", "linking.py")]
     sources.append((package / "scenario/choices.py").read_bytes())
     others = (
         text

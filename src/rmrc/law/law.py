@@ -20,7 +20,7 @@ from rmrc.law.jit import Array, Record, compiled, entry, inlined
 from rmrc.law.kinematics import WORLD, frame_turn, framed_error, turn_columns, turn_twist
 from rmrc.law.limits import limit
 from rmrc.law.metric import INERTIA, backward, scale_joints, weigh_columns
-from rmrc.law.nullspace import add_projected, wished_rates
+from rmrc.law.nullspace import NONE, move_in_null_space
 from rmrc.law.policies import KEEP_OUT, hold_off, near_singularity
 from rmrc.law.record import JOINTS, Field
 from rmrc.law.standstill import stuck
@@ -37,17 +37,11 @@ from rmrc.law.svd import (
 )
 from rmrc.law.task import BareTask, Joints, SecondTask, Task
 from rmrc.scenario import ControlSection, LimitsSection
-from rmrc.scenario.choices import (
-    OBJECTIVES,
-    Status,
-    record_fields,
-    write_choices,
-)
+from rmrc.scenario.choices import Status, record_fields, write_choices
 from rmrc.scenario.profile import load_profile
 
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
-NONE = OBJECTIVES.code("none")
 
 # κ ≥ 100 is called SINGULAR: the direction that dies takes a hundred times the joint rates of the best one.
 SINGULAR_BELOW = 0.01
@@ -217,8 +211,7 @@ def resolve_twist(world: Record, tick: Record) -> None:
     for j in range(world.n):
         world.qdot0[j] = 0.0
     if world.nullspace_objective != NONE:
-        wished_rates(world, tick, world.qdot0)
-        add_projected(world, world.qdot0, tick.qdot_cmd)
+        move_in_null_space(world, tick)
     tick.path_rate = 1.0
     status = singular_status(world, tick) | near_singularity(world, tick)
     status |= limit(world, tick)
@@ -261,11 +254,11 @@ def decompose(world: Record, sigma: Array) -> None:
     elif world.age % REFRESH == 0:
         orthonormalize(basis, world.k)
     world.age += 1
+    matrix = world.A
     if world.inverse_metric == INERTIA:
-        weigh_columns(world.root, world.A, world.m, world.n, world.B)
-        svd(world.B, world.m, world.n, world.u, sigma, world.v)
-    else:
-        svd(world.A, world.m, world.n, world.u, sigma, world.v)
+        matrix = world.B
+        weigh_columns(world.root, world.A, world.m, world.n, matrix)
+    svd(matrix, world.m, world.n, world.u, sigma, world.v)
     last = world.k - 1
     if sigma[last] <= RANK_FLOOR * sigma[0] and world.m <= world.n and world.age > 1:
         continue_row(world.v, last, world.v_last, world.n)

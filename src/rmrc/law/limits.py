@@ -6,8 +6,8 @@ Where they contradict each other, position and rate come before acceleration, an
 from rmrc.law.braking import brake, brake_gently
 from rmrc.law.inverses import SCHEDULED
 from rmrc.law.jerk import ease, foresee, is_within_jerk, look_back, rest_bounds
-from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
-from rmrc.law.optimal import best_within, largest_share
+from rmrc.law.jit import Array, Record, apart, compiled, dispatch, inlined
+from rmrc.law.optimal import OPTIMAL, best_within, largest_share
 from rmrc.law.redistribution import ROUNDING, saturate
 from rmrc.law.stops import give_way, given_back, is_beyond
 from rmrc.scenario.choices import LIMITS, Status
@@ -15,7 +15,7 @@ from rmrc.scenario.choices import LIMITS, Status
 # A limit is broken if by more than this share of it, and rounding: that of rates adds up, twice, while a
 # change comes to zero over hundreds of ticks, to this share of the rate.
 ALL_OF, ADDED_UP = 1.0 + 1e-9, 1e-10
-NONE, CLAMP, OPTIMAL = map(LIMITS.code, ("none", "clamp", "optimal"))
+NONE, CLAMP = LIMITS.code("none"), LIMITS.code("clamp")
 RATE_LIMITED, ACCELERATION_LIMITED, POSITION_LIMITED = map(
     int, (Status.RATE_LIMITED, Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED)
 )
@@ -227,7 +227,7 @@ def optimal(world: Record, tick: Record, acting: int) -> int:
 
 
 # Brings rates that exceed a bound within what each choice makes of the bounds.
-confine_by_choice = inlined(dispatch(LIMITS, like=scale))
+confine_by_choice = inlined(dispatch(LIMITS, like=scale, field="call_limits"))
 
 
 @compiled
@@ -240,19 +240,34 @@ def limit(world: Record, tick: Record) -> int:
     if world.limits_on_excess == NONE:
         return 0
     if world.is_eased:
-        foresee(world)
-    if is_within_jerk(world, tick.qdot_cmd) if world.is_eased else is_within(world, tick.qdot_cmd):
-        if world.is_eased:
-            look_back(world, tick.qdot_cmd, tick.qdot_cmd)
+        return limit_eased(world, tick)
+    if is_within(world, tick.qdot_cmd):
         return 0
     bounds(world)
+    bits = choose_rates(world, tick)
+    return bits | broken(world, tick.qdot_cmd)
+
+
+@apart("call_eased", is_eased=())
+def limit_eased(world: Record, tick: Record) -> int:
+    """Do what `limit` does, where jerk is limited as well."""
+    foresee(world)
+    if is_within_jerk(world, tick.qdot_cmd):
+        look_back(world, tick.qdot_cmd, tick.qdot_cmd)
+        return 0
+    bounds(world)
+    bits = choose_rates(world, tick)
+    bits |= ease_by_choice(world, tick)
+    look_back(world, world.wish, tick.qdot_cmd)
+    return bits | broken(world, tick.qdot_cmd)
+
+
+@compiled
+def choose_rates(world: Record, tick: Record) -> int:
+    """Bring rates that exceed a bound within them, as is chosen; return the bits of the limits that act."""
     for j in range(world.n):
         world.drift[j] = world.qdot0[j]
-    bits = confine_by_choice(world, tick, exceeded(world, tick.qdot_cmd))
-    if world.is_eased:
-        bits |= ease_by_choice(world, tick)
-        look_back(world, world.wish, tick.qdot_cmd)
-    return bits | broken(world, tick.qdot_cmd)
+    return confine_by_choice(world, tick, exceeded(world, tick.qdot_cmd))
 
 
 @compiled

@@ -3,11 +3,13 @@
 import math
 
 from rmrc.law.gradient import sigma_gradient
-from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
+from rmrc.law.jit import Array, Record, apart, compiled, dispatch, inlined
 from rmrc.law.metric import INERTIA, backward, times_transposed, weigh_wish
 from rmrc.law.priority import secondary  # noqa: F401 - one of the objectives
 from rmrc.law.svd import dot
 from rmrc.scenario.choices import OBJECTIVES
+
+NONE = OBJECTIVES.code("none")
 
 
 @inlined
@@ -64,7 +66,14 @@ def rates(world: Record, tick: Record, qdot0: Array) -> None:
 
 
 # Writes qdot0, the rates that the objective would choose if there were no task.
-wished_rates = inlined(dispatch(OBJECTIVES, like=posture))
+wished_rates = inlined(dispatch(OBJECTIVES, like=posture, field="call_objective"))
+
+
+@apart("call_null_space", nullspace_objective=OBJECTIVES.codes(lambda one: one.acts))
+def move_in_null_space(world: Record, tick: Record) -> None:
+    """Add to the rates what the objective wishes for, without what the task would have of it."""
+    wished_rates(world, tick, world.qdot0)
+    add_projected(world, world.qdot0, tick.qdot_cmd)
 
 
 @compiled

@@ -8,10 +8,14 @@ Where λ is 0, or nothing of it is felt, the second part decides among those tha
 import math
 
 from rmrc.law.inverses import damped_gain
-from rmrc.law.jit import Array, Record, compiled
+from rmrc.law.jit import Array, Record, apart, compiled
 from rmrc.law.redistribution import ROUNDING
+from rmrc.law.rest import decompose_rest
 from rmrc.law.stops import first_blocked, is_beyond
-from rmrc.law.svd import RANK_FLOOR, combine, dot, orthonormalize, project, svd
+from rmrc.law.svd import RANK_FLOOR, combine, dot, orthonormalize, project
+from rmrc.scenario.choices import LIMITS
+
+OPTIMAL = LIMITS.code("optimal")
 
 # So many steps, for each joint and beyond, are more than any program takes: of 8,228 random ones of up to
 # eight joints, half took one, and none more than 12.
@@ -23,7 +27,7 @@ FACES = 20
 LEFT = 1e-14
 
 
-@compiled
+@apart("call_best", limits_on_excess=(OPTIMAL,))
 def best_within(world: Record, tick: Record, task: Array, share: float, damped: float) -> None:
     """Replace the rates by the best within `world.lower` and `world.upper`; who is at a bound is `held`.
 
@@ -106,7 +110,7 @@ def resolve_rest(world: Record, largest: float, task: Array, share: float, dampe
             size += abs(given)
             world.B[r, j] = world.A[r, j] if is_free else 0.0
         world.task_B[r], world.magnitude[r] = wanted, size
-    svd(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    decompose_rest(world, m, n)
     project(world.u_B, world.task_B, k, m, world.asked_B)
     for r in range(m):
         world.missing[r], world.pull[r] = world.task_B[r] if m > n else 0.0, 0.0

@@ -4,7 +4,7 @@ import math
 
 from rmrc.law.gradient import sigma_gradient
 from rmrc.law.inverses import push_fading
-from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
+from rmrc.law.jit import Array, Record, apart, compiled, dispatch, inlined
 from rmrc.law.metric import backward, factor, forward, scale_gradient, scale_joints
 from rmrc.law.svd import RANK_FLOOR, combine, dot, project
 from rmrc.scenario.choices import POLICIES, Status
@@ -319,7 +319,7 @@ def solve_acting(world: Record) -> bool:
     return last < 0
 
 
-@compiled
+@apart("call_hold_off", at_singularity=(KEEP_OUT,))
 def hold_off(world: Record, tick: Record) -> int:
     """Take away of what limits made of the rates as much as `keep_out` needs; return KEPT_OUT if any.
 
@@ -347,4 +347,4 @@ def hold_off(world: Record, tick: Record) -> int:
 
 
 # What is done near a singularity; it returns the bits of the status.
-near_singularity = inlined(dispatch(POLICIES, like=slow))
+near_singularity = inlined(dispatch(POLICIES, like=slow, field="call_policy"))

@@ -5,7 +5,8 @@ import math
 from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
 from rmrc.law.kinematics import WORLD, frame_turn, framed_error, turn_columns
 from rmrc.law.metric import INERTIA, scale_joints, unscale_joints, weigh_columns
-from rmrc.law.svd import combine, dot, project, svd_from_scratch
+from rmrc.law.rest import decompose_rest_from_scratch
+from rmrc.law.svd import combine, dot, project
 from rmrc.scenario.choices import PRIORITIES
 
 # Without damping, directions in which the second task reaches less than this share of its size are given up.
@@ -91,7 +92,7 @@ def classical(world: Record, tick: Record, size: float, qdot0: Array) -> None:
         for j in range(n):
             world.task_B[i] -= world.B[i, j] * tick.qdot_cmd[j] / world.joint_scale[j]
     leave_first(world)
-    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    decompose_rest_from_scratch(world, m, n)
     tick.secondary_sigma = world.sigma_B[min(m, n) - 1]
     solve_second(world, size, qdot0)
 
@@ -100,10 +101,10 @@ def classical(world: Record, tick: Record, size: float, qdot0: Array) -> None:
 def robust(world: Record, tick: Record, size: float, qdot0: Array) -> None:
     """Write S_q A_2* t_2: the second task alone, which needs no inverse of A_2 P [Chiaverini97]."""
     n, m = world.n, world.m_2
-    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    decompose_rest_from_scratch(world, m, n)
     solve_second(world, size, qdot0)
     leave_first(world)
-    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    decompose_rest_from_scratch(world, m, n)
     tick.secondary_sigma = world.sigma_B[min(m, n) - 1]
 
 

@@ -110,6 +110,15 @@ SCRATCH = (
     Field("least", size=(ROWS,)), Field("need", size=(ROWS,)), Field("push", size=(ROWS,)),
 )  # fmt: skip
 
+# Where in this process the machine code is that a world needs and others do not (`rmrc.law.jit.apart`).
+ADDRESSES = tuple(
+    Field(f"call_{name}", np.int64)
+    for name in (
+        "metric", "damping", "gains", "null_space", "objective", "policy", "hold_off", "limits", "eased",
+        "rest_bounds", "best", "rest",
+    )
+)  # fmt: skip
+
 TICK = (
     Field("time"), Field("q", size=(JOINTS,)), Field("q_believed", size=(JOINTS,)),
     Field("qdot", size=(JOINTS,)), Field("qdot_cmd", size=(JOINTS,)),
@@ -141,7 +150,7 @@ def records(
         ValueError: A field has two owners.
     """
     owned = [field for writer in worlds[0] for field in writer.fields]
-    fields = (*owned, *beside, *MEASUREMENT, *MEMORY, *SCRATCH)
+    fields = (*owned, *beside, *MEASUREMENT, *MEMORY, *SCRATCH, *ADDRESSES)
     made = np.zeros(len(worlds), _type(capacity(n), fields, capacity(max(n, axes))))
     for field in fields:
         if field.start:

@@ -5,7 +5,8 @@ import math
 from rmrc.law.inverses import gains, push_fading
 from rmrc.law.jit import Record, compiled, inlined
 from rmrc.law.metric import take_along, weigh_free
-from rmrc.law.svd import combine, project, svd_from_scratch
+from rmrc.law.rest import decompose_rest_from_scratch
+from rmrc.law.svd import combine, project
 
 # A joint's bound is exceeded when it is by more than rounding.
 ROUNDING = 1e-12
@@ -62,7 +63,7 @@ def free_rates(world: Record, tick: Record) -> bool:
             world.B[r, j] = world.A[r, j] * (1.0 - world.held[j])
         world.task_B[r] = missing
     weigh_free(world, world.qdot0, 1.0)
-    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    decompose_rest_from_scratch(world, m, n)
     if world.sigma_B[k - 1] <= LOST * tick.sigma[0]:
         return False
     project(world.u_B, world.task, k, m, world.asked_B)

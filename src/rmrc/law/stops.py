@@ -4,7 +4,8 @@ from rmrc.law.inverses import SCHEDULED, damping, gains, push_fading
 from rmrc.law.jit import Array, Record, compiled, inlined
 from rmrc.law.metric import INERTIA, take_along, weigh_faded, weigh_free
 from rmrc.law.redistribution import ROUNDING
-from rmrc.law.svd import combine, dot, project, svd_from_scratch
+from rmrc.law.rest import decompose_rest_from_scratch
+from rmrc.law.svd import combine, dot, project
 from rmrc.scenario.choices import SCHEDULES
 
 # How often a joint may be let go. Once left 2 of 3,000 random tasks of six joints beside their optimum; twice
@@ -113,7 +114,7 @@ def resolve_free(world: Record, share: float, damped: float) -> float:
             for j in range(n):
                 world.B[r, j] = world.A[r, j] * world.fade[j]
         weigh_faded(world)
-        svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+        decompose_rest_from_scratch(world, m, n)
         damped = max(damped, damping(world, world.asked_B, world.sigma_B))
     for r in range(m):
         left = share * world.task[r]
@@ -124,7 +125,7 @@ def resolve_free(world: Record, share: float, damped: float) -> float:
             world.B[r, j] = world.A[r, j] if is_free else 0.0
         world.task_B[r] = left
     weigh_free(world, world.best, -1.0)
-    svd_from_scratch(world.B, m, n, world.u_B, world.sigma_B, world.v_B)
+    decompose_rest_from_scratch(world, m, n)
     project(world.u_B, world.task_B, k, m, world.asked_B)
     push_fading(world, world.u_B, world.task_B, world.sigma_B, world.asked_B)
     if is_scheduled and schedule in FOLLOWS_COMMAND:

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.law.jerk import keep_changes
-from rmrc.law.jit import Array, Record, compiled, entry
+from rmrc.law.jit import Array, Record, apart, compiled, entry
 from rmrc.law.kinematics import (
     chain_jacobian,
     follow_chain,
@@ -102,10 +102,7 @@ def tick(
         if world.diverged_joint >= -1:
             world.diverged = t
             continue
-        if is_misled:
-            follow_chain(world, world.q)
-            chain_jacobian(world, world.J)
-        else:
+        if not is_misled:
             geometric_jacobian(world, site_xpos[w, world.site], xanchor[w], xaxis[w], world.J)
         if world.m_2 > 0:
             measure_second(world, is_misled, site_xpos[w], site_xquat[w], xanchor[w], xaxis[w])
@@ -141,10 +138,18 @@ def read_joints(world: Record, out: Record, ticks: Record, w: int, t: int, xpos:
         world.pose[i] = out.pose[i]
     if not world.is_sensed:
         return False
+    sense_by_stages(world, out, ticks, w, t)
+    return True
+
+
+@apart("call_sensed", is_sensed=())
+def sense_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
+    """Change what is sensed by the stages before the law, and take the arm to be there."""
     sensed(world, out, ticks, w, t)
     for j in range(world.n):
         out.q_believed[j] = world.q[j]
-    return True
+    follow_chain(world, world.q)
+    chain_jacobian(world, world.J)
 
 
 @compiled
@@ -161,16 +166,16 @@ def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
     return status
 
 
-@compiled
+@apart("call_second", m_2=())
 def measure_second(
-    world: Record, is_misled: bool, xpos: Array, xquat: Array, anchors: Array, axes: Array
+    world: Record, is_misled: bool, site_xpos: Array, site_xquat: Array, xanchor: Array, xaxis: Array
 ) -> None:
     """Write pose and Jacobian of the second task's site, where the law takes the arm to be."""
     if is_misled:
         follow_second(world, world.q)
     else:
-        see_second(world, xpos, xquat)
-        second_jacobian(world, xpos[world.site_2], anchors, axes)
+        see_second(world, site_xpos, site_xquat)
+        second_jacobian(world, site_xpos[world.site_2], xanchor, xaxis)
 
 
 @compiled
@@ -229,9 +234,15 @@ def send(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
     for j in range(world.n):
         world.qdot_cmd_last[j] = world.qdot_sent[j] = out.qdot_arrived[j] = out.qdot_cmd[j]
     if world.is_sent:
-        sent(world, out, ticks, w, t)
-        for j in range(world.n):
-            out.qdot_arrived[j] = world.qdot_sent[j]
+        send_by_stages(world, out, ticks, w, t)
+
+
+@apart("call_sent", is_sent=())
+def send_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
+    """Change what is commanded by the stages after the law."""
+    sent(world, out, ticks, w, t)
+    for j in range(world.n):
+        out.qdot_arrived[j] = world.qdot_sent[j]
 
 
 @compiled

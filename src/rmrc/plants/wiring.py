@@ -32,6 +32,8 @@ WIRING = (
     # from the center of mass of the body that carries the site to the site, in the site's frame
     Field("lever", size=(3,)),
     *RESISTANCE,
+    # where in this process the machine code is that not all worlds need
+    *(Field(f"call_{name}", np.int64) for name in ("sensed", "sent", "second", "sense", "obey")),
 )
 
 

@@ -64,7 +64,7 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     def gain(sigma: float) -> float:
         world, out = at.copy(), np.zeros(1, tick_type(n))
         world["J"][0, task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
-        resolve(world, out)
+        machine_code(resolve, world, out)(world, out)
         return float(out["gain"][0, k - 1])
 
     sigma = np.geomspace(min(NEAREST * largest, 0.1 * end), end, POINTS)

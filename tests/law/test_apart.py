@@ -1,0 +1,104 @@
+"""What few worlds need is compiled apart, when a world that needs it is prepared, and called at its address."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+from project import ROOT
+from rmrc.law import jit
+from rmrc.law.jit import Array, Record, compiled, entry, machine_code
+from rmrc.law.record import ADDRESSES
+from rmrc.plants import lockstep
+from rmrc.plants.wiring import WIRING
+
+WORLD = np.dtype([
+    ("call_toy", np.int64), ("call_chosen", np.int64), ("is_toy", np.int64), ("choice", np.int64), ("values", float, (3,))
+])  # fmt: skip
+TICK = np.dtype([("sum", float)])
+
+
+def add(world: Record, tick: Record, values: Array, factor: int) -> float:  # noqa: ARG001 - as all take it
+    for value in values:
+        tick.sum += factor * value
+    return tick.sum
+
+
+@compiled
+def once(world: Record, tick: Record) -> None:  # noqa: ARG001
+    tick.sum += 1.0
+
+
+@compiled
+def twice(world: Record, tick: Record) -> None:  # noqa: ARG001
+    tick.sum += 2.0
+
+
+added = jit.apart("call_toy", is_toy=())(add)
+chosen = jit.apart_by_code("call_chosen", "choice", {1: once, 2: twice})
+
+
+@entry
+def call_toys(worlds: Record, ticks: Record) -> None:
+    for w in range(worlds.shape[0]):
+        if worlds[w].is_toy:
+            worlds[w].values[0] = added(worlds[w], ticks[w], worlds[w].values, 2)
+        if worlds[w].choice:
+            chosen(worlds[w], ticks[w])
+
+
+def worlds_of(is_toy, choice):
+    worlds, ticks = np.zeros(len(is_toy), WORLD), np.zeros(len(is_toy), TICK)
+    worlds["is_toy"], worlds["choice"], worlds["values"] = is_toy, choice, [1.0, 2.0, 4.0]
+    return worlds, ticks
+
+
+def names():
+    return [key[0].__name__ for key in jit._addresses if key[0].__module__ == __name__]
+
+
+def test_a_function_is_compiled_when_a_world_first_needs_it():
+    worlds, ticks = worlds_of([0, 0], [0, 0])
+    machine_code(call_toys, worlds, ticks)(worlds, ticks)
+    assert ticks["sum"].tolist() == [0.0, 0.0] and names() == []
+    worlds, ticks = worlds_of([0, 1, 0], [0, 2, 2])
+    machine_code(call_toys, worlds, ticks)(worlds, ticks)
+    assert ticks["sum"].tolist() == [0.0, 2.0 * 7.0 + 2.0, 2.0]
+    assert worlds["values"][:, 0].tolist() == [1.0, 14.0, 1.0]
+    assert names() == ["add", "twice"]  # and not `once`
+    assert (worlds["call_toy"] != 0).tolist() == [False, True, False]
+
+
+def test_a_world_that_was_not_prepared_raises_and_harms_nothing():
+    worlds, ticks = worlds_of([1], [0])
+    with pytest.raises(RuntimeError, match="nothing is at call_toy"):
+        call_toys(worlds, ticks)
+    assert ticks["sum"] == 0.0
+
+
+def test_each_address_is_declared_and_used():
+    known = [one for one in jit._APARTS if one.function.__module__ != __name__]
+    assert lockstep.tick
+    declared = {one.name for one in (*ADDRESSES, *WIRING) if one.name.startswith("call_")}
+    assert {one.field for one in known} == declared
+
+
+RUN = ["-m", "rmrc", "run", "scenarios/approach_singularity.yaml", "--quiet"]
+USED = {
+    "reference.sample", "damping.smallest_singular_value", "inverses.damped", "limits.scale", "rest.decompose_rest",
+    "physics.read_drives", "servo.tell_servos", "lockstep.tick", "tally.add",
+}  # fmt: skip
+
+
+@pytest.mark.long
+def test_the_first_run_compiles_what_it_needs(tmp_path):
+    def kept(*more):
+        environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / "kept")}
+        command = [sys.executable, *RUN, "--out", str(tmp_path / "run"), *more]
+        subprocess.run(command, cwd=ROOT, env=environment, check=True)
+        return {path.name.partition("-")[0] for path in (tmp_path / "kept").rglob("*.nbc")}
+
+    assert kept() == USED
+    assert kept("--set", "control.at_singularity=slow") == USED | {"policies.slow"}  # negative control
