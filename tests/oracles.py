@@ -605,7 +605,7 @@ class NumpyLoop:
         )
         if limits.on_excess == "clamp" or is_free:
             return clipped, limited
-        chosen = self.within_all(J, v, lam, drift, rates, lower, upper)
+        chosen = self.within_all(J, v, lam, drift, rates, span)
         if chosen is not None:
             return chosen, limited
         assert limits.on_excess in ("scale", "redistribute", "optimal", "sns"), (
@@ -661,11 +661,11 @@ class NumpyLoop:
             rates = np.where(np.abs(rates - bound) <= 1e-13, bound, rates)
         return rates
 
-    def within_all(self, J, v, lam, drift, rates, lower, upper):
+    def within_all(self, J, v, lam, drift, rates, span):
         """Return what some choices make of rates by all bounds alike; None where they do not."""
-        how, S_q = self.scenario.control.limits.on_excess, 1 / np.sqrt(self.wq)
+        how, S_q, (lower, upper) = self.scenario.control.limits.on_excess, 1 / np.sqrt(self.wq), span[2:]
         if how == "reverse_priority":
-            return self.limits_first(J, v, lam, drift, rates, lower, upper)
+            return self.limits_first(J, v, lam, drift, rates, span[:2], lower, upper)
         if np.all(np.clip(rates, lower, upper) == rates):
             return None
         if self.chooses_best:
@@ -676,16 +676,23 @@ class NumpyLoop:
             return None if found is None else S_q * found
         return None
 
-    def limits_first(self, J, v, lam, drift, start, lower, upper):
-        """Return rates of which those beyond their bounds are put at them, round by round, and the others do the rest."""
+    def limits_first(self, J, v, lam, drift, start, rest, lower, upper):
+        """Return rates of which those beyond their bounds are put at them, one by one, and the others do the rest."""
         resolve = self.resolver(J, v, lam)
-        held, x, fade = np.zeros(len(start), bool), start, np.ones(len(start))
-        while np.any(out := ~held & (np.abs(x - np.clip(x, lower, upper)) > 1e-12 * np.abs(x))):
-            fade[out] = np.minimum(1.0, np.abs(np.clip(x, lower, upper)[out] / x[out]))
-            held |= out
-            given = np.where(held, np.clip(x, lower, upper), drift)
-            x = np.where(held, given, resolve(held, given, fade)[0])
+        held, x, fade = np.zeros(len(start), bool), start.copy(), np.ones(len(start))
+        while (j := self.farthest(x, held, *rest)) is not None or (
+            j := self.farthest(x, held, lower, upper)
+        ) is not None:
+            bound = np.clip(x[j], lower[j], upper[j])
+            held[j], fade[j], x[j] = True, min(1.0, abs(bound / x[j])), bound
+            x = np.where(held, x, resolve(held, np.where(held, x, drift), fade)[0])
         return np.clip(x, lower, upper)
+
+    def farthest(self, x, held, lower, upper):
+        """Return the joint, of those not held, that is farthest beyond its bounds, in its scale; None if none is."""
+        beyond = np.where(held, 0.0, np.abs(x - np.clip(x, lower, upper)))
+        beyond = np.where(beyond > 1e-12 * np.abs(x), beyond * np.sqrt(self.wq), 0.0)
+        return int(np.argmax(beyond)) if beyond.any() else None
 
     def give_way(self, J, v, lam, drift, start, lower, upper):
         """Return rates within bounds that do what they can of a task."""

@@ -345,7 +345,7 @@ def by_reverse_priority(J, first, lower, upper):
     P = np.eye(n) - np.linalg.pinv(J) @ J
     while np.any(out := ~held & (np.abs(rates - np.clip(rates, lower, upper)) > 1e-12 * np.abs(rates))):
         bounds = np.where(held, rates, np.clip(rates, lower, upper))
-        held |= out
+        held[np.argmax(np.where(out, np.abs(rates - bounds), 0.0))] = True
         S, b = np.eye(n)[held], bounds[held]
         if np.linalg.matrix_rank(S @ P, tol=1e-9) == len(S):
             rates = first + np.linalg.pinv(S @ P) @ (b - S @ first)

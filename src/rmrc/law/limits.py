@@ -237,15 +237,18 @@ def sns(world: Record, tick: Record, acting: int) -> int:
 
 @compiled
 def reverse_priority(world: Record, tick: Record, acting: int) -> int:
-    """Hold who is beyond a bound there, as the first task, and do of the other what is left [Flacco14].
+    """Hold who is beyond a bound there, as an earlier task, and do of the last what is left [Flacco14].
 
-    What that takes beyond a bound in turn is held as well, until all are within; nobody is let go again.
+    Position and rate limits are the first, then those of acceleration. Who is farthest beyond is held, until
+    all are within; nobody is let go again.
     """
     rates, is_damped = tick.qdot_cmd, world.inverse_method in SCHEDULED
     damped = tick.damping if is_damped else 0.0
     for j in range(world.n):
         world.held[j], world.fade[j], world.part_b[j] = 0.0, 1.0, rates[j]
-    while hold_beyond(world):
+    while hold_farthest(world, world.rest_lower, world.rest_upper) or hold_farthest(
+        world, world.lower, world.upper
+    ):
         damped = resolve_free(world, 1.0, damped)
     for j in range(world.n):
         rates[j] = world.best[j] if world.held[j] != 0.0 else world.part_b[j]
@@ -254,17 +257,22 @@ def reverse_priority(world: Record, tick: Record, acting: int) -> int:
 
 
 @compiled
-def hold_beyond(world: Record) -> bool:
-    """Hold each free joint at the bound that its rate in part_b is beyond; return whether there is one."""
-    any_beyond = False
+def hold_farthest(world: Record, lower: Array, upper: Array) -> bool:
+    """Hold the free joint whose rate in part_b is farthest beyond some bounds; return whether any is."""
+    chosen, farthest = -1, 0.0
     for j in range(world.n):
         rate = world.part_b[j]
-        if world.held[j] == 0.0 and is_beyond(rate, world.lower[j], world.upper[j]):
-            world.best[j] = min(max(rate, world.lower[j]), world.upper[j])
-            world.held[j] = 1.0 if rate > world.upper[j] else -1.0
-            world.fade[j] = min(1.0, abs(world.best[j] / rate))
-            any_beyond = True
-    return any_beyond
+        if world.held[j] == 0.0 and is_beyond(rate, lower[j], upper[j]):
+            beyond = max(lower[j] - rate, rate - upper[j]) / world.joint_scale[j]
+            if beyond > farthest:
+                chosen, farthest = j, beyond
+    if chosen < 0:
+        return False
+    rate = world.part_b[chosen]
+    world.held[chosen] = 1.0 if rate > upper[chosen] else -1.0
+    world.best[chosen] = min(max(rate, world.lower[chosen]), world.upper[chosen])
+    world.fade[chosen] = min(1.0, abs(world.best[chosen] / rate))
+    return True
 
 
 # Brings rates that exceed a bound within what each choice makes of the bounds.
