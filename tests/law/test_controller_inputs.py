@@ -342,8 +342,9 @@ def test_stale_kinematics_brake_their_world_alone_and_say_what_to_call():
     mujoco.mj_resetData(ARM.model, fresh)
     assert single.step_data(fresh, twist=TWIST).problem.startswith("the kinematics of data")
     # a position that is none is told as such
-    fresh.qpos[2] = np.nan
-    assert "is not finite" in single.step_data(fresh, twist=TWIST).problem
+    bad = seen(Q)
+    bad.qpos[2] = np.nan
+    assert "is not finite" in single.step_data(bad, twist=TWIST).problem
 
 
 # Without an arm -----------------------------------------------------------------------------------
