@@ -594,11 +594,12 @@ class NumpyLoop:
         redistributes = limits.on_excess == "redistribute" or (
             limits.on_excess == "optimal" and limits.keep_direction
         )
+        scaled = lambda J: scaled_jacobian(J, self.wx, self.wq)  # noqa: E731
         S_q = 1 / np.sqrt(self.wq)
         near_stop = bool(np.any(np.minimum(rest_up, -rest_lo) < self.rate))
         # what a joint at its stop leaves to the others may be too fast for them
         excess = (
-            limits.on_excess in ("redistribute", "optimal")
+            limits.on_excess in ("redistribute", "optimal", "sns", "reverse_priority")
             or near_stop
             or np.any(np.abs(rates) > (1 - 1e-9) * self.rate)
         )
@@ -609,11 +610,12 @@ class NumpyLoop:
             np.clip(rates, lower, upper),
             limits.on_excess == "optimal" and not limits.keep_direction,
         )
-        if self.chooses_best and np.any(clipped != rates):
-            return self.best(J, v, lam, drift, lower, upper), limited
         if limits.on_excess == "clamp" or is_free:
             return clipped, limited
-        assert limits.on_excess in ("scale", "redistribute", "optimal"), (
+        chosen = self.within_all(J, v, lam, drift, rates, span)
+        if chosen is not None:
+            return chosen, limited
+        assert limits.on_excess in ("scale", "redistribute", "optimal", "sns"), (
             f"no oracle for {limits.on_excess}: write it here"
         )
         share = min(1.0, np.min(self.rate[rates != 0] / np.abs(rates[rates != 0]), initial=1.0))
@@ -621,16 +623,17 @@ class NumpyLoop:
         if redistributes:
             low, up = lower, upper
             wide = self.bounds(0.0 * rates, np.tile([-np.inf, np.inf], (len(rates), 1)))[2:]
-            A = lambda J: scaled_jacobian(J, self.wx, self.wq)  # noqa: E731
             within = wide if not self.beside else (lower, upper)
             if np.all((within[0] <= rates) & (rates <= within[1])):
                 # qdot(1), with the gains from before pace and stop changed the command
                 cmd, given = rates, 1.0
             elif limits.on_excess == "optimal":
-                given, found = largest_share(A(J), A(J) @ (rates / S_q), drift / S_q, *(wide[:2] / S_q))
+                given, found = largest_share(
+                    scaled(J), scaled(J) @ (rates / S_q), drift / S_q, *(wide[:2] / S_q)
+                )
                 cmd = None if found is None else S_q * found
             else:
-                cmd, given = redistributed(J, v, drift, *wide, A, lambda J: self.inverse(J, v, lam))
+                cmd, given = redistributed(J, v, drift, *wide, scaled, lambda J: self.inverse(J, v, lam))
             if cmd is not None:
                 share, wish = given, drift
             else:
@@ -665,8 +668,50 @@ class NumpyLoop:
             rates = np.where(np.abs(rates - bound) <= 1e-13, bound, rates)
         return rates
 
+    def within_all(self, J, v, lam, drift, rates, span):
+        """Return what some choices make of rates by all bounds alike; None where they do not."""
+        how, S_q, (lower, upper) = self.scenario.control.limits.on_excess, 1 / np.sqrt(self.wq), span[2:]
+        if how == "reverse_priority":
+            return self.limits_first(J, v, lam, drift, rates, span[:2], lower, upper)
+        if np.all(np.clip(rates, lower, upper) == rates):
+            return None
+        if self.chooses_best:
+            return self.best(J, v, lam, drift, lower, upper)
+        if how == "sns":
+            A = scaled_jacobian(J, self.wx, self.wq)
+            _, found = largest_share(A, A @ (rates / S_q), drift / S_q, lower / S_q, upper / S_q)
+            return None if found is None else S_q * found
+        return None
+
+    def limits_first(self, J, v, lam, drift, start, rest, lower, upper):
+        """Return rates of which those beyond their bounds are put at them, one by one, and the others do the rest."""
+        resolve = self.resolver(J, v, lam)
+        held, x, fade = np.zeros(len(start), bool), start.copy(), np.ones(len(start))
+        while (j := self.farthest(x, held, *rest)) is not None or (
+            j := self.farthest(x, held, lower, upper)
+        ) is not None:
+            bound = np.clip(x[j], lower[j], upper[j])
+            held[j], fade[j], x[j] = True, min(1.0, abs(bound / x[j])), bound
+            x = np.where(held, x, resolve(held, np.where(held, x, drift), fade)[0])
+        return np.clip(x, lower, upper)
+
+    def farthest(self, x, held, lower, upper):
+        """Return the joint, of those not held, that is farthest beyond its bounds, in its scale; None if none is."""
+        beyond = np.where(held, 0.0, np.abs(x - np.clip(x, lower, upper)))
+        beyond = np.where(beyond > 1e-12 * np.abs(x), beyond * np.sqrt(self.wq), 0.0)
+        return int(np.argmax(beyond)) if beyond.any() else None
+
     def give_way(self, J, v, lam, drift, start, lower, upper):
         """Return rates within bounds that do what they can of a task."""
+
+        def pull(rates, lam):
+            S_q = 1 / np.sqrt(self.wq)
+            return S_q * (J.T @ (self.wx * (v - J @ rates))) - lam**2 * (rates - drift) / S_q
+
+        return held_at_stops(start, drift, lower, upper, self.resolver(J, v, lam), pull)
+
+    def resolver(self, J, v, lam):
+        """Return a function: who is held, rates of all, share of its wish that is left to each -> rates, λ."""
         inverse, (m, n), error = self.scenario.control.inverse, J.shape, np.zeros(6)
         schedule = inverse.damping.schedule if inverse.method == "damped" else ""
         known = [lam if inverse.method == "damped" else 0.0]
@@ -679,11 +724,7 @@ class NumpyLoop:
                 known.append(self.damping(J_free, left, error, self.sigma(J_free)))
             return given + self.inverse(J_free, left, max(known)) @ left, max(known)
 
-        def pull(rates, lam):
-            S_q = 1 / np.sqrt(self.wq)
-            return S_q * (J.T @ (self.wx * (v - J @ rates))) - lam**2 * (rates - drift) / S_q
-
-        return held_at_stops(start, drift, lower, upper, resolve, pull)
+        return resolve
 
 
 def pose_error(point_ref, turn_ref, point, turn):

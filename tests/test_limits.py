@@ -18,12 +18,12 @@ from records import blank, put
 from rmrc.arm import load
 from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
-from rmrc.scenario.choices import Status
+from rmrc.scenario.choices import LIMITS, Status
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
 any_fixture = settings(suppress_health_check=[HealthCheck.function_scoped_fixture])
-LIMITING = ("scale", "clamp", "redistribute", "optimal")
+LIMITING = [one.name for one in LIMITS.options if one.acts]
 SPEED = "target.limits={velocity: 2.0, acceleration: 50.0, jerk: 5.0e+3}"
 # rates and changes are rounded once or twice after they were bounded
 EXACT = 1e-9
@@ -435,9 +435,9 @@ ALONE = {
 }
 
 
-@pytest.mark.parametrize("on_excess", LIMITING)
-@pytest.mark.parametrize("arm", ARMS)
-@pytest.mark.parametrize("bit", ALONE, ids=lambda bit: bit.name.lower())
+@pytest.mark.parametrize(
+    ("bit", "arm", "on_excess"), mostly_long(itertools.product(ALONE, ARMS, LIMITING), 2)
+)
 def test_a_limit_that_acts_alone_sets_its_own_bit_and_no_other(simulate, bit, arm, on_excess):
     chosen = (*ARMS[arm], *INWARDS, "plant.kind=ideal", *ALONE[bit], f"control.limits.on_excess={on_excess}")
     _, run = simulate(*chosen)

@@ -48,6 +48,7 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("stop_and_wait", "control.at_singularity=damp"),
         ("stanford_wrist_close", "control.inverse.method=inverse"),
         ("slow_wrist", "control.at_singularity=damp"),
+        ("best_within_limits", "control.limits.on_excess=scale"),
         ("algorithmic_singularity", "control.nullspace.secondary.priority=classical"),
         ("joint_limit", "control.limits.on_excess=clamp"),
         ("at_the_stop", "control.limits.on_excess=clamp"),

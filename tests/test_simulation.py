@@ -174,6 +174,14 @@ VARIANTS = {
         *FOLDED, DRIFT, "control.limits={rate: 0.4, acceleration: 2, braking: 1, on_excess: optimal}", SCHEDULE + "constant",
         "control.joint_weights=[3, 1, 0.5]", "task.weights=[1, 4]",
     ),
+    "sns, stops and acceleration": (
+        *FOLDED, DRIFT, "control.limits={rate: [0.4, 0.3, 0.2], acceleration: 4, braking: 1, on_excess: sns}",
+        "control.joint_weights=[3, 1, 0.5]",
+    ),
+    "reverse priority, all limits": (
+        *FOLDED, DRIFT, "control.limits={rate: [0.4, 0.3, 0.2], acceleration: 4, braking: 1, on_excess: reverse_priority}",
+        "control.joint_weights=[3, 1, 0.5]",
+    ),
     "optimal, undamped": (*PLANAR, DRIFT, "control.limits.rate=[0.4, 0.3, 0.2]", ON_EXCESS + "optimal"),
     "optimal, jparse": (*FOLDED, DRIFT, "control.limits={rate: 0.4, braking: 1, on_excess: optimal}", METHOD + "jparse"),
     "optimal, its direction kept": (

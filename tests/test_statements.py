@@ -255,6 +255,23 @@ def test_the_closer_the_hand_the_faster_the_exact_way_and_the_less_the_damped_on
         assert close[figure] < 0.5 * far[figure]
 
 
+def test_the_best_rates_halve_the_error_where_the_inverse_asks_for_several_times_the_limits():
+    name = "best_within_limits"
+    scenario_says(
+        name,
+        "the hand is off by 202 mrad and 40 mm",
+        "105 mrad and 27 mm",
+        "six times as hard",
+    )
+    found = {how: ran(name, f"control.limits.on_excess={how}")[2] for how in ("scale", "optimal")}
+    for how, turned, off in (("scale", 202, 40), ("optimal", 105, 27)):
+        # as printed, and what processors round differently beside a singularity
+        assert 1e3 * found[how]["orientation_error.max"] == pytest.approx(turned, rel=0.03)
+        assert 1e3 * found[how]["position_error.max"] == pytest.approx(off, rel=0.03)
+    hard = [found[how]["joint_acceleration_cmd.peak"] for how in ("optimal", "scale")]
+    assert ratio(*hard) == pytest.approx(6.0, rel=0.1)
+
+
 def test_an_arm_stops_before_its_singularity_and_its_elbow_keeps_its_side():
     scenario_says(
         "stop_and_wait",

@@ -1,9 +1,10 @@
 """Run methods on shipped scenarios, and write what came of it into `docs/which_method.md`.
 
-    python tools/methods.py [--write]
+    python tools/methods.py [--write] [--only METHOD ...]
 
-Prints the tables, or writes them into the page, between its marks. Each row is `rmrc run` of a scenario with
-the row's `--set`; nothing but figures of its scorecard goes into the page. A test runs a part of it again.
+Prints the tables, or writes them into the page, between its marks. With `--only` the rows of the others are
+those of the page. Each row is `rmrc run` of a scenario with the row's `--set`; nothing but figures of its
+scorecard goes into the page. A test runs a part of it again.
 """
 
 import argparse
@@ -41,6 +42,8 @@ METHODS: dict[str, tuple[str, ...]] = {
     "undamped": (PLAIN,),
     "undamped, clamped": (PLAIN, EXCESS + "clamp"),
     "undamped, redistributed": (PLAIN, EXCESS + "redistribute"),
+    "undamped, sns": (PLAIN, EXCESS + "sns"),
+    "damped, optimal": (METHOD + "damped", EXCESS + "optimal"),
     "undamped, slow": (PLAIN, POLICY + "slow"),
     "undamped, singularity-consistent": (PLAIN, POLICY + "singularity_consistent"),
     "transpose": (METHOD + "transpose",),
@@ -146,9 +149,23 @@ def decision(scenario: str, found: dict[str, tuple[float, ...] | str]) -> str:
     return f"| {SITUATIONS[scenario]} | {' | '.join(cells)} |"
 
 
-def blocks() -> dict[str, str]:
+def row_of(page: str, scenario: str, method: str) -> tuple[float, ...] | str:
+    """Return a row as a page has it."""
+    block = page.partition(f"`rmrc run {scenario}`")[2].partition("###")[0]
+    cells = re.findall(rf"^\| {re.escape(method)} \| (.*) \|$", block, re.MULTILINE)[0].split("|")
+    told: str = cells[0].strip()
+    return tuple(float(cell.strip() or "nan") for cell in cells) if told[:1].isdigit() else told
+
+
+def rows_of(page: str, scenario: str, only: Sequence[str]) -> dict[str, tuple[float, ...] | str]:
+    """Return the figures of all methods on a scenario: measured, or as the page has them."""
+    found = measured(scenario, only)
+    return {name: found[name] if name in only else row_of(page, scenario, name) for name in METHODS}
+
+
+def blocks(page: str, only: Sequence[str]) -> dict[str, str]:
     """Return what stands between the marks of the page, by their names."""
-    rows = {scenario: measured(scenario, list(METHODS)) for scenario in SITUATIONS}
+    rows = {scenario: rows_of(page, scenario, only) for scenario in SITUATIONS}
     decided = [
         "| situation | least error | slowest joints | smoothest |", "|---|---|---|---|",
         *(decision(scenario, found) for scenario, found in rows.items()),
@@ -172,11 +189,13 @@ def main(arguments: list[str] | None = None) -> int:
     """Print or write; return the exit code."""
     parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
     parser.add_argument("--write", action="store_true", help="write the tables into the page")
-    found = blocks() if not parser.parse_args(arguments).write else None
-    if found is not None:
-        print("\n\n".join(found.values()))
+    parser.add_argument("--only", nargs="+", choices=METHODS, default=list(METHODS), metavar="METHOD")
+    given, page = parser.parse_args(arguments), PAGE.read_text("utf-8")
+    found = blocks(page, given.only)
+    if given.write:
+        PAGE.write_text(with_blocks(page, found), "utf-8")
     else:
-        PAGE.write_text(with_blocks(PAGE.read_text("utf-8"), blocks()), "utf-8")
+        print("\n\n".join(found.values()))
     return 0
 
 

@@ -288,8 +288,63 @@ def test_one_wish_is_that_of_all_worlds_and_one_bad_world_leaves_the_others():
     assert [text != "" for text in out.problem] == [False, True, False]
     out = one.step(Q[:3], pose=pose)
     assert all(out.status & Status.INVALID_INPUT) and "reset made a batch of 3" in out.problem[0]
-    out = one.step_data(mujoco.MjData(ARM.model))
-    assert "step_data reads one arm" in out.problem[0]
+    for wrong in (mujoco.MjData(ARM.model), [mujoco.MjData(ARM.model)], None):
+        out = one.step_data(wrong)
+        assert "a batch of 3: step_data reads a list of as many mujoco.MjData" in out.problem[0]
+
+
+def seen(q, model=ARM.model):
+    """Return data of the arm with fresh kinematics."""
+    data = mujoco.MjData(model)
+    data.qpos[:6] = q
+    mujoco.mj_fwdPosition(model, data)
+    return data
+
+
+def test_data_of_a_batch_are_a_list_and_each_world_is_the_same_alone_to_the_bit():
+    rng, one, alone = np.random.default_rng(2), Controller(ARM), Controller(ARM)
+    other = mujoco.MjModel.from_xml_path(str(PUMA))  # models may differ, if each has the arm
+    starts = Q + rng.uniform(-0.2, 0.2, (4, 6))
+    data = [seen(q, model) for q, model in zip(starts, [ARM.model, other, other, ARM.model], strict=True)]
+    twists = rng.normal(size=(4, 6))
+    one.reset(starts)
+    together = np.array([one.step_data(list(data), twist=twists).qdot_cmd.copy() for _ in range(3)])
+    assert one.command.problem == [""] * 4
+    for w in range(4):
+        alone.reset(starts[w])
+        for t in range(3):
+            assert_array_equal(alone.step_data(data[w], twist=twists[w]).qdot_cmd, together[t, w])
+
+
+def test_stale_kinematics_brake_their_world_alone_and_say_what_to_call():
+    one = Controller(ARM, control={"limits": {"acceleration": 2.0}})
+    one.reset(np.tile(Q, (2, 1)))
+    data = [seen(Q), seen(Q)]
+    for _ in range(5):
+        moving = one.step_data(data, twist=TWIST).qdot_cmd.copy()
+    data[1].qpos[5] += 1e-6  # what mj_step does: it leaves positions that are newer than the kinematics
+    out = one.step_data(data, twist=TWIST)
+    assert out.problem[0] == "" and "call mj_fwdPosition, or mj_kinematics" in out.problem[1]
+    assert [bool(s & Status.INVALID_INPUT) for s in out.status] == [False, True]
+    # braked, by no more than its acceleration
+    assert np.abs(out.qdot_cmd[1]).sum() < np.abs(moving[1]).sum()
+    assert np.abs(out.qdot_cmd[1] - moving[1]).max() <= 2.0 * one.period * (1 + 1e-9)
+    mujoco.mj_kinematics(ARM.model, data[1])
+    out = one.step_data(data, twist=TWIST)
+    assert out.problem == ["", ""] and not any(s & Status.INVALID_INPUT for s in out.status)
+    # one arm; what has no kinematics at all; and what has other positions since
+    single = Controller(ARM)
+    assert single.step_data(mujoco.MjData(ARM.model), twist=TWIST).problem.startswith(
+        "the kinematics of data"
+    )
+    fresh = seen(Q)
+    assert single.step_data(fresh, twist=TWIST).problem == ""
+    mujoco.mj_resetData(ARM.model, fresh)
+    assert single.step_data(fresh, twist=TWIST).problem.startswith("the kinematics of data")
+    # a position that is none is told as such
+    bad = seen(Q)
+    bad.qpos[2] = np.nan
+    assert "is not finite" in single.step_data(bad, twist=TWIST).problem
 
 
 # Without an arm -----------------------------------------------------------------------------------
@@ -343,14 +398,99 @@ def test_a_law_without_an_arm_has_batches_limits_and_words():
     assert limited.step(np.eye(2), np.ones(2), np.zeros(2)).problem == ""
 
 
+JOINTS_OF_MORE = load_arm(ROOT / "models/xarm7.xml")
+ERROR_SCHEDULE = {"method": "damped", "damping": {"schedule": "error", "error_gain": 0.3}}
+
+
+@pytest.mark.parametrize("which", ["error", "gradient", "M", "qdot0"])
+def test_what_depends_on_the_arm_may_be_given_with_each_step(which):
+    """The same law with an arm, and on what this file makes of that arm: MuJoCo's M, numpy's slope, the second task."""
+    arm = JOINTS_OF_MORE
+    q = arm.configuration("home")[arm.wiring.qpos] + 0.1
+    section = {
+        "error": {"inverse": ERROR_SCHEDULE},
+        "gradient": {
+            "nullspace": {"objective": "manipulability", "gain": 2.0},
+            "joint_weights": [1, 2, 3, 1, 1, 2, 1],
+        },
+        "M": {"inverse": {"method": "damped", "metric": "inertia"}},
+        "qdot0": {"nullspace": {"objective": "rates", "rates": [0.1] * 7}},
+    }[which]
+    task = {"axes": ["x", "y", "z", "rx", "ry", "rz"], "length": 1.0}
+    whole, bare = Controller(arm, control=section, task=task), rmrc.Law(7, 6, section)
+    J, more = arm.jacobian(q), {}
+    pose, sent = arm.pose(q), TWIST
+    if which == "error":
+        pose = pose + np.array([0.03, -0.02, 0.01, 0, 0, 0, 0])
+        error = np.r_[0.03, -0.02, 0.01, np.zeros(3)]
+        sent, more = TWIST + whole.control.feedback * error, {"error": np.linalg.norm(error)}
+    if which == "gradient":
+        scale = np.sqrt(1 / np.array(section["joint_weights"]))
+
+        def w(q):
+            return np.sqrt(np.linalg.det((J := arm.jacobian(q) * scale) @ J.T))
+
+        more = {"gradient": [(w(q + step) - w(q - step)) / 2e-5 for step in 1e-5 * np.eye(7)]}
+    if which == "M":
+        data = seen_of(arm, arm.configuration("home")[arm.wiring.qpos])
+        bare.step(
+            J, sent, M=inertia_of(arm, data)
+        )  # whose diagonal is the unit, as that of home is of an arm
+        more = {"M": inertia_of(arm, seen_of(arm, q))}
+    whole.reset(q)
+    want, out = whole.step(q, pose=pose, twist=TWIST), bare.step(J, sent, **more)
+    assert out.problem == "", out.problem
+    # central differences of 1e-5 leave 1e-10 of a slope of order one, times the gain; the rest is rounding
+    assert_allclose(out.qdot_cmd, want.qdot_cmd, rtol=0, atol=1e-8 if which == "gradient" else 1e-11)
+    given = {"error": 2.0, "gradient": np.ones(7), "M": 3 * np.eye(7) + 1.0, "qdot0": -np.ones(7)}[which]
+    before = out.qdot_cmd.copy()
+    assert np.abs(bare.step(J, sent, **{which: given}).qdot_cmd - before).max() > 1e-3, "it is read"
+
+
+def seen_of(arm, q):
+    data = mujoco.MjData(arm.model)
+    data.qpos[arm.wiring.qpos] = q
+    mujoco.mj_forward(arm.model, data)
+    return data
+
+
+def inertia_of(arm, data):
+    full = np.zeros((arm.model.nv, arm.model.nv))
+    mujoco.mj_fullM(arm.model, data, full)
+    return full[np.ix_(arm.wiring.dof, arm.wiring.dof)]
+
+
+def test_what_is_missing_or_wrong_beside_a_jacobian_brakes_and_is_told():
+    J, twist = np.eye(3), np.ones(3)
+    law = rmrc.Law(3, 3, {"inverse": {"metric": "inertia"}})
+    told = {
+        'M is needed: the metric "inertia" reads it': {},
+        "M must be (3, 3), got (3,)": {"M": np.ones(3)},
+        "M is not positive definite, or not finite": {"M": -np.eye(3)},
+        'error is given, and the schedule "error" is not chosen': {"M": np.eye(3), "error": 1.0},
+    }
+    for text, given in told.items():
+        assert law.step(J, twist, **given).problem == text
+    assert law.step(J, twist, M=np.eye(3)).problem == ""
+    out = law.step(J, twist, M=np.diag([1.0, -1.0, 1.0]))
+    assert out.problem.startswith("M is not positive definite") and out.status & Status.INVALID_INPUT
+    batch = rmrc.Law(3, 3, {"nullspace": {"objective": "manipulability"}})
+    batch.reset(worlds=2)
+    J = np.array([J, J])
+    assert batch.step(J, twist, gradient=np.zeros((2, 3))).problem == ["", ""]
+    assert batch.step(J, twist, gradient=np.zeros(3)).problem == ["", ""]
+    assert "made a batch of 2" in batch.step(J, twist, gradient=np.zeros(2)).problem[0]
+    assert batch.step(J, twist, gradient=np.full(3, np.nan)).problem[1].startswith("gradient is not finite")
+
+
 @pytest.mark.parametrize(
     ("arguments", "control", "says"),
     [
         ((0, 6), None, "n must be 1 or more"),
         ((7, 7), None, "m 1 to 6"),
-        ((7, 6), {"nullspace": {"objective": "manipulability"}}, "needs the arm's kinematics"),
+        ((7, 6), {"nullspace": {"objective": "secondary"}}, "give qdot0 with each step"),
         ((7, 6), {"at_singularity": "stop"}, "needs the arm's kinematics"),
-        ((7, 6), {"inverse": {"damping": {"schedule": "error"}}}, "needs the error of a pose"),
+        ((7, 6), {"at_singularity": "keep_out"}, "needs the arm's kinematics"),
         ((7, 6), {"nullspace": {"objective": "joint_limits"}}, "needs position_limit"),
         ((7, 6), {"limits": {"jerk": [1.0]}}, "must have 7 values"),
     ],

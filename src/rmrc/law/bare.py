@@ -11,7 +11,7 @@
 import math
 import threading
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, ClassVar
 
@@ -39,8 +39,10 @@ TWIST = int(Given.TWIST)
 class Law(Loop):
     """The law without an arm: a Jacobian and a twist in, joint rates within the limits out.
 
-    It is the same compiled law as that of a run. What needs the arm itself, `Controller` has: a pose, the
-    objectives `manipulability` and `secondary`, the metric `inertia`, and all policies but `damp` and `slow`.
+    It is the same compiled law as that of a run. What depends on the arm is given with each step: the error
+    of the schedule `error`, the gradient that the objective `manipulability` climbs, the inertia of the
+    metric `inertia`. `Controller` alone has a pose, the objective `secondary`, which `rates` with `qdot0`
+    may stand for, and all policies but `damp` and `slow`.
 
     Attributes:
         n: Number of joints.
@@ -102,8 +104,10 @@ class Law(Loop):
         if found:
             raise ScenarioError(found)
         self._task = task
-        posture = self.control.nullspace.objective == "posture"
-        self._needs_q = bool(np.isfinite(limit).any() and self.control.limits.position) or posture
+        follows_q = self.control.nullspace.objective in ("posture", "joint_limits")
+        self._needs_q = bool(np.isfinite(limit).any() and self.control.limits.position) or follows_q
+        self._reads = dict(_read_of(self.control))
+        self._unit: Array | None = None
         super().__init__(names, m, self.control.period, clock)
         self.reset()
         self.watchdog = watchdog
@@ -121,29 +125,47 @@ class Law(Loop):
             QuestionError: q has another shape, or is not finite.
         """
         shape = (self.n,) if worlds is None else (worlds, self.n)
+        self._unit = None
         if q is None and worlds is None and hasattr(self, "_worlds"):
             self._forget()
             return
         starts = started("q", np.zeros(shape) if q is None else q, self.n)
         laws = [TaskLaw(self._task, self.control, start) for start in starts.reshape(-1, self.n)]
         self._renew([[self._task, law, Sight()] for law in laws], self.n, starts.ndim == 1)
+        if self.control.nullspace.objective == "manipulability":  # whose gradient makes rates
+            self._worlds[OBJECTIVES.field] = OBJECTIVES.code("rates")
         J = self._worlds["J"][:, : self.m, : self.n]
         self._J = J[0] if self._is_one else J
         if q is not None:
             self._worlds["q"][:, : self.n] = self._worlds["q_cmd"][:, : self.n] = starts
 
     def step(
-        self, J: ArrayLike, twist: ArrayLike, q: ArrayLike | None = None, qdot: ArrayLike | None = None
+        self,
+        J: ArrayLike,
+        twist: ArrayLike,
+        q: ArrayLike | None = None,
+        qdot: ArrayLike | None = None,
+        *,
+        error: ArrayLike | None = None,
+        gradient: ArrayLike | None = None,
+        qdot0: ArrayLike | None = None,
+        M: ArrayLike | None = None,
     ) -> Command:
         """Return what to command for the next period; nothing is raised, and nothing kept.
 
         Args:
             J: Jacobian of the task, (m, n), or (w, m, n) of a batch, in the axes of the twist.
             twist: Wanted velocity of the task, feedback included, (m,) or (w, m) [m/s, rad/s].
-            q: Joint positions, as measured, (n,) or (w, n) [rad or m]; position limits and the objective
-                `posture` need them.
+            q: Joint positions, as measured, (n,) or (w, n) [rad or m]; position limits and the objectives
+                `posture` and `joint_limits` need them.
             qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; they are checked, and no term needs
                 them.
+            error: Norm of the task's error, of the schedule `error`, () or (w,).
+            gradient: Of what the objective `manipulability` is to raise, by the joints, (n,) or (w, n).
+            qdot0: Rates of the objective `rates` in this step, instead of `nullspace.rates`, (n,) or (w, n)
+                [rad/s or m/s]. J₂⁺ v₂ is a second task of `robust` priority.
+            M: Inertia of the joints, of the metric `inertia`, (n, n) or (w, n, n); its lower triangle counts.
+                It is taken as a multiple of the mean of the diagonal of the first one after `reset`.
 
         Returns:
             Views that the next step writes over. What cannot be used brakes the joints: see
@@ -161,13 +183,64 @@ class Law(Loop):
                 self._qdot[:] = qdot
                 given |= RATES
         except Exception:
-            return self._step_with_care(J, twist, q, qdot)
+            return self._step_with_care(J, twist, q, qdot, error, gradient, qdot0, M)
         if q is None and self._needs_q:
-            return self._refuse("q is needed: position limits or a posture depend on it")
+            return self._refuse(_NEEDS_Q)
+        if self._reads or not (error is gradient is qdot0 is M is None):
+            wrong = self._take_more(error=error, gradient=gradient, qdot0=qdot0, M=M)
+            if wrong:
+                return self._refuse(wrong)
         return self._finish(given)
 
+    def _take_more(self, **given: ArrayLike | None) -> str:
+        """Put what the law reads beside J and twist where it does; return what is wrong with it, or ""."""
+        n, w, wrong = self.n, len(self._worlds), ""
+        for name, one in given.items():
+            key = self._reads.get(name, "")
+            values = self.control.nullspace.rates if one is None and name == "qdot0" and key else one
+            if wrong or (values is None and not key):
+                continue
+            if not key:
+                return f"{name} is given, and {_READERS[name]} is not chosen"
+            if values is None:
+                return f"{name} is needed: {key} reads it"
+            each = {"error": (), "M": (n, n)}.get(name, (n,))
+            found = np.empty((w, *each))
+            wrong = taken(name, values, _Whole(found), [each] if self._is_one else [(w, *each), each])
+            if not wrong:
+                with np.errstate(all="ignore"):  # what is not finite is told
+                    wrong = self._put_more(name, found)
+        return f"{wrong}; reset made a batch of {w}" if wrong and not self._is_one else wrong
+
+    def _put_more(self, name: str, values: Array) -> str:
+        """Put one of them, (w, ...), into the records; return what is wrong with it, or ""."""
+        n, worlds = self.n, self._worlds
+        if name == "M":
+            unit: Any = self._unit
+            if unit is None:
+                mean = np.trace(values, axis1=1, axis2=2) / n
+                if not (np.isfinite(mean) & (mean > 0.0)).all():
+                    return "M is not positive definite, or not finite"
+                unit = self._unit = mean[:, None, None]
+            worlds["metric"][:, :n, :n] = values / unit
+            return ""
+        if not np.isfinite(values).all() or (name == "error" and (values < 0.0).any()):
+            return f"{name} is not finite{', or below 0' if name == 'error' else ''}"
+        if name == "error":
+            worlds["error"] = values
+            return ""
+        if name == "gradient":
+            values = self.control.nullspace.gain * worlds["joint_scale"][:, :n] ** 2 * values
+        worlds["nullspace_rates"][:, :n] = values
+        return ""
+
     def _step_with_care(
-        self, J: ArrayLike, twist: ArrayLike, q: ArrayLike | None, qdot: ArrayLike | None
+        self,
+        J: ArrayLike,
+        twist: ArrayLike,
+        q: ArrayLike | None,
+        qdot: ArrayLike | None,
+        *more: ArrayLike | None,
     ) -> Command:
         """Take what is no array of 64 bits of the right shape, or say why not."""
         n, w = self.n, len(self._worlds)
@@ -176,12 +249,43 @@ class Law(Loop):
         for name, values in (("q", q), ("qdot", qdot)):
             wrong = wrong or (taken(name, values, self._put[name], rows) if values is not None else "")
         if not wrong and q is None and self._needs_q:
-            wrong = "q is needed: position limits or a posture depend on it"
-        if wrong and not self._is_one:
+            wrong = _NEEDS_Q
+        wrong = wrong or self._take_more(**dict(zip(_READERS, more, strict=True)))
+        if wrong and not self._is_one and "batch" not in wrong:
             wrong += f"; reset made a batch of {w}"
         elif wrong and getattr(J, "ndim", 0) == 3:
             wrong += "; reset(worlds=...) makes a batch"
         return self._refuse(wrong) if wrong else self._finish(TWIST | (RATES if qdot is not None else 0))
+
+
+class _Whole:
+    """Takes an array, or one of its rows for all of them, where `taken` puts it."""
+
+    def __init__(self, values: Array) -> None:
+        self._values = values
+
+    def __setitem__(self, all_of_it: slice, given: Array) -> None:
+        self._values[...] = given
+
+
+_NEEDS_Q = "q is needed: position limits or the null space depend on it"
+# Of what a step may be given beside J, twist and the state: what reads it.
+_READERS = {
+    "error": 'the schedule "error"', "gradient": 'the objective "manipulability"',
+    "qdot0": 'the objective "rates"', "M": 'the metric "inertia"',
+}  # fmt: skip
+
+
+def _read_of(control: ControlSection) -> Iterator[tuple[str, str]]:
+    """Yield what a law reads of what a step may be given, and what of it does."""
+    inverse, objective = control.inverse, control.nullspace.objective
+    if INVERSES[inverse.method].is_scheduled and inverse.damping.schedule == "error":
+        yield "error", _READERS["error"]
+    if objective in ("manipulability", "rates"):
+        name = "gradient" if objective == "manipulability" else "qdot0"
+        yield name, _READERS[name]
+    if inverse.metric == "inertia":
+        yield "M", _READERS["M"]
 
 
 def _limits(name: str, given: ArrayLike | None, shape: tuple[int, ...], nothing: Any) -> Array:
@@ -217,18 +321,13 @@ def _misfits(control: ControlSection, m: int, joints: BareJoints) -> list[tuple[
     found = list(misfits(control, m, joints))
     needs = "needs the arm's kinematics, which a Jacobian alone does not tell; take rmrc.Controller"
     objective, policy = control.nullspace.objective, control.at_singularity
-    if objective in ("manipulability", "secondary"):
-        found.append(("control.nullspace.objective", f'"{objective}" {needs}'))
+    if objective == "secondary":
+        text = f'"secondary" {needs}, or "rates", and give qdot0 with each step'
+        found.append(("control.nullspace.objective", text))
     if objective == "joint_limits" and not np.isfinite(joints.position_limit).all():
         found.append(("control.nullspace.objective", '"joint_limits" needs position_limit of all joints'))
     if policy in ("stop", "singularity_consistent", "keep_out"):
         found.append(("control.at_singularity", f'"{policy}" {needs}'))
-    if control.inverse.metric == "inertia":
-        found.append(("control.inverse.metric", f'"inertia" {needs}'))
-    if INVERSES[control.inverse.method].is_scheduled and control.inverse.damping.schedule == "error":
-        found.append(
-            ("control.inverse.damping.schedule", '"error" needs the error of a pose; take rmrc.Controller')
-        )
     return found
 
 

@@ -167,4 +167,5 @@ _WORDS = {
     Refused.KINEMATICS: f"the Jacobian, or the pose of the site, is {_UNUSABLE}",
     Refused.POSE: f"pose is {_UNUSABLE}, or its orientation is no rotation",
     Refused.TWIST: f"twist is {_UNUSABLE}",
+    Refused.METRIC: f"M is not positive definite, or {_UNUSABLE}",
 }

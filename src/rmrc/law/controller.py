@@ -11,6 +11,7 @@ while True:
 import os
 import time
 from collections.abc import Callable, Mapping, Sequence
+from operator import is_
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -18,12 +19,13 @@ from numpy.typing import ArrayLike, NDArray
 
 from rmrc import arm as arms
 from rmrc.arm import Arm
+from rmrc.arm.freshness import Freshness
 from rmrc.law import fit
 from rmrc.law.bare import started
 from rmrc.law.command import Command
 from rmrc.law.kinematics import FRAMES
 from rmrc.law.law import TaskLaw
-from rmrc.law.loop import NOTHING, RATES, Loop, taken
+from rmrc.law.loop import NOTHING, RATES, REFUSED, Loop, taken
 from rmrc.law.sight import Sight
 from rmrc.law.step import CHAIN_ALONE, FRAME, Given
 from rmrc.law.task import Task, choose
@@ -43,6 +45,10 @@ POSITION_TARGET, RATE_TARGET = int(Given.POSITION_TARGET), int(Given.RATE_TARGET
 ControlledModel: TypeAlias = "str | os.PathLike[str] | Arm | mujoco.MjModel | mujoco.MjSpec"
 """An MJCF or URDF file, the name of a shipped model, an Arm, or a model that is loaded already."""
 
+STALE = (
+    "the kinematics of data are not those of its qpos: call mj_fwdPosition, or mj_kinematics, after what "
+    "changed it"
+)
 FRAME_CODES = {name: code * FRAME for code, name in enumerate(FRAMES)}
 # Where an orientation is of a pose, by the size of its last axis.
 POSES = {7: QUATERNION, 6: ROTVEC, 4: MATRIX}
@@ -110,7 +116,7 @@ class Controller(Loop):
         if found:
             raise ScenarioError([Problem(tuple(key.split(".")), text) for key, text in found])
         super().__init__(self.arm.joints, 6, self.control.period, clock)
-        self._data: mujoco.MjData | None = None
+        self._data: list[mujoco.MjData] = []
         self.reset()
         self.watchdog = watchdog
 
@@ -158,7 +164,7 @@ class Controller(Loop):
         writers = [(self.task, law, Sight(self.arm, law.second)) for law in self._laws]
         self._renew(writers, self.arm.n + len(self.arm.followers), starts.ndim == 1)
         self._pose, self._vector = self._put["pose"], self._put["vector"]
-        self._data, self._unseen = None, self._idle()
+        self._data, self._stale, self._unseen = [], list[int](), self._idle()
         if q is not None:
             self._worlds["q_cmd"][:, :n] = starts
 
@@ -174,38 +180,64 @@ class Controller(Loop):
 
     def _follow_chain(self) -> None:
         """Have steps compute kinematics by the arm's own chain."""
-        self._data = None
+        self._data, self._stale = [], []
         self._worlds["sites"] = CHAIN_ALONE
-        self._point_at(*NOTHING)
+        self._point_at(NOTHING)
 
-    def _look_at(self, data: "mujoco.MjData") -> None:
-        """Have steps read kinematics of some data.
+    def _look_at(self, data: "mujoco.MjData | Sequence[mujoco.MjData]") -> None:
+        """Have steps read state and kinematics of some data, of one for each world.
 
         Raises:
             ModelError: The model of the data lacks a part of the arm.
-            QuestionError: There is a batch, or what is given is no MjData.
+            QuestionError: They are not as many as worlds, or no MjData.
         """
-        self._data = None
-        if not self._is_one:
+        self._data = []
+        found: list[Any] = [data] if self._is_one else list(data) if isinstance(data, Sequence) else []
+        if len(found) != len(self._worlds):
+            given = len(found) if isinstance(data, Sequence) else type(data).__name__
             raise QuestionError(
-                f"step_data reads one arm, and reset made a batch of {len(self._worlds)}; call step"
+                f"reset made a batch of {len(self._worlds)}: step_data reads a list of as many "
+                f"mujoco.MjData, got {given}"
             )
-        try:
-            model, arrays = data.model, (data.xquat, data.xanchor, data.xaxis)
-        except AttributeError:
-            raise QuestionError(f"step_data reads an mujoco.MjData, got {type(data).__name__}") from None
-        try:
-            wiring = [model.joint(name) for name in self.joints]
-            sight = Sight(self.arm, self._laws[0].second, model)
-        except KeyError as error:
-            told = " ".join(str(error).strip("'\"").split())
-            raise ModelError(f"the model of the data lacks a part of {self.arm.path}: {told}") from None
-        self._at_q = _address([joint.qposadr[0] for joint in wiring])
-        self._at_qdot = _address([joint.dofadr[0] for joint in wiring])
-        self._qpos, self._qvel = data.qpos, data.qvel
-        sight.write(self._worlds[0])
-        self._point_at(data.xpos if sight.is_beside else data.site_xpos, *arrays)
-        self._data = data
+        self._seen, places = list[_Seen](), []
+        for world, one in zip(self._worlds, found, strict=True):
+            try:
+                model, arrays = one.model, (one.xquat, one.xanchor, one.xaxis)
+            except AttributeError:
+                raise QuestionError(f"step_data reads an mujoco.MjData, got {type(one).__name__}") from None
+            try:
+                sight = Sight(self.arm, self._laws[0].second, model)
+                alike = [seen.is_fresh.scratch for seen in self._seen if seen.model is model]
+                self._seen.append(_Seen(world, one, self.joints, sight, *alike[:1]))
+            except KeyError as error:
+                told = " ".join(str(error).strip("'\"").split())
+                raise ModelError(f"the model of the data lacks a part of {self.arm.path}: {told}") from None
+            sight.write(world)
+            places.append((one.xpos if sight.is_beside else one.site_xpos, *arrays))
+        self._point_at(*places)
+        self._data = found
+
+    def _sees(self, data: Any) -> bool:
+        """Return whether steps read these data already."""
+        if self._is_one:
+            return bool(self._data) and data is self._data[0]
+        is_list = bool(self._data) and isinstance(data, Sequence)
+        return is_list and len(data) == len(self._data) and all(map(is_, data, self._data))
+
+    def _finish_seen(self, given: int) -> Command:
+        """Call the law; worlds whose kinematics are stale brake."""
+        if not self._stale:
+            return self._finish(given)
+        self.command.refusal = STALE
+        self._codes[:], self._given = given, given
+        self._codes[self._stale] = REFUSED
+        out, self._given = self._finish(given), -1
+        return out
+
+    def _read_data(self) -> int:
+        """Read states, and of which worlds kinematics are stale; return what is given."""
+        self._stale = [w for w, seen in enumerate(self._seen) if not seen.read()]
+        return RATES
 
     # Steps ----------------------------------------------------------------------------------------
 
@@ -243,7 +275,7 @@ class Controller(Loop):
             Views that the next step writes over.
         """
         try:
-            if self._data is not None:
+            if self._data:
                 self._follow_chain()
             given = FRAME_CODES[frame]
             self._q[:] = q
@@ -257,7 +289,7 @@ class Controller(Loop):
 
     def step_data(
         self,
-        data: "mujoco.MjData",
+        data: "mujoco.MjData | Sequence[mujoco.MjData]",
         *,
         pose: ArrayLike | None = None,
         twist: ArrayLike | None = None,
@@ -269,7 +301,8 @@ class Controller(Loop):
 
         Args:
             data: Fresh positions, rates and kinematics of any model that has the arm: after `mj_step`,
-                `mj_fwdPosition`.
+                `mj_fwdPosition`. Of a batch a list of them, one a world. Kinematics of other positions, as
+                `mj_step` leaves them, brake the joints.
             pose: As in `step`, and so are the others.
             twist: Velocity of the site.
             frame: Of pose and twist.
@@ -280,18 +313,17 @@ class Controller(Loop):
             Views that the next step writes over.
         """
         try:
-            if data is None or data is not self._data:
+            if not self._sees(data):
                 self._look_at(data)
-            given = FRAME_CODES[frame] | RATES
-            self._q[:] = self._qpos[self._at_q]
-            self._qdot[:] = self._qvel[self._at_qdot]
+            given = FRAME_CODES[frame] | self._read_data()
             given |= self._take(pose, twist, q_target, qdot_target)
         except Exception as error:
-            if self._data is None:
+            if not self._data:
                 return self._refuse(str(error))
-            q, qdot = self._qpos[self._at_q], self._qvel[self._at_qdot]
+            state = (self._worlds[name][:, : self.arm.n] for name in ("q", "qdot"))
+            q, qdot = (rows[0] if self._is_one else rows for rows in state)
             return self._step_with_care(q, qdot, pose, twist, frame, q_target, qdot_target)
-        return self._finish(given)
+        return self._finish_seen(given)
 
     def _take(
         self,
@@ -337,7 +369,7 @@ class Controller(Loop):
         qdot_target: ArrayLike | None,
     ) -> Command:
         """Take what is no array of 64 bits of the right shape, or say why not."""
-        given, wrong = 0, self._unseen if self._data is None else ""
+        given, wrong = 0, "" if self._data else self._unseen
         if q is None:
             wrong = wrong or f"q must be ({self.arm.n},), got None"
         if frame in FRAME_CODES if isinstance(frame, str) else False:
@@ -362,7 +394,7 @@ class Controller(Loop):
                 continue
             wrong = self._taken(name, values, where)
             given |= bit
-        return self._refuse(wrong) if wrong else self._finish(given)
+        return self._refuse(wrong) if wrong else self._finish_seen(given)
 
     def _taken(self, name: str, values: ArrayLike, where: str) -> str:
         n, w = self.arm.n, len(self._worlds)
@@ -381,6 +413,26 @@ class Controller(Loop):
         if wrong and name == "pose":
             return f"pose must be (7,), (6,) or (4, 4){'' if self._is_one else f', or {w} of them'}; {wrong}"
         return f"{wrong}; reset made a batch of {w}" if wrong and not self._is_one else wrong
+
+
+class _Seen:
+    """State and kinematics of one world's data."""
+
+    def __init__(
+        self, world: Any, data: Any, joints: Sequence[str], sight: Sight, scratch: Any = None
+    ) -> None:
+        """Find the joints there; KeyError where one is missing."""
+        self.model, n = data.model, len(joints)
+        wiring = [self.model.joint(name) for name in joints]
+        self._qpos, self._qvel, self._q, self._qdot = data.qpos, data.qvel, world["q"][:n], world["qdot"][:n]
+        self._at_q = _address([joint.qposadr[0] for joint in wiring])
+        self._at_qdot = _address([joint.dofadr[0] for joint in wiring])
+        self.is_fresh = Freshness(data, [*self.model.jnt_bodyid[sight.joint], *sight.bodies], scratch)
+
+    def read(self) -> bool:
+        """Read the state; return whether the kinematics are its own."""
+        self._q[:], self._qdot[:] = self._qpos[self._at_q], self._qvel[self._at_qdot]
+        return self.is_fresh()
 
 
 def _address(numbers: Sequence[int]) -> Any:

@@ -89,11 +89,11 @@ def method_misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
             f'"{method}" clamps joint by joint, so it needs the metric "joints", got "inertia"; choose '
             'another method, such as "damped"',
         )
-    if control.limits.on_excess == "optimal":
+    if control.limits.on_excess in ("optimal", "sns"):
         yield (
             "control.inverse.metric",
-            'on_excess "optimal" measures joint by joint, so it needs the metric "joints", got "inertia"; '
-            'choose "scale" or "redistribute"',
+            f'on_excess "{control.limits.on_excess}" measures joint by joint, so it needs the metric '
+            '"joints", got "inertia"; choose "scale" or "redistribute"',
         )
 
 

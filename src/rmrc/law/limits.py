@@ -9,7 +9,7 @@ from rmrc.law.jerk import ease, foresee, is_within_jerk, look_back, rest_bounds
 from rmrc.law.jit import Array, Record, apart, compiled, dispatch, inlined
 from rmrc.law.optimal import OPTIMAL, best_within, largest_share
 from rmrc.law.redistribution import ROUNDING, saturate
-from rmrc.law.stops import give_way, given_back, is_beyond
+from rmrc.law.stops import give_way, given_back, is_beyond, resolve_free
 from rmrc.scenario.choices import LIMITS, Status
 
 # A limit is broken if by more than this share of it, and rounding: that of rates adds up, twice, while a
@@ -217,6 +217,8 @@ def optimal(world: Record, tick: Record, acting: int) -> int:
     """
     if world.keep_direction:
         forget_stops(world)
+        if exceeded(world, tick.qdot_cmd) == 0:
+            return leave_to_stops(world, tick, 1.0, acting)
         share = largest_share(world, tick)
         return leave_to_stops(world, tick, share, acting | held_by(world))
     if world.inverse_method in SCHEDULED:
@@ -224,6 +226,53 @@ def optimal(world: Record, tick: Record, acting: int) -> int:
         return acting | held_by(world)
     confine(world, tick.qdot_cmd)
     return acting
+
+
+@compiled
+def sns(world: Record, tick: Record, acting: int) -> int:
+    """Do the largest share of the task within all bounds, by the least rates [Flacco15]; scale if none."""
+    share = largest_share(world, tick)
+    return acting | held_by(world) if share >= 0.0 else scale(world, tick, acting)
+
+
+@compiled
+def reverse_priority(world: Record, tick: Record, acting: int) -> int:
+    """Hold who is beyond a bound there, as an earlier task, and do of the last what is left [Flacco14].
+
+    Position and rate limits are the first, then those of acceleration. Who is farthest beyond is held, until
+    all are within; nobody is let go again.
+    """
+    rates, is_damped = tick.qdot_cmd, world.inverse_method in SCHEDULED
+    damped = tick.damping if is_damped else 0.0
+    for j in range(world.n):
+        world.held[j], world.fade[j], world.part_b[j] = 0.0, 1.0, rates[j]
+    while hold_farthest(world, world.rest_lower, world.rest_upper) or hold_farthest(
+        world, world.lower, world.upper
+    ):
+        damped = resolve_free(world, 1.0, damped)
+    for j in range(world.n):
+        rates[j] = world.best[j] if world.held[j] != 0.0 else world.part_b[j]
+    confine(world, rates)
+    return acting | held_by(world)
+
+
+@compiled
+def hold_farthest(world: Record, lower: Array, upper: Array) -> bool:
+    """Hold the free joint whose rate in part_b is farthest beyond some bounds; return whether any is."""
+    chosen, farthest = -1, 0.0
+    for j in range(world.n):
+        rate = world.part_b[j]
+        if world.held[j] == 0.0 and is_beyond(rate, lower[j], upper[j]):
+            beyond = max(lower[j] - rate, rate - upper[j]) / world.joint_scale[j]
+            if beyond > farthest:
+                chosen, farthest = j, beyond
+    if chosen < 0:
+        return False
+    rate = world.part_b[chosen]
+    world.held[chosen] = 1.0 if rate > upper[chosen] else -1.0
+    world.best[chosen] = min(max(rate, world.lower[chosen]), world.upper[chosen])
+    world.fade[chosen] = min(1.0, abs(world.best[chosen] / rate))
+    return True
 
 
 # Brings rates that exceed a bound within what each choice makes of the bounds.

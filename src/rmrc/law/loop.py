@@ -63,11 +63,11 @@ class Loop:
         self._q, self._qdot, self._twist = self._put["q"], self._put["qdot"], self._put["twist"]
         self._matrix = self._put["matrix"]
         self._watch()
-        self._point_at(*NOTHING)
+        self._point_at(NOTHING)
 
-    def _point_at(self, *arrays: Array) -> None:
-        """Have steps read these fields of MuJoCo's data."""
-        self._arrays = arrays
+    def _point_at(self, *places: tuple[Array, ...]) -> None:
+        """Have steps read these fields of MuJoCo's data: of one for all worlds, or of one for each."""
+        self._places = places
         self._act: Callable[[], None] = self._load_and_act
 
     def _load_and_act(self) -> None:
@@ -76,8 +76,12 @@ class Loop:
 
     def warm_up(self) -> None:
         """Compile the law, or load its machine code: seconds or tenths, which the first step takes else."""
-        arguments: Any = (self._worlds, self._ticks, *self._arrays)
-        self._act = partial(machine_code(step, *arguments), *arguments)
+        calls, each = [], len(self._places) > 1
+        for w, arrays in enumerate(self._places):
+            which = slice(w, w + 1) if each else slice(None)
+            arguments: Any = (self._worlds[which], self._ticks[which], *arrays)
+            calls.append(partial(machine_code(step, *arguments), *arguments))
+        self._act = partial(_act_in_turn, calls) if each else calls[0]
 
     def _forget(self) -> None:
         for field in MEMORY:
@@ -208,6 +212,11 @@ class _Shadow:
 
 def _bytes(*records: Any) -> list[memoryview]:
     return [memoryview(one.view(np.uint8)) for one in records]
+
+
+def _act_in_turn(calls: Sequence[Callable[[], None]]) -> None:
+    for call in calls:
+        call()
 
 
 class _Rows:

@@ -22,6 +22,7 @@ class Sight:
     Attributes:
         sites: Number of sites that are read from MuJoCo's data; 0: the chain is followed; −1: J is given.
         is_beside: Whether positions of bodies are read instead of sites, which the model lacks.
+        joint: Ids of the chain's joints in the model of the data.
     """
 
     fields: ClassVar[tuple[Field, ...]] = (
@@ -57,9 +58,9 @@ class Sight:
         self.sites = JACOBIAN_ALONE if arm is None else CHAIN_ALONE
         self._base = None if arm is None else arm.base_pose
         self._places: list[tuple[int, int, Array, Array]] = []
-        self._joint, self.is_beside = np.zeros(0, np.int64), False
+        self.joint, self.is_beside = np.zeros(0, np.int64), False
         if model is not None and arm is not None:
-            self._joint = np.array([model.joint(name).id for name in arm.axis_names], np.int64)
+            self.joint = np.array([model.joint(name).id for name in arm.axis_names], np.int64)
             names = [arm.site, second.site] if second else [arm.site]
             own = {model.site(i).name for i in range(model.nsite)}
             self.is_beside, self.sites = not own.issuperset(names), len(names)
@@ -70,10 +71,15 @@ class Sight:
                 body = model.body(carrier).id if self.is_beside else int(seen.site_bodyid[site.id])
                 self._places.append((body if self.is_beside else site.id, body, site.quat, site.pos))
 
+    @property
+    def bodies(self) -> list[int]:
+        """Ids of the bodies that carry the sites."""
+        return [body for _, body, _, _ in self._places]
+
     def write(self, world: np.void) -> None:
         """Write its fields of a world's record."""
         world["sites"], world["is_beside"] = self.sites, self.is_beside
-        world["joint"][: len(self._joint)] = self._joint
+        world["joint"][: len(self.joint)] = self.joint
         for i, (place, body, quat, step) in enumerate(self._places):
             world["site"][i], world["body"][i] = place, body
             world["site_quat"][i], world["site_step"][i] = quat, step

@@ -27,6 +27,7 @@ from rmrc.law.kinematics import (
     turned,
 )
 from rmrc.law.law import aim, decompose, record_measures, resolve_twist, scale_task, singular_status
+from rmrc.law.metric import INERTIA, factor
 from rmrc.scenario.choices import Status
 
 INVALID, OVERDUE, STOPPED = int(Status.INVALID_INPUT), int(Status.OVERDUE), int(Status.STOPPED)
@@ -60,6 +61,7 @@ class Refused(IntFlag):
     POSE = 16
     TWIST = 32
     TARGET = 64
+    METRIC = 128
 
 
 FRAME = 1024
@@ -70,7 +72,9 @@ TWIST, QUATERNION, MATRIX, ROTVEC, RATES = map(
     int, (Given.TWIST, Given.QUATERNION, Given.MATRIX, Given.ROTVEC, Given.RATES)
 )
 POSITION_TARGET, RATE_TARGET, REFUSED = int(Given.POSITION_TARGET), int(Given.RATE_TARGET), int(Given.REFUSED)
-BAD_CALL, BAD_POSITIONS, BAD_RATES, BAD_KINEMATICS, BAD_POSE, BAD_TWIST, BAD_TARGET = map(int, Refused)
+(
+    BAD_CALL, BAD_POSITIONS, BAD_RATES, BAD_KINEMATICS, BAD_POSE, BAD_TWIST, BAD_TARGET, BAD_METRIC
+) = map(int, Refused)  # fmt: skip
 
 
 @entry
@@ -175,7 +179,7 @@ def read_wanted(world: Record, tick: Record, given: int) -> int:
     if not is_bounded(tick.twist_ref, 6):
         refused = BAD_TWIST
     if world.sites == JACOBIAN_ALONE:
-        return refused
+        return refused if world.inverse_metric != INERTIA or takes_metric(world) else refused | BAD_METRIC
     if not read_pose(world, tick, given):
         return refused | BAD_POSE
     frame = world.given // FRAME
@@ -300,12 +304,27 @@ def to_world(frame: Array, tick: Record, given: int) -> None:
 
 @compiled
 def take_twist(world: Record, tick: Record) -> None:
-    """Take the rows of a twist as they are given, with the feedback that its caller has put in."""
+    """Take the rows of a twist as they are given, with the feedback that its caller has put in.
+
+    `error` is what the caller says.
+    """
     for i in range(6):
         world.twist_task[i] = tick.twist_ref[i]
         world.twist_cmd[i] = world.pace * tick.twist_ref[i]
         tick.pose_error[i] = math.nan
-    world.error = 0.0
+
+
+@compiled
+def takes_metric(world: Record) -> bool:
+    """Factor the inertia that is given, of which the lower triangle counts; return whether it is positive."""
+    n, is_positive = world.n, True
+    for i in range(n):
+        for j in range(i + 1):
+            world.metric[j, i] = world.root[i, j] = world.metric[i, j]
+    factor(world.root, n)
+    for i in range(n):
+        is_positive = is_positive and 0.0 < world.root[i, i] <= LARGEST
+    return is_positive
 
 
 @compiled

@@ -97,7 +97,7 @@ def is_beyond(rate: float, lower: float, upper: float) -> bool:
     return rate > upper + slack or rate < lower - slack
 
 
-@inlined
+@compiled
 def resolve_free(world: Record, share: float, damped: float) -> float:
     """Write into part_b the rates that the free joints would have, the held ones being as they are.
 

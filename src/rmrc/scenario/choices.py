@@ -437,7 +437,8 @@ LIMITS = Choices(
     "limits.on_excess",
     "beyond a limit: scale all joints alike (keeps direction, unless a joint is at its position limit), "
     "clamp each, let the others take over what a saturated joint cannot do, take the rates within all "
-    "bounds that are best for the task, or limit nothing",
+    "bounds that are best for the task, do the largest share of it that fits, put limits before the task, or "
+    "limit nothing",
     "scale",
     (
         Choice("scale",
@@ -447,7 +448,7 @@ LIMITS = Choices(
         Choice("clamp", "each is cut by itself: the tip does not",
             others="clip clipped saturate saturation cut"),
         Choice("redistribute", "what a saturated joint cannot do, the others take over", "Flacco15",
-            others="sns saturation_in_the_null_space"),
+            others="basic_sns saturate_in_the_null_space"),
         Choice("optimal",
             "of all rates within the bounds those that are best for the task, by the measure of the damped "
             "inverse; nearest to those of another",
@@ -455,6 +456,15 @@ LIMITS = Choices(
             others="best qp quadratic_program quadratic_programming bvls daqp osqp quadprog proxqp optimum "
             "optimize least_squares bounded_least_squares"),
         Choice("none", "nothing", acts=False, others="off false ignore nothing no"),
+        Choice("sns",
+            "the largest share of the task that fits all bounds, by the least rates that do it: the tip "
+            "keeps its direction, and waits where none fits",
+            "Flacco15",
+            others="opt_sns optimal_sns osns saturation_in_the_null_space"),
+        Choice("reverse_priority",
+            "limits come first: joints that the task would take beyond their bounds stay at them, and the "
+            "others do of it what is left",
+            "Flacco14", others="rp reverse priority limits_first"),
     ),
 )  # fmt: skip
 
