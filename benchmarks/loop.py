@@ -25,12 +25,14 @@ sys.path.insert(0, str(ROOT / "tests"))  # the plain numpy loop is the tests' or
 
 from oracles import NumpyLoop  # noqa: E402
 from rmrc.law.jit import Record, entry, machine_code  # noqa: E402
-from rmrc.law.law import resolve  # noqa: E402
+from rmrc.law.kinematics import chain_jacobian, follow_chain  # noqa: E402
+from rmrc.law.law import resolve, take_error  # noqa: E402
 from rmrc.law.record import records, tick_type  # noqa: E402
+from rmrc.plants.chance import normals  # noqa: E402
 from rmrc.results.columns import COLUMNS  # noqa: E402
 from rmrc.scenario import loads  # noqa: E402
 from rmrc.scenario.choices import INVERSES, SCHEDULES  # noqa: E402
-from rmrc.simulation.prepare import Prepared, prepare  # noqa: E402
+from rmrc.simulation.prepare import Prepared, prepare, world_records  # noqa: E402
 from rmrc.simulation.simulation import Simulation  # noqa: E402
 
 SCENARIO = """
@@ -164,7 +166,7 @@ WAYS = {
 }
 # A short way there and back, so that rounds are short, and how often each is run in a round, by worlds.
 SHORT_WAY = "target.path=[{line: {by: [0.03, 0.03, 0.03]}}, {line: {by: [-0.03, -0.03, -0.03]}}]"
-TURNS = {1: 20, 16: 2}
+TURNS = {1: 20, 16: 6}
 
 
 def way_rows(rounds: int) -> dict[str, dict[str, float]]:
@@ -187,6 +189,25 @@ def way_rows(rounds: int) -> dict[str, dict[str, float]]:
         for name, pairs in found.items():
             rows[f"with / without {name}, {worlds} world{'s' * (worlds > 1)}"] = spread(pairs)
     return rows
+
+
+def way_parts(calls: int = 100_000, times: int = 10) -> dict[str, float]:
+    """Microseconds of what encoders with noise add to a tick, each on its own, hot in the caches."""
+    prepared = world("stanford")
+    record, tick = world_records([prepared], [0]), np.zeros(1, tick_type(prepared.arm.n))
+    record["pose"][0], tick["pose_ref"][0] = prepared.reference.pose[[0, -1]]
+    found = {}
+    for name, parts in {
+        "random numbers of six joints": noise_many, "kinematics by the chain": chain_many,
+        "the true error": error_many,
+    }.items():  # fmt: skip
+        code, least = machine_code(parts, record, tick, calls), float("inf")
+        for _ in range(times):
+            started = time.thread_time()
+            code(record, tick, calls)
+            least = min(least, time.thread_time() - started)
+        found[name] = least / calls * 1e6
+    return found
 
 
 def method_rows(rounds: int) -> dict[str, dict[str, float]]:
@@ -281,6 +302,30 @@ def law_many(records: Record, outs: Record, calls: int) -> None:
         resolve(records, outs)
 
 
+@entry
+def noise_many(records: Record, outs: Record, calls: int) -> None:  # noqa: ARG001 - as all
+    """Draw the noise of six joints again and again."""
+    for tick in range(calls):
+        normals(1, 2, tick, records[0].n, records[0].drawn, records[0].noise)
+
+
+@entry
+def chain_many(records: Record, outs: Record, calls: int) -> None:  # noqa: ARG001 - as all
+    """Follow a chain that moves, again and again."""
+    for _ in range(calls):
+        records[0].q[0] += 1e-9
+        follow_chain(records[0], records[0].q)
+        chain_jacobian(records[0], records[0].J)
+
+
+@entry
+def error_many(records: Record, outs: Record, calls: int) -> None:
+    """Take the error of a pose that moves, again and again."""
+    for _ in range(calls):
+        records[0].pose[0] += 1e-9
+        take_error(records[0], outs[0].pose_ref, records[0].pose, outs[0].pose_error)
+
+
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
@@ -295,7 +340,7 @@ def main() -> None:
         rows = {"arms": arm_rows, "methods": method_rows, "robots": robot_rows, "way": way_rows}[
             arguments.only
         ]
-        show(rows(rounds), {}, arguments.json)
+        show(rows(rounds), {"stanford": way_parts()} if arguments.only == "way" else {}, arguments.json)
         return
     table = arm_rows(rounds) | robot_rows(rounds) | way_rows(rounds) | method_rows(rounds)
     table["1 thread / 2 threads, stanford, 128 worlds"] = two_threads(rounds)

@@ -14,18 +14,12 @@ NOISE = 2
 
 
 def normals(seed, tick, n):
-    """Return standard normal numbers of a tick, (n,): Box and Muller's of the numbers of Philox4x64-10."""
+    """Return standard normal numbers of a tick, (n,): as numpy draws them of its Philox, counted from the tick on."""
     key = int(np.random.SeedSequence(seed).generate_state(1, np.uint64)[0]) + (NOISE << 64)
-    drawn = []
-    for block in range(-(-n // 4)):
-        # numpy raises its counter before it draws
-        counter = (tick + (block << 64) - 1) % 2**256
-        raw = np.random.Philox(counter=counter, key=key).random_raw(4)
-        a, b, c, d = (raw >> np.uint64(11)) * 2.0**-53
-        for radius, turn in ((a, b), (c, d)):
-            pair = np.array([np.cos(2 * np.pi * turn), np.sin(2 * np.pi * turn)])
-            drawn += list(np.sqrt(-2 * np.log(1 - radius)) * pair)
-    return np.array(drawn[:n])
+    # numpy raises its counter before it draws
+    return np.random.Generator(
+        np.random.Philox(counter=((tick << 64) - 1) % 2**256, key=key)
+    ).standard_normal(n)
 
 
 class Sensing:

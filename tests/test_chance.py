@@ -1,4 +1,4 @@
-"""Random numbers of a tick: numpy's own Philox has the same, bit for bit; the normal ones are normal."""
+"""Random numbers of a tick: numpy's own Philox has the same bits, and its ziggurat the same normal numbers."""
 
 import math
 
@@ -7,21 +7,34 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
-from rmrc.plants.chance import normals, uniforms, word
+from oracle_sensing import normals as normals_by_numpy
+from rmrc.plants import chance
 
 WORD = st.integers(0, 2**64 - 1)
 
 
 @numba.njit
-def uniform(seed, stream, tick, block):
-    return uniforms(seed, stream, tick, block)
+def words(seed, stream, first, second):
+    return chance.words(seed, stream, first, second)
 
 
 @numba.njit
-def normal(seed, stream, tick, block):
-    a, b, c, d = uniforms(seed, stream, tick, block)
-    return normals(a, b) + normals(c, d)
+def uniform(seed, stream, tick):
+    return chance.uniforms(seed, stream, tick)
+
+
+@numba.njit
+def draw(seed, stream, tick, drawn, found):
+    chance.normals(seed, stream, tick, len(found), drawn, found)
+
+
+def normal(seed, tick, count):
+    """Return the normal numbers of a tick, (count,)."""
+    found = np.empty(count)
+    draw(chance.word(seed), chance.ENCODER_NOISE, tick, np.empty(count + 3, np.int64), found)
+    return found
 
 
 def as_word(value):
@@ -29,38 +42,55 @@ def as_word(value):
     return int(np.uint64(value).view(np.int64))
 
 
-def by_numpy(seed, stream, tick, block):
-    """Return the same four numbers; numpy raises its counter before it draws."""
-    counter = (tick + (block << 64) - 1) % 2**256
-    drawn = np.random.Philox(counter=counter, key=seed + (stream << 64)).random_raw(4)
-    return tuple((drawn >> np.uint64(11)) * 2.0**-53)
+def by_numpy(seed, stream, first, second):
+    """Return the same four words; numpy raises its counter before it draws."""
+    counter = (first + (second << 64) - 1) % 2**256
+    return tuple(np.random.Philox(counter=counter, key=seed + (stream << 64)).random_raw(4))
 
 
 @given(WORD, WORD, WORD, WORD)
-def test_they_are_philox(seed, stream, tick, block):
-    assert uniform(*map(as_word, (seed, stream, tick, block))) == by_numpy(seed, stream, tick, block)
+def test_they_are_philox(seed, stream, first, second):
+    drawn = by_numpy(seed, stream, first, second)
+    assert words(*map(as_word, (seed, stream, first, second))) == drawn
+
+
+@given(WORD, WORD, WORD)
+def test_uniform_ones_are_the_first_two_words_of_a_tick(seed, stream, tick):
+    drawn = by_numpy(seed, stream, tick, 0)[:2]
+    assert uniform(*map(as_word, (seed, stream, tick))) == tuple(
+        int(one) / 2**53 for one in np.array(drawn) >> np.uint64(11)
+    )
 
 
 @pytest.mark.parametrize("place", range(4))
 def test_each_argument_counts(place):
     arguments = [5, 6, 7, 8]
-    before = uniform(*arguments)
+    before = words(*arguments)
     arguments[place] += 1
-    assert not set(before) & set(uniform(*arguments))
+    assert not set(before) & set(words(*arguments))
 
 
-def test_normal_ones_are_normal_and_independent():
-    count = 20_000
-    drawn = np.array([normal(1, 2, t, b) for t in range(count // 4) for b in range(2)])
-    flat = np.sort(drawn.ravel())
-    # Kolmogorov and Smirnov: beyond 1.95/√n once in a thousand, and these numbers are always the same
-    expected = np.array([0.5 * math.erfc(-x / math.sqrt(2.0)) for x in flat])
-    assert np.abs(np.arange(1, len(flat) + 1) / len(flat) - expected).max() < 1.95 / math.sqrt(len(flat))
-    correlation = np.corrcoef(np.hstack([drawn[:-1], drawn[1:]]).T) - np.eye(8)
+@given(st.integers(0, 2**200), st.integers(0, 2**62), st.integers(1, 20))
+def test_normal_ones_are_those_that_numpy_draws(seed, tick, count):
+    # widths of layers are the sums of 255 logarithms, each rounded
+    assert_allclose(normal(seed, tick, count), normals_by_numpy(seed, tick, count), rtol=1e-13)
+
+
+@pytest.mark.parametrize("tick", [0, 1, 10**9])
+def test_so_are_those_beyond_the_edge_and_between_layers(tick):
+    found = normal(3, tick, 100_000)
+    # of these some 26 are beyond the lowest layer's edge, and 1,200 are drawn between two layers
+    assert (np.abs(found) > 3.6541528853610088).sum() > 10
+    assert_allclose(found, normals_by_numpy(3, tick, 100_000), rtol=1e-13)
+
+
+def test_those_of_ticks_and_joints_are_independent():
+    drawn = np.array([normal(1, tick, 8) for tick in range(5_000)])
+    correlation = np.corrcoef(np.hstack([drawn[:-1], drawn[1:]]).T) - np.eye(16)
     assert np.abs(correlation).max() < 5.0 / math.sqrt(len(drawn))  # five standard deviations
 
 
 def test_seeds_of_any_size_are_words_of_their_own():
     seeds = [*range(100), 2**63, 2**64, 2**200]
-    assert len({word(seed) for seed in seeds}) == len(seeds)
-    assert all(-(2**63) <= word(seed) < 2**63 for seed in seeds)
+    assert len({chance.word(seed) for seed in seeds}) == len(seeds)
+    assert all(-(2**63) <= chance.word(seed) < 2**63 for seed in seeds)

@@ -219,6 +219,26 @@ def test_scenarios_are_stable_as_they_are_written(name):
     assert judge(Study(name)).reason == ""
 
 
+@pytest.mark.long
+@pytest.mark.parametrize("name", [*HARD, *OTHERS])
+def test_with_eight_milliseconds_shipped_scenarios_bear_about_what_the_equations_say(name):
+    late = {"plant.delay": 0.008}
+    found = Asking(ROOT / f"scenarios/{name}.yaml", ["plant.delay=0.008"]).run()
+    assert found.is_stable and len(found.all) == 3 and report(found).met
+    for one in found.all:
+        low, high = one.edge
+        assert 0.0 < low < high and low <= one.bound * (1 + 1e-9)
+        # Limits and servos take little of what the ideal plant bears; a model's own drives have a lag that no key tells.
+        assert low >= (0.5 if found.scenario.plant.kind == "model" else 0.9) * one.rule
+        assert high <= 1.1 * one.ideal or high == math.inf
+    # The edge is one: half of it is stable, and twice is not.
+    written, (low, high) = found.scenario.control.feedback, found.gain.edge
+    half, twice = (
+        judge(Study(name), **late | {"control.feedback": written * one}) for one in (0.5 * low, 2 * high)
+    )
+    assert not half.is_unstable and twice.is_unstable
+
+
 T = np.arange(3000)
 
 

@@ -23,6 +23,11 @@ from rmrc.tuning.trials import CHATTER, SATURATED
 from rmrc.tuning.tune import Tuning
 
 SCENARIOS = ("approach_singularity", "stanford_wrist", "ur5e_wrist", "ur5e_elbow")
+# Where κ along the path reaches this, and those that then ask for rates without bound; few runs are enough.
+KAPPA, PLAIN, RUNS = 100.0, ("inverse", "pseudoinverse"), 150
+SINGULAR = (
+    *SCENARIOS, "beyond_reach", "blow_up", "fr3_elbow", "slow_wrist", "stanford_wrist_close", "ur5e_wrist_close", "xarm7_wrist"
+)  # fmt: skip
 DELAYS = (0.006, 0.008, 0.010, 0.012)
 DAMPED = {"control.inverse.method": "damped", "control.inverse.damping.schedule": "smallest_singular_value"}
 
@@ -36,11 +41,11 @@ def grid():
     ]  # fmt: skip
 
 
-def cards_of(name, settings):
+def cards_of(name, settings, delays=DELAYS):
     """Return figures of settings on each delay: by delay, then by setting."""
     study = Study(load(ROOT / f"scenarios/{name}.yaml"))
     worlds = [
-        study.prepare(changes_of({**one, "plant.delay": delay})) for delay in DELAYS for one in settings
+        study.prepare(changes_of({**one, "plant.delay": delay})) for delay in delays for one in settings
     ]
     simulation = Simulation(worlds, 2, keep_columns=False)
     simulation.step()
@@ -85,6 +90,22 @@ def test_what_is_recommended_keeps_every_limit_on_each_delay_and_is_near_the_bes
     # break them on others
     least = np.where((kept & bearing)[:, 1:], errors[:, 1:], np.inf).min(axis=1)
     assert (errors[:, 0] <= 1.1 * least).all()
+
+
+@pytest.mark.long
+@pytest.mark.usefixtures("unmargined")
+@pytest.mark.parametrize("name", SINGULAR)
+def test_near_a_singularity_what_is_recommended_keeps_every_limit_and_is_plain_only_if_nothing_else_does(
+    name,
+):
+    path = ROOT / f"scenarios/{name}.yaml"
+    best = Tuning(path, robot={"delay": "8ms"}, copies=1, runs=RUNS).run().verdict.recommended
+    worlds, ((card, *others),) = cards_of(name, [best.setting.values, *grid()], (0.008,))
+    assert keeps(worlds[0], card)
+    late = changes_of({**best.setting.values, "plant.delay": 0.008})
+    assert bears(Study(load(path)), [late], GAIN_MARGIN, threads=2) == [True]
+    if best.setting.structure.method in PLAIN and card["condition.max"].value >= KAPPA:
+        assert not any(map(keeps, worlds[1:], others))
 
 
 # The loop of the last test: 125 Hz, a dead time, drives with a lag, encoders of 17 bits a turn with noise, friction.

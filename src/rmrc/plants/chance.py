@@ -1,28 +1,52 @@
 """Random numbers of a tick: counted, not drawn in turn, so that a world's depend on its own keys alone.
 
-They are Philox4x64-10's [Salmon11], which numpy has as `numpy.random.Philox`. Its key is a seed and a stream,
-which says what the numbers are for; its counter is the tick and a block, of which each has four numbers. So
-joint j takes number j mod 4 of block j div 4.
+They are made of the words of Philox4x64-10 [Salmon11], which numpy has as `numpy.random.Philox`. Its key is a
+seed and a stream, which says what the numbers are for. Its counter says which tick they are of.
 """
 
 import math
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import NDArray
 
-from rmrc.law.jit import compiled
+from rmrc.law.jit import Array, compiled
 
 # Multipliers of a round, and what is added to the two words of the key between rounds.
 _FIRST, _SECOND = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
 _STEP_FIRST, _STEP_SECOND = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
 _ROUNDS = 10
 _LOW, _HALF, _REST = np.uint64(0xFFFFFFFF), np.uint64(32), np.uint64(11)
-_UNIT = 2.0**-53
+_SCALE = 2.0**-53
 
 # A call names the stream of its numbers, so that no two purposes share any.
 TRANSPORT = 1  # jitter and loss of commands
 ENCODER_NOISE = 2
 
-Four = tuple[float, float, float, float]
+# The ziggurat [Marsaglia00] has as many layers as a byte counts, all of one area. The lowest is number 0: it
+# has the tail beyond its edge, and is as wide as if it were a box of that area. The narrowest is number 1.
+_LAYERS, _EDGE = 256, 3.6541528853610088
+_AREA = _EDGE * math.exp(-0.5 * _EDGE**2) + math.sqrt(0.5 * math.pi) * math.erfc(_EDGE / math.sqrt(2.0))
+# A word is, from its low end, the layer (a byte), the sign (a bit), and how far inward (52 bits).
+_BYTE, _MANTISSA = 255, 2**52 - 1
+
+Four = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
+Words: TypeAlias = NDArray[np.int64]
+
+
+def _ziggurat() -> tuple[Array, Array, Array]:
+    """Return of each layer its width, how far its inside reaches, both per 2⁻⁵² of it, and its density."""
+    width = np.empty(_LAYERS)
+    width[0], width[-1] = _AREA / math.exp(-0.5 * _EDGE**2), _EDGE
+    for i in range(_LAYERS - 1, 1, -1):
+        width[i - 1] = math.sqrt(-2.0 * math.log(_AREA / width[i] + math.exp(-0.5 * width[i] ** 2)))
+    inside = np.roll(width, 1) / width * 2.0**52
+    inside[0], inside[1] = _EDGE / width[0] * 2.0**52, 0.0
+    density = np.array([1.0, *(math.exp(-0.5 * x**2) for x in width[1:])])
+    return width * 2.0**-52, inside.astype(np.int64), density
+
+
+_WIDTH, _INSIDE, _DENSITY = _ziggurat()
 
 
 def word(seed: int) -> int:
@@ -40,26 +64,90 @@ def _high(a: np.uint64, b: np.uint64) -> np.uint64:
 
 
 @compiled
-def uniforms(seed: int, stream: int, tick: int, block: int) -> Four:
-    """Return four numbers of a tick from [0, 1).
+def words(seed: int, stream: int, first: int, second: int) -> Four:
+    """Return the four words of Philox with a key of seed and stream, at a counter of two words and zeros."""
+    key0, key1 = np.uint64(seed), np.uint64(stream)
+    c0, c1, c2, c3 = np.uint64(first), np.uint64(second), np.uint64(0), np.uint64(0)
+    for _ in range(_ROUNDS):
+        high0, high1 = _high(_FIRST, c0), _high(_SECOND, c2)
+        c0, c1, c2, c3 = high1 ^ c1 ^ key0, _SECOND * c2, high0 ^ c3 ^ key1, _FIRST * c0
+        key0, key1 = key0 + _STEP_FIRST, key1 + _STEP_SECOND
+    return c0, c1, c2, c3
+
+
+@compiled
+def uniforms(seed: int, stream: int, tick: int) -> tuple[float, float]:
+    """Return two numbers of a tick from [0, 1), of the words at a counter of the tick.
 
     Args:
         seed: Of the world, as `word` has it.
         stream: What they are for, as above.
         tick: Its number.
-        block: Which four.
     """
-    key0, key1 = np.uint64(seed), np.uint64(stream)
-    c0, c1, c2, c3 = np.uint64(tick), np.uint64(block), np.uint64(0), np.uint64(0)
-    for _ in range(_ROUNDS):
-        high0, high1 = _high(_FIRST, c0), _high(_SECOND, c2)
-        c0, c1, c2, c3 = high1 ^ c1 ^ key0, _SECOND * c2, high0 ^ c3 ^ key1, _FIRST * c0
-        key0, key1 = key0 + _STEP_FIRST, key1 + _STEP_SECOND
-    return (c0 >> _REST) * _UNIT, (c1 >> _REST) * _UNIT, (c2 >> _REST) * _UNIT, (c3 >> _REST) * _UNIT
+    first, second, _, _ = words(seed, stream, tick, 0)
+    return (first >> _REST) * _SCALE, (second >> _REST) * _SCALE
 
 
 @compiled
-def normals(a: float, b: float) -> tuple[float, float]:
-    """Return two numbers of the standard normal distribution, made of two of `uniforms` [Box58]."""
-    radius, angle = math.sqrt(-2.0 * math.log(1.0 - a)), 2.0 * math.pi * b
-    return radius * math.cos(angle), radius * math.sin(angle)
+def normals(seed: int, stream: int, tick: int, count: int, drawn: Words, found: Array) -> None:
+    """Write numbers of the standard normal distribution: those that numpy's `standard_normal` draws.
+
+    Its generator is a `numpy.random.Philox` whose first counter is of the words 0, tick, 0, 0. All but one of
+    a hundred numbers take a word, a multiplication and a comparison.
+
+    Args:
+        seed: Of the world, as `word` has it.
+        stream: What they are for, as above.
+        tick: Its number.
+        count: How many.
+        drawn: Scratch, with room for a multiple of four.
+        found: Written, (count,).
+    """
+    for k in range(0, count, 4):
+        drawn[k], drawn[k + 1], drawn[k + 2], drawn[k + 3] = words(seed, stream, k // 4, tick)
+    for k in range(count):
+        layer, inward = drawn[k] & _BYTE, (drawn[k] >> 9) & _MANTISSA
+        if inward >= _INSIDE[layer]:
+            _draw_on(seed, stream, tick, k, count, found)
+            return
+        found[k] = (1 - ((drawn[k] >> 7) & 2)) * (inward * _WIDTH[layer])
+
+
+@compiled
+def _draw_on(seed: int, stream: int, tick: int, first: int, count: int, found: Array) -> None:
+    """Write normal numbers from the first on, which has the word of its place, and takes more."""
+    place = first
+    for k in range(first, count):
+        found[k], place = _draw(seed, stream, tick, place)
+
+
+@compiled
+def _draw(seed: int, stream: int, tick: int, place: int) -> tuple[float, int]:
+    """Return a normal number made of the word at a place, or of more, and the place behind them."""
+    while True:
+        word = _word(seed, stream, tick, place)
+        layer, inward = word & _BYTE, (word >> 9) & _MANTISSA
+        x, sign, place = inward * _WIDTH[layer], 1 - ((word >> 7) & 2), place + 1
+        if inward < _INSIDE[layer]:
+            return sign * x, place
+        if layer == 0:  # beyond the edge, where it is as good as exponential [Marsaglia64]
+            beyond, fall = 1.0, 0.0
+            while 2.0 * fall <= beyond * beyond:
+                beyond = -math.log1p(-_unit(seed, stream, tick, place)) / _EDGE
+                fall, place = -math.log1p(-_unit(seed, stream, tick, place + 1)), place + 2
+            return (1 - ((inward >> 7) & 2)) * (_EDGE + beyond), place
+        low, high, place = _DENSITY[layer], _DENSITY[layer - 1], place + 1
+        if low + (high - low) * _unit(seed, stream, tick, place - 1) < math.exp(-0.5 * x * x):
+            return sign * x, place
+
+
+@compiled
+def _word(seed: int, stream: int, tick: int, place: int) -> np.int64:
+    """Return a word of a tick."""
+    return np.int64(words(seed, stream, place // 4, tick)[place % 4])
+
+
+@compiled
+def _unit(seed: int, stream: int, tick: int, place: int) -> float:
+    """Return a number from [0, 1) that is made of a word of a tick."""
+    return (np.uint64(_word(seed, stream, tick, place)) >> _REST) * _SCALE

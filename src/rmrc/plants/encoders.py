@@ -13,7 +13,7 @@ import numpy as np
 
 from rmrc.law.jit import Array, Record, compiled
 from rmrc.law.record import JOINTS, Field
-from rmrc.plants.chance import ENCODER_NOISE, normals, uniforms, word
+from rmrc.plants.chance import ENCODER_NOISE, normals, word
 from rmrc.plants.stage import Stage, in_ticks, refuse_unseen
 
 # No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
@@ -34,10 +34,9 @@ def read_encoders(world: Record, out: Record, past: Record, t: int) -> None:
     for j in range(world.n):
         world.q[j] += world.encoder_offset[j]
     if world.is_noisy:
-        for first in range(0, world.n, 4):
-            a, b, c, d = uniforms(world.encoder_seed, ENCODER_NOISE, t, first // 4)
-            disturb(world, first, a, b)
-            disturb(world, first + 2, c, d)
+        normals(world.encoder_seed, ENCODER_NOISE, t, world.n, world.drawn, world.noise)
+        for j in range(world.n):
+            world.q[j] += world.encoder_noise[j] * world.noise[j]
     for j in range(world.n):
         step = world.encoder_resolution[j]
         if step > 0.0:
@@ -53,16 +52,6 @@ def look_back(world: Record, past: Record, t: int) -> None:
     first, last = past[before % rows].q, past[after % rows].q
     for j in range(world.n):
         world.q[j] = last[j] + (after - when) * (first[j] - last[j])
-
-
-@compiled
-def disturb(world: Record, j: int, a: float, b: float) -> None:
-    """Add a deviation of noise to joint j and to the next, if they are there."""
-    if j < world.n:
-        first, second = normals(a, b)
-        world.q[j] += world.encoder_noise[j] * first
-        if j + 1 < world.n:
-            world.q[j + 1] += world.encoder_noise[j + 1] * second
 
 
 @compiled
@@ -91,6 +80,7 @@ class Encoders(Stage):
     )  # fmt: skip
     memory = (
         Field("q_read", size=(JOINTS,)), Field("qdot_read", size=(JOINTS,)),
+        Field("drawn", np.int64, (JOINTS,)), Field("noise", size=(JOINTS,)),
     )  # fmt: skip
 
     @cached_property

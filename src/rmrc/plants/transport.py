@@ -39,7 +39,7 @@ def carry_by_chance(world: Record, out: Record, past: Record, t: int) -> None:
     From the command that was sent last back in time: each is in effect from its arrival to the arrival of
     one that was sent later. What was in effect before this tick, or nothing, has what is left.
     """
-    later, chance, _, _ = uniforms(world.transport_seed, TRANSPORT, t, 0)
+    later, chance = uniforms(world.transport_seed, TRANSPORT, t)
     out.arrival = math.inf if chance < world.loss else t + world.latency + world.jitter * later
     end, newest, rows = t + 1.0, -1, past.shape[0]
     for j in range(world.n):
