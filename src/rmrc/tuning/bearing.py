@@ -13,7 +13,7 @@ _LESS = 0.8
 # whose edges differ a little.
 # Up to that share, what an inverse has borne with as much feedback need not be asked: where no g(σ) σ is
 # above 1, it is the feedback that decides. With these some is.
-NEAR, _SAFE, _ABOVE_1 = 1.03, 0.99, ("transpose", "jparse")
+NEAR, _SAFE, _ABOVE_1 = 1.01, 0.995, ("transpose", "jparse")
 
 
 @dataclass
@@ -43,9 +43,11 @@ class Bearing:
 
     def implies(self, setting: Setting) -> bool:
         """Say whether a setting bears what is asked, because its inverse has borne as much feedback."""
-        borne, _ = _edge(self.asked.get(setting.structure.inverse, {}))
-        most = min(borne, self._safe or _SAFE * borne)
-        return setting.structure.method not in _ABOVE_1 and setting.feedback <= most
+        own = self.asked.get(setting.structure.inverse, {})
+        borne = max((value for value, bears in own.items() if bears), default=0.0)
+        failed = min((value for value, bears in own.items() if not bears), default=math.inf)
+        is_within = setting.feedback <= min(borne, self._safe or _SAFE * borne) and setting.feedback < failed
+        return is_within and setting.structure.method not in _ABOVE_1
 
     def to_ask(self, settings: Sequence[Setting]) -> list[Setting]:
         """Return which of several settings to ask first: that of each inverse with the highest feedback."""

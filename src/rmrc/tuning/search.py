@@ -36,12 +36,12 @@ _CONFIRM = 0.25
 # found to end those that come after. Then on the model, before so many at most are run on the copies.
 _ROUND, _NEXT_ROUND, _CHOSEN = 64, 32, 12
 # Of a front on the model, so many go on to the copies.
-_FRONT = 24
+_FRONT = 32
 # Steps in the unit cube, whose sides are two or three decades: the first, that of what was refined on a model
 # already, the last, and by how much they shrink after a round that brought something new, and after one that
 # did not: by less where a model leaves little of a round to be run.
 _FIRST_STEP, _NEXT_STEP, _LAST_STEP = 0.25, 0.15, 0.003
-_SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.75, 0.55)
+_SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.8, 0.6)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
