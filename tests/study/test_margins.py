@@ -14,7 +14,7 @@ from project import ROOT, mostly_long
 from rmrc.scenario import changes_of, draft_of, loads
 from rmrc.scenario.choices import Status
 from rmrc.study.margins.kicks import KICK, Kicked, resting, twin_of
-from rmrc.study.margins.margins import Asking
+from rmrc.study.margins.margins import Asking, margins_of
 from rmrc.study.margins.report import report
 from rmrc.study.margins.ringing import STILL_RINGS, judged, reverses, still_ringing, window, without_trend
 from rmrc.study.margins.search import ACCURACY, bears, gain_margins
@@ -131,9 +131,13 @@ def test_a_loop_bears_so_many_times_its_feedback_up_to_the_edge_of_the_equation(
 
 
 def test_a_sparing_search_finds_the_same_edges_by_fewer_runs(short):
-    scenario = short.prepare(changes_of({"plant.delay": 0.02})).scenario
-    usual, sparing = (Asking(scenario, accuracy=0.05, is_sparing=one).run() for one in (False, True))
-    assert sparing.runs < 0.75 * usual.runs
+    late = changes_of({"plant.delay": 0.02})
+    usual, sparing, warm = (
+        margins_of(short, [late], threading.Event(), accuracy=0.05, **how)[0]
+        for how in ({}, {"is_sparing": True}, {"is_sparing": True, "expected": edge_gain(PERIOD, 0.02)})
+    )
+    assert warm.runs <= sparing.runs < 0.75 * usual.runs
+    assert warm.gain.edge.low < sparing.gain.edge.high and sparing.gain.edge.low < warm.gain.edge.high
     for one, other in zip(usual.all, sparing.all, strict=True):
         assert max(one.edge.low, other.edge.low) < min(one.edge.high, other.edge.high)  # both hold the edge
         assert other.edge.high <= 1.05 * (1.0 + 1e-9) * other.edge.low or one.name != "gain"

@@ -94,6 +94,13 @@ def test_the_bar_is_its_definition():
     assert Bar.of([], []) is None
 
 
+@pytest.fixture
+def unmodeled(monkeypatch):
+    """Leave a search without a model, so that all its looks are at copies."""
+    monkeypatch.setattr("rmrc.tuning.tune.Tuning._model", lambda *_: None)
+
+
+@pytest.mark.usefixtures("unmodeled")
 def test_what_was_ended_could_not_count(path):
     # By runs to the end, without a rule: what was ended breaks a limit, or is beaten by what was found.
     found = Tuning(path, ideal=True, copies=1, runs=300, threads=2).run()
@@ -126,6 +133,7 @@ def test_what_was_ended_could_not_count(path):
     assert saved == len(some)  # negative control: they were ended, and not at their end
 
 
+@pytest.mark.usefixtures("unmodeled")
 def test_a_search_that_ends_runs_finds_what_one_that_does_not_finds(path, monkeypatch):
     only = ["control.inverse.method=damped", "control.inverse.damping.schedule=constant,smallest_singular_value",
             "control.at_singularity=damp"]  # fmt: skip

@@ -12,6 +12,7 @@ import pytest
 
 import rmrc as package
 from project import ROOT
+from rmrc.cli.tune import _estimate
 from rmrc.results.columns import Divergence
 from rmrc.results.scorecard import Figure, scorecard
 from rmrc.scenario import Variant, changes_of, draft_of, load
@@ -595,6 +596,43 @@ def test_what_an_inverse_did_not_bear_none_of_its_settings_is_tried_with():
     )  # as near to the edge as is told apart
     only = Space((damped,), {}, {FEEDBACK: (10.0, 30.0, 80.0)}, {})
     assert bearing.within(setting(damped, 80.0), only).feedback == 30.0
+
+
+def test_what_an_inverse_bore_it_need_not_be_asked_with_less():
+    damped, other, free = (Structure(name, "", "damp") for name in ("filtered", "truncated", "transpose"))
+
+    def setting(structure, feedback):
+        return Setting(structure, tuple(feedback if key == FEEDBACK else 0.1 for key in structure.keys))
+
+    bearing = Bearing({50.0: True, 50.5: False})
+    space = Space((damped, other, free), {FEEDBACK: (1.0, 100.0)}, {}, {})
+    assert bearing.within(setting(other, 80.0), space).feedback == 49.8  # 99.5 % of what was borne
+    assert bearing.within(setting(other, 49.0), space).feedback == 49.0
+    assert not bearing.implies(setting(damped, 10.0))  # nothing is known of it
+    bearing.add(setting(damped, 50.0), bears=True)
+    bearing.add(setting(free, 50.0), bears=True)
+    assert bearing.implies(setting(damped, 49.7)) and not bearing.implies(setting(damped, 50.0))
+    assert not bearing.implies(setting(other, 10.0)) and not bearing.implies(setting(free, 10.0))
+    bearing.add(setting(damped, 30.0), bears=False)  # which settings differ in
+    assert not bearing.implies(setting(damped, 40.0)) and bearing.implies(setting(damped, 29.0))
+    some = [setting(damped, 20.0), setting(other, 5.0), setting(damped, 30.0), setting(damped, 30.0)]
+    assert sorted(one.feedback for one in bearing.to_ask(some)) == [5.0, 30.0]
+
+
+def test_what_is_recommended_was_asked_itself_whether_it_bears_its_margin(path):
+    found = AnyTuning(path, copies=1, runs=60).run()
+    named = [one for one in (found.verdict.recommended, found.verdict.second) if one]
+    assert named and all(one.bears is not None and not one.is_implied for one in named)
+
+
+def test_how_long_a_search_may_take_is_told_before_it_begins(path):
+    work = Tuning(path, copies=1, threads=1)
+    assert work.longest(3.0, 2000) == 6000.0
+    assert _estimate(work, 3.0, 2000).startswith("a run takes 3 s: 2000 runs take 100 minutes at most")
+    assert "--runs 200 take 10 minutes at most; Ctrl-C" in _estimate(work, 3.0, 2000)
+    assert "--runs" not in _estimate(work, 3.0, work.least_runs)  # there is no shorter one
+    assert 0.0 < work.begin() < 60.0
+    assert work.run().feasible  # by the run that there is
 
 
 def test_the_setting_as_written_is_told_to_be_what_it_is(path):

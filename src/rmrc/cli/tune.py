@@ -71,6 +71,10 @@ Picture = Annotated[
 ]
 
 
+# A search that may take longer is announced [s].
+_LONG = 180.0
+
+
 @pictured
 def tune(
     scenario: ScenarioFile,
@@ -131,8 +135,26 @@ def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned":
 
     work.compile()
     refuse_unwritable(files)
+    seconds = work.begin()
+    if not quiet and work.longest(seconds, runs) > _LONG:
+        complain(_estimate(work, seconds, runs))
     with progress(f"{work.scenario.name}: {runs} runs", runs, quiet, unit="runs") as on_runs:
         return work.run(on_runs)
+
+
+def _estimate(work: "Tuning", seconds: float, runs: int) -> str:
+    """Return how long a search may take, and what makes it shorter."""
+
+    def told(count: int) -> str:
+        longest = work.longest(seconds, count)
+        return f"{longest / 60.0:.0f} minutes" if longest >= 90.0 else f"{longest:.0f} s"
+
+    fewer = max(work.least_runs, runs // 10)
+    shorter = f"; --runs {fewer} take {told(fewer)} at most" if fewer < runs else ""
+    return (
+        f"a run takes {seconds:.2g} s: {runs} runs take {told(runs)} at most, and often a third of it"
+        f"{shorter}; Ctrl-C ends the search with what was found"
+    )
 
 
 def _show(work: "Tuning", found: "Tuned", places: tuple[Path, Path | None], quiet: bool) -> None:

@@ -12,6 +12,8 @@ from rmrc.support.errors import ScenarioError
 # Tick records that a batch holds where columns are not kept: half a megabyte of six joints, so that they are
 # added up before they leave the processor's caches, which takes half as long.
 HELD = 512
+# Where each block is shown to somebody, so many times as much: to show one takes as long as some ticks.
+SHOWN = 16
 
 # Measured [B]: one sample of a reference; what a recording needs for each beside it, the sample once more and
 # what is worked out from all of them at once; a world in MuJoCo; libraries that are loaded on the way, and
@@ -49,26 +51,31 @@ class Footprint(NamedTuple):
         return memory.excess(LIBRARIES + self.held, self.reserved)
 
 
-def rows_of(prepared: Sequence[Prepared], keep_columns: bool = True) -> int:
+def rows_of(prepared: Sequence[Prepared], keep_columns: bool = True, is_shown: bool = False) -> int:
     """Return how many ticks are held of runs that are stepped together.
 
     Args:
         prepared: The worlds.
         keep_columns: Whether every tick is kept; else those that stages look back to, and some.
+        is_shown: Whether each block is shown: then it has more of them.
     """
     longest = max(one.most_ticks for one in prepared)
     if keep_columns:
         return longest
-    return min(longest, max(1 + max(one.hardware.span for one in prepared), HELD // len(prepared)))
+    held = HELD * SHOWN if is_shown else HELD
+    return min(longest, max(1 + max(one.hardware.span for one in prepared), held // len(prepared)))
 
 
-def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> Footprint:
+def footprint(
+    prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, is_shown: bool = False
+) -> Footprint:
     """Return what runs take that are stepped together, if each is as long as it may be.
 
     Args:
         prepared: The worlds.
         keep_columns: Whether every tick is kept.
         recorded: Whether a recording is written.
+        is_shown: Whether each block is shown.
     """
     alike: dict[object, list[Prepared]] = {}
     for one in prepared:
@@ -76,7 +83,7 @@ def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded:
     held, reserved = RECORDER * recorded, 0
     for worlds in alike.values():
         references = {id(one.reference): one.reference.ticks for one in worlds}.values()
-        rows = rows_of(worlds, keep_columns)
+        rows = rows_of(worlds, keep_columns, is_shown)
         held += rows * len(worlds) * tick_type(worlds[0].arm.n).itemsize
         if has_others(worlds[0].arm.wiring, len(worlds[0].qpos)):
             held += rows * len(worlds) * worlds[0].qpos.nbytes
@@ -88,18 +95,21 @@ def footprint(prepared: Sequence[Prepared], keep_columns: bool = True, recorded:
     return Footprint(held, reserved)
 
 
-def refuse_excess(prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False) -> None:
+def refuse_excess(
+    prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, is_shown: bool = False
+) -> None:
     """Refuse runs that do not fit into memory.
 
     Args:
         prepared: The worlds, one or more.
         keep_columns: Whether every tick is kept.
         recorded: Whether a recording is written.
+        is_shown: Whether each block is shown.
 
     Raises:
         ScenarioError: They do not, with the key that makes the longest of them so long.
     """
-    excess = footprint(prepared, keep_columns, recorded).excess
+    excess = footprint(prepared, keep_columns, recorded, is_shown).excess
     if excess is None:
         return
     longest = max(prepared, key=lambda one: one.most_ticks if keep_columns else one.reference.ticks)

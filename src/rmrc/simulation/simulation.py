@@ -196,6 +196,7 @@ class Simulation:
         threads: int = 1,
         keep_columns: bool = True,
         batches: Batches | None = None,
+        is_shown: bool = False,
     ) -> None:
         """Wire the worlds to MuJoCo.
 
@@ -204,15 +205,17 @@ class Simulation:
             threads: Number of threads; each steps its share of the worlds.
             keep_columns: Whether to keep every tick, for `run` and `runs`.
             batches: Of simulations before this one, to be used again; see `release`.
+            is_shown: Whether blocks will be shown to a watcher; without columns they are longer then.
 
         Raises:
             ScenarioError: They do not fit into memory.
         """
-        refuse_excess(prepared, keep_columns)
+        refuse_excess(prepared, keep_columns, is_shown=is_shown)
         batches = batches or Batches()
         self._threads, self._keeps = threads, keep_columns
         self._shards = [
-            _shard(prepared, members, keep_columns, batches) for members in _groups(prepared, threads)
+            _shard(prepared, members, (keep_columns, is_shown), batches)
+            for members in _groups(prepared, threads)
         ]
 
     def run(self, on_block: Watcher | None = None, stop: threading.Event | None = None) -> list[Run]:
@@ -332,7 +335,9 @@ def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
     ]
 
 
-def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batches: Batches) -> _Shard:
+def _shard(
+    prepared: Sequence[Prepared], members: list[int], held: tuple[bool, bool], batches: Batches
+) -> _Shard:
     chosen = [prepared[i] for i in members]
     references = {id(one.reference): one.reference for one in chosen}
     order = {key: r for r, key in enumerate(references)}
@@ -348,7 +353,7 @@ def _shard(prepared: Sequence[Prepared], members: list[int], keeps: bool, batche
         np.array([one.qpos for one in chosen]),
         (np.array([one.held[0] for one in chosen]), np.array([one.held[1] for one in chosen])),
         wanted,
-        np.empty((rows_of(chosen, keeps), len(chosen)), tick_type(chosen[0].arm.n)),
+        np.empty((rows_of(chosen, *held), len(chosen)), tick_type(chosen[0].arm.n)),
         batches,
     )
-    return _Shard(members, chosen, batch, keeps)
+    return _Shard(members, chosen, batch, held[0])

@@ -292,6 +292,17 @@ class Study:
             told = [p if "baseline" in str(p) else p._replace(who="baseline") for p in error.problems]
             raise ScenarioError(told) from None
 
+    def of(self, changes: Sequence[Change]) -> "Study":
+        """Return the study of a variant, which shares what was found out.
+
+        Args:
+            changes: That make it.
+
+        Raises:
+            ScenarioError: All that is wrong with it.
+        """
+        return Study(self.prepare(changes).scenario, self._cache)
+
     def _sound(self, index: int, changes: Sequence[Change], found: "Checked") -> Prepared | None:
         """Return a variant, or None: what is wrong with it is among what was found then."""
         try:
@@ -373,7 +384,7 @@ class Study:
             ScenarioError: They do not fit into memory.
         """
         with self._lock:
-            simulation = Simulation(worlds, threads, keep_columns=False, batches=self._batches)
+            simulation = Simulation(worlds, threads, keep_columns=False, batches=self._batches, is_shown=True)
         simulation.step(watcher, stop, columns=columns)
         return _results(simulation, range(len(worlds)), worlds, stop)
 

@@ -1,7 +1,7 @@
 """How much feedback loops were seen to bear: nothing is tried with more than its inverse bore."""
 
 import math
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, field
 
 from rmrc.tuning.bar import NEW
@@ -9,6 +9,11 @@ from rmrc.tuning.space import FEEDBACK, Setting, Space, rounded
 
 # Where an inverse has borne nothing yet, the next is less by this share.
 _LESS = 0.8
+# How near probing comes to the edge, and what share of the feedback that was borne is tried then with others,
+# whose edges differ a little.
+# Up to that share, what an inverse has borne with as much feedback need not be asked: where no g(σ) σ is
+# above 1, it is the feedback that decides. With these some is.
+NEAR, _SAFE, _ABOVE_1 = 1.01, 0.995, ("transpose", "jparse")
 
 
 @dataclass
@@ -36,6 +41,30 @@ class Bearing:
         of_inverse = self.asked.setdefault(setting.structure.inverse, {})
         of_inverse[setting.feedback] = bears
 
+    def implies(self, setting: Setting) -> bool:
+        """Say whether a setting bears what is asked, because its inverse has borne as much feedback."""
+        own = self.asked.get(setting.structure.inverse, {})
+        borne = max((value for value, bears in own.items() if bears), default=0.0)
+        failed = min((value for value, bears in own.items() if not bears), default=math.inf)
+        is_within = setting.feedback <= min(borne, self._safe or _SAFE * borne) and setting.feedback < failed
+        return is_within and setting.structure.method not in _ABOVE_1
+
+    def to_ask(self, settings: Sequence[Setting]) -> list[Setting]:
+        """Return which of several settings to ask first: that of each inverse with the highest feedback."""
+        by_feedback = sorted(settings, key=lambda one: -one.feedback)  # as they are, where it is equal
+        return list({one.structure.inverse: one for one in reversed(by_feedback)}.values())
+
+    @property
+    def _safe(self) -> float:
+        """What may be tried with any inverse after what was probed; 0: nothing was borne."""
+        return rounded(_SAFE * self.edge[0])
+
+    @property
+    def expected(self) -> float:
+        """What a loop may be at its edge with, as a feedback; 0: nothing is known."""
+        low, high = self.edge
+        return math.sqrt(low * high) if low > 0.0 and high < math.inf else low
+
     def within(self, setting: Setting, space: Space) -> Setting:
         """Return a setting with no more feedback than its inverse may bear, as far as is known.
 
@@ -44,6 +73,8 @@ class Bearing:
         """
         own = self.asked.get(setting.structure.inverse, {})
         low, high = _edge(self.probed | own if all(own.values()) else own)
+        if all(own.values()) and self.edge[1] <= self.edge[0] * NEAR:
+            low = high = self._safe
         if setting.feedback < high:
             return setting
         less = low if high <= low * (1.0 + NEW) else math.sqrt(low * high) if low else _LESS * high

@@ -179,7 +179,8 @@ def doubts(found: Tuned) -> list[str]:
     for key, value in () if best.setting.is_written else pairs:
         if value in map(rounded, found.bounds.get(key, ())):
             lines.append(
-                f"Warning: {key} stands at its search bound, {value:.6g}: what lies beyond was not tried."
+                f"Warning: {key} stands at its search bound, {value:.6g}: what lies beyond was not "
+                f"tried; --only {key}=V1,V2 tries what you name."
             )
     return lines
 

@@ -21,33 +21,34 @@ import numpy as np
 
 from rmrc.study.sobol import sobol_point
 from rmrc.tuning.bar import Bar
-from rmrc.tuning.bearing import Bearing, with_feedback
+from rmrc.tuning.bearing import NEAR, Bearing, with_feedback
 from rmrc.tuning.front import front
 from rmrc.tuning.space import FEEDBACK, Setting, Space
-from rmrc.tuning.trials import Outcome, Trials, scaled
+from rmrc.tuning.trials import STABLE, Outcome, Trials, scaled
 from rmrc.tuning.tried import Tried, best, best_of_each, is_same
+from rmrc.tuning.verdict import Verdict, judge
 
 # Shares of the runs for a look at all structures, and for the neighbors of the best of them on a model.
-_LOOK, _NEARER = 0.25, 0.25
+_LOOK, _NEARER = 0.25, 0.4
 # Of what is left then, the share that goes to the hardest copy at once.
 _CONFIRM = 0.25
 # Settings that are tried at a time: enough for a batch on each of some cores, and few enough for what is
 # found to end those that come after. Then on the model, before so many at most are run on the copies.
 _ROUND, _NEXT_ROUND, _CHOSEN = 64, 32, 12
 # Of a front on the model, so many go on to the copies.
-_FRONT = 24
+_FRONT = 32
 # Steps in the unit cube, whose sides are two or three decades: the first, that of what was refined on a model
 # already, the last, and by how much they shrink after a round that brought something new, and after one that
 # did not: by less where a model leaves little of a round to be run.
 _FIRST_STEP, _NEXT_STEP, _LAST_STEP = 0.25, 0.15, 0.003
-_SHRINK, _NEXT_SHRINK = (0.6, 0.4), (0.75, 0.55)
+_SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.8, 0.6)
 # Other inverses than the best whose own best is refined as well, so that the comparison with it is fair.
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
 _NEAREST = 2
 # Shares of the largest feedback of which it is asked first whether a loop bears it, within what share of the
-# runs that are left, and how near it comes to the edge.
-_PROBED, _PROBES, _NEAR = (1.0, 0.9, 0.8, 0.7), 0.1, 1.03
+# runs that are left.
+_PROBED, _PROBES = (1.0, 0.94, 0.88, 0.8), 0.1
 
 
 class Search:
@@ -72,6 +73,11 @@ class Search:
     def tried(self) -> list[Tried]:
         """All settings that have a run on a copy."""
         return list(self._tried.values())
+
+    @property
+    def edge(self) -> float:
+        """The feedback with which loops are about to be unstable [1/s]; 0: it is not known."""
+        return self._bearing.expected * self._trials.margin
 
     @property
     def looks(self) -> int:
@@ -292,10 +298,10 @@ class Search:
         found = self._run([Tried(one, {}) for one in new[:most]], [first], self.feasible)
         self._tried |= {one.setting: one for one in found}
         found = self._promising(found)[: self._room // max(1, each)]
-        self._bear([one for one in found if one.keeps_limits])
         for copies in (others[:1], others[1:]):
             if copies:
                 found = self._run(self._promising(found), copies, self.feasible)
+        self._bear(self._promising(found))
 
     def _hardest(self) -> list[int]:
         """Return the copies, that first on which most settings have their largest error."""
@@ -314,17 +320,39 @@ class Search:
                 one.outcomes[copy] = out
         return [one for one in some if one.outcomes.keys() >= set(copies)]
 
-    def _bear(self, some: Sequence[Tried]) -> bool:
-        """Try settings with more feedback, where that is asked; say whether it was done."""
-        if self._trials.margin == 1.0 or not some:
+    def _bear(self, some: Iterable[Tried]) -> bool:
+        """Try settings with more feedback, where that is asked; say whether it was done.
+
+        Those with the most of each inverse come first, and what they imply of the others is not run.
+        """
+        if self._trials.margin == 1.0:
             return True
+        left = {one.setting: one for one in some if one.keeps_limits and one.bears is None}
+        while left:
+            for setting in [one for one in left if self._bearing.implies(one)]:
+                one = left.pop(setting)
+                one.bears, one.is_implied = STABLE, True
+            if not self._ask([left.pop(one) for one in self._bearing.to_ask(list(left))]):
+                return False
+        return True
+
+    def _ask(self, some: Sequence[Tried]) -> bool:
+        """Run settings with more feedback; say whether it was done."""
         found = self._trials.bear([one.setting for one in some])
         self._left -= 2 * len(some)
         for one, out in zip(some, found, strict=True):
-            one.bears = out
             if out is not None:
+                one.bears, one.is_implied = out, False
                 self._bearing.add(one.setting, bears=out.excess <= 0.0)
         return None not in found
+
+    def judge(self) -> Verdict:
+        """Return what is best; what is recommended, and second, was run with more feedback itself."""
+        while True:
+            verdict = judge(self.feasible, self.tried, self._own)
+            some = [one for one in (verdict.recommended, verdict.second) if one and one.is_implied]
+            if not some or not self._ask(some):
+                return verdict
 
     def _probe(self, setting: Setting) -> None:
         """Find how much feedback a setting bears, to a few percent, where that is asked."""
@@ -342,7 +370,7 @@ class Search:
             if low == 0.0:
                 wanted = [share * high for share in _PROBED[1:]]
             else:
-                wanted = list(np.geomspace(low, high, 5)[1:-1]) if low * _NEAR < high < math.inf else []
+                wanted = list(np.geomspace(low, high, 5)[1:-1]) if low * NEAR < high < math.inf else []
 
     # What counts ----------------------------------------------------------------------------
 

@@ -32,8 +32,9 @@ SATURATED = 0.01
 
 # A batch is a second of one core at most, so that Ctrl-C and the progress bar need not wait.
 _TICKS = 200_000
-# Of the jobs that are run together, each thread has so many batches, so that none waits long for another.
-_PARTS = 2
+# Of the jobs that are run together, each thread has so many batches, so that none waits long for another: if
+# they are so many, as a tick of a few worlds costs more a world.
+_PARTS, _WIDE = 2, 16
 
 
 class Outcome(NamedTuple):
@@ -65,6 +66,10 @@ class Outcome(NamedTuple):
     def point(self) -> Point:
         """What counts on a front."""
         return Point(self.peak_rate, self.error, self.time)
+
+
+# Of a setting with more feedback: it is stable.
+STABLE = Outcome(0.0, 0.0, 0.0, 0.0, 1.0, -1.0, "")
 
 
 def worst(outcomes: Sequence[Outcome]) -> Outcome:
@@ -289,6 +294,7 @@ class Trials:
         self.planned = [one.period * one.ticks for one in references]
         self.tick = references[-1].period
         self.weight = min(1.0, references[-1].ticks / nominal.reference.ticks) if model else 1.0
+        self._of_model: Study | None = None
         self._longest = [math.inf] * len(self._copies)
         self._ticks = nominal.reference.ticks
         self.done, self._spent = 0, 0.0
@@ -305,7 +311,8 @@ class Trials:
         model, there = self._copies[self.model], self._copies[copy].changes
         placed = [one for one in there if ".".join(map(str, one.key)) in ("arm.start", "target.offset")]
         changes = (*model.changes, *placed)
-        reference = self._study.prepare(changes).reference
+        self._of_model = self._study.of(changes)  # so that what they have in common is checked once
+        reference = self._of_model.prepare().reference
         self._copies = (*self._copies[:-1], model._replace(changes=changes))
         self.planned[self.model] = reference.period * reference.ticks
 
@@ -324,17 +331,19 @@ class Trials:
             rivals: Of each job, the least error that its inverse is known to come to.
         """
         most = max(1, _TICKS // self._ticks)
-        size = max(1, min(most, -(-len(jobs) // (_PARTS * self._threads))))
+        parts = self._threads * (_PARTS if len(jobs) >= _WIDE * _PARTS * self._threads else 1)
+        size = max(1, min(most, -(-len(jobs) // parts)))
         pieces = [range(first, min(first + size, len(jobs))) for first in range(0, len(jobs), size)]
         longest = [self._longest[copy] for _, copy in jobs]
         is_model = all(copy == self.model for _, copy in jobs)
         into = _Outcomes(
             pieces, self.limits, longest, self._count_model if is_model else self._count, [None] * len(jobs)
         )
-        variants = Listed([Variant("", self._changes(*job)) for job in jobs])
-        with threads(self._threads, self._study) as crew:
+        study = self._of_model if is_model and self._of_model else self._study
+        variants = Listed([Variant("", self._changes(*job, study)) for job in jobs])
+        with threads(self._threads, study) as crew:
             ending = Ending(bar, self.limits, np.array(rivals)) if bar else None
-            self._study.run(variants, crew, into, self._stop, ending)
+            study.run(variants, crew, into, self._stop, ending)
         return into.found
 
     def bear(self, settings: Sequence[Setting]) -> list[Outcome | None]:
@@ -346,8 +355,7 @@ class Trials:
         missed = (
             f"with {self.margin:g} times its feedback its loop is not stable on the slowest of the robots"
         )
-        kept = Outcome(0.0, 0.0, 0.0, 0.0, 1.0, -1.0, "")
-        outcomes = {None: None, True: kept, False: kept._replace(excess=1.0, missed=missed)}
+        outcomes = {None: None, True: STABLE, False: STABLE._replace(excess=1.0, missed=missed)}
         found = dict(zip(fed_back, known, strict=True))
         return [outcomes[found.get(one, True)] for one in settings]
 
@@ -363,9 +371,9 @@ class Trials:
         if self._on_runs is not None:
             self._on_runs(int(self._spent) - told)
 
-    def _changes(self, setting: Setting, copy: int) -> tuple[Change, ...]:
-        """Return what makes a run; a slow one ends when it has taken longer than allowed."""
-        changes = (*setting.changes, *self._copies[copy].changes)
+    def _changes(self, setting: Setting, copy: int, study: Study) -> tuple[Change, ...]:
+        """Return what makes a run of a study; a slow one ends when it has taken longer than allowed."""
+        changes = (*setting.changes, *(() if study is self._of_model else self._copies[copy].changes))
         if not POLICIES[setting.structure.at_singularity].slows or self._longest[copy] == math.inf:
             return changes
         share = self._longest[copy] / self.planned[copy]

@@ -23,12 +23,14 @@ class Tried:
     Attributes:
         setting: What was tried.
         outcomes: By the numbers of the copies, 0 for the scenario itself.
-        bears: What more feedback came to: None where that was not asked.
+        bears: What more feedback came to: None where that is not known.
+        is_implied: Whether that is known by another setting alone.
     """
 
     setting: Setting
     outcomes: dict[int, Outcome]
     bears: Outcome | None = None
+    is_implied: bool = False
     _worst: Outcome = field(init=False, repr=False, compare=False)  # asked for again and again
     _of: int = field(default=0, init=False, repr=False, compare=False)
 

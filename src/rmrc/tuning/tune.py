@@ -2,6 +2,8 @@
 
 import math
 import os
+import threading
+import time
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
@@ -14,8 +16,8 @@ from rmrc.scenario import Source, Variant, block, changes_of, draft_of
 from rmrc.simulation.footprint import footprint, refuse_excess
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.dataset import Column, write_table
-from rmrc.study.margins.margins import Asking, Margins
-from rmrc.study.study import OnRuns, Study
+from rmrc.study.margins.margins import Margins, margins_of
+from rmrc.study.study import OnRuns, Ran, Study
 from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
@@ -43,13 +45,13 @@ from rmrc.tuning.space import (
 from rmrc.tuning.tables import Row
 from rmrc.tuning.trials import Limits, Trials
 from rmrc.tuning.tried import Tried
-from rmrc.tuning.verdict import Verdict, judge
+from rmrc.tuning.verdict import Verdict
 
 # Of the margins that are told, relative: their second digit.
 _ACCURACY = 0.05
 
 # A tick of the model corrects at most this share of an error, and its path has so many ticks at least.
-_COARSE, _FEWEST = 0.3, 300
+_COARSE, _FEWEST = 0.6, 300
 
 
 @brief
@@ -160,6 +162,7 @@ class Tuning:
         self._draft = draft_of(source, overrides)
         self._study = Study(self._draft)
         self._nominal: Prepared = self._study.prepare()
+        self._first: Ran | None = None
         self.scenario = self._nominal.scenario
         words, self._only = read_only(only)
         self._check_numbers()
@@ -170,6 +173,11 @@ class Tuning:
         self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
         self.copies = draw_copies(self._nominal, copies, seed, spread, self.robot)
         self._refuse_excess(self._study.prepare_all(self.copies, ""))
+
+    @property
+    def least_runs(self) -> int:
+        """The fewest runs of a search: twice as many as there are copies."""
+        return 2 * len(self.copies)
 
     @property
     def spread_in_words(self) -> str:
@@ -188,6 +196,28 @@ class Tuning:
         """Load the compiled law, or compile it the first time, which takes seconds."""
         self._study.compile([self._nominal])
 
+    def begin(self) -> float:
+        """Run the scenario as it is written, which the search begins with, and return how long it took [s].
+
+        Raises:
+            KeyboardInterrupt: Ctrl-C.
+        """
+        started = time.perf_counter()
+        with interruptible() as stop:
+            (self._first,) = self._study.step([self._nominal], stop)
+            if stop.is_set():
+                raise KeyboardInterrupt
+        return time.perf_counter() - started
+
+    def longest(self, seconds: float, runs: int) -> float:
+        """Return how long so many runs take at most [s]; a search often ends sooner.
+
+        Args:
+            seconds: Of one.
+            runs: How many.
+        """
+        return seconds * runs / min(self._threads, os.cpu_count() or 1)
+
     def run(self, on_runs: OnRuns | None = None) -> Tuned:
         """Search; Ctrl-C ends it with what was found so far.
 
@@ -197,10 +227,11 @@ class Tuning:
         Raises:
             KeyboardInterrupt: Ctrl-C, before anything was found.
         """
+        if self._first is None:
+            self.begin()
+        assert self._first is not None  # begun
+        nominal, self._first = self._first, None
         with interruptible() as stop:
-            (nominal,) = self._study.step([self._nominal], stop)
-            if stop.is_set():
-                raise KeyboardInterrupt
             limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
             model = self._model(limits[FEEDBACK][1])
             trials = Trials(self._study, self.copies, self._threads, stop, on_runs, self.margin, model)
@@ -211,27 +242,37 @@ class Tuning:
             if not search.begin(self._own, self.slower):
                 raise KeyboardInterrupt
             search.run()
+            verdict = search.judge()
             tried, feasible = tuple(search.tried), tuple(search.feasible)
-            verdict = judge(feasible, tried, tried[0])
             best = verdict.recommended
             control = self._written(best.setting).get("control", {}) if best else None
+            bears = self._margins(verdict, search.edge, stop)
             interrupted = stop.is_set()
         free = {key: one for key, one in limits.items() if key not in self._only}
-        bears = {} if interrupted else self._margins(verdict)
         return Tuned(
             tried[0], tried, feasible, verdict, control, self.copies, trials.limits, free, bears,
             search.looks, trials.tick, trials.done, interrupted,
         )  # fmt: skip
 
-    def _margins(self, verdict: Verdict) -> dict[str, Margins]:
-        """Return what the loops of recommendations bear on the slowest of the robots."""
-        found = dict[str, Margins]()
-        for name, one in {"recommended": verdict.recommended, "second best": verdict.second}.items():
-            if one is None or one.feedback == 0.0:
-                continue
-            slowest = self._draft.changed(*one.setting.changes, *self.copies[0].changes)
-            found[name] = Asking(slowest, accuracy=_ACCURACY, threads=self._threads, is_sparing=True).run()
-        return found
+    def _margins(self, verdict: Verdict, expected: float, stop: threading.Event) -> dict[str, Margins]:
+        """Return what the loops of recommendations bear on the slowest of the robots; nothing if interrupted.
+
+        Args:
+            verdict: What is recommended.
+            expected: Feedback with which they may be about to be unstable [1/s]; 0: it is not known.
+            stop: Once it is set, the runs end.
+        """
+        chosen = {"recommended": verdict.recommended, "second best": verdict.second}
+        loops = {
+            name: (*one.setting.changes, *self.copies[0].changes)
+            for name, one in chosen.items()
+            if one is not None and one.feedback > 0.0
+        }
+        found = margins_of(
+            self._study, [*loops.values()], stop,
+            accuracy=_ACCURACY, threads=self._threads, is_sparing=True, expected=expected,
+        )  # fmt: skip
+        return {} if stop.is_set() else dict(zip(loops, found, strict=True))
 
     def write(
         self, tuned: Tuned, folder: Path, picture: Path | None = None, told: Mapping[str, Any] | None = None
@@ -345,8 +386,8 @@ class Tuning:
     def _model(self, feedback: float) -> Variant | None:
         """Return what comes near to the slowest loop and costs a tenth: an ideal plant with one dead time.
 
-        What matters of a loop is the sum of its delay and lags. Its ticks may be longer, as long as feedback
-        corrects little in one.
+        What matters of a loop is the sum of its delay, its lags and half a tick. Its ticks may be longer, as
+        long as feedback corrects little in one; then its dead time is shorter.
 
         Args:
             feedback: The largest that will be tried.
@@ -356,7 +397,8 @@ class Tuning:
         for times in dict.fromkeys((ticks, 1)):
             if times == 1 and not (late and self._nominal.plant.has_physics):
                 return None  # it costs as much, or servos do what an ideal plant does not
-            ideal = {"plant.kind": "ideal", "plant.delay": late, "plant.lag": 0.0}
+            left = max(0.0, late - 0.5 * (times - 1) * period)
+            ideal = {"plant.kind": "ideal", "plant.delay": round(left, 9), "plant.lag": 0.0}
             model = Variant("the model", changes_of(ideal | {"control.period": round(times * period, 9)}))
             with suppress(ScenarioError):  # of a scenario with a payload, say
                 self._study.prepare(model.changes)

@@ -1,11 +1,12 @@
 """A scenario -> its margins: how much more delay, lag and gain its loop bears before it is unstable."""
 
+import math
 import os
 import threading
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rmrc.scenario import Scenario, Source, draft_of
+from rmrc.scenario import Change, Scenario, Source, draft_of
 from rmrc.simulation.prepare import Prepared
 from rmrc.study.margins.ringing import Judged, lateness
 from rmrc.study.margins.search import ACCURACY, Edge, Search, close_in, delay, gain, lag
@@ -95,7 +96,6 @@ class Asking:
         *,
         accuracy: float = ACCURACY,
         threads: int | None = None,
-        is_sparing: bool = False,
     ) -> None:
         """Check everything before the first run.
 
@@ -104,7 +104,6 @@ class Asking:
             overrides: `KEY=VALUE` texts.
             accuracy: Of the edges, relative: of the gain, and of how late commands are in all.
             threads: How many step their share of the runs; None: one a core.
-            is_sparing: Whether it takes more rounds of fewer runs.
 
         Raises:
             ScenarioError: All that is wrong.
@@ -113,7 +112,6 @@ class Asking:
             wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
             raise ScenarioError.about("--accuracy", wrong)
         self._study, self._accuracy = Study(draft_of(source, overrides)), accuracy
-        self._is_sparing = is_sparing
         self._threads = threads or os.cpu_count() or 1
         self._prepared: Prepared = self._study.prepare()
         self.scenario = self._prepared.scenario
@@ -134,38 +132,92 @@ class Asking:
         Raises:
             ScenarioError: The runs do not fit into memory.
         """
-        one, count = self.scenario, 0
-
-        def counted(runs: int) -> None:
-            nonlocal count
-            count += runs
-            if on_runs is not None:
-                on_runs(runs)
-
         with interruptible() as stop:
-            nominal = replace(gain(one), guess=1.0, least=1.0, most=1.0)
-            self._close_in({"gain": nominal}, stop, counted)
-            written = nominal.known.get(1.0)
-            searches = {"gain": gain(one)}
-            if written is not None and not written.is_unstable:
-                searches |= {"delay": delay(one, self._prepared.reference.duration), "lag": lag(one)}
-            if written is not None:
-                for search in searches.values():
-                    search.known[1.0] = written
-                self._close_in(searches, stop, counted)
-            interrupted = stop.is_set()
-        found = {name: self._margin(name, search) for name, search in searches.items()}
-        late, period = lateness(one), one.control.period
-        return Margins(
-            one, late, written, found["gain"], found.get("delay"), found.get("lag"),
-            rule_gain(period, *late), edge_gain(period, *late), count, interrupted,
-        )  # fmt: skip
+            (found,) = margins_of(
+                self._study, [()], stop, accuracy=self._accuracy, threads=self._threads, on_runs=on_runs
+            )
+        return found
 
-    def _close_in(self, searches: Mapping[str, Search], stop: threading.Event, on_runs: OnRuns) -> None:
-        chosen = list(searches.values())
-        for search in chosen:
-            search.accuracy, search.is_sparing = self._accuracy, self._is_sparing
-        close_in(self._study, chosen, stop, self._threads, on_runs)
+
+def margins_of(
+    study: Study,
+    settings: Sequence[Sequence[Change]],
+    stop: threading.Event,
+    *,
+    accuracy: float = ACCURACY,
+    threads: int = 1,
+    on_runs: OnRuns | None = None,
+    is_sparing: bool = False,
+    expected: float = 0.0,
+) -> list[Margins]:
+    """Return the margins of several settings of a scenario, which are found side by side.
+
+    Args:
+        study: Of the scenario.
+        settings: What makes each of it; with a positive feedback.
+        stop: Once it is set, the runs end.
+        accuracy: Of the edges, relative.
+        threads: How many step their share of the runs.
+        on_runs: Called with the number of runs of each round.
+        is_sparing: Whether it takes more rounds of fewer runs.
+        expected: The feedback with which their loops may be about to be unstable [1/s], where a sparing
+            search begins; 0: it is not known.
+
+    Raises:
+        ScenarioError: A setting is wrong, or they do not fit into memory.
+    """
+    loops = [_Loop(study.prepare(base), base, accuracy, is_sparing) for base in settings]
+    gains = [loop.searches["gain"] for loop in loops]
+    if expected:
+        side = math.sqrt(1.0 + accuracy)
+        for loop, search in zip(loops, gains, strict=True):
+            search.guess, search.first = expected / loop.scenario.control.feedback, (1.0 / side, side)
+    nominal = [loop.nominal for loop in loops]
+    close_in(study, nominal + (gains if is_sparing else []), stop, threads, on_runs)
+    every = [search for loop in loops for search in loop.rest()]
+    close_in(study, every, stop, threads, on_runs)
+    return [loop.margins(is_interrupted=stop.is_set()) for loop in loops]
+
+
+class _Loop:
+    """A loop, and what is asked of it."""
+
+    def __init__(self, prepared: Prepared, base: Sequence[Change], accuracy: float, is_sparing: bool) -> None:
+        self._prepared, self._base, self.scenario = prepared, base, prepared.scenario
+        self._accuracy, self._is_sparing = accuracy, is_sparing
+        self.searches = {"gain": self._as_asked(gain(self.scenario, base))}
+        self.nominal = replace(gain(self.scenario, base), guess=1.0, least=1.0, most=1.0)
+
+    def _as_asked(self, search: Search) -> Search:
+        return replace(search, accuracy=self._accuracy, is_sparing=self._is_sparing)
+
+    @property
+    def _written(self) -> Judged | None:
+        return self.nominal.known.get(1.0)
+
+    def rest(self) -> list[Search]:
+        """Return what is to be asked once the loop as it is was judged; nothing if that was interrupted."""
+        if self._written is None:
+            return []
+        if not self._written.is_unstable:
+            longest = self._prepared.reference.duration
+            self.searches["delay"] = self._as_asked(delay(self.scenario, longest, self._base))
+            self.searches["lag"] = self._as_asked(lag(self.scenario, self._base))
+        for search in self.searches.values():
+            search.known[1.0] = self._written
+        return list(self.searches.values())
+
+    def margins(self, *, is_interrupted: bool) -> Margins:
+        """Return what was found."""
+        one = self.scenario
+        late, period = lateness(one), one.control.period
+        found = {name: self._margin(name, search) for name, search in self.searches.items()}
+        others = sum(len(search.known.keys() - {1.0}) for search in self.searches.values())
+        runs = 2 * (len(self.nominal.known) + others)
+        return Margins(
+            one, late, self._written, found["gain"], found.get("delay"), found.get("lag"),
+            rule_gain(period, *late), edge_gain(period, *late), runs, is_interrupted,
+        )  # fmt: skip
 
     def _margin(self, name: str, search: Search) -> Margin:
         """Return what a search found, with what the ideal plant would bear."""

@@ -16,8 +16,8 @@ from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 
 # Around the edge of the ideal plant; then points between the two that are nearest to the edge, as many as the
 # accuracy needs and no more than so many, until these two differ by less than the accuracy. Where runs are to
-# be spared, fewer at a time.
-_GRID, _FEW = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0), (0.77, 1.0, 1.4)
+# be spared, fewer at a time, and a little below it, where the edge is if drives do not follow at once.
+_GRID, _FEW = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0), (0.91, 0.95, 1.0)
 _POINTS = 6
 ACCURACY = 0.02
 # Steps are finer than the accuracy by this share, so that rounding asks for no further round.
@@ -26,7 +26,7 @@ _ROUNDING = 1e-9
 _SHARE = 0.9
 # Where the edge is not near, each round goes on by these, up to so many times the edge of the ideal plant,
 # and down to this share of the feedback as written.
-_STEPS = (1.5, 2.25, 3.4, 5.0)
+_STEPS, _FEW_STEPS = (1.5, 2.25, 3.4, 5.0), (1.15, 1.5)
 _BEYOND, _LOWEST = 10.0, 0.01
 # With this share of the edge of the ideal plant, a loop shows quickly what it does.
 _QUICK = 0.25
@@ -67,6 +67,7 @@ class Search:
         value: What is asked for, by factor: the factor itself, or a time [s].
         accuracy: Relative, of the factor.
         is_sparing: Whether it takes more rounds of fewer runs.
+        first: Shares of the guess that a sparing search begins with.
         known: What was found, by factor.
     """
 
@@ -77,6 +78,7 @@ class Search:
     value: Callable[[float], float] = float
     accuracy: float = ACCURACY
     is_sparing: bool = False
+    first: tuple[float, ...] = _FEW
     known: dict[float, Judged] = field(default_factory=dict)
 
     @property
@@ -93,17 +95,17 @@ class Search:
     def next(self) -> list[float]:
         """Return the factors to try next; none: the edge is known, or there is none within bounds."""
         low, high = self.edge
+        steps = _FEW_STEPS if self.is_sparing else _STEPS
         if self.known.keys() <= {1.0} and not high <= 1.0 <= self.guess:
-            wanted = [self.guess * share for share in (_FEW if self.is_sparing else _GRID)]
+            wanted = [self.guess * share for share in (self.first if self.is_sparing else _GRID)]
         elif low == 0.0:
-            wanted = [high / step for step in _STEPS] if high > self.least else []
+            wanted = [high / step for step in steps] if high > self.least else []
         elif high == math.inf:
-            wanted = [low * step for step in _STEPS] if low < self.most else []
+            wanted = [low * step for step in steps] if low < self.most else []
         elif high > low * (1.0 + self.accuracy):
-            steps = math.ceil(math.log(high / low) / math.log1p(self.accuracy) + _ROUNDING)
-            wanted = list(
-                np.geomspace(low, high, min(steps, 2 if self.is_sparing else _POINTS + 1) + 1)[1:-1]
-            )
+            parts = math.ceil(math.log(high / low) / math.log1p(self.accuracy) + _ROUNDING)
+            parts = min(parts, 2 if self.is_sparing else _POINTS + 1)
+            wanted = list(np.geomspace(low, high, parts + 1)[1:-1])
         else:
             return []
         within = (float(min(max(one, self.least), self.most)) for one in wanted)
@@ -121,33 +123,37 @@ def gain(scenario: Scenario, base: Sequence[Change] = ()) -> Search:
     return Search(changes, guess, _BEYOND * max(1.0, guess), min(_LOWEST, 0.1 * guess))
 
 
-def delay(scenario: Scenario, longest: float) -> Search:
+def delay(scenario: Scenario, longest: float, base: Sequence[Change] = ()) -> Search:
     """Return the search for a longer dead time, by the factor on how late commands are in all.
 
     Args:
         scenario: The scenario.
         longest: Time of its path [s]: no command of the whole run arrives if each takes as long.
+        base: What makes the scenario of that of the study.
     """
-    ideal, base = edge_delay(*_loop(scenario)[:2], lateness(scenario)[1]), scenario.plant.delay
+    ideal, own = edge_delay(*_loop(scenario)[:2], lateness(scenario)[1]), scenario.plant.delay
 
     def changes(factor: float) -> tuple[Change, ...]:
-        return changes_of({"plant.delay": base + added(scenario, factor)})
+        return (*base, *changes_of({"plant.delay": own + added(scenario, factor)}))
 
-    search = _later(scenario, ideal - base, changes)
-    search.most = max(1.0, min(search.most, 1.0 + (_SHARE * longest - base) / _loop(scenario)[2]))
+    search = _later(scenario, ideal - own, changes)
+    search.most = max(1.0, min(search.most, 1.0 + (_SHARE * longest - own) / _loop(scenario)[2]))
     return search
 
 
-def lag(scenario: Scenario) -> Search:
+def lag(scenario: Scenario, base: Sequence[Change] = ()) -> Search:
     """Return the search for a longer lag of all joints, by the factor on how late commands are in all."""
     longest = edge_lag(*_loop(scenario)[:2], lateness(scenario)[0])
-    base = np.atleast_1d(scenario.plant.lag)
+    own = np.atleast_1d(scenario.plant.lag)
 
     def changes(factor: float) -> tuple[Change, ...]:
-        lags = [float(one) for one in base + added(scenario, factor)]
-        return changes_of({"plant.lag": lags if len(lags) > 1 else lags[0]})
+        lags = [float(one) for one in own + added(scenario, factor)]
+        return (*base, *changes_of({"plant.lag": lags if len(lags) > 1 else lags[0]}))
 
-    return _later(scenario, longest - base.max(), changes)
+    search = _later(scenario, longest - own.max(), changes)
+    if longest == math.inf:  # where the equation has no edge, there may be none up to the largest
+        search.first = (search.most / search.guess,)
+    return search
 
 
 def close_in(

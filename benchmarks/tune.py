@@ -1,0 +1,115 @@
+"""What a search costs, and how good its front is.
+
+    python benchmarks/tune.py [--scenarios NAME ...] [--seeds 6] [--runs 2000] [--ideal] [--threads 1]
+
+For each scenario and seed: seconds of CPU of this process, of the search and of the margins at its end, with
+all that is compiled loaded; ticks of worlds, in millions, which do not depend on the machine; settings that
+were looked at on the model, settings that were run on copies, and these runs; the error of the recommended
+setting; and the hypervolume of the front. In the plane of ln(peak rate) and ln(error) that is the area which
+the front dominates, as far as it betters the setting as written in both: 0.7 is half the error at 0.37 times
+the peak rate. In the end min, median and max of each scenario.
+"""
+
+import argparse
+import json
+import math
+import resource
+import statistics
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+
+from rmrc.plants.stepping import Stepper
+from rmrc.tuning.tune import Tuned, Tuning
+
+SCENARIOS = Path(__file__).parent.parent / "scenarios"
+CASES = ("approach_singularity", "ur5e_wrist", "stanford_wrist")
+FIGURES = ("CPU, s", "Mticks", "looks", "settings", "runs", "error, mm", "hypervolume")
+
+
+@contextmanager
+def counted() -> Iterator[list[int]]:
+    """Yield a list, to which each stepper adds its ticks of worlds when it lets go of what it was lent."""
+    counts, plain = list[int](), Stepper.release
+
+    def release(stepper: Stepper) -> None:
+        worlds = stepper.worlds
+        ends = np.where(worlds["diverged"] >= 0, worlds["diverged"], worlds["ticks"])
+        counts.append(int(np.minimum(ends, stepper.done).sum()))
+        plain(stepper)
+
+    Stepper.release = release
+    try:
+        yield counts
+    finally:
+        Stepper.release = plain
+
+
+def hypervolume(front: Sequence[tuple[float, float]], reference: tuple[float, float]) -> float:
+    """Return the area in logs that points dominate up to a reference [1].
+
+    Args:
+        front: Peak rates and errors, in any order.
+        reference: Those of the setting as written.
+    """
+    area, lowest = 0.0, math.log(reference[1])
+    for rate, error in sorted(front):
+        if rate < reference[0] and math.log(error) < lowest:
+            area += (lowest - math.log(error)) * math.log(reference[0] / rate)
+            lowest = math.log(error)
+    return area
+
+
+def measured(path: Path, seed: int, **options: object) -> list[float]:
+    """Return the figures of a search."""
+    before = resource.getrusage(resource.RUSAGE_SELF)
+    with counted() as ticks:
+        found: Tuned = Tuning(path, seed=seed, **options).run()
+    after = resource.getrusage(resource.RUSAGE_SELF)
+    front = [one.worst.point[:2] for one in found.verdict.front]
+    best = found.verdict.recommended
+    return [
+        after.ru_utime - before.ru_utime,
+        sum(ticks) / 1e6,
+        found.looks,
+        len(found.tried),
+        found.runs,
+        1e3 * best.worst.error if best else math.nan,
+        hypervolume(front, found.own.worst.point[:2]),
+    ]
+
+
+def main() -> None:
+    """Measure and print."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--scenarios", nargs="+", default=CASES)
+    parser.add_argument("--seeds", type=int, default=6)
+    parser.add_argument("--runs", type=int, default=2000)
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--ideal", action="store_true")
+    parser.add_argument("--json", action="store_true", help="print all figures, by scenario and seed")
+    arguments = parser.parse_args()
+    options = {name: getattr(arguments, name) for name in ("runs", "threads", "ideal")}
+    found: dict[str, list[list[float]]] = {}
+    print(f"{'':28s}" + "".join(f"{name:>13s}" for name in FIGURES))
+    for name in arguments.scenarios:
+        path = SCENARIOS / f"{name}.yaml"
+        Tuning(path).compile()
+        rows = found[name] = []
+        for seed in range(arguments.seeds):
+            rows.append(measured(path, seed, **options))
+            _show(f"{name}, {seed}", rows[-1])
+        for what, of in (("min", min), ("median", statistics.median), ("max", max)):
+            _show(f"{name}, {what}", [of(values) for values in zip(*rows, strict=True)])
+    if arguments.json:
+        print(json.dumps(found))
+
+
+def _show(name: str, figures: Sequence[float]) -> None:
+    print(f"{name:28s}" + "".join(f"{value:13.4g}" for value in figures), flush=True)
+
+
+if __name__ == "__main__":
+    main()
