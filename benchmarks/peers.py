@@ -57,6 +57,8 @@ WAYS = (
     {"gain": 1.0, **ALONE, "inverse.method": "pseudoinverse"},
     *({"gain": K, "damping": 0.01, **ALONE, **CONSTANT} for K in (1.0, 9.5)),
     *({"gain": 1.0, "damping": d, "feedforward": False, **CONSTANT} for d in (0.05, 0.2)),
+    # one limit for all joints, as mjctrl has it: that of the Stanford arm's boom
+    *({"gain": K, "damping": d, **CONSTANT, "limits.rate": 0.75} for K, d in ((9.5, 0.01), (500.0, 0.2))),
 )
 # Column: what it is, and a difference that is none.
 COLUMNS = {
@@ -386,6 +388,36 @@ def summary(tables: list[Table]) -> Iterator[str]:
         yield f"| {one.case.name} | {len(one.verdicts)} | {row} | {another} | {'; '.join(texts)} |"
 
 
+def does_the_task(row: Row, ours: Row) -> bool:
+    """Say whether a row follows, stays within the limits, and comes back."""
+    follows = error_of(row.figures) <= FOLLOWS * error_of(ours.figures)
+    return (
+        follows and row.figures["over"] <= OUTSIDE and row.figures["end mm"] + row.figures["end mrad"] <= 1.0
+    )
+
+
+def totals(tables: list[Table]) -> str:
+    """Return how the rows of others stand in all cases together."""
+    every = [(verdict, table.rows) for table in tables for verdict in table.verdicts]
+    same = [
+        verdict
+        for verdict, rows in every
+        if does_the_task(verdict.row, next(row for row in rows if row.peer.name == OURS))
+    ]
+
+    def counts(verdicts: list[Verdict]) -> str:
+        behind, left = (sum(not one.ahead for one in verdicts), sum(bool(one.left) for one in verdicts))
+        others = len(verdicts) - behind - left
+        return f"our row is as good as {behind}, another setting of ours as {others}, none as {left}"
+
+    everyone = counts([verdict for verdict, _ in every])
+    task = f"at most {FOLLOWS:g} times our error, within the limits, back at the end"
+    return (
+        f"Of {len(every)} rows of others in {len(tables)} cases, {everyone}. "
+        f"Of those {len(same)} that do the task ({task}), {counts(same)}."
+    )
+
+
 # Steps that are timed together, as a clock costs as much as a fast step, and how often everyone has its turn.
 TIMED, ROUNDS = 100, 12
 
@@ -475,6 +507,7 @@ def page(keep: Keep, only: list[str]) -> Iterator[str]:
     shown = [one for one in cases() if not only or any(one.name.startswith(name) for name in only)]
     tables = [table(one, keep) for one in shown]
     yield "\n## Who leads\n"
+    yield totals(tables) + "\n"
     yield from summary(tables)
     yield "\n## Time and lines\n"
     yield from timing(tables)

@@ -149,5 +149,10 @@ def test_the_setting_that_leaves_a_peer_fewest_columns_is_found():
 def test_the_summary_counts_rows_by_how_they_stand():
     ours, rows = rows_of({"mm": 1.0, "mrad": 0.0}, {"mm": 2.0, "mrad": 0.0}, {"mm": 0.5, "mrad": 0.0})
     verdicts = [peers.judge(row, ours, [({"gain": 5.0}, figures(mm=1.0, mrad=0.0))]) for row in rows]
-    lines = list(peers.summary([peers.Table(named("far, UR5e"), [], verdicts, [ours, *rows])]))
-    assert lines[-1] == "| far, UR5e | 3 | 1 | 1 | numpy DLS: mm |"
+    table = peers.Table(named("far, UR5e"), [], verdicts, [ours, *rows])
+    assert list(peers.summary([table]))[-1] == "| far, UR5e | 3 | 1 | 1 | numpy DLS: mm |"
+    ours, (away,) = rows_of({"mm": 5.0, "mrad": 0.0, "peak acc": 0.5})  # 2.5 times our error
+    table = table._replace(rows=[*table.rows, away], verdicts=[*verdicts, peers.judge(away, ours, [])])
+    every, same = peers.totals([table]).split(". ")
+    assert every.endswith("our row is as good as 1, another setting of ours as 1, none as 2")
+    assert same.startswith("Of those 3 ") and same.endswith("ours as 1, none as 1.")
