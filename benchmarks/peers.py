@@ -507,6 +507,9 @@ def page(keep: Keep, only: list[str]) -> Iterator[str]:
     shown = [one for one in cases() if not only or any(one.name.startswith(name) for name in only)]
     tables = [table(one, keep) for one in shown]
     yield "\n## Who leads\n"
+    left_out = [one.name for one in cases() if one not in shown]
+    if left_out:
+        yield f"Left out by `--only`: {'; '.join(left_out)}.\n"
     yield totals(tables) + "\n"
     yield from summary(tables)
     yield "\n## Time and lines\n"
