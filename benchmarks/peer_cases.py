@@ -7,7 +7,6 @@ pose and twist at each tick, and is judged by where the tool is.
 
 import functools
 import tempfile
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,8 +21,8 @@ PERIOD = 0.002  # s, as in the examples of mink
 REST = 0.4  # s, after each leg
 # rad/s² or m/s²: smaller accelerations whose sign changes are no chatter.
 CHATTER_FLOOR = 1.0
-# Ticks that are timed together, as a clock costs as much as a fast step.
-TIMED = 100
+# rad: the turn that is asked for at a joint limit, and how much of it is beyond the limit.
+ASKED, BEYOND = 0.7, 0.083
 
 
 class Pose(NamedTuple):
@@ -191,48 +190,87 @@ def reach(
     return case(name, what, one, start, line((0.25 + beyond) * out), 2.0)
 
 
-def wrist(name: str, what: str, one: Arm, q: np.ndarray, offset: float) -> Case:
-    """Return the path that turns the hand about axis 5 of the start, so far beside the singularity."""
+def crossing(name: str, what: str, one: Arm, q: np.ndarray, joint: int, offset: float) -> Case:
+    """Return the path that turns the hand about a joint's axis of the start, past where others align."""
     data = one.at(q)
-    fifth, sixth = data.xaxis[4].copy(), data.xaxis[5].copy()
-    tilt, point = rotation(offset * np.cross(fifth, sixth)), data.xanchor[4].copy()
+    axis, after = data.xaxis[joint].copy(), data.xaxis[joint + 1].copy()
+    tilt, point = rotation(offset * np.cross(axis, after)), data.xanchor[joint].copy()
     p, R = data.site(one.site).xpos, data.site(one.site).xmat.reshape(3, 3)
     start = one.solve(q, point + tilt @ (p - point), tilt @ R)
-    return case(name, what, one, start, turning(point, fifth, -2 * q[4]), 2.0)
+    return case(name, what, one, start, turning(point, axis, -2 * q[joint]), 2.0)
+
+
+def at_limit(name: str, one: Arm, q: np.ndarray, joint: int) -> Case:
+    """Return the path that turns the hand about a joint's axis, the last of it beyond the joint's limit."""
+    q = q.copy()
+    q[joint] = one.model.jnt_range[joint, 1] - (ASKED - BEYOND)
+    data = one.at(q)
+    what = f"A turn of 40° about axis {joint + 1}, the last 83 mrad of it beyond the limit."
+    return case(name, what, one, q, turning(data.xanchor[joint], data.xaxis[joint], ASKED), 2.0)
+
+
+def boom(name: str, what: str, one: Arm, beyond: float) -> Case:
+    """Return the path along the Stanford arm's boom, from 0.17 m before its stop to so much beyond it."""
+    q = np.array([0, 1.2, 1.1, 0, 1.2, 0])
+    way = one.model.jnt_range[2, 1] - q[2] + beyond
+    return case(name, what, one, q, line(way * one.at(q).xaxis[2]), 2.0)
+
+
+RATES = {
+    "UR5e": (3.1416,) * 6,
+    "FR3": (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26),
+    "PUMA 560": (1.5, 1.5, 1.5, 4, 4, 4),
+    "Stanford arm": (1.5, 1.5, 0.75, 4, 4, 4),
+}
+FILES = {"UR5e": "ur5e", "FR3": "fr3", "PUMA 560": "puma560", "Stanford arm": "stanford"}
+HOMES = {
+    "UR5e": np.radians([0, -60, 120, -150, -90, 0]),
+    "FR3": np.array([0, -0.785, 0, -2.356, 0, 1.571, 0.785]),
+    "PUMA 560": np.radians([-30, -45, 180, 0, 45, 0]),
+    "Stanford arm": np.array([0, 1.2, 0.8, 0, 1.0, 0]),
+}
+# Stretched; how the joints bend; which joint carries the wrist. The FR3's elbow is set off by 82.5 mm.
+REACHES = {
+    "UR5e": (np.radians([0, -30, 0, -60, -90, 0]), np.radians([0, -40, 80, -40, 0, 0]), 3),
+    "FR3": (np.radians([0, 60, 0, -26.76, 0, 120, 45]), np.radians([0, -30, 0, -60, 0, -30, 0]), 5),
+    "PUMA 560": (np.radians([0, -30, 92.7, 0, 60, 0]), np.radians([0, -35, 70, 0, -35, 0]), 3),
+}
+# What is passed, by which joint. The fifth turns the hand past where axes 4 and 6 align. The FR3's wrist has
+# no such place; with its third joint at 90° it is singular where its second aligns axes 1 and 3.
+CROSSINGS = {
+    "UR5e": ("wrist", np.radians([0, -90, 90, 0, 40, 0]), 4),
+    "FR3": ("shoulder", np.radians([0, 20, 90, -90, 0, 120, 0]), 1),
+    "PUMA 560": ("wrist", np.radians([0, -60, 140, 0, 40, 0]), 4),
+    "Stanford arm": ("wrist", np.array([0, 1.2, 0.7, 0, 0.698, 0]), 4),
+}
+# Joints that are led to their limits; those of the UR5e's fifth, twice around, are singular.
+HANDS = {"UR5e": 5, "FR3": 5, "PUMA 560": 4, "Stanford arm": 4}
 
 
 @functools.cache
 def cases() -> tuple[Case, ...]:
     """Return all cases."""
-    ur5e, fr3 = arm("ur5e", (3.1416,) * 6), arm("fr3", (2.62, 2.62, 2.62, 2.62, 5.26, 4.18, 5.26))
-    stanford, puma = arm("stanford", (1.5, 1.5, 0.75, 4, 4, 4)), arm("puma560", (1.5, 1.5, 1.5, 4, 4, 4))
-    high = np.radians([0, -60, 120, -150, -90, 0])
-    straight = np.radians([0, -30, 0, -60, -90, 0])
-    out = np.radians([0, -30, 92.7, 0, 60, 0])
-    bent, folded = np.radians([0, -40, 80, -40, 0, 0]), np.radians([0, -35, 70, 0, -35, 0])
-    crossing = np.array([0, 1.2, 0.7, 0, 0.698, 0])
-    flat = np.radians([0, -90, 90, 0, 40, 0])
-    edge = np.array([0, -0.785, 0, -2.356, 0, 3.9, 0.785])
-    boom = np.array([0, 1.2, 1.1, 0, 1.2, 0])
-    along, about = stanford.at(boom).xaxis[2], fr3.at(edge)
-    straight_out = "Straight out to {} full reach, and back."
-    beside = "A turn of 80° about axis 5, there and back, that passes the wrist's singularity at {}°."
-    return (
-        case("far, UR5e", "0.2 m sideways, far from any singularity.", ur5e, high, line([0, 0.2, 0.05]), 2.0),
-        reach("reach - 5 mm, PUMA 560", straight_out.format("5 mm before"), puma, out, folded, 4, -0.005),
-        reach("reach + 1 mm, UR5e", straight_out.format("1 mm beyond"), ur5e, straight, bent, 3, 0.001),
-        wrist("wrist 1°, Stanford arm", beside.format(1), stanford, crossing, np.radians(1)),
-        wrist("wrist 1°, UR5e", beside.format(1), ur5e, flat, np.radians(1)),
-        wrist("wrist 0.1°, UR5e", beside.format(0.1), ur5e, flat, np.radians(0.1)),
-        case(
-            "joint limit, FR3", "A turn of 40° about axis 6, the last 83 mrad of it beyond the limit.",
-            fr3, edge, turning(about.xanchor[5], about.xaxis[5], 0.7), 2.0,
-        ),
-        case(
-            "boom limit, Stanford arm", "0.185 m along the boom, the last 15 mm of it beyond the limit.",
-            stanford, boom, line(0.185 * along), 2.0,
-        ),
-    )  # fmt: skip
+    arms = {name: arm(FILES[name], rate) for name, rate in RATES.items()}
+    far = "0.2 m sideways, far from any singularity."
+    found = [
+        case(f"far, {name}", far, one, HOMES[name], line([0, 0.2, 0.05]), 2.0) for name, one in arms.items()
+    ]
+    for title, where, beyond in (("-5 mm", "5 mm before", -0.005), ("+1 mm", "1 mm beyond", 0.001)):
+        what = f"Straight out to {where} full reach, and back."
+        for name, posture in REACHES.items():
+            found.append(reach(f"reach {title}, {name}", what, arms[name], *posture, beyond))
+        # At its full reach the boom is at its stop, and the arm is not singular.
+        what += " The boom has its stop there; the arm is not singular."
+        found.append(boom(f"reach {title}, Stanford arm", what, arms["Stanford arm"], beyond))
+    for angle in ("1°", "0.1°"):
+        for name, (place, q, joint) in CROSSINGS.items():
+            turn = f"A turn of {np.degrees(2 * q[joint]):.0f}° about axis {joint + 1}, there and back"
+            what = f"{turn}, that passes the singularity of the {place} at {angle}."
+            offset = np.radians(float(angle[:-1]))
+            found.append(crossing(f"{place} {angle}, {name}", what, arms[name], q, joint, offset))
+    found += [at_limit(f"joint limit, {name}", one, HOMES[name], HANDS[name]) for name, one in arms.items()]
+    what = "Along the boom, the last 15 mm of it beyond the limit."
+    return (*found, boom("boom limit, Stanford arm", what, arms["Stanford arm"], 0.015))
 
 
 def line(v: ArrayLike) -> np.ndarray:
@@ -285,18 +323,3 @@ def measure(one: Case, track: Track) -> dict[str, float]:
         "chatter": turns.sum(axis=0).max() / (one.ticks * PERIOD),
         "rate over": (np.abs(rate) / one.arm.rate).max() - 1, "over": 1e3 * max(outside.max(), 0.0),
     }  # fmt: skip
-
-
-def step_times(one: Case, step: Callable[..., np.ndarray], track: Track) -> np.ndarray:
-    """Return microseconds of this thread a step, a figure for each hundred ticks of a recorded run."""
-    found = []
-    for first in range(0, one.ticks - TIMED, TIMED):
-        rows = [
-            (track.q[k], track.qdot[k], one.poses[k], one.twists[k], one.poses[k + 1])
-            for k in range(first, first + TIMED)
-        ]
-        started = time.thread_time()
-        for row in rows:
-            step(*row)
-        found.append((time.thread_time() - started) / TIMED * 1e6)
-    return np.array(found)

@@ -125,13 +125,19 @@ class Pink:
         model.velocityLimit = arm.rate
         self.configuration = pink.Configuration(model, model.createData(), q)
         self.task = pink.FrameTask(arm.site, 1.0, 1.0, lm_damping=lm_damping, gain=gain * PERIOD)
-        self.tasks, self.damping = [self.task], damping**2
+        self.tasks, self.damping, self.limits = [self.task], damping**2, None
 
     def step(self, q: np.ndarray, qdot: np.ndarray, pose: Pose, twist: np.ndarray, after: Pose) -> np.ndarray:
         self.configuration.update(q)
         self.task.set_target(self.pin.SE3(after.T))
         return self.pink.solve_ik(
-            self.configuration, self.tasks, PERIOD, "daqp", damping=self.damping, safety_break=False
+            self.configuration,
+            self.tasks,
+            PERIOD,
+            "daqp",
+            damping=self.damping,
+            limits=self.limits,
+            safety_break=False,
         )
 
 
@@ -143,6 +149,21 @@ class PinkExample(Pink):
         posture = self.pink.PostureTask(cost=1e-3)
         posture.set_target_from_configuration(self.configuration)
         self.tasks.append(posture)
+
+
+class PinkAccelerating(Pink):
+    """pink with its limit of acceleration, by which joints brake before their position limits, too."""
+
+    def __init__(self, arm: Arm, q: np.ndarray, acceleration: float = 30.0, **settings: float) -> None:
+        super().__init__(arm, q, **settings)
+        model = self.configuration.model
+        self.limit = self.pink.limits.AccelerationLimit(model, np.full(model.nv, acceleration))
+        self.limits = [model.configuration_limit, model.velocity_limit, self.limit]
+
+    def step(self, q: np.ndarray, qdot: np.ndarray, pose: Pose, twist: np.ndarray, after: Pose) -> np.ndarray:
+        rates = super().step(q, qdot, pose, twist, after)
+        self.limit.set_last_integration(rates, PERIOD)
+        return rates
 
 
 class Jparse(Numpy):
@@ -206,40 +227,18 @@ class Neo:
 
 
 class Rmrc:
-    """rmrc: `more` are further keys of a section `control`, with dots."""
+    """rmrc, with a section `control`."""
 
     package = "rmrc"
 
-    def __init__(
-        self,
-        arm: Arm,
-        q: np.ndarray,
-        gain: float = 20.0,
-        damping: float | None = None,
-        more: dict[str, object] | None = None,
-    ) -> None:
+    def __init__(self, arm: Arm, q: np.ndarray, control: dict[str, object]) -> None:
         import rmrc
 
-        control = {"feedback": gain, "limits.rate": arm.rate.tolist(), **(more or {})}
-        if damping is not None:
-            shares = {"damping.maximum": damping, "damping.below": 2 * damping, "gamma": damping}
-            control |= {f"inverse.{key}": value for key, value in shares.items()}
-        self.controller = rmrc.Controller(arm.path, arm.site, nested(control), period=PERIOD)
+        limits = {"rate": arm.rate.tolist(), **control.get("limits", {})}
+        self.controller = rmrc.Controller(arm.path, arm.site, {**control, "limits": limits}, period=PERIOD)
 
     def step(self, q: np.ndarray, qdot: np.ndarray, pose: Pose, twist: np.ndarray, after: Pose) -> np.ndarray:
         return self.controller.step(q, qdot, pose=pose.vector, twist=twist).qdot_cmd
-
-
-def nested(dotted: dict[str, object]) -> dict[str, object]:
-    """Return a section from its keys with dots."""
-    section: dict[str, object] = {}
-    for key, value in dotted.items():
-        *way, last = key.split(".")
-        at = section
-        for name in way:
-            at = at.setdefault(name, {})
-        at[last] = value
-    return section
 
 
 def toolbox_robot(arm: Arm) -> object:

@@ -1,7 +1,7 @@
 """rmrc beside others who resolve motion rates: mink, pink, the Robotics Toolbox, J-PARSE, loops in numpy.
 
     pip install -e '.[peers]'
-    python benchmarks/peers.py --keep peers.json > docs/peers.md
+    python benchmarks/peers.py > docs/peers.md
 
 What is not installed is left out, and the page says so. `peer_cases.py` has what is the same for everyone,
 `peer_loops.py` the lines that a user of each writes.
@@ -9,32 +9,56 @@ What is not installed is left out, and the page says so. `peer_cases.py` has wha
 
 import argparse
 import ast
+import functools
+import hashlib
 import inspect
 import itertools
 import json
 import logging
 import platform
 import textwrap
+import time
+from collections import Counter
 from collections.abc import Callable, Iterator
 from importlib import metadata, util
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
+import peer_cases
 import peer_loops
-from peer_cases import CHATTER_FLOOR, PERIOD, Case, cases, drive, measure, step_times
+from peer_cases import CHATTER_FLOOR, PERIOD, ROOT, Case, cases, drive, measure
 
 GAINS, DAMPINGS = (10.0, 50.0, 500.0), (0.01, 0.05, 0.2)
+CONSTANT = {"inverse.damping.schedule": "constant"}
+SMOOTH, OPTIMAL = {"limits.acceleration": 30.0}, {"limits.on_excess": "optimal"}
+JPARSE, BEYOND_LIMITS = {"inverse.method": "jparse"}, {"limits.position": False}
+KEEP_OUT = {"at_singularity": "keep_out"}
 # More of ours, each tried with the whole grid.
 MORE = (
-    {},
-    {"inverse.damping.schedule": "constant"},
-    {"inverse.method": "jparse"},
-    {"limits.acceleration": 30.0},
-    {"limits.acceleration": 30.0, "inverse.damping.schedule": "constant"},
-    {"limits.on_excess": "redistribute"},
-    {"limits.on_excess": "optimal", "inverse.damping.schedule": "constant"},
-    {"limits.on_excess": "optimal", "limits.acceleration": 30.0},
+    CONSTANT,
+    {"inverse.metric": "inertia"},
+    JPARSE,
+    JPARSE | {"inverse.push.position": 2.0, "inverse.push.rotation": 2.0},
+    OPTIMAL | CONSTANT,
+    OPTIMAL | SMOOTH,
+    OPTIMAL | {"limits.acceleration": 100.0},
+    KEEP_OUT,
+    KEEP_OUT | SMOOTH,
+    {"at_singularity": "singularity_consistent"},
+    BEYOND_LIMITS | CONSTANT,
+    BEYOND_LIMITS | JPARSE,
+)
+# And the ways of others, with the numbers of their documentation.
+ALONE = BEYOND_LIMITS | {"feedforward": False}
+WAYS = (
+    *({"gain": K, **BEYOND_LIMITS, "inverse.method": "pseudoinverse"} for K in GAINS),
+    {"gain": 2.0, "damping": 0.1, **BEYOND_LIMITS, **JPARSE},
+    {"gain": 1.0, **ALONE, "inverse.method": "pseudoinverse"},
+    *({"gain": K, "damping": 0.01, **ALONE, **CONSTANT} for K in (1.0, 9.5)),
+    *({"gain": 1.0, "damping": d, "feedforward": False, **CONSTANT} for d in (0.05, 0.2)),
+    # one limit for all joints, as mjctrl has it: that of the Stanford arm's boom
+    *({"gain": K, "damping": d, **CONSTANT, "limits.rate": 0.75} for K, d in ((9.5, 0.01), (500.0, 0.2))),
 )
 # Column: what it is, and a difference that is none.
 COLUMNS = {
@@ -60,6 +84,33 @@ class Peer(NamedTuple):
     loop: Callable[..., object]
     settings: tuple[dict[str, object], ...]
 
+    @property
+    def is_ours(self) -> bool:
+        """Whether it is rmrc."""
+        return self.loop is peer_loops.Rmrc
+
+    def start(self, case: Case, setting: dict[str, object]) -> Callable[..., np.ndarray]:
+        """Return the `step` of its loop at the start of a case."""
+        told = {"control": control(setting)} if self.is_ours else setting
+        return self.loop(case.arm, case.start.copy(), **told).step
+
+
+def control(setting: dict[str, object]) -> dict[str, object]:
+    """Return a section `control` with a K, a λ and further keys: λ for all that has the units of σ."""
+    dotted = {"feedback": setting["gain"]} if "gain" in setting else {}
+    if "damping" in setting:
+        damping = setting["damping"]
+        dotted |= {"inverse.damping.maximum": damping, "inverse.damping.below": 2 * damping}
+        dotted |= {"inverse.gamma": damping, "keep_out.sigma": damping}
+    section: dict[str, object] = {}
+    for key, value in (dotted | {key: setting[key] for key in setting if key not in GRID}).items():
+        *way, last = key.split(".")
+        functools.reduce(lambda at, name: at.setdefault(name, {}), way, section)[last] = value
+    return section
+
+
+GRID = ("gain", "damping")
+
 
 def grid(**fixed: object) -> tuple[dict[str, object], ...]:
     """Return the settings that everyone is tried with."""
@@ -69,10 +120,11 @@ def grid(**fixed: object) -> tuple[dict[str, object], ...]:
 def peers() -> Iterator[tuple[str, Peer]]:
     """Yield each peer with its package, ours first."""
     forward = {"feedforward": 1.0}
+    more = tuple(one for keys in MORE for one in grid(**keys))
     for peer in (
         Peer("rmrc as written", peer_loops.Rmrc, ({},)),
         Peer("rmrc, same grid", peer_loops.Rmrc, grid()),
-        Peer("rmrc, more methods", peer_loops.Rmrc, tuple(one for more in MORE for one in grid(more=more))),
+        Peer(OURS, peer_loops.Rmrc, grid() + more + WAYS),
         Peer("numpy DLS as written", peer_loops.Numpy, ({},)),
         Peer("numpy DLS", peer_loops.Numpy, grid()),
         Peer("mjctrl as written", peer_loops.Mjctrl, ({},)),
@@ -81,6 +133,7 @@ def peers() -> Iterator[tuple[str, Peer]]:
         Peer("mink", peer_loops.Mink, grid()),
         Peer("pink as documented", peer_loops.PinkExample, ({},)),
         Peer("pink", peer_loops.Pink, grid()),
+        Peer("pink, acceleration limit", peer_loops.PinkAccelerating, grid()),
         Peer("J-PARSE as documented", peer_loops.Jparse, ({},)),
         Peer("J-PARSE", peer_loops.Jparse, grid()),
         Peer("Toolbox as documented", peer_loops.Toolbox, ({},)),
@@ -91,6 +144,7 @@ def peers() -> Iterator[tuple[str, Peer]]:
         yield peer.loop.package, peer
 
 
+OURS = "rmrc, more methods"
 IMPORTS = {
     "pin-pink": "pink",
     "roboticstoolbox-python": "roboticstoolbox",
@@ -106,17 +160,9 @@ def installed(package: str) -> bool:
 def run(case: Case, peer: Peer, setting: dict[str, object]) -> dict[str, float] | str:
     """Return the figures of one run, or why there are none."""
     try:
-        step = peer.loop(case.arm, case.start.copy(), **setting).step
-        return measure(case, drive(case, step))
+        return measure(case, drive(case, peer.start(case, setting)))
     except Exception as error:  # a peer's own: it stops its user's loop
         return f"{type(error).__name__}: {error}"
-
-
-def times(case: Case, peer: Peer, setting: dict[str, object]) -> tuple[float, float]:
-    """Return the least time of a step and the median, along the run of a setting [µs]."""
-    track = drive(case, peer.loop(case.arm, case.start.copy(), **setting).step)
-    found = step_times(case, peer.loop(case.arm, case.start.copy(), **setting).step, track)
-    return float(found.min()), float(np.median(found))
 
 
 def error_of(figures: dict[str, float]) -> float:
@@ -168,7 +214,15 @@ class Row(NamedTuple):
     peer: Peer
     setting: dict[str, object]
     figures: dict[str, float]
-    times: tuple[float, float]
+
+
+@functools.cache
+def version_of(loop: type) -> str:
+    """Return what the figures of a loop depend on: its package, its lines, the cases, and our own sources."""
+    texts = [inspect.getsource(peer_cases), *(inspect.getsource(one) for one in loop.__mro__[:-1])]
+    if loop is peer_loops.Rmrc:
+        texts += [path.read_text() for path in sorted((ROOT / "src/rmrc").rglob("*.py"))]
+    return f"{metadata.version(loop.package)} {hashlib.sha256(''.join(texts).encode()).hexdigest()[:12]}"
 
 
 class Keep:
@@ -180,19 +234,15 @@ class Keep:
 
     def run(self, case: Case, peer: Peer, setting: dict[str, object]) -> dict[str, float] | str:
         """Return the figures of a run, of today or of before."""
-        return self.of("", run, case, peer, setting)
-
-    def times(self, case: Case, peer: Peer, setting: dict[str, object]) -> tuple[float, float]:
-        """Return the least time of a step and the median [µs]."""
-        return tuple(self.of("µs|", times, case, peer, setting))
-
-    def of(self, kind: str, find: Callable, case: Case, peer: Peer, setting: dict[str, object]) -> object:
-        """Return what is found of a run, and keep it."""
-        version = f"{peer.loop.__name__} {metadata.version(peer.loop.package)}"
-        key = f"{kind}{case.name}|{version}|{json.dumps(setting, sort_keys=True)}"
+        name = f"{peer.loop.__name__} {version_of(peer.loop)}"
+        key = f"{case.name}|{name}|{json.dumps(setting, sort_keys=True)}"
         if key not in self.found:
-            self.found[key] = find(case, peer, setting)
+            self.found[key] = run(case, peer, setting)
         return self.found[key]
+
+    def all(self, case: Case, peer: Peer) -> list[tuple[dict[str, object], dict[str, float] | str]]:
+        """Return the figures of all settings of a peer."""
+        return [(setting, self.run(case, peer, setting)) for setting in peer.settings]
 
     def save(self) -> None:
         """Write the file."""
@@ -202,12 +252,11 @@ class Keep:
 
 def row_of(case: Case, peer: Peer, keep: Keep) -> Row | str:
     """Return a peer's best run of a case, or why all of its runs stopped."""
-    tried = [(setting, keep.run(case, peer, setting)) for setting in peer.settings]
+    tried = keep.all(case, peer)
     ran = [(setting, figures) for setting, figures in tried if isinstance(figures, dict)]
     if not ran:
         return str(tried[0][1])
-    setting, figures = ran[best([figures for _, figures in ran])]
-    return Row(peer, setting, figures, keep.times(case, peer, setting))
+    return Row(peer, *ran[best([figures for _, figures in ran])])
 
 
 def is_led(value: float, ours: float, floor: float) -> bool:
@@ -215,66 +264,94 @@ def is_led(value: float, ours: float, floor: float) -> bool:
     return ours > ALIKE * value and ours - value > floor
 
 
-def leads(row: Row, ours: dict[str, float]) -> list[str]:
-    """Return the columns in which a row is ahead of figures of ours."""
-    return [name for name, (_, floor) in COLUMNS.items() if is_led(row.figures[name], ours[name], floor)]
+def leads(theirs: dict[str, float], ours: dict[str, float]) -> list[str]:
+    """Return the columns in which figures are ahead of ours."""
+    return [name for name, (_, floor) in COLUMNS.items() if is_led(theirs[name], ours[name], floor)]
 
 
-def words(rows: list[Row], all_ours: list[tuple[dict[str, object], dict[str, float]]]) -> Iterator[str]:
-    """Yield where a peer's best is ahead of ours, and whether another setting of ours leaves it no column."""
-    (ours,) = (row for row in rows if row.peer.name == OURS)
-    behind, outside = [], []
-    for row in rows:
-        if row.peer.loop.package != "rmrc" and is_led(row.times[0], ours.times[0], 0.1):
-            yield f"**{row.peer.name} takes {row.times[0]:.1f} µs a step (ours {ours.times[0]:.1f})**."
-        ahead = leads(row, ours.figures)
-        if row.peer.loop.package == "rmrc" or len(row.peer.settings) == 1 or not ahead:
-            continue
-        share = error_of(row.figures) / error_of(ours.figures)
-        if row.figures["over"] > OUTSIDE > ours.figures["over"]:
-            outside.append(f"{row.peer.name} ({row.figures['over']:.3g})")
-            continue
-        if share > FOLLOWS:
-            behind.append(f"{row.peer.name} ({share:.1f})")
-            continue
-        shown = ", ".join(f"{name} {row.figures[name]:.3g} (ours {ours.figures[name]:.3g})" for name in ahead)
-        text = f"**{row.peer.name} is ahead in {shown}**, with {share:.2f} times our error."
-        setting, left = min(
-            ((one, leads(row, found)) for one, found in all_ours), key=lambda pair: len(pair[1])
-        )
-        if left:
-            lacks = f"the nearest, {told(setting)}, lacks {', '.join(left)}"
-            yield f"{text} None of our settings is as good in all columns; {lacks}."
-        else:
-            yield f"{text} With {told(setting)} rmrc is as good in every column."
-    if outside:
-        yield f"Ahead in a column, but so far beyond a joint's limit [mrad or mm]: {', '.join(outside)}."
+class Verdict(NamedTuple):
+    """How a row of others stands: where it leads our row, and our setting that it leads in fewest columns."""
+
+    row: Row
+    ahead: list[str]
+    setting: dict[str, object]
+    figures: dict[str, float]
+    left: list[str]
+
+
+def judge(row: Row, ours: Row, tried: list[tuple[dict[str, object], dict[str, float]]]) -> Verdict:
+    """Return how a row stands against ours, and against all that was tried of ours."""
+
+    def worst(one: tuple[dict[str, object], dict[str, float]]) -> tuple[int, float]:
+        found = leads(row.figures, one[1])
+        return len(found), max((one[1][name] / max(row.figures[name], 1e-9) for name in found), default=0.0)
+
+    setting, figures = min([(ours.setting, ours.figures), *tried], key=worst)
+    ahead = leads(row.figures, ours.figures)
+    return Verdict(row, ahead, setting, figures, leads(row.figures, figures))
+
+
+def words(ours: Row, verdicts: list[Verdict]) -> Iterator[str]:
+    """Yield which rows ours leaves no column, which another setting of ours does, and which none does."""
+    behind = [one.row.peer.name for one in verdicts if not one.ahead]
     if behind:
-        yield f"Slower or smoother, but with so many times our error: {', '.join(behind)}."
+        yield f"Our row is as good in every column as {', '.join(behind)}."
+    for one in verdicts:
+        if not one.ahead:
+            continue
+        said = (
+            f"{one.row.peer.name} is ahead of our row in {against(one.ahead, one.row.figures, ours.figures)}"
+        )
+        aside = remarks(one.row, ours)
+        if not one.left:
+            yield f"{said}{aside}. With {told(one.setting)}, rmrc is as good in every column."
+        else:
+            nearest = against(one.left, one.row.figures, one.figures)
+            yield f"**{said}**{aside}. The nearest of our settings, {told(one.setting)}, lacks {nearest}."
+
+
+def against(names: list[str], theirs: dict[str, float], ours: dict[str, float]) -> str:
+    """Return columns with both figures."""
+    return ", ".join(f"{name} {theirs[name]:.3g} (ours {ours[name]:.3g})" for name in names)
+
+
+def remarks(row: Row, ours: Row) -> str:
+    """Return what a row's lead costs: its error, its place beyond a limit."""
+    found, share = [], error_of(row.figures) / error_of(ours.figures)
+    if share > ALIKE:
+        found.append(f"{share:.3g} times our error")
+    if row.figures["over"] > OUTSIDE > ours.figures["over"]:
+        found.append(f"{row.figures['over']:.3g} mrad or mm beyond a joint's limit")
+    if row.figures["end mm"] + row.figures["end mrad"] > 1.0:
+        found.append("not back at the end")
+    return f", with {' and '.join(found)}" if found else ""
 
 
 def told(setting: dict[str, object]) -> str:
     """Return a setting in words."""
+    hidden = {"feedforward": 1.0}  # of the Toolbox, in every row but its documented one
     texts = [
-        f"{key} {value:g}"
+        f"{key.split('.')[-1]} {value:g}" if isinstance(value, float) else f"{key.split('.')[-1]} {value}"
         for key, value in setting.items()
-        if isinstance(value, float) and key != "feedforward"
+        if hidden.get(key) != value
     ]
-    more = setting.get("more") or {}
-    return (
-        ", ".join([*texts, *(f"{key.split('.')[-1]} {value}" for key, value in more.items())]) or "defaults"
-    )
+    return ", ".join(texts) or "defaults"
 
 
-OURS = "rmrc, more methods"
+class Table(NamedTuple):
+    """A case: its lines, and how the rows of others stand."""
+
+    case: Case
+    lines: list[str]
+    verdicts: list[Verdict]
+    rows: list[Row]
 
 
-def table(case: Case, keep: Keep) -> Iterator[str]:
-    """Yield the lines of a case."""
-    yield f"\n## {case.name[0].upper()}{case.name[1:]}\n\n{case.what}\n"
-    names = ["", "setting", *COLUMNS, "µs min", "µs median"]
-    yield "| " + " | ".join(names) + " |"
-    yield "|" + "---|" * 2 + "---:|" * (len(names) - 2)
+def table(case: Case, keep: Keep) -> Table:
+    """Return the table of a case."""
+    lines = [f"\n### {case.name[0].upper()}{case.name[1:]}\n\n{case.what}\n"]
+    names = ["", "setting", *COLUMNS]
+    lines += ["| " + " | ".join(names) + " |", "|" + "---|" * 2 + "---:|" * (len(names) - 2)]
     rows, stopped = [], []
     for package, peer in peers():
         if not installed(package):
@@ -283,26 +360,110 @@ def table(case: Case, keep: Keep) -> Iterator[str]:
         if isinstance(row, str):
             stopped.append(f"{peer.name} stops: {row}.")
             continue
-        rows.append(row)
         keep.save()
+        rows.append(row)
         figures = [
             f"{max(row.figures[name], 0.0):.3g}" if abs(row.figures[name]) > floor / 10 else "0"
             for name, (_, floor) in COLUMNS.items()
         ]
         over = "" if row.figures["rate over"] < 1e-3 else " (rates over their limits)"
-        yield (
-            f"| {peer.name}{over} | {told(row.setting)} | "
-            + " | ".join([*figures, *(f"{t:.1f}" for t in row.times)])
-            + " |"
-        )
-    keep.save()
-    tried = [peer for _, peer in peers() if peer.loop is peer_loops.Rmrc]
-    all_ours = [(one, keep.run(case, peer, one)) for peer in tried for one in peer.settings]
-    said = list(words(rows, [pair for pair in all_ours if isinstance(pair[1], dict)]))
-    yield "\n" + "\n".join(
-        f"- {text}"
-        for text in [*stopped, *said] or ["No peer's best is ahead of ours in any column by more than 2 %."]
+        lines.append(f"| {peer.name}{over} | {told(row.setting)} | " + " | ".join(figures) + " |")
+    (ours,) = (row for row in rows if row.peer.name == OURS)
+    tried = [pair for pair in keep.all(case, ours.peer) if isinstance(pair[1], dict)]
+    verdicts = [judge(row, ours, tried) for row in rows if not row.peer.is_ours]
+    lines.append("\n" + "\n".join(f"- {text}" for text in [*stopped, *words(ours, verdicts)]))
+    return Table(case, lines, verdicts, rows)
+
+
+def summary(tables: list[Table]) -> Iterator[str]:
+    """Yield how many rows of others each case has, and which lead all settings of ours in a column."""
+    yield "| case | rows of others | our row is as good | another setting of ours is | none of ours is |"
+    yield "|---|---:|---:|---:|---|"
+    for one in tables:
+        named = [verdict for verdict in one.verdicts if verdict.left]
+        (ours,) = (row for row in one.rows if row.peer.name == OURS)
+        texts = [f"{each.row.peer.name}: {', '.join(each.left)}{remarks(each.row, ours)}" for each in named]
+        row = sum(not verdict.ahead for verdict in one.verdicts)
+        another = len(one.verdicts) - row - len(named)
+        yield f"| {one.case.name} | {len(one.verdicts)} | {row} | {another} | {'; '.join(texts)} |"
+
+
+def does_the_task(row: Row, ours: Row) -> bool:
+    """Say whether a row follows, stays within the limits, and comes back."""
+    follows = error_of(row.figures) <= FOLLOWS * error_of(ours.figures)
+    return (
+        follows and row.figures["over"] <= OUTSIDE and row.figures["end mm"] + row.figures["end mrad"] <= 1.0
     )
+
+
+def totals(tables: list[Table]) -> str:
+    """Return how the rows of others stand in all cases together."""
+    every = [(verdict, table.rows) for table in tables for verdict in table.verdicts]
+    same = [
+        verdict
+        for verdict, rows in every
+        if does_the_task(verdict.row, next(row for row in rows if row.peer.name == OURS))
+    ]
+
+    def counts(verdicts: list[Verdict]) -> str:
+        behind, left = (sum(not one.ahead for one in verdicts), sum(bool(one.left) for one in verdicts))
+        others = len(verdicts) - behind - left
+        return f"our row is as good as {behind}, another setting of ours as {others}, none as {left}"
+
+    everyone = counts([verdict for verdict, _ in every])
+    task = f"at most {FOLLOWS:g} times our error, within the limits, back at the end"
+    return (
+        f"Of {len(every)} rows of others in {len(tables)} cases, {everyone}. "
+        f"Of those {len(same)} that do the task ({task}), {counts(same)}."
+    )
+
+
+# Steps that are timed together, as a clock costs as much as a fast step, and how often everyone has its turn.
+TIMED, ROUNDS = 100, 12
+
+
+def times(one: Table) -> dict[str, np.ndarray]:
+    """Return microseconds of this thread a step, in turns: each peer a hundred ticks of our run."""
+    case = one.case
+    (ours,) = (row for row in one.rows if row.peer.name == OURS)
+    track = drive(case, ours.peer.start(case, ours.setting))
+    steps = {row.peer.name: row.peer.start(case, row.setting) for row in one.rows}
+    found: dict[str, list[float]] = {name: [] for name in steps}
+    for k in range(ROUNDS):
+        first = k * (case.ticks - TIMED) // ROUNDS
+        told = [
+            (track.q[i], track.qdot[i], case.poses[i], case.twists[i], case.poses[i + 1])
+            for i in range(first, first + TIMED)
+        ]
+        for name, step in list(steps.items()):
+            try:
+                started = time.thread_time()
+                for each in told:
+                    step(*each)
+                found[name].append((time.thread_time() - started) / TIMED * 1e6)
+            except Exception:  # a peer's own: it has no time
+                del steps[name], found[name]
+    return {name: np.array(values) for name, values in found.items()}
+
+
+def timing(tables: list[Table]) -> Iterator[str]:
+    """Yield the times of a step, of each arm's crossing at 1°, and who is faster than we are."""
+    shown = {one.case.name.split(", ")[1]: times(one) for one in tables if " 1°" in one.case.name}
+    yield "| µs a step, least; median | " + " | ".join(shown) + " |"
+    yield "|---|" + "---:|" * len(shown)
+    for name in dict.fromkeys(name for found in shown.values() for name in found):
+        cells = (
+            f"{found[name].min():.1f}; {np.median(found[name]):.1f}" if name in found else ""
+            for found in shown.values()
+        )
+        yield f"| {name} | " + " | ".join(cells) + " |"
+    faster = Counter(
+        name
+        for found in shown.values()
+        for name, values in found.items()
+        if not name.startswith("rmrc") and is_led(values.min(), found[OURS].min(), 0.1)
+    )
+    yield f"\nFaster than we are: {', '.join(faster) or 'nobody'}."
 
 
 def versions() -> Iterator[str]:
@@ -314,24 +475,50 @@ def versions() -> Iterator[str]:
             yield f"| {package} | not installed: left out |"
 
 
+def statements() -> Iterator[str]:
+    """Yield how many statements the user of each loop writes."""
+    yield "| loop | statements of its user |\n|---|---:|"
+    named = {peer.loop: peer.name for package, peer in peers() if installed(package)}
+    named[peer_loops.Rmrc] = "rmrc"
+    counts = {
+        name: lines_of(loop) for loop, name in named.items() if not name.endswith(("documented", "written"))
+    }
+    yield from (f"| {name} | {count} |" for name, count in counts.items())
+    yield f"\nThe shortest is that of {min(counts, key=lambda name: counts[name])}. {STATEMENTS}"
+
+
+STATEMENTS = (
+    "Not counted is what makes an arm of the Robotics Toolbox from an MJCF file, `toolbox_robot`, which its "
+    "loop and NEO's need."
+)
+
+
 def page(keep: Keep, only: list[str]) -> Iterator[str]:
     """Yield the page."""
+    ours = next(peer for _, peer in peers() if peer.name == OURS)
     yield INTRODUCTION.format(
-        settings=len(grid()), more=len(MORE) - 1, ours=len(grid()) * len(MORE), period=1e3 * PERIOD,
+        settings=len(grid()), more=len(MORE), ways=len(WAYS), ours=len(ours.settings), period=1e3 * PERIOD,
         gains=", ".join(f"{K:g}" for K in GAINS), dampings=", ".join(f"{d:g}" for d in DAMPINGS),
         floor=CHATTER_FLOOR,
     )  # fmt: skip
     yield "| package | version |\n|---|---|"
     yield from versions()
     yield f"| Python | {platform.python_version()} |"
-    yield "\n| loop | statements of its user |\n|---|---:|"
-    shown = [peer for package, peer in peers() if installed(package) and len(peer.settings) > 1]
-    counts = {peer.name: lines_of(peer.loop) for peer in shown if peer.name != OURS}
-    yield from (f"| {name} | {count} |" for name, count in counts.items())
-    yield f"\nThe shortest is that of {min(counts, key=lambda name: counts[name])}."
-    for case in cases():
-        if not only or any(case.name.startswith(name) for name in only):
-            yield from table(case, keep)
+    shown = [one for one in cases() if not only or any(one.name.startswith(name) for name in only)]
+    tables = [table(one, keep) for one in shown]
+    yield "\n## Who leads\n"
+    left_out = [one.name for one in cases() if one not in shown]
+    if left_out:
+        yield f"Left out by `--only`: {'; '.join(left_out)}.\n"
+    yield totals(tables) + "\n"
+    yield from summary(tables)
+    yield "\n## Time and lines\n"
+    yield from timing(tables)
+    yield ""
+    yield from statements()
+    yield "\n## Figures"
+    for one in tables:
+        yield from one.lines
 
 
 INTRODUCTION = """# Beside others
@@ -355,18 +542,21 @@ robot](from_simulation_to_your_robot.md) says which one does.
 **Settings.** "As documented" has the numbers of a library's own example. Each other row has the best of one
 grid of {settings} settings for everyone: feedback K of {gains} /s and damping λ of {dampings} (λ² where a
 library wants that, γ of J-PARSE; the Toolbox's pseudoinverse has none, and NEO keeps its own, as a step of
-it takes so long). "rmrc, more methods" tries the same grid with {more} more ways of rmrc's, {ours} settings
-in all. The best has the least error, a meter as bad as a radian; of settings within 2 % of it the one with
-the least peak of acceleration. Settings that leave the limits, chatter or do not come back count only
-where all do.
+it takes so long). "rmrc, more methods" tries the same grid with {more} more methods, and {ways} settings
+that do as others do: {ours} settings in all. The best has the least error, a meter as bad as a radian; of
+settings within 2 % of it the one with the least peak of acceleration, by which `rmrc tune` chooses, too.
+Settings that leave the limits, chatter or do not come back count only where all do.
 
 **Columns.** Peak of one joint's rate and root mean square of all joints' together, as commanded [rad/s or
 m/s]; largest error of position [mm] and of orientation [mrad], and both at the end of the return leg; peak
 and root mean square of the commands' acceleration [rad/s² or m/s²]; chatter, reversals of a joint's
-acceleration beyond {floor:g} rad/s² [1/s]; how far a joint was beyond its position limit [mrad or mm]; time
-of this thread for a step, kinematics included [µs]. What is smaller than its column's floor is 0. Where a
-peer is ahead of "rmrc, more methods" by more than 2 % it is said below the table, with its error, and
-whether a setting of ours is as good as it in every column.
+acceleration beyond {floor:g} rad/s² [1/s]; how far a joint was beyond its position limit [mrad or mm]. What
+is smaller than its column's floor is 0.
+
+**Who leads.** Who leads in a column does so by more than 2 %. "Our row" is "rmrc, more methods". It cannot
+lead in all columns at once: less error takes faster joints. So each row of others is held against our row
+first, and then against each single setting of ours: "as good" is a setting that the row leads in no column.
+Rows with a larger error than ours are held against ours all the same, and their error is named.
 """
 
 

@@ -40,8 +40,9 @@ def test_a_path_starts_where_the_arm_is_and_returns_and_its_twists_are_its_slope
 
 def test_the_loop_in_numpy_and_ours_are_the_same_law():
     """Two implementations of damped least squares with one λ and the same feedback: the same commands."""
-    case, constant = named("wrist 1°, UR5e"), {"inverse.damping.schedule": "constant"}
-    ours = peer_cases.drive(case, peer_loops.Rmrc(case.arm, case.start, 10.0, 0.2, more=constant).step)
+    case, setting = named("wrist 1°, UR5e"), {"gain": 10.0, "damping": 0.2, **peers.CONSTANT}
+    own = next(peer for _, peer in peers.peers() if peer.name == peers.OURS)
+    ours = peer_cases.drive(case, own.start(case, setting))
     theirs = peer_cases.drive(case, peer_loops.Numpy(case.arm, case.start, 10.0, 0.2).step)
     # Rounding of 1e-16 grows by 1/λ² a tick at most, and feedback takes it away.
     assert_allclose(ours.command, theirs.command, atol=1e-9)
@@ -57,7 +58,8 @@ def test_a_target_is_reached_as_in_mink_s_own_test():
     target = np.concatenate([site.xpos + 0.1 * R[:, 2], np.zeros(4)])
     mujoco.mju_mat2Quat(target[3:], R.ravel())
     pose = peer_cases.Pose(target[:3], target[3:], np.eye(4), target)
-    loop, errors = peer_loops.Rmrc(arm, q, 1 / peer_cases.PERIOD, 1e-4), []
+    setting = {"gain": 1 / peer_cases.PERIOD, "damping": 1e-4}
+    loop, errors = peer_loops.Rmrc(arm, q, peers.control(setting)), []
     for _ in range(int(19 * 0.005 / peer_cases.PERIOD)):
         rates = loop.step(q, np.zeros(6), pose, np.zeros(6), pose)
         assert np.abs(rates).max() <= np.pi * (1 + 1e-12)
@@ -103,20 +105,54 @@ def test_the_best_setting_has_the_least_error_and_of_alike_ones_is_the_smoothest
     assert peers.best([too_fast]) == 0
 
 
-def test_a_peer_that_leads_is_named_with_what_it_costs():
-    package = next(peer for _, peer in peers.peers() if peer.name == "numpy DLS")
+def test_a_setting_becomes_a_section():
+    assert peers.control({}) == {}
+    assert peers.control({"gain": 5.0, "limits.position": False, "limits.acceleration": 3.0}) == {
+        "feedback": 5.0,
+        "limits": {"position": False, "acceleration": 3.0},
+    }
+    got = peers.control({"damping": 0.1, "inverse.damping.schedule": "constant"})
+    assert got["inverse"] == {"gamma": 0.1, "damping": {"maximum": 0.1, "below": 0.2, "schedule": "constant"}}
+
+
+def rows_of(*theirs):
+    peer = next(peer for _, peer in peers.peers() if peer.name == "numpy DLS")
     own = next(peer for _, peer in peers.peers() if peer.name == peers.OURS)
-    ours = peers.Row(own, {}, figures(mm=2.0, mrad=0.0), (1.0, 1.0))
-    row = lambda **values: peers.Row(package, {}, figures(**values), (9.0, 9.0))  # noqa: E731
-    rival = row(mm=1.0, mrad=0.0)
-    (said,) = peers.words([ours, rival], [({}, ours.figures)])
-    assert "ahead in mm 1 (ours 2)**, with 0.50 times our error" in said and "None of our settings" in said
-    (said,) = peers.words([ours, row(mm=1.0, mrad=9.0)], [({}, ours.figures)])
-    assert said == "Slower or smoother, but with so many times our error: numpy DLS (4.5)."
-    (said,) = peers.words([ours, rival], [({}, ours.figures), ({"gain": 5.0}, rival.figures)])
-    assert said.endswith("With gain 5 rmrc is as good in every column.")
-    (said,) = peers.words([ours, peers.Row(package, {}, ours.figures, (0.5, 2.0))], [({}, ours.figures)])
-    assert said == "**numpy DLS takes 0.5 µs a step (ours 1.0)**."
-    (said,) = peers.words([ours, row(mm=1.0, mrad=0.0, over=5.0)], [({}, ours.figures)])
-    assert said.startswith("Ahead in a column, but so far beyond a joint's limit")
-    assert list(peers.words([ours, row(mm=1.98, mrad=0.0)], [({}, ours.figures)])) == []  # within 2 %
+    ours = peers.Row(own, {}, figures(mm=2.0, mrad=0.0))
+    return ours, [peers.Row(peer, {}, figures(**values)) for values in theirs]
+
+
+def test_a_peer_that_leads_is_named_with_what_it_costs():
+    smooth = {"mm": 2.0, "mrad": 9.0, "peak acc": 0.5, "over": 5.0}
+    ours, rows = rows_of({"mm": 1.0, "mrad": 0.0}, {"mm": 1.98, "mrad": 0.0}, smooth)
+    verdicts = [peers.judge(row, ours, []) for row in rows]
+    assert [one.ahead for one in verdicts] == [["mm"], [], ["peak acc"]]  # 1.98 is within 2 %
+    behind, ahead, aside = peers.words(ours, verdicts)
+    assert behind == "Our row is as good in every column as numpy DLS."
+    assert ahead.startswith("**numpy DLS is ahead of our row in mm 1 (ours 2)**. ")
+    assert ahead.endswith("lacks mm 1 (ours 2).")
+    assert "with 4.61 times our error and 5 mrad or mm beyond a joint's limit" in aside
+
+
+def test_the_setting_that_leaves_a_peer_fewest_columns_is_found():
+    ours, (row,) = rows_of({"mm": 1.0, "mrad": 0.0, "peak acc": 0.5})
+    half = {"gain": 5.0}, figures(mm=1.0, mrad=0.0)
+    near = {"gain": 6.0}, figures(mm=1.0, mrad=0.0, **{"peak acc": 0.8})
+    whole = {"gain": 7.0}, row.figures
+    assert peers.judge(row, ours, [half]).left == ["peak acc"]
+    assert peers.judge(row, ours, [half, near]).setting == {"gain": 6.0}  # it lacks less of it
+    verdict = peers.judge(row, ours, [half, near, whole])
+    assert verdict.left == [] and verdict.setting == {"gain": 7.0}
+    assert list(peers.words(ours, [verdict]))[-1].endswith("With gain 7, rmrc is as good in every column.")
+
+
+def test_the_summary_counts_rows_by_how_they_stand():
+    ours, rows = rows_of({"mm": 1.0, "mrad": 0.0}, {"mm": 2.0, "mrad": 0.0}, {"mm": 0.5, "mrad": 0.0})
+    verdicts = [peers.judge(row, ours, [({"gain": 5.0}, figures(mm=1.0, mrad=0.0))]) for row in rows]
+    table = peers.Table(named("far, UR5e"), [], verdicts, [ours, *rows])
+    assert list(peers.summary([table]))[-1] == "| far, UR5e | 3 | 1 | 1 | numpy DLS: mm |"
+    ours, (away,) = rows_of({"mm": 5.0, "mrad": 0.0, "peak acc": 0.5})  # 2.5 times our error
+    table = table._replace(rows=[*table.rows, away], verdicts=[*verdicts, peers.judge(away, ours, [])])
+    every, same = peers.totals([table]).split(". ")
+    assert every.endswith("our row is as good as 1, another setting of ours as 1, none as 2")
+    assert same.startswith("Of those 3 ") and same.endswith("ours as 1, none as 1.")

@@ -1,10 +1,12 @@
-"""Numbers that other libraries publish in their own tests, each with its source: our chains and our law give them, too."""
+"""What other libraries publish in their own tests, each with its source: our chains and our law give it, too."""
 
+import mujoco
 import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from rmrc import resolve_rates
+from project import ROOT
+from rmrc import Controller, resolve_rates
 from rmrc.textbook.dh import DHChain
 
 QUARTER = np.pi / 2
@@ -64,11 +66,33 @@ PUMA = DHChain(
 )  # fmt: skip
 PUMA_QN = [0, np.pi / 4, np.pi, 0, np.pi / 4, 0]
 PUMA_W = (0.0786, 0.111181, 2.44949)
+# What `ikine_a` of its 1.5.0 gives for the pose of qn: left or right, elbow up or down, wrist not flipped or flipped;
+# tests/test_DHRobot.py asks of them that they have this pose, and of the signs of the first two joints.
+PUMA_POSTURES = {
+    "lun": [2.648561209203047, 2.356194490192345, 0.09395583269616559, -0.6090332165263892, -0.9743495848750968, -2.7681930768196916],
+    "luf": [2.648561209203047, 2.356194490192345, 0.09395583269616559, 2.532559437063404, 0.9743495848750968, 0.3733995767701016],
+    "ldn": [2.648561209203047, -2.3080595908440813, -np.pi, -2.4673264002514963, -0.8603902644654776, -0.48046800059445566],
+    "ldf": [2.648561209203047, -2.3080595908440813, -np.pi, 0.6742662533382969, 0.8603902644654776, 2.6611246529953374],
+    "run": [0, np.pi / 4, -np.pi, -np.pi, -np.pi / 4, np.pi],
+    "ruf": [0, np.pi / 4, -np.pi, 0, np.pi / 4, 0],
+    "rdn": [0, -0.8335330627457118, 0.09395583269616559, 0, -0.8312190967453504, 0],
+    "rdf": [0, -0.8335330627457118, 0.09395583269616559, np.pi, 0.8312190967453504, -np.pi],
+}  # fmt: skip
 
 
 def jacobian(chain, q, length):
     """J of the point so far along the last axis, along base axes."""
     return chain.jacobian(q, point=tool(length))
+
+
+def towards(chain, q, target, length):
+    """[Δp; rotation vector] from the pose at q to a target, along base axes."""
+    end = chain.frames(q)[-1]
+    turn = target[:3, :3] @ end[:3, :3].T
+    v = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    sine = np.linalg.norm(v)
+    v *= np.arctan2(sine, 0.5 * (np.trace(turn) - 1)) / sine if sine else 1.0
+    return np.concatenate([target[:3, 3] - end[:3, 3] - length * end[:3, 2], v])
 
 
 def manipulability(J):
@@ -94,6 +118,40 @@ def test_kdl_s_singular_values_and_scaled_damping(second, fourth, third, zero):
     assert_allclose(resolve_rates(J, twist, "damped", **chosen), theirs, atol=1e-12)
 
 
+@pytest.mark.parametrize(
+    ("q", "turn", "step", "iterations", "converges", "zero"),
+    [
+        ([0, 0.5, 0.4, -QUARTER, 0, 0, 0], 0.1, 0.01, 30, True, 1),
+        ([0, 0.2, 0.4, -QUARTER, 0, 0, 0], 0.1, 0.01, 30, False, 2),
+        ([0, 0.5, 0.4, -QUARTER, 0, 0, 0], 0.2, -0.2, 5, False, 1),
+        ([0, 0, 0, 0, 0, 0, 0], 0.1, 0.01, 30, False, 3),
+    ],
+    ids=["near", "singular", "far", "straight"],
+)
+def test_kdl_s_singular_values_while_it_searches(q, turn, step, iterations, converges, zero):
+    """IkSingularValueTest: Newton's method with singular values below 0.1 dropped, to 1e-6 in all six rows.
+
+    Whether it converges, and how many σ it dropped at the end, is what KDL's test has; `truncated` drops the same.
+    """
+    c, s = np.cos(turn), np.sin(turn)
+    x, y, z = (
+        np.array([[1, 0, 0], [0, c, -s], [0, s, c]]),
+        np.array([[c, 0, s], [0, 1, 0], [-s, 0, c]]),
+        np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]),
+    )
+    target = SIA10.frames(q)[-1] @ np.block([[np.eye(3), tool(SIA10_TOOL)[:, None]], [np.zeros((1, 3)), 1]])
+    target[:3] = np.column_stack(
+        [target[:3, :3] @ (z @ y @ x), target[:3, 3] + target[:3, :3] @ np.full(3, step)]
+    )
+    for _ in range(iterations):
+        J, error = jacobian(SIA10, q, SIA10_TOOL), towards(SIA10, q, target, SIA10_TOOL)
+        q = q + resolve_rates(J, error, "truncated", cutoff=0.1)
+        if np.abs(error).max() < 1e-6:
+            break
+    assert (np.abs(error).max() < 1e-6) == converges
+    assert 1 + np.count_nonzero(np.linalg.svd(J)[1] < 0.1) == zero
+
+
 def test_kdl_s_forward_kinematics():
     """FdSolverDevelopmentTest, to the three digits of its source."""
     end = SIA10_STANDARD.frames([0.2, 0.6, 1.0, 0.5, -1.4, 0.3, -0.8])[-1]
@@ -116,3 +174,87 @@ def test_the_toolbox_s_manipulability_of_the_puma():
     J = jacobian(PUMA, PUMA_QN, 0.0)
     got = (manipulability(J), manipulability(J[:3]), manipulability(J[3:]))
     assert_allclose(got, PUMA_W, rtol=3e-4)
+
+
+@pytest.mark.parametrize("name", PUMA_POSTURES)
+def test_the_toolbox_s_eight_postures_of_the_puma(name):
+    """All have the pose of qn, to rounding; and each is found again from 0.02 rad beside it.
+
+    Newton's method squares what is missing: from 0.02 to rounding in four steps, if J is that of the pose.
+    """
+    q = np.array(PUMA_POSTURES[name])
+    pose = PUMA.frames(PUMA_QN)[-1]
+    assert_allclose(PUMA.frames(q)[-1], pose, atol=1e-14)
+    found = q + np.array([0.02, -0.02, 0.02, -0.02, 0.02, -0.02])
+    for _ in range(4):
+        found = found + resolve_rates(
+            jacobian(PUMA, found, 0.0), towards(PUMA, found, pose, 0.0), "pseudoinverse"
+        )
+    assert_allclose(found, q, atol=1e-10)
+
+
+# What mink 1.3 and pink 4.4 promise of a UR5e in their unit tests, at this home of theirs, with their rates.
+UR5E = ROOT / "models/ur5e.xml"
+UR5E_HOME = np.radians([-90, -90, 90, -90, -90, 0])
+EXACT = {"inverse": {"method": "pseudoinverse"}, "limits": {"rate": np.pi}}
+
+
+def site_pose(q):
+    model = mujoco.MjModel.from_xml_path(str(UR5E))
+    data = mujoco.MjData(model)
+    data.qpos[:] = q
+    mujoco.mj_forward(model, data)
+    J = np.zeros((6, 6))
+    mujoco.mj_jacSite(model, data, J[:3], J[3:], model.site("tool").id)
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = data.site("tool").xmat.reshape(3, 3), data.site("tool").xpos
+    return T, J
+
+
+def test_a_task_that_is_fulfilled_needs_no_rates():
+    """mink and pink, tests/test_solve_ik.py, test_single_task_fulfilled; mink allows 1e-10."""
+    loop = Controller(UR5E, "tool", EXACT | {"feedback": 200.0}, period=0.005)
+    assert_allclose(loop.step(UR5E_HOME, pose=site_pose(UR5E_HOME)[0]).qdot_cmd, 0, atol=1e-10)
+
+
+def test_a_target_beside_the_tool_is_approached_straight():
+    """pink, tests/test_solve_ik.py, test_single_task_translation: 0.1 m along −y of the tool; nothing else moves."""
+    T, J = site_pose(UR5E_HOME)
+    T[:3, 3] -= 0.1 * T[:3, 1]
+    loop = Controller(UR5E, "tool", EXACT | {"feedback": 10.0}, period=0.001)
+    twist = J @ loop.step(UR5E_HOME, pose=T).qdot_cmd
+    assert_allclose(T[:3, :3].T @ twist[:3], [0, -1.0, 0], atol=1e-12)
+    assert_allclose(twist[3:], 0, atol=1e-12)
+
+
+def test_position_limits_far_away_leave_all_rates():
+    """mink, tests/test_configuration_limit.py, test_far_from_limit: at zero each joint may have its full rate."""
+    loop = Controller(UR5E, "tool", EXACT, period=0.001)
+    for way in (np.full(6, np.pi), np.full(6, -np.pi)):
+        loop.reset(np.zeros(6))
+        assert_allclose(loop.step(np.zeros(6), qdot_target=way).qdot_cmd, way, rtol=1e-12)
+
+
+def test_position_limits_nearby_leave_what_does_not_reach_them():
+    """mink and pink, test_configuration_limit_repulsion: limits so near that 5.5e-4 rad/s reach them in 1 ms."""
+    slack, period = 5.5e-4, 0.001
+    spec = mujoco.MjSpec.from_file(str(UR5E))
+    for joint, q in zip(spec.joints, UR5E_HOME, strict=True):
+        joint.range = [q - slack * period, q + slack * period]
+    loop = Controller(spec, "tool", EXACT, period=period)
+    for way in (np.ones(6), -np.ones(6)):
+        loop.reset(UR5E_HOME)
+        got = np.abs(loop.step(UR5E_HOME, qdot_target=way).qdot_cmd)
+        assert (got > 0).all() and (got <= slack + 1e-10).all()
+
+
+def test_a_limit_of_acceleration_has_an_effect():
+    """pink, tests/test_acceleration_limit.py, test_limit_has_an_effect: 14 rad/s², 5 ms, to 1e-3 rad/s²."""
+    period, bound = 0.005, 14.0
+    T, _ = site_pose(UR5E_HOME)
+    T[:3, 3] += [0, 0.3, 0.2]
+    changes = []
+    for limits in ({"rate": np.pi}, {"rate": np.pi, "acceleration": bound}):
+        loop = Controller(UR5E, "tool", EXACT | {"feedback": 200.0, "limits": limits}, period=period)
+        changes.append(np.abs(loop.step(UR5E_HOME, pose=T).qdot_cmd).max() / period)
+    assert changes[0] > 2 * bound and changes[1] <= bound + 1e-3
