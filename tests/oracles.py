@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from oracle_inverse import (
     AXES,
+    ROUNDING,
     damping,
     generalized_inverse,
     projector,
@@ -321,6 +322,7 @@ class NumpyLoop:
         lam = self.damping(J, v, error, sigma)
         G = self.inverse(J, v, lam)
         drift, row = self.drift(q, J, G @ v)
+        row["qdot_plain"] = self.plain(J) @ v
         rates = G @ v + drift
         known = ("damp", "slow", "stop", "singularity_consistent", "keep_out")
         assert control.at_singularity in known, "no oracle for this policy: write it here"
@@ -421,6 +423,11 @@ class NumpyLoop:
             J, v, self.wx, self.wq, inverse.method, inverse.tolerance, lam, cutoff=inverse.cutoff,
             gamma=inverse.gamma, bound=inverse.rate_bound, maximum=d.maximum, below=d.below,
         )  # fmt: skip
+
+    def plain(self, J):
+        """Return the inverse of J, or its pseudoinverse in the metric of the task, with no tolerance but rounding."""
+        A = scaled_jacobian(J, self.wx, self.wq)
+        return np.linalg.pinv(A, rcond=ROUNDING) / np.sqrt(self.wq)[:, None] * np.sqrt(self.wx)
 
     def drift(self, q, J, resolved):
         """Return N qdot0 (16), (17), and the columns of a second task."""

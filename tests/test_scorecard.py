@@ -230,6 +230,11 @@ def test_the_share_of_a_torque_is_the_largest_of_the_joints_that_have_a_limit():
         assert math.isnan(values(make_run(2, joints, tau=tau, torque_limit=none))["tau.share_of_limit"])
 
 
+def test_the_peak_of_plain_rates_is_the_largest_of_all_joints_and_ticks():
+    got = values(make_run(3, qdot=np.ones((3, 2)), qdot_plain=[[1, -2], [-8, 3], [8, 7]]))
+    assert [got[f"joint_rate_plain.peak{one}"] for one in ("", "_joint", "_time")] == [8.0, "shoulder", 0.001]
+
+
 def test_the_total_of_a_torque_has_what_compensates_gravity_and_its_share_may_exceed_the_limit():
     tau, gravity = [[1, -4], [-2, 3]], [[2, -7], [-5, -3]]
     got = values(make_run(2, tau=tau, tau_gravity=gravity, torque_limit=(5.0, 10.0)))
@@ -413,7 +418,7 @@ def test_figures_of_a_planar_arm_are_these():
     expected |= {f"{g}.{s}" for g in groups for s in ("peak", "peak_time", "peak_joint")}
     expected |= {"joint_rate.rms", "joint_rate_cmd.rms"}
     expected |= {"tau.share_of_limit", "tau_total.share_of_limit"}
-    for group in ("tau_total", "joint_acceleration_cmd", "joint_jerk_cmd"):
+    for group in ("tau_total", "joint_rate_plain", "joint_acceleration_cmd", "joint_jerk_cmd"):
         expected |= {f"{group}.{s}" for s in ("peak", "peak_time", "peak_joint")}
     expected |= {"joint_acceleration_cmd.rms", "chatter", "chatter_joint"}
     first = ("time", "joint", "condition", "value", "bound")
@@ -673,8 +678,8 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "",
     ]
     groups = (
-        "joint_rate, joint_rate_cmd, joint_acceleration, joint_acceleration_cmd, joint_jerk_cmd, "
-        "chatter, chatter_joint, tau, tau_total, position_error, "
+        "joint_rate, joint_rate_cmd, joint_rate_plain, joint_acceleration, joint_acceleration_cmd, "
+        "joint_jerk_cmd, chatter, chatter_joint, tau, tau_total, position_error, "
         "position_error_along, position_error_across, secondary_error, return, sigma, condition, manipulability, damping, path_rate, "
         "secondary_sigma, status_time, stuck, contact, torque_limited, profile, duration, ticks, completed, wall_time, speed"
     )
@@ -719,5 +724,5 @@ def test_every_number_of_a_scorecard_can_be_expected():
     joints = ("shoulder", "elbow")
     names = figure_names(joints, SPACE)
     texts = {name for name in names if name.endswith(("_joint", "_bodies", "_condition"))}
-    assert len(texts) == 13
+    assert len(texts) == 14
     assert refused(names, joints, SPACE).keys() == texts

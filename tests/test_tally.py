@@ -75,6 +75,7 @@ def columns_by_numpy(records):
     across = e - along
     joints = {
         "joint_rate": one["qdot"], "joint_rate_cmd": one["qdot_cmd"],
+        "joint_rate_plain": one["qdot_plain"],
         "joint_acceleration": np.diff(one["qdot"], axis=0) / PERIOD, "joint_acceleration_cmd": from_rest(one["qdot_cmd"]),
         "joint_jerk_cmd": from_rest(from_rest(one["qdot_cmd"])), "tau": one["tau"],
         "tau_total": one["tau"] + one["tau_gravity"],

@@ -104,6 +104,7 @@ def test_where_encoders_are_off_the_chain_sees_what_the_law_of_a_run_sees():
         out = controller.step(q, run["qdot"][t], pose=run["pose_ref"][t], twist=run["twist_ref"][t])
         assert_array_equal(out.qdot_cmd, run["qdot_cmd"][t])
         assert_array_equal(out.sigma, run["sigma"][t])
+        assert_array_equal(out.qdot_plain, run["qdot_plain"][t])
         assert out.status == run["status"][t] and out.damping == run["damping"][t]
 
 
@@ -331,6 +332,14 @@ def test_a_body_is_found_in_a_model_that_has_no_site_there():
     out = one.step_data(data, twist=twist)
     assert_allclose(out.pose[:3], data.body("wrist_2_link").xpos, atol=1e-14)
     assert_allclose(out.qdot_cmd, chain.qdot_cmd, rtol=1e-11, atol=1e-12)
+
+
+def test_plain_rates_are_unknown_where_no_twist_is_resolved():
+    one, wanted = controller(), ahead()
+    assert np.isfinite(one.step(START, **wanted).qdot_plain).all()
+    for given in ({"q_target": START}, {"qdot_target": 0 * START}):
+        assert np.isnan(one.step(START, **given).qdot_plain).all()
+    assert np.isnan(one.step(np.nan * START, **wanted).qdot_plain).all()
 
 
 def test_a_controller_keeps_its_jerk_limit_when_it_brakes_for_lack_of_a_measurement():

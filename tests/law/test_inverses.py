@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 from worlds import (
     DEFAULTS,
     NAMES,
+    ROUNDING,
     SHAPES,
     VARIANT,
     VARIANTS,
@@ -78,6 +79,36 @@ def test_rates_gains_and_damping_are_those_of_the_formulas(variant, shape, seed)
     assert_allclose(
         tick["qdot_cmd"][:n], y, rtol=0, atol=1e-10 * max(1.0, np.abs(gain).max()) * np.linalg.norm(t)
     )
+
+
+@named
+@given(shape=st.sampled_from(SHAPES), seed=seeds)
+def test_plain_rates_are_those_of_the_inverse_whatever_the_method(variant, shape, seed):
+    rng = np.random.default_rng(seed)
+    m, n = shape
+    assume(fits(variant, shape))
+    sigma = np.sort(10.0 ** rng.uniform(-3, 0.5, min(m, n)))[::-1]
+    J, t = with_sigma(rng, m, n, sigma), rng.normal(size=m)
+    row, joint = rng.uniform(0.5, 2, m), rng.uniform(0.5, 2, n)
+    _, tick = one_world(J, t, row**2, joint**-2, variant)
+    P = np.linalg.pinv(row[:, None] * J * joint, rcond=ROUNDING)
+    # rounding, 1e-15, times κ < 1e5 of the scaled matrix
+    largest = np.linalg.norm(P) * np.linalg.norm(row * t)
+    assert_allclose(tick["qdot_plain"][:n], joint * (P @ (row * t)), rtol=0, atol=1e-9 * largest)
+    if variant.method == Method.INVERSE:
+        assert tick["qdot_plain"].tobytes() == tick["qdot_cmd"].tobytes()
+
+
+@named
+def test_what_is_zero_to_rounding_is_left_out_of_plain_rates(variant):
+    if not fits(variant, (2, 2)):
+        return
+    for vanishing in (0.0, 1e-16):
+        _, tick = one_world(np.diag([2.0, vanishing]), np.array([1.0, 1.0]), variant=variant)
+        assert_allclose(tick["qdot_plain"][:2], [0.5, 0.0], rtol=0, atol=1e-15)
+    _, tick = one_world(np.diag([2.0, 1e-9]), np.array([1.0, 1.0]), variant=variant)
+    assert_allclose(tick["qdot_plain"][:2], [0.5, 1e9], rtol=1e-12)
+    assert (np.abs(tick["qdot_cmd"]).max() > 1e8) == (variant.method == Method.INVERSE)  # all others save it
 
 
 @named

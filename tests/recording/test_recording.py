@@ -628,9 +628,7 @@ def test_every_line_keeps_its_peaks_and_the_one_drawn_is_that_of_the_scorecard(r
     assert policies
     assert all(policy == [rr.components.AggregationPolicy.MinMax.value] for policy in policies)
     (title,) = [title for title in views if title.startswith("Joint rates")]
-    assert {"columns.qdot[]", "columns.qdot_cmd[]", "limits"} >= {source for source, _ in views[title]} - {
-        "rate"
-    }
+    assert {"columns.qdot[]", "columns.qdot_cmd[]"} < {source for source, _ in views[title]}
     found = stored(path, "/columns")["columns"]
     peak = max(abs(rate) for row in found for rate in row[0]["qdot"])
     assert peak == run.scorecard["joint_rate.peak"].value
@@ -647,19 +645,52 @@ def test_what_is_only_drawn_is_that_of_the_columns(recorded):
     np.testing.assert_allclose(curves["error"][:, 0], position, rtol=1e-6)
 
 
+def test_the_plain_inverse_is_dashed_and_its_peak_is_told(planar, tmp_path):
+    prepared, run = planar
+    record(tmp_path / "run.rrd", prepared, run)
+    (title,) = [title for title in final_views(tmp_path / "run.rrd") if title.startswith("Joint rates")]
+    plain = drawn(tmp_path / "run.rrd")["plain"]
+    gaps = np.isnan(plain).all(axis=1)
+    assert 0.3 < gaps.mean() < 0.6
+    np.testing.assert_allclose(plain[~gaps], run["qdot_plain"][~gaps], rtol=1e-6, atol=1e-30)  # float32
+    assert not gaps[np.abs(run["qdot_plain"]).max(axis=1).argmax()]  # no gap swallows a peak
+    assert "plain J⁻¹ dashed" in title
+
+
+def test_a_baseline_is_a_ghost_with_dashed_rates_and_its_columns_are_kept(planar, tmp_path):
+    prepared, run = planar
+    other = replace(run, columns=run.columns | {"qdot_cmd": run["qdot_cmd"].copy()})
+    other.columns["qdot_cmd"][77, 0] = 12440.0
+    path = tmp_path / "run.rrd"
+    with Recorder(path, prepared, prepared) as recorder:
+        for part, beside in zip(blocks(run, 500), blocks(other, 500), strict=True):
+            recorder.write(part)
+            recorder.write_baseline(beside)
+        recorder.finish("")
+    assert_same_bits(read_columns(path), run.columns)
+    (title,) = [title for title in final_views(path) if title.startswith("Joint rates")]
+    assert title.endswith("baseline peak 12,440 ↑")
+    assert np.nanmax(drawn(path, "/baseline/columns")["dashed"]) == pytest.approx(12440.0)
+    for entity in ("arm/link_2", "tip/trail"):
+        assert len(stored(path, f"/baseline/{entity}")) > 0
+    colors = stored(path, "/baseline/arm/link_2/tube_2")["Capsules3D:colors"][0]
+    assert colors[0] & 255 < 128  # a ghost
+    assert "gray ghost" in stored(path, "/text/legend")["TextDocument:text"][0][0]
+
+
 def test_a_rate_far_beyond_its_limit_leaves_the_plot_and_is_told(planar, tmp_path):
     prepared, run = planar[0], rows(planar[1], 0, 200)
     run.columns["qdot_cmd"][150, 1] = -12658.02
     record(tmp_path / "run.rrd", prepared, run)
     (title,) = [title for title in final_views(tmp_path / "run.rrd") if title.startswith("Joint rates")]
     assert title.endswith("peak 12,658 ↓")
-    (mark,) = stored(tmp_path / "run.rrd", "/peak")["rate"]
+    (mark,) = stored(tmp_path / "run.rrd", "/peak/own")["rate"]
     limit = prepared.law.rate_limit.max()
     assert -20.0 * limit < mark[0] < -2.0 * limit
     assert states(tmp_path / "run.rrd", "/events")  # the strip is there as well
     record(tmp_path / "small.rrd", planar[0], rows(planar[1], 0, 200))
     assert not any("peak" in title for title in final_views(tmp_path / "small.rrd"))
-    assert "/peak" not in entities(tmp_path / "small.rrd")
+    assert "/peak/own" not in entities(tmp_path / "small.rrd")
 
 
 @pytest.mark.parametrize("steps", [plots.STEPS, plots.MORE_STEPS])

@@ -27,7 +27,7 @@ from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
     from rmrc.study.batch import Batch, Left, R
-    from rmrc.study.study import Ran
+    from rmrc.study.run import Scored
 
 ScenarioFile = Annotated[
     Path,
@@ -64,7 +64,7 @@ def run(
     job = Job(loaded, out, record)
     left = _ran(job, job.name, quiet)
     (one,) = left.results
-    console.print(tables.render(one.scorecard, one.outcomes))
+    console.print(tables.render(one.scorecard, one.outcomes, one.beside))
     for assumed in one.prepared.assumed:
         if assumed.is_otherwise:
             print_line(console, f"assumed: {assumed.text}")
@@ -92,7 +92,7 @@ def _doubt_times(scenario: scenarios.Scenario) -> None:
             complain(f"warning: {scenario.locate(key)}: {text}")
 
 
-def _exit_code(left: "Left[Ran]", one: "Ran") -> int:
+def _exit_code(left: "Left[Scored]", one: "Scored") -> int:
     """Say on stderr what did not go well, and return the worst of it."""
     missed, run = [outcome for outcome in one.outcomes if not outcome.ok], one.run
     for outcome in missed:

@@ -24,6 +24,8 @@ class Command:
         qdot_cmd: Joint rates, (n,) [rad/s or m/s].
         q_cmd: Joint positions for arms that are told positions, (n,) [rad or m]: the integral of the rates,
             from `reset` or the first step on, one period ahead.
+        qdot_plain: What the plain inverse, or the pseudoinverse, would command here, without damping and
+            limits, (n,) [rad/s or m/s]; NaN where no twist is resolved.
         sigma: Singular values of A, falling, (k,) with k = min(m, n); NaN where nothing is known.
         gain: What stands for 1/σ, (k,).
         lost_direction: Direction of the task that is lost first: the left vector of the least σ, over the six
@@ -52,6 +54,7 @@ class Command:
             return rows[0] if is_one else rows
 
         self.qdot_cmd, self.q_cmd = seen(ticks["qdot_cmd"], n), seen(worlds["q_cmd"], n)
+        self.qdot_plain = seen(ticks["qdot_plain"], n)
         self.sigma, self.gain = seen(ticks["sigma"], k), seen(ticks["gain"], k)
         self.lost_direction, self.lost_motion = seen(ticks["u_min"], 6), seen(ticks["v_min"], n)
         self.pose, self.pose_error = seen(ticks["pose"], 7), seen(ticks["pose_error"], 6)

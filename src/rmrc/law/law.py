@@ -15,7 +15,7 @@ from typing import ClassVar
 import numpy as np
 
 from rmrc.law.inertia import Inertia, find_metric
-from rmrc.law.inverses import damping, gains, push_fading
+from rmrc.law.inverses import damping, gains, invert_above, push_fading
 from rmrc.law.jit import Array, Record, compiled, entry, inlined
 from rmrc.law.kinematics import WORLD, frame_turn, framed_error, turn_columns, turn_twist
 from rmrc.law.limits import limit
@@ -207,6 +207,7 @@ def resolve_twist(world: Record, tick: Record) -> None:
     scale_task(world)
     decompose(world, tick.sigma)
     project(world.u, world.task, world.k, world.m, world.asked)
+    ask_plainly(world, tick)
     push_fading(world, world.u, world.task, tick.sigma, world.asked)
     tick.damping = damping(world, world.asked, tick.sigma)
     gains(world, world.asked, tick.sigma, world.v, tick.damping, tick.gain)
@@ -270,6 +271,17 @@ def decompose(world: Record, sigma: Array) -> None:
         continue_row(world.v, last, world.v_last, world.n)
     for j in range(world.n):
         world.v_last[j] = world.v[last, j]
+
+
+@compiled
+def ask_plainly(world: Record, tick: Record) -> None:
+    """Write what the plain inverse would command, or the pseudoinverse: 1/σ of every σ that is not rounding.
+
+    Nothing is damped, weighed, limited or added. The gains are overwritten.
+    """
+    invert_above(world, tick.sigma, RANK_FLOOR * tick.sigma[0], tick.gain)
+    combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_plain)
+    scale_joints(world, tick.qdot_plain)
 
 
 @compiled

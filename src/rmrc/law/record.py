@@ -113,7 +113,7 @@ SCRATCH = (
 TICK = (
     Field("time"), Field("q", size=(JOINTS,)), Field("q_believed", size=(JOINTS,)),
     Field("qdot", size=(JOINTS,)), Field("qdot_cmd", size=(JOINTS,)),
-    Field("qdot_arrived", size=(JOINTS,)),
+    Field("qdot_arrived", size=(JOINTS,)), Field("qdot_plain", size=(JOINTS,)),
     Field("pose", size=(7,)), Field("pose_ref", size=(7,)),
     Field("twist_ref", size=(6,)), Field("pose_error", size=(6,)),
     Field("sigma", size=(ROWS,)), Field("gain", size=(ROWS,)),

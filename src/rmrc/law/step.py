@@ -315,6 +315,8 @@ def move_joints(world: Record, tick: Record, outside: bool) -> None:
     decompose(world, tick.sigma)
     for i in range(world.k):
         tick.gain[i] = math.nan
+    for j in range(world.n):
+        tick.qdot_plain[j] = math.nan
     tick.damping = tick.secondary_error = tick.secondary_sigma = math.nan
     status = singular_status(world, tick)
     if outside:
@@ -343,6 +345,6 @@ def forget(world: Record, tick: Record) -> None:
     for i in range(6):
         tick.pose_error[i] = tick.u_min[i] = math.nan
     for j in range(world.n):
-        tick.v_min[j] = math.nan
+        tick.v_min[j] = tick.qdot_plain[j] = math.nan
     tick.damping = tick.manipulability = tick.condition = math.nan
     tick.path_rate, world.age = 0.0, 0

@@ -27,7 +27,7 @@ PATH_POINTS = 2000
 PALE = 0.3
 
 # 0xRRGGBBAA; only in the picture, which is dark in both themes.
-PINK, YELLOW, CYAN = 0xE77BCBFF, 0xFFD60AFF, 0x3DC9FFFF
+PINK, YELLOW, CYAN, GHOSTLY = 0xE77BCBFF, 0xFFD60AFF, 0x3DC9FFFF, 0xB8B8B8FF
 
 LEGEND = f"""\
 | in the picture | is |
@@ -51,10 +51,12 @@ joints' colors.
 PALE_ARM = "| **pale arm** | where the law takes the arm to be |\n"
 
 
-def legend(prepared: Prepared) -> str:
+def legend(prepared: Prepared, has_baseline: bool = False) -> str:
     """Return the texts of the picture and of its plots."""
+    changes = ", ".join(f"{key} {value}" for key, value in prepared.scenario.baseline.items())
+    ghostly = f"| **gray ghost**, **thin gray trail** | the baseline: {changes} |\n" * has_baseline
     arriving = "" if prepared.hardware.is_direct else "; dark is what of that arrives at the plant"
-    return LEGEND.format(arriving=arriving, pale=PALE_ARM * prepared.hardware.is_misled)
+    return LEGEND.format(arriving=arriving, pale=PALE_ARM * prepared.hardware.is_misled + ghostly)
 
 
 def geometry(shape: Shape, has_outlines: bool = False) -> rr.AsComponents:
@@ -110,19 +112,22 @@ def ghost(shape: Shape) -> Shape:
     return replace(shape, rgba=np.array([*shape.rgba[:3], PALE * shape.rgba[3]]))
 
 
-def picture_view(scene: Scene, prepared: Prepared, seen: NDArray[np.float64]) -> rrb.Spatial3DView:
+def picture_view(
+    scene: Scene, prepared: Prepared, seen: Sequence[NDArray[np.float64]], more: Sequence[str] = ()
+) -> rrb.Spatial3DView:
     """Return the picture, from where all that is seen is in the frame.
 
     Args:
         scene: The arm and its path.
         prepared: The world.
-        seen: Points that the run reaches, (p, 3) [m].
+        seen: Points that the run reaches, (p, 3) each [m].
+        more: What else is shown.
     """
-    points = np.vstack([scene.points, seen])
+    points = np.vstack([scene.points, *seen])
     return rrb.Spatial3DView(
         name=f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}",
-        contents=["/arm/**", *["/believed/**"] * prepared.hardware.is_misled, "/target/**", "/tip/**"],
-        overrides={"tip/trail": until_now()},
+        contents=["/arm/**", *["/believed/**"] * prepared.hardware.is_misled, "/target/**", "/tip/**", *more],
+        overrides={f"{begin}tip/trail": until_now() for begin in ("", *(["baseline/"] if more else []))},
         eye_controls=eye(points, scene.normal),
         line_grid=grid(points),
         background=backdrop(),

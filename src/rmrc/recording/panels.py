@@ -33,14 +33,16 @@ SHARES = {"rates": 3.0, "sigma": 2.3, "tabs": 1.8, "pace": 1.5, "strip": 1.05}
 class Panels:
     """The plots of one world; the ranges of their axes are known when the run is over."""
 
-    def __init__(self, prepared: Prepared) -> None:
+    def __init__(self, prepared: Prepared, has_baseline: bool = False) -> None:
         """Look at the world.
 
         Args:
             prepared: The world.
+            has_baseline: Whether one runs beside it.
         """
+        self.prepared, self.has_baseline = prepared, has_baseline
         arm, scenario = prepared.arm, prepared.scenario
-        self._prepared, self._joints = prepared, arm.joints
+        self._joints = arm.joints
         self._hues = [hue(j) for j in range(arm.n)]
         self.axes = set(scenario.task.axes)
         self.rate_limit = prepared.law.rate_limit
@@ -63,7 +65,7 @@ class Panels:
 
     def watch(self, seen: Seen, part: Run, derived: dict[str, np.ndarray]) -> None:
         """Note what a block shows."""
-        names = ("qdot", "qdot_cmd", "qdot_arrived", "tau", "path_rate")
+        names = ("qdot", "qdot_cmd", "qdot_arrived", "qdot_plain", "tau", "path_rate")
         seen.add(part["time"], {name: part[name] for name in names} | derived)
         seen.add(part["time"], {"1/sigma": 1.0 / np.maximum(part["sigma"][:, -1], 1e-300)})
         seen.add(part["time"], {"sigma": part["sigma"]})
@@ -89,15 +91,16 @@ class Panels:
             found["torque"] = self._torque(seen)
         if self.is_slowed:
             found["pace"] = self._pace(seen)
-        if self._prepared.hardware.moves_q:
+        if self.prepared.hardware.moves_q:
             found["belief"] = self._belief(seen)
         return found
 
-    def off_scale(self, seen: Seen) -> Peak | None:
-        """Return the largest rate, if its plot does not show it."""
-        peak = seen.peak("qdot", "qdot_cmd")
-        is_off = peak is not None and abs(peak.value) > self._rate_range(seen)[1]
-        return peak if is_off else None
+    def off_scale(self, seen: Seen) -> dict[str, Peak]:
+        """Return the largest rates beyond their plot: own, of the plain inverse, of the baseline."""
+        kinds = {"own": ("qdot", "qdot_cmd"), "plain": ("qdot_plain",), "baseline": ("baseline",)}
+        found = {kind: seen.peak(*names) for kind, names in kinds.items()}
+        top = self._rate_range(seen)[1]
+        return {kind: peak for kind, peak in found.items() if peak is not None and abs(peak.value) > top}
 
     def mark_of(self, peak: Peak, seen: Seen) -> float:
         """Return where the plot of the rates marks one that it does not show."""
@@ -111,29 +114,34 @@ class Panels:
         return both_ways(shown, MORE_STEPS)
 
     def _rates(self, seen: Seen | None) -> Panel:
-        pale = [mix(one, WHITE, 0.5) for one in self._hues]
+        pale, n = [mix(one, WHITE, 0.5) for one in self._hues], len(self._joints)
         curves = [
             Curve("columns", "columns.qdot[]", self._joints, self._hues, 4.0),
             Curve("columns", "columns.qdot_cmd[]", self._joints, pale, 1.3),
         ]
         title = f"Joint rates [{self._per}], commanded thin"
-        if not self._prepared.hardware.is_direct:
+        if not self.prepared.hardware.is_direct:
             dark = [mix(one, BLACK, 0.35) for one in self._hues]
             curves.append(Curve("columns", "columns.qdot_arrived[]", self._joints, dark, 2.2))
             title += ", arriving dark"
         _, names, colors = limit_lines(self.rate_limit, self._joints, self._hues)
         if names:
             curves.append(Curve("limits", "rate", names, colors, 1.0))
+        curves.insert(0, Curve("columns", "curves.plain[]", ["plain J⁻¹"] * n, self._hues, 1.5))
+        title += ", plain J⁻¹ dashed"
+        if self.has_baseline:
+            gray = [mix(one, GRAY, 0.5) for one in self._hues]
+            curves.insert(0, Curve("baseline/columns", "curves.dashed[]", ["baseline"] * n, gray, 1.5))
+        columns = frozenset({"qdot", "qdot_cmd", "qdot_plain"})
         if seen is None:
-            return Panel(title, curves, None, frozenset({"qdot", "qdot_cmd"}))
-        peak = self.off_scale(seen)
-        if peak is not None:
+            return Panel(title, curves, None, columns)
+        for kind, peak in self.off_scale(seen).items():
             shape: Literal["up", "down"] = "up" if peak.value > 0 else "down"
-            text = f"peak {spell(abs(peak.value))} {'↑' if peak.value > 0 else '↓'}"
-            # The first in the legend, which may be longer than its plot is high.
-            curves.insert(0, Curve("peak", "rate", [text], [self._hues[peak.which]], 6.0, shape))
-            title += f"; {text}"
-        return Panel(title, curves, self._rate_range(seen), frozenset({"qdot", "qdot_cmd"}))
+            which = "" if kind == "own" else f"{kind} "
+            text = f"{spell(abs(peak.value))} {'↑' if peak.value > 0 else '↓'}"
+            curves.append(Curve(f"peak/{kind}", "rate", [text], [self._hues[peak.which]], 6.0, shape))
+            title += f"; {which}peak {text}"
+        return Panel(title, curves, self._rate_range(seen), columns)
 
     def _sigma(self, seen: Seen | None) -> Panel:
         k = min(len(self._joints), len(self.axes))

@@ -27,6 +27,8 @@ LEGEND = 0.3
 # The strip of the events has no numbers at its left. It begins so much earlier, as a share of the plots, that
 # the cursors are in line.
 NUMBERS = 0.035
+# Dashes and gaps of a curve, over a run.
+DASHES = 120
 # σ below this is drawn there: its logarithm has no end.
 FLOOR = 1e-6
 
@@ -143,7 +145,7 @@ class Seen:
             time: Of its ticks, (T,) [s].
             values: By name, (T,) or (T, width).
         """
-        self.end = float(time[-1])
+        self.end = max(self.end, float(time[-1]))
         for name, found in values.items():
             wide = np.abs(np.nan_to_num(found.reshape(len(time), -1), nan=0.0))
             size = wide.max(axis=1)
@@ -216,6 +218,20 @@ def decades(least: float, largest: float) -> tuple[float, float]:
 def logarithm(values: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return common logarithms, of nothing below the floor."""
     return np.asarray(np.log10(np.maximum(values, FLOOR)))
+
+
+def dashes(time: NDArray[np.float64], values: NDArray[np.float64], duration: float) -> NDArray[np.float64]:
+    """Return a curve as dashes: with gaps, but for where it is largest in a block.
+
+    Args:
+        time: Of a block, (T,) [s].
+        values: (T, n).
+        duration: Of the run [s].
+    """
+    dash = np.floor(time / (duration / DASHES)).astype(np.int64)
+    size = np.nan_to_num(np.abs(values), nan=0.0, posinf=np.inf).max(axis=1)
+    is_drawn = (dash % 2 == 0) | (dash == dash[size.argmax()])
+    return np.where(is_drawn[:, None], values, np.nan)
 
 
 def limit_lines(

@@ -12,6 +12,7 @@ Entities:
     now              the line of numbers, as a text
     status           what holds, in words, only where it changes
     events           the same when the run is over, with room for the label of each
+    baseline/..      columns, ghost of the arm and trail of the scenario's baseline, if it has one
     text/..          legend, scorecard, scenario
 
 `sim_time` is rounded to nanoseconds, while the column `time` keeps all its bits.
@@ -19,6 +20,8 @@ Entities:
 
 import re
 import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
@@ -30,9 +33,9 @@ from rerun.chunk import RrdReader
 
 from rmrc.recording import live, stream
 from rmrc.recording.events import Strip, color, words
-from rmrc.recording.layout import CYAN, YELLOW, legend, marks, packed, page, picture_view, ramp
+from rmrc.recording.layout import CYAN, GHOSTLY, PALE, YELLOW, legend, marks, packed, page, picture_view, ramp
 from rmrc.recording.panels import Panels, stacked
-from rmrc.recording.plots import Seen, logarithm
+from rmrc.recording.plots import Seen, dashes, logarithm
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
@@ -44,6 +47,8 @@ from rmrc.simulation.prepare import Prepared
 # The line of numbers changes so often [s]: a reader takes in no more.
 READ_PERIOD = 0.05
 TITLES = {"legend": "What you see", "scorecard": "Scorecard", "scenario": "Scenario"}
+# Begins the entities of a baseline.
+BASELINE = "baseline/"
 
 
 class Recorder:
@@ -56,25 +61,27 @@ class Recorder:
         part_path: Where it grows until then.
     """
 
-    def __init__(self, path: Path, prepared: Prepared) -> None:
+    def __init__(self, path: Path, prepared: Prepared, baseline: Prepared | None = None) -> None:
         """Open the file, and write all that is known before the run.
 
         Args:
             path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
             prepared: The world that will run.
+            baseline: Its baseline, if that runs beside it.
 
         Raises:
             RecordingError: The file cannot be made.
         """
         scene, scenario = Scene(prepared), prepared.scenario
-        self._out = Stream(path, scenario.name, _layout(scene, prepared))
+        self._out = Stream(path, scenario.name, _layout(scene, Panels(prepared)))
         self.path, self.part_path = self._out.path, self._out.part_path
-        self._story = _Story(self._out, prepared)
+        self._ghost = None if baseline is None else _Ghost(self._out, baseline)
+        self._story = _Story(self._out, prepared, self._ghost)
         self._story.write_arm(scene.painted)
         self._story.write_axes()
         for entity, look in marks(scene).items():
             self._out.log(entity, look)
-        self._out.log_text("text/legend", legend(prepared))
+        self._out.log_text("text/legend", legend(prepared, baseline is not None))
         self._out.log_text("text/scenario", f"```yaml\n{scenario.to_yaml()}```\n")
 
     def __enter__(self) -> Self:
@@ -97,6 +104,19 @@ class Recorder:
         self._story.write(part)
         self._out.flush()
 
+    def write_baseline(self, part: Run) -> None:
+        """Write and flush one block of ticks of the baseline; blocks come in order.
+
+        Args:
+            part: As in `write`.
+
+        Raises:
+            RecordingError: The file cannot be written.
+        """
+        assert self._ghost is not None
+        self._ghost.write(part)
+        self._out.flush()
+
     def finish(self, scorecard_markdown: str) -> None:
         """Add the scorecard, close the file and move it to `path`.
 
@@ -106,28 +126,58 @@ class Recorder:
         Raises:
             RecordingError: The file cannot be written.
         """
-        self._story.write_last()
+        for track in (self._ghost, self._story):
+            if track is not None:
+                track.write_last()
         self._story.write_ending()
         self._out.log_text("text/scorecard", scorecard_markdown)
         self._out.finish()
 
 
 def _layout(
-    scene: Scene, prepared: Prepared, seen: Seen | None = None, reached: NDArray[np.float64] | None = None
+    scene: Scene, panels: Panels, seen: Seen | None = None, reached: Sequence[NDArray[np.float64]] = ()
 ) -> rrb.Blueprint:
     """Return what the viewer opens: of a run that is over, with ranges that fit what it shows."""
+    prepared = panels.prepared
     end = max(prepared.reference.duration, seen.end if seen else 0.0)
-    plots = stacked(Panels(prepared).all(seen), end, "/events" if seen else "/status")
-    picture = picture_view(scene, prepared, np.empty((0, 3)) if reached is None else reached)
+    plots = stacked(panels.all(seen), end, "/events" if seen else "/status")
+    picture = picture_view(scene, prepared, reached, ["/baseline/**"] * panels.has_baseline)
     return page(picture, TITLES, plots, "/now")
+
+
+class _Ghost(Track):
+    """The track of a baseline: gray and pale, and its commands as dashes.
+
+    Attributes:
+        seen: Its commands.
+    """
+
+    def __init__(self, out: Stream, prepared: Prepared) -> None:
+        super().__init__(out, prepared, BASELINE)
+        self.seen = Seen()
+        self.write_arm(lambda shape: replace(shape, rgba=np.array([0.8, 0.8, 0.8, PALE])))
+        thin = 0.004 * self.scene.reach
+        self.out.log(f"{self.prefix}tip/now", rr.Points3D.from_fields(colors=GHOSTLY, radii=4 * thin))
+        self.out.log(f"{self.prefix}tip/trail", rr.LineStrips3D.from_fields(radii=0.7 * thin))
+
+    def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
+        self.seen.add(part["time"], {"baseline": part["qdot_cmd"]})
+        return {"dashed": dashes(part["time"], part["qdot_cmd"], self._prepared.reference.duration)}
+
+    def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
+        return np.full(len(frames.tip), GHOSTLY, np.uint32)
+
+    def write_divergence(self, text: str, time: float, index: list[rr.TimeColumn]) -> None:  # noqa: ARG002
+        self.out.send(f"{self.prefix}status", index, rr.StateChange.columns(state=[text]))
 
 
 class _Story(Track):
     """A track that also shows what the arm can and cannot do at each instant."""
 
-    def __init__(self, out: Stream, prepared: Prepared) -> None:
+    def __init__(self, out: Stream, prepared: Prepared, ghost: _Ghost | None) -> None:
         super().__init__(out, prepared)
-        self._panels, self._seen, self._strip = Panels(prepared), Seen(), Strip()
+        self._ghost, self._panels = ghost, Panels(prepared, ghost is not None)
+        self._seen, self._strip = Seen() if ghost is None else ghost.seen, Strip()
         self._looks: dict[str, int] = {}
         self._read = max(1, round(READ_PERIOD / prepared.scenario.control.period))
         self._write_limits([0.0, prepared.reference.duration])
@@ -150,6 +200,7 @@ class _Story(Track):
             "error": 1e3
             * np.column_stack([np.linalg.norm(part["pose_error"][:, rows], axis=1) for rows in kinds]),
             "log_sigma_min": sigma[:, -1:],
+            "plain": dashes(part["time"], part["qdot_plain"], self._prepared.reference.duration),
             "log_damping": np.where(damping > 0.0, logarithm(damping), np.nan),  # a gap where there is none
         }
         if sigma.shape[1] > 1:
@@ -172,11 +223,11 @@ class _Story(Track):
                           rr.StateChange.columns(state=[one.text for one in labels]))  # fmt: skip
         if seen.end > self._prepared.reference.duration:
             self._write_limits([seen.end])
-        peak = self._panels.off_scale(seen)
-        if peak is not None:
+        for name, peak in self._panels.off_scale(seen).items():
             mark = np.array([self._panels.mark_of(peak, seen)])
-            self.send("peak", self._at([peak.time]), Values(stream.short("rate"), mark))
-        self.out.lay_out(_layout(self.scene, self._prepared, seen, self.reached))
+            self.send(f"peak/{name}", self._at([peak.time]), Values(stream.short("rate"), mark))
+        reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
+        self.out.lay_out(_layout(self.scene, self._panels, seen, reached))
 
     def _at(self, times: list[float]) -> list[rr.TimeColumn]:
         time = np.array(times)

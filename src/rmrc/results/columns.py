@@ -37,6 +37,9 @@ COLUMNS: Mapping[str, Column] = {
     "qdot": Column("joint/s", "joint rates, the true ones", "n"),
     "qdot_cmd": Column("joint/s", "joint rates, sent", "n"),
     "qdot_arrived": Column("joint/s", "joint rates that reach the plant, on the mean of the tick", "n"),
+    "qdot_plain": Column(
+        "joint/s", "joint rates that the plain inverse would command, without damping and limits", "n"
+    ),
     "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
     "twist_ref": Column("m/s, rad/s", "twist wanted, [v; ω] along world axes", "6"),
@@ -61,7 +64,7 @@ COLUMNS: Mapping[str, Column] = {
 
 
 # Files from before these were kept do without.
-ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "q_believed"})
+ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "qdot_plain", "q_believed"})
 
 # Where nothing stands between, the first is the second to the bit; files that lack it are of such runs.
 SAME = {"qdot_arrived": "qdot_cmd", "q_believed": "q"}

@@ -3,6 +3,7 @@
 import json
 import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -18,9 +19,19 @@ from rmrc.scenario.profile import Profile
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
 
+# Begins the names of the columns of a baseline in the file of its run.
+_BASELINE = "baseline/"
 
+
+@dataclass(frozen=True, eq=False)
 class Run(Recorded):
-    """What one world did: `run["qdot_cmd"]` is a column, `run.scorecard["tau.peak"].value` a figure."""
+    """What one world did: `run["qdot_cmd"]` is a column, `run.scorecard["tau.peak"].value` a figure.
+
+    Attributes:
+        baseline: What the baseline of its scenario did beside it; None: it has none.
+    """
+
+    baseline: "Run | None" = None
 
     @cached_property
     def scorecard(self) -> Scorecard:
@@ -29,7 +40,9 @@ class Run(Recorded):
 
     def save(self, path: Path) -> None:
         """Write all columns and the facts about them to an npz file, whole or not at all."""
-        _write(path, {**self.columns, "facts": np.array(json.dumps(self._facts()))})
+        beside = self.baseline.columns if self.baseline else {}
+        columns = {**self.columns, **{f"{_BASELINE}{name}": column for name, column in beside.items()}}
+        _write(path, {**columns, "facts": np.array(json.dumps(self._facts()))})
 
     @classmethod
     def read(cls, path: Path) -> "Run":
@@ -67,6 +80,8 @@ class Run(Recorded):
         }
         if self.view.frame != "world":
             facts["view"] = self.view
+        if self.baseline is not None:
+            facts["baseline"] = self.baseline._facts()
         if self.profile is not None:
             facts["profile"] = self.profile.model_dump(mode="json")
         return facts
@@ -74,9 +89,15 @@ class Run(Recorded):
     @classmethod
     def _of(cls, facts: Mapping[str, Any], arrays: Mapping[str, NDArray[np.generic]]) -> "Run":
         """Return the run of facts and columns of a file."""
+        baseline = None
+        if "baseline" in facts:
+            its = {
+                name.removeprefix(_BASELINE): arrays[name] for name in arrays if name.startswith(_BASELINE)
+            }
+            baseline = cls._of(facts["baseline"], its)
         columns = completed({name: arrays[name] for name in COLUMNS if name in arrays or name not in ADDED})
-        if "tau_gravity" not in columns:
-            columns["tau_gravity"] = np.full_like(columns["tau"], math.nan)
+        for lacking in {"tau_gravity", "qdot_plain"} - columns.keys():
+            columns[lacking] = np.full_like(columns["tau"], math.nan)
         divergence = facts["divergence"] and Divergence(**facts["divergence"])
         frame, base, free = facts.get("view", WORLD_VIEW)
         view = View(frame, tuple(base), free)
@@ -87,7 +108,7 @@ class Run(Recorded):
             facts["wall_time"], tuple(facts.get("weights", ())), _limits(facts, "torque_limit"), view,
             tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
             tuple(facts.get("chatter_floor", ())), profile,
-            _limits(facts, "rate_limit"), facts.get("damping_below", 0.0),
+            _limits(facts, "rate_limit"), facts.get("damping_below", 0.0), baseline,
         )  # fmt: skip
 
 

@@ -202,6 +202,9 @@ def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorec
     parts = (
         _joints(arm, tallies, "joint_rate", "measured rate", rate_units, is_rate=True),
         _joints(arm, tallies, "joint_rate_cmd", "commanded rate", rate_units, is_rate=True),
+        _peak(
+            arm, tallies, "joint_rate_plain", "rate that the plain inverse would command", rate_units
+        ),
         _joints(
             arm, tallies, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
         ),

@@ -22,13 +22,14 @@ from rmrc.support.spatial import AXES
 JOINTS = (
     "joint_rate",
     "joint_rate_cmd",
+    "joint_rate_plain",
     "joint_acceleration",
     "joint_acceleration_cmd",
     "joint_jerk_cmd",
     "tau",
     "tau_total",
 )
-RATE, COMMAND, ACCELERATION, ACCELERATION_CMD, JERK_CMD, TAU, TAU_TOTAL = range(7)
+RATE, COMMAND, PLAIN, ACCELERATION, ACCELERATION_CMD, JERK_CMD, TAU, TAU_TOTAL = range(8)
 ERRORS = (
     "position_error",
     "orientation_error",
@@ -265,8 +266,8 @@ def _of_joint(tally: Record, tick: Record, row: int, j: int, acceleration: float
     """Return what a row adds up; the acceleration is that of the command."""
     if row == RATE:
         return tick.qdot[j]
-    if row == COMMAND:
-        return tick.qdot_cmd[j]
+    if row in (COMMAND, PLAIN):
+        return tick.qdot_cmd[j] if row == COMMAND else tick.qdot_plain[j]
     if row == ACCELERATION:
         return (tick.qdot[j] - tally.qdot[j]) / tally.period
     if row == ACCELERATION_CMD:

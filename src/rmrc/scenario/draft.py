@@ -14,16 +14,24 @@ from typing import Any, NamedTuple, Self, TypeAlias
 from pydantic import PrivateAttr, ValidationError
 
 from rmrc.scenario.changes import Change, Unread, applied, changes_of, put, read_change, read_setting
-from rmrc.scenario.keys import SourceMap, in_order
+from rmrc.scenario.keys import SourceMap, in_order, split
 from rmrc.scenario.messages import translate
 from rmrc.scenario.profile import SHIPPED
 from rmrc.scenario.reading import Document, TextError, parse, read
-from rmrc.scenario.sections import PROFILE, ControlSection, SecondarySection, Sections, TaskSection, parse_key
+from rmrc.scenario.sections import (
+    PROFILE,
+    ControlSection,
+    SecondarySection,
+    Sections,
+    TaskSection,
+    is_section,
+    parse_key,
+)
 from rmrc.scenario.values import Section
 from rmrc.scenario.wording import block, show
 from rmrc.support import shipped
 from rmrc.support.errors import ScenarioError
-from rmrc.support.problems import Origin, Problem, join
+from rmrc.support.problems import Key, Origin, Problem, join
 
 # Changes that a draft keeps apart from what it was made of: as many as a scenario is varied by.
 _MOST_CHANGES = 100
@@ -105,6 +113,31 @@ class Scenario(Sections):
             ValueError: What should be a key is none.
         """
         return self.changed(*changes_of(values))
+
+    @property
+    def baseline_changes(self) -> tuple[Change, ...]:
+        """What makes its baseline; nothing for one without.
+
+        Sections are merged with its own, any other mapping takes the place of what is there. What is deeper
+        comes later.
+        """
+        if not self.baseline:
+            return ()
+        sources, found = self._draft.document.sources, list[Change]()
+
+        def add(values: Mapping[str, Any], at: Key, written: Key) -> None:
+            for name, value in values.items():
+                key, place = (*at, *split(name)), (*written, name)
+                if isinstance(value, Mapping) and is_section(key):
+                    add(value, key, place)
+                else:
+                    told = sources.origin(place).of(join(("baseline", *key)))
+                    found.append(Change(key, value, Origin(told, key=join(key))))
+
+        add(self.baseline, (), ("baseline",))
+        accepted = {name: check for name, check in self.expect.items() if name == PROFILE}
+        own = Change(("expect",), accepted), Change(("baseline",), {})
+        return (*sorted(found, key=lambda one: len(one.key)), *own)
 
     def to_yaml(self) -> str:
         """Return the complete scenario as it runs: all defaults, SI numbers, an absolute path.

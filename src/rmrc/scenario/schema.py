@@ -14,6 +14,7 @@ _ABSENT: dict[str, tuple[str, object]] = {
     "arm.packages": ("package", None),
     "arm.stretch": ("body", 1),
     "plant.stretch": ("body", 1),
+    "baseline": ("key", None),
     "sweep.vary": ("key", None),
     "sweep.draw": ("key", None),
 }
@@ -82,7 +83,7 @@ def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
 def _type(schema: dict[str, Any]) -> str:
     """Return the type of a value in words."""
     options = schema.get("anyOf", schema.get("oneOf"))
-    if schema.get("title", "").startswith("angle"):
+    if schema.get("title", "").startswith(("angle", "value")):
         return str(schema["title"])
     if options:
         return " or ".join(_type(o) for o in options if o.get("type") != "null")

@@ -5,6 +5,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal, Self, get_args
 
 from pydantic import (
+    AfterValidator,
     ConfigDict,
     Discriminator,
     Field,
@@ -28,6 +29,7 @@ from rmrc.scenario.values import (
     Axes,
     Axis,
     Bounds,
+    Changed,
     Choice,
     Count,
     Folder,
@@ -651,6 +653,7 @@ MOST_DRAWN = 20
 # The run's own name is no part of what happens, and what is drawn has a seed for each run.
 _NOT_SWEPT = {
     "name": "names the runs and changes none of them",
+    "baseline": "is for rmrc run alone",
     "sweep": "is the sweep itself",
     "tune": "is for rmrc tune alone",
     "arm.encoder.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
@@ -700,6 +703,28 @@ class SweepSection(Section):
         return self
 
 
+# A baseline is held against the scenario by the figures of both, and runs where the scenario is run alone.
+_NOT_OF_BASELINES = {
+    "name": "names the scenario and changes nothing",
+    "expect": "holds for the scenario, and the baseline is expected nothing",
+    "baseline": "is the baseline itself",
+    "sweep": "is for rmrc sweep alone",
+    "tune": "is for rmrc tune alone",
+}
+
+
+def _baseline(values: dict[str, Any]) -> dict[str, Any]:
+    """Refuse what is no key, and what no baseline changes."""
+    for name in values:
+        try:
+            root = split(name)[0]
+        except ValueError:
+            raise rule("is no key such as control.feedback or arm.start[1]", ("baseline", name)) from None
+        if root in _NOT_OF_BASELINES:
+            raise rule(f"cannot be changed: it {_NOT_OF_BASELINES[str(root)]}", ("baseline", name))
+    return values
+
+
 class TuneSection(Section):
     """What is not known of the robot, for all of which `rmrc tune` shall find settings."""
 
@@ -740,6 +765,11 @@ class Sections(Section):
         "what is expected, by figure of the scorecard",
         {},
         schema={"properties": {PROFILE: {"type": "string", "default": None, "description": _ACCEPTED}}},
+    )
+    baseline: Annotated[dict[str, Changed], AfterValidator(_baseline)] = key(
+        "changes of keys, dotted or in sections, that make what `rmrc run` runs beside it, such as the plain "
+        "inverse without limits; other verbs leave it out",
+        {},
     )
     sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
     tune: TuneSection = key("what is not known of the robot, for `rmrc tune`", TuneSection())
@@ -789,6 +819,15 @@ def listed_default(key: Key) -> list[object] | None:
         fields = section.model_fields
     default = fields[key[-1]].default if key[-1] in fields else None
     return list(default) if isinstance(default, tuple) else None
+
+
+def is_section(key: Key) -> bool:
+    """Say whether a section stands at a key."""
+    kind: Any = Sections
+    for step in key:
+        fields = kind.model_fields if isinstance(kind, type) and issubclass(kind, Section) else {}
+        kind = fields[step].annotation if step in fields else None
+    return isinstance(kind, type) and issubclass(kind, Section)
 
 
 def parse_key(text: str) -> Key:

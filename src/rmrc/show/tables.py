@@ -4,7 +4,8 @@ Both forms show the same sheets, and these hold every figure that says something
 alone, is cut off, or is read as markup.
 """
 
-from collections.abc import Sequence
+import math
+from collections.abc import Collection, Sequence
 from typing import TYPE_CHECKING
 
 from rich.console import Console, ConsoleOptions, Group, RenderableType, RenderResult
@@ -22,6 +23,7 @@ if TYPE_CHECKING:  # with numba, which a table of keys does without
 _PEAKS = (
     "joint_rate",
     "joint_rate_cmd",
+    "joint_rate_plain",
     "joint_acceleration",
     "joint_acceleration_cmd",
     "joint_jerk_cmd",
@@ -39,14 +41,17 @@ _ERRORS = (
 )
 
 
-def render(card: "Scorecard", outcomes: Sequence["Outcome"] = ()) -> RenderableType:
-    """Return all figures, and what was expected of them, for a terminal.
+def render(
+    card: "Scorecard", outcomes: Sequence["Outcome"] = (), baseline: "Scorecard | None" = None
+) -> RenderableType:
+    """Return the figures that say something, and what was expected of them, for a terminal.
 
     Args:
         card: The figures.
         outcomes: Of the scenario's expectations; none: no such table.
+        baseline: The figures that stand beside them, if any.
     """
-    *sheets, rest, status = _sheets(card, outcomes)
+    *sheets, rest, status = _sheets(card, outcomes, baseline)
     parts = [part for sheet in sheets for part in (as_table(sheet), Text())]
     return Group(Text(card.name, style="bold"), Text(), *parts, _Beside(as_table(rest), as_table(status)))
 
@@ -68,14 +73,17 @@ class _Beside:
             yield from (self.left, Text(), self.right)
 
 
-def markdown(card: "Scorecard", outcomes: Sequence["Outcome"] = ()) -> str:
+def markdown(
+    card: "Scorecard", outcomes: Sequence["Outcome"] = (), baseline: "Scorecard | None" = None
+) -> str:
     """Return what `render` shows as a markdown document.
 
     Args:
         card: The figures.
         outcomes: Of the scenario's expectations; none: no such table.
+        baseline: The figures that stand beside them, if any.
     """
-    blocks = [f"# {escaped(card.name)}", *map(as_markdown, _sheets(card, outcomes))]
+    blocks = [f"# {escaped(card.name)}", *map(as_markdown, _sheets(card, outcomes, baseline))]
     return "\n\n".join(blocks) + "\n"
 
 
@@ -119,22 +127,30 @@ def schema_text(rows: Sequence[SchemaRow]) -> str:
 # Sheets -----------------------------------------------------------------------------------------
 
 
+# Jerks that were not expected are shown where something limits them.
+_OF_JERK = ("status_time.JERK_LIMITED", "status_time.JERK_EXCEEDED")
+
+
 class _Figures:
     """The figures of a card; those not yet shown are left over for the last sheet.
 
-    What says nothing is not shown: torques with gravity compensation where there is none, and what did not
-    happen of contacts, of drives at their limits and of commands that a profile refuses.
+    What says nothing is not shown, of the card and of what stands beside it: what is undefined, torques of a
+    plant without any, those with gravity compensation where there is none, a jerk that nothing limits, and
+    what did not happen of contacts, of drives at their limits, of commands that a profile refuses, of
+    damping, slowing and standing still.
     """
 
-    def __init__(self, card: "Scorecard") -> None:
-        silent = [] if card["chatter"].value else ["chatter_joint"]
-        if not float(card["profile.refused"].value) > 0.0:
-            silent.append("profile.")
-        silent += [group for group in ("contact.", "torque_limited.") if not card[f"{group}time"].value]
-        if all(_same(card[f"tau_total.{name}"], card[f"tau.{name}"]) for name in ("peak", "share_of_limit")):
-            silent.append("tau_total.")
-        self.card = card
-        self.left = {name: one for name, one in card.items() if not name.startswith(tuple(silent))}
+    def __init__(self, card: "Scorecard", beside: "Scorecard | None", expected: Collection[str]) -> None:
+        self.card, self.beside, self.expected = card, beside, frozenset(expected)
+        shown = [_said(one) for one in (card, beside) if one]
+        self.left = {
+            name: one for name, one in card.items() if name in expected or any(name in said for said in shown)
+        }
+
+    def other(self, name: str) -> str:
+        """Return the figure of what stands beside the card, as text."""
+        figure = None if self.beside is None else self.beside.figures.get(name)
+        return "" if figure is None else _text(figure)
 
     def text(self, name: str) -> str:
         """Return a figure as text, and nothing for one that this card does not have."""
@@ -150,13 +166,39 @@ class _Figures:
         return _unit(self.card[name])
 
 
-def _sheets(card: "Scorecard", outcomes: Sequence["Outcome"]) -> list[Sheet]:
-    figures = _Figures(card)
+def _said(card: "Scorecard") -> set[str]:
+    """Return the names of the figures that say something."""
+    silent = [] if card["chatter"].value else ["chatter_joint"]
+    if not float(card["profile.refused"].value) > 0.0:
+        silent.append("profile.")
+    silent += [group for group in ("contact.", "torque_limited.") if not card[f"{group}time"].value]
+    if all(_same(card[f"tau_total.{name}"], card[f"tau.{name}"]) for name in ("peak", "share_of_limit")):
+        silent.append("tau_total.")
+    if not card["ticks"].value:
+        return {name for name in card if not name.startswith(tuple(silent))}
+    silent += ["secondary_error."] * math.isnan(float(card["secondary_error.max"].value))
+    silent += ["tau."] * (not card["tau.peak"].value) + ["damping."] * (not card["damping.max"].value)
+    silent += ["stuck."] * (not card["stuck.longest"].value)
+    silent += ["path_rate."] * (card["path_rate.min"].value == 1.0)
+    silent += ["joint_jerk_cmd."] * (not any(card[name].value for name in _OF_JERK))
+    return {
+        name
+        for name, one in card.items()
+        if not (name.startswith(tuple(silent)) or one.value == "" or one.value != one.value)
+        and (one.value or not name.startswith("status_time."))
+    }
+
+
+def _sheets(card: "Scorecard", outcomes: Sequence["Outcome"], baseline: "Scorecard | None") -> list[Sheet]:
+    figures = _Figures(card, baseline, [one.name for one in outcomes])
     sheets = [_outcomes(outcomes)] if outcomes else []
     sheets += [_peaks(figures), _joints(figures), _errors(figures)]
     status = _status(figures)
-    others = [(name, figures.text(name), figures.unit(name)) for name in list(figures.left)]
-    rest = Sheet("Singularity and run", ("", "value", "unit"), others, frozenset({0, 2}))
+    others = [
+        (name, figures.text(name), figures.unit(name), *_beside(figures, name)) for name in list(figures.left)
+    ]
+    headings = ("", "value", "unit", *_over(figures))
+    rest = Sheet("Singularity and run", headings, others, frozenset({0, 2}))
     return [*sheets, rest, status]
 
 
@@ -169,8 +211,10 @@ def _peaks(figures: _Figures) -> Sheet:
     rows = []
     for group in (one for one in _PEAKS if f"{one}.peak" in figures.left):
         peak, joint, time, rms = figures.texts(group, "peak", "peak_joint", "peak_time", "rms")
-        rows.append((group, peak, figures.unit(f"{group}.peak"), joint, time, rms))
-    return Sheet("Peaks", ("", "peak", "unit", "joint", "at [s]", "rms"), rows, frozenset({0, 2, 3}))
+        told = group, peak, figures.unit(f"{group}.peak"), joint, time, rms
+        rows.append((*told, *_beside(figures, f"{group}.peak")))
+    headings = ("", "peak", "unit", "joint", "at [s]", "rms", *_over(figures, "peak"))
+    return Sheet("Peaks", headings, rows, frozenset({0, 2, 3}))
 
 
 def _joints(figures: _Figures) -> Sheet:
@@ -178,7 +222,8 @@ def _joints(figures: _Figures) -> Sheet:
     columns = (
         ("rate", "joint_rate", "peak"), ("", "joint_rate", "peak_time"), ("", "joint_rate", "rms"),
         ("command", "joint_rate_cmd", "peak"), ("", "joint_rate_cmd", "peak_time"),
-        ("", "joint_rate_cmd", "rms"), ("accel.", "joint_acceleration", "peak"), ("torque", "tau", "peak"),
+        ("", "joint_rate_cmd", "rms"), ("accel.", "joint_acceleration", "peak"),
+        *[("torque", "tau", "peak")] * any(name.startswith("tau.") for name in figures.left),
     )  # fmt: skip
     words = {"peak": "peak", "peak_time": "at", "rms": "rms"}
     joints = figures.card.joints
@@ -201,21 +246,35 @@ def _joints(figures: _Figures) -> Sheet:
 
 def _errors(figures: _Figures) -> Sheet:
     rows = [
-        (group, *figures.texts(group, "rms", "max", "max_time", "end"), figures.unit(f"{group}.rms"))
+        (
+            group, *figures.texts(group, "rms", "max", "max_time", "end"), figures.unit(f"{group}.rms"),
+            *_beside(figures, f"{group}.max"),
+        )
         for group in _ERRORS
-        if f"{group}.rms" in figures.card
-    ]
-    return Sheet("Errors", ("", "rms", "max", "at [s]", "end", "unit"), rows, frozenset({0, 5}))
+        if f"{group}.max" in figures.left
+    ]  # fmt: skip
+    headings = ("", "rms", "max", "at [s]", "end", "unit", *_over(figures, "max"))
+    return Sheet("Errors", headings, rows, frozenset({0, 5}))
 
 
 def _status(figures: _Figures) -> Sheet:
     prefix, duration = "status_time.", figures.card["duration"].value
     rows = []
-    for name in [name for name in figures.card if name.startswith(prefix)]:
+    for name in [name for name in figures.left if name.startswith(prefix)]:
         seconds = figures.card[name].value
         share = f"{float(seconds) / float(duration):.1%}" if duration else UNDEFINED
-        rows.append((name.removeprefix(prefix), figures.text(name), share))
-    return Sheet("Time in each status", ("", "s", "share"), rows)
+        rows.append((name.removeprefix(prefix), figures.text(name), share, *_beside(figures, name)))
+    return Sheet("Time in each status", ("", "s", "share", *_over(figures, "s")), rows)
+
+
+def _beside(figures: _Figures, name: str) -> tuple[str, ...]:
+    """Return the cell of what stands beside the card, if anything does."""
+    return () if figures.beside is None else (figures.other(name),)
+
+
+def _over(figures: _Figures, what: str = "") -> tuple[str, ...]:
+    """Return the heading of that cell."""
+    return () if figures.beside is None else (f"baseline\n{what}".strip(),)
 
 
 # Texts ------------------------------------------------------------------------------------------

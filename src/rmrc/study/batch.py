@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Generic, Protocol, Self, TypeVar
 
-from rmrc.results.leaving import Leaving, OutputError, refuse_unwritable
+from rmrc.results.leaving import Leaving, OutputError, array_size, refuse_unwritable
 from rmrc.results.run import Run
 from rmrc.simulation.footprint import refuse_excess
 from rmrc.simulation.prepare import Prepared
@@ -62,6 +62,12 @@ class Left(Generic[R]):
             raise KeyboardInterrupt
         if self.failures:
             raise OutputError("; ".join(self.failures))
+
+
+def size_of(one: Prepared) -> int:
+    """Return what the columns of a scenario take [B]."""
+    n = one.arm.n
+    return array_size(one.reference.ticks, n, min(n, len(one.task.rows)), len(one.qpos))
 
 
 class Batch(ABC, Generic[R]):
@@ -138,7 +144,7 @@ class Batch(ABC, Generic[R]):
                         spare.append(part_path)
 
                 watchers.insert(0, record)
-            results = tuple(map(self._scored, self._study.step(self.worlds, stop, watchers)))
+            results = self._scored(self._study.step(self.worlds, stop, watchers))
             for kinds, write in self._writers(results):
                 leaving.write([self.file(kind) for kind in kinds], write, *spare)
             if recording is not None and not spare:
@@ -152,8 +158,8 @@ class Batch(ABC, Generic[R]):
         """Return a new recording, and what writes a block of ticks to it."""
 
     @abstractmethod
-    def _scored(self, result: Ran) -> R:
-        """Return what is left of a result."""
+    def _scored(self, results: Sequence[Ran]) -> tuple[R, ...]:
+        """Return what is left of the results of the worlds."""
 
     @abstractmethod
     def _writers(self, results: Sequence[R]) -> Iterator[tuple[Sequence[str], Callable[..., None]]]:

@@ -6,11 +6,10 @@ from pathlib import Path
 
 from rmrc.recording import unlogged
 from rmrc.results import facts
-from rmrc.results.leaving import array_size
 from rmrc.results.run import save_runs
 from rmrc.scenario import Draft, Scenario, Source, Variant, choices, draft_of
 from rmrc.simulation.simulation import Watcher
-from rmrc.study.batch import Batch, Recording
+from rmrc.study.batch import Batch, Recording, size_of
 from rmrc.study.compare_table import Compared, markdown
 from rmrc.study.filters import compile_for, filter_factor
 from rmrc.study.study import Ran, Study
@@ -56,11 +55,7 @@ class Comparison(Batch[Compared]):
         study = Study(base)
         worlds = study.prepare_all(self.variants)
         self._written = _sound(written, base)
-        size = sum(
-            array_size(one.reference.ticks, one.arm.n, min(one.arm.n, len(one.task.rows)), len(one.qpos))
-            for one in worlds
-        )
-        super().__init__(study, worlds[0].scenario.name, worlds, folder, record, size)
+        super().__init__(study, worlds[0].scenario.name, worlds, folder, record, sum(map(size_of, worlds)))
 
     def compile(self) -> None:
         """Load the compiled law, or compile it the first time, which takes seconds."""
@@ -108,7 +103,10 @@ class Comparison(Batch[Compared]):
         about = {"name": self.name, "overrides": self._overrides, "variants": known}
         facts.save(path, about, "matplotlib")
 
-    def _scored(self, result: Ran) -> Compared:
+    def _scored(self, results: Sequence[Ran]) -> tuple[Compared, ...]:
+        return tuple(map(self._compared, results))
+
+    def _compared(self, result: Ran) -> Compared:
         one, own = result.prepared.scenario, self._written
         chosen = _choices(one)
         differs = {key: written for key, written in _choices(own).items() if chosen[key] != written}

@@ -1,18 +1,52 @@
 """One scenario from file to files: run it, score it, leave a recording, the arrays and a scorecard."""
 
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 from rmrc.recording import unlogged
 from rmrc.results import facts
-from rmrc.results.leaving import array_size
+from rmrc.results.scorecard import Scorecard
 from rmrc.scenario import Source
 from rmrc.simulation.simulation import Watcher
-from rmrc.study.batch import Batch, Recording
+from rmrc.study.batch import Batch, Recording, size_of
 from rmrc.study.study import Ran, Study
 
 
-class Job(Batch[Ran]):
+@dataclass(frozen=True, eq=False)
+class Scored(Ran):
+    """What came of a scenario, beside its baseline.
+
+    Attributes:
+        baseline: What came of that, if it has one.
+    """
+
+    baseline: Ran | None
+
+    @property
+    def beside(self) -> Scorecard | None:
+        """The figures of its baseline."""
+        return None if self.baseline is None else self.baseline.scorecard
+
+    def facts(self) -> dict[str, Any]:
+        """Return what is known about both, ready for strict JSON."""
+        found = super().facts()
+        if self.baseline is None:
+            return found
+        its = {name: fact for name, fact in self.baseline.facts().items() if name != "expect"}
+        return found | {"baseline": {"changes": self.prepared.scenario.baseline, **its}}
+
+
+def beside(results: Sequence[Ran]) -> tuple[Scored, ...]:
+    """Return the result of a scenario as one that has its baseline's, if there is one."""
+    one, baseline = (*results, None)[:2]
+    assert one is not None
+    run = one.run if baseline is None else replace(one.run, baseline=baseline.run)
+    return (Scored(**vars(one) | {"run": run}, baseline=baseline),)
+
+
+class Job(Batch[Scored]):
     """A scenario that was checked and is ready to run."""
 
     kinds = (".rrd", ".npz", ".json")
@@ -30,28 +64,30 @@ class Job(Batch[Ran]):
             OSError: The files cannot be written.
         """
         study = Study(source)
-        self.prepared = study.prepare()
-        scenario, n, ticks = self.prepared.scenario, self.prepared.arm.n, self.prepared.reference.ticks
-        size = array_size(ticks, n, min(n, len(scenario.task.axes)), len(self.prepared.qpos))
-        super().__init__(study, scenario.name, [self.prepared], folder, record, size)
+        worlds = study.prepare_beside()
+        self.prepared = worlds[0]
+        super().__init__(
+            study, self.prepared.scenario.name, worlds, folder, record, sum(map(size_of, worlds))
+        )
 
     def _recording(self) -> tuple[Recording, Watcher]:
         with unlogged():
             from rmrc.recording.single import Recorder  # with rerun, a third of a second
 
-        recorder = Recorder(self.file(".rrd"), self.prepared)
-        return recorder, lambda _, part: recorder.write(part)
+        recorder = Recorder(self.file(".rrd"), *self.worlds)
+        writers = recorder.write, recorder.write_baseline
+        return recorder, lambda index, part: writers[index](part)
 
-    def _scored(self, result: Ran) -> Ran:
-        return result
+    def _scored(self, results: Sequence[Ran]) -> tuple[Scored, ...]:
+        return beside(results)
 
-    def _writers(self, results: Sequence[Ran]) -> Iterator[tuple[Sequence[str], Callable[..., None]]]:
+    def _writers(self, results: Sequence[Scored]) -> Iterator[tuple[Sequence[str], Callable[..., None]]]:
         (one,) = results
         yield [".npz"], one.run.save
         yield [".json"], lambda path: facts.save(path, {"name": self.name, **one.facts()})
 
-    def _markdown(self, results: Sequence[Ran]) -> str:
+    def _markdown(self, results: Sequence[Scored]) -> str:
         from rmrc.show.tables import markdown
 
         (one,) = results
-        return markdown(one.scorecard, one.outcomes)
+        return markdown(one.scorecard, one.outcomes, one.beside)

@@ -277,6 +277,21 @@ class Study:
         refuse_unknown(prepared.scenario, prepared.arm.joints)
         return prepared
 
+    def prepare_beside(self) -> list[Prepared]:
+        """Return the scenario, and its baseline if it has one, with everything checked.
+
+        Raises:
+            ScenarioError: All that is wrong with either.
+        """
+        one = self.prepare()
+        if not one.scenario.baseline:
+            return [one]
+        try:
+            return [one, self.prepare(one.scenario.baseline_changes)]
+        except ScenarioError as error:
+            told = [p if "baseline" in str(p) else p._replace(who="baseline") for p in error.problems]
+            raise ScenarioError(told) from None
+
     def _sound(self, index: int, changes: Sequence[Change], found: "Checked") -> Prepared | None:
         """Return a variant, or None: what is wrong with it is among what was found then."""
         try:

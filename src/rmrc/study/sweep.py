@@ -326,8 +326,8 @@ class Sweep:
         Args:
             index: Of the run.
         """
-        name = Change(("name",), f"{self.scenario.name}-{index}")
-        return Job(self._study.prepare((*self.plan.changes(index), name)).scenario, self.folder)
+        alone = Change(("name",), f"{self.scenario.name}-{index}"), Change(("baseline",), {})
+        return Job(self._study.prepare((*self.plan.changes(index), *alone)).scenario, self.folder)
 
 
 def batch_size(runs: int, ticks: int, longest: int) -> int:

@@ -10,7 +10,7 @@ from rmrc.results.run import Run
 from rmrc.scenario import Source, draft_of, grid
 from rmrc.study.compare import Comparison
 from rmrc.study.dataset import Table
-from rmrc.study.run import Job
+from rmrc.study.run import Job, beside
 from rmrc.study.study import Ran, Study
 from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
@@ -28,7 +28,8 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
         record: Whether the recording NAME.rrd is among them.
 
     Returns:
-        The run as far as it came: `run.divergence` says whether it diverged.
+        The run as far as it came: `run.divergence` says whether it diverged, and `run.baseline` is that of
+        its baseline, if the scenario has one.
 
     Raises:
         ScenarioError: All that is wrong, before anything moves.
@@ -44,7 +45,7 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
     """
     if out is None:
         study = Study(scenario)
-        return study.step([study.prepare()])[0].run
+        return beside(study.step(study.prepare_beside()))[0].run
     left = Job(scenario, Path(out), record).run()
     left.raise_any()
     return left.results[0].run
