@@ -39,7 +39,7 @@ from rmrc.recording.plots import Seen, dashes, logarithm
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
-from rmrc.recording.viewer import repair
+from rmrc.recording.viewer import is_torn, repair
 from rmrc.results.columns import ADDED, COLUMNS, SAME, completed
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
@@ -298,8 +298,8 @@ def read_columns(path: Path, variant: str | None = None) -> dict[str, NDArray[np
         raise RecordingError(f"{path}: no such recording")
     with tempfile.TemporaryDirectory(prefix="rmrc-") as folder:
         whole = path
-        if path.suffix == ".part":
-            whole = Path(folder) / path.stem
+        if path.suffix == ".part" or is_torn(path):
+            whole = Path(folder) / path.name.removesuffix(".part")
             repair(path, whole)
         pieces = _pieces(path, whole, variant)
     columns, complete = {}, []
