@@ -549,7 +549,7 @@ def test_the_python_examples_of_the_readme_run(monkeypatch, tmp_path):
     for one in (*others, block):
         exec(compile(one, "README.md", "exec"), names)
     assert list(tmp_path.iterdir()) == []
-    assert names["run"]["qdot_cmd"].shape == (5181, 2)  # ticks of approach_singularity, joints
+    assert names["run"]["qdot_cmd"].shape == (5213, 2)  # ticks of approach_singularity, joints
     assert list(names["runs"]) == ["inverse", "damped"]
     assert names["rows"]["control.feedback"].to_pylist() == [5.0, 10.0, 20.0]
     assert names["tuned"].feasible and names["found"].arm.n == 6

@@ -247,11 +247,11 @@ def test_runs_take_no_more_than_their_estimate_and_more_than_a_third_of_it(tmp_p
 
 
 def test_an_hour_of_six_joints_fits_into_what_a_laptop_has(scenario, monkeypatch):
-    # 3.6 million ticks: 3.4 GB of ticks and 0.4 GB of reference
+    # 3.6 million ticks: 3.6 GB of ticks and 0.4 GB of reference
     monkeypatch.setattr(memory, "room", lambda: memory.Room(8 * GB, "the machine"))
     prepared = prepare(
         scenario("arm.model=models/stanford.xml", "arm.site=tool", "arm.start=home", "task.axes=[x, y, z, rx, ry, rz]",
                  "target.path=[{hold: {for: 3600}}]")
     )  # fmt: skip
     assert footprint([prepared], recorded=True).excess is None
-    assert 3.7 * GB < footprint([prepared]).held < 3.9 * GB
+    assert 3.9 * GB < footprint([prepared]).held < 4.1 * GB

@@ -78,13 +78,18 @@ def test_two_tasks_that_cannot_both_be_done_meet_where_the_arm_itself_is_not_sin
 def test_damping_sets_in_where_the_approach_says_and_costs_millimeters():
     scenario_says(
         "approach_singularity",
-        "driven straight to 5 mm from full reach",
+        "driven straight to 3 mm beyond full reach",
         "Damping sets in below sigma = 0.3 and leaves some millimeters of error along the dying direction",
     )
     _, run, figures = ran("approach_singularity")
-    assert 2.0 - run["pose_ref"][:, 0].max() == pytest.approx(0.005, abs=1e-9)
+    assert run["pose_ref"][:, 0].max() - 2.0 == pytest.approx(0.003, abs=1e-9)
     np.testing.assert_array_equal((run["status"] & Status.DAMPED) > 0, run["sigma"][:, -1] < 0.3)
-    assert 0.003 < figures["position_error_along.max"] < 0.010
+    assert 0.01 < figures["position_error_along.max"] < 0.03 and figures["joint_rate_plain.peak"] > 15.0
+    prepared = prepare(load(ROOT / "scenarios/approach_singularity.yaml"))
+    beside = prepare(prepared.scenario.changed(*prepared.scenario.baseline_changes))
+    (plain,) = Simulation([beside]).run()
+    np.testing.assert_array_equal(plain["qdot_cmd"], plain["qdot_plain"])
+    assert scorecard(plain)["joint_rate_cmd.peak"].value > 1000.0
 
 
 def test_a_tip_is_off_by_what_the_jacobian_makes_of_the_encoders():

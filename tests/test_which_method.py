@@ -13,7 +13,7 @@ PAGE = (ROOT / "docs/which_method.md").read_text("utf-8")
 
 def row_of(scenario, method):
     """Return the cells of a method's row in the table of a scenario."""
-    block = PAGE.partition(f"`rmrc run {scenario}`")[2].partition("###")[0]
+    block = re.split(f"`rmrc run {scenario}[` ]", PAGE, maxsplit=1)[1].partition("###")[0]
     (row,) = re.findall(rf"^\| {re.escape(method)} \| (.*) \|$", block, re.MULTILINE)
     return [cell.strip() for cell in row.split("|")]
 

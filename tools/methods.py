@@ -32,6 +32,8 @@ SITUATIONS = {
     "joint_limit": "into a joint limit",
     "line_tracking": "far from singularities",
 }
+# What a situation has otherwise than its scenario.
+SETS = {"approach_singularity": ("target.path[0].line.to=[1.995, 0]",)}
 METHOD, SCHEDULE = "control.inverse.method=", "control.inverse.damping.schedule="
 POLICY, EXCESS = "control.at_singularity=", "control.limits.on_excess="
 PLAIN = METHOD + "pseudoinverse"
@@ -81,7 +83,7 @@ def measured(scenario: str, methods: Sequence[str]) -> dict[str, tuple[float, ..
     prepared, found = {}, dict[str, tuple[float, ...] | str]()
     for name in methods:
         try:
-            prepared[name] = prepare(rmrc.load(ROOT / f"scenarios/{scenario}.yaml", METHODS[name]))
+            prepared[name] = prepare(rmrc.load(ROOT / f"scenarios/{scenario}.yaml", (*SETS.get(scenario, ()), *METHODS[name])))
         except RmrcError:
             found[name] = "refused"
     for name, run in zip(prepared, Simulation(list(prepared.values())).run(), strict=True):
@@ -99,7 +101,8 @@ def table(scenario: str, found: dict[str, tuple[float, ...] | str]) -> Iterator[
     """Yield the lines of a scenario's table."""
     yield f"### {SITUATIONS[scenario][0].upper()}{SITUATIONS[scenario][1:]}"
     yield ""
-    yield f"`rmrc run {scenario}` with the `--set` of the [method](#the-methods):"
+    own = "".join(f' --set "{one}"' for one in SETS.get(scenario, ()))
+    yield f"`rmrc run {scenario}{own}` with the `--set` of the [method](#the-methods):"
     yield ""
     yield f"| method | {' | '.join(COLUMNS)} |"
     yield f"|---|{'---|' * len(COLUMNS)}"

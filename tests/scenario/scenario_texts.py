@@ -96,6 +96,7 @@ expect:
   joint_rate.peak: {below: 3.0, above: 1.0}
   position_error.end: {equals: 0.0, within: 0.001}
   profile: franka_fr3
+baseline: {control.inverse.method: pseudoinverse}
 sweep:
   vary: {control.inverse.method: [damped, pseudoinverse]}
   draw: {control.feedback: [1.0, 20.0]}

@@ -17,6 +17,7 @@ def as_row(key):
     key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<figure>.\1", key)
     key = re.sub(r"^(arm|plant)\.stretch\..*", r"\1.stretch.<body>", key)
     key = re.sub(r"^arm\.packages\..*", "arm.packages.<package>", key)
+    key = re.sub(r"^baseline\..*", "baseline.<key>", key)
     key = re.sub(r"^(sweep\.(?:vary|draw))\..*$", r"\1.<key>", key)
     return re.sub(r"(\[\d+\])+$", "", key)
 

@@ -227,7 +227,39 @@ def test_names_are_not_read_as_markup():
 )
 def test_numbers_have_three_or_four_digits(value, text):
     figures = {**random_card(("a",)).figures, "new.max": Figure(value, "m", "")}
-    assert f"| new.max | {text} | m |" in tables.markdown(Scorecard("case", ("a",), figures))
+    shown = tables.markdown(Scorecard("case", ("a",), figures))
+    assert number(value) == text
+    assert (f"| new.max | {text} | m |" in shown) == ("new.max" in shown) == (not math.isnan(value))
+
+
+def test_rows_that_say_nothing_are_left_out_unless_they_were_expected():
+    card = random_card(("a", "b"))
+    none = {name: Figure(0.0, "N·m", "") for name in card if name.startswith("tau") and "joint" not in name}
+    none |= {f"secondary_error.{name}": Figure(math.nan, "m, rad", "") for name in ("rms", "max", "end")}
+    none |= {f"status_time.{name}": Figure(0.0, "s", "") for name in ("JERK_LIMITED", "JERK_EXCEEDED")}
+    none |= {
+        "damping.max": Figure(0.0, "1", ""),
+        "path_rate.min": Figure(1.0, "1", ""),
+        "stuck.longest": Figure(0.0, "s", ""),
+    }
+    quiet = Scorecard("case", card.joints, card.figures | none)
+    groups = (
+        "| tau",
+        "torque peak",
+        "secondary_error",
+        "JERK",
+        "joint_jerk_cmd",
+        "damping",
+        "path_rate",
+        "stuck",
+    )
+    assert not [one for one in groups if one in tables.markdown(quiet)]
+    assert not [one for one in groups if one not in tables.markdown(card)]
+    assert not [
+        one for one in groups if one not in tables.markdown(quiet, (), card)
+    ]  # what stands beside has them
+    assert "joint_jerk_cmd" in tables.markdown(quiet, check(quiet, {"joint_jerk_cmd.peak": Check(above=0)}))
+    assert set(quiet) == set(card)
 
 
 @given(st.floats(1e-99, 1e99))

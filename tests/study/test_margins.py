@@ -11,7 +11,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 
 import rmrc
 from project import ROOT, mostly_long
-from rmrc.scenario import changes_of, loads
+from rmrc.scenario import changes_of, draft_of, loads
 from rmrc.scenario.choices import Status
 from rmrc.study.margins.kicks import KICK, Kicked, resting, twin_of
 from rmrc.study.margins.margins import Asking
@@ -172,7 +172,7 @@ def test_a_loop_that_is_unstable_as_written_is_told_by_how_much_its_gain_must_fa
 
 
 def test_what_was_recommended_without_delay_is_unstable_with_eight_milliseconds():
-    study = Study("approach_singularity")
+    study = Study(draft_of("approach_singularity", ["target.path[0].line.to=[1.995, 0]"]))
     recommended = {
         "control.inverse.damping.maximum": 0.0281, "control.inverse.damping.below": 0.0625,
         "control.feedback": 200.0,

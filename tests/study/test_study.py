@@ -155,7 +155,7 @@ def test_a_file_is_read_once(tmp_path):
     assert (one.scenario.control.feedback, other.scenario.control.feedback) == (7.0, 20.0)
     assert np.array_equal(one.qpos, other.qpos)
     assert one.scenario.locate("control.feedback") == "--set control.feedback"
-    assert other.scenario.locate("control.feedback") == f"{path}:11:13: control.feedback"
+    assert other.scenario.locate("control.feedback") == f"{path}:12:13: control.feedback"
 
 
 def test_what_many_variants_have_in_common_is_told_once_with_how_many_and_the_first():

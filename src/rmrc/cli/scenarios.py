@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
+from rich.text import Text
 
 from rmrc import scenario as scenarios
 from rmrc.cli.console import (
@@ -71,6 +72,7 @@ def run(
     for pair in one.run.resting:
         print_line(console, f"touch from the start, which is no CONTACT: {' – '.join(pair)}")
     _list(console, left.files, record)
+    console.print(Text(one.run.verdict), soft_wrap=False)
     still = stuck.told(one.run, job.prepared.arm)
     if still:
         complain(still)

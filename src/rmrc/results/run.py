@@ -15,12 +15,13 @@ from numpy.typing import NDArray
 from rmrc.law.task import WORLD_VIEW, View
 from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
 from rmrc.results.scorecard import Scorecard, scorecard
+from rmrc.results.verdict import told
 from rmrc.scenario.profile import Profile
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
 
 # Begins the names of the columns of a baseline in the file of its run.
-_BASELINE = "baseline/"
+BASELINE = "baseline/"
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,10 +39,16 @@ class Run(Recorded):
         """The figures of the run, as far as it came."""
         return scorecard(self)
 
+    @property
+    def verdict(self) -> str:
+        """What it comes to, in one sentence."""
+        other = self.baseline
+        return told(self, self.scorecard, None if other is None else (other, other.scorecard))
+
     def save(self, path: Path) -> None:
         """Write all columns and the facts about them to an npz file, whole or not at all."""
         beside = self.baseline.columns if self.baseline else {}
-        columns = {**self.columns, **{f"{_BASELINE}{name}": column for name, column in beside.items()}}
+        columns = {**self.columns, **{f"{BASELINE}{name}": column for name, column in beside.items()}}
         _write(path, {**columns, "facts": np.array(json.dumps(self._facts()))})
 
     @classmethod
@@ -91,9 +98,7 @@ class Run(Recorded):
         """Return the run of facts and columns of a file."""
         baseline = None
         if "baseline" in facts:
-            its = {
-                name.removeprefix(_BASELINE): arrays[name] for name in arrays if name.startswith(_BASELINE)
-            }
+            its = {name.removeprefix(BASELINE): arrays[name] for name in arrays if name.startswith(BASELINE)}
             baseline = cls._of(facts["baseline"], its)
         columns = completed({name: arrays[name] for name in COLUMNS if name in arrays or name not in ADDED})
         for lacking in {"tau_gravity", "qdot_plain"} - columns.keys():

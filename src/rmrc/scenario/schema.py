@@ -83,20 +83,21 @@ def _resolve(schema: dict[str, Any], kinds: dict[str, Any]) -> dict[str, Any]:
 def _type(schema: dict[str, Any]) -> str:
     """Return the type of a value in words."""
     options = schema.get("anyOf", schema.get("oneOf"))
-    if schema.get("title", "").startswith(("angle", "value")):
+    if schema.get("title", "").startswith("angle"):
         return str(schema["title"])
     if options:
         return " or ".join(_type(o) for o in options if o.get("type") != "null")
     if "enum" in schema or "const" in schema:
         return " | ".join(schema.get("enum", [schema.get("const")]))
-    if schema["type"] == "array":
+    kind = schema.get("type", "any")
+    if kind == "array":
         low, high = schema["minItems"], schema.get("maxItems")
         count = "" if high is None else f"{low} " if low == high else f"{low} or {high} "
         item = re.sub("^(number|angle)", r"\1s", _type(schema["items"])) if schema["items"] else "values"
         return f"list of {count}({item})" if "|" in item or " or " in item else f"list of {count}{item}"
-    if schema["type"] in ("number", "integer"):
+    if kind in ("number", "integer"):
         signs = {"exclusiveMinimum": ">", "minimum": ">=", "exclusiveMaximum": "<", "maximum": "<="}
         bounds = [f"{sign} {show(schema[k])}" for k, sign in signs.items() if k in schema]
-        return " ".join([schema["type"], ", ".join(bounds)]).strip()
-    words = {"string": "text", "boolean": "true | false"}
-    return "path" if schema.get("format") == "path" else words[schema["type"]]
+        return " ".join([kind, ", ".join(bounds)]).strip()
+    words = {"string": "text", "boolean": "true | false", "any": "value"}
+    return "path" if schema.get("format") == "path" else words[kind]

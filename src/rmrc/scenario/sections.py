@@ -767,9 +767,7 @@ class Sections(Section):
         schema={"properties": {PROFILE: {"type": "string", "default": None, "description": _ACCEPTED}}},
     )
     baseline: Annotated[dict[str, Changed], AfterValidator(_baseline)] = key(
-        "changes of keys, dotted or in sections, that make what `rmrc run` runs beside it, such as the plain "
-        "inverse without limits; other verbs leave it out",
-        {},
+        "changes of keys that make what `rmrc run` runs beside the scenario", {}
     )
     sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
     tune: TuneSection = key("what is not known of the robot, for `rmrc tune`", TuneSection())

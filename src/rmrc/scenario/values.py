@@ -272,7 +272,13 @@ Bounds = Annotated[
     Field(description="the lower and the upper bound of the key", json_schema_extra={"unit": "as the key"}),
 ]
 Values = Annotated[tuple[Any, ...], Count(1), Field(description="the values that the key takes")]
-Changed = Annotated[Any, Field(title="value", description="the value that the key takes")]
+Changed = Annotated[
+    Any,
+    Field(
+        description="what the key, dotted or in sections, has in the baseline: a run that `rmrc run` has "
+        "beside that of the scenario, such as the plain inverse without limits; other verbs leave it out"
+    ),
+]
 Quaternion = Annotated[tuple[Number, ...], Count(4, 4), AfterValidator(_directed)]
 Wrench = Annotated[tuple[Number, ...], Count(6, 6)]
 Point = Annotated[tuple[Number, ...], Count(3, 3)]

@@ -31,7 +31,7 @@ class Scored(Ran):
 
     def facts(self) -> dict[str, Any]:
         """Return what is known about both, ready for strict JSON."""
-        found = super().facts()
+        found = {"verdict": self.run.verdict, **super().facts()}
         if self.baseline is None:
             return found
         its = {name: fact for name, fact in self.baseline.facts().items() if name != "expect"}

@@ -14,7 +14,7 @@ from numpy.typing import ArrayLike
 from rmrc.analysis.identify.columns import SECONDS, Columns, Named, choose
 from rmrc.analysis.identify.fit import LEAST_ROWS, Samples
 from rmrc.analysis.identify.response import Array, Commands
-from rmrc.results.run import Run
+from rmrc.results.run import BASELINE, Run
 from rmrc.simulation.tables import read_table
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import line, listed, quoted
@@ -122,7 +122,8 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
                     raise BadZipFile("it is no zip file")
             with np.load(path, allow_pickle=False) as file:
                 facts = json.loads(str(file["facts"])) if "facts" in file else {}
-                return path.name, *_of_run(file, facts.get("joints", ()))
+                own = {name: file[name] for name in file.files if not name.startswith(BASELINE)}
+                return path.name, *_of_run(own, facts.get("joints", ()))
         table = read_table(path, is_log=True)
     except (ValueError, KeyError, EOFError, BadZipFile) as error:
         raise QuestionError(f"{path}: is no log, give CSV, Parquet or npz: {line(str(error))}") from None

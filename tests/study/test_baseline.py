@@ -1,0 +1,159 @@
+"""A baseline runs beside its scenario, is what its changes say, and changes nothing of the scenario."""
+
+import json
+
+import numpy as np
+import pytest
+from rerun.chunk import RrdReader
+
+import rmrc
+from project import ROOT
+from rmrc.results.run import Run
+from rmrc.results.scorecard import scorecard
+from rmrc.show import tables
+from rmrc.study.compare import Comparison
+from wording import says
+
+# 3 mm beyond full reach, from near it.
+NEAR = f"""
+name: near
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [5 deg, -10 deg]}}
+task: {{axes: [x, y]}}
+control: {{period: 0.005, limits: {{rate: 3.0, on_excess: scale}}, feedback: 20}}
+target: {{path: [{{line: {{to: [2.003, 0.0]}}}}]}}
+plant: {{kind: ideal}}
+expect: {{joint_rate_cmd.peak: {{below: 3.001}}}}
+"""
+PLAIN = {"control.inverse.method": "inverse", "control.limits.on_excess": "none"}
+NESTED = {"control": {"inverse": {"method": "inverse"}, "limits": {"on_excess": "none"}}}
+
+
+def near(**more):
+    return rmrc.loads(NEAR, "near.yaml").set(more)
+
+
+def same(one, other):
+    return all(one[name].tobytes() == other[name].tobytes() for name in one.columns)
+
+
+@pytest.mark.parametrize(
+    "written",
+    [PLAIN, NESTED, {"control.inverse": {"method": "inverse"}, "control": {"limits.on_excess": "none"}}],
+)
+def test_a_baseline_is_the_scenario_with_its_changes_and_leaves_the_scenario_as_it_is(written):
+    run = rmrc.run(near(baseline=written))
+    assert same(run, rmrc.run(near())) and rmrc.run(near()).baseline is None
+    assert same(run.baseline, rmrc.run(near(**PLAIN)))
+    assert (
+        np.abs(run.baseline["qdot_cmd"]).max() > 3.001 > np.abs(run["qdot_cmd"]).max()
+    )  # of another rate limit
+
+
+def test_later_changes_are_those_of_deeper_keys_and_a_mapping_of_no_section_takes_the_place():
+    changes = near(
+        baseline={"arm.start[1]": -0.2, "arm": {"start": [0.1, -0.3]}, "plant.stretch": {"link_1": 1.1}}
+    )
+    keys = [change.key for change in changes.baseline_changes]
+    assert keys == [("arm", "start"), ("plant", "stretch"), ("arm", "start", 1), ("expect",), ("baseline",)]
+    assert changes.changed(*changes.baseline_changes).arm.start == (0.1, -0.2)
+    assert not near().baseline_changes
+
+
+@pytest.fixture
+def left(rmrc, tmp_path):  # what `rmrc run` leaves
+    (tmp_path / "near.yaml").write_text(NEAR + f"baseline: {json.dumps(PLAIN)}\n")
+    code, out, err = rmrc("run", "near.yaml")
+    return code, out, err, tmp_path / "recordings"
+
+
+def test_figures_columns_and_facts_of_both_are_left_and_the_exit_code_is_that_of_the_scenario(left):
+    code, out, err, folder = left
+    assert code == 0 and "missed" not in err  # the baseline would miss what is expected
+    run = Run.read(folder / "near.npz")
+    facts = json.loads((folder / "near.json").read_text())
+    its = facts["baseline"]
+    assert "expect" not in its and its["changes"] == PLAIN and its["status"] == "complete"
+    for one, told in ((run, facts), (run.baseline, its)):
+        peak = float(scorecard(one)["joint_rate_cmd.peak"].value)
+        assert told["scorecard"]["joint_rate_cmd"]["peak"] == peak == np.abs(one["qdot_cmd"]).max()
+    assert facts["verdict"] == run.verdict and run.verdict in " ".join(out.split())
+    assert its["scenario"]["control"]["inverse"]["method"] == "inverse"
+    row = next(line for line in out.splitlines() if line.startswith("joint_rate_cmd "))
+    assert float(row.split()[-1]) == pytest.approx(np.abs(run.baseline["qdot_cmd"]).max(), rel=1e-3)
+
+
+def test_a_recording_holds_its_columns_bit_for_bit(left):
+    run = Run.read(left[-1] / "near.npz")
+    chunks = (
+        RrdReader(left[-1] / "near.rrd")
+        .stream()
+        .filter(content="/baseline/columns/qdot_cmd", is_static=False)
+    )
+    parts = [chunk.to_record_batch() for chunk in chunks]
+    (name,) = [one.name for one in parts[0].schema if "list" in str(one.type)]
+    values = np.concatenate([part.column(name).flatten().to_numpy() for part in parts])
+    assert sorted(values.tolist()) == sorted(run.baseline["qdot_cmd"].ravel().tolist())
+
+
+@pytest.mark.parametrize(
+    ("written", "told"),
+    [
+        ({"control.inverse.metod": "x"}, 'baseline.control.inverse.metod: … key … "method"?'),
+        ({"control": {"inverse": {"method": "x"}}}, 'baseline.control.inverse.method: … "inverse" … "x"…'),
+        ({"task.axes": ["x", "y", "rz"], **PLAIN}, 'baseline.control.inverse.method: "inverse" … 3 axes … 2 joints…'),
+        ({"control.feedback": [1]}, "baseline.control.feedback: … number, got [1]"),
+        ({"target.path": [{"line": {"to": [9, 9, 9, 9]}}]}, "baseline.target.path: target.path[0].line.to: … 2 or 3 items, got 4"),
+    ],
+)  # fmt: skip
+def test_what_is_wrong_with_a_baseline_is_told_in_one_line_before_anything_moves(written, told):
+    with pytest.raises(rmrc.ScenarioError) as caught:
+        rmrc.run(near(baseline=written))
+    (line,) = str(caught.value).splitlines()
+    assert line == says(told), line
+
+
+@pytest.mark.parametrize(
+    "name", ["name", "expect.ticks", "baseline", "sweep.repeat", "tune", "a b", "plant[0"]
+)
+def test_what_no_baseline_changes_is_refused_when_it_is_read(name):
+    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.?\[?.* (cannot be changed|is no key)"):
+        near(baseline={name: 1})
+
+
+def test_a_baseline_that_diverges_ends_alone(tmp_path):
+    wild = {
+        "control.feedback": 1500.0,
+        "control.limits.on_excess": "none",
+        "control.inverse.method": "pseudoinverse",
+    }
+    run = rmrc.run(near(baseline=wild), out=tmp_path)
+    assert run.divergence is None and run.is_complete and same(run, rmrc.run(near()))
+    if run.baseline.divergence is not None:
+        assert f"diverged at {run.baseline.divergence.time:.3g} s" in run.verdict
+    assert json.loads((tmp_path / "near.json").read_text())["baseline"]["status"] in ("diverged", "complete")
+
+
+def test_others_leave_it_out(tmp_path):
+    one, alone = near(baseline=PLAIN), near()
+    compared = [
+        Comparison(each, rmrc.scenario.variants(["control.feedback=5,10"]), (), tmp_path, record=False)
+        for each in (one, alone)
+    ]
+    assert len(compared[0].worlds) == 2
+    rows = [rmrc.sweep(each, {"control.feedback": [5, 10]}) for each in (one, alone)]
+    assert repr(rows[0].to_pylist()) == repr(rows[1].to_pylist())
+    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.control\.feedback.*cannot be varied"):
+        near(**{"sweep.vary": {"baseline.control.feedback": [1, 2]}})
+
+
+def test_a_figure_stands_beside_that_of_the_scenario_and_what_neither_has_is_left_out():
+    run = rmrc.run(near(baseline=PLAIN))
+    card, other = run.scorecard, run.baseline.scorecard
+    text = tables.markdown(card, (), other)
+    assert "| joint | at \\[s\\] | rms | baseline peak |" in text
+    assert (
+        "RATE_LIMITED" not in tables.markdown(other, ())
+        and "JERK_LIMITED" not in text
+        and "| tau" not in text
+    )
+    assert "secondary" not in text and "joint_jerk_cmd" not in text

@@ -1,0 +1,90 @@
+"""Verdicts: short, and never what the columns deny; of shipped scenarios in test_scenarios.py."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rmrc.results.columns import COLUMNS, Divergence
+from rmrc.results.run import Run
+from rmrc.scenario.choices import IN_RUNS
+from verdicts import denied
+
+JOINTS = ("shoulder", "µ_elbow", "a_name_of_a_joint_that_is_much_too_long_for_a_line")
+COUNTED = 1 + 2 + 4 + 8 + 16 + 32 + 64 + 128 + 256 + 512 + 8192
+
+
+def made(seed, ticks, *, baseline=True):
+    """Return a run by chance, of any sizes, statuses, limits and ends, often with a baseline."""
+    rng = np.random.default_rng(seed)
+    width = {"n": 3, "k": 2, "nq": 3, "6": 6, "7": 7}
+    columns = {
+        name: 10.0 ** rng.uniform(-4, 4) * rng.normal(size=(ticks, width[column.width]) if column.width else ticks)
+        for name, column in COLUMNS.items()
+    }  # fmt: skip
+    columns["time"] = np.arange(ticks) * 1e-3
+    columns["path_time"] = columns["time"] * rng.choice([1.0, 0.77])
+    bits = [int(one) for one in IN_RUNS if int(one) & COUNTED]
+    kept = rng.choice(bits, size=rng.integers(0, 5))
+    columns["status"] = sum(
+        ((rng.random(ticks) < rng.choice([0.1, 1.0])) * bit for bit in set(kept)), np.zeros(ticks, int)
+    )
+    columns["condition"] = 1.0 + 10.0 ** rng.uniform(-1, 6) * rng.random(ticks)
+    columns["damping"] = np.abs(columns["damping"]) * rng.choice([0.0, 1.0])
+    if rng.random() < 0.3:
+        columns["qdot_plain"] = columns["qdot_cmd"].copy()
+    limits = [(), (np.inf,) * 3, (2.0, np.inf, 0.3), (1.0, 2.0, 3.0)][rng.integers(4)]
+    diverged = (
+        Divergence(ticks, ticks * 1e-3, str(rng.choice(["", "shoulder"])), "too fast")
+        if rng.random() < 0.2
+        else None
+    )
+    axes = [("x", "y"), ("rz",), ("x", "z", "ry")][rng.integers(3)]
+    beside = made(seed + 1, ticks, baseline=False) if baseline and rng.random() < 0.5 else None
+    return Run(
+        "case",
+        JOINTS,
+        (False, False, True),
+        axes,
+        1.0,
+        1e-3,
+        columns,
+        ticks,
+        diverged,
+        rate_limit=limits,
+        baseline=beside,
+    )
+
+
+@given(st.integers(0, 2**32), st.integers(1, 30))
+def test_a_verdict_says_nothing_that_its_columns_deny(seed, ticks):
+    run = made(seed, ticks)
+    assert denied(run.verdict, run) == [], run.verdict
+
+
+@pytest.mark.parametrize(
+    ("column", "what"), [("condition", "κ"), ("qdot_cmd", "rate"), ("pose_error", "error in mm")]
+)
+def test_the_search_for_what_is_denied_finds_what_other_columns_deny(column, what):
+    run = dataclasses.replace(made(3, 20), divergence=None, axes=("x", "y"), baseline=None)
+    run.columns["status"][:] = 0
+    other = dataclasses.replace(run, columns={**run.columns, column: 1.02 * run[column]})
+    assert what not in denied(run.verdict, run) and what in denied(run.verdict, other)
+
+
+def test_the_search_finds_a_singularity_and_a_keeper_that_there_were_not():
+    run = dataclasses.replace(made(3, 20), divergence=None, baseline=None)
+    for name, value in (("status", 1 + 4 + 32), ("damping", 0.1), ("qdot_plain", 5e8), ("qdot_cmd", 1.0)):
+        run.columns[name] = np.full_like(run[name], value)
+    run.columns["status"][-1] = 0
+    assert "damping and the rate limit kept" in run.verdict and denied(run.verdict, run) == []
+    calm = dataclasses.replace(run, columns={**run.columns, "status": 0 * run["status"]})
+    assert {"place", "damping", "the rate limit"} <= set(denied(run.verdict, calm))
+
+
+def test_of_a_run_without_a_tick_it_says_that():
+    run = dataclasses.replace(made(3, 20, baseline=False), divergence=None)
+    nothing = {name: column[:0] for name, column in run.columns.items()}
+    assert dataclasses.replace(run, columns=nothing).verdict == "Ended before the first tick was recorded."
