@@ -211,3 +211,9 @@ def test_a_port_that_is_taken_is_one_line(recording):
         with pytest.raises(ViewerError) as caught:
             replay(recording, web=True, port=port)
     assert str(caught.value) == says(f"--port {port}: …; give another, or none …")
+
+
+def test_a_page_cannot_be_told_where_to_begin(recording):
+    with pytest.raises(ViewerError) as caught:
+        replay(recording, web=True, at=2.5)
+    assert str(caught.value) == says("--at 2.5: is for a window; …")

@@ -164,7 +164,7 @@ def replay(
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Where the cursor begins, at rest; default: it plays.",
+            help="Where the cursor of a window begins, at rest; default: it plays.",
             show_default=False,
             callback=lambda one: None if one is None else within("--at", 0.0, 1e9)(one),
         ),

@@ -73,7 +73,7 @@ class Recorder:
             RecordingError: The file cannot be made.
         """
         scene, scenario = Scene(prepared), prepared.scenario
-        self._out = Stream(path, scenario.name, _layout(scene, Panels(prepared)))
+        self._out = Stream(path, scenario.name, _layout(scene, Panels(prepared, baseline is not None)))
         self.path, self.part_path = self._out.path, self._out.part_path
         self._ghost = None if baseline is None else _Ghost(self._out, baseline)
         self._story = _Story(self._out, prepared, self._ghost)

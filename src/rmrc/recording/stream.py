@@ -78,8 +78,11 @@ class Stream:
         self.log(path, rr.TextDocument(markdown, media_type="text/markdown"))
 
     def lay_out(self, layout: rrb.Blueprint) -> None:
-        """Replace the layout by one that knows what the run shows."""
-        self._stream.send_blueprint(layout, make_active=False, make_default=True)
+        """Replace the layout by one that knows what the run shows.
+
+        It is made active: a page that reads the file as it comes has opened the first one by then.
+        """
+        self._stream.send_blueprint(layout, make_active=True, make_default=True)
 
     def send(self, path: str, index: list[rr.TimeColumn], columns: Any) -> None:
         """Write values over time.

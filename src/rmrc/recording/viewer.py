@@ -60,7 +60,7 @@ def replay(path: Path, web: bool = False, at: float | None = None, port: int | N
     Args:
         path: A `.rrd`, the `.rrd.part` of a run that was killed, or what `recording_of` takes.
         web: Serve the viewer to a browser instead of opening a window, and print its address.
-        at: Where the cursor begins, at rest [s]; None: the viewer plays from the start.
+        at: Where the cursor of a window begins, at rest [s]; None: it plays from the start.
         port: Of 127.0.0.1, on which the page is served, or the window listens; None: a free one.
 
     Returns:
@@ -71,6 +71,8 @@ def replay(path: Path, web: bool = False, at: float | None = None, port: int | N
     """
     path = recording_of(path)
     _check(path)
+    if web and at is not None:
+        raise ViewerError(f"--at {at:g}: is for a window; rerun's page cannot be told where to begin")
     if port is not None:
         _check_port(port)
     if not web and not _has_display():
@@ -84,7 +86,7 @@ def replay(path: Path, web: bool = False, at: float | None = None, port: int | N
                 shown = Path(folder) / path.name.removesuffix(".part")
                 repair(path, shown, events)
             if web:
-                _serve(shown, events, at, port or 0)
+                _serve(shown, events, port or 0)
             else:
                 _open_window(shown, path, events, at, port or _free_port())
     except Stopped as stopped:
@@ -148,9 +150,9 @@ def _go_to(at: float, port: int, program: Program, events: Events) -> None:
         events.wait(LOOK)
 
 
-def _serve(shown: Path, events: Events, at: float | None, port: int) -> None:
+def _serve(shown: Path, events: Events, port: int) -> None:
     """Serve the page and the recording until a signal asks to stop."""
-    with PageServer(_page_files(events), shown, port, at) as server:
+    with PageServer(_page_files(events), shown, port) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": LOOK}, daemon=True)
         thread.start()
         try:

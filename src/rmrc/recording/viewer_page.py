@@ -81,21 +81,17 @@ class PageServer(ThreadingHTTPServer):
         files: What `TYPES` names, as rerun serves it.
         recording: Read anew for each request.
         port: On which it answers; 0: a free one.
-        at: Where the cursor of the page begins [s]; None: it plays from the start.
     """
 
     daemon_threads = True  # a browser that reads slowly does not hold up the end
 
-    def __init__(
-        self, files: Mapping[str, bytes], recording: Path, port: int = 0, at: float | None = None
-    ) -> None:
+    def __init__(self, files: Mapping[str, bytes], recording: Path, port: int = 0) -> None:
         """Take a port; `serve_forever` answers."""
         super().__init__((LOOPBACK, port), _Answer)
         page = without_foreign_links(files["/"].decode())
         self.files = {**files, "/": page.encode()}
         self.policy = policy(page)
         self.recording = recording
-        self._moment = "" if at is None else f"#when=sim_time@{at:g}s"
 
     @property
     def origin(self) -> str:
@@ -105,9 +101,7 @@ class PageServer(ThreadingHTTPServer):
     @property
     def url(self) -> str:
         """Return the address of the page that shows the recording."""
-        return (
-            f"{self.origin}?url={quote(self.origin + RECORDING + self._moment, safe='')}&hide_welcome_screen"
-        )
+        return f"{self.origin}?url={quote(self.origin + RECORDING, safe='')}&hide_welcome_screen"
 
 
 class _Answer(BaseHTTPRequestHandler):
