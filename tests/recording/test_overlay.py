@@ -6,10 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import rerun as rr
 from rerun.chunk import RrdReader
 
 from project import ROOT
-from rmrc.recording.comparison import THINNEST, Overlay
+from rmrc.recording.comparison import THICKER, Overlay
 from rmrc.recording.single import RecordingError, read_columns
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.scenario import loads
@@ -71,9 +72,15 @@ def stored(path, content):
         batch = chunk.to_record_batch()
         ticks = batch.column("tick").to_pylist() if "tick" in batch.schema.names else [-1] * len(batch)
         for field, values in zip(batch.schema, batch.columns, strict=True):
-            if ":" in field.name:
+            if str(field.type).startswith("list"):
                 found.setdefault(field.name, []).extend(zip(ticks, values.to_pylist(), strict=True))
     return {name: [value for _, value in sorted(pairs, key=lambda p: p[0])] for name, pairs in found.items()}
+
+
+def drawn(path, label):
+    """What is only drawn of a variant at every tick, by name, (T,)."""
+    found = stored(path, entity(label, "columns"))["curves"]
+    return {name: np.array([row[0][name][0] for row in found]) for name in found[0][0]}
 
 
 def assert_same_bits(columns, expected):
@@ -118,7 +125,7 @@ def test_it_appears_whole_and_only_when_finished_and_a_part_can_be_read(compared
     assert_same_bits(read_columns(overlay.part_path, LABELS[1]), rows(runs[1], 0, 40).columns)
 
 
-def test_each_arm_has_its_color_and_is_inside_the_one_before(recorded, compared):
+def test_each_arm_has_its_color_and_all_but_the_first_are_outlines_around_it(recorded, compared):
     prepared = compared[0][0][1]
     capsules = [shape for shape in prepared.arm.shapes() if shape.kind == "capsule"]
     assert capsules
@@ -126,31 +133,32 @@ def test_each_arm_has_its_color_and_is_inside_the_one_before(recorded, compared)
         body = prepared.arm.model.body(shape.body).name
         drawn = [stored(recorded, entity(label, f"arm/{body}/{shape.name}")) for label in LABELS]
         radii = [one["Capsules3D:radii"][0][0] for one in drawn]
-        np.testing.assert_allclose(radii, shape.size[0] * np.array([1.0, THINNEST]), rtol=1e-6)
+        np.testing.assert_allclose(radii, shape.size[0] * np.array([1.0, 1.0 + THICKER]), rtol=1e-6)
         lengths = [one["Capsules3D:lengths"][0][0] for one in drawn]
         np.testing.assert_allclose(lengths, 2.0 * shape.size[1], rtol=1e-6)
         colors = [one["Capsules3D:colors"][0][0] for one in drawn]
         assert colors[0] >> 8 != colors[1] >> 8
-        assert colors[0] & 255 < colors[1] & 255 == 255  # the outer one is glass
+        modes = [one["Capsules3D:fill_mode"][0][0] for one in drawn]
+        assert modes == [rr.components.FillMode.Solid.value, rr.components.FillMode.MajorWireframe.value]
     for label, color in zip(LABELS, distinct(2), strict=True):
         assert set(map(tuple, stored(recorded, entity(label, "tip/trail"))["LineStrips3D:colors"])) == {
             (color,)
         }
-        assert stored(recorded, entity(label, "sigma_min"))["SeriesLines:colors"] == [[color]]
-        assert stored(recorded, entity(label, "sigma_min"))["SeriesLines:names"] == [[label]]
 
 
 def test_the_curves_are_those_of_the_columns(recorded, compared):
     for label, run in zip(LABELS, compared[1], strict=True):
         expected = {
             "fastest": [max(map(abs, rates)) for rates in run["qdot"].tolist()],
-            "sigma_min": run["sigma"].min(axis=1),
-            "error/position": 1e3 * np.hypot(*run["pose_error"][:, :2].T),
+            "fastest_cmd": [max(map(abs, rates)) for rates in run["qdot_cmd"].tolist()],
+            "torque": 100.0 * (np.abs(run["tau"]) / compared[0][0][1].arm.torque_limit).max(axis=1),
+            "log_sigma_min": np.log10(run["sigma"].min(axis=1)),
+            "position": 1e3 * np.hypot(*run["pose_error"][:, :2].T),
         }
         for name, values in expected.items():
-            found = np.array(stored(recorded, entity(label, name))["Scalars:scalars"])[:, 0]
-            np.testing.assert_allclose(found, values, rtol=1e-12, atol=1e-15)
-    assert not stored(recorded, entity(LABELS[0], "error/rotation"))  # the task has no rotations
+            found = drawn(recorded, label)[name]
+            np.testing.assert_allclose(found, values, rtol=1e-6, atol=1e-12)  # float32
+    assert "rotation" not in drawn(recorded, LABELS[0])  # the task has no rotations
 
 
 def test_what_has_not_arrived_and_what_the_law_believes_are_drawn_of_those_that_have_it(compared, tmp_path):
@@ -159,14 +167,11 @@ def test_what_has_not_arrived_and_what_the_law_believes_are_drawn_of_those_that_
     runs = Simulation(worlds).run()
     path = tmp_path / "x.rrd"
     record(path, [("plain", worlds[0]), ("late", late)], runs)
-    found = {
-        name: np.array(stored(path, entity("late", name))["Scalars:scalars"])[:, 0]
-        for name in ("waiting", "belief")
-    }
+    found = drawn(path, "late")
     commands, ticks = runs[1]["qdot_cmd"], 20
     arrived = np.vstack([np.zeros((ticks, 2)), commands[:-ticks]])
-    np.testing.assert_allclose(found["waiting"], np.abs(commands - arrived).max(axis=1), atol=1e-12)
-    np.testing.assert_allclose(found["belief"], 20.0, rtol=1e-9)  # mrad
+    np.testing.assert_allclose(found["waiting"], np.abs(commands - arrived).max(axis=1), atol=1e-6)
+    np.testing.assert_allclose(found["belief"], 20.0, rtol=1e-6)  # mrad
     link = late.arm.model.body(late.arm.shapes()[-1].body).name
     true, pale = (
         np.array(stored(path, entity("late", f"{root}/{link}"))["Transform3D:translation"])[0, 0]
@@ -175,8 +180,8 @@ def test_what_has_not_arrived_and_what_the_law_believes_are_drawn_of_those_that_
     np.testing.assert_allclose(pale[:2], [np.cos(np.pi / 3), np.sin(np.pi / 3)], atol=1e-6)
     np.testing.assert_allclose(true[:2], [np.cos(np.pi / 3 + 0.01), np.sin(np.pi / 3 + 0.01)], atol=1e-6)
     assert "pale arm" in stored(path, "/text/legend")["TextDocument:text"][0][0]
-    for name in ("waiting", "belief", f"believed/{link}"):
-        assert not stored(path, entity("plain", name)), name
+    assert not {"waiting", "belief"} & drawn(path, "plain").keys()
+    assert not stored(path, entity("plain", f"believed/{link}"))
 
 
 def test_a_path_of_its_own_is_shown_and_a_shared_one_once(recorded, compared, tmp_path):
@@ -220,36 +225,55 @@ def test_a_lane_says_what_holds_and_a_divergence_ends_it(compared, tmp_path):
         states = [state[0] for state in batch.column("StateChange:state").to_pylist()]
         found += zip(batch.column("tick").to_pylist(), states, strict=True)
     assert sorted(found) == [
-        (0, "OK"), (10, "DAMPED"), (20, "DAMPED, SINGULAR"), (30, "OK"), (60, str(divergence)),
+        (0, "free"), (10, "damped"), (20, "damped, singular"), (30, "free"), (60, str(divergence)),
     ]  # fmt: skip
 
 
 def test_table_legend_and_every_scenario_are_inside(recorded, compared):
     assert stored(recorded, "/text/table")["TextDocument:text"] == [["| variant |"]]
-    assert "outermost" in stored(recorded, "/text/legend")["TextDocument:text"][0][0]
+    assert "outlines" in stored(recorded, "/text/legend")["TextDocument:text"][0][0]
     text = stored(recorded, "/text/scenario")["TextDocument:text"][0][0]
     yaml = [block.partition("```")[0] for block in text.split("```yaml\n")[1:]]
     assert [loads(block) for block in yaml] == [prepared.scenario for _, prepared in compared[0]]
 
 
-def test_the_layout_looks_only_at_what_is_recorded(recorded):
-    (entry,) = RrdReader(recorded).blueprints()
-    queries, names = [], []
-    for chunk in RrdReader(recorded).stream(store=entry):
-        batch = chunk.to_record_batch()
-        for field, values in zip(batch.schema, batch.columns, strict=True):
-            if field.name == "ViewContents:query":
-                queries += [query for row in values.to_pylist() for query in row]
-            if field.name == "ViewBlueprint:display_name":
-                names += [row[0] for row in values.to_pylist()]
-    assert {
-        "planar: 2 variants", "Fastest joint [rad/s]", "σ_min", "λ damping", "Position error [mm]", "Status",
-        "What you see", "Table", "Scenario",
-    } == set(names)  # fmt: skip
+def test_how_long_each_limit_holds_is_in_a_table(compared, tmp_path):
+    variants, runs = compared
+    run = rows(runs[0], 0, 101)
+    run.columns["status"][:] = 0
+    run.columns["status"][10:30] = Status.DAMPED | Status.RATE_LIMITED
+    run.columns["status"][50:60] = Status.RATE_LIMITED
+    with Overlay(tmp_path / "x.rrd", "planar", variants) as overlay:
+        for first in (0, 20, 40, 60, 80, 100):
+            overlay.write(0, rows(run, first, first + 20))
+        overlay.finish("")
+    (text,) = stored(tmp_path / "x.rrd", "/text/limits")["TextDocument:text"][0]
+    head, _, first, second = text.splitlines()
+    assert [cell.strip() for cell in head.split("|")[1:-1]] == ["variant", "damped [s]", "rate limited [s]"]
+    assert [cell.strip() for cell in first.split("|")[1:-1]] == ["inverse", "0.020", "0.030"]
+    assert [cell.strip() for cell in second.split("|")[1:-1]] == [LABELS[1], "", ""]
+
+
+def test_the_layouts_look_only_at_what_is_recorded(recorded):
     known = {chunk.entity_path for chunk in RrdReader(recorded).stream()}
-    paths = [q.lstrip("+ ").removesuffix("/**") for q in queries if "$origin" not in q]
-    paths = [
-        path for path in paths if not path.endswith("/path") or path.startswith("/target")
-    ]  # an own one is rare
-    assert len(paths) == 1 + 2 * (2 + 4)
-    assert all(any(entity.startswith(path) for entity in known) for path in paths)
+    entries = RrdReader(recorded).blueprints()
+    assert len(entries) == 2  # of a run that is killed, and of one that is over
+    for entry in entries:
+        queries, names = [], []
+        for chunk in RrdReader(recorded).stream(store=entry):
+            batch = chunk.to_record_batch()
+            for field, values in zip(batch.schema, batch.columns, strict=True):
+                if field.name == "ViewContents:query":
+                    queries += [query for row in values.to_pylist() for query in row]
+                if field.name == "ViewBlueprint:display_name":
+                    names += [row[0] for row in values.to_pylist()]
+        assert {
+            "planar: 2 variants", "σ_min, as log₁₀", "Damping λ, as log₁₀", "Position error [mm]",
+            "Largest torque [% of its limit]", "Events", "What you see", "Table", "Limits", "Scenario",
+        } <= set(names)  # fmt: skip
+        assert any(name.startswith("Fastest joint [rad/s]") for name in names)
+        paths = [q.lstrip("+ ").removesuffix("/**") for q in queries if "$origin" not in q]
+        # an own path is rare
+        paths = [path for path in paths if not path.endswith("/path") or path.startswith("/target")]
+        missing = [path for path in paths if not any(entity.startswith(path) for entity in known)]
+        assert not missing

@@ -1,4 +1,5 @@
 import contextlib
+import math
 import os
 import re
 import signal
@@ -14,8 +15,8 @@ import rerun as rr
 from rerun.chunk import RrdReader
 
 from rmrc.arm import Shape
-from rmrc.recording import stream
-from rmrc.recording.layout import geometry, ramp
+from rmrc.recording import plots, stream
+from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometry, ramp
 from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
 from rmrc.recording.single import Recorder, RecordingError, read_columns
 from rmrc.results.columns import COLUMNS, Divergence
@@ -25,6 +26,7 @@ from rmrc.scenario.choices import Status
 from rmrc.show.palette import mix
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
+from rmrc.support.spatial import quat_to_matrix
 
 ROOT = Path(__file__).parents[2]
 PLANAR = f"""
@@ -103,12 +105,18 @@ def stored(path, entity):
         batch = chunk.to_record_batch()
         tick = batch.column("tick").to_pylist() if "tick" in batch.schema.names else [0] * len(batch)
         for field, values in zip(batch.schema, batch.columns, strict=True):
-            if ":" in field.name:
+            if str(field.type).startswith("list"):
                 found.setdefault(field.name, []).extend(values.to_pylist())
                 ticks.setdefault(field.name, []).extend(tick)
     return {
         name: [values[i] for i in np.argsort(ticks[name], kind="stable")] for name, values in found.items()
     }
+
+
+def drawn(path, entity="/columns"):
+    """What is only drawn at every tick, by name: (T, width)."""
+    found = stored(path, entity)["curves"]
+    return {name: np.array([row[0][name] for row in found]) for name in found[0][0]}
 
 
 def entities(path):
@@ -132,6 +140,7 @@ def test_columns_do_not_depend_on_the_size_of_blocks_and_keep_nan_and_infinity(p
     # A NaN with a payload: equal bits, not just "also a NaN".
     run.columns["tau"][4, 1] = np.frombuffer(np.uint64(0x7FF800000000BEEF).tobytes(), np.float64)[0]
     run.columns["time"][:] = np.nextafter(np.arange(40) * 0.001, np.inf)  # not whole nanoseconds
+    run.columns["path_time"][:] = run.columns["time"]  # as of every path that is not slowed
     record(tmp_path / "run.rrd", prepared, run, size)
     assert_same_bits(read_columns(tmp_path / "run.rrd"), run.columns)
 
@@ -147,7 +156,7 @@ def test_a_changed_last_bit_is_seen(recorded):
 def test_sim_time_is_time_rounded_to_nanoseconds(recorded):
     _, run, path = recorded
     found = {}
-    for chunk in RrdReader(path).stream().filter(content="/columns/q", is_static=False):
+    for chunk in RrdReader(path).stream().filter(content="/columns", is_static=False):
         batch = chunk.to_record_batch()
         nanoseconds = batch.column("sim_time").to_numpy(zero_copy_only=False).astype(np.int64)
         found.update(zip(batch.column("tick").to_pylist(), nanoseconds, strict=True))
@@ -283,7 +292,6 @@ def test_every_column_has_the_arrow_type_that_rerun_itself_writes():
     """The viewer draws nothing, and the file verifies, when a list may hold nulls."""
     points, quats, colors = np.ones((4, 3)), np.ones((4, 4)), np.ones(4, np.uint32)
     theirs = [
-        *rr.Scalars.columns(scalars=np.ones(4)),
         *rr.Transform3D.columns(translation=points, quaternion=quats),
         *rr.Points3D.columns(positions=points),
         *rr.LineStrips3D.columns(strips=np.ones((4, 2, 3)), colors=colors),
@@ -292,8 +300,7 @@ def test_every_column_has_the_arrow_type_that_rerun_itself_writes():
     ]
     expected = {str(column.component_descriptor()): column.as_arrow_array().type for column in theirs}
     ours = {str(c.descriptor): c for c in vars(stream).values() if isinstance(c, stream.Component)}
-    assert len(ours) == 13
-    del ours[str(stream.STATUS.descriptor)]  # ours alone
+    assert len(ours) == 11
     for name, component in ours.items():
         values = np.ones((4, 2, 3) if component.is_strip else (4, component.size))
         assert stream.Values(component, values).as_arrow_array().type == expected[name], name
@@ -470,7 +477,17 @@ def test_the_trail_joins_the_positions_of_the_tip(recorded):
     np.testing.assert_allclose(strips[:, 1], run["pose"][shown, :3], atol=1e-6)
 
 
-def test_status_lanes_change_exactly_where_the_status_does(planar, tmp_path):
+def states(path, entity):
+    """(tick, text) of every state of a lane."""
+    found = []
+    for chunk in RrdReader(path).stream().filter(content=entity, is_static=False):
+        batch = chunk.to_record_batch()
+        texts = [state[0] for state in batch.column("StateChange:state").to_pylist()]
+        found += zip(batch.column("tick").to_pylist(), texts, strict=True)
+    return sorted(found)
+
+
+def test_the_status_is_one_lane_of_words_that_change_exactly_where_it_does(planar, tmp_path):
     prepared, run = planar[0], rows(planar[1], 0, 60)
     status = run.columns["status"]
     status[:] = 0
@@ -478,18 +495,12 @@ def test_status_lanes_change_exactly_where_the_status_does(planar, tmp_path):
     status[20:55] |= Status.RATE_LIMITED
     path = tmp_path / "run.rrd"
     record(path, prepared, run, 15)
-    assert {e for e in entities(path) if e.startswith("/status")} == {
-        "/status/OK", "/status/DAMPED", "/status/RATE_LIMITED",
-    }  # fmt: skip
-    expected = {"OK": [(0, "OK"), (10, ""), (55, "OK")], "DAMPED": [(10, "DAMPED"), (30, "")],
-                "RATE_LIMITED": [(20, "RATE_LIMITED"), (55, "")]}  # fmt: skip
-    for name, changes in expected.items():
-        found = []
-        for chunk in RrdReader(path).stream().filter(content=f"/status/{name}", is_static=False):
-            batch = chunk.to_record_batch()
-            states = batch.column("StateChange:state").to_pylist()
-            found += zip(batch.column("tick").to_pylist(), [state[0] for state in states], strict=True)
-        assert sorted(found) == changes
+    expected = [(0, "free"), (10, "damped"), (20, "damped, rate limited"), (30, "rate limited"), (55, "free")]
+    assert states(path, "/status") == expected
+    # 5 ms of 59 are too short for a label, and share one with what is before or after
+    events = states(path, "/events")
+    assert [text for _, text in events[:3]] == ["free", "damped", "damped, rate limited"]
+    assert events[3:] == [(30, "rate limited"), (55, "free 4 ms")]
 
 
 def test_a_divergence_is_shown_in_its_lane(planar, tmp_path):
@@ -500,7 +511,7 @@ def test_a_divergence_is_shown_in_its_lane(planar, tmp_path):
         recorder.write(rows(run, 0, 60))
         recorder.write(replace(rows(run, 0, 0), divergence=divergence))
         recorder.finish("")
-    assert stored(path, "/status/diverged")["StateChange:state"] == [[str(divergence)]]
+    assert states(path, "/status")[-1] == states(path, "/events")[-1] == (60, str(divergence))
     assert len(read_columns(path)["time"]) == 60
 
 
@@ -515,8 +526,8 @@ def test_a_pale_arm_is_where_the_law_takes_it_to_be(tmp_path, planar):
         want = arm.frames(at)[0][:, elbow, :3]
         np.testing.assert_allclose([place[0] for place in places], want, atol=1e-6)  # float32
     assert np.abs(np.subtract(known.frames(q)[0], prepared.true_arm.frames(run["q"])[0])).max() > 0.1
-    off = stored(tmp_path / "run.rrd", "/belief")["Scalars:scalars"]
-    np.testing.assert_allclose(off, np.full((len(run), 2), -50.0), rtol=1e-12)
+    off = drawn(tmp_path / "run.rrd")["belief"]
+    np.testing.assert_allclose(off, np.full((len(run), 2), -50.0), rtol=1e-6)  # float32
     colors = stored(tmp_path / "run.rrd", "/believed/link_2/tube_2")["Capsules3D:colors"][0]
     assert [color & 255 for color in colors] == [round(0.3 * 255)]
     assert "pale arm" in stored(tmp_path / "run.rrd", "/text/legend")["TextDocument:text"][0][0]
@@ -539,9 +550,8 @@ def test_the_layout_is_in_the_file_and_looks_only_at_what_is_recorded(recorded):
 def test_so_does_the_layout_of_a_law_that_is_misled(tmp_path):
     prepared, run = simulated(PLANAR + "control: {period: 0.01, state: integrated}\n")
     record(tmp_path / "run.rrd", prepared, run)
-    assert {"What the law takes joints for, less what they are"} < assert_looks_at_what_is_recorded(
-        tmp_path / "run.rrd"
-    )
+    assert_looks_at_what_is_recorded(tmp_path / "run.rrd")
+    assert "Joints as believed, less true [mrad]" in final_views(tmp_path / "run.rrd")
 
 
 def test_rates_that_arrive_are_drawn_beside_those_commanded_where_they_are_others(tmp_path, planar):
@@ -551,31 +561,193 @@ def test_rates_that_arrive_are_drawn_beside_those_commanded_where_they_are_other
     assert (run["qdot_arrived"] != run["qdot_cmd"]).any()
     for name, (_, done), is_late in (("late", (prepared, run), True), ("direct", planar, False)):
         path = tmp_path / f"{name}.rrd"
-        assert ("/columns/qdot_arrived" in entities(path)) is is_late
+        rates = next(view for title, view in final_views(path).items() if title.startswith("Joint rates"))
+        assert ("columns.qdot_arrived[]" in [source for source, _ in rates]) is is_late
         assert_same_bits(read_columns(path), done.columns)
         assert_looks_at_what_is_recorded(path)
         text = stored(path, "/text/legend")["TextDocument:text"][0][0]
         assert ("arrives at the plant" in text) is is_late
         assert "{" not in text
-    looks = stored(tmp_path / "late.rrd", "/columns/qdot_arrived")
-    assert set(looks["SeriesLines:names"][0]) == {"arriving"}
+
+
+def layouts(path):
+    """The layouts of a recording: for each its components by entity."""
+    reader, found = RrdReader(path), []
+    for entry in reader.blueprints():
+        tables = {}
+        for chunk in reader.stream(store=entry):
+            batch = chunk.to_record_batch()
+            for field, values in zip(batch.schema, batch.columns, strict=True):
+                if ":" in field.name:
+                    tables.setdefault(chunk.entity_path, {})[field.name] = values.to_pylist()[-1]
+        found.append(tables)
+    return found
+
+
+def final_views(path):
+    """Of the last layout, by title of each plot: its sources, each with the aggregation of its lines."""
+    last = max(layouts(path), key=len)
+    found = {}
+    for entity, table in last.items():
+        if table.get("ViewBlueprint:class_identifier") != ["TimeSeries"]:
+            continue
+        (title,) = table["ViewBlueprint:display_name"]
+        curves = []
+        for below, other in last.items():
+            if below.startswith(f"{entity}/") and "VisualizerInstruction:component_map" in other:
+                (one,) = other["VisualizerInstruction:component_map"]
+                source = f"{one['source_component']}{one['selector'] or ''}"
+                curves.append((source, other.get("SeriesLines:aggregation_policy")))
+        found[title] = curves
+    return found
 
 
 def assert_looks_at_what_is_recorded(path):
-    """Hold the views of a layout against what is in the file, and return their names."""
-    (entry,) = RrdReader(path).blueprints()
-    queries, names = [], []
-    for chunk in RrdReader(path).stream(store=entry):
-        batch = chunk.to_record_batch()
-        for field, values in zip(batch.schema, batch.columns, strict=True):
-            if field.name == "ViewContents:query":
-                queries += [query for row in values.to_pylist() for query in row]
-            if field.name == "ViewBlueprint:display_name":
-                names += [row[0] for row in values.to_pylist()]
-    titles = {"Joint rates", "Singular values σ and damping λ", "Tip error", "Status", "What you see"}
-    assert titles | {"Scorecard", "Scenario"} < set(names)
+    """Hold the views of the layouts against what is in the file."""
     known = entities(path)
-    paths = [q.lstrip("+ ").removesuffix("/**") for q in queries if "$origin" not in q]
-    assert "/columns/qdot" in paths
-    assert all(any(entity.startswith(path) for entity in known) for path in paths)
-    return set(names)
+    for tables in layouts(path):
+        named = {
+            row[0] for table in tables.values() for row in [table.get("ViewBlueprint:display_name")] if row
+        }
+        assert {"Events", "What you see", "Scorecard", "Scenario", "Now"} < named
+        queries = [query for table in tables.values() for query in table.get("ViewContents:query", ())]
+        paths = [query.lstrip("+ ").removesuffix("/**") for query in queries if "$origin" not in query]
+        assert "/columns" in paths
+        missing = [one for one in paths if not any(entity.startswith(one) for entity in known)]
+        assert missing in ([], ["/events"])  # that of a run that is killed looks at the exact lane instead
+
+
+# The plots ----------------------------------------------------------------------------------------
+
+
+def test_every_line_keeps_its_peaks_and_the_one_drawn_is_that_of_the_scorecard(recorded):
+    """Each pixel keeps its least and largest value, so that what is highest is the largest in the data."""
+    _, run, path = recorded
+    views = final_views(path)
+    # a mark is no line
+    policies = [policy for view in views.values() for source, policy in view if source != "rate"]
+    assert policies
+    assert all(policy == [rr.components.AggregationPolicy.MinMax.value] for policy in policies)
+    (title,) = [title for title in views if title.startswith("Joint rates")]
+    assert {"columns.qdot[]", "columns.qdot_cmd[]"} < {source for source, _ in views[title]}
+    found = stored(path, "/columns")["columns"]
+    peak = max(abs(rate) for row in found for rate in row[0]["qdot"])
+    assert peak == run.scorecard["joint_rate.peak"].value
+
+
+def test_what_is_only_drawn_is_that_of_the_columns(recorded):
+    prepared, run, path = recorded
+    curves, sigma = drawn(path), run["sigma"]
+    np.testing.assert_allclose(10.0 ** curves["log_sigma_min"][:, 0], sigma[:, -1], rtol=1e-5)
+    damped = run["damping"] > 0.0
+    assert (np.isnan(curves["log_damping"][:, 0]) == ~damped).all()
+    np.testing.assert_allclose(10.0 ** curves["log_damping"][damped, 0], run["damping"][damped], rtol=1e-4)
+    position = 1e3 * np.sqrt((run["pose_error"][:, : 2 if prepared.arm.n == 2 else 3] ** 2).sum(axis=1))
+    np.testing.assert_allclose(curves["error"][:, 0], position, rtol=1e-6)
+
+
+def test_the_plain_inverse_is_dashed_and_its_peak_is_told(planar, tmp_path):
+    prepared, run = planar
+    record(tmp_path / "run.rrd", prepared, run)
+    (title,) = [title for title in final_views(tmp_path / "run.rrd") if title.startswith("Joint rates")]
+    plain = drawn(tmp_path / "run.rrd")["plain"]
+    gaps = np.isnan(plain).all(axis=1)
+    assert 0.3 < gaps.mean() < 0.6
+    np.testing.assert_allclose(plain[~gaps], run["qdot_plain"][~gaps], rtol=1e-6, atol=1e-30)  # float32
+    assert not gaps[np.abs(run["qdot_plain"]).max(axis=1).argmax()]  # no gap swallows a peak
+    assert "plain J⁻¹ dashed" in title
+
+
+def test_a_baseline_is_a_ghost_with_dashed_rates_and_its_columns_are_kept(planar, tmp_path):
+    prepared, run = planar
+    other = replace(run, columns=run.columns | {"qdot_cmd": run["qdot_cmd"].copy()})
+    other.columns["qdot_cmd"][77, 0] = 12440.0
+    path = tmp_path / "run.rrd"
+    with Recorder(path, prepared, prepared) as recorder:
+        for part, beside in zip(blocks(run, 500), blocks(other, 500), strict=True):
+            recorder.write(part)
+            recorder.write_baseline(beside)
+        recorder.finish("")
+    assert_same_bits(read_columns(path), run.columns)
+    (title,) = [title for title in final_views(path) if title.startswith("Joint rates")]
+    assert title.endswith("baseline peak 12,440 ↑")
+    assert np.nanmax(drawn(path, "/baseline/columns")["dashed"]) == pytest.approx(12440.0)
+    for entity in ("arm/link_2", "tip/trail"):
+        assert len(stored(path, f"/baseline/{entity}")) > 0
+    colors = stored(path, "/baseline/arm/link_2/tube_2")["Capsules3D:colors"][0]
+    assert colors[0] & 255 < 128  # a ghost
+    assert "gray ghost" in stored(path, "/text/legend")["TextDocument:text"][0][0]
+
+
+def test_a_rate_far_beyond_its_limit_leaves_the_plot_and_is_told(planar, tmp_path):
+    prepared, run = planar[0], rows(planar[1], 0, 200)
+    run.columns["qdot_cmd"][150, 1] = -12658.02
+    record(tmp_path / "run.rrd", prepared, run)
+    (title,) = [title for title in final_views(tmp_path / "run.rrd") if title.startswith("Joint rates")]
+    assert title.endswith("peak 12,658 ↓")
+    (mark,) = stored(tmp_path / "run.rrd", "/peak/own")["rate"]
+    limit = prepared.law.rate_limit.max()
+    assert -20.0 * limit < mark[0] < -2.0 * limit
+    assert states(tmp_path / "run.rrd", "/events")  # the strip is there as well
+    record(tmp_path / "small.rrd", planar[0], rows(planar[1], 0, 200))
+    assert not any("peak" in title for title in final_views(tmp_path / "small.rrd"))
+    assert "/peak/own" not in entities(tmp_path / "small.rrd")
+
+
+@pytest.mark.parametrize("steps", [plots.STEPS, plots.MORE_STEPS])
+def test_axes_have_three_numbers_where_the_viewer_writes_one_at_each_power_of_ten(steps):
+    """Or at each tenth of that, if so many steps of it fit."""
+    for size in np.geomspace(1e-7, 1e7, 1501):
+        for low, high in ((0.0, plots.rounded(size, steps)), plots.both_ways(size, steps)):
+            assert high >= size
+            decade = 10.0 ** math.floor(math.log10(high) + 1e-9)
+            step = decade if (high - low) / decade <= steps + 1e-9 or high < 2 * decade else np.nan
+            numbers = math.floor(high / step + 1e-9) - math.ceil(low / step - 1e-9) + 1
+            assert numbers >= 3, (size, low, high)
+    for least in np.geomspace(1e-9, 1.0, 50):
+        low, high = plots.decades(least, 2.5)
+        assert 3 <= math.floor(high) - math.ceil(low) + 1 <= 6
+        assert low <= max(math.log10(least), high - 5.2) + 1e-9
+
+
+def test_the_camera_sees_the_whole_arm_all_the_time(recorded):
+    """Every corner of every capsule at every tenth tick, in the frustum of the eye that is in the file."""
+    prepared, run, path = recorded
+    last = max(layouts(path), key=len)
+    (eye,) = [table for table in last.values() if "EyeControls3D:position" in table]
+    position, target = (np.array(eye[f"EyeControls3D:{name}"][0]) for name in ("position", "look_target"))
+    back = (position - target) / np.linalg.norm(position - target)
+    right = np.cross([0.0, 0.0, 1.0], back)
+    right /= np.linalg.norm(right)
+    axes = np.array([right, np.cross(back, right), back])
+    arm, tangent = prepared.true_arm, np.tan(VIEW_ANGLE / 2)
+    bodies = arm.frames(run["qpos"][::10])[0]
+    checked = 0
+    for shape in arm.shapes():
+        if shape.kind != "capsule":
+            continue
+        turns = quat_to_matrix(bodies[:, shape.body, 3:])
+        half = quat_to_matrix(shape.pose[3:])[:, 2] * shape.size[1]
+        for end in (shape.pose[:3] - half, shape.pose[:3] + half):
+            across = (bodies[:, shape.body, :3] + turns @ end - position) @ axes.T
+            assert (across[:, 2] < 0).all()
+            assert (np.abs(across[:, 1]) <= -tangent * across[:, 2]).all()
+            assert (np.abs(across[:, 0]) <= -tangent * VIEW_ASPECT * across[:, 2]).all()
+            checked += 1
+    assert checked
+
+
+def test_the_line_of_numbers_says_what_the_columns_say(planar, tmp_path):
+    prepared, run = planar[0], rows(planar[1], 0, 1101)
+    run.columns["status"][1000:] = Status.DAMPED | Status.RATE_LIMITED
+    record(tmp_path / "run.rrd", prepared, run)
+    texts = [row[0] for row in stored(tmp_path / "run.rrd", "/now")["TextDocument:text"]]
+    assert len(texts) == 23  # twenty a second
+    assert f"σ_min **{run['sigma'][1100, 1]:.3g}**" in texts[-1]
+    assert "**damped, rate limited**" in texts[-1]
+    # by another route: the textbook's J of two links at that tick, and what it asks along its lost direction
+    a, b = run["q"][1100, 0], run["q"][1100].sum()
+    J = np.array([[-np.sin(a) - np.sin(b), -np.sin(b)], [np.cos(a) + np.cos(b), np.cos(b)]])
+    u, s, _ = np.linalg.svd(J)
+    asked = abs(u[:, 1] @ run["twist_ref"][1100, :2]) / s[1]
+    assert float(texts[-1].rpartition("= ")[2]) == pytest.approx(asked, rel=0.06)  # two digits

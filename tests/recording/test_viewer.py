@@ -3,6 +3,7 @@ import http.client
 import os
 import re
 import signal
+import socket
 import subprocess
 import sys
 from pathlib import Path
@@ -10,10 +11,11 @@ from urllib.parse import quote
 
 import pytest
 import rerun as rr
+from rerun.chunk import RrdReader
 
 from processes import descendants, started
 from rmrc.recording import viewer_process
-from rmrc.recording.viewer import ViewerError, repair, replay
+from rmrc.recording.viewer import ViewerError, is_torn, recording_of, repair, replay
 from rmrc.support.invocation import command
 from wording import says
 
@@ -164,3 +166,54 @@ def test_a_page_that_is_not_served_is_one_line(recording, monkeypatch):
     fails = "import sys; print('no\\nport', file=sys.stderr)"
     monkeypatch.setattr(viewer_process, "RERUN", (sys.executable, "-c", fails))
     assert message(recording, web=True) == "rerun does not serve its viewer: no port"
+
+
+# What stands for a recording, and what is damaged -----------------------------------------------------
+
+
+def test_a_folder_stands_for_its_newest_recording_and_columns_for_the_one_beside_them(recording, tmp_path):
+    for age, name in enumerate(("new.rrd", "old.rrd.part", "older.rrd")):
+        (tmp_path / name).write_bytes(recording.read_bytes())
+        os.utime(tmp_path / name, (1e9 - age, 1e9 - age))
+    assert recording_of(tmp_path) == tmp_path / "new.rrd"
+    (tmp_path / "new.npz").touch()
+    assert recording_of(tmp_path / "new.npz") == tmp_path / "new.rrd"
+    assert recording_of(tmp_path / "none.rrd") == tmp_path / "none.rrd"
+    (tmp_path / "alone.npz").touch()
+    assert message(tmp_path / "alone.npz") == says(f"{tmp_path}/alone.npz: alone.rrd is not beside it; …")
+    (tmp_path / "empty").mkdir()
+    assert message(tmp_path / "empty") == says(f"{tmp_path}/empty: has no recordings; …")
+
+
+def test_a_torn_recording_is_known_and_what_is_good_of_it_is_kept(recording, tmp_path):
+    torn, whole = tmp_path / "torn.rrd", tmp_path / "whole.rrd"
+    torn.write_bytes(recording.read_bytes()[:-40])
+    assert is_torn(torn)
+    assert not is_torn(recording)
+    repair(torn, whole)
+    assert not is_torn(whole)
+    assert {chunk.entity_path for chunk in RrdReader(whole).stream()} >= {"/text"}
+
+
+def test_a_wrong_head_and_a_file_with_nothing_good_are_one_line_each(recording, tmp_path):
+    wrong = tmp_path / "wrong.rrd"
+    wrong.write_bytes(b"RRF9" + recording.read_bytes()[4:])
+    assert message(wrong) == says(f'{wrong}: begins with "RRF9", not "RRF2": …; run its scenario again')
+    wrong.write_bytes(recording.read_bytes()[:4] + bytes(range(256)) * 40)
+    assert message(wrong, web=True) == says(f"{wrong}: cannot be repaired: …")
+
+
+def test_a_port_that_is_taken_is_one_line(recording):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        with pytest.raises(ViewerError) as caught:
+            replay(recording, web=True, port=port)
+    assert str(caught.value) == says(f"--port {port}: …; give another, or none …")
+
+
+def test_a_page_cannot_be_told_where_to_begin(recording):
+    with pytest.raises(ViewerError) as caught:
+        replay(recording, web=True, at=2.5)
+    assert str(caught.value) == says("--at 2.5: is for a window; …")

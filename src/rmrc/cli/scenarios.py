@@ -23,7 +23,7 @@ from rmrc.cli.console import (
     progress,
 )
 from rmrc.cli.kinds import RECORDING, SCENARIO, expect
-from rmrc.cli.options import Out, Quiet, pictured
+from rmrc.cli.options import Out, Quiet, pictured, within
 from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
@@ -155,14 +155,37 @@ def compare(
 def replay(
     recording: Annotated[
         Path,
-        typer.Argument(help="A recording that `run` left.", callback=lambda path: expect(path, RECORDING)),
+        typer.Argument(
+            help="A recording that `run` left, NAME.npz beside it, or a folder, whose newest is shown.",
+            callback=lambda path: path if _stands_for_one(path) else expect(path, RECORDING),
+        ),
     ],
     web: Annotated[bool, typer.Option("--web", help="Serve it to a browser instead.")] = False,
+    at: Annotated[
+        float | None,
+        typer.Option(
+            metavar="SECONDS",
+            help="Where the cursor of a window begins, at rest; default: it plays.",
+            show_default=False,
+            callback=lambda one: None if one is None else within("--at", 0.0, 1e9)(one),
+        ),
+    ] = None,
+    port: Annotated[
+        int | None,
+        typer.Option(
+            min=1, max=65535, help="Of 127.0.0.1, to listen on; default: a free one.", show_default=False
+        ),
+    ] = None,
 ) -> None:
     """Open a recording in the rerun viewer, on this machine only and without telemetry."""
     from rmrc.recording import viewer
 
-    raise typer.Exit(viewer.replay(recording, web))
+    raise typer.Exit(viewer.replay(recording, web, at, port))
+
+
+def _stands_for_one(path: Path) -> bool:
+    """Return whether a path is no recording, but something for which one is shown."""
+    return path.is_dir() or path.suffix == ".npz"
 
 
 def schema(

@@ -2,19 +2,17 @@
 
 Entities; `<variant>` is the label of a variant, and what stands below it is as in a recording of one run:
 
-    variants/<variant>/columns/<name>   every column of the run at every tick, bit for bit
+    variants/<variant>/columns          every column of the run at every tick, bit for bit, and what is only
+                                        drawn: largest |joint rate| measured and commanded, largest torque
+                                        as a share of its limit or as it is, logarithms of σ_min and λ, errors
     variants/<variant>/arm/<body>       poses, with the geometries in the color of the variant
-    variants/<variant>/tip/..           position and trail
+    variants/<variant>/tip/..           position, trail and velocity ellipsoid
     variants/<variant>/path             the target path, if it is not that of the first variant
     variants/<variant>/believed/<body>  the same, pale, where the law takes the arm to be, if elsewhere
-    variants/<variant>/fastest          largest |joint rate|
-    variants/<variant>/waiting          largest |qdot_cmd − qdot_arrived|, where commands do not just arrive
-    variants/<variant>/belief           largest |q_believed − q| [mrad or mm], where the law is misled
-    variants/<variant>/sigma_min        smallest singular value
-    variants/<variant>/error/..         position [mm] and rotation [mrad], of the axes that the task has
+    limits                              the limit of the rates, if all joints of all variants have the same
     status/<variant>                    one lane each, only where it changes
     target/path                         the target path of the first variant
-    text/..                             legend, table, scenario
+    text/..                             legend, table, times of the limits, scenario
 """
 
 from collections.abc import Sequence
@@ -29,30 +27,31 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording import stream
+from rmrc.recording.events import Strip, color, words
 from rmrc.recording.layout import (
     PALE_ARM,
-    STATUS_COLORS,
+    backdrop,
     eye,
     grid,
     packed,
     page,
     path_line,
-    plot,
-    time_axis,
     until_now,
 )
+from rmrc.recording.panels import stacked
+from rmrc.recording.plots import Curve, Panel, Seen, clipped, decades, logarithm, rounded, spell
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Values
 from rmrc.recording.track import Track, prefix_of
 from rmrc.results.run import Run
-from rmrc.scenario.choices import POLICIES, Status
-from rmrc.show.palette import WHITE, distinct, mix
+from rmrc.scenario.choices import IN_RUNS
+from rmrc.show.palette import GRAY, RED, WHITE, distinct, mix
 from rmrc.simulation.prepare import Prepared
 
-# Arms that coincide would flicker or hide each other. So each variant is thinner than the one before, down to
-# this share, and all but the last are glass, at least so dense.
-THINNEST = 0.4
-FAINTEST = 0.25
+# The first variant is solid. The others are outlines around it, each so much thicker than the one before, or
+# ghosts where they are meshes, which have no outlines.
+THICKER = 0.18
+GHOST = 0.3
 
 # Trails that coincide are drawn above each other, so far apart as a share of the reach: less than a pixel.
 LIFT = 3e-4
@@ -60,8 +59,7 @@ LIFT = 3e-4
 # Pixels of the curves; those drawn first are wider, and so leave a border to be seen.
 WIDEST, NARROWEST = 5.5, 2.0
 
-# Plots of what stands between law and plant, where any variant has it.
-WAITING, BELIEF = "Commanded, and not arrived", "Joints as the law takes them, less what they are"
+TITLES = {"table": "Table", "limits": "Limits", "legend": "What you see", "scenario": "Scenario"}
 
 LEGEND = """\
 Each variant has its color, in the picture and in the plots, whose legends name them.
@@ -70,8 +68,11 @@ Each variant has its color, in the picture and in the plots, whose legends name 
 |---|---|
 | **white line** | the path that the tips shall follow |
 | **trail**, **ball** | where a tip has been, and is |
+| **solid arm** | the first variant |
+| **outlines**, **ghosts** | the others, each a little thicker than the one before |
+| **ellipsoids** | velocities that take little joint motion, as wires in the color of the variant |
 {pale}
-Where arms coincide, the first variant is the outermost glass, and the last one is the core.
+Thin curves are commanded.
 """
 
 
@@ -98,7 +99,8 @@ class Overlay:
         """
         labels = [label for label, _ in variants]
         scenes = [Scene(prepared) for _, prepared in variants]
-        self._out = Stream(path, name, _layout(name, labels, [one for _, one in variants], scenes))
+        self._layout = _Layout(name, labels, [one for _, one in variants], scenes)
+        self._out = Stream(path, name, self._layout.blueprint())
         self.path, self.part_path = self._out.path, self._out.part_path
         self._arms: list[_Arm] = []
         first = variants[0][1].reference.pose
@@ -106,7 +108,7 @@ class Overlay:
         drawn = sorted(map(prefix_of, labels))  # the viewer's own order
         for i, (label, prepared) in enumerate(variants):
             look = _look(i, drawn.index(prefix_of(label)), len(variants))
-            self._arms.append(_Arm(self._out, prepared, label, look))
+            self._arms.append(_Arm(self._out, prepared, label, look, self._layout.is_share))
             if not np.array_equal(prepared.reference.pose, first):
                 self._out.log(f"{prefix_of(label)}path", path_line(scenes[i], mix(look.color, WHITE, 0.5)))
         is_misled = any(prepared.hardware.is_misled for _, prepared in variants)
@@ -145,88 +147,126 @@ class Overlay:
         """
         for arm in self._arms:
             arm.write_last()
+        end = max([arm.seen.end for arm in self._arms] + [self._layout.duration])
+        levels = self._layout.levels()
+        if levels:
+            times = np.array([0.0, end])
+            lines = Values(stream.short("rate"), np.array([levels, levels]))
+            self._out.send("limits", stream.index(np.array([0, self._arms[0].tick_at(end)]), times), [lines])
         self._out.log_text("text/table", table_markdown)
+        self._out.log_text("text/limits", _times([(arm.label, arm.strip) for arm in self._arms], end))
+        self._out.lay_out(self._layout.blueprint([arm.seen for arm in self._arms],
+                                                 [arm.reached for arm in self._arms]))  # fmt: skip
         self._out.finish()
+
+
+def _times(strips: Sequence[tuple[str, Strip]], end: float) -> str:
+    """Return a table of how long each status holds, of each variant [s]."""
+    held = {label: strip.held(end) for label, strip in strips}
+    flags = [flag for flag in IN_RUNS if flag and any(flag in times for times in held.values())]
+    head = "| variant | " + " | ".join(f"{words(flag)} [s]" for flag in flags) + " |\n"
+    rule = "|---|" + "---:|" * len(flags) + "\n"
+    rows = (
+        f"| {label} | " + " | ".join(f"{times[flag]:.3f}" if flag in times else "" for flag in flags) + " |\n"
+        for label, times in held.items()
+    )
+    return head + rule + "".join(rows) if flags else "Nothing limits any variant at any time."
 
 
 @dataclass(frozen=True)
 class _Look:
     color: int
-    thickness: float  # of arm and trail, as a share
-    opacity: float  # of the arm
+    is_solid: bool
+    thickness: float  # of the arm, as a share
     lift: float  # of the trail, in reaches
     width: float  # of the curves, in pixels
 
 
 def _look(i: int, drawn: int, count: int) -> _Look:
     """Return the look of variant i, which the viewer draws as number `drawn` of so many."""
-    last = max(1, count - 1)
     return _Look(
         color=distinct(count)[i],
-        thickness=1.0 - (1.0 - THINNEST) * i / last,
-        opacity=1.0 if i == count - 1 else max(FAINTEST, 1.0 / count),
+        is_solid=i == 0,
+        thickness=1.0 + THICKER * i,
         lift=LIFT * i,
-        width=WIDEST - (WIDEST - NARROWEST) * drawn / last,
+        width=WIDEST - (WIDEST - NARROWEST) * drawn / max(1, count - 1),
     )
 
 
 class _Arm(Track):
     """The track of one variant, with the few curves in which variants are compared."""
 
-    def __init__(self, out: Stream, prepared: Prepared, label: str, look: _Look) -> None:
+    def __init__(self, out: Stream, prepared: Prepared, label: str, look: _Look, is_share: bool) -> None:
         super().__init__(out, prepared, prefix_of(label))
-        self._look = look
+        self.label, self.seen, self.strip = label, Seen(), Strip()
+        self._look, self._is_share = look, is_share
         self._lane = f"status/{rr.escape_entity_path_part(label)}"
         self._states: dict[str, int] = {}
-        self._status: int | None = None
-        self.write_arm(self._painted)
-        thin = 0.004 * self.scene.reach * look.thickness
+        self.write_arm(self._painted, has_outlines=not look.is_solid)
+        thin = 0.004 * self.scene.reach
         self._log("tip/now", rr.Points3D.from_fields(colors=look.color, radii=5.5 * thin))
-        self._log("tip/trail", rr.LineStrips3D.from_fields(radii=2.5 * thin))
+        self._log("tip/trail", rr.LineStrips3D.from_fields(radii=1.8 * thin))
         self._log("tip/trail", rr.Transform3D(translation=[0.0, 0.0, look.lift * self.scene.reach]))
-        for name in ("fastest", *self._only_here(), "sigma_min", "columns/damping", *self._errors()):
-            curve = rr.SeriesLines(names=[label], colors=packed([look.color]), widths=look.width)
-            self._log(name, curve)
+        wires = rr.components.FillMode.MajorWireframe
+        ellipsoid = rr.Ellipsoids3D.from_fields(colors=look.color, line_radii=0.5 * thin, fill_mode=wires)
+        self._log("tip/velocity_ellipsoid", ellipsoid)
+
+    def tick_at(self, time: float) -> int:
+        """Return the tick of a time."""
+        return round(time / self._prepared.scenario.control.period)
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         super().write_block(part, ticks)
-        curves = {"fastest": np.abs(part["qdot"]).max(axis=1), "sigma_min": part["sigma"][:, -1]}
-        for name, (column, other, factor) in self._only_here().items():
-            curves[name] = factor * np.abs(part[column] - part[other]).max(axis=1)
-        for name, rows in self._errors().items():
-            curves[name] = 1e3 * np.linalg.norm(part["pose_error"][:, rows], axis=1)
-        index = stream.index(ticks, part["time"])
-        for name, values in curves.items():
-            self.send(name, index, Values(stream.SCALARS, values))
         self._write_status(part, ticks)
 
-    def write_divergence(self, text: str, index: list[rr.TimeColumn]) -> None:
-        self._write_states([text], [STATUS_COLORS[Status.SINGULAR]], index)
+    def write_divergence(self, text: str, time: float, index: list[rr.TimeColumn]) -> None:
+        self.strip.end_with(time, text)
+        self._write_states([text], [RED], index)
+
+    def write_frames(self, frames: Frames, index: list[rr.TimeColumn]) -> None:
+        super().write_frames(frames, index)
+        self.send_ellipsoid("velocity", frames.velocity, frames, index)
 
     def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
         return np.full(len(frames.tip), self._look.color, np.uint32)
+
+    def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
+        """Return one number a tick for each quantity that is compared."""
+        damping, load = part["damping"], np.abs(part["tau"])
+        if self._is_share:
+            load = 100.0 * load / self._prepared.arm.torque_limit
+        found = {
+            "fastest": np.abs(part["qdot"]).max(axis=1),
+            "fastest_cmd": np.abs(part["qdot_cmd"]).max(axis=1),
+            "torque": load.max(axis=1),
+            "log_sigma_min": logarithm(part["sigma"][:, -1]),
+            "log_damping": np.where(damping > 0.0, logarithm(damping), np.nan),
+        }
+        for name, (column, other, factor) in self._only_here().items():
+            found[name] = factor * np.abs(part[column] - part[other]).max(axis=1)
+        for name, rows in (("position", self.translations), ("rotation", self.rotations)):
+            if rows:
+                found[name] = 1e3 * np.linalg.norm(part["pose_error"][:, rows], axis=1)
+        self.seen.add(part["time"], found | {"sigma": part["sigma"][:, -1], "1/sigma": _inverse(part)})
+        return {name: values[:, None] for name, values in found.items()}
 
     def _painted(self, shape: Shape) -> Shape:
         """Return a geometry in the color of the variant; light and dark ones stay apart."""
         light = float(np.dot(shape.rgba[:3], [0.3, 0.59, 0.11]))
         tint = mix(self._look.color, WHITE if light > 0.5 else 0x000000FF, 0.6 * abs(light - 0.5))
         channels = [(tint >> shift & 255) / 255.0 for shift in (24, 16, 8)]
+        is_ghost = shape.kind == "mesh" and not self._look.is_solid
         size = shape.size.copy()
         size[: 1 if shape.kind == "capsule" else 3] *= self._look.thickness
-        return replace(shape, rgba=np.array([*channels, self._look.opacity]), size=size)
+        return replace(shape, rgba=np.array([*channels, GHOST if is_ghost else 1.0]), size=size)
 
     def _write_status(self, part: Run, ticks: NDArray[np.int64]) -> None:
         status = part.columns["status"].astype(np.int64)
-        before = -1 if self._status is None else self._status
-        rows = np.flatnonzero(np.diff(status, prepend=before))
-        self._status = int(status[-1])
-        if not len(rows):
-            return
-        states = [Status(int(status[row])) for row in rows]
-        # The gravest one gives the color: the last that is set.
-        colors = [[color for flag, color in STATUS_COLORS.items() if flag in state][-1] for state in states]
-        texts = [", ".join(str(flag.name) for flag in state) or "OK" for state in states]
-        self._write_states(texts, colors, stream.index(ticks[rows], part["time"][rows]))
+        rows = self.strip.add(part["time"], status)
+        if len(rows):
+            found = status[rows].tolist()
+            index = stream.index(ticks[rows], part["time"][rows])
+            self._write_states([words(one) for one in found], [color(one) for one in found], index)
 
     def _write_states(self, states: list[str], colors: list[int], index: list[rr.TimeColumn]) -> None:
         known = self._states | dict(zip(states, colors, strict=True))
@@ -235,10 +275,6 @@ class _Arm(Track):
             look = rr.StateConfiguration(values=list(known), colors=packed(list(known.values())))
             self.out.log(self._lane, look)
         self.out.send(self._lane, index, rr.StateChange.columns(state=states))
-
-    def _errors(self) -> dict[str, list[int]]:
-        rows = {"error/position": self.translations, "error/rotation": self.rotations}
-        return {name: some for name, some in rows.items() if some}
 
     def _only_here(self) -> dict[str, tuple[str, str, float]]:
         """Return the curves of what stands between law and plant here: of which columns, and a factor."""
@@ -253,47 +289,128 @@ class _Arm(Track):
         self.out.log(self.prefix + path, look)
 
 
-def _layout(name: str, labels: list[str], prepared: list[Prepared], scenes: list[Scene]) -> rrb.Blueprint:
-    prefixes = [f"/{prefix_of(label)}" for label in labels]
-    every = list(zip(prefixes, prepared, strict=True))
-    points, normals = np.vstack([scene.points for scene in scenes]), {scene.normal for scene in scenes}
-    picture = rrb.Spatial3DView(
-        name=f"{name}: {len(labels)} variants",
-        contents=[
-            "/target/**",
-            *(f"{prefix}{entity}" for prefix in prefixes for entity in ("arm/**", "tip/**", "path")),
-            *(f"{prefix}believed/**" for prefix, one in every if one.hardware.is_misled),
-        ],
-        overrides={f"{prefix[1:]}tip/trail": until_now() for prefix in prefixes},
-        eye_controls=eye(points, normals.pop() if len(normals) == 1 else None),
-        line_grid=grid(points),
-    )
-    is_slowed = any(POLICIES[one.scenario.control.at_singularity].slows for one in prepared)
-    axis = time_axis(max(one.reference.duration for one in prepared), is_open=is_slowed)
-    axes = {axis for one in prepared for axis in one.scenario.task.axes}
-    slides = {bool(slide) for one in prepared for slide in one.arm.is_slide}
-    unit = " or ".join(unit for unit, is_slide in (("rad/s", False), ("m/s", True)) if is_slide in slides)
-    small = " or ".join(unit for unit, is_slide in (("mrad", False), ("mm", True)) if is_slide in slides)
-    late = [prefix for prefix, one in every if not one.hardware.is_direct]
-    misled = [prefix for prefix, one in every if one.hardware.moves_q]
-    curves = {
-        f"Fastest joint [{unit}]": ("fastest", prefixes), f"{WAITING} [{unit}]": ("waiting", late),
-        f"{BELIEF} [{small}]": ("belief", misled),
-        "σ_min": ("sigma_min", prefixes), "λ damping": ("columns/damping", prefixes),
-        "Position error [mm]": ("error/position", prefixes if axes & {"x", "y", "z"} else []),
-        "Rotation error [mrad]": ("error/rotation", prefixes if axes & {"rx", "ry", "rz"} else []),
-    }  # fmt: skip
-    curves = {title: (curve, those) for title, (curve, those) in curves.items() if those}
-    plots = rrb.Vertical(
-        *(
-            plot(title, [f"{prefix}{curve}" for prefix in those], axis)
-            for title, (curve, those) in curves.items()
-        ),
-        rrb.StateTimelineView(name="Status", origin="/status", time_view=axis),
-        # A lane needs a third of what a plot does; many are scrolled.
-        row_shares=[*([1.0] * len(curves)), min(2.5, 0.35 * len(labels) + 0.2)],
-    )
-    return page(picture, {"table": "Table", "legend": "What you see", "scenario": "Scenario"}, plots)
+def _inverse(part: Run) -> NDArray[np.float64]:
+    """Return 1/σ_min, whose largest value is of the least σ_min."""
+    return 1.0 / np.maximum(part["sigma"][:, -1], 1e-300)
+
+
+class _Layout:
+    """What the viewer opens; the ranges of the plots are known when the runs are over."""
+
+    def __init__(
+        self, name: str, labels: Sequence[str], prepared: Sequence[Prepared], scenes: Sequence[Scene]
+    ) -> None:
+        self._name, self._labels, self._prepared, self._scenes = name, labels, prepared, scenes
+        self._prefixes, self._colors = [prefix_of(label) for label in labels], distinct(len(labels))
+        self.duration = max(one.reference.duration for one in prepared)
+        loaded = [one.arm.torque_limit for one in prepared if one.plant.has_physics]
+        self._has_torque = bool(loaded)
+        self.is_share = bool(loaded) and all(np.isfinite(limit).all() for limit in loaded)
+
+    def levels(self) -> list[float]:
+        """Return the limit of all rates, if there is only one."""
+        known = {float(limit) for one in self._prepared for limit in one.law.rate_limit}
+        return list(known) if len(known) == 1 and np.isfinite(list(known)).all() else []
+
+    def blueprint(
+        self, seen: Sequence[Seen] | None = None, reached: Sequence[NDArray[np.float64]] = ()
+    ) -> rrb.Blueprint:
+        """Return the layout.
+
+        Args:
+            seen: What the runs show, once they are over.
+            reached: Points that they reach, (p, 3) each [m].
+        """
+        end = max([self.duration, *(one.end for one in seen or ())])
+        panels = self._panels(seen)
+        return page(self._picture(reached), TITLES, stacked(panels, end, "/status/**", len(self._labels)))
+
+    def _picture(self, reached: Sequence[NDArray[np.float64]]) -> rrb.Spatial3DView:
+        points = np.vstack([*(scene.points for scene in self._scenes), *reached])
+        normals = {scene.normal for scene in self._scenes}
+        every = list(zip(self._prefixes, self._prepared, strict=True))
+        return rrb.Spatial3DView(
+            name=f"{self._name}: {len(self._labels)} variants",
+            contents=[
+                "/target/**",
+                *(f"/{prefix}{entity}" for prefix, _ in every for entity in ("arm/**", "tip/**", "path")),
+                *(f"/{prefix}believed/**" for prefix, one in every if one.hardware.is_misled),
+            ],
+            overrides={f"{prefix}tip/trail": until_now() for prefix in self._prefixes},
+            eye_controls=eye(points, normals.pop() if len(normals) == 1 else None),
+            line_grid=grid(points),
+            background=backdrop(),
+        )
+
+    def _panels(self, seen: Sequence[Seen] | None) -> dict[str, Panel]:
+        slides = {bool(slide) for one in self._prepared for slide in one.arm.is_slide}
+        unit = " or ".join(unit for unit, is_slide in (("rad/s", False), ("m/s", True)) if is_slide in slides)
+        small = " or ".join(unit for unit, is_slide in (("mrad", False), ("mm", True)) if is_slide in slides)
+        axes = {axis for one in self._prepared for axis in one.scenario.task.axes}
+        found = {"rates": self._rates(unit, seen), "sigma": self._sigma(seen)}
+        for name, title, has_it in (
+            ("position", "Position error [mm]", axes & {"x", "y", "z"}),
+            ("rotation", "Rotation error [mrad]", axes & {"rx", "ry", "rz"}),
+            ("torque", "Largest torque " + ("[% of its limit]" if self.is_share else "[N·m or N]"),
+             self._has_torque),
+            ("waiting", f"Commanded, and not arrived [{unit}]",
+             any(not one.hardware.is_direct for one in self._prepared)),
+            ("belief", f"Joints as believed, less true [{small}]",
+             any(one.hardware.moves_q for one in self._prepared)),
+        ):  # fmt: skip
+            if has_it:
+                size = self._largest(seen, name)
+                found[name] = Panel(title, self._curves(name), (0.0, rounded(size)) if seen else None)
+        least = 1.0 / self._largest(seen, "1/sigma") if seen else 1.0
+        found["damping"] = Panel("Damping λ, as log₁₀", self._curves("log_damping"),
+                                 decades(least, 1.0) if seen else None)  # fmt: skip
+        return found
+
+    def _rates(self, unit: str, seen: Sequence[Seen] | None) -> Panel:
+        curves = [*self._curves("fastest"), *self._curves("fastest_cmd", is_thin=True)]
+        limits = self.levels()
+        if limits:
+            curves.append(Curve("limits", "rate", ["limit"], [GRAY], 1.0))
+        title = f"Fastest joint [{unit}], commanded thin"
+        if seen is None:
+            return Panel(title, curves)
+        peak = self._largest(seen, "fastest", "fastest_cmd")
+        usual = min((one.mostly("fastest_cmd") for one in seen), default=0.0)
+        known = [float(one.law.rate_limit[np.isfinite(one.law.rate_limit)].max(initial=0.0))
+                 for one in self._prepared]  # fmt: skip
+        shown = clipped(peak, max(known), usual)
+        if peak > shown:
+            title += f"; peak {spell(peak)} ↑"
+        return Panel(title, curves, (0.0, rounded(shown, 8.0)))
+
+    def _sigma(self, seen: Sequence[Seen] | None) -> Panel:
+        range_ = None
+        if seen is not None:
+            range_ = decades(1.0 / self._largest(seen, "1/sigma"), self._largest(seen, "sigma"))
+        return Panel("σ_min, as log₁₀", self._curves("log_sigma_min"), range_)
+
+    def _curves(self, name: str, *, is_thin: bool = False) -> list[Curve]:
+        """Return the curve of each variant that has it."""
+        drawn = sorted(self._prefixes)  # the viewer's own order
+        found = []
+        for label, prefix, tint, one in zip(
+            self._labels, self._prefixes, self._colors, self._prepared, strict=True
+        ):
+            hardware = one.hardware
+            lacks = (name == "waiting" and hardware.is_direct) or (name == "belief" and not hardware.moves_q)
+            axes = set(one.scenario.task.axes)
+            lacks |= name == "position" and not axes & {"x", "y", "z"}
+            lacks |= name == "rotation" and not axes & {"rx", "ry", "rz"}
+            if not lacks:
+                width = _look(0, drawn.index(prefix), len(self._labels)).width
+                shade, width = (mix(tint, WHITE, 0.5), 1.0) if is_thin else (tint, width)
+                found.append(Curve(f"{prefix}columns", f"curves.{name}[]", [label], [shade], width))
+        return found
+
+    @staticmethod
+    def _largest(seen: Sequence[Seen] | None, *names: str) -> float:
+        peaks = [one.peak(*names) for one in seen or ()]
+        return max((abs(peak.value) for peak in peaks if peak), default=1.0)
 
 
 def _scenarios(variants: Sequence[tuple[str, Prepared]]) -> str:

@@ -12,14 +12,13 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording.scene import FORCE_EQUAL, FORCE_LONGEST, VELOCITY_SECONDS, Scene
-from rmrc.scenario.choices import POLICIES, Status
-from rmrc.show.palette import BLACK, HUES, WHITE, mix
+from rmrc.show.palette import GREEN, RED, WHITE, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import rotate
 
 # The viewer's vertical angle of view, and width over height of the picture in our layout.
 VIEW_ANGLE = np.radians(55.0)
-VIEW_ASPECT = 1.3
+VIEW_ASPECT = 1.05
 
 # Positions in the static line of the target path.
 PATH_POINTS = 2000
@@ -27,18 +26,8 @@ PATH_POINTS = 2000
 # How opaque the arm is that the law takes for the true one.
 PALE = 0.3
 
-# 0xRRGGBBAA
-GREEN, VIOLET, RED, GRAY = 0x2EC27EFF, 0xB07CFFFF, 0xFF2D2DFF, 0x9AA0A6FF
-YELLOW, CYAN = 0xFFD60AFF, 0x3DC9FFFF
-
-STATUS_COLORS = {
-    Status.OK: 0x2EC27EFF, Status.DAMPED: 0xFF9F1CFF, Status.SLOWED: 0xA3A948FF,
-    Status.RATE_LIMITED: 0xB07CFFFF, Status.ACCELERATION_LIMITED: 0x3D8BFDFF,
-    Status.POSITION_LIMITED: 0xE668B3FF, Status.SINGULAR: 0xFF2D2DFF, Status.STOPPED: 0x9AA0A6FF,
-    Status.STUCK: 0xB5651DFF, Status.CONTACT: 0x17C3CEFF, Status.TORQUE_LIMITED: 0xFFF3B0FF,
-    Status.JERK_LIMITED: 0x6FE3D0FF, Status.ACCELERATION_EXCEEDED: 0x0B5FFFFF,
-    Status.JERK_EXCEEDED: 0x00A693FF, Status.KEPT_OUT: 0x7A5C00FF,
-}  # fmt: skip
+# 0xRRGGBBAA; only in the picture, which is dark in both themes.
+PINK, YELLOW, CYAN, GHOSTLY = 0xE77BCBFF, 0xFFD60AFF, 0x3DC9FFFF, 0xB8B8B8FF
 
 LEGEND = f"""\
 | in the picture | is |
@@ -46,34 +35,38 @@ LEGEND = f"""\
 | **white line** | the path that the tip shall follow; a white ball, seen if the tip is late, is the target |
 | **trail**, **ball** | where the tip has been, and is; **red** near a singularity |
 {{pale}}| **green ellipsoid** | velocities that take little joint motion: long is easy, **flat is lost** |
-| **violet wires** | forces that take little joint torque: long where the green one is flat |
+| **pink wires** | forces that take little joint torque: long where the green one is flat |
 | **thick double arrow** | the motion that dies first (u_min); it turns **red** as σ_min goes to 0 |
 | **thin double arrow** | the same of the rotation, as an axis; cyan turns red |
 
-Green half axes: {VELOCITY_SECONDS:g} s · σ_i. Violet: c/σ_i, as long as the green ones at \
+Green half axes: {VELOCITY_SECONDS:g} s · σ_i. Pink: c/σ_i, as long as the green ones at \
 σ = {FORCE_EQUAL:g} of the reach, at most {FORCE_LONGEST:g} of the reach.
 σ_i here are those of the translations that the task has, with its rotations held; joint rates and \
 torques have norm 1.
-Plots: bold and pale are the same joint, measured and commanded{{arriving}}.
+Plots: bold and pale are the same joint, measured and commanded{{arriving}}; links and axes have the \
+joints' colors.
 """
 
 
 PALE_ARM = "| **pale arm** | where the law takes the arm to be |\n"
 
 
-def legend(prepared: Prepared) -> str:
+def legend(prepared: Prepared, has_baseline: bool = False) -> str:
     """Return the texts of the picture and of its plots."""
+    changes = ", ".join(f"{key} {value}" for key, value in prepared.scenario.baseline.items())
+    ghostly = f"| **gray ghost**, **thin gray trail** | the baseline: {changes} |\n" * has_baseline
     arriving = "" if prepared.hardware.is_direct else "; dark is what of that arrives at the plant"
-    return LEGEND.format(arriving=arriving, pale=PALE_ARM * prepared.hardware.is_misled)
+    return LEGEND.format(arriving=arriving, pale=PALE_ARM * prepared.hardware.is_misled + ghostly)
 
 
-def geometry(shape: Shape) -> rr.AsComponents:
-    """Return a shape as rerun draws it; the sizes of MuJoCo are half sizes."""
+def geometry(shape: Shape, has_outlines: bool = False) -> rr.AsComponents:
+    """Return a shape as rerun draws it, a mesh always solid; the sizes of MuJoCo are half sizes."""
     position, quat = shape.pose[:3], shape.pose[3:]
     radius, half = float(shape.size[0]), float(shape.size[1])
     color = (shape.rgba * 255).round().astype(np.uint8)
     look: dict[str, Any] = {"colors": [color], "quaternions": [xyzw(quat)]}
-    look["fill_mode"] = rr.components.FillMode.Solid
+    modes = rr.components.FillMode
+    look["fill_mode"] = modes.MajorWireframe if has_outlines else modes.Solid
     if shape.kind == "capsule":  # rerun's begins at its origin, MuJoCo's is centered
         start = position - rotate(quat, np.array([0.0, 0.0, half]))
         return rr.Capsules3D(lengths=[2 * half], radii=[radius], translations=[start], **look)
@@ -101,7 +94,7 @@ def marks(scene: Scene) -> dict[str, rr.AsComponents]:
             colors=GREEN, line_radii=0.7 * thin, fill_mode=fill
         ),
         "tip/force_ellipsoid": rr.Ellipsoids3D.from_fields(
-            colors=VIOLET, line_radii=0.7 * thin, fill_mode=wires
+            colors=PINK, line_radii=0.7 * thin, fill_mode=wires
         ),
         "tip/dying_move": rr.Arrows3D.from_fields(radii=2 * thin),
         "tip/dying_turn": rr.Arrows3D.from_fields(radii=thin),
@@ -114,148 +107,66 @@ def path_line(scene: Scene, color: int = WHITE) -> rr.LineStrips3D:
     return rr.LineStrips3D([line], colors=color, radii=0.0028 * scene.reach)
 
 
-def curves(prepared: Prepared) -> dict[str, rr.AsComponents]:
-    """Return names, colors and widths of the plotted curves, by entity."""
-    joints, k = prepared.arm.joints, min(prepared.arm.n, len(prepared.scenario.task.axes))
-    hues = [HUES[j % len(HUES)] for j in range(len(joints))]
-    units = ["m/s" if slides else "rad/s" for slides in prepared.arm.is_slide]
-    axes = prepared.scenario.task.axes
-    errors = {"position [mm]": YELLOW} if {"x", "y", "z"} & set(axes) else {}
-    errors |= {"rotation [mrad]": CYAN} if {"rx", "ry", "rz"} & set(axes) else {}
-    shades = [mix(GRAY, GREEN, i / k) for i in range(k - 1)] + [GREEN]
-    looks: dict[str, rr.AsComponents] = {
-        "columns/qdot": rr.SeriesLines(
-            names=[f"{joint} [{unit}]" for joint, unit in zip(joints, units, strict=True)],
-            colors=packed(hues),
-            widths=4.0,
-        ),
-        "columns/qdot_cmd": rr.SeriesLines(  # one name: one line in the legend
-            names=["commanded"] * len(joints),
-            colors=packed([mix(hue, WHITE, 0.55) for hue in hues]),
-            widths=1.2,
-        ),
-        **_arriving(prepared, hues),
-        "columns/sigma": rr.SeriesLines(
-            names=[f"σ_{i + 1}" for i in range(k - 1)] + ["σ_min"],
-            colors=packed(shades),
-            widths=[1.0] * (k - 1) + [3.0],
-        ),
-        "columns/damping": rr.SeriesLines(names=["λ damping"], colors=packed(HUES[1:2]), widths=3.0),
-        "error": rr.SeriesLines(
-            names=list(errors), colors=packed(list(errors.values())), widths=[2.0] * len(errors)
-        ),
-    }
-    if prepared.hardware.moves_q:
-        off = [
-            f"{joint} [{'mm' if slides else 'mrad'}]"
-            for joint, slides in zip(joints, prepared.arm.is_slide, strict=True)
-        ]
-        looks["belief"] = rr.SeriesLines(names=off, colors=packed(hues), widths=2.0)
-    for name, (text, color) in extra_curves(prepared).items():
-        looks[f"columns/{name}"] = rr.SeriesLines(names=[text], colors=packed([color]), widths=3.0)
-    return looks
-
-
 def ghost(shape: Shape) -> Shape:
     """Return a shape of the arm that the law takes for the true one, as it is drawn: pale."""
     return replace(shape, rgba=np.array([*shape.rgba[:3], PALE * shape.rgba[3]]))
 
 
-def _arriving(prepared: Prepared, hues: Sequence[int]) -> dict[str, rr.AsComponents]:
-    """Return how rates look that arrive at the plant, where that is not what is commanded."""
-    if prepared.hardware.is_direct:
-        return {}
-    colors = packed([mix(hue, BLACK, 0.35) for hue in hues])
-    return {"columns/qdot_arrived": rr.SeriesLines(names=["arriving"] * len(hues), colors=colors, widths=2.2)}
+def picture_view(
+    scene: Scene, prepared: Prepared, seen: Sequence[NDArray[np.float64]], more: Sequence[str] = ()
+) -> rrb.Spatial3DView:
+    """Return the picture, from where all that is seen is in the frame.
 
-
-def extra_curves(prepared: Prepared) -> dict[str, tuple[str, int]]:
-    """Return name and color of the columns that are plotted with σ where the scenario makes use of them."""
-    control, curves = prepared.scenario.control, {}
-    if POLICIES[control.at_singularity].slows:
-        curves["path_rate"] = ("ṡ pace", YELLOW)
-    if control.nullspace.objective == "secondary":
-        curves["secondary_sigma"] = ("σ left to the second task", CYAN)
-    return curves
-
-
-def lane(flag: Status) -> rr.AsComponents:
-    """Return how a status looks in its timeline."""
-    return rr.StateConfiguration(values=[str(flag.name)], colors=packed([STATUS_COLORS[flag]]))
-
-
-def blueprint(scene: Scene, prepared: Prepared) -> rrb.Blueprint:
-    """Return the layout: the picture with its texts at the left, the plots at the right."""
-    picture = rrb.Spatial3DView(
+    Args:
+        scene: The arm and its path.
+        prepared: The world.
+        seen: Points that the run reaches, (p, 3) each [m].
+        more: What else is shown.
+    """
+    points = np.vstack([scene.points, *seen])
+    return rrb.Spatial3DView(
         name=f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}",
-        contents=["/arm/**", *["/believed/**"] * prepared.hardware.is_misled, "/target/**", "/tip/**"],
-        overrides={"tip/trail": until_now()},
-        eye_controls=eye(scene.points, scene.normal),
-        line_grid=grid(scene.points),
+        contents=["/arm/**", *["/believed/**"] * prepared.hardware.is_misled, "/target/**", "/tip/**", *more],
+        overrides={f"{begin}tip/trail": until_now() for begin in ("", *(["baseline/"] if more else []))},
+        eye_controls=eye(points, scene.normal),
+        line_grid=grid(points),
+        background=backdrop(),
     )
-    is_slowed = POLICIES[prepared.scenario.control.at_singularity].slows
-    axis = time_axis(prepared.reference.duration, is_open=is_slowed)
-    rates = [f"/columns/{name}" for name in ("qdot", "qdot_cmd", "qdot_arrived")]
-    extra = [f"/columns/{name}" for name in extra_curves(prepared)]
-    plots = rrb.Vertical(
-        *(
-            plot(name, contents, axis)
-            for name, contents in (
-                ("Joint rates", rates[: 2 if prepared.hardware.is_direct else 3]),
-                ("Singular values σ and damping λ", ["/columns/sigma", "/columns/damping", *extra]),
-                ("Tip error", ["/error"]),
-                *(
-                    [("What the law takes joints for, less what they are", ["/belief"])]
-                    * prepared.hardware.moves_q
-                ),
-            )
-        ),
-        rrb.StateTimelineView(name="Status", origin="/status", time_view=axis),
-        row_shares=[3, 3, 2, *[2] * prepared.hardware.moves_q, 2],
-    )
-    titles = {"legend": "What you see", "scorecard": "Scorecard", "scenario": "Scenario"}
-    return page(picture, titles, plots)
 
 
-def page(picture: rrb.Spatial3DView, titles: dict[str, str], plots: rrb.Vertical) -> rrb.Blueprint:
+def backdrop() -> rrb.Background:
+    """Return what is behind the picture: the same dark in both themes, on which the path is seen."""
+    return rrb.Background(kind=rrb.BackgroundKind.SolidColor, color=[13, 16, 17])
+
+
+def page(
+    picture: rrb.Spatial3DView, titles: dict[str, str], plots: rrb.Vertical, now: str = ""
+) -> rrb.Blueprint:
     """Return a layout: the picture with its texts at the left, the plots at the right, and no panels.
 
     Args:
         picture: The 3-D view.
         titles: Of the texts, by the name of their entity.
         plots: Below each other.
+        now: Entity of the line of numbers, if there is one.
     """
+    left: list[rrb.View | rrb.Container] = [picture]
+    if now:
+        left.append(rrb.TextDocumentView(origin=now, name="Now", titlebar=False))
     texts = rrb.Tabs(
         *(rrb.TextDocumentView(origin=f"/text/{name}", name=title) for name, title in titles.items())
     )
     return rrb.Blueprint(
-        rrb.Horizontal(rrb.Vertical(picture, texts, row_shares=[3, 1]), plots, column_shares=[5, 4]),
+        rrb.Horizontal(
+            rrb.Vertical(*left, texts, row_shares=[7, *[1.15] * bool(now), 2.1]),
+            plots,
+            column_shares=[9, 11],
+        ),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="playing", loop_mode="all"),
         auto_views=False,
         auto_layout=False,
-    )
-
-
-def plot(name: str, contents: list[str], axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
-    """Return a plot over time."""
-    return rrb.TimeSeriesView(name=name, contents=contents, axis_x=axis, plot_legend=rrb.Corner2D.LeftTop)
-
-
-def time_axis(end: float, *, is_open: bool = False) -> rrb.TimeAxis:
-    """Return the range of the plots; the free quarter at the left is for the legends.
-
-    Args:
-        end: Of the path as planned [s].
-        is_open: Whether a run may take longer, as one that is slowed.
-    """
-    last = rrb.TimeRangeBoundary.infinite() if is_open else rrb.TimeRangeBoundary.absolute(seconds=end)
-    return rrb.TimeAxis(
-        view_range=rr.TimeRange(
-            start=rrb.TimeRangeBoundary.absolute(seconds=-0.3 * end),
-            end=last,
-        )
     )
 
 

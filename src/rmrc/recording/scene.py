@@ -3,13 +3,15 @@
 Nothing here knows the viewer, so that every length and direction can be checked by itself.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.arm import Shape
+from rmrc.arm import Arm, Shape
 from rmrc.results.run import Run
+from rmrc.show.palette import hue
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import matrix_to_quat, quat_to_matrix
 
@@ -29,6 +31,15 @@ THICKNESS = 0.002
 
 # Room around the path for the ellipsoids and arrows at the tip, as a part of the reach.
 MARGIN = 0.3
+
+# A geometry has a color, and is not gray, if its red, green and blue differ by so much.
+COLORED = 0.3
+
+# In which what is farthest must be in the frame: of the edges, corners and faces of a cube.
+DIRECTIONS = np.array([step for step in np.ndindex(3, 3, 3) if step != (1, 1, 1)], float) - 1.0
+
+# How far the axis of a joint is drawn out of its housing, and how large a housing may be: parts of the reach.
+AXIS, LONGEST_AXIS = 0.05, 0.3
 
 # Each half of the double arrow along the dying direction, as a part of the reach.
 ARROW = 0.22
@@ -73,6 +84,8 @@ class Scene:
         normal: Axis (0, 1, 2) along which the tip cannot move, or None for a spatial arm.
         path: Target positions, (p, 3) [m].
         believed: The arm as the law knows it.
+        joint_of: Joint that moves each body, by its number; -1: none of the arm's, (nbody,).
+        joint_axes: Body, name and axis of each joint, as a line in the frame of that body, (2, 3) [m].
     """
 
     def __init__(self, prepared: Prepared) -> None:
@@ -97,10 +110,31 @@ class Scene:
         around = room * np.vstack([np.eye(3), -np.eye(3)])
         near_path = (self.path[:: max(1, len(self.path) // 50), None] + around).reshape(-1, 3)
         self.points = np.vstack([moving, near_path, *boxes])
+        self._corners = _corners(self.shapes)
+        self.joint_of, self.joint_axes = _joints(arm, self._corners, bodies, self.reach)
         # A second configuration, for an arm that only starts in a plane.
         lines = np.vstack([arm.jacobian(q + shift)[:3].T for shift in (0.0, 0.3)])
         still = np.flatnonzero(np.abs(lines).max(axis=0) < 1e-9 * self.reach)
         self.normal = int(still[-1]) if len(still) else None
+
+    def painted(self, shape: Shape) -> Shape:
+        """Return a geometry in the color of the joint that moves it, if it has any color at all."""
+        joint = self.joint_of[shape.body]
+        if joint < 0 or np.ptp(shape.rgba[:3]) < COLORED:
+            return shape
+        channels = [(hue(joint) >> shift & 255) / 255.0 for shift in (24, 16, 8)]
+        return replace(shape, rgba=np.array([*channels, shape.rgba[3]]))
+
+    def outermost(self, frames: Frames) -> Array:
+        """Return the points of the arm that are farthest in many directions at some instants, (p, 3) [m]."""
+        here = [frames.tip]
+        for body, corners in self._corners.items():
+            if self.is_fixed[body]:
+                continue
+            turn = quat_to_matrix(frames.bodies[:, body, 3:])
+            here.append((frames.bodies[:, body, None, :3] + corners @ np.swapaxes(turn, 1, 2)).reshape(-1, 3))
+        points = np.vstack(here)
+        return np.asarray(points[np.unique((points @ DIRECTIONS.T).argmax(axis=0))])
 
     def believed_bodies(self, part: Run, rows: NDArray[np.int64]) -> Array:
         """Return where the law takes the bodies to be at some ticks of a part of the run, (F, nbody, 7)."""
@@ -183,6 +217,40 @@ def principal(J: Array, rows: NDArray[np.int64], held: NDArray[np.int64]) -> tup
         sigma[:, : s.shape[1]] = s
     axes[:, :, 2] *= np.linalg.det(axes)[:, None]  # a rotation, not a reflection
     return axes, sigma
+
+
+def _joints(
+    arm: Arm, corners: dict[int, Array], bodies: Array, reach: float
+) -> tuple[list[int], list[tuple[int, str, Array]]]:
+    """Return which joint moves each body, and where the axis of each joint is drawn: out of its housing."""
+    model, ids = arm.model, arm.wiring.joint.tolist()
+    moved = [int(model.jnt_bodyid[one]) for one in ids]
+    joint_of, lines = [-1], []
+    for body in range(1, model.nbody):
+        own = [j for j, one in enumerate(moved) if one == body]
+        joint_of.append(own[-1] if own else joint_of[model.body_parentid[body]])
+    for body, name, one in zip(moved, arm.joints, ids, strict=True):
+        turn, half = quat_to_matrix(bodies[body, 3:]), 0.0
+        axis, anchor = model.jnt_axis[one], model.jnt_pos[one]
+        for near in {body, int(model.body_parentid[body])} & corners.keys():
+            world = bodies[near, :3] + corners[near] @ quat_to_matrix(bodies[near, 3:]).T
+            along = ((world - bodies[body, :3]) @ turn - anchor) @ axis
+            half = max(half, min(along.max(), -along.min()))
+        half = min(half, LONGEST_AXIS * reach) + AXIS * reach
+        lines.append((body, name, np.array([anchor - half * axis, anchor + half * axis])))
+    return joint_of, lines
+
+
+def _corners(shapes: Sequence[Shape]) -> dict[int, Array]:
+    """Return the corners of a box around all that is seen of each body, in its frame, (8, 3)."""
+    here, boxes = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), dict[int, list[Array]]()
+    for shape in shapes:
+        boxes.setdefault(shape.body, []).append(_box(shape, here))
+    found = {}
+    for body, around in boxes.items():
+        ends = np.array([np.vstack(around).min(axis=0), np.vstack(around).max(axis=0)])
+        found[body] = np.array([ends[corner, [0, 1, 2]] for corner in np.ndindex(2, 2, 2)])
+    return found
 
 
 def _box(shape: Shape, body: Array) -> Array:

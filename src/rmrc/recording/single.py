@@ -1,54 +1,52 @@
 """A run as a rerun recording: every column bit for bit, and a picture of the arm that tells the story.
 
-Entities, one name everywhere:
+Entities:
 
-    columns/<name>   every column of the run at every tick; float64 scalars, status as int64
-    error            position [mm] and rotation [mrad], of the axes that the task has
-    arm/<body>       poses, with the geometries as static children
+    columns          every column of the run at every tick, and what is only drawn: error [mm, mrad], belief
+                     [mrad or mm], and the common logarithms of σ and λ
+    limits, peak     lines that do not move, and the mark of a rate that its plot does not show
+    arm/<body>       poses, with the geometries and the axes of joints as static children
     believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
-    belief           q_believed − q [mrad or mm], where the law takes the joints to be elsewhere
     target/..        path, and the pose wanted at the moment
     tip/..           trail, ellipsoids and the dying direction
-    status/<flag>    one lane for each status, only where it changes
-    baseline/..      columns of the scenario's baseline, if it has one
+    now              the line of numbers, as a text
+    status           what holds, in words, only where it changes
+    events           the same when the run is over, with room for the label of each
+    baseline/..      columns, ghost of the arm and trail of the scenario's baseline, if it has one
     text/..          legend, scorecard, scenario
 
-`sim_time` is rounded to nanoseconds, while columns/time keeps all its bits.
+`sim_time` is rounded to nanoseconds, while the column `time` keeps all its bits.
 """
 
 import re
 import tempfile
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Self
 
 import numpy as np
-import pyarrow.lib as pa
 import rerun as rr
+import rerun.blueprint as rrb
 from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
-from rmrc.recording import stream
-from rmrc.recording.layout import (
-    CYAN,
-    STATUS_COLORS,
-    YELLOW,
-    blueprint,
-    curves,
-    lane,
-    legend,
-    marks,
-    ramp,
-    xyzw,
-)
+from rmrc.recording import live, stream
+from rmrc.recording.events import Strip, color, words
+from rmrc.recording.layout import CYAN, GHOSTLY, PALE, YELLOW, legend, marks, packed, page, picture_view, ramp
+from rmrc.recording.panels import Panels, stacked
+from rmrc.recording.plots import Seen, dashes, logarithm
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
-from rmrc.recording.viewer import repair
-from rmrc.results.columns import ADDED, COLUMNS, completed
+from rmrc.recording.viewer import is_torn, repair
+from rmrc.results.columns import ADDED, COLUMNS, SAME, completed
 from rmrc.results.run import Run
-from rmrc.scenario.choices import Status
 from rmrc.simulation.prepare import Prepared
 
+# The line of numbers changes so often [s]: a reader takes in no more.
+READ_PERIOD = 0.05
+TITLES = {"legend": "What you see", "scorecard": "Scorecard", "scenario": "Scenario"}
 # Begins the entities of a baseline.
 BASELINE = "baseline/"
 
@@ -75,15 +73,15 @@ class Recorder:
             RecordingError: The file cannot be made.
         """
         scene, scenario = Scene(prepared), prepared.scenario
-        self._out = Stream(path, scenario.name, blueprint(scene, prepared))
+        self._out = Stream(path, scenario.name, _layout(scene, Panels(prepared, baseline is not None)))
         self.path, self.part_path = self._out.path, self._out.part_path
-        self._story = _Story(self._out, prepared)
-        self._baseline = None if baseline is None else _Columns(self._out, baseline, BASELINE)
-        self._story.write_arm()
-        for looks in (marks(scene), curves(prepared)):
-            for entity, look in looks.items():
-                self._out.log(entity, look)
-        self._out.log_text("text/legend", legend(prepared))
+        self._ghost = None if baseline is None else _Ghost(self._out, baseline)
+        self._story = _Story(self._out, prepared, self._ghost)
+        self._story.write_arm(scene.painted)
+        self._story.write_axes()
+        for entity, look in marks(scene).items():
+            self._out.log(entity, look)
+        self._out.log_text("text/legend", legend(prepared, baseline is not None))
         self._out.log_text("text/scenario", f"```yaml\n{scenario.to_yaml()}```\n")
 
     def __enter__(self) -> Self:
@@ -115,8 +113,8 @@ class Recorder:
         Raises:
             RecordingError: The file cannot be written.
         """
-        assert self._baseline is not None
-        self._baseline.write(part)
+        assert self._ghost is not None
+        self._ghost.write(part)
         self._out.flush()
 
     def finish(self, scorecard_markdown: str) -> None:
@@ -128,71 +126,145 @@ class Recorder:
         Raises:
             RecordingError: The file cannot be written.
         """
-        self._story.write_last()
+        for track in (self._ghost, self._story):
+            if track is not None:
+                track.write_last()
+        self._story.write_ending()
         self._out.log_text("text/scorecard", scorecard_markdown)
         self._out.finish()
 
 
-class _Columns(Track):
-    """A track of nothing but columns."""
+def _layout(
+    scene: Scene, panels: Panels, seen: Seen | None = None, reached: Sequence[NDArray[np.float64]] = ()
+) -> rrb.Blueprint:
+    """Return what the viewer opens: of a run that is over, with ranges that fit what it shows."""
+    prepared = panels.prepared
+    end = max(prepared.reference.duration, seen.end if seen else 0.0)
+    plots = stacked(panels.all(seen), end, "/events" if seen else "/status")
+    picture = picture_view(scene, prepared, reached, ["/baseline/**"] * panels.has_baseline)
+    return page(picture, TITLES, plots, "/now")
 
-    def write(self, part: Run) -> None:
-        """Write one block of ticks; blocks come in order."""
-        if len(part):
-            self.write_block(part, np.arange(self._ticks, self._ticks + len(part)))
-            self._ticks += len(part)
+
+class _Ghost(Track):
+    """The track of a baseline: gray and pale, and its commands as dashes.
+
+    Attributes:
+        seen: Its commands.
+    """
+
+    def __init__(self, out: Stream, prepared: Prepared) -> None:
+        super().__init__(out, prepared, BASELINE)
+        self.seen = Seen()
+        self.write_arm(lambda shape: replace(shape, rgba=np.array([0.8, 0.8, 0.8, PALE])))
+        thin = 0.004 * self.scene.reach
+        self.out.log(f"{self.prefix}tip/now", rr.Points3D.from_fields(colors=GHOSTLY, radii=4 * thin))
+        self.out.log(f"{self.prefix}tip/trail", rr.LineStrips3D.from_fields(radii=0.7 * thin))
+
+    def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
+        self.seen.add(part["time"], {"baseline": part["qdot_cmd"]})
+        return {"dashed": dashes(part["time"], part["qdot_cmd"], self._prepared.reference.duration)}
+
+    def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
+        return np.full(len(frames.tip), GHOSTLY, np.uint32)
+
+    def write_divergence(self, text: str, time: float, index: list[rr.TimeColumn]) -> None:  # noqa: ARG002
+        self.out.send(f"{self.prefix}status", index, rr.StateChange.columns(state=[text]))
 
 
 class _Story(Track):
     """A track that also shows what the arm can and cannot do at each instant."""
 
-    def __init__(self, out: Stream, prepared: Prepared) -> None:
+    def __init__(self, out: Stream, prepared: Prepared, ghost: _Ghost | None) -> None:
         super().__init__(out, prepared)
-        self._status: int | None = None
-        self._lanes: set[Status] = set()
+        self._ghost, self._panels = ghost, Panels(prepared, ghost is not None)
+        self._seen, self._strip = Seen() if ghost is None else ghost.seen, Strip()
+        self._looks: dict[str, int] = {}
+        self._read = max(1, round(READ_PERIOD / prepared.scenario.control.period))
+        self._write_limits([0.0, prepared.reference.duration])
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         super().write_block(part, ticks)
-        kinds = [rows for rows in (self.translations, self.rotations) if rows]
-        norms = [1e3 * np.linalg.norm(part["pose_error"][:, rows], axis=1) for rows in kinds]
-        errors = Values(stream.SCALARS, np.column_stack(norms))
-        index = stream.index(ticks, part["time"])
-        self.send("error", index, errors)
-        if self._prepared.hardware.moves_q:
-            self.send("belief", index, Values(stream.SCALARS, 1e3 * (part["q_believed"] - part["q"])))
         self._write_status(part, ticks)
+        rows = np.flatnonzero(ticks % self._read == 0)
+        if len(rows):
+            texts = rr.TextDocument.columns(
+                text=live.lines(self._prepared, part, rows), media_type=["text/markdown"] * len(rows)
+            )
+            self.out.send("now", stream.index(ticks[rows], part["time"][rows]), texts)
 
-    def write_divergence(self, text: str, index: list[rr.TimeColumn]) -> None:
-        self.out.send("status/diverged", index, rr.StateChange.columns(state=[text]))
+    def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
+        """Return the errors, and what has a logarithmic axis."""
+        sigma, damping = logarithm(part["sigma"]), part["damping"][:, None]
+        kinds = [rows for rows in (self.translations, self.rotations) if rows]
+        found = {
+            "error": 1e3
+            * np.column_stack([np.linalg.norm(part["pose_error"][:, rows], axis=1) for rows in kinds]),
+            "log_sigma_min": sigma[:, -1:],
+            "plain": dashes(part["time"], part["qdot_plain"], self._prepared.reference.duration),
+            "log_damping": np.where(damping > 0.0, logarithm(damping), np.nan),  # a gap where there is none
+        }
+        if sigma.shape[1] > 1:
+            found["log_sigma"] = sigma[:, :-1]
+        if self._panels.has_second:
+            found["log_secondary"] = logarithm(part["secondary_sigma"])[:, None]
+        if self._prepared.hardware.moves_q:
+            found["belief"] = 1e3 * (part["q_believed"] - part["q"])
+        self._panels.watch(self._seen, part, found)
+        return found
+
+    def write_ending(self) -> None:
+        """Write what is known when the run is over: its events, the peak off the scale, and the layout."""
+        seen, labels = self._seen, self._strip.labels(self._seen.end)
+        colors = {label.text: label.color for label in labels}
+        if labels:
+            look = rr.StateConfiguration(values=list(colors), colors=packed(list(colors.values())))
+            self.out.log("events", look)
+            self.out.send("events", self._at([one.time for one in labels]),
+                          rr.StateChange.columns(state=[one.text for one in labels]))  # fmt: skip
+        if seen.end > self._prepared.reference.duration:
+            self._write_limits([seen.end])
+        for name, peak in self._panels.off_scale(seen).items():
+            mark = np.array([self._panels.mark_of(peak, seen)])
+            self.send(f"peak/{name}", self._at([peak.time]), Values(stream.short("rate"), mark))
+        reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
+        self.out.lay_out(_layout(self.scene, self._panels, seen, reached))
+
+    def _at(self, times: list[float]) -> list[rr.TimeColumn]:
+        time = np.array(times)
+        ticks = np.rint(time / self._prepared.scenario.control.period).astype(np.int64)
+        return stream.index(ticks, time)
+
+    def _write_limits(self, times: list[float]) -> None:
+        levels = {name: one for name, one in self._panels.limits().items() if one}
+        values = [Values(stream.short(name), np.array([one] * len(times))) for name, one in levels.items()]
+        self.send("limits", self._at(times), *values)
+
+    def write_divergence(self, text: str, time: float, index: list[rr.TimeColumn]) -> None:
+        self._strip.end_with(time, text)
+        self.out.send("status", index, rr.StateChange.columns(state=[text]))
 
     def trail_colors(self, frames: Frames) -> NDArray[np.uint32]:
         return ramp(frames.nearness, YELLOW)
 
     def _write_status(self, part: Run, ticks: NDArray[np.int64]) -> None:
         status = part.columns["status"].astype(np.int64)
-        before, self._status = self._status, int(status[-1])
-        if (status == before).all():
+        rows = self._strip.add(part["time"], status)
+        if not len(rows):
             return
-        for flag in STATUS_COLORS:
-            is_on = (status & flag) > 0 if flag else status == 0
-            was_on = False if before is None else bool(before & flag) if flag else before == 0
-            rows = np.flatnonzero(np.diff(is_on, prepend=was_on))
-            if not len(rows):
-                continue
-            if flag not in self._lanes:  # a look alone makes a lane, even of what never occurs
-                self._lanes.add(flag)
-                self.out.log(f"status/{flag.name}", lane(flag))
-            states = [str(flag.name) if on else "" for on in is_on[rows]]  # an empty state ends the last
-            index = stream.index(ticks[rows], part["time"][rows])
-            self.out.send(f"status/{flag.name}", index, rr.StateChange.columns(state=states))
+        texts = [words(one) for one in status[rows].tolist()]
+        looks = {text: color(one) for text, one in zip(texts, status[rows].tolist(), strict=True)}
+        if not looks.items() <= self._looks.items():
+            self._looks |= looks
+            values, colors = list(self._looks), packed(list(self._looks.values()))
+            self.out.log("status", rr.StateConfiguration(values=values, colors=colors))
+        index = stream.index(ticks[rows], part["time"][rows])
+        self.out.send("status", index, rr.StateChange.columns(state=texts))
 
     def write_frames(self, frames: Frames, index: list[rr.TimeColumn]) -> None:
         super().write_frames(frames, index)
         self.send("target/now", index, Values(stream.POINT, frames.target))
-        turned = Values(stream.TURN, xyzw(frames.axes))
-        for name, half in (("velocity", frames.velocity), ("force", frames.force)):
-            where, size = Values(stream.CENTER, frames.tip), Values(stream.HALF, half)
-            self.send(f"tip/{name}_ellipsoid", index, where, size, turned)
+        self.send_ellipsoid("velocity", frames.velocity, frames, index)
+        self.send_ellipsoid("force", frames.force, frames, index)
         origins = np.stack([frames.tip, frames.tip], axis=1)
         arrows = (
             ("move", self.translations, frames.dying_move, YELLOW),
@@ -226,8 +298,8 @@ def read_columns(path: Path, variant: str | None = None) -> dict[str, NDArray[np
         raise RecordingError(f"{path}: no such recording")
     with tempfile.TemporaryDirectory(prefix="rmrc-") as folder:
         whole = path
-        if path.suffix == ".part":
-            whole = Path(folder) / path.stem
+        if path.suffix == ".part" or is_torn(path):
+            whole = Path(folder) / path.name.removesuffix(".part")
             repair(path, whole)
         pieces = _pieces(path, whole, variant)
     columns, complete = {}, []
@@ -238,7 +310,8 @@ def read_columns(path: Path, variant: str | None = None) -> dict[str, NDArray[np
         complete.append(int(gaps[0]) if len(gaps) else len(ticks))
         values = np.concatenate([values for _, values in found])[order]
         columns[name] = values if COLUMNS[name].width else values[:, 0]
-    return completed({name: values[: min(complete)].copy() for name, values in columns.items()})
+    whole_ticks = {name: values[: min(complete)].copy() for name, values in columns.items()}
+    return completed(whole_ticks, SAME | {"qpos": "q", "path_time": "time"})
 
 
 _Pieces = dict[str, list[tuple[NDArray[np.int64], NDArray[np.generic]]]]
@@ -249,11 +322,16 @@ def _pieces(path: Path, whole: Path, variant: str | None) -> _Pieces:
     pieces: _Pieces = {name: [] for name in COLUMNS}
     prefix = "/" if variant is None else f"/{prefix_of(variant)}"
     try:
-        for chunk in RrdReader(whole).stream().filter(content=f"{prefix}columns/**", is_static=False):
-            name = chunk.entity_path.rpartition("/")[2]
-            if name in pieces:
-                pieces[name].append(_decoded(chunk.to_record_batch()))
-        pieces = {name: found for name, found in pieces.items() if found or name not in ADDED}
+        for chunk in RrdReader(whole).stream().filter(content=f"{prefix}columns", is_static=False):
+            batch = chunk.to_record_batch()
+            ticks = batch.column("tick").to_numpy(zero_copy_only=False)
+            rows = batch.column("columns").flatten()
+            for name in pieces.keys() & {one.name for one in rows.type}:
+                values = rows.field(name)
+                flat = values if values.type.num_fields == 0 else values.flatten()
+                pieces[name].append((ticks, flat.to_numpy(zero_copy_only=False).reshape(len(batch), -1)))
+        left_out = ADDED | {"path_time"}
+        pieces = {name: found for name, found in pieces.items() if found or name not in left_out}
         variants = [] if all(pieces.values()) else _variants(whole)
     except (OSError, RuntimeError, ValueError) as error:
         raise RecordingError(f"{path}: is damaged, or not a recording: {one_line(error)}") from None
@@ -268,14 +346,5 @@ def _pieces(path: Path, whole: Path, variant: str | None) -> _Pieces:
 def _variants(whole: Path) -> list[str]:
     """Return the labels of the variants that a recording holds."""
     chunks = RrdReader(whole).stream().filter(content="/variants/**", is_static=False)
-    found = (re.match(r"/variants/((?:\\.|[^/\\])+)/columns/", chunk.entity_path) for chunk in chunks)
+    found = (re.match(r"/variants/((?:\\.|[^/\\])+)/columns$", chunk.entity_path) for chunk in chunks)
     return list(dict.fromkeys(re.sub(r"\\(.)", r"\1", match[1]) for match in found if match))
-
-
-def _decoded(batch: pa.RecordBatch) -> tuple[NDArray[np.int64], NDArray[np.generic]]:
-    """Return ticks (T,) and values (T, width) of a chunk that has one component."""
-    (values,) = [
-        c for c, f in zip(batch.columns, batch.schema, strict=True) if isinstance(f.type, pa.ListType)
-    ]
-    ticks = batch.column("tick").to_numpy(zero_copy_only=False)
-    return ticks, values.flatten().to_numpy(zero_copy_only=False).reshape(len(batch), -1)

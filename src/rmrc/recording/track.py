@@ -2,8 +2,10 @@
 
 Its entities stand below a prefix, so that a recording can hold many worlds:
 
-    columns/<name>   every column of the run at every tick; float64 scalars, status as int64; what arrives
-                     is left out where it is what is commanded, what is believed where it is true
+    columns          at every tick, two components: `columns` has a field for every column of the run, of
+                     float64, and status of int64; `curves` what is only drawn, of float32. What arrives is
+                     left out where it is what is commanded, what is believed where it is true, qpos
+                     where it is q, and the time along a path that is not slowed
     arm/<body>       poses, with the geometries as static children
     believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
     tip/..           position and trail
@@ -19,9 +21,10 @@ from rmrc.arm import Shape
 from rmrc.recording import stream
 from rmrc.recording.layout import geometry, ghost, xyzw
 from rmrc.recording.scene import Frames, Scene
-from rmrc.recording.stream import Stream, Values
-from rmrc.results.columns import SAME
+from rmrc.recording.stream import Stream, Table, Values
 from rmrc.results.run import Run
+from rmrc.scenario.choices import POLICIES
+from rmrc.show.palette import hue
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import AXES
 
@@ -65,12 +68,29 @@ class Track:
         self.rotations = [row for row in rows if row > 2]
         self._last: Run | None = None
         self._tip = self.scene.path[:1]
+        self._reached: list[NDArray[np.float64]] = []
+        wiring = prepared.arm.wiring
+        own = np.array_equal(wiring.qpos, np.arange(len(prepared.qpos)))
+        direct, true = prepared.hardware.is_direct, not prepared.hardware.moves_q
+        on_time = not POLICIES[prepared.scenario.control.at_singularity].slows
+        self._left_out = {
+            "qdot_arrived": direct,
+            "q_believed": true,
+            "qpos": own,
+            "path_time": on_time,
+        }
 
-    def write_arm(self, paint: Callable[[Shape], Shape] = lambda shape: shape) -> None:
+    @property
+    def reached(self) -> NDArray[np.float64]:
+        """Outermost points that the arm reaches, (p, 3) [m]."""
+        return np.vstack([np.empty((0, 3)), *self._reached])
+
+    def write_arm(self, paint: Callable[[Shape], Shape], *, has_outlines: bool = False) -> None:
         """Write the geometries, those that the law takes for them pale, and where bodies are that never move.
 
         Args:
             paint: What is drawn for each geometry.
+            has_outlines: Whether as outlines only.
         """
         scene, arm = self.scene, self._prepared.true_arm
         for body in sorted({shape.body for shape in scene.shapes}):
@@ -80,11 +100,18 @@ class Track:
                 there = rr.Transform3D(translation=pose[:3], quaternion=quaternion)
                 self.out.log(self.prefix + self.body_path("arm", body), there)
         for shape in scene.shapes:
-            self.out.log(self.prefix + self.shape_path("arm", shape), geometry(paint(shape)))
+            self.out.log(self.prefix + self.shape_path("arm", shape), geometry(paint(shape), has_outlines))
         for shape in scene.believed.shapes() if self._prepared.hardware.is_misled else ():
             if not scene.is_fixed[shape.body]:
                 path = self.prefix + self.shape_path("believed", shape)
                 self.out.log(path, geometry(ghost(paint(shape))))
+
+    def write_axes(self) -> None:
+        """Write the axes of the joints, in the colors that the plots have for them."""
+        for j, (body, name, line) in enumerate(self.scene.joint_axes):
+            path = f"{self.body_path('arm', body)}/{rr.escape_entity_path_part(f'axis of {name}')}"
+            mark = rr.LineStrips3D([line], colors=[hue(j)], radii=[0.006 * self.scene.reach])
+            self.out.log(self.prefix + path, mark)
 
     def write(self, part: Run) -> None:
         """Write one block of ticks; blocks come in order.
@@ -104,7 +131,7 @@ class Track:
             self._last = part
         if part.divergence is not None:
             at = stream.index(np.array([part.divergence.tick]), np.array([part.divergence.time]))
-            self.write_divergence(str(part.divergence), at)
+            self.write_divergence(str(part.divergence), part.divergence.time, at)
 
     def write_last(self) -> None:
         """Show the last tick of a run that was cut short."""
@@ -115,6 +142,13 @@ class Track:
     def send(self, path: str, index: list[rr.TimeColumn], *columns: object) -> None:
         """Write values over time below the prefix."""
         self.out.send(self.prefix + path, index, list(columns))
+
+    def send_ellipsoid(
+        self, name: str, half: NDArray[np.float64], frames: Frames, index: list[rr.TimeColumn]
+    ) -> None:
+        """Write an ellipsoid at the tip, with half axes (F, 3)."""
+        where, size = Values(stream.CENTER, frames.tip), Values(stream.HALF, half)
+        self.send(f"tip/{name}_ellipsoid", index, where, size, Values(stream.TURN, xyzw(frames.axes)))
 
     def send_bodies(self, root: str, bodies: NDArray[np.float64], index: list[rr.TimeColumn]) -> None:
         """Write the poses of the bodies that move, (F, nbody, 7), below a root."""
@@ -128,18 +162,20 @@ class Track:
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         """Write what is known at every tick (T,) of a block."""
+        kept = {name: one for name, one in part.columns.items() if not self._left_out.get(name, False)}
+        kept["status"] = part.columns["status"].astype(np.int64)
+        drawn = {name: one.astype(np.float32) for name, one in self.curves(part).items()}
         index = stream.index(ticks, part["time"])
-        hardware = self._prepared.hardware
-        is_same = {"qdot_arrived": hardware.is_direct, "q_believed": not hardware.moves_q}
-        for name, values in part.columns.items():
-            if name in SAME and is_same[name]:
-                continue
-            kind = stream.STATUS if name == "status" else stream.SCALARS
-            self.send(f"columns/{name}", index, Values(kind, values))
+        self.send("columns", index, Table("columns", kept), Table("curves", drawn))
+
+    def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
+        """Return what is only drawn of a block: (T, width) each."""
+        raise NotImplementedError
 
     def write_frames(self, frames: Frames, index: list[rr.TimeColumn]) -> None:
         """Write what is seen at some instants."""
         self.send_bodies("arm", frames.bodies, index)
+        self._reached.append(self.scene.outermost(frames))
         self.send("tip/now", index, Values(stream.POINT, frames.tip))
         before = np.concatenate([self._tip, frames.tip[:-1]])
         self._tip = frames.tip[-1:]
@@ -156,7 +192,7 @@ class Track:
         """Return a color 0xRRGGBBAA for each instant, (F,)."""
         raise NotImplementedError
 
-    def write_divergence(self, text: str, index: list[rr.TimeColumn]) -> None:
+    def write_divergence(self, text: str, time: float, index: list[rr.TimeColumn]) -> None:
         """Write that the run ended there."""
         raise NotImplementedError
 

@@ -9,13 +9,17 @@ import threading
 import time
 from pathlib import Path
 
+from rmrc.recording import unlogged
 from rmrc.recording.viewer_page import RECORDING, TYPES, PageServer
 from rmrc.recording.viewer_process import LOOPBACK, Events, Program, Stopped, listening_to_signals
 from rmrc.support.errors import RmrcError, did_you_mean
 from rmrc.support.invocation import command
+from rmrc.support.legible import visible
 
-# How a .rrd file begins.
-MAGIC = b"RRF"
+# How a .rrd file begins, and how it ends, four bytes before its last.
+MAGIC, FORMAT, FOOT = b"RRF", b"RRF2", b"RRF2FOOT"
+# Bytes of a recording with nothing in it.
+EMPTY = 64
 
 # Seconds that rerun has to serve its page, which takes it a tenth of one, and between two looks.
 PATIENCE, LOOK = 30.0, 0.05
@@ -25,15 +29,39 @@ class ViewerError(RmrcError, OSError):
     """A recording cannot be shown."""
 
 
-def replay(path: Path, web: bool = False) -> int:
+def recording_of(path: Path) -> Path:
+    """Return the recording that a path stands for: of a folder its newest, of a NAME.npz the one beside it.
+
+    Raises:
+        ViewerError: There is none.
+    """
+    if path.is_dir():
+        found = [one for pattern in ("*.rrd", "*.rrd.part") for one in path.glob(pattern)]
+        if not found:
+            raise ViewerError(f"{path}: has no recordings; `{command('run', 'SCENARIO')}` leaves them")
+        return max(found, key=lambda one: one.stat().st_mtime_ns)
+    if path.suffix == ".npz" and path.is_file():
+        beside = path.with_suffix(".rrd")
+        if not beside.is_file():
+            raise ViewerError(
+                f"{path}: {beside.name} is not beside it; `{command('run', 'SCENARIO')}` leaves both, and "
+                f"`{command('plot', path)}` draws the columns alone"
+            )
+        return beside
+    return path
+
+
+def replay(path: Path, web: bool = False, at: float | None = None, port: int | None = None) -> int:
     """Show a recording until the viewer is closed, or a signal asks to stop.
 
     The viewer and its servers listen on 127.0.0.1 alone; telemetry is off for this viewer, and the
     user's own settings stay as they are. The page in a browser can talk to this process only.
 
     Args:
-        path: A `.rrd`, or the `.rrd.part` of a run that was killed.
+        path: A `.rrd`, the `.rrd.part` of a run that was killed, or what `recording_of` takes.
         web: Serve the viewer to a browser instead of opening a window, and print its address.
+        at: Where the cursor of a window begins, at rest [s]; None: it plays from the start.
+        port: Of 127.0.0.1, on which the page is served, or the window listens; None: a free one.
 
     Returns:
         Exit code: 0 after a window was closed, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
@@ -41,30 +69,36 @@ def replay(path: Path, web: bool = False) -> int:
     Raises:
         ViewerError: No such recording, not a recording, no display, or the viewer does not run.
     """
+    path = recording_of(path)
     _check(path)
+    if web and at is not None:
+        raise ViewerError(f"--at {at:g}: is for a window; rerun's page cannot be told where to begin")
+    if port is not None:
+        _check_port(port)
     if not web and not _has_display():
         way = command("replay", "--web", path)
         raise ViewerError(f"there is no display to open the viewer on; use: {way}")
     try:
         with listening_to_signals() as events, tempfile.TemporaryDirectory(prefix="rmrc-") as folder:
             shown = path
-            if path.suffix == ".part":  # the viewer knows a recording by its suffix, and waits for a torn end
-                shown = Path(folder) / path.stem
+            # The viewer knows a recording by its suffix, and waits for ever for a torn end.
+            if path.suffix == ".part" or is_torn(path):
+                shown = Path(folder) / path.name.removesuffix(".part")
                 repair(path, shown, events)
             if web:
-                _serve(shown, events)
+                _serve(shown, events, port or 0)
             else:
-                _open_window(shown, path, events)
+                _open_window(shown, path, events, at, port or _free_port())
     except Stopped as stopped:
         return stopped.code
     return 0
 
 
 def repair(part: Path, whole: Path, events: Events | None = None) -> None:
-    """Write all that is good in the recording of a killed run, whose end may be torn, to a new file.
+    """Write all that is good in a recording whose end may be torn, as of a killed run, to a new file.
 
     Args:
-        part: The `.rrd.part`.
+        part: The `.rrd.part`, or a torn `.rrd`.
         whole: Where to write.
         events: Where signals come, if anybody listens to them.
 
@@ -76,24 +110,49 @@ def repair(part: Path, whole: Path, events: Events | None = None) -> None:
     with tempfile.TemporaryFile() as said:
         with Program(merge, events or Events(), stderr=said) as program:
             code = program.wait()
+        if not code and whole.is_file() and whole.stat().st_size <= EMPTY:
+            raise ViewerError(
+                f"{part}: cannot be repaired: nothing in it can be read; run its scenario again"
+            )
         if code or not whole.is_file():
             said.seek(0)
             reason = " ".join(said.read().decode(errors="replace").split()) or "nothing in it"
             raise ViewerError(f"{part}: cannot be repaired: {reason}")
 
 
-def _open_window(shown: Path, path: Path, events: Events) -> None:
-    options = ["--bind", LOOPBACK, "--port", str(_free_port()), "--hide-welcome-screen"]
+def _open_window(shown: Path, path: Path, events: Events, at: float | None, port: int) -> None:
+    options = ["--bind", LOOPBACK, "--port", str(port), "--hide-welcome-screen"]
     with Program([*options, str(shown.absolute())], events) as program:
+        if at is not None:
+            _go_to(at, port, program, events)
         code = program.wait()
     if code:
         way = command("replay", "--web", path)
         raise ViewerError(f"the viewer ended with exit code {code}; use: {way}")
 
 
-def _serve(shown: Path, events: Events) -> None:
+def _go_to(at: float, port: int, program: Program, events: Events) -> None:
+    """Move the cursor of a window, once it has the recording; without it, the recording plays as it does."""
+    with unlogged():
+        from rerun.experimental import ViewerClient  # with rerun, a third of a second
+
+    until = time.monotonic() + PATIENCE
+    while not program.has_ended and time.monotonic() < until:
+        events.raise_if_stopped()
+        try:
+            client = ViewerClient.connect(f"rerun+http://{LOOPBACK}:{port}/proxy")
+            state = client.get_state()
+            if state.recordings and state.recordings[0].timelines and not state.loading:
+                client.set_time("sim_time", duration=at, play_state="paused")
+                return
+        except (OSError, RuntimeError, ValueError):  # it does not listen yet
+            pass
+        events.wait(LOOK)
+
+
+def _serve(shown: Path, events: Events, port: int) -> None:
     """Serve the page and the recording until a signal asks to stop."""
-    with PageServer(_page_files(events), shown) as server:
+    with PageServer(_page_files(events), shown, port) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": LOOK}, daemon=True)
         thread.start()
         try:
@@ -151,13 +210,41 @@ def _get(port: int, path: str) -> bytes:
     return content
 
 
+def is_torn(path: Path) -> bool:
+    """Return whether a recording begins as one and does not end as one, as after a full disk."""
+    with path.open("rb") as file:
+        begins = file.read(len(MAGIC)) == MAGIC
+        file.seek(-min(len(FOOT) + 4, file.seek(0, os.SEEK_END)), os.SEEK_END)
+        return begins and not file.read().startswith(FOOT)
+
+
+def _check_port(port: int) -> None:
+    """Refuse a port on which somebody listens already, or may not."""
+    with socket.socket() as probe:
+        probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((LOOPBACK, port))
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise ViewerError(
+                f"--port {port}: {reason}; give another, or none for one that is free"
+            ) from None
+
+
 def _check(path: Path) -> None:
     if not path.is_file():
         beside = [p.name for pattern in ("*.rrd", "*.rrd.part") for p in path.parent.glob(pattern)]
         raise ViewerError(f"{path}: no such recording{did_you_mean(path.name, beside)}")
     with path.open("rb") as file:
-        if file.read(len(MAGIC)) != MAGIC:
-            raise ViewerError(f"{path}: is not a recording; `rmrc run` writes them, ending in .rrd")
+        head = file.read(len(FORMAT))
+    if not head.startswith(MAGIC):
+        raise ViewerError(f"{path}: is not a recording; `rmrc run` writes them, ending in .rrd")
+    if head != FORMAT:
+        found = head.decode(errors="replace")
+        raise ViewerError(
+            f'{path}: begins with "{visible(found)}", not "{FORMAT.decode()}": it is damaged, or of another '
+            "version of rerun; run its scenario again"
+        )
 
 
 def _has_display() -> bool:

@@ -80,13 +80,14 @@ class PageServer(ThreadingHTTPServer):
     Args:
         files: What `TYPES` names, as rerun serves it.
         recording: Read anew for each request.
+        port: On which it answers; 0: a free one.
     """
 
     daemon_threads = True  # a browser that reads slowly does not hold up the end
 
-    def __init__(self, files: Mapping[str, bytes], recording: Path) -> None:
+    def __init__(self, files: Mapping[str, bytes], recording: Path, port: int = 0) -> None:
         """Take a port; `serve_forever` answers."""
-        super().__init__((LOOPBACK, 0), _Answer)
+        super().__init__((LOOPBACK, port), _Answer)
         page = without_foreign_links(files["/"].decode())
         self.files = {**files, "/": page.encode()}
         self.policy = policy(page)

@@ -70,9 +70,11 @@ ADDED = frozenset({"qpos", "tau_gravity", "qdot_arrived", "qdot_plain", "q_belie
 SAME = {"qdot_arrived": "qdot_cmd", "q_believed": "q"}
 
 
-def completed(columns: Mapping[str, NDArray[np.generic]]) -> dict[str, NDArray[np.generic]]:
+def completed(
+    columns: Mapping[str, NDArray[np.generic]], same: Mapping[str, str] = SAME
+) -> dict[str, NDArray[np.generic]]:
     """Return the columns of a file in order, with those that it lacks because others are the same."""
-    found = {name: columns.get(name, columns.get(SAME.get(name, ""))) for name in COLUMNS}
+    found = {name: columns.get(name, columns.get(same.get(name, ""))) for name in COLUMNS}
     return {name: values for name, values in found.items() if values is not None}
 
 

@@ -1,16 +1,31 @@
-"""Colors, 0xRRGGBBAA, for a dark and a light background; neighbors differ in hue and brightness."""
+"""Colors, 0xRRGGBBAA, one for each thing, for a dark and a light background and for all color vision.
 
+Each has a contrast of 3 at least against white and against the viewer's dark. Any two that share a panel
+differ by a ΔE of 20 at least (CIE 1976), as deuteranopes and protanopes see them too. Joints have no green,
+magenta, red or turquoise: these are of σ_min, λ, what is grave, and what acts.
+"""
+
+# Of joints, in the order of the chain, and of variants.
 HUES = (
-    0x3D8BFDFF, 0xFF9F1CFF, 0x2EC27EFF, 0xE5484DFF, 0xB07CFFFF, 0x17C3CEFF, 0xE668B3FF, 0xA3A948FF,
+    0x2F7FE8FF, 0xE06C00FF, 0x692DFFFF, 0xA5875AFF, 0x4B96D2FF, 0xB44B1EFF, 0x695A87FF, 0x785A4BFF,
 )  # fmt: skip
 BLACK, WHITE = 0x000000FF, 0xFFFFFFFF
+# Limits and bounds; the smallest singular value; λ; the tip, and its error.
+GRAY, GREEN, MAGENTA, GOLD = 0x888888FF, 0x1E9650FF, 0xB4289BFF, 0xB08A00FF
+# Of statuses: what is grave, what acts, and nothing.
+RED, TEAL, SLATE = 0xFF2D2DFF, 0x00A0A8FF, 0x666666FF
+
+
+def hue(joint: int) -> int:
+    """Return the color of a joint, 0xRRGGBBAA, by its number in the chain."""
+    return HUES[joint % len(HUES)]
 
 
 def distinct(count: int) -> list[int]:
     """Return as many colors: the hues, then the same darker, then paler, and so on.
 
     >>> [f"{color:08x}" for color in distinct(9)][::8]
-    ['3d8bfdff', '255398ff']
+    ['2f7fe8ff', '1c4c8bff']
     """
     rounds = (
         (BLACK, 0.0),

@@ -1,0 +1,118 @@
+"""What happens to a run, in words, on one strip: each state once, and short ones long enough to be read."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.scenario.choices import Status
+from rmrc.show.palette import RED, SLATE, TEAL
+
+# A label needs this share of the strip.
+SHORTEST = 1 / 6
+GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
+FREE = "free"
+
+
+class Label(NamedTuple):
+    """A part of the strip, up to the next label.
+
+    Attributes:
+        time: Where it begins [s].
+        text: On it.
+        color: Of it, 0xRRGGBBAA.
+    """
+
+    time: float
+    text: str
+    color: int
+
+
+def words(status: int) -> str:
+    """Return a status as words.
+
+    >>> words(Status.DAMPED | Status.RATE_LIMITED), words(0)
+    ('damped, rate limited', 'free')
+    """
+    return ", ".join(str(one.name).lower().replace("_", " ") for one in Status if one & status) or FREE
+
+
+def color(status: int) -> int:
+    """Return the color of a status, 0xRRGGBBAA: of what is grave, of what acts, or of nothing."""
+    return RED if status & GRAVE else TEAL if status else SLATE
+
+
+class Strip:
+    """The statuses of a run, of which the labels of its strip are made in the end."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._changes: list[tuple[float, int]] = []
+        self._last: list[Label] = []
+
+    def add(self, time: NDArray[np.float64], status: NDArray[np.int64]) -> NDArray[np.int64]:
+        """Take times and statuses of a block, (T,) each; return the rows at which the status changes."""
+        before = self._changes[-1][1] if self._changes else -1
+        rows = np.flatnonzero(np.diff(status, prepend=before))
+        self._changes += zip(time[rows].tolist(), status[rows].tolist(), strict=True)
+        return rows
+
+    def end_with(self, time: float, text: str) -> None:
+        """Note why the run ended."""
+        self._last = [Label(time, text, RED)]
+
+    def held(self, end: float) -> dict[Status, float]:
+        """Return how long each status holds that ever does [s].
+
+        Args:
+            end: Of the run [s].
+        """
+        found: dict[Status, float] = {}
+        for begin, until, one in self._spans(end):
+            for flag in Status:
+                if flag & one:
+                    found[flag] = found.get(flag, 0.0) + until - begin
+        return found
+
+    def _spans(self, end: float) -> list[tuple[float, float, int]]:
+        ends = [*(time for time, _ in self._changes[1:]), end]
+        return [(begin, until, one) for (begin, one), until in zip(self._changes, ends, strict=False)]
+
+    def labels(self, end: float) -> list[Label]:
+        """Return the labels of the whole strip.
+
+        States too short for a label share one, which says how long each of them lasts under it.
+
+        Args:
+            end: Of the run [s].
+        """
+        least, found, spans = SHORTEST * end, list[Label](), self._spans(end)
+        i, begin = 0, 0.0
+        while i < len(spans):
+            begin, (_, until, one) = max(begin, spans[i][0]), spans[i]
+            if until - begin >= least or (i == len(spans) - 1 and not found):
+                found.append(Label(begin, words(one), color(one)))
+                i += 1
+                continue
+            # From here to where a label ends: all that is under it, and the rest of the last one after it.
+            last = i
+            while last + 1 < len(spans) and spans[last + 1][0] < begin + least:
+                last += 1
+            goes_on = spans[last][1] - (begin + least) >= least
+            found.append(_shared(spans[i : last + 1], begin, begin + least if goes_on else end))
+            i, begin = (last, begin + least) if goes_on else (last + 1, begin)
+        return found + self._last
+
+
+def _shared(spans: Sequence[tuple[float, float, int]], begin: float, end: float) -> Label:
+    """Return the label of several states: the gravest first, and how long each lasts."""
+    lasted: dict[int, float] = {}
+    for since, until, one in spans:
+        lasted[one] = lasted.get(one, 0.0) + min(until, end) - max(since, begin)
+    together = 0
+    for one in lasted:
+        together |= one
+    ranked = sorted(lasted, key=lambda one: (not one & GRAVE, not one, -lasted[one]))
+    texts = [f"{words(one)} {1e3 * lasted[one]:.0f} ms" for one in ranked if one or len(lasted) == 1]
+    return Label(begin, "; ".join(texts), color(together))
