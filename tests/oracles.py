@@ -610,11 +610,11 @@ class NumpyLoop:
             np.clip(rates, lower, upper),
             limits.on_excess == "optimal" and not limits.keep_direction,
         )
-        if limits.on_excess == "clamp" or is_free:
-            return clipped, limited
         chosen = self.within_all(J, v, lam, drift, rates, span)
         if chosen is not None:
             return chosen, limited
+        if limits.on_excess == "clamp" or is_free:
+            return clipped, limited
         assert limits.on_excess in ("scale", "redistribute", "optimal", "sns"), (
             f"no oracle for {limits.on_excess}: write it here"
         )

@@ -146,7 +146,8 @@ def test_of_few_joints_all_choices_are_looked_at(seed):
         return  # ties within rounding may then be far apart
     best = best_within(J, twist, lam, drift, lower, upper)
     assert_allclose(J @ y, J @ best, rtol=0, atol=1e-8 * (1 + np.abs(J @ best).max()))
-    assert_allclose(np.linalg.norm(y - drift), np.linalg.norm(best - drift), rtol=1e-6, atol=1e-8)
+    # Where columns depend on each other, the choices miss some of the ways to have some at their bounds.
+    assert np.linalg.norm(y - drift) <= np.linalg.norm(best - drift) * (1 + 1e-6) + 1e-8
 
 
 def cost(J, twist, lam, y, drift):

@@ -844,7 +844,7 @@ def test_without_columns_what_is_held_does_not_grow_with_the_run(scenario):
         return sum(shard.batch.ticks.nbytes for shard in simulation._shards)
 
     short, long = (f"target.path=[{{hold: {{for: {seconds}}}}}]" for seconds in (10, 100))
-    assert held(False, short) == held(False, long) <= HELD * 1000  # a kilobyte a tick at most
+    assert held(False, short) == held(False, long) <= HELD * 1024  # a kilobyte a tick at most
     assert held(True, long) > 9 * held(True, short)  # kept, it does
 
 

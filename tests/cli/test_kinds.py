@@ -32,7 +32,7 @@ CASES = [
     ("run", "named.xml.yaml", "… model … scenario; … `rmrc inspect named.xml.yaml` … `arm: {model: named.xml.yaml, site: ...}`"),
     ("run", "x.rrd", "… recording … scenario; … `rmrc replay x.rrd`"),
     ("run", "x.npz", "… columns of a run … scenario; … `rmrc plot x.npz`"),
-    ("run", "x.parquet", "… rows of a sweep … scenario; … Python … pandas.read_parquet"),
+    ("run", "x.parquet", "… rows of a sweep … scenario; … report x.parquet`"),
     ("run", "x.json", "… figures of a run … scenario; … Python … json.load"),
     ("run", "x.png", "… picture … scenario"),
     ("inspect", "x.rrd", "… recording … model; … `rmrc replay x.rrd`"),

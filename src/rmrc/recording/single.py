@@ -279,12 +279,15 @@ class _Story(Track):
             self.send(f"tip/dying_{name}", index, both_ways, Values(stream.ORIGIN, origins), shade)
 
 
-def read_columns(path: Path, variant: str | None = None) -> dict[str, NDArray[np.generic]]:
+def read_columns(
+    path: Path, variant: str | None = None, baseline: bool = False
+) -> dict[str, NDArray[np.generic]]:
     """Return all columns of a recording, or of what a killed process left of one, bit for bit.
 
     Args:
         path: A `.rrd` or `.rrd.part` file.
         variant: Label of a variant, of the recording of a comparison.
+        baseline: Whether those of the baseline, of the recording of a run that has one.
 
     Returns:
         Arrays by the names of `rmrc.results.columns.COLUMNS`, sorted by tick: (T,) or (T, width). A block
@@ -301,7 +304,7 @@ def read_columns(path: Path, variant: str | None = None) -> dict[str, NDArray[np
         if path.suffix == ".part" or is_torn(path):
             whole = Path(folder) / path.name.removesuffix(".part")
             repair(path, whole)
-        pieces = _pieces(path, whole, variant)
+        pieces = _pieces(path, whole, variant, BASELINE if baseline else "")
     columns, complete = {}, []
     for name, found in pieces.items():
         ticks = np.concatenate([ticks for ticks, _ in found])
@@ -317,10 +320,10 @@ def read_columns(path: Path, variant: str | None = None) -> dict[str, NDArray[np
 _Pieces = dict[str, list[tuple[NDArray[np.int64], NDArray[np.generic]]]]
 
 
-def _pieces(path: Path, whole: Path, variant: str | None) -> _Pieces:
+def _pieces(path: Path, whole: Path, variant: str | None, whose: str) -> _Pieces:
     """Return ticks and values of the chunks of each column, in any order."""
     pieces: _Pieces = {name: [] for name in COLUMNS}
-    prefix = "/" if variant is None else f"/{prefix_of(variant)}"
+    prefix = f"/{whose}" if variant is None else f"/{prefix_of(variant)}"
     try:
         for chunk in RrdReader(whole).stream().filter(content=f"{prefix}columns", is_static=False):
             batch = chunk.to_record_batch()

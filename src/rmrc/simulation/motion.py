@@ -259,4 +259,5 @@ def _mean_jerk(motion: Motion, times: Array, span: float) -> Array:
         return motion.at(np.clip(time, 0.0, motion.time[-1]))[:, 7:13]
 
     middle = np.concatenate([times - span, times, times + span])
-    return np.asarray((velocity(middle - span) - 2.0 * velocity(middle) + velocity(middle + span)) / span**2)
+    change = velocity(middle - span) - 2.0 * velocity(middle) + velocity(middle + span)
+    return np.asarray(change / span / span)  # a span of 1e200 s has no square
