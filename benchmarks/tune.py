@@ -1,6 +1,7 @@
 """What a search costs, and how good its front is.
 
-    python benchmarks/tune.py [--scenarios NAME ...] [--seeds 6] [--runs 2000] [--ideal] [--threads 1]
+    python benchmarks/tune.py [--scenarios NAME ...] [--set KEY=VALUE ...] [--seeds 6] [--runs 2000]
+        [--ideal] [--threads 1]
 
 For each scenario and seed: seconds of CPU of this process, of the search and of the margins at its end, with
 all that is compiled loaded; ticks of worlds, in millions, which do not depend on the machine; settings that
@@ -62,11 +63,11 @@ def hypervolume(front: Sequence[tuple[float, float]], reference: tuple[float, fl
     return area
 
 
-def measured(path: Path, seed: int, **options: object) -> list[float]:
+def measured(path: Path, overrides: Sequence[str], seed: int, **options: object) -> list[float]:
     """Return the figures of a search."""
     before = resource.getrusage(resource.RUSAGE_SELF)
     with counted() as ticks:
-        found: Tuned = Tuning(path, seed=seed, **options).run()
+        found: Tuned = Tuning(path, overrides, seed=seed, **options).run()
     after = resource.getrusage(resource.RUSAGE_SELF)
     front = [one.worst.point[:2] for one in found.verdict.front]
     best = found.verdict.recommended
@@ -85,6 +86,7 @@ def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--scenarios", nargs="+", default=CASES)
+    parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="of all scenarios")
     parser.add_argument("--seeds", type=int, default=6)
     parser.add_argument("--runs", type=int, default=2000)
     parser.add_argument("--threads", type=int, default=1)
@@ -96,10 +98,10 @@ def main() -> None:
     print(f"{'':28s}" + "".join(f"{name:>13s}" for name in FIGURES))
     for name in arguments.scenarios:
         path = SCENARIOS / f"{name}.yaml"
-        Tuning(path).compile()
+        Tuning(path, arguments.set).compile()
         rows = found[name] = []
         for seed in range(arguments.seeds):
-            rows.append(measured(path, seed, **options))
+            rows.append(measured(path, arguments.set, seed, **options))
             _show(f"{name}, {seed}", rows[-1])
         for what, of in (("min", min), ("median", statistics.median), ("max", max)):
             _show(f"{name}, {what}", [of(values) for values in zip(*rows, strict=True)])

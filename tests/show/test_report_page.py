@@ -209,41 +209,46 @@ def test_a_table_has_headings_for_rows_and_columns(tmp_path):
     assert found.all("caption")
 
 
-@pytest.mark.browser
-@pytest.mark.usefixtures("pages")
-@pytest.mark.parametrize("scheme", ["light", "dark"])
-@pytest.mark.parametrize("kind", ["run", "compare", "sweep", "tune"])
-def test_a_browser_shows_a_page_without_complaint(left, kind, scheme):
+@pytest.fixture(scope="module")
+def browser():
     if CHROMIUM is None:
         pytest.skip("there is no Chromium here; `.ci/run browser` installs one")
-    import axe_playwright_python
     from playwright.sync_api import sync_playwright
 
-    axe = Path(axe_playwright_python.__path__[0]) / "axe.min.js"
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--disable-gpu"], timeout=150_000
-        )
-        shown = browser.new_page(color_scheme=scheme, viewport={"width": 1280, "height": 720})
-        complaints, asked = [], []
-        shown.on("console", lambda message: complaints.append(message.text))
-        shown.on("pageerror", lambda error: complaints.append(str(error)))
-        shown.on("request", lambda request: asked.append(request.url))
-        shown.goto((left / f"{kind}.html").as_uri())
-        assert asked == [(left / f"{kind}.html").as_uri()] and complaints == []
-        canvases = shown.locator("canvas")
-        assert (canvases.count() > 3) is (kind in ("run", "compare"))
-        if canvases.count():
+        found = playwright.chromium.launch(executable_path=CHROMIUM, args=["--disable-gpu"], timeout=150_000)
+        yield found
+        found.close()
+
+
+@pytest.mark.browser
+@pytest.mark.xdist_group("report in a browser")
+@pytest.mark.usefixtures("pages")
+@pytest.mark.parametrize("kind", ["run", "compare", "sweep", "tune"])
+def test_a_browser_shows_a_page_without_complaint(browser, left, kind):
+    import axe_playwright_python
+
+    axe = (Path(axe_playwright_python.__path__[0]) / "axe.min.js").read_text("utf-8")
+    address, complaints, asked = (left / f"{kind}.html").as_uri(), [], []
+    shown = browser.new_page(viewport={"width": 1280, "height": 720})
+    shown.on("console", lambda message: complaints.append(message.text))
+    shown.on("pageerror", lambda error: complaints.append(str(error)))
+    shown.on("request", lambda request: asked.append(request.url))
+    for scheme in ("light", "dark"):
+        shown.emulate_media(color_scheme=scheme)
+        shown.goto(address)
+        assert (shown.locator("canvas").count() > 3) is (kind in ("run", "compare"))
+        if kind in ("run", "compare"):
             inks = shown.evaluate(
                 "[...document.querySelectorAll('canvas')].map(c => new Set(new Uint32Array("
                 "c.getContext('2d').getImageData(0, 0, c.width, c.height).data.buffer)).size)"
             )
             assert min(inks) > 3  # none is blank
-            over = shown.locator(".u-over")
-            over.first.hover(position={"x": 300, "y": 60})
+            shown.locator(".u-over").first.hover(position={"x": 300, "y": 60})
             read = shown.locator(".u-legend tr:first-child .u-value").all_inner_texts()
             assert len(set(read)) == 1 and read[0] != "–"  # one time for all panels
-        shown.evaluate(axe.read_text("utf-8"))
+        shown.evaluate(axe)
         wrong = shown.evaluate("axe.run()")["violations"]
         assert [(one["id"], one["nodes"][0]["html"]) for one in wrong] == []
-        browser.close()
+    assert set(asked) == {address} and complaints == []
+    shown.close()

@@ -31,6 +31,9 @@ ROOM = 60_000
 CLIPPED = 1.6
 # Limits are in the plot up to so many times the peak: farther away they would flatten the curves.
 FAR = 4.0
+# Where one curve has a peak so many times that of another, the axis is logarithmic, with so many decades; and
+# singular values are drawn down to such a share of the largest.
+APART, DECADES, LEAST = 30.0, 6, 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,21 +143,18 @@ def of_runs(runs: Mapping[str, Run]) -> Traces:
     turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in first.axes]
     rates = _curves(runs, {label: np.abs(run["qdot_cmd"]).max(axis=1) for label, run in runs.items()})
     panels = [
-        Panel("Largest commanded rate of a joint", f"rate [{' or '.join(units)}/s]", *rates,
-              is_logarithmic=_is_apart([one.values for one in rates[1]])),
+        _norms("Largest commanded rate of a joint", f"rate [{' or '.join(units)}/s]", rates),
         _sigma(runs),
-    ]  # fmt: skip
+    ]
     for rows, title, unit in ((moved, "Position error", "mm"), (turned, "Rotation error", "mrad")):
         if rows:
             off = {
                 label: 1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for label, run in runs.items()
             }
-            curves = _curves(runs, off)
-            apart = _is_apart([one.values for one in curves[1]])
-            panels.append(Panel(title, f"error [{unit}]", *curves, is_logarithmic=apart))
+            panels.append(_norms(title, f"error [{unit}]", _curves(runs, off)))
     if any(applies("torque", run) for run in runs.values()):
         torques = _curves(runs, {label: np.abs(run["tau"]).max(axis=1) for label, run in runs.items()})
-        panels.append(Panel("Largest actuator torque", f"torque [{torque_unit(first)}]", *torques))
+        panels.append(_norms("Largest actuator torque", f"torque [{torque_unit(first)}]", torques))
     return _placed([*panels, *_pace(runs), *_lanes(runs)], max(len(runs), 3))
 
 
@@ -193,7 +193,7 @@ def _sigma(runs: Mapping[str, Run]) -> Panel:
     title = "Smallest singular value and damping" if shown else "Smallest singular value"
     if below:
         title += "; dotted: ε, below which damping begins"
-    bounds = decades(positive) if len(positive) else None
+    bounds = decades(np.maximum(positive, LEAST * positive.max())) if len(positive) else None
     return Panel(title, "σ, λ [1]", sigma[0], [*sigma[1], *shown], below, bounds, is_logarithmic=True)
 
 
@@ -265,10 +265,13 @@ def _placed_at(time: Array, own: Array, values: Array) -> Array:
     return spread
 
 
-def _is_apart(curves: Sequence[Array]) -> bool:
-    """Say whether one curve blows up, so that the others would lie on the axis."""
-    peaks = [float(np.nanmax(one)) for one in curves]
-    return max(peaks) > 30.0 * max(min(peaks), 1e-12)
+def _norms(title: str, unit: str, curves: tuple[Array, list[Trace]]) -> Panel:
+    """Return a panel of values that are not negative: logarithmic where one curve dwarfs the others."""
+    peaks = [float(np.nanmax(one.values)) for one in curves[1]]
+    if max(peaks) <= APART * max(min(peaks), 1e-12):
+        return Panel(title, unit, *curves)
+    _, high = decades(np.array([max(peaks)]))
+    return Panel(title, unit, *curves, bounds=(high * 10.0**-DECADES, high), is_logarithmic=True)
 
 
 def _kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
