@@ -85,7 +85,7 @@ def test_each_address_is_declared_and_used():
     assert {one.field for one in known} == declared
 
 
-RUN = ["-m", "rmrc", "run", "scenarios/approach_singularity.yaml", "--quiet"]
+RUN = ["-m", "rmrc", "run", "scenarios/approach_singularity.yaml", "--quiet", "--set", "baseline={}"]
 USED = {
     "reference.sample", "damping.smallest_singular_value", "inverses.damped", "limits.scale", "rest.decompose_rest",
     "physics.read_drives", "servo.tell_servos", "lockstep.tick", "tally.add",
