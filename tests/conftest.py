@@ -57,6 +57,11 @@ typer.main.get_command = functools.cache(typer.main.get_command)
 
 # In the name of each test of clusters, and of each with a browser.
 CLUSTER, BROWSER = "/test_cluster", "/test_browser"
+# Files whose tests share what takes seconds to make, and which each of two processes would else make for itself.
+SHARING = tuple(
+    f"/test_{name}.py"
+    for name in ("report_page", "comparison", "sweep", "resuming", "workspace", "film", "architecture")
+)
 
 
 def pytest_collection_modifyitems(items):
@@ -74,19 +79,22 @@ def pytest_collection_modifyitems(items):
 
 
 def pytest_collection_finish():
-    """Leave what is loaded by now out of all searches for garbage, which would go through it again and again."""
+    """Look through what is loaded by now for garbage only rarely: most of it stays.
+
+    It is not frozen, as each pool of threads counts what is frozen, one by one.
+    """
     gc.collect()
-    gc.freeze()
+    gc.set_threshold(700, 10, 1000)
 
 
 class OneCluster(LoadGroupScheduling):
-    """Gives all tests of clusters to one process, which starts one for them, and so those with a browser.
+    """Gives all tests of clusters to one process, which starts one for them, and so those that share something else.
 
     As their mark `xdist_group` asks for; but xdist 3.8 writes it where pytest 9.2 does not look.
     """
 
     def _split_scope(self, nodeid):
-        groups = [group for group in (CLUSTER, BROWSER) if group in nodeid]
+        groups = [group for group in (CLUSTER, BROWSER, *SHARING) if group in nodeid]
         return groups[0] if groups else super()._split_scope(nodeid)
 
 

@@ -102,8 +102,8 @@ BRIEF = "rmrc.load('line_tracking').set({'control.period': 0.01, 'control.feedba
 VERBS = {
     "load": "load('line_tracking')",
     "run": "run('line_tracking')",
-    "compare": "compare('line_tracking', {'control.feedback': [5, 10]})",
-    "sweep": "sweep('line_tracking', {'control.feedback': [5, 10]}, threads=2)",
+    "compare": f"compare({BRIEF}, {{'control.feedback': [5, 10]}})",
+    "sweep": f"sweep({BRIEF}, {{'control.feedback': [5, 10]}}, threads=2)",
     "tune": f"tune({BRIEF}, {{'control.inverse.method': ['damped']}}, copies=0, runs=10)",
     "margins": f"margins({BRIEF}, accuracy=0.5)",
     "check": "check('planar_2link')",

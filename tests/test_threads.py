@@ -16,11 +16,11 @@ def settings():
 @pytest.fixture
 def before():
     """Return the settings before, which hold again after the test, whatever it left."""
-    gc.unfreeze()  # what the tests themselves froze
+    gc.unfreeze()  # whatever another test froze
     found = settings()
     yield found
     sys.setswitchinterval(found[0])
-    gc.freeze()
+    gc.unfreeze()
 
 
 def test_pools_that_overlap_leave_the_interpreter_as_the_first_found_it(before):

@@ -148,9 +148,10 @@ def test_names_of_a_file_are_text_and_nothing_else(left, tmp_path):
     ]
 
 
+@pytest.mark.usefixtures("pages")
 def test_equal_results_give_equal_pages(left, tmp_path):
-    first, second = (report(left / "blow_up.npz", tmp_path / f"{i}.html").read_bytes() for i in range(2))
-    assert first == second
+    again = report(left / "blow_up.npz", tmp_path / "again.html")
+    assert again.read_bytes() == (left / "run.html").read_bytes()
 
 
 def test_runs_of_different_periods_share_an_axis(left):

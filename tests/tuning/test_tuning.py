@@ -95,7 +95,7 @@ def measured(run, length=1.0):
 
 
 def test_what_is_pasted_is_what_was_run_and_the_worst_copy_counts(path, tmp_path):
-    work = Tuning(path, copies=3, seed=5, runs=140, threads=1)
+    work = Tuning(path, copies=3, seed=5, runs=90, threads=1)
     found = work.run()
     best = found.verdict.recommended
     assert len(found.copies) == 4
@@ -114,7 +114,7 @@ def test_what_is_pasted_is_what_was_run_and_the_worst_copy_counts(path, tmp_path
     # the numbers have the digits that are printed
     assert all(number == float(f"{number:.3g}") for one in found.tried for number in one.setting.numbers)
     # and so for every setting that was tried on all copies
-    for one in found.feasible[::7]:
+    for one in found.feasible[::15]:
         cards = [scorecard(runs_of(path, (*texts(one.setting), *texts(copy)))) for copy in found.copies]
         assert [one.outcomes[i].error for i in range(4)] == [
             card["position_error.max"].value for card in cards
@@ -122,7 +122,7 @@ def test_what_is_pasted_is_what_was_run_and_the_worst_copy_counts(path, tmp_path
 
 
 def test_the_files_hold_what_was_found_and_can_be_run(path, tmp_path):
-    work = Tuning(path, copies=1, runs=90, threads=2)
+    work = Tuning(path, copies=1, runs=50, threads=2)
     found = work.run()
     files = work.write(found, tmp_path / "deep/out")
     assert [file.name for file in files] == ["quick.tune.yaml", "quick.tune.png", "quick.tune.parquet"]
@@ -133,7 +133,7 @@ def test_the_files_hold_what_was_found_and_can_be_run(path, tmp_path):
     assert files[1].read_bytes()[:4] == b"\x89PNG"
     rows = pq.read_table(files[2]).to_pylist()
     assert [row["index"] for row in rows] == list(range(len(found.tried)))
-    assert sum(row["copies"] for row in rows) == found.runs <= 90
+    assert sum(row["copies"] for row in rows) == found.runs <= 50
     (recommended,) = [row for row in rows if row["role"] and "recommended" in row["role"]]
     assert (recommended["error"], recommended["feasible"]) == (best.worst.error, True)
     assert recommended["control.inverse.method"] == best.setting.structure.method
@@ -142,10 +142,10 @@ def test_the_files_hold_what_was_found_and_can_be_run(path, tmp_path):
 
 
 def test_threads_change_nothing_and_another_seed_does(path):
-    one, two = (Tuning(path, copies=2, runs=110, threads=threads).run() for threads in (1, 2))
+    one, two = (Tuning(path, copies=2, runs=60, threads=threads).run() for threads in (1, 2))
     assert [(a.setting, a.outcomes) for a in one.tried] == [(a.setting, a.outcomes) for a in two.tried]
     assert one.block == two.block
-    other = Tuning(path, copies=2, runs=110, threads=2, seed=1).run()
+    other = Tuning(path, copies=2, runs=60, threads=2, seed=1).run()
     assert [a.setting for a in one.tried] != [a.setting for a in other.tried]
     assert one.copies[1:] != other.copies[1:]
 
@@ -626,7 +626,7 @@ def test_what_is_recommended_was_asked_itself_whether_it_bears_its_margin(path):
 
 
 def test_how_long_a_search_may_take_is_told_before_it_begins(path):
-    work = Tuning(path, copies=1, threads=1)
+    work = Tuning(path, copies=1, runs=60, threads=1)
     assert work.longest(3.0, 2000) == 6000.0
     assert _estimate(work, 3.0, 2000).startswith("a run takes 3 s: 2000 runs take 100 minutes at most")
     assert "--runs 200 take 10 minutes at most; Ctrl-C" in _estimate(work, 3.0, 2000)
