@@ -84,7 +84,7 @@ def _of_one(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
     made.section("Over time")
     made.plots(traces.of_run(run))
     made.section("Figures")
-    for sheet in tables.sheets(run.scorecard):
+    for sheet in tables.sheets(run.scorecard, (), None if run.baseline is None else run.baseline.scorecard):
         made.table(sheet)
     _scenario(made, facts["scenario"])
     return made
