@@ -29,13 +29,13 @@ def run(chance):
         width = WIDTHS.get(column.width) or (int(column.width) if column.width else 0)
         columns[name] = np.full((TICKS, width) if width else TICKS, 0.5)
     columns["time"] = 0.01 * np.arange(TICKS)
-    facts = dict(FACTS)
+    sound, facts = dict(columns), dict(FACTS)
     for _ in range(chance.under(3)):
         if chance.odds(0.5):
             facts[chance.pick(tuple(facts))] = chance.pick(ODD)
         else:
             name = chance.pick(tuple(columns))
-            one = columns[name]
+            one = sound[name]
             columns[name] = chance.pick(
                 (one * np.nan, one * 1e30, one[:2], one[:0], one.astype("<U3"), one.T)
             )
