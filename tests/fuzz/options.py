@@ -5,7 +5,7 @@ from typer.main import get_command
 from rmrc.cli import app
 from rmrc.scenario.choices import PLANTS
 
-from . import shipped
+from . import left, shipped
 from .case import Case
 from .scenarios import FAST, KEYS, SCALARS
 
@@ -611,6 +611,45 @@ def _margins(chance):
     return argv + chance.pick(more), {}
 
 
+def _of_left(chance, verb, suffixes):
+    """Return a call of a verb that takes what others leave, and the files: sound, odd, damaged or missing."""
+    files = {"here/a.npz": left.run(chance), "here/a.parquet": left.rows(chance)}
+    if chance.odds(0.8):
+        files["here/a.json"] = left.figures(chance)
+    name = chance.pick(
+        ("a.npz",) * 5 + ("a.parquet",) * 3 + ("a.json", "none.npz", ".", "/dev/null", chance.word())
+    )
+    out = chance.pick((*suffixes, *suffixes, "x.txt", "", ".", "file/x.png", "/dev/full"))
+    argv = [verb, name, *(["-o", out] if chance.odds(0.8) else ["-o", suffixes[0]])]
+    return argv, {**files, "here/file": b"x"}
+
+
+def _plot(chance):
+    argv, files = _of_left(chance, "plot", ("x.svg", "x.png", "x.pdf"))
+    if chance.odds(0.4):
+        argv += [
+            "--panels",
+            chance.pick(("rates", "path,g", "status", "parallel", "distributions", "", ",", "x")),
+        ]
+    if chance.odds(0.3):
+        argv += ["--width", chance.pick(("3.5in", "88mm", "2in", "0in", "1e9in", "nan", "", chance.word()))]
+    if chance.odds(0.2):
+        argv += ["--font", chance.number()]
+    return argv, files
+
+
+def _report(chance):
+    return _of_left(chance, "report", ("x.html", "x.htm"))
+
+
+def _render(chance):
+    argv, files = _of_left(chance, "render", ("x.png", "x.gif"))
+    argv += ["--size", chance.pick(("64x64", "0x0", "1x", "x", "-1x64", "99999x99999", chance.word()))]
+    if chance.odds(0.4):
+        argv += [chance.pick(("--at", "--from", "--to", "--fps", "--speed")), chance.number()]
+    return argv, files
+
+
 def _schema(chance):
     return ["schema", *chance.pick(([], [], ["--json"], ["--jso"], ["x"], ["--help"], [chance.word()]))], {}
 
@@ -666,5 +705,5 @@ def _root(chance):
 _VERB = {verb: globals().get(f"_{verb}") or _declared(verb) for verb in (*VERBS, "root")}
 _VERBS = dict.fromkeys(_VERB, 2) | {
     "check": 3, "run": 22, "compare": 3, "sweep": 10, "tune": 5, "replay": 5, "inspect": 15, "statics": 10, "ik": 16,
-    "workspace": 5,
+    "workspace": 5, "plot": 4, "report": 4, "render": 2,
 }  # fmt: skip

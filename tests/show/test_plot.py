@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from project import ROOT
 from rmrc.results.run import Run, read_runs
-from rmrc.show.panels import NAMES, OVER_TIME, SPANS, thinned
+from rmrc.show.panels import GRAY, NAMES, OVER_TIME, SPANS, thinned
 from rmrc.show.plot import plot
 from rmrc.study.verbs import compare
 from rmrc.study.verbs import run as run_scenario
@@ -233,6 +233,19 @@ def test_what_the_plain_inverse_asks_is_dashed_and_its_peak_is_written(compared)
     assert "asks" not in told  # the same curve
     axes, told = rates_of(run, columns={"qdot_plain": np.full_like(asked, np.nan)})
     assert "asks" not in told  # a file from before it was kept
+
+
+def test_a_baseline_is_dashed_and_gray_and_its_peak_is_written(compared):
+    run, other = compared[1]["damped"], compared[1]["inverse"]
+    axes, told = rates_of(run, baseline=other)
+    peak = np.abs(other["qdot_cmd"]).max()
+    joint = other.joints[np.abs(other["qdot_cmd"]).max(axis=0).argmax()]
+    assert f"baseline commands {peak:,.0f} rad/s ↑ ({joint})" in told
+    gray = [line.get_ydata() for line in axes.get_lines() if line.get_color() == GRAY]
+    assert len(gray) == len(run.joints) and max(np.abs(one).max() for one in gray) == peak
+    assert axes.get_ylim()[1] < 20.0  # the others are still seen
+    axes, told = rates_of(run)
+    assert "baseline" not in told and GRAY not in [line.get_color() for line in axes.get_lines()]
 
 
 def test_a_limit_far_above_the_rates_is_told_and_does_not_flatten_them(compared):

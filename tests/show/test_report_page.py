@@ -134,6 +134,36 @@ def test_a_page_says_what_the_files_say(pages, left):
     assert "Recommended: " in pages["tune"].texts[""]
 
 
+def test_a_page_begins_with_the_verdict_and_has_the_baseline_beside_the_run(left, tmp_path):
+    runs = rmrc.read_runs(left / "blow_up.compare.npz")
+    run = dataclasses.replace(runs["damped"], baseline=runs["inverse"])
+    run.save(tmp_path / "both.npz")
+    facts = json.loads((left / "blow_up.json").read_text())
+    (tmp_path / "both.json").write_text(json.dumps({**facts, "verdict": run.verdict}))
+    parsed = Parsed(report(tmp_path / "both.npz").read_text("utf-8"))
+    assert run.verdict in parsed.texts[""] and "baseline\npeak" in parsed.texts[""]
+    panels = json.loads(parsed.texts["traces"])
+    rates, errors = (next(one for one in panels if word in one["title"]) for word in ("rates", "error"))
+    found = {one["label"]: one for one in rates["series"]}
+    for j, name in enumerate(run.joints):
+        one = found[f"{name}, baseline"]
+        assert np.nanmax(unpacked(one["values"])) == np.float32(runs["inverse"]["qdot_cmd"][:, j].max())
+        assert one["light"] == traces.GRAYS[0] and one["dash"] and one["shown"]
+        assert not found[f"{name}, plain inverse"]["shown"]
+    assert rates["range"][1] < 20.0  # rad/s, so that the run is seen beside 12,000
+    assert sum(one["label"].startswith("baseline, ") for one in errors["series"]) == 2
+    assert not any("baseline" in one["label"] for one in traces.of_run(runs["damped"]).json()[0]["series"])
+
+
+def test_a_sweep_can_be_plotted_and_a_search_is_told_from_it(rmrc, left):
+    rows = str(left / "approach_singularity.sweep.parquet")
+    assert rmrc("plot", rows, "-o", "x.svg", "--width", "3.5in")[:2] == (0, "wrote x.svg\n")
+    code, _, err = rmrc("plot", rows, "--panels", "rates")
+    assert (code, err) == (2, says("rmrc: error: --panels: … rates … distributions, parallel\n"))
+    code, _, err = rmrc("plot", str(left / "approach_singularity.tune.parquet"))
+    assert (code, err) == (2, says("rmrc: error: … settings of a search, not … a sweep\n"))
+
+
 def test_names_of_a_file_are_text_and_nothing_else(left, tmp_path):
     hostile = ("<img src=x onerror=alert(1)>", '</script><script>alert("&")</script>')
     run = dataclasses.replace(Run.read(left / "blow_up.npz"), joints=hostile)

@@ -35,6 +35,8 @@ def usage(error: Any) -> str:
     verb = context.info_name if context is not None and context.parent is not None else None
     verbs = getattr(context.parent.command, "commands", {}) if verb is not None else {}
     way = _way(getattr(error, "option_name", None), verb, verbs)
+    if way:  # which says more than what is spelled alike
+        text = re.sub(r" \((Possible options|Did you mean)[^()]*\)$", "", text)
     return f"{text}{way}; see {command(*([verb] if verb else []), '--help')}"
 
 

@@ -1,4 +1,4 @@
-"""The verb `plot`: the figure of a run or of a comparison, for a paper or a lecture."""
+"""The verb `plot`: the figure of a run, a comparison or a sweep, for a paper or a lecture."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import interruption, output, print_line
-from rmrc.cli.kinds import RUN, expect
+from rmrc.cli.kinds import REPORTED, expect
 from rmrc.cli.options import PICTURES, Quiet, inches, within
 from rmrc.support.errors import QuestionError, did_you_mean
 from rmrc.support.invocation import command
@@ -15,12 +15,14 @@ from rmrc.support.legible import quoted, visible
 
 
 def _columns_of(path: Path) -> Path:
-    """Return the file with the columns of a run, which lies beside its recording and its scorecard.
+    """Return the rows of a sweep, or the columns of a run, beside its recording and its scorecard.
 
     Raises:
         QuestionError: It is not there, or the file given is something else.
     """
-    expect(path, RUN)
+    expect(path, REPORTED)
+    if path.suffix == ".parquet":
+        return path
     columns = path.with_suffix(".npz")
     if path.suffix != ".npz" and path.exists() and not columns.exists():
         raise QuestionError(
@@ -34,7 +36,8 @@ def plot(
     run: Annotated[
         Path,
         typer.Argument(
-            help="What `run` or `compare` left: NAME.npz, or NAME.rrd or NAME.json beside it.",
+            help="What `run` or `compare` left: NAME.npz, or NAME.rrd or NAME.json beside it; or "
+            "NAME.sweep.parquet.",
             show_default=False,
             callback=_columns_of,
         ),
@@ -49,8 +52,8 @@ def plot(
         str | None,
         typer.Option(
             metavar="NAME,NAME,...",
-            help="Of path, rates, sigma, error, torque, pace, status and g, in this order from the top; "
-            "default: all that the run has something for.",
+            help="Of path, rates, sigma, error, torque, pace, status and g, in this order from the top; of a "
+            "sweep: distributions, parallel; default: all that there is something for.",
         ),
     ] = None,
     width: Annotated[
@@ -61,7 +64,10 @@ def plot(
     ] = 8.0,
     quiet: Quiet = False,
 ) -> None:
-    """Draw a run, or variants side by side, for a paper: path, rates, singular values, errors, status."""
+    """Draw a run, or variants side by side, for a paper: path, rates, singular values, errors, status.
+
+    Of a sweep: how its figures are distributed, and parallel coordinates, a line for each run.
+    """
     wanted = out or run.with_suffix(".pdf")
     if wanted.suffix not in PICTURES:
         raise QuestionError(f"--out {visible(str(wanted))}: must end in .png, .svg or .pdf")
@@ -72,6 +78,10 @@ def plot(
         from rmrc.show.panels import NAMES
         from rmrc.show.plot import plot as draw
 
+        if run.suffix == ".parquet":
+            _plot_sweep(run, wanted, panels, size, font)
+            print_line(output(quiet), f"wrote {wanted}")
+            return
         names = _chosen(panels, NAMES)
         refuse_unwritable([wanted])
         found = read_runs(run)
@@ -82,6 +92,16 @@ def plot(
                 )
         draw(found, wanted, names, size, font)
     print_line(output(quiet), f"wrote {wanted}")
+
+
+def _plot_sweep(rows: Path, wanted: Path, panels: str | None, width: float, font: float) -> None:
+    from rmrc.results.leaving import refuse_unwritable
+    from rmrc.study import sweep_figure
+    from rmrc.study.swept import Swept
+
+    names = _chosen(panels, sweep_figure.PANELS)
+    refuse_unwritable([wanted])
+    sweep_figure.plot(Swept.of(rows), wanted, names, width, font)
 
 
 def _chosen(text: str | None, known: Sequence[str]) -> list[str]:

@@ -45,6 +45,14 @@ Overrides = Annotated[
 _LONGEST_DELAY = 0.5
 
 Record = Annotated[bool, typer.Option(help="Write the .rrd recording.")]
+Junit = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Leave JUnit XML for CI: .xml, a case for each expectation."),
+]
+Summary = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Leave a summary for CI: .md; $GITHUB_STEP_SUMMARY is added to."),
+]
 
 
 def run(
@@ -52,26 +60,32 @@ def run(
     set_: Overrides = None,
     out: Out = Path("recordings"),
     record: Record = True,
+    junit: Junit = None,
+    summary: Summary = None,
     quiet: Quiet = False,
 ) -> None:
     """Run a scenario; leave NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
     from rmrc.results import loads, stuck
     from rmrc.show import tables
+    from rmrc.study import ci
     from rmrc.study.run import Job  # with numba and mujoco, which `schema` and `replay` do without
 
     console = output(quiet, pipe=80)
-    loaded = scenarios.load(scenario, set_ or ())
-    _doubt_times(loaded)
-    job = Job(loaded, out, record)
-    left = _ran(job, job.name, quiet)
-    (one,) = left.results
+    with ci.Files(scenario.stem, junit, summary) as files:
+        loaded = scenarios.load(scenario, set_ or ())
+        _doubt_times(loaded)
+        job = Job(loaded, out, record)
+        left = _ran(job, job.name, quiet)
+        (one,) = left.results
+        figures = tables.markdown(one.scorecard, (), one.beside).partition("\n\n")[2]  # below its heading
+        files.write(job.name, [ci.suite(job.name, one, left.failures)], figures)
     console.print(tables.render(one.scorecard, one.outcomes, one.beside))
     for assumed in one.prepared.assumed:
         if assumed.is_otherwise:
             print_line(console, f"assumed: {assumed.text}")
     for pair in one.run.resting:
         print_line(console, f"touch from the start, which is no CONTACT: {' – '.join(pair)}")
-    _list(console, left.files, record)
+    _list(console, left.files, record, files.paths)
     console.print(Text(one.run.verdict), soft_wrap=False)
     still = stuck.told(one.run, job.prepared.arm)
     if still:
@@ -125,6 +139,8 @@ def compare(
     set_: Overrides = None,
     out: Out = Path("recordings"),
     record: Record = True,
+    junit: Junit = None,
+    summary: Summary = None,
     quiet: Quiet = False,
 ) -> None:
     """Run variants of a scenario side by side; leave NAME.compare.rrd, .npz, .json, .png and .svg.
@@ -133,14 +149,20 @@ def compare(
     """
     from rmrc.results import loads
     from rmrc.show.terminal import render
+    from rmrc.study import ci
     from rmrc.study.compare import Comparison
-    from rmrc.study.compare_table import sheets
+    from rmrc.study.compare_table import markdown, sheets
 
     console = output(quiet)
-    comparison = Comparison(scenario, scenarios.variants(vary or ()), set_ or (), out, record)
-    left = _ran(comparison, f"{comparison.name}: {len(comparison.variants)} variants", quiet)
+    with ci.Files(scenario.stem, junit, summary) as files:
+        comparison = Comparison(scenario, scenarios.variants(vary or ()), set_ or (), out, record)
+        left = _ran(comparison, f"{comparison.name}: {len(comparison.variants)} variants", quiet)
+        suites = [
+            ci.suite(f"{comparison.name} {one.variant.label}", one, left.failures) for one in left.results
+        ]
+        files.write(comparison.name, suites, markdown(left.results))
     console.print(render(sheets(comparison.name, left.results)))
-    _list(console, left.files, record)
+    _list(console, left.files, record, files.paths)
     runs = [one.run for one in left.results]
     for one in left.results:
         for line in loads.told(one.scorecard, one.prepared.scenario.expect):
@@ -219,8 +241,8 @@ def _cut_short(left: "Left[R]", where: str) -> int:
     return EXIT_INPUT if left.failures else EXIT_INTERRUPTED if left.interrupted else 0
 
 
-def _list(console: Console, files: Sequence[Path], record: bool) -> None:
-    for path in files:
+def _list(console: Console, files: Sequence[Path], record: bool, more: Sequence[Path]) -> None:
+    for path in (*files, *more):
         print_line(console, f"wrote {path}")
     if record and files and files[0].suffix == ".rrd":
         print_line(console, f"look at it: {command('replay', files[0])}")

@@ -25,6 +25,8 @@ from rmrc.support.files import written_whole
 
 # Begins the names of the columns of a baseline in the file of its run.
 BASELINE = "baseline/"
+# Facts of a run are smaller, in whatever unit.
+LARGEST = 1e100
 
 
 @brief
@@ -129,6 +131,7 @@ class Run(Recorded):
         columns = completed({name: arrays[name] for name in COLUMNS if name in arrays or name not in ADDED})
         for lacking in {"tau_gravity", "qdot_plain"} - columns.keys():
             columns[lacking] = np.full_like(columns["tau"], math.nan)
+        _refuse_odd(facts, columns)
         divergence = facts["divergence"] and Divergence(**facts["divergence"])
         frame, base, free = facts.get("view", WORLD_VIEW)
         view = View(frame, tuple(base), free)
@@ -201,13 +204,43 @@ def read_runs(path: Path) -> Runs:
                 )
                 for i, one in enumerate(facts)
             )
-    except (KeyError, ValueError, TypeError, EOFError, BadZipFile):
+    except (KeyError, ValueError, TypeError, AttributeError, EOFError, BadZipFile, OSError) as error:
+        if isinstance(error, OSError) and error.filename is not None:  # it is not there; else it is torn
+            raise
         raise QuestionError(f"{path}: does not hold the columns of a run, or is damaged") from None
 
 
 def _write(path: Path, arrays: Mapping[str, NDArray[np.generic]]) -> None:
     with written_whole(path) as temporary, temporary.open("wb") as file:
         np.savez(file, **arrays)  # type: ignore[arg-type]
+
+
+def _refuse_odd(facts: Mapping[str, Any], columns: Mapping[str, NDArray[np.generic]]) -> None:
+    """Refuse what no run has saved: texts for numbers, columns of another length or width.
+
+    Raises:
+        ValueError: There is such a thing.
+        TypeError: There is a fact of another type.
+    """
+    joints, ticks = len(facts["joints"]), len(columns["time"])
+    numbers = [facts[name] for name in ("length", "period", "planned", "wall_time")]
+    several = [facts.get(name, ()) for name in ("weights", "torque_limit", "rate_limit", "chatter_floor")]
+    numbers += [
+        facts.get("damping_below", 0.0),
+        *(one for some in several for one in some if one is not None),
+    ]
+    words = [facts["name"], *facts["joints"], *facts["axes"], *facts.get("touching", ())]
+    if not all(isinstance(one, int | float) for one in numbers) or not all(isinstance(w, str) for w in words):
+        raise TypeError
+    if not all(abs(one) < LARGEST for one in numbers[:5]):
+        raise ValueError
+    if len(facts["is_slide"]) != joints or not all(len(one) in (0, joints) for one in several[1:3]):
+        raise ValueError
+    for name, column in columns.items():
+        kind = COLUMNS[name].width
+        width = {"": (), "n": (joints,)}.get(kind, (int(kind),) if kind.isdigit() else column.shape[1:])
+        if column.dtype.kind not in "fiub" or column.shape != (ticks, *width):
+            raise ValueError(name)
 
 
 def _finite(limits: tuple[float, ...]) -> list[float | None]:

@@ -45,6 +45,8 @@ FAR = 3.0
 PLAIN_MORE = 1.05
 # How much higher the plot is then.
 ROOM = 1.35
+# What a further line that is told takes of the plot's height.
+LINE = 0.25
 # Ellipses on the way out, beside that at the smallest singular value, and the time in which a tip at unit
 # joint rates draws them [s].
 ELLIPSES, ELLIPSE_TIME = 4, 0.2
@@ -134,6 +136,10 @@ def draw_rates(axes: Axes, run: Run) -> None:
     elif not known and peak > BLOWN_UP * max(float(np.median(both.max(axis=1))), 1e-12):
         axes.set_yscale("symlog", linthresh=power(float(np.median(both.max(axis=1)))))
     told += _draw_plain(axes, run, colors, peak)
+    told += _draw_baseline(axes, run, is_roomy=bool(told))
+    if run.baseline is not None and len(told) > 1:  # room for each further line
+        low, high = axes.get_ylim()
+        axes.set_ylim(low, low + (high - low) / (1.0 - LINE * (len(told) - 1)))
     if told:
         axes.text(
             0.99, 0.96, "\n".join(told), transform=axes.transAxes, va="top", ha="right",
@@ -144,29 +150,46 @@ def draw_rates(axes: Axes, run: Run) -> None:
 
 
 def _draw_plain(axes: Axes, run: Run, colors: Sequence[str], peak: float) -> list[str]:
-    """Draw what the plain inverse would ask where that is more than is commanded; return its peak in words.
-
-    The plot stays as high as its other curves need: what is beyond them is told, not drawn.
-    """
+    """Draw what the plain inverse would ask where that is more than commanded; return its peak in words."""
     rates = run.columns.get("qdot_plain")
     if rates is None or not np.isfinite(rates).any():  # a file from before it was kept
         return []
-    asked = np.nan_to_num(np.abs(rates), nan=0.0, posinf=0.0)
-    most = float(asked.max())
-    if most <= PLAIN_MORE * peak:
+    if float(np.nan_to_num(np.abs(rates), nan=0.0, posinf=0.0).max()) <= PLAIN_MORE * peak:
         return []
-    low, high = axes.get_ylim()
+    return _draw_beside(axes, run, "qdot_plain", colors, (r"plain $J^{-1}$", "asks"))
+
+
+def _draw_baseline(axes: Axes, run: Run, is_roomy: bool) -> list[str]:
+    """Draw what is commanded in the baseline of a run, if it has one; return its peak in words."""
+    if run.baseline is None or not len(run.baseline):
+        return []
+    return _draw_beside(
+        axes, run.baseline, "qdot_cmd", [GRAY] * len(run.joints), ("baseline", "commands"), (4, 2), is_roomy
+    )
+
+
+def _draw_beside(
+    axes: Axes, run: Run, column: str, colors: Sequence[str], words: tuple[str, str],
+    dash: tuple[float, float] = (2, 1.5), is_roomy: bool = False,
+) -> list[str]:  # fmt: skip
+    """Draw rates beside those of the run, dashed; return their peak in words where it is beyond the plot.
+
+    The plot stays as high as its other curves need: what is beyond them is told, not drawn.
+    """
+    asked = np.nan_to_num(np.abs(run[column]), nan=0.0, posinf=0.0)
+    most, (low, high), (name, does) = float(asked.max()), axes.get_ylim(), words
     for j, paint in enumerate(colors):
-        time, values = thinned(run["time"], run["qdot_plain"][:, j])
+        time, values = thinned(run["time"], run[column][:, j])
         axes.plot(
-            time, values, color=paint, linewidth=0.9, linestyle=(0, (2, 1.5)), alpha=0.75, zorder=1.5,
-            label=None if j else r"plain $J^{-1}$",
+            time, values, color=paint, linewidth=0.9, linestyle=(0, dash), alpha=0.75, zorder=1.5,
+            label=None if j else name,
         )  # fmt: skip
-    axes.set_ylim(ROOM * low, ROOM * high)
-    if most <= ROOM * high:
+    room = ROOM if most > high and not is_roomy else 1.0
+    axes.set_ylim(room * low, room * high)
+    if most <= room * high:
         return []
     joint = run.joints[int(asked.max(axis=0).argmax())]
-    return [rf"plain $J^{{-1}}$ asks {_grouped(most)} {rate_unit(run)}/s ↑ ({plain(joint)})"]
+    return [rf"{name} {does} {_grouped(most)} {rate_unit(run)}/s ↑ ({plain(joint)})"]
 
 
 def _draw_sigma(axes: Axes, run: Run) -> None:

@@ -38,9 +38,13 @@ def page(columns: Path) -> Page:
     for label, run in runs.items():
         if not len(run):
             raise QuestionError(f"{columns}: {label} has no tick, so there is nothing to report")
-    made = _of_one(runs, facts) if len(runs) == 1 and "scorecard" in facts else _of_several(runs, facts)
-    made.section("Made with", "Equal versions give equal bits on one machine.")
-    made.table(versions(facts.get("versions", {})))
+    try:
+        made = _of_one(runs, facts) if len(runs) == 1 and "scorecard" in facts else _of_several(runs, facts)
+        made.section("Made with", "Equal versions give equal bits on one machine.")
+        made.table(versions(facts.get("versions", {})))
+    except (KeyError, TypeError, AttributeError, IndexError):  # the columns were found to be sound
+        told = f"{columns.with_suffix('.json')}: does not hold the figures of this run, or is damaged"
+        raise QuestionError(told) from None
     made.table(_hashes([columns, columns.with_suffix(".json")]))
     return made
 
@@ -84,7 +88,7 @@ def _of_one(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
     made.section("Over time")
     made.plots(traces.of_run(run))
     made.section("Figures")
-    for sheet in tables.sheets(run.scorecard):
+    for sheet in tables.sheets(run.scorecard, (), None if run.baseline is None else run.baseline.scorecard):
         made.table(sheet)
     _scenario(made, facts["scenario"])
     return made

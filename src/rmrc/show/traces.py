@@ -2,7 +2,7 @@
 
 import base64
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -34,6 +34,8 @@ FAR = 4.0
 # Where one curve has a peak so many times that of another, the axis is logarithmic, with so many decades; and
 # singular values are drawn down to such a share of the largest.
 APART, DECADES, LEAST = 30.0, 6, 1e-9
+# Of what is of a baseline, on a light and on a dark page.
+GRAYS = ("#6b6b6b", "#a6a6a6")
 
 
 @dataclass(frozen=True, eq=False)
@@ -47,6 +49,7 @@ class Trace:
         dash: Which of the dashes.
         width: Of the line [px].
         is_shown: Whether it is drawn before somebody clicks its name.
+        is_gray: Whether it is gray, whatever its color: it is of a baseline.
     """
 
     label: str
@@ -55,6 +58,7 @@ class Trace:
     dash: int = 0
     width: float = 1.5
     is_shown: bool = True
+    is_gray: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,7 +104,8 @@ class Panel:
             "series": [
                 {
                     "label": one.label, "values": _packed(one.values[rows], self.is_logarithmic),
-                    "light": light[one.color], "dark": dark[one.color], "width": one.width,
+                    "light": GRAYS[0] if one.is_gray else light[one.color],
+                    "dark": GRAYS[1] if one.is_gray else dark[one.color], "width": one.width,
                     "dash": [2.0 * part for part in DASHES[one.dash % len(DASHES)]] if one.dash else [],
                     "shown": one.is_shown, "spans": not self.lanes and not self.is_logarithmic,
                 }
@@ -163,23 +168,63 @@ def _placed(panels: Sequence[Panel], colors: int) -> Traces:
 
 
 def _rates(run: Run) -> Panel:
-    """Return commanded and measured rates, up to a little more than their limits."""
-    traces = [Trace(f"{name}, commanded", run["qdot_cmd"][:, j], j, j) for j, name in enumerate(run.joints)]
-    traces += [
-        Trace(f"{name}, measured", run["qdot"][:, j], j, j, 0.8, is_shown=False)
+    """Return commanded and measured rates, up to a bit more than their limits, and the baseline's."""
+    time, place = _times(run)
+    kinds = [("commanded", "qdot_cmd", 1.5), ("measured", "qdot", 0.8), ("plain inverse", "qdot_plain", 0.8)]
+    traces = [
+        Trace(f"{name}, {what}", place(run, run[column][:, j]), j, j, width, column == "qdot_cmd")
+        for what, column, width in kinds
         for j, name in enumerate(run.joints)
+        if column != "qdot_plain" or np.isfinite(run[column]).any()  # a file from before it was kept
     ]
     limits = sorted({limit for limit in run.rate_limit if math.isfinite(limit)})
-    peak, bounds, told = float(np.abs(run["qdot_cmd"]).max()), None, ""
+    peak, bounds, told = float(np.abs(run["qdot_cmd"]).max()), None, list[str]()
     if limits and peak > CLIPPED * limits[-1]:
         bounds = (-CLIPPED * limits[-1], CLIPPED * limits[-1])
-        joint = run.joints[int(np.abs(run["qdot_cmd"]).max(axis=0).argmax())]
-        told = f"peak {peak:,.4g} {rate_unit(run)}/s, of {joint}, beyond the plot"
+        told.append(f"peak {_peak(run)}")
     elif limits and limits[-1] < FAR * peak:
         bounds = (-1.1 * max(limits[-1], peak), 1.1 * max(limits[-1], peak))
+    other = run.baseline
+    if other is not None and len(other):
+        traces += [
+            Trace(f"{name}, baseline", place(other, other["qdot_cmd"][:, j]), j, 1, 1.0, is_gray=True)
+            for j, name in enumerate(other.joints)
+        ]
+        bounds = bounds or _room([run["qdot_cmd"]], [other["qdot_cmd"]], -1.0)
+        if bounds and float(np.abs(other["qdot_cmd"]).max()) > bounds[1]:
+            told.append(f"baseline {_peak(other)}")
     lines = [side * limit for limit in limits for side in (1.0, -1.0)]
     title = "Joint rates, and their limits dotted" if lines else "Joint rates"
-    return Panel(title, f"rate [{rate_unit(run)}/s]", run["time"], traces, lines, bounds, told)
+    beyond = f"{', '.join(told)}, beyond the plot" if told else ""
+    return Panel(title, f"rate [{rate_unit(run)}/s]", time, traces, lines, bounds, beyond)
+
+
+def _peak(run: Run) -> str:
+    """Return the largest commanded rate, and of which joint it is."""
+    rates = np.abs(run["qdot_cmd"])
+    return f"{rates.max():,.4g} {rate_unit(run)}/s, of {run.joints[int(rates.max(axis=0).argmax())]}"
+
+
+def _times(run: Run) -> tuple[Array, Callable[[Run, Array], Array]]:
+    """Return the times of a run and its baseline, and what places values of either at these."""
+    other = run.baseline
+    if other is None or not len(other) or np.array_equal(other["time"], run["time"]):
+        return run["time"], lambda _, values: values
+    time = _common({"": run["time"], "baseline": other["time"]})
+    return time, lambda of, values: _placed_at(time, of["time"], values)
+
+
+def _room(own: Sequence[Array], beside: Sequence[Array], low: float) -> tuple[float, float] | None:
+    """Return an axis for curves where those beside them would flatten them; None: these do not.
+
+    Args:
+        own: The curves.
+        beside: Of the baseline.
+        low: The lower end of the axis as a part of the upper one.
+    """
+    peak, most = (max(float(np.abs(one).max()) for one in some) for some in (own, beside))
+    high = CLIPPED * peak
+    return (low * high, high) if peak > 0.0 and most > FAR * peak else None
 
 
 def _sigma(runs: Mapping[str, Run]) -> Panel:
@@ -198,19 +243,37 @@ def _sigma(runs: Mapping[str, Run]) -> Panel:
 
 
 def _errors(run: Run) -> Panel:
+    """Return the tracking error, and beside it that of the baseline."""
+    (time, place), own, beside, other = _times(run), _off(run), {}, run.baseline
+    traces = [Trace(name, place(run, values), i, i) for name, (values, i) in own.items()]
+    bounds, told = None, ""
+    if other is not None and len(other):
+        beside = _off(other)
+        traces += [
+            Trace(f"baseline, {name}", place(other, values), i, i + 1, 1.0, is_gray=True)
+            for name, (values, i) in beside.items()
+        ]
+        bounds = _room([one for one, _ in own.values()], [one for one, _ in beside.values()], -0.02)
+    if bounds:
+        name, (values, _) = max(beside.items(), key=lambda one: float(one[1][0].max()))
+        told = f"baseline {values.max():,.4g}, {name}, beyond the plot"
+    units = [unit for unit in ("mm", "mrad") if any(f"[{unit}]" in name for name in own)]
+    return Panel("Tracking error", f"error [{', '.join(units)}]", time, traces, (), bounds, told)
+
+
+def _off(run: Run) -> dict[str, tuple[Array, int]]:
+    """Return the parts of the tracking error with their units, (T,) each, and which curve each is."""
     moved = [i for i, axis in enumerate("xyz") if axis in run.axes]
     turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in run.axes]
-    traces = []
+    found: dict[str, tuple[Array, int]] = {}
     if moved and run.view.frame == "world":
         along, across = split_error(run, moved)
-        traces = [Trace("along the path [mm]", 1e3 * along, 0), Trace("across [mm]", 1e3 * across, 1, 1)]
+        found = {"along the path [mm]": (1e3 * along, 0), "across [mm]": (1e3 * across, 1)}
     elif moved:
-        traces = [Trace("position [mm]", 1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1), 0)]
+        found = {"position [mm]": (1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1), 0)}
     if turned:
-        off = 1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1)
-        traces.append(Trace("rotation [mrad]", off, 2, 2))
-    unit = "mm, mrad" if moved and turned else "mrad" if turned else "mm"
-    return Panel("Tracking error", f"error [{unit}]", run["time"], traces)
+        found["rotation [mrad]"] = (1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1), 2)
+    return found
 
 
 def _pace(runs: Mapping[str, Run]) -> list[Panel]:

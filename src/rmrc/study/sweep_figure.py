@@ -1,18 +1,24 @@
 """The pictures of a sweep: how figures are distributed, and how they go with what was varied."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Sequence
+from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
-from numpy.typing import NDArray
+from matplotlib.figure import Figure, FigureBase
 
-from rmrc.show.figures import plain
+from rmrc.show.figures import LETTER, plain, save
 from rmrc.show.panels import paints
 from rmrc.show.sheets import number
+from rmrc.study.swept import Array, Swept
+from rmrc.support.errors import QuestionError
 
-Array = NDArray[np.float64]
+# What a figure of a sweep may have, from the top.
+PANELS = ("distributions", "parallel")
+# Width of the report's pictures [in], and size of their letters [pt].
+PAGE, LETTERS = 9.6, 9.0
 # Lines of the parallel coordinates at most, evenly chosen; more are a carpet.
 LINES = 400
 # Bins of a histogram; spread from which a scale is logarithmic.
@@ -24,63 +30,124 @@ def _is_wide(values: Array) -> bool:
     return len(values) > 0 and bool((values > 0.0).all()) and bool(values.max() > WIDE * values.min())
 
 
-def histograms(figures: Mapping[str, Array], units: Mapping[str, str]) -> Figure:
-    """Return a histogram for each figure, with its median.
+def plot(
+    swept: Swept, path: Path, panels: Sequence[str] = (), width: float = 7.16, font: float = 8.0
+) -> None:
+    """Draw a sweep into a file: how its figures are distributed, and parallel coordinates below.
 
     Args:
-        figures: Values of each, (runs,); NaN where a run has none.
-        units: Of each.
+        swept: Its rows.
+        path: File to write, whole or not at all: `.png`, `.svg` or `.pdf`.
+        panels: Of distributions and parallel; none: those for which there are numbers.
+        width: Of the figure [in].
+        font: Size of the letters [pt].
+
+    Raises:
+        QuestionError: There are no numbers for what is to be drawn.
     """
-    columns = min(3, len(figures)) or 1
-    lines = -(-len(figures) // columns) or 1
-    with mpl.rc_context({"font.size": 9.0}):
-        picture = Figure(figsize=(3.2 * columns, 2.2 * lines), layout="constrained")
-        for i, (name, values) in enumerate(figures.items()):
-            axes = picture.add_subplot(lines, columns, i + 1)
-            seen = values[np.isfinite(values)]
-            scaled = np.log10(seen) if _is_wide(seen) else seen
-            low, high = scaled.min(), scaled.max()
-            edges = np.linspace(low, high, BINS + 1) if high > low else np.array([low - 0.5, low + 0.5])
-            axes.hist(seen, bins=(10.0**edges if _is_wide(seen) else edges).tolist(), color=paints(1)[0])
-            axes.set_xscale("log" if _is_wide(seen) else "linear")
-            axes.axvline(float(np.median(seen)), color="black", linewidth=1.0, linestyle=(0, (3, 2)))
-            axes.set_xlabel(f"{plain(name)} [{units[name]}]")
-            axes.set_ylabel("runs" if i % columns == 0 else "")
-        picture.suptitle("dashed: the median", fontsize=9.0)
+    has = {"distributions": bool(swept.figures), "parallel": bool(swept.coordinates)}
+    names = [name for name in PANELS if (name in panels if panels else has[name])]
+    lacking = [name for name in names if not has[name]]
+    if lacking or not names:
+        which = f" for {lacking[0]}" if lacking else ""
+        raise QuestionError(f"{swept.name}: no run has numbers{which}, so there is nothing to draw")
+    heights = [_height(name, swept, width, font) for name in names]
+    with mpl.rc_context({"font.size": font}):
+        picture = Figure(figsize=(width, sum(heights)), layout="constrained")
+        parts = picture.subfigures(len(names), 1, height_ratios=heights, squeeze=False)[:, 0]
+        for name, part in zip(names, parts, strict=True):
+            _DRAW[name](part, swept, width, font)
+        save(picture, [path])
+
+
+def histograms(swept: Swept) -> Figure:
+    """Return the histograms for the page of a report: one for each figure, with its median."""
+    return _alone("distributions", swept, PAGE * min(3, len(swept.figures) or 1) / 3)
+
+
+def parallel(swept: Swept) -> Figure:
+    """Return the parallel coordinates for the page of a report: a line for each run that has all of them."""
+    return _alone("parallel", swept, max(6.0, 1.5 * len(swept.coordinates)))
+
+
+def _alone(name: str, swept: Swept, width: float) -> Figure:
+    with mpl.rc_context({"font.size": LETTERS}):
+        picture = Figure(figsize=(width, _height(name, swept, width, LETTERS)), layout="constrained")
+        _DRAW[name](picture, swept, width, LETTERS)
     return picture
 
 
-def parallel(columns: Mapping[str, Array], units: Mapping[str, str], by: str) -> Figure:
-    """Return a vertical axis for each column, and a line through them for each run that has all of them.
+def _height(name: str, swept: Swept, width: float, font: float) -> float:
+    """Return how high a panel is [in]."""
+    if name == "distributions":
+        return -(-len(swept.figures) // _abreast(swept, width, font) or 1) * (1.55 + 0.07 * font)
+    longest = max(map(len, swept.coordinates)) * LETTER * font / 72.0
+    return 2.2 + 0.05 * font + longest * math.sin(_tilt(len(swept.coordinates), width, font))
 
-    Args:
-        columns: Values of each, (runs,); NaN where a run has none.
-        units: Of each.
-        by: The column where lines are dark that are high.
-    """
+
+def _abreast(swept: Swept, width: float, font: float) -> int:
+    """Return how many histograms stand beside each other: as many as their names have room."""
+    longest = max((len(f"{name} [{swept.units[name]}]") for name in swept.figures), default=1)
+    return max(1, min(3, len(swept.figures), int(width / (LETTER * font / 72.0 * (longest + 6)))))
+
+
+def _tilt(count: int, width: float, font: float) -> float:
+    """Return by what angle the names of axes are turned: upright where they have little room [rad]."""
+    return math.radians(20.0 if width / count >= 9.0 * font / 72.0 else 90.0)
+
+
+def _draw_histograms(into: FigureBase, swept: Swept, width: float, font: float) -> None:
+    """Draw a histogram for each figure, with its median."""
+    columns = _abreast(swept, width, font)
+    lines = -(-len(swept.figures) // columns) or 1
+    for i, (name, values) in enumerate(swept.figures.items()):
+        axes = into.add_subplot(lines, columns, i + 1)
+        seen = values[np.isfinite(values)]
+        scaled = np.log10(seen) if _is_wide(seen) else seen
+        low, high = scaled.min(), scaled.max()
+        edges = np.linspace(low, high, BINS + 1) if high > low else np.array([low - 0.5, low + 0.5])
+        axes.hist(seen, bins=(10.0**edges if _is_wide(seen) else edges).tolist(), color=paints(1)[0])
+        axes.set_xscale("log" if _is_wide(seen) else "linear")
+        axes.axvline(float(np.median(seen)), color="black", linewidth=1.0, linestyle=(0, (3, 2)))
+        axes.set_xlabel(f"{plain(name)} [{swept.units[name]}]")
+        axes.set_ylabel("runs" if i % columns == 0 else "")
+    into.suptitle("dashed: the median", fontsize=font)
+
+
+def _draw_parallel(into: FigureBase, swept: Swept, width: float, font: float) -> None:
+    """Draw an axis for each column, and a line for each run: dark where the first figure is high."""
+    columns, by = swept.coordinates, next(iter(swept.figures))
     rows = np.flatnonzero(np.all([np.isfinite(values) for values in columns.values()], axis=0))
     if len(rows) > LINES:
         rows = rows[np.unique(np.linspace(0, len(rows) - 1, LINES).astype(int))]
-    with mpl.rc_context({"font.size": 9.0}):
-        picture = Figure(figsize=(max(6.0, 1.5 * len(columns)), 3.6), layout="constrained")
-        axes = picture.add_subplot()
-        shares = {}
-        for i, (name, values) in enumerate(columns.items()):
-            chosen = values[rows]
-            scaled = np.log10(chosen) if _is_wide(chosen) else chosen
-            low, high = (float(scaled.min()), float(scaled.max())) if len(rows) else (0.0, 0.0)
-            shares[name] = (scaled - low) / (high - low) if high > low else np.full(len(rows), 0.5)
-            axes.axvline(i, color="0.3", linewidth=0.8)
-            for place, end, side in ((1.02, high, "bottom"), (-0.02, low, "top")):
-                axes.text(i, place, number(10.0**end if _is_wide(chosen) else end), ha="center", va=side)
-            unit = f" [{units[name]}]" if units[name] not in ("", "1") else ""
-            told = plain(name.removeprefix("control.")) + unit
-            axes.text(i, -0.14, told, ha="right", va="top", rotation=20)
-        places, order = np.stack(list(shares.values()), axis=1), np.argsort(shares[by], kind="stable")
-        lines = [np.column_stack([np.arange(len(columns)), places[row]]) for row in order]
-        grays = [str(0.85 - 0.75 * share) for share in shares[by][order]]
-        axes.add_collection(LineCollection(lines, colors=grays, linewidths=0.7))
-        axes.set_xlim(-0.3, len(columns) - 0.7)
-        axes.set_ylim(-0.02, 1.02)
-        axes.axis("off")
-    return picture
+    axes, shares, tilt = into.add_subplot(), {}, math.degrees(_tilt(len(columns), width, font))
+    is_narrow = tilt == 90.0
+    lift = 1.2 * font if is_narrow else 0.0  # of every second end, as neighbors would touch
+    for i, (name, values) in enumerate(columns.items()):
+        chosen = values[rows]
+        scaled = np.log10(chosen) if _is_wide(chosen) else chosen
+        low, high = (float(scaled.min()), float(scaled.max())) if len(rows) else (0.0, 0.0)
+        shares[name] = (scaled - low) / (high - low) if high > low else np.full(len(rows), 0.5)
+        axes.axvline(i, color="0.3", linewidth=0.8)
+        for place, end, side in ((1.02, high, 1.0), (-0.02, low, -1.0)):
+            told = number(10.0**end if _is_wide(chosen) else end)
+            axes.annotate(
+                told, (i, place), (0.0, side * (1.0 + i % 2 * lift)), textcoords="offset points",
+                ha="center", va="bottom" if side > 0.0 else "top",
+            )  # fmt: skip
+        unit = f" [{swept.units[name]}]" if swept.units[name] not in ("", "1") else ""
+        axes.annotate(
+            plain(name.removeprefix("control.")) + unit, (i, -0.02), (0.0, -1.5 * font - lift),
+            textcoords="offset points", ha="center" if is_narrow else "right", va="top", rotation=tilt,
+            rotation_mode="default" if is_narrow else "anchor",
+        )  # fmt: skip
+    places, order = np.stack(list(shares.values()), axis=1), np.argsort(shares[by], kind="stable")
+    lines = [np.column_stack([np.arange(len(columns)), places[row]]) for row in order]
+    grays = [str(0.85 - 0.75 * share) for share in shares[by][order]]
+    axes.add_collection(LineCollection(lines, colors=grays, linewidths=0.7))
+    axes.set_xlim(-0.3, len(columns) - 0.7)
+    axes.set_ylim(-0.02, 1.02)
+    axes.axis("off")
+
+
+_DRAW = {"distributions": _draw_histograms, "parallel": _draw_parallel}

@@ -10,10 +10,9 @@ import numpy as np
 from rmrc.show.page import Page
 from rmrc.show.run_page import versions
 from rmrc.show.sheets import Sheet, number
-from rmrc.study.dataset import Contents, Left
-from rmrc.study.summary import MAIN
-from rmrc.study.sweep_figure import Array, histograms, parallel
-from rmrc.support.errors import QuestionError
+from rmrc.study.dataset import Left
+from rmrc.study.sweep_figure import histograms, parallel
+from rmrc.study.swept import Array, Swept
 
 # Values of a key that are listed; of more numbers, the ends are told.
 SHOWN = 6
@@ -31,43 +30,24 @@ def page(path: Path, left: Left) -> Page:
     Raises:
         QuestionError: It is something else, or has no row.
     """
-    rows = left.rows
-    try:
-        contents = Contents.read(left.about)
-    except (KeyError, ValueError, TypeError):
-        raise QuestionError(f"{path}: does not hold the rows of a sweep") from None
-    if not rows["index"]:
-        raise QuestionError(f"{path}: has no row, so there is nothing to report")
-    units = {column.name: column.unit for column in contents.columns}
-    names = list(units)
-    keys = [name for name in names[1 : names.index("status")] if name != "seed"]
-    varied = [name for name in keys if len(set(map(str, rows[name]))) > 1]
-    figures = {name: _numbers(rows[name]) for name in MAIN if name in rows}
-    figures = {name: values for name, values in figures.items() if np.isfinite(values).any()}
-    name = path.name.removesuffix(".parquet").removesuffix(".sweep")
-    made = Page(f"{name}: {len(rows['index'])} runs", _verdict(rows, figures, units))
+    swept = Swept.of(path, left)
+    rows, units, varied, figures = swept.rows, swept.units, swept.varied, swept.figures
+    made = Page(f"{swept.name}: {len(rows['index'])} runs", _verdict(rows, figures, units))
     made.section("How the runs ended")
     made.table(_endings(rows))
     made.section("What was varied")
     made.table(_varied(rows, varied, units))
     made.section("How the figures are distributed")
-    made.figure(histograms(figures, units), "How many runs have which value")
+    made.figure(histograms(swept), "How many runs have which value")
     made.section("Extremes", "`rmrc sweep` with --record worst:1:FIGURE or best:1:FIGURE records such a run.")
     made.table(_extremes(rows, varied, figures, units))
-    numeric = [one for one in varied if np.isfinite(_numbers(rows[one])).sum() > 1]
-    if numeric and figures:
+    if swept.coordinates:
         first = next(iter(figures))
         made.section("From what was varied to the figures", f"One line per run, dark where {first} is large.")
-        columns = {one: _numbers(rows[one]) for one in numeric} | figures
-        made.figure(parallel(columns, units, first), "Parallel coordinates: one line per run")
+        made.figure(parallel(swept), "Parallel coordinates: one line per run")
     made.section("Made with", "Equal versions give equal bits on one machine.")
     made.table(versions(json.loads(rows["versions"][0])))
     return made
-
-
-def _numbers(values: Sequence[Any]) -> Array:
-    """Return numbers; NaN for what is none."""
-    return np.array([float(v) if isinstance(v, int | float) else np.nan for v in values])
 
 
 def _verdict(rows: _Rows, figures: Mapping[str, Array], units: Mapping[str, str]) -> str:

@@ -1,0 +1,77 @@
+"""What a sweep left, ready to be shown: its rows, the keys that were varied, and the main figures."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.study.dataset import Contents, Left, read_left
+from rmrc.study.summary import MAIN
+from rmrc.support.errors import QuestionError
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Swept:
+    """The rows of a sweep, one at least.
+
+    Attributes:
+        name: Of the sweep.
+        rows: All columns, by name.
+        units: Of each.
+        varied: Keys that have several values.
+        figures: The main figures that any run has, (runs,) each; NaN where a run has none.
+    """
+
+    name: str
+    rows: Mapping[str, list[Any]]
+    units: Mapping[str, str]
+    varied: Sequence[str]
+    figures: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, path: Path, left: Left | None = None) -> "Swept":
+        """Return what is in a file.
+
+        Args:
+            path: The `.parquet` that `sweep` left.
+            left: What it holds, if that was read.
+
+        Raises:
+            OSError: It cannot be opened.
+            QuestionError: It is something else, or has no row.
+        """
+        left = left or read_left(path)
+        rows = left.rows
+        if "on_front" in rows:
+            raise QuestionError(f"{path}: holds the settings of a search, not the rows of a sweep")
+        try:
+            contents = Contents.read(left.about)
+        except (KeyError, ValueError, TypeError):
+            raise QuestionError(f"{path}: does not hold the rows of a sweep") from None
+        if not rows["index"]:
+            raise QuestionError(f"{path}: has no row, so there is nothing to show")
+        units = {column.name: column.unit for column in contents.columns}
+        names = list(units)
+        keys = [name for name in names[1 : names.index("status")] if name != "seed"]
+        varied = [name for name in keys if len(set(map(str, rows[name]))) > 1]
+        figures = {name: numbers(rows[name]) for name in MAIN if name in rows}
+        figures = {name: values for name, values in figures.items() if np.isfinite(values).any()}
+        name = path.name.removesuffix(".parquet").removesuffix(".sweep")
+        return cls(name, rows, units, varied, figures)
+
+    @property
+    def coordinates(self) -> dict[str, Array]:
+        """What was varied in numbers, and the figures; empty if either is."""
+        values = {name: numbers(self.rows[name]) for name in self.varied}
+        numeric = {name: one for name, one in values.items() if np.isfinite(one).sum() > 1}
+        return numeric | dict(self.figures) if numeric and self.figures else {}
+
+
+def numbers(values: Sequence[Any]) -> Array:
+    """Return numbers; NaN for what is none."""
+    return np.array([float(v) if isinstance(v, int | float) else np.nan for v in values])

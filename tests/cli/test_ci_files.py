@@ -1,0 +1,189 @@
+"""JUnit XML and summaries: what CI reads of runs that went well, missed, diverged, or never began."""
+
+import os
+from xml.etree import ElementTree
+
+import pytest
+
+from project import ROOT
+from rmrc.results.facts import versions
+from rmrc.results.run import Run
+from rmrc.study.batch import Batch
+from wording import says
+
+TEXT = f"""
+name: quick
+arm: {{model: {ROOT}/models/planar_2link.xml, site: tip, start: [60 deg, -120 deg]}}
+task: {{axes: [x, y]}}
+target: {{path: [{{hold: {{for: 0.05}}}}]}}
+expect:
+  position_error.max: {{below: 0.1}}
+  duration: {{equals: 0.05, within: 0.002}}
+"""
+
+# What junit-10.xsd of Jenkins' xUnit plugin allows, which is narrower than what GitLab and GitHub read:
+# attributes that an element must have, that it may have, and what may be in it.
+SCHEMA = {
+    "testsuites": (set(), {"name", "time", "tests", "failures", "errors"}, {"testsuite"}),
+    "testsuite": (
+        {"name", "tests", "failures", "errors"},
+        {"time", "skipped", "timestamp", "hostname", "id", "package", "group", "file", "log", "url"},
+        {"properties", "testcase", "testsuite", "system-out", "system-err"},
+    ),
+    "properties": (set(), set(), {"property"}),
+    "property": ({"name", "value"}, set(), set()),
+    "testcase": (
+        {"name"}, {"time", "classname", "group"}, {"skipped", "error", "failure", "system-out", "system-err"},
+    ),
+    "failure": (set(), {"type", "message"}, set()),
+    "error": (set(), {"type", "message"}, set()),
+    "system-out": (set(), set(), set()),
+}  # fmt: skip
+
+
+def faults(element):
+    """Yield where a tree is none that the schema has, or counts otherwise than it says."""
+    must, may, inside = SCHEMA[element.tag]
+    if not must <= set(element.keys()) <= must | may:
+        yield f"{element.tag}: {sorted(element.keys())}"
+    for name, tag in (("tests", "testcase"), ("failures", "failure"), ("errors", "error")):
+        if name in element.attrib and int(element.attrib[name]) != len(list(element.iter(tag))):
+            yield f"{element.tag}: {name}"
+    for child in element:
+        if child.tag not in inside:
+            yield f"{element.tag}: {child.tag}"
+        else:
+            yield from faults(child)
+
+
+def read(path):
+    root = ElementTree.parse(path).getroot()
+    assert root.tag == "testsuites" and list(faults(root)) == []
+    return root
+
+
+def told(root):
+    """Return what each case says: nothing, a failure or an error."""
+    return {
+        case.get("name"): next(((one.tag, one.text) for one in case if one.tag in ("failure", "error")), None)
+        for case in root.iter("testcase")
+    }
+
+
+@pytest.fixture
+def quick(tmp_path):
+    (tmp_path / "quick.yaml").write_text(TEXT)
+    return tmp_path
+
+
+ASKED = ("--no-record", "--quiet", "--junit", "ci/a.xml", "--summary", "ci/a.md")
+
+
+def test_a_case_for_each_expectation_and_one_for_the_run(rmrc, quick):
+    code, out, err = rmrc("run", "quick.yaml", "--no-record", "--junit", "ci/a.xml", "--summary", "ci/a.md")
+    assert (code, err) == (0, "") and "wrote ci/a.xml\nwrote ci/a.md\n" in out
+    root = read("ci/a.xml")
+    assert told(root) == {"run": None, "position_error.max": None, "duration": None}
+    kept = {one.get("name"): one.get("value") for one in root.iter("property")}
+    assert kept == versions()
+    run = Run.read(quick / "recordings/quick.npz")
+    assert root.find(".//system-out").text == run.verdict
+    assert float(root.get("time")) == pytest.approx(run.wall_time, abs=5.1e-4)
+    lines = (quick / "ci/a.md").read_text("utf-8").splitlines()
+    assert lines[0] == "### ✅ quick: 2 of 2 expectations met"
+    assert any(line.startswith("| ok | duration: expected 0.05 ") for line in lines)
+    assert "<details><summary>Figures</summary>" in lines and "## Errors" in lines
+    assert sorted(one.name for one in (quick / "ci").iterdir()) == ["a.md", "a.xml"]
+
+
+@pytest.mark.usefixtures("quick")
+def test_the_schema_refuses_what_it_does_not_have(rmrc):
+    rmrc("run", "quick.yaml", *ASKED)
+    for spoil in (
+        lambda root: root[0].set("tests", "4"),
+        lambda root: root[0][1].set("file", "quick.yaml"),
+        lambda root: root[0][1].attrib.pop("name"),
+        lambda root: ElementTree.SubElement(root[0][1], "properties"),
+        lambda root: ElementTree.SubElement(root[0][1], "failure"),
+    ):
+        root = read("ci/a.xml")
+        spoil(root)
+        assert list(faults(root)) != []
+
+
+def test_what_is_missed_is_a_failure_in_its_own_words(rmrc, quick):
+    code, _, err = rmrc("run", "quick.yaml", "--set", "expect.duration.equals=0.2", *ASKED)
+    (line,) = err.splitlines()
+    found = told(read("ci/a.xml"))
+    assert code == 1
+    assert found == {
+        "run": None,
+        "position_error.max": None,
+        "duration": ("failure", line.partition("missed: ")[2]),
+    }
+    summary = (quick / "ci/a.md").read_text("utf-8")
+    assert (
+        summary.startswith("### ❌ quick: 1 of 2 expectations met\n") and "| MISSED | duration: " in summary
+    )
+
+
+@pytest.mark.usefixtures("quick")
+def test_a_divergence_is_an_error(rmrc):
+    code, _, err = rmrc("run", "quick.yaml", "--set", "plant.wrench=[0, 1.0e+15, 0, 0, 0, 0]", *ASKED)
+    assert code == 3
+    assert told(read("ci/a.xml"))["run"] == ("error", err.splitlines()[-1].partition("quick ")[2])
+
+
+def test_a_refusal_is_an_error_with_all_its_lines(rmrc, quick):
+    code, _, err = rmrc("run", "quick.yaml", "--set", "control.period=-1", "--set", "task.length=0", *ASKED)
+    lines = [line.removeprefix("rmrc: error: ") for line in err.splitlines()]
+    assert code == 2 and len(lines) == 2
+    assert told(read("ci/a.xml")) == {"run": ("error", "\n".join(lines))}
+    assert "❌ quick: no run to its end" in (quick / "ci/a.md").read_text("utf-8")
+
+
+@pytest.mark.usefixtures("quick")
+def test_ctrl_c_before_the_first_tick_is_an_error(rmrc, monkeypatch):
+    def interrupted(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(Batch, "compile", interrupted)
+    assert rmrc("run", "quick.yaml", *ASKED)[0] == 130
+    assert told(read("ci/a.xml")) == {"run": ("error", "ended before the first tick")}
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_each_variant_of_a_comparison_is_a_suite_and_the_exit_code_stays(rmrc, quick):
+    varied = ("--vary", "control.feedback=5,10", "--set", "expect.duration.equals=0.2")
+    code, _, _ = rmrc("compare", "quick.yaml", *varied, *ASKED)
+    root = read("ci/a.xml")
+    assert code == 0
+    assert [one.get("name") for one in root] == ["quick feedback=5", "quick feedback=10"]
+    assert [one.get("failures") for one in (root, *root)] == ["2", "1", "1"]
+    assert "#### quick feedback=10\n" in (quick / "ci/a.md").read_text("utf-8")
+
+
+def test_the_summary_of_a_step_of_github_is_added_to(rmrc, quick, monkeypatch):
+    step = quick / "step_summary_1"
+    step.write_text("what was said before\n")
+    monkeypatch.setenv("GITHUB_STEP_SUMMARY", str(step))
+    for _ in range(2):
+        assert rmrc("run", "quick.yaml", "--no-record", "--quiet", "--summary", str(step))[0] == 0
+    text = step.read_text("utf-8")
+    assert text.startswith("what was said before\n") and text.count("### ✅ quick") == 2
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (("--junit", "quick.yaml"), "--junit quick.yaml: … .xml"),
+        (("--summary", "quick.yaml"), "--summary quick.yaml: … .md … $GITHUB_STEP_SUMMARY"),
+        (("--junit", "arm.xml"), "--junit arm.xml: is there … no JUnit XML … another file"),
+    ],
+)
+def test_a_file_that_is_something_else_stays(rmrc, quick, monkeypatch, options, line):
+    monkeypatch.delenv("GITHUB_STEP_SUMMARY", raising=False)
+    (quick / "arm.xml").write_text("<mujoco/>")
+    assert rmrc("run", "quick.yaml", *options) == (2, "", says(f"rmrc: error: {line}\n"))
+    assert (quick / "arm.xml").read_text() == "<mujoco/>" and (quick / "quick.yaml").read_text() == TEXT
+    assert sorted(os.listdir(quick)) == ["arm.xml", "quick.yaml"]

@@ -1,0 +1,86 @@
+"""The page about scenarios in CI: its commands leave what it says, its loop goes on after a failure."""
+
+import os
+import re
+import shlex
+import subprocess
+from xml.etree import ElementTree
+
+import pytest
+import yaml
+
+from project import ROOT
+from rmrc.cli import console
+from rmrc.scenario import load
+
+PAGE = (ROOT / "docs/scenarios_under_test.md").read_text("utf-8")
+
+
+def blocks(language):
+    return re.findall(rf"^```{language}\n(.*?)^```$", PAGE, re.MULTILINE | re.DOTALL)
+
+
+@pytest.mark.usefixtures("undrawn")
+def test_its_commands_leave_the_files_that_they_name(rmrc, tmp_path):
+    for folder in ("scenarios", "models"):
+        (tmp_path / folder).symlink_to(ROOT / folder)
+    commands = [shlex.split(block) for block in blocks("sh")]
+    assert [words[1] for words in commands] == ["run", "compare"]
+    for words in commands:
+        assert rmrc(*words[1:]) == (0, "", "")
+    suites = [len(ElementTree.parse(path).getroot()) for path in sorted(tmp_path.glob("ci/*.xml"))]
+    assert suites == [1, 2]
+    assert (tmp_path / "ci/approach_singularity.md").read_text("utf-8").startswith("### ✅")
+
+
+STUB = """#!/bin/sh
+echo "$*" >> calls
+[ "$1" = run ] || exit 0
+name=$(basename "$2" .yaml)
+[ "$name" = b ] || touch "ci/$name.npz" "ci/$name.json"
+[ "$name" = c ] || exit 3
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a shell")
+@pytest.mark.parametrize(("names", "status"), [("abc", 1), ("c", 0)])
+def test_its_loop_runs_all_and_fails_if_any_does(tmp_path, names, status):
+    (loop,) = blocks("bash")
+    (tmp_path / "scenarios").mkdir()
+    for name in names:
+        (tmp_path / f"scenarios/{name}.yaml").touch()
+    (tmp_path / "rmrc").write_text(STUB)
+    (tmp_path / "rmrc").chmod(0o755)
+    env = {"PATH": f"{tmp_path}:{os.environ['PATH']}"}
+    assert subprocess.run(["bash", "-c", loop], cwd=tmp_path, env=env, check=False).returncode == status
+    calls = (tmp_path / "calls").read_text().splitlines()
+    assert [line.split()[1] for line in calls if line.startswith("run")] == [
+        f"scenarios/{n}.yaml" for n in names
+    ]
+    reported = [line for line in calls if line.startswith("report")]
+    assert reported == [f"report ci/{name}.npz --quiet" for name in names if name != "b"]
+    assert all(f"--junit ci/{n}.xml --summary ci/{n}.md" in " ".join(calls) for n in names)
+
+
+def test_its_jobs_are_yaml_that_runs_the_loop_and_keeps_what_it_leaves():
+    expect, github, gitlab = map(yaml.safe_load, blocks("yaml"))
+    figures = load(ROOT / "scenarios/approach_singularity.yaml").expect
+    assert expect["expect"].keys() <= figures.keys()
+    steps, job = github["jobs"]["scenarios"]["steps"], gitlab["scenarios"]
+    runs = [step["run"] for step in steps if "run" in step]
+    assert runs[1] == job["script"][1] and runs[1].endswith("ci/scenarios.sh")
+    assert runs[0].split() == job["script"][0].split() and "touch -d" in runs[0]
+    assert steps[2]["with"]["path"] == job["cache"]["paths"][0] == ".venv"
+    assert job["artifacts"]["reports"]["junit"] in PAGE and "ci/*.rrd" in job["artifacts"]["paths"]
+    assert steps[-1]["if"] == "failure()" and "ci/*.html" in steps[-1]["with"]["path"].split()
+
+
+def test_its_exit_codes_are_those_of_the_program():
+    told = re.findall(r"^\| ([\d, ]+) \| (.+?) \|", PAGE, re.MULTILINE)
+    codes = {int(code): meaning for listed, meaning in told for code in listed.split(", ")}
+    for code, word in (
+        (console.EXIT_MISSED, "misses"), (console.EXIT_INPUT, "refused"), (console.EXIT_DIVERGED, "diverged"),
+        (console.EXIT_INTERRUPTED, "Ctrl-C"), (console.EXIT_TERMINATED, "SIGTERM"), (0, "meets"),
+    ):  # fmt: skip
+        assert word in codes.pop(code)
+    assert codes == {}
