@@ -497,10 +497,16 @@ def test_the_status_is_one_lane_of_words_that_change_exactly_where_it_does(plana
     record(path, prepared, run, 15)
     expected = [(0, "free"), (10, "damped"), (20, "damped, rate limited"), (30, "rate limited"), (55, "free")]
     assert states(path, "/status") == expected
-    # 5 ms of 59 are too short for a label, and share one with what is before or after
+    # both ways to be limited are too short for their words and share a label, as the last 5 ms of 59 do
     events = states(path, "/events")
-    assert [text for _, text in events[:3]] == ["free", "damped", "damped, rate limited"]
-    assert events[3:] == [(30, "rate limited"), (55, "free 4 ms")]
+    assert [text for _, text in events] == [
+        "free",
+        "damped",
+        "rate limited 13 ms +1",
+        "rate limited",
+        "free 4 ms",
+    ]
+    assert [tick for tick, _ in events[:3]] == [0, 10, 20]
 
 
 def test_a_divergence_is_shown_in_its_lane(planar, tmp_path):

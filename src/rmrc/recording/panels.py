@@ -96,11 +96,16 @@ class Panels:
 
     def look(self, seen: Seen, part: Run, derived: dict[str, np.ndarray]) -> None:
         """Keep the instant to look at, if it is in a block: the one that is asked for, or the worst one."""
-        plotted = {"rates": part["qdot_cmd"], "sigma": derived["log_sigma_min"], "error": derived["error"],
-                   "joints": derived.get("joints"), "rotation": derived.get("turn"),
-                   "torque": part["tau"] if self.has_torque else None,
-                   "pace": part["path_rate"][:, None] if self.is_slowed else None,
-                   "belief": derived.get("belief")}  # fmt: skip
+        plotted = {
+            "rates": part["qdot_cmd"],
+            "sigma": derived.get("log_secondary", derived["log_sigma_min"]),
+            "error": derived["error"],
+            "joints": derived.get("joints"),
+            "rotation": derived.get("turn"),
+            "torque": part["tau"] if self.has_torque else None,
+            "pace": part["path_rate"][:, None] if self.is_slowed else None,
+            "belief": derived.get("belief"),
+        }
         values = plotted.get(self.sight)
         if self._look is None or values is None:
             return
@@ -126,7 +131,7 @@ class Panels:
 
     def marked(self, panel: Panel, mark: Mark) -> Panel:
         """Return the plot that is looked at, with the mark in it."""
-        tints = {"sigma": [GREEN], "pace": [GOLD]}.get(self.sight)
+        tints = {"sigma": [SLATE if self.has_second else GREEN], "pace": [GOLD]}.get(self.sight)
         if tints is None:
             tints = list(panel.curves[-1].colors) if self.sight in ("error", "rotation") else self._hues
         names = [mark.text] * len(mark.values)
