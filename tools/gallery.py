@@ -3,8 +3,8 @@
     python tools/gallery.py            says what is missing or stale, and ends with 1 if anything is
     python tools/gallery.py --write    draws what is missing or stale, and writes the page
 
-A picture has a stamp in it: a hash of the scenario, without comments, expectations and `look`, and of the files that
-it names. It is stale where these are others now. Drawing needs OpenGL, checking does not.
+A picture has a stamp in it: a hash of the scenario, without comments, expectations and `look`, and of
+the files that it names. It is stale where these are others now. Drawing needs OpenGL, checking does not.
 """
 
 import argparse
