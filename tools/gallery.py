@@ -3,8 +3,8 @@
     python tools/gallery.py            says what is missing or stale, and ends with 1 if anything is
     python tools/gallery.py --write    draws what is missing or stale, and writes the page
 
-A picture has a stamp in it: a hash of the scenario, without comments and expectations, and of the files that
-it names. It is stale where these are others now. Drawing needs OpenGL, checking does not.
+A picture has a stamp in it: a hash of the scenario, without comments, expectations and `look`, and of
+the files that it names. It is stale where these are others now. Drawing needs OpenGL, checking does not.
 """
 
 import argparse
@@ -44,7 +44,8 @@ ENTRY = """## {name}
 def stamp(scenario: Path) -> str:
     """Return a hash of what a picture shows: the scenario and the files beside it that it names."""
     values = yaml.safe_load(scenario.read_text("utf-8"))
-    values.pop("expect", None)
+    for unseen in ("expect", "look"):
+        values.pop(unseen, None)
     digest = hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode())
     for name in sorted(set(_texts(values))):
         file = scenario.parent / name

@@ -497,10 +497,16 @@ def test_the_status_is_one_lane_of_words_that_change_exactly_where_it_does(plana
     record(path, prepared, run, 15)
     expected = [(0, "free"), (10, "damped"), (20, "damped, rate limited"), (30, "rate limited"), (55, "free")]
     assert states(path, "/status") == expected
-    # 5 ms of 59 are too short for a label, and share one with what is before or after
+    # both ways to be limited are too short for their words and share a label, as the last 5 ms of 59 do
     events = states(path, "/events")
-    assert [text for _, text in events[:3]] == ["free", "damped", "damped, rate limited"]
-    assert events[3:] == [(30, "rate limited"), (55, "free 4 ms")]
+    assert [text for _, text in events] == [
+        "free",
+        "damped",
+        "rate limited 13 ms +1",
+        "rate limited",
+        "free 4 ms",
+    ]
+    assert [tick for tick, _ in events[:3]] == [0, 10, 20]
 
 
 def test_a_divergence_is_shown_in_its_lane(planar, tmp_path):
@@ -692,6 +698,69 @@ def test_a_rate_far_beyond_its_limit_leaves_the_plot_and_is_told(planar, tmp_pat
     record(tmp_path / "small.rrd", planar[0], rows(planar[1], 0, 200))
     assert not any("peak" in title for title in final_views(tmp_path / "small.rrd"))
     assert "/peak/own" not in entities(tmp_path / "small.rrd")
+
+
+LOOKS = {  # the plot that is in sight, and what it has at each tick
+    "torque": ("Torque", lambda run: run["tau"]),
+    "joints": ("Joint positions [deg]", lambda run: np.degrees(run["q"])),
+    "rotation": ("Hand turned since the start [deg]", lambda run: np.degrees(
+        np.column_stack([np.zeros(len(run)), np.abs(run["q"].sum(axis=1) - run["q"][0].sum())]))),
+    "sigma": ("Singular values", lambda run: np.log10(run["sigma"][:, -1:])),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("quantity", LOOKS)
+@pytest.mark.parametrize("at", [None, 0.3])
+def test_what_the_scenario_asks_to_look_at_is_in_sight_and_marked(quantity, at, tmp_path):
+    """The marks are the run's own values at that tick: float32, and angles of cosines near 1."""
+    asked = f"look: {{quantity: {quantity}{'' if at is None else f', at: {at}'}}}\n"
+    text = PLANAR.replace("[x, y]", "[x, y, rz]").replace(
+        "{line: {to: [1.99, 0.0]}}", "{line: {by: [0.1, 0]}}"
+    )
+    prepared, run = simulated(text + "control: {period: 0.01, inverse: {method: damped}}\n" + asked)
+    path = tmp_path / "run.rrd"
+    record(path, prepared, run, size=17)
+    title, of = LOOKS[quantity]
+    values = of(run)
+    worth = -values[:, 0] if quantity == "sigma" else np.abs(values).max(axis=1)
+    if at is not None:
+        worth = -np.abs(run["time"] - at)
+    (mark,) = stored(path, "/look")["look"]
+    np.testing.assert_allclose(
+        mark, values[worth.argmax()], rtol=1e-5, atol=2e-6 * max(1, np.abs(values).max())
+    )
+    (ball,) = stored(path, "/tip/look")["Points3D:positions"]
+    assert np.linalg.norm(run["pose"][:, :3] - ball[0], axis=1).argmin() == worth.argmax()
+    last = max(layouts(path), key=len)
+    (view,) = [
+        name
+        for name, table in last.items()
+        if table.get("ViewBlueprint:display_name", [""])[0].startswith(title)
+    ]
+    assert ("look", None) in [
+        (source, None) for source, _ in final_views(path)[last[view]["ViewBlueprint:display_name"][0]]
+    ]
+    tabs = [
+        table for table in last.values() if view.lstrip("/") in str(table.get("ContainerBlueprint:contents"))
+    ]
+    active = [table.get("ContainerBlueprint:active_tab") for table in tabs]
+    assert active[0] is None or view.lstrip("/") in str(active[0])
+    assert_looks_at_what_is_recorded(path)
+    assert_same_bits(read_columns(path), run.columns)
+
+
+def test_a_run_that_lacks_what_to_look_at_says_so_and_is_recorded_as_without(planar, tmp_path):
+    for asked, why in (
+        ("{quantity: torque}", "the run has no torque"),
+        ("{quantity: rates, at: 99}", "ends before"),
+    ):
+        prepared, run = simulated(
+            PLANAR + f"control: {{period: 0.01}}\nplant: {{kind: ideal}}\nlook: {asked}\n"
+        )
+        assert any(why in one.text for one in prepared.assumed)
+        record(tmp_path / "run.rrd", prepared, run)
+        assert not {"/look", "/tip/look"} & entities(tmp_path / "run.rrd")
+    assert not any("look at" in one.text for one in planar[0].assumed)  # negative control
 
 
 @pytest.mark.parametrize("steps", [plots.STEPS, plots.MORE_STEPS])

@@ -105,6 +105,7 @@ sweep:
   repeat: 2
   seed: 5
 tune: {delay: [0.006, 0.012], lag: 0.01, noise: 0.001 deg, calibration: 0.002}
+look: {quantity: rates, at: 0.5}
 """
 
 

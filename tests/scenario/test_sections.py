@@ -245,6 +245,7 @@ plant:
   stretch: {}
   joint_offset: 0.0
 expect: {}
+look: null
 baseline: {}
 sweep:
   vary: {}

@@ -128,7 +128,7 @@ def test_each_row_has_the_bits_of_its_run_alone(swept):
         ] == []
         assert row["met"] == all(one.ok for one in check(card, sweep.scenario.expect))
         whole = prepared.scenario.model_dump(
-            mode="json", exclude={"name", "expect", "sweep", "tune", "baseline"}
+            mode="json", exclude={"name", "expect", "look", "sweep", "tune", "baseline"}
         )
         whole["arm"]["model"] = fingerprint(prepared.arm)
         assert sha256(json.dumps(whole, sort_keys=True).encode()).hexdigest().startswith(row["scenario"])

@@ -323,7 +323,10 @@ class _Layout:
         """
         end = max([self.duration, *(one.end for one in seen or ())])
         panels = self._panels(seen)
-        return page(self._picture(reached), TITLES, stacked(panels, end, "/status/**", len(self._labels)))
+        look = self._prepared[0].scenario.look
+        first = {"error": "position", "path": "position"}.get(look.quantity, look.quantity) if look else ""
+        plots = stacked(panels, end, "/status/**", len(self._labels), first)
+        return page(self._picture(reached), TITLES, plots)
 
     def _picture(self, reached: Sequence[NDArray[np.float64]]) -> rrb.Spatial3DView:
         points = np.vstack([*(scene.points for scene in self._scenes), *reached])

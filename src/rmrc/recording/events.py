@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import RED, SLATE, TEAL
 
-# A label needs this share of the strip.
-SHORTEST = 1 / 6
+# Letters that the strip has room for in a window of 1280 points.
+LETTERS = 80
 GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
 FREE = "free"
 
@@ -82,31 +82,55 @@ class Strip:
     def labels(self, end: float) -> list[Label]:
         """Return the labels of the whole strip.
 
-        States too short for a label share one, which says how long each of them lasts under it.
+        States too short for a label share one, which names the gravest of them and says how long it lasts.
 
         Args:
             end: Of the run [s].
         """
-        least, found, spans = SHORTEST * end, list[Label](), self._spans(end)
-        i, begin = 0, 0.0
+        found, spans, i, begin = list[Label](), self._spans(end), 0, 0.0
         while i < len(spans):
             begin, (_, until, one) = max(begin, spans[i][0]), spans[i]
-            if until - begin >= least or (i == len(spans) - 1 and not found):
+            if until - begin >= room(words(one)) * end or len(spans) == 1:
                 found.append(Label(begin, words(one), color(one)))
                 i += 1
                 continue
             # From here to where a label ends: all that is under it, and the rest of the last one after it.
             last = i
-            while last + 1 < len(spans) and spans[last + 1][0] < begin + least:
+            while last + 1 < len(spans) and not _fits(spans[i : last + 1], begin, end):
                 last += 1
-            goes_on = spans[last][1] - (begin + least) >= least
-            found.append(_shared(spans[i : last + 1], begin, begin + least if goes_on else end))
-            i, begin = (last, begin + least) if goes_on else (last + 1, begin)
-        return found + self._last
+            since, until, after = spans[last]
+            stop, need = begin, max(begin, since)
+            while stop < min(need, until):  # what the label says depends on where it ends
+                stop = min(need, until)
+                need = begin + room(_shared(spans[i : last + 1], begin, stop).text) * end
+            goes_on = last > i and until - stop >= room(words(after)) * end
+            found.append(_shared(spans[i : last + 1], begin, stop if goes_on else until))
+            i, begin = (last, stop) if goes_on else (last + 1, begin)
+        return _with_room_at_the_end(found, end) + self._last
+
+
+def room(text: str) -> float:
+    """Return the share of the strip that a label needs."""
+    return (len(text) + 2) / LETTERS
+
+
+def _fits(spans: Sequence[tuple[float, float, int]], begin: float, end: float) -> bool:
+    """Say whether the label of some states has the room for it until the last of them ends."""
+    until = spans[-1][1]
+    return until - begin >= room(_shared(spans, begin, until).text) * end
+
+
+def _with_room_at_the_end(labels: list[Label], end: float) -> list[Label]:
+    """Begin the last label earlier if it lacks room, where the one before has more than it needs."""
+    if len(labels) > 1:
+        before, last = labels[-2:]
+        earlier = max(before.time + room(before.text) * end, end - room(last.text) * end)
+        labels[-1] = last._replace(time=min(last.time, earlier))
+    return labels
 
 
 def _shared(spans: Sequence[tuple[float, float, int]], begin: float, end: float) -> Label:
-    """Return the label of several states: the gravest first, and how long each lasts."""
+    """Return the label of several states: the gravest, how long it lasts, and how many others there are."""
     lasted: dict[int, float] = {}
     for since, until, one in spans:
         lasted[one] = lasted.get(one, 0.0) + min(until, end) - max(since, begin)
@@ -115,4 +139,5 @@ def _shared(spans: Sequence[tuple[float, float, int]], begin: float, end: float)
         together |= one
     ranked = sorted(lasted, key=lambda one: (not one & GRAVE, not one, -lasted[one]))
     texts = [f"{words(one)} {1e3 * lasted[one]:.0f} ms" for one in ranked if one or len(lasted) == 1]
-    return Label(begin, "; ".join(texts), color(together))
+    more = f" +{len(texts) - 1}" * (len(texts) > 1)
+    return Label(begin, texts[0] + more, color(together))

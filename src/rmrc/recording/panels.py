@@ -1,6 +1,7 @@
 """The plots of one run: rates, singular values, error, torque, pace, and what the law believes."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Literal
 
 import numpy as np
@@ -9,6 +10,7 @@ import rerun.blueprint as rrb
 from rmrc.recording.plots import (
     MORE_STEPS,
     Curve,
+    Mark,
     Panel,
     Peak,
     Seen,
@@ -25,9 +27,14 @@ from rmrc.results.run import Run
 from rmrc.scenario.choices import POLICIES
 from rmrc.show.palette import BLACK, GOLD, GRAY, GREEN, MAGENTA, SLATE, WHITE, hue, mix
 from rmrc.simulation.prepare import Prepared
+from rmrc.support.spatial import log_rotation, quat_conjugate, quat_multiply
 
 # Of the plots from the top: the rates, the singular values, tabs, the pace, the strip.
 SHARES = {"rates": 3.0, "sigma": 2.3, "tabs": 1.8, "pace": 1.5, "strip": 1.05}
+# Of the tabs where a scenario asks to look at one of them.
+LOOKED_AT = 2.6
+# The plots of what is no plot itself.
+SEEN_IN = {"status": "rates", "path": "error"}
 
 
 class Panels:
@@ -56,6 +63,11 @@ class Panels:
         self.has_torque = has_torque
         self.is_slowed = POLICIES[scenario.control.at_singularity].slows
         self.has_second = scenario.control.nullspace.objective == "secondary"
+        self._look = scenario.look
+        self._degrees = np.where(arm.is_slide, 1.0, np.degrees(1.0))
+        self._position = _of_kinds(slides, "deg", "m")
+        wanted, has_turns = self._look.quantity if self._look else "", len(self.axes & {"rx", "ry", "rz"}) > 0
+        self.sight = SEEN_IN.get(wanted, wanted) if has_turns or wanted != "rotation" else ""
 
     @property
     def errors(self) -> tuple[str, ...]:
@@ -70,13 +82,74 @@ class Panels:
         seen.add(part["time"], {"1/sigma": 1.0 / np.maximum(part["sigma"][:, -1], 1e-300)})
         seen.add(part["time"], {"sigma": part["sigma"]})
 
+    def only_if_looked_at(self, part: Run) -> dict[str, np.ndarray]:
+        """Return the curves of a block that only a scenario that asks for them has: (T, width) each."""
+        if self.sight == "joints":
+            return {"joints": part["q"] * self._degrees}
+        if self.sight != "rotation":
+            return {}
+        start, wanted, actual = self.prepared.reference.pose[0], part["pose_ref"], part["pose"]
+        pairs = ((actual, wanted), (wanted, start), (actual, start))
+        turns = [log_rotation(quat_multiply(a[..., 3:], quat_conjugate(b[..., 3:]))) for a, b in pairs]
+        angles = np.degrees(np.linalg.norm(turns, axis=-1)).T
+        return {"turn_error": angles[:, :1], "turn": angles[:, 1:]}
+
+    def look(self, seen: Seen, part: Run, derived: dict[str, np.ndarray]) -> None:
+        """Keep the instant to look at, if it is in a block: the one that is asked for, or the worst one."""
+        plotted = {
+            "rates": part["qdot_cmd"],
+            "sigma": derived.get("log_secondary", derived["log_sigma_min"]),
+            "error": derived["error"],
+            "joints": derived.get("joints"),
+            "rotation": derived.get("turn"),
+            "torque": part["tau"] if self.has_torque else None,
+            "pace": part["path_rate"][:, None] if self.is_slowed else None,
+            "belief": derived.get("belief"),
+        }
+        values = plotted.get(self.sight)
+        if self._look is None or values is None:
+            return
+        worth = {
+            "sigma": -values[:, 0], "pace": -values[:, 0],
+            "rotation": derived.get("turn_error", values)[:, 0],
+            "status": (part["status"] != 0).astype(float),
+        }.get(self._look.quantity, np.abs(values).max(axis=1))  # fmt: skip
+        if self._look.at is not None:
+            worth = -np.abs(part["time"] - self._look.at)
+        row = int(np.nan_to_num(worth, nan=-np.inf).argmax())
+        if seen.mark is None or worth[row] > seen.mark.worth:
+            tip = part["pose"][row, :3].copy()
+            seen.mark = Mark(float(part["time"][row]), values[row].copy(), tip, float(worth[row]))
+
+    def mark(self, seen: Seen) -> Mark | None:
+        """Return the instant to look at, its values within the plot; None if the run ended before it."""
+        mark, at = seen.mark, self._look.at if self._look else None
+        if mark is None or (at is not None and at > seen.end + self.prepared.scenario.control.period):
+            return None
+        range_ = self.all(seen)[self.sight].range
+        return mark if range_ is None else replace(mark, values=np.clip(mark.values, *range_))
+
+    def marked(self, panel: Panel, mark: Mark) -> Panel:
+        """Return the plot that is looked at, with the mark in it."""
+        tints = {"sigma": [SLATE if self.has_second else GREEN], "pace": [GOLD]}.get(self.sight)
+        if tints is None:
+            tints = list(panel.curves[-1].colors) if self.sight in ("error", "rotation") else self._hues
+        names = [mark.text] * len(mark.values)
+        return replace(panel, curves=[*panel.curves, Curve("look", "look", names, tints, 7.0, "diamond")])
+
     def limits(self) -> dict[str, list[float]]:
         """Return the levels of all lines that do not move, by component."""
         return {
             "rate": limit_lines(self.rate_limit, self._joints, self._hues)[0],
             "torque": limit_lines(self.torque_limit, self._joints, self._hues)[0],
             "epsilon": [float(np.log10(self.damping_below))],
+            "joints": [level for level, _ in self._ends()] if self.sight == "joints" else [],
         }
+
+    def _ends(self) -> list[tuple[float, int]]:
+        """Return the finite ends of the joints' ranges as they are plotted, each with its color."""
+        ends = self.prepared.law.position_limit * self._degrees
+        return [(float(end), self._hues[j]) for row in ends for j, end in enumerate(row) if np.isfinite(end)]
 
     def all(self, seen: Seen | None) -> dict[str, Panel]:
         """Return the plots by name; without ranges while a run goes on.
@@ -93,6 +166,10 @@ class Panels:
             found["pace"] = self._pace(seen)
         if self.prepared.hardware.moves_q:
             found["belief"] = self._belief(seen)
+        if self.sight == "joints":
+            found["joints"] = self._positions(seen)
+        if self.sight == "rotation":
+            found["rotation"] = self._rotation(seen)
         return found
 
     def off_scale(self, seen: Seen) -> dict[str, Peak]:
@@ -132,16 +209,15 @@ class Panels:
         if self.has_baseline:
             gray = [mix(one, GRAY, 0.5) for one in self._hues]
             curves.insert(0, Curve("baseline/columns", "curves.dashed[]", ["baseline"] * n, gray, 1.5))
-        columns = frozenset({"qdot", "qdot_cmd", "qdot_plain"})
         if seen is None:
-            return Panel(title, curves, None, columns)
+            return Panel(title, curves, None)
         for kind, peak in self.off_scale(seen).items():
             shape: Literal["up", "down"] = "up" if peak.value > 0 else "down"
             which = "" if kind == "own" else f"{kind} "
             text = f"{spell(abs(peak.value))} {'↑' if peak.value > 0 else '↓'}"
             curves.append(Curve(f"peak/{kind}", "rate", [text], [self._hues[peak.which]], 6.0, shape))
             title += f"; {which}peak {text}"
-        return Panel(title, curves, self._rate_range(seen), columns)
+        return Panel(title, curves, self._rate_range(seen))
 
     def _sigma(self, seen: Seen | None) -> Panel:
         k = min(len(self._joints), len(self.axes))
@@ -162,8 +238,7 @@ class Panels:
         if self.has_second:
             curves.append(Curve("columns", "curves.log_secondary[]", ["σ left to 2nd"], [SLATE], 2.0))
         range_ = None if least is None or largest is None else decades(least, largest)
-        columns = frozenset({"sigma", "damping", "secondary_sigma", "condition"})
-        return Panel("Singular values σ and damping λ, as log₁₀", curves, range_, columns)
+        return Panel("Singular values σ and damping λ, as log₁₀", curves, range_)
 
     def _error(self, seen: Seen | None) -> Panel:
         colors = [GOLD, SLATE] if len(self.errors) == 2 else [GOLD if "position" in self.errors[0] else SLATE]
@@ -172,7 +247,7 @@ class Panels:
         unit = ", ".join(name.split("[")[1].rstrip("]") for name in self.errors)
         names = [name.split(" ")[0] for name in self.errors]
         curve = Curve("columns", "curves.error[]", names, colors, 2.0)
-        return Panel(f"Tip error [{unit}]", [curve], range_, frozenset({"pose_error", "pose", "pose_ref"}))
+        return Panel(f"Tip error [{unit}]", [curve], range_)
 
     def _torque(self, seen: Seen | None) -> Panel:
         _, names, colors = limit_lines(self.torque_limit, self._joints, self._hues)
@@ -181,24 +256,42 @@ class Panels:
             curves.append(Curve("limits", "torque", names, colors, 1.0))
         peak = seen.peak("tau") if seen else None
         if peak is None or seen is None:
-            return Panel(f"Torque [{self._load}]", curves, None, frozenset({"tau", "tau_gravity"}))
+            return Panel(f"Torque [{self._load}]", curves, None)
         known = self.torque_limit[np.isfinite(self.torque_limit)]
         shown = clipped(abs(peak.value), float(known.max(initial=0.0)), abs(peak.value))
         beyond = "" if not len(known) or known.max() <= shown else f", limit {spell(float(known.max()))} ↑"
         title = f"Torque [{self._load}]{beyond}"
-        return Panel(title, curves, both_ways(shown), frozenset({"tau", "tau_gravity"}))
+        return Panel(title, curves, both_ways(shown))
 
     def _pace(self, seen: Seen | None) -> Panel:
         curve = Curve("columns", "columns.path_rate", ["ṡ"], [GOLD], 2.5)
         range_ = (0.0, 2.05) if seen else None
-        return Panel("Pace ṡ along the path [1 = as planned]", [curve], range_, frozenset({"path_rate"}))
+        return Panel("Pace ṡ along the path [1 = as planned]", [curve], range_)
+
+    def _positions(self, seen: Seen) -> Panel:
+        curves = [Curve("columns", "curves.joints[]", self._joints, self._hues, 3.0)]
+        ends = self._ends()
+        if ends:
+            curves.append(Curve("limits", "joints", ["limits"] * len(ends), [tint for _, tint in ends], 1.0))
+        peak = seen.peak("joints")
+        range_ = both_ways(abs(peak.value)) if peak else None
+        return Panel(f"Joint positions [{self._position}], limits thin", curves, range_)
+
+    def _rotation(self, seen: Seen) -> Panel:
+        curves = [
+            Curve("columns", "curves.turn_error[]", ["error"], [SLATE], 5.0),
+            Curve("columns", "curves.turn[]", ["wanted", "actual"], [mix(GOLD, WHITE, 0.5), GOLD], 2.0),
+        ]
+        peak = seen.peak("turn", "turn_error")
+        range_ = (0.0, rounded(abs(peak.value))) if peak else None
+        return Panel("Hand turned since the start [deg]", curves, range_)
 
     def _belief(self, seen: Seen | None) -> Panel:
         peak = seen.peak("belief") if seen else None
         curve = Curve("columns", "curves.belief[]", self._joints, self._hues, 2.0)
         range_ = both_ways(abs(peak.value)) if peak else None
         title = f"Joints as believed, less true [{self._small}]"
-        return Panel(title, [curve], range_, frozenset({"q_believed"}))
+        return Panel(title, [curve], range_)
 
 
 def stacked(
@@ -225,6 +318,7 @@ def stacked(
     strip = rrb.StateTimelineView(name="Events", contents=[status], time_view=under_time(end), titlebar=False)
     rows.append(("strip", strip))
     shares = SHARES | {"strip": min(2.4, SHARES["strip"] + 0.42 * (lanes - 1))}  # more lanes are scrolled
+    shares |= {"tabs": LOOKED_AT} if first in tabs else {}
     return rrb.Vertical(*(view for _, view in rows), row_shares=[shares[name] for name, _ in rows])
 
 

@@ -6,7 +6,7 @@ is drawn as high as it is.
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -86,13 +86,11 @@ class Panel:
         title: What it shows, with its unit.
         curves: In the order in which they are drawn.
         range: Of its axis; None: all that there is.
-        columns: That it shows, which a scenario may ask to look at.
     """
 
     title: str
     curves: Sequence[Curve]
     range: tuple[float, float] | None = None
-    columns: frozenset[str] = field(default_factory=frozenset)
 
     def view(self, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
         """Return it as the viewer has it."""
@@ -124,16 +122,40 @@ class Peak:
     which: int
 
 
+@dataclass(frozen=True, eq=False)
+class Mark:
+    """The instant of a run that its scenario asks to look at.
+
+    Attributes:
+        time: When [s].
+        values: That the plot has there, (k,).
+        tip: Where the tip is, (3,) [m].
+        worth: How much there is to see; the largest of a run is kept.
+    """
+
+    time: float
+    values: NDArray[np.float64]
+    tip: NDArray[np.float64]
+    worth: float
+
+    @property
+    def text(self) -> str:
+        """What is written beside it."""
+        return f"look: {spell(self.time)} s"
+
+
 class Seen:
     """What a run shows, tick by tick: the extremes that its plots have room for.
 
     Attributes:
         end: Time of the last tick [s].
+        mark: What its scenario asks to look at, if that is there.
     """
 
     def __init__(self) -> None:
         """Begin with nothing."""
         self.end = 0.0
+        self.mark: Mark | None = None
         self._peaks: dict[str, Peak] = {}
         self._least: dict[str, float] = {}
         self._sizes: dict[str, list[NDArray[np.float32]]] = {}

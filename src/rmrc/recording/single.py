@@ -5,6 +5,7 @@ Entities:
     columns          every column of the run at every tick, and what is only drawn: error [mm, mrad], belief
                      [mrad or mm], and the common logarithms of σ and λ
     limits, peak     lines that do not move, and the mark of a rate that its plot does not show
+    look, tip/look   what the scenario asks to look at: values at that instant, and where the tip is then
     arm/<body>       poses, with the geometries and the axes of joints as static children
     believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
     target/..        path, and the pose wanted at the moment
@@ -42,6 +43,7 @@ from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import is_torn, repair
 from rmrc.results.columns import ADDED, COLUMNS, SAME, completed
 from rmrc.results.run import Run
+from rmrc.show.palette import WHITE
 from rmrc.simulation.prepare import Prepared
 
 # The line of numbers changes so often [s]: a reader takes in no more.
@@ -140,7 +142,11 @@ def _layout(
     """Return what the viewer opens: of a run that is over, with ranges that fit what it shows."""
     prepared = panels.prepared
     end = max(prepared.reference.duration, seen.end if seen else 0.0)
-    plots = stacked(panels.all(seen), end, "/events" if seen else "/status")
+    found = panels.all(seen)
+    mark = panels.mark(seen) if seen else None
+    if mark is not None:
+        found[panels.sight] = panels.marked(found[panels.sight], mark)
+    plots = stacked(found, end, "/events" if seen else "/status", first=panels.sight)
     picture = picture_view(scene, prepared, reached, ["/baseline/**"] * panels.has_baseline)
     return page(picture, TITLES, plots, "/now")
 
@@ -209,7 +215,9 @@ class _Story(Track):
             found["log_secondary"] = logarithm(part["secondary_sigma"])[:, None]
         if self._prepared.hardware.moves_q:
             found["belief"] = 1e3 * (part["q_believed"] - part["q"])
+        found |= self._panels.only_if_looked_at(part)
         self._panels.watch(self._seen, part, found)
+        self._panels.look(self._seen, part, found)
         return found
 
     def write_ending(self) -> None:
@@ -226,6 +234,15 @@ class _Story(Track):
         for name, peak in self._panels.off_scale(seen).items():
             mark = np.array([self._panels.mark_of(peak, seen)])
             self.send(f"peak/{name}", self._at([peak.time]), Values(stream.short("rate"), mark))
+        looked_at = self._panels.mark(seen)
+        if looked_at is not None:
+            self.send(
+                "look", self._at([looked_at.time]), Values(stream.short("look"), looked_at.values[None])
+            )
+            ball = rr.Points3D(
+                [looked_at.tip], colors=WHITE, radii=0.01 * self.scene.reach, labels=[looked_at.text]
+            )
+            self.out.log("tip/look", ball)
         reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
         self.out.lay_out(_layout(self.scene, self._panels, seen, reached))
 

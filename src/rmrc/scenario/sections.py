@@ -653,6 +653,7 @@ MOST_DRAWN = 20
 # The run's own name is no part of what happens, and what is drawn has a seed for each run.
 _NOT_SWEPT = {
     "name": "names the runs and changes none of them",
+    "look": "is for recordings alone",
     "baseline": "is for rmrc run alone",
     "sweep": "is the sweep itself",
     "tune": "is for rmrc tune alone",
@@ -707,6 +708,7 @@ class SweepSection(Section):
 _NOT_OF_BASELINES = {
     "name": "names the scenario and changes nothing",
     "expect": "holds for the scenario, and the baseline is expected nothing",
+    "look": "is for the recording, which shows both",
     "baseline": "is the baseline itself",
     "sweep": "is for rmrc sweep alone",
     "tune": "is for rmrc tune alone",
@@ -751,6 +753,17 @@ class TuneSection(Section):
     )
 
 
+class LookSection(Section):
+    """What there is to see in a run: its recording opens with that in sight, and marks it."""
+
+    quantity: Literal[
+        "rates", "joints", "sigma", "error", "rotation", "torque", "pace", "belief", "status", "path"
+    ] = key("the plot to look at; status: of what limits; path: that of the tip, in the picture")
+    at: NotNegative | None = key(
+        "when to look: there it is marked; null: where the quantity is largest, or worst", None, "s"
+    )
+
+
 class Sections(Section):
     """Everything that one run depends on."""
 
@@ -765,6 +778,9 @@ class Sections(Section):
         "what is expected, by figure of the scorecard",
         {},
         schema={"properties": {PROFILE: {"type": "string", "default": None, "description": _ACCEPTED}}},
+    )
+    look: LookSection | None = key(
+        "what its recording shows first; null: the rates, singular values and error", None
     )
     baseline: Annotated[dict[str, Changed], AfterValidator(_baseline)] = key(
         "changes of keys that make what `rmrc run` runs beside the scenario", {}

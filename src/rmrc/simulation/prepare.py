@@ -230,7 +230,22 @@ class Prepared:
                 missing.append(Assumed(f"no {name} limit: {which}", False))
         if arm.moves_at(self.scenario.arm.start):
             missing.append(Assumed("a start at rest: velocities of the keyframe are not taken", True))
-        return (*self.plant.assumed(), *self._by_profile(), *missing)
+        return (*self.plant.assumed(), *self._by_profile(), *self._unseen(), *missing)
+
+    def _unseen(self) -> Iterator[Assumed]:
+        """Yield that there is nothing of what the scenario asks to look at."""
+        look, slows = self.scenario.look, POLICIES[self.scenario.control.at_singularity].slows
+        if look is None:
+            return
+        has = {
+            "torque": self.plant.has_physics, "pace": slows, "belief": self.hardware.moves_q,
+            "rotation": any(axis.startswith("r") for axis in self.scenario.task.axes),
+        }  # fmt: skip
+        end = self.most_ticks * self.scenario.control.period
+        if not has.get(look.quantity, True):
+            yield Assumed(f"nothing to look at: the run has no {look.quantity}", True)
+        elif look.at is not None and look.at > end:
+            yield Assumed(f"nothing to look at: the run ends before look.at, {look.at:g} s", True)
 
     def _by_profile(self) -> Iterator[Assumed]:
         """Yield what the profile of `control.limits` sets, but for what is written otherwise."""

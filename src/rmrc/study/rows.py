@@ -22,7 +22,8 @@ from rmrc.study.plan import SEEDS, Plan, Value
 from rmrc.study.study import Result
 
 # What a run depends on, of its scenario.
-_SECTIONS = sorted(Scenario.model_fields.keys() - {"name", "expect", "baseline", "sweep", "tune"})
+_UNUSED = {"name", "expect", "look", "baseline", "sweep", "tune"}
+_SECTIONS = sorted(Scenario.model_fields.keys() - _UNUSED)
 _SORTED = json.JSONEncoder(sort_keys=True)
 
 _prints: WeakKeyDictionary[Arm, str] = WeakKeyDictionary()
