@@ -313,7 +313,7 @@ def test_the_plain_inverse_runs_into_all_limits_and_the_damped_one_into_none():
 def test_few_keys_have_no_default():
     assert_says("README.md", "Everything but `name`, `arm.model` and `target.path` has a default.")
     required = {row.key for row in schema_rows() if row.default == "required"}
-    top = {key for key in required if not key.startswith(("target.path", "expect", "sweep"))}
+    top = {key for key in required if not key.startswith(("target.path", "expect", "look", "sweep"))}
     assert top | {"target.path"} == {"name", "arm.model", "target.path"}
 
 

@@ -88,8 +88,8 @@ def test_a_broken_or_hostile_file_gets_one_line(content, problem):
         ("plant: {kv: !!int abc}", "x.yaml:6:13: plant.kv: … !!int … abc"),
         ("plant: {kv: 0x_}", "x.yaml:6:13: plant.kv: … !!int … 0x_"),
         ("plant: {kv: !!python/object/apply:os.system [ls]}", "x.yaml:6:13: plant.kv: … !!python/object/apply:os.system …"),
-        ("<line>: 1", "x.yaml:6:1: <line>: … key … name, arm, task, control, target, plant, expect, baseline, sweep, tune"),
-        ('"a\\nb": 1', r"x.yaml:6:1: a\nb: … key … name, arm, task, control, target, plant, expect, baseline, sweep, tune"),
+        ("<line>: 1", "x.yaml:6:1: <line>: … key … name, arm, task, control, target, plant, expect, look, baseline, sweep, tune"),
+        ('"a\\nb": 1', r"x.yaml:6:1: a\nb: … key … name, arm, task, control, target, plant, expect, look, baseline, sweep, tune"),
     ],
 )  # fmt: skip
 def test_yaml_that_is_no_plain_value_gets_one_line(text, line):
