@@ -49,8 +49,9 @@ PATIENCE = 150_000
 VIEWPORT = {"width": 640, "height": 448}
 
 # Pixels. While nothing is loaded there is no green, and a warning of 250 in orange; arm, ellipsoids, curves and
-# status of a recording give more of each. Blue is no sign: the bar of what is being loaded has 4300.
-GREEN, ORANGE = 500, 400
+# status of a run give more of each, and the curves of a comparison, which has no green, much more orange. Blue is
+# no sign: the bar of what is being loaded has 4300.
+GREEN, ORANGE, MUCH = 500, 400, 1500
 
 
 @dataclass
@@ -74,7 +75,10 @@ class Look:
 
     @property
     def shows_a_recording(self):
-        return self.picture is not None and all(np.greater(self.colors, (GREEN, ORANGE)))
+        if self.picture is None:
+            return False
+        green, orange = self.colors
+        return orange > MUCH or (green > GREEN and orange > ORANGE)
 
 
 @contextmanager

@@ -253,6 +253,7 @@ def browser():
 
 
 @pytest.mark.browser
+@pytest.mark.long
 @pytest.mark.xdist_group("report in a browser")
 @pytest.mark.usefixtures("pages")
 @pytest.mark.parametrize("kind", ["run", "compare", "sweep", "tune"])
