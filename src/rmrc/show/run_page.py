@@ -96,7 +96,7 @@ def _of_one(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
 
 def _of_several(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
     variants = facts["variants"]
-    made = Page(f"{facts['name']}: {len(runs)} variants", facts.get("verdict", ""))
+    made = Page(f"{facts['name']}: {len(runs)} variants")
     made.section("Side by side")
     made.table(_beside(runs, variants))
     for one in variants:

@@ -24,11 +24,10 @@ from rmrc.show.panels import (
     statuses,
     torque_unit,
 )
+from rmrc.show.run_figure import CLIPPED
 
 # Numbers of a panel at most: of a longer run, each span of time keeps the least and the largest of a curve.
 ROOM = 60_000
-# Rates are drawn up to so many times their limits; where a peak is beyond, its value is written.
-CLIPPED = 1.6
 # Limits are in the plot up to so many times the peak: farther away they would flatten the curves.
 FAR = 4.0
 # Where one curve has a peak so many times that of another, the axis is logarithmic, with so many decades; and
