@@ -10,8 +10,10 @@ import zipfile
 
 import numpy as np
 import pytest
+from llvmlite import binding
 
 from project import ROOT
+from rmrc.law import kept
 
 pytestmark = pytest.mark.long  # it builds, and the installed law is compiled anew
 
@@ -44,7 +46,7 @@ def built(tmp_path_factory):
     clone, out = tmp_path_factory.mktemp("clone"), tmp_path_factory.mktemp("out")
     for name in ("pyproject.toml", "setup.py", "MANIFEST.in", "README.md", "LICENSE", "CHANGELOG.md"):
         shutil.copy(ROOT / name, clone)
-    for name in ("src", "models", "scenarios"):
+    for name in ("src", "models", "scenarios", "tools"):
         shutil.copytree(ROOT / name, clone / name, ignore=shutil.ignore_patterns("__pycache__", "*.egg-info"))
     gone = clone / "build/lib/rmrc/_examples/scenarios/gone.yaml"
     gone.parent.mkdir(parents=True)
@@ -81,8 +83,8 @@ def test_an_installed_wheel_runs_a_shipped_scenario_from_anywhere(built, tmp_pat
     here.mkdir()
     pip("install", str(wheel), "--target", str(site), cwd=tmp_path)
 
-    def call(*words):
-        return run("-m", "rmrc", *words, cwd=here, PYTHONPATH=str(site))
+    def call(*words, **environment):
+        return run("-m", "rmrc", *words, cwd=here, **{"PYTHONPATH": str(site), **environment})
 
     found = json.loads(call("examples", "--json"))
     paths = {one["path"] for files in found.values() for one in files}
@@ -90,7 +92,10 @@ def test_an_installed_wheel_runs_a_shipped_scenario_from_anywhere(built, tmp_pat
     assert paths == {str(site / name) for name in SHIPPED} - {
         str(site / "rmrc/_examples" / name) for name in beside
     }
-    call("run", "line_tracking", "--no-record")
+    call("run", "line_tracking", "--no-record", NUMBA_CACHE_DIR=str(tmp_path / "compiled"))
+    features = binding.get_host_cpu_features()
+    if all(features.get(name) for name in kept.NEEDED):
+        assert list((tmp_path / "compiled").rglob("*.nbc")) == []  # all came with the package
     assert sorted(path.name for path in (here / "recordings").iterdir()) == [
         "line_tracking.json",
         "line_tracking.npz",
@@ -98,5 +103,7 @@ def test_an_installed_wheel_runs_a_shipped_scenario_from_anywhere(built, tmp_pat
     assert json.loads(call("inspect", "puma560", "--json"))["model"].startswith(str(site))
     call("init", "mine")
     call("run", "mine/scenarios/line_tracking.yaml", "--no-record", "--out", "again")
-    runs = [np.load(here / folder / "line_tracking.npz") for folder in ("recordings", "again")]
-    assert runs[0]["qdot_cmd"].tobytes() == runs[1]["qdot_cmd"].tobytes()
+    call("run", "line_tracking", "--no-record", "--out", "clone", PYTHONPATH=str(ROOT / "src"))
+    first, *others = (np.load(here / out / "line_tracking.npz") for out in ("recordings", "again", "clone"))
+    for other in others:
+        assert first["qdot_cmd"].tobytes() == other["qdot_cmd"].tobytes()

@@ -9,11 +9,12 @@ import tempfile
 
 import numba
 import pytest
+from llvmlite import binding
 from numba.core import caching
 
 from project import ROOT
 from rmrc.law import jit as compiled
-from rmrc.law import keeping
+from rmrc.law import keeping, kept
 
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="users and modes")
 NOBODY = 65534
@@ -140,6 +141,57 @@ def test_a_full_disk_costs_time_and_no_run(tmp_path, monkeypatch, tiny):
     entry = compiled.entry(tiny())
     with pytest.warns(RuntimeWarning, match=r"machine code cannot be kept in .*: no space left on device; "):
         assert entry(21) == 42
+
+
+@pytest.fixture
+def shipped(tmp_path, monkeypatch, tiny):
+    """Return the folder of a package's machine code, which stands for any processor like this one."""
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "builder"))
+    entry = compiled.entry(tiny())
+    assert entry(21) == 42
+    _, name, features = entry.targetctx.codegen().magic_tuple()
+    monkeypatch.setattr(kept, "LEVEL", name)
+    monkeypatch.setattr(kept, "FEATURES", features)
+    (made,) = (tmp_path / "builder").iterdir()
+    monkeypatch.setattr(kept, "SHIPPED", tmp_path / "package")
+    # numba names the folder by that of the source and a hash of where that is, the package by the first alone
+    shutil.copytree(made, tmp_path / "package" / tmp_path.name)
+    (tmp_path / "package" / kept.STAMP).write_text(compiled.SOURCES)
+    monkeypatch.setattr(numba.config, "CACHE_DIR", str(tmp_path / "user"))
+    monkeypatch.setattr(binding, "get_host_cpu_features", lambda: dict.fromkeys(kept.NEEDED, True))
+    kept.is_served.cache_clear()
+    yield tmp_path / "package"
+    kept.is_served.cache_clear()
+
+
+def test_machine_code_of_the_package_is_not_compiled_and_not_kept_again(shipped, tiny):
+    entry = compiled.entry(tiny())
+    assert entry(21) == 42
+    assert sum(entry.stats.cache_misses.values()) == 0
+    assert list(shipped.parent.glob("user/**/*.nbc")) == []
+
+
+@pytest.mark.parametrize("fault", ["sources", "processor", "wish", "torn", "gone", "function"])
+def test_machine_code_of_the_package_that_does_not_serve_is_compiled(shipped, tiny, monkeypatch, fault):
+    if fault == "sources":
+        (shipped / kept.STAMP).write_text("others")
+    elif fault == "processor":
+        monkeypatch.setattr(binding, "get_host_cpu_features", lambda: dict.fromkeys(kept.NEEDED[1:], True))
+    elif fault == "wish":
+        monkeypatch.setattr(numba.config, "CPU_NAME", "generic")
+        monkeypatch.setattr(numba.config, "CPU_FEATURES", "")
+    elif fault == "torn":
+        (file,) = shipped.rglob("*.nbc")
+        file.write_bytes(file.read_bytes()[:100])
+    elif fault == "gone":
+        shutil.rmtree(shipped)
+    else:
+        source = shipped.parent / "tiny.py"
+        source.write_text(source.read_text().replace("2 * x", "x + x"))
+    entry = compiled.entry(tiny())
+    assert entry(21) == 42
+    assert sum(entry.stats.cache_misses.values()) == 1
+    assert len(list(shipped.parent.glob("user/**/*.nbc"))) == 1
 
 
 @pytest.fixture

@@ -20,7 +20,8 @@ from numba.core import cgutils, event, types
 from numba.extending import intrinsic
 from numpy.typing import NDArray
 
-from rmrc.law.keeping import Forgiving, known_home, notice, own_folder
+from rmrc.law.keeping import known_home, notice, own_folder
+from rmrc.law.kept import Kept
 from rmrc.law.linking import PartCompiler, WholeCompiler
 from rmrc.scenario.choices import Choice, Choices
 from rmrc.support.notices import COMPILING, KEPT, NOT_KEPT, tell
@@ -295,7 +296,7 @@ def entry(function: Function, **options: bool) -> Function:
     dispatcher = _kept(function, options)
     if dispatcher.stats.cache_path is not None:
         _forget_other_sources(Path(str(dispatcher.stats.cache_path)), function)
-        dispatcher._cache = Forgiving(dispatcher._cache)
+        dispatcher._cache = Kept(dispatcher._cache, SOURCES)
     return cast(Function, dispatcher)
 
 
@@ -385,12 +386,12 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
     module, name = function.__module__.rpartition(".")[2], function.__qualname__
     stamp = directory / f"{module}.{name}.sources"
     try:
-        if stamp.is_file() and stamp.read_text() == _SOURCES:
+        if stamp.is_file() and stamp.read_text() == SOURCES:
             return
         for stale in directory.glob(f"{module}.{name}-*.nb[ci]"):
             stale.unlink(missing_ok=True)
         directory.mkdir(parents=True, exist_ok=True)
-        stamp.write_text(_SOURCES)
+        stamp.write_text(SOURCES)
     except OSError:  # a cache that cannot be written is slow, not wrong: numba will not use it either
         pass
 
@@ -417,4 +418,4 @@ def _digest_sources() -> str:
     return hashlib.sha256(b"".join([*sources, *others])).hexdigest()
 
 
-_SOURCES = _digest_sources()
+SOURCES = _digest_sources()

@@ -1,4 +1,4 @@
-"""Where machine code is kept if its usual places cannot be written, and what is done if it is damaged.
+"""Where machine code is kept if its usual places cannot be written.
 
 What numba keeps are pickles: whoever can write them runs code as whoever reads them. A folder that others
 can make first, as among temporary files, is only used if it is this user's and nobody else can write to it.
@@ -8,10 +8,9 @@ import os
 import stat
 import tempfile
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-from typing import Any
 
 _OTHERS = stat.S_IRWXG | stat.S_IRWXO
 _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
@@ -54,43 +53,6 @@ def known_home() -> Iterator[None]:
             del os.environ["XDG_CACHE_HOME"]
         else:
             os.environ["XDG_CACHE_HOME"] = before
-
-
-class Forgiving:
-    """A cache of numba's that compiles again what it cannot read, and goes without what it cannot write."""
-
-    def __init__(self, cache: Any) -> None:
-        """Wrap a cache.
-
-        Args:
-            cache: Of a dispatcher.
-        """
-        self._cache = cache
-
-    def __getattr__(self, name: str) -> Any:
-        """Return what the cache itself has."""
-        return getattr(self._cache, name)
-
-    def load_overload(self, *about: Any) -> Any:
-        """Return machine code, or None if there is none or its file is damaged."""
-        try:
-            return self._cache.load_overload(*about)
-        except Exception:  # whatever unpickling a torn file raises
-            self._without(self._cache.flush)
-            return None
-
-    def save_overload(self, *about: Any) -> None:
-        """Write machine code, unless the disk is full."""
-        self._without(self._cache.save_overload, *about)
-
-    def _without(self, write: Callable[..., object], *about: Any) -> None:
-        try:
-            write(*about)
-        except OSError as error:
-            why = (error.strerror or str(error)).lower()
-            notice(
-                f"machine code cannot be kept in {self._cache.cache_path}: {why}; it is compiled each time"
-            )
 
 
 def notice(text: str) -> None:
