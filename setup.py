@@ -47,11 +47,9 @@ class BuildWithExamples(build_py):
         if importlib.util.find_spec("numba") is None:
             self.announce("no machine code: the libraries of rmrc are not there", level=3)
             return
-        built = {
-            **os.environ,
-            "PYTHONPATH": str(Path(self.build_lib).resolve()),
-            "PYTHONDONTWRITEBYTECODE": "1",
-        }
+        # A front end may have put the libraries where only its own path leads.
+        path = os.pathsep.join([str(Path(self.build_lib).resolve()), *filter(None, sys.path)])
+        built = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
         subprocess.run([sys.executable, "tools/machine_code.py", str(folder)], env=built, check=True)
 
     def _examples(self) -> dict[Path, Path]:
