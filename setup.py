@@ -2,6 +2,7 @@
 
 import importlib.util
 import os
+import platform
 import shutil
 import subprocess
 import sys
@@ -44,11 +45,14 @@ class BuildWithExamples(build_py):
         """Have the built package compile itself, where the libraries that it needs are there."""
         folder = Path(self.build_lib, MACHINE_CODE)
         shutil.rmtree(folder, ignore_errors=True)
-        if importlib.util.find_spec("numba") is None:
-            self.announce("no machine code: the libraries of rmrc are not there", level=3)
+        if platform.machine() != "x86_64" or importlib.util.find_spec("numba") is None:
+            self.announce("no machine code: it is made on x86-64, with the libraries of rmrc", level=3)
             return
-        # A front end may have put the libraries where only its own path leads.
-        path = os.pathsep.join([str(Path(self.build_lib).resolve()), *filter(None, sys.path)])
+        # The metadata beside the sources say the version. A front end may have put the libraries where only
+        # its own path leads.
+        self.run_command("egg_info")
+        own = (str(Path(one).resolve()) for one in (self.build_lib, "src"))
+        path = os.pathsep.join([*own, *filter(None, [os.environ.get("PYTHONPATH")])])
         built = {**os.environ, "PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
         subprocess.run([sys.executable, "tools/machine_code.py", str(folder)], env=built, check=True)
 
