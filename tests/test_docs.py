@@ -577,7 +577,7 @@ CHAPTER_ROWS = rows(CHAPTERS)
     [
         # what moves an arm or searches takes a third of a second each
         pytest.param(cells[2].strip("`"), re.findall("`(.*?)`", cells[3]), id=cells[0],
-                     marks=[pytest.mark.long] * bool(re.match("`rmrc (run|workspace|ik) ", cells[2])))
+                     marks=[pytest.mark.long] * bool(re.match("`rmrc (run|workspace|ik .* --all)", cells[2])))
         for cells in CHAPTER_ROWS
     ],
 )  # fmt: skip

@@ -84,6 +84,8 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("puma_shoulder", "control.inverse.method=damped"),
         ("puma_elbow", "control.inverse.method=damped"),
         ("puma_wrist", "control.inverse.method=damped"),
+        ("selig_211", "control.feedback=5"),
+        ("three_roll", "control.feedforward=false"),
         # blind to the buckling: what the elbow does moves the tip neither in x nor in y
         ("hold_at_singularity", "task.axes=[x, y]"),
     ],
@@ -106,6 +108,7 @@ CLOSED = {
     "annulus_6_3": lambda q: textbook.two_link_determinant([6, 3], q),
     "stanford_boom": textbook.stanford_determinant,
     "puma_elbow": textbook.puma_determinant,
+    "three_roll": textbook.three_roll_determinant,
 }
 
 
@@ -131,6 +134,18 @@ def test_an_arm_is_expected_to_be_as_near_to_its_singularity_as_the_closed_form_
 )
 def test_a_rate_past_a_singularity_is_expected_as_the_closed_form_says(name, column, formula):
     assert load(ROOT / f"scenarios/{name}.yaml").expect[column].equals == pytest.approx(formula, abs=1e-3)
+
+
+def test_a_tick_without_feedforward_is_a_step_of_newtons_method():
+    run, _ = outcomes("selig_211")
+    arm = ([2, 1, 1],)
+    wanted = textbook.newton_raphson(
+        lambda q: textbook.three_link_position(*arm, q), lambda q: textbook.three_link_jacobian(*arm, q),
+        start=np.radians([60, 30, 30]), goal=[0.5, 3.0, 2 * np.pi / 3],
+    ).q  # fmt: skip
+    assert len(wanted) > 5
+    # J of κ at most 22; the errors of one step are squared by the next
+    np.testing.assert_allclose(run["q"][: len(wanted)], wanted, atol=1e-11)
 
 
 def test_approach_comes_to_full_reach_and_back():
