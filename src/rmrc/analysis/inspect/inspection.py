@@ -13,6 +13,7 @@ from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.analysis.subject import FRAMES, Model, Packages, numbers, subject
 from rmrc.arm import Arm
+from rmrc.arm.loops import Mechanism, find_mechanism
 from rmrc.law.task import SAMPLES, Task
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, did_you_mean
@@ -104,6 +105,7 @@ class Inspection:
         angles_in_words: Whether the angles are singular here, and what they cannot do.
         tip_error: None if no joint errors were given.
         balance: What holds it against the wrench, without gravity; None if no wrench was given.
+        mechanism: What the drives make of the site where loops close the arm; None if none do.
         warnings: What is wrong with the question, but can be answered.
     """
 
@@ -130,6 +132,7 @@ class Inspection:
     angles_in_words: str
     tip_error: TipError | None
     balance: Balance | None
+    mechanism: Mechanism | None
     warnings: tuple[str, ...]
 
     @property
@@ -226,6 +229,7 @@ which turns about -z'
         angles_in_words=_angles_in_words(angles),
         tip_error=None if joint_error is None else _tip_error(arm, J, joint_error),
         balance=None if wrench is None else balance(arm, q, numbers("wrench", wrench, WRENCH)),
+        mechanism=find_mechanism(arm, q),
         warnings=_warnings(arm, q),
     )  # fmt: skip
 
