@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rmrc.analysis.inspect.directions import LOST, SLOW, Lost, Motion, Slow, examine, rank_of
+from rmrc.analysis.inspect.factors import Factor, factors
 from rmrc.analysis.inspect.routes import Array, jacobians
 from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
@@ -93,6 +94,7 @@ class Inspection:
         task: The rows that count.
         why: These rows and no others, in words.
         determinant: Of these rows of J along the axes of the task; None if they are not square.
+        factors: Its factors, one for each family of singularities; none where no structure is known.
         sigma: Singular values of A = S_x J S_q, falling, (k,).
         rank: Of A, by its singular values.
         rank_by_minors: By its determinants; None where they are too many.
@@ -120,6 +122,7 @@ class Inspection:
     task: Task
     why: str
     determinant: float | None
+    factors: tuple[Factor, ...]
     sigma: Array
     rank: int
     rank_by_minors: int | None
@@ -221,7 +224,7 @@ which turns about -z'
         },
         task=task, why=_why(task, asked=asked.axes is not None),
         determinant=float(np.linalg.det(J_task[task.rows])) if A.shape[0] == A.shape[1] else None,
-        sigma=sigma, rank=rank_of(sigma),
+        factors=factors(task, J), sigma=sigma, rank=rank_of(sigma),
         rank_by_minors=int(rank_by_minors(A, LOST)) if minors <= MOST_MINORS else None,
         lost=lost, slow=slow, standing=standing, ellipsoids=_ellipsoids(task, J_task),
         E=zyz_rate_matrix(angles),

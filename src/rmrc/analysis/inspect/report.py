@@ -35,6 +35,7 @@ KEYS = {
     "disagreement": "largest entry of the difference from MuJoCo's J, by route",
     "task": "rows, why these, length [m]",
     "determinant": "of the task's rows of J along its axes; null if they are not square",
+    "factors": "of the determinant: name, family, where, value, power, vanishes; empty if not known",
     "sigma": "singular values of the task's rows, falling",
     "rank": "by_singular_values; by_minors, null if not counted",
     "condition": "kappa; null where the rank is lost",
@@ -91,7 +92,8 @@ def _values(found: Inspection) -> dict[str, Any]:
         "frame": {"name": found.frame, "rotation": found.R_world_frame},
         "jacobian": found.jacobian, "disagreement": found.disagreement,
         "task": {"rows": task.axes, "frame": task.frame, "why": found.why, "length": task.length},
-        "determinant": found.determinant, "sigma": found.sigma,
+        "determinant": found.determinant, "factors": [vars(one) for one in found.factors],
+        "sigma": found.sigma,
         "rank": {"by_singular_values": found.rank, "by_minors": found.rank_by_minors},
         "condition": found.condition, "manipulability": found.manipulability,
         "lost": [{"twist": one.twist, "wrench": one.wrench, "words": one.words} for one in found.lost],
@@ -145,8 +147,9 @@ def _balance_values(balance: Balance) -> dict[str, Any]:
 
 
 def _sheets(found: Inspection) -> list[Sheet]:
-    tables = [_joints(found), _site(found), _jacobian(found), _routes(found), _task(found), _words(found)]
-    tables += [_ellipsoids(found), _angles(found)]
+    tables = [_joints(found), _site(found), _jacobian(found), _routes(found), _task(found)]
+    tables += [_factors(found)] if found.factors else []
+    tables += [_words(found), _ellipsoids(found), _angles(found)]
     if found.tip_error is not None:
         tables.append(_tip_error(found, found.tip_error))
     if found.balance is not None:
@@ -225,6 +228,17 @@ def _task(found: Inspection) -> Sheet:
         ("", ""),
         rows,
         frozenset({0, 1}),
+    )
+
+
+def _factors(found: Inspection) -> Sheet:
+    rows = [
+        (one.term, number(_clean(one.value)), "vanishes" * one.vanishes, one.family, one.where)
+        for one in found.factors
+    ]
+    title = f"det J = {' · '.join(one.term for one in found.factors)}"
+    return Sheet(
+        title, ("factor", "here", "", "singularity", "where it vanishes"), rows, frozenset({0, 2, 3, 4})
     )
 
 
