@@ -19,7 +19,7 @@ TERMS = {
     "planar_rp": "pivot", "anthropomorphic": "shoulder elbow", "torus_3r": "shoulder elbow",
     "torus_3r_short": "shoulder elbow", "spherical_wrist": "wrist", "three_roll": "wrist",
     "stanford": "shoulder boom² wrist", "puma560": "shoulder elbow wrist",
-    "helical": "", "ur5e": "", "fr3": "", "xarm7": "", "so101": "",
+    "ur5e": "shoulder elbow wrist", "helical": "", "fr3": "", "xarm7": "", "so101": "",
 }  # fmt: skip
 
 
@@ -145,6 +145,32 @@ def test_parallel_axes_of_shoulder_and_elbow_part_the_arm(folder, drawn, offsets
     axes = axes_of(drawn)
     axes[2] = axes[1]
     task = of_text(folder, chain(axes, [*offsets, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)], tool, ["hinge"] * 6))
+    q = np.random.default_rng(seed).uniform(-3, 3, 6)
+    found = factors(task, task.arm.jacobian(q))
+    assert [one.name for one in found] == ["shoulder", "elbow", "wrist"]
+    assert_allclose(multiplied(found), determinant(task, q), atol=1e-9)
+
+
+def test_a_ur5e_has_the_families_that_its_lengths_say():
+    arm = arms.load(ROOT / "models/ur5e.xml")
+    for q in arm.sampled(10, seed=9):
+        shoulder, elbow, wrist = factors(choose(arm), arm.jacobian(q))
+        a, b = q[1] + q[2], q[1] + q[2] + q[3]
+        reach = 0.425 * np.cos(q[1]) + 0.392 * np.cos(a) - 0.1 * np.sin(b)
+        found, wanted = (
+            [shoulder.value, elbow.value, wrist.value],
+            [reach, 0.425 * 0.392 * np.sin(q[2]), np.sin(q[4])],
+        )
+        assert_allclose(np.abs(found), np.abs(wanted), atol=1e-9)
+
+
+@given(
+    st.lists(axis, min_size=6, max_size=6), st.lists(point, min_size=5, max_size=5), point, st.integers(0, 99)
+)
+def test_three_parallel_axes_and_two_that_meet_part_any_arm(folder, drawn, offsets, tool, seed):
+    one, two, five, six, *_ = axes_of(drawn)
+    axes = [one, two, two, two, five, six]
+    task = of_text(folder, chain(axes, [*offsets, (0.0, 0.0, 0.0)], tool, ["hinge"] * 6))
     q = np.random.default_rng(seed).uniform(-3, 3, 6)
     found = factors(task, task.arm.jacobian(q))
     assert [one.name for one in found] == ["shoulder", "elbow", "wrist"]

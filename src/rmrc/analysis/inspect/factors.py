@@ -65,7 +65,8 @@ def factors(task: Task, J: Array) -> tuple[Factor, ...]:
 
     A wrist whose three axes meet parts from the arm: det J = det J_v(wrist point) · z₄·(z₅ × z₆) [Khatib08].
     Where two of three columns stay perpendicular to an axis a, det [c₁ c₂ c₃] = ±(a·c₁) a·(c₂ × c₃): shoulder
-    and elbow, or shoulder and boom.
+    and elbow, or shoulder and boom. With parallel axes 2 to 4, as of a UR, J parts along and
+    across these.
 
     Args:
         task: The arm and the rows that count.
@@ -105,7 +106,7 @@ def _rules(samples: Sequence[Array], task: Task) -> list[_Rule]:
     turns = {"rx", "ry", "rz"} & axes
     if len(axes) == 6:
         if not all(_wrist_point(J)[1] for J in samples):
-            return []
+            return _parallel_rules(samples, joints)
         arm = _arm_rules([_at_wrist(J) for J in samples], joints, "the wrist point")
         arm = arm or [_Rule("arm", "", f"{_listed(joints[:3])} cannot move the wrist point at will", _det)]
         return [
@@ -190,9 +191,40 @@ def _planar_rules(samples: Sequence[Array], joints: Sequence[str], turns: bool) 
     return [_Rule("pivot", INTERIOR, f"{joints[1]} has the site beside the axis of {joints[0]}", within)]
 
 
-def _wrist_point(J: Array) -> tuple[Array, bool]:
-    """Return the point that joints 4 to 6 move least, from the site, (3,) [m], and whether it stays."""
-    axes, v = J[3:, 3:], J[:3, 3:]
+def _parallel_rules(samples: Sequence[Array], joints: Sequence[str]) -> list[_Rule]:
+    """Return the factors of six hinges whose axes 2, 3 and 4 are parallel, and whose axes 5 and 6 meet.
+
+    Joints 2 to 4 move all in a plane, and turn it about their axis a. Left to others are a·v and ω across a.
+    """
+    turned = [np.cross(J[3:, [1, 2]].T, J[3:, [2, 3]].T) for J in samples]
+    if np.abs(turned).max() > ROUNDING or not all(_wrist_point(J, 4)[1] and J[3:, 1].any() for J in samples):
+        return []
+
+    def across(J: Array) -> float:
+        point, _ = _wrist_point(J, 4)
+        return float(J[3:, 1] @ (J[:3, 0] + np.cross(J[3:, 0], point)))
+
+    def within(J: Array) -> float:
+        a = J[3:, 1]
+        v = J[:3] + np.cross(J[3:].T, np.cross(a, J[:3, 3])).T
+        return float(a @ np.cross(v[:, 1], v[:, 2]))
+
+    meet = f"the axes of {joints[4]} and {joints[5]} meet"
+    return [
+        _Rule(
+            "shoulder",
+            INTERIOR,
+            f"{joints[0]} cannot move where {meet} along the axis of {joints[1]}",
+            across,
+        ),
+        _Rule("elbow", BOUNDARY, f"{_listed(joints[1:4])} are in line", within),
+        _wrist(joints[3:], lambda J: _triple(J[3:, 3:])),
+    ]
+
+
+def _wrist_point(J: Array, first: int = 3) -> tuple[Array, bool]:
+    """Return the point that the joints from `first` on move least, from the site, (3,), and if it stays."""
+    axes, v = J[3:, first:], J[:3, first:]
     # no velocity there: v + ω × p = 0
     rows = np.concatenate([_cross_matrix(axis) for axis in axes.T])
     point, *_ = np.linalg.lstsq(rows, -v.T.ravel(), rcond=None)
