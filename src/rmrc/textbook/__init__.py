@@ -6,8 +6,8 @@ against what the simulation does. Arrays in, arrays out, over any leading axes; 
 Each function is an attribute of the package as well, whose modules are read when they are asked for:
 
     >>> from rmrc import textbook
-    >>> textbook.spherical_wrist_determinant([0.0, 0.0, 0.0]) == 0.0
-    True
+    >>> float(textbook.planar_rp_determinant([0.0, 0.5]))
+    -1.5
 """
 
 import importlib
