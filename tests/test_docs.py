@@ -1,8 +1,10 @@
 """What the documents promise is so: commands, keys, links, names, numbers and examples."""
 
 import ast
+import contextlib
 import importlib
 import inspect
+import io
 import pkgutil
 import re
 import runpy
@@ -564,6 +566,47 @@ def test_the_programs_of_the_readme_print_what_it_says(monkeypatch, tmp_path, ca
         assert python == ".venv/bin/python"
         runpy.run_path(str(ROOT / program), run_name="__main__")
         assert capsys.readouterr().out.splitlines() == lines
+
+
+CHAPTERS = section(DOCUMENTS["docs/textbook.md"], "Chapter by chapter")
+CHAPTER_ROWS = rows(CHAPTERS)
+
+
+@pytest.mark.parametrize(
+    ("command", "printed"),
+    [
+        # what moves an arm or searches takes a third of a second each
+        pytest.param(cells[2].strip("`"), re.findall("`(.*?)`", cells[3]), id=cells[0],
+                     marks=[pytest.mark.long] * bool(re.match("`rmrc (run|workspace|ik .* --all)", cells[2])))
+        for cells in CHAPTER_ROWS
+    ],
+)  # fmt: skip
+def test_a_row_of_the_textbook_prints_what_it_says(rmrc, monkeypatch, tmp_path, command, printed):
+    program, *words = shlex.split(command)
+    monkeypatch.chdir(ROOT)
+    if program == "rmrc":
+        out = ["--out", str(tmp_path)] if words[0] in ("run", "workspace") else []
+        code, *answer = rmrc(*words, *out)
+        assert code == 0, answer
+    else:
+        assert (program, words[0]) == ("python", "-c")
+        with contextlib.redirect_stdout(io.StringIO()) as spoken:
+            exec(compile(words[1], command, "exec"), {})
+        answer = [spoken.getvalue()]
+    assert printed and [text for text in printed if shown(text) not in shown(" ".join(answer))] == []
+
+
+def test_the_chapters_have_every_erratum_of_the_sources_and_no_other():
+    wheres = {cells[0] for cells in rows(DOCUMENTS["docs/errata.md"]) if re.match("[A-D], ", cells[0])}
+    assert len(wheres) > 20
+    assert set(re.findall(r"\[([A-D], .*?)\]\(errata\.md\)", CHAPTERS)) == wheres
+
+
+def test_the_rows_of_each_chapter_are_numbered_without_a_gap():
+    numbers = [re.fullmatch(r"([A-D])(\d+)", cells[0]).groups() for cells in CHAPTER_ROWS]
+    for letter in "ABCD":
+        own = [int(number) for chapter, number in numbers if chapter == letter]
+        assert own == list(range(1, len(own) + 1)) != []
 
 
 def test_every_public_name_is_on_its_page():

@@ -330,7 +330,7 @@ def shipped(name, *overrides):
             case
             for case in itertools.product(SHIPPED, POLICIES.names, LIMITING, [5000.0, 500.0])
             if not (
-                case[0] in ("start_by_pose", "whitney_1972") and POLICIES[case[1]].slows
+                case[0] in ("selig_211", "start_by_pose", "whitney_1972") and POLICIES[case[1]].slows
             )  # which is refused
         ],
         67,

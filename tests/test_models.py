@@ -25,7 +25,11 @@ from rmrc.textbook.helical import helical_jacobian
 from rmrc.textbook.planar import embed_planar_jacobian, planar_jacobian
 from rmrc.textbook.planar_rp import planar_rp_chain, planar_rp_jacobian
 from rmrc.textbook.puma import puma_chain, puma_gravity_torques
-from rmrc.textbook.spherical_wrist import spherical_wrist_chain, spherical_wrist_jacobian
+from rmrc.textbook.spherical_wrist import (
+    spherical_wrist_chain,
+    spherical_wrist_jacobian,
+    three_roll_jacobian,
+)
 from rmrc.textbook.stanford import stanford_chain, stanford_jacobian
 from rmrc.textbook.torus import torus_chain, torus_jacobian
 from twins import TWINS
@@ -80,12 +84,13 @@ def torus(*lengths):
     )
 
 
-def wrist_rows(q, reach=0.0):
-    """Six rows of the spherical wrist, at a point on the third axis."""
-    axes = spherical_wrist_jacobian(q)
+def wrist_rows(q, reach=0.0, jacobian=spherical_wrist_jacobian):
+    """Six rows of a wrist whose axes meet, at a point on the third axis."""
+    axes = jacobian(q)
     return shift_twist(np.vstack([np.zeros((3, 3)), axes]).T, -reach * axes[:, 2]).T
 
 
+SQUARE = np.pi / 2
 RISE = 0.5 / (2 * np.pi)  # of the screw, in a radian
 
 
@@ -101,6 +106,13 @@ DESCRIBED = {
         sites={"tip": (3, (0.6, 0.0, 0.0)), "wrist": (3, (0.0, 0.0, 0.0))},
         closed_form={"tip": six_rows(1.0, 0.8, 0.6), "wrist": six_rows(1.0, 0.8, 0.0)},
         task=(0, 1, 5),
+    ),
+    "selig_211": Described(
+        chain=planar(2.0, 1.0, 1.0),
+        sites={"tip": (3, (1.0, 0.0, 0.0))},
+        closed_form={"tip": six_rows(2.0, 1.0, 1.0)},
+        task=(0, 1, 5),
+        home_sigma=0.19,  # fig. 6.1 of the source, which the worked example starts from
     ),
     "planar_6_3": Described(
         chain=planar(6.0, 3.0),
@@ -127,6 +139,19 @@ DESCRIBED = {
         chain=spherical_wrist_chain(),
         sites={"center": (3, (0.0, 0.0, 0.0)), "tool": (3, (0.0, 0.0, 0.2))},
         closed_form={"center": wrist_rows, "tool": lambda q: wrist_rows(q, 0.2)},
+        task=(3, 4, 5),
+        base=(0.0, 0.0, 0.5),
+    ),
+    "three_roll": Described(
+        chain=DHChain(  # a tilt about j is one about i between quarter turns about k
+            ((0.0, 0.0, 0.0, SQUARE), (np.pi / 3, 0.0, 0.0, 0.0), (-np.pi / 3, 0.0, 0.0, -SQUARE)),
+            ("revolute",) * 3,
+        ),
+        sites={"center": (3, (0.0, 0.0, 0.0)), "tool": (3, (0.0, 0.0, 0.2))},
+        closed_form={
+            "center": lambda q: wrist_rows(q, 0.0, three_roll_jacobian),
+            "tool": lambda q: wrist_rows(q, 0.2, three_roll_jacobian),
+        },
         task=(3, 4, 5),
         base=(0.0, 0.0, 0.5),
     ),
@@ -352,6 +377,8 @@ def test_pose_and_jacobian_are_those_of_the_textbook(name, unit):
         ("torus_3r", "link_2", (0.4, 0, 0)),
         ("torus_3r_short", "link_3", (0.5, 0, 0)),
         ("spherical_wrist", "link_3", (0, 0, 0.001)),
+        ("selig_211", "link_3", (1, 0, 0.001)),
+        ("three_roll", "link_3", (0, 0, 0.001)),
         ("planar_rp", "link_2", (0, 0.001, 0)),
         ("helical", "crank", (0.001, 0, 0)),
         ("puma560", "link_3", (0.4318, 0, 0.0934)),
@@ -421,6 +448,12 @@ TUBES = [  # arm, link, length, outer radius, wall (0: solid), along which axis,
     ("torus_3r_short", "link_1", 0.4, 0.035, 0.003, 0, (0.2, 0, 0)),
     ("torus_3r_short", "link_2", 0.6, 0.030, 0.003, 0, (0.3, 0, 0)),
     ("torus_3r_short", "link_3", 0.5, 0.025, 0.003, 0, (0.25, 0, 0)),
+    ("selig_211", "link_1", 2.0, 0.030, 0.003, 0, (1.0, 0, 0)),
+    ("selig_211", "link_2", 1.0, 0.025, 0.003, 0, (0.5, 0, 0)),
+    ("selig_211", "link_3", 1.0, 0.020, 0.003, 0, (0.5, 0, 0)),
+    ("three_roll", "link_1", 0.12, 0.040, 0, 2, (0, 0, -0.1)),
+    ("three_roll", "link_2", 0.10, 0.030, 0, 2, (0, 0, 0)),
+    ("three_roll", "link_3", 0.12, 0.025, 0, 2, (0, 0, 0.1)),
     ("spherical_wrist", "link_1", 0.12, 0.040, 0, 2, (0, 0, -0.1)),
     ("spherical_wrist", "link_2", 0.10, 0.030, 0, 2, (0, 0, 0)),
     ("spherical_wrist", "link_3", 0.12, 0.025, 0, 2, (0, 0, 0.1)),

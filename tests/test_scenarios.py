@@ -6,6 +6,7 @@ from scipy.spatial.transform import Rotation
 
 from project import ROOT
 from rmrc import arm as arms
+from rmrc import textbook
 from rmrc.results.scorecard import check, scorecard
 from rmrc.scenario import load
 from rmrc.simulation.prepare import prepare
@@ -70,6 +71,21 @@ def test_shipped_scenario_meets_its_expectations(name):
         ("spray_past_the_wrist", "task.axes=[x, y, z, rx, ry, rz]"),
         ("recorded_motion", "control.feedforward=false"),
         ("start_by_pose", "arm.pose.orientation=[160 deg, 0, 0]"),
+        ("anthropomorphic_shoulder", "control.inverse.method=damped"),
+        ("anthropomorphic_elbow", "control.inverse.method=damped"),
+        ("torus_elbow", "control.inverse.method=damped"),
+        ("torus_axis", "control.inverse.method=damped"),
+        ("spherical_wrist_pole", "control.inverse.method=damped"),
+        ("helical_crank", "control.inverse.method=damped"),
+        ("rp_pivot", "control.inverse.method=damped"),
+        ("annulus_6_3", "control.feedforward=false"),
+        ("stanford_shoulder", "control.inverse.method=damped"),
+        ("stanford_boom", "control.feedforward=false"),
+        ("puma_shoulder", "control.inverse.method=damped"),
+        ("puma_elbow", "control.inverse.method=damped"),
+        ("puma_wrist", "control.inverse.method=damped"),
+        ("selig_211", "control.feedback=5"),
+        ("three_roll", "control.feedforward=false"),
         # blind to the buckling: what the elbow does moves the tip neither in x nor in y
         ("hold_at_singularity", "task.axes=[x, y]"),
     ],
@@ -82,6 +98,54 @@ def test_expectations_find_a_law_that_does_worse(name, fault):
 def test_every_scenario_has_a_fault_that_it_would_find():
     (mark,) = test_expectations_find_a_law_that_does_worse.pytestmark
     assert sorted(name for name, _ in mark.args[1]) == SCENARIOS
+
+
+# What the textbook has for |det J| at the joint positions that a path leads to.
+CLOSED = {
+    "anthropomorphic_elbow": lambda q: textbook.anthropomorphic_determinant([0.8, 0.6], q),
+    "torus_elbow": lambda q: textbook.torus_determinant([1.2, 0.6, 0.5], q),
+    "helical_crank": lambda q: textbook.helical_determinant(0.5 / (2 * np.pi), 0.5, q),
+    "annulus_6_3": lambda q: textbook.two_link_determinant([6, 3], q),
+    "stanford_boom": textbook.stanford_determinant,
+    "puma_elbow": textbook.puma_determinant,
+    "three_roll": textbook.three_roll_determinant,
+}
+
+
+@pytest.mark.parametrize("name", CLOSED)
+def test_an_arm_is_expected_to_be_as_near_to_its_singularity_as_the_closed_form_says(name):
+    scenario = load(ROOT / f"scenarios/{name}.yaml")
+    (goal,) = scenario.target.path[0].configurations
+    expected = scenario.expect["manipulability.min"]
+    assert abs(CLOSED[name](goal)) == pytest.approx(expected.equals, abs=0.02 * expected.within + 5e-5)
+    assert expected.within < 0.05 * expected.equals
+
+
+@pytest.mark.parametrize(
+    ("name", "column", "formula"),
+    [
+        ("anthropomorphic_shoulder", "joint_rate.waist.peak", 0.2 / 0.1),
+        ("torus_axis", "joint_rate.theta_1.peak", 0.2 / 0.1),
+        ("rp_pivot", "joint_rate.pivot.peak", 0.2 / 0.1),
+        ("stanford_shoulder", "joint_rate.theta_2.peak", 0.2 / 0.5),
+        ("spherical_wrist_pole", "joint_rate.theta_1.peak", 0.5 / np.tan(np.radians(10))),
+        ("puma_wrist", "joint_rate.theta_4.peak", 0.5 / np.tan(np.radians(10))),
+    ],
+)
+def test_a_rate_past_a_singularity_is_expected_as_the_closed_form_says(name, column, formula):
+    assert load(ROOT / f"scenarios/{name}.yaml").expect[column].equals == pytest.approx(formula, abs=1e-3)
+
+
+def test_a_tick_without_feedforward_is_a_step_of_newtons_method():
+    run, _ = outcomes("selig_211")
+    arm = ([2, 1, 1],)
+    wanted = textbook.newton_raphson(
+        lambda q: textbook.three_link_position(*arm, q), lambda q: textbook.three_link_jacobian(*arm, q),
+        start=np.radians([60, 30, 30]), goal=[0.5, 3.0, 2 * np.pi / 3],
+    ).q  # fmt: skip
+    assert len(wanted) > 5
+    # J of κ at most 22; the errors of one step are squared by the next
+    np.testing.assert_allclose(run["q"][: len(wanted)], wanted, atol=1e-11)
 
 
 def test_approach_comes_to_full_reach_and_back():

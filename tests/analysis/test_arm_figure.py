@@ -30,6 +30,7 @@ def test_a_planar_arm_is_drawn_in_its_plane_and_others_in_two(tmp_path):
         "planar_3link",
         "planar_6_3",
         "planar_rp",
+        "selig_211",
     }
     assert planes["planar_2link"] == [[0, 1]] and planes["stanford"] == [[0, 1], [0, 2]]
     upright = '<mujoco><worldbody><body><joint name="a" axis="0 1 0"/><geom size="0.1"/><site name="s" pos="1 0 0"/></body></worldbody></mujoco>'

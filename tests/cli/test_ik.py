@@ -8,6 +8,7 @@ from numpy.testing import assert_allclose
 
 from project import ROOT
 from rmrc import arm as arms
+from rmrc import textbook
 from rmrc.analysis.ik import ik
 from rmrc.analysis.ik.solve import goal_pose, solve_ik
 from rmrc.law.task import choose
@@ -120,6 +121,26 @@ def test_newton_prints_the_iterates_of_the_notes(rmrc, tmp_path):
     assert_allclose(path["h"][0], [0.5981, -1.6340, 1.0359], atol=5e-5)
     assert_allclose(path["q"][1], [0.4491, 2.1576, -0.5123], atol=1e-4)
     assert len(path["h"]) <= 6
+
+
+def test_newton_prints_the_equations_of_each_step(rmrc):
+    ask = ("ik", "selig_211", "--to", "0.5,3,120 deg", "--method", "newton")
+    code, out, _ = rmrc(*ask, "--json")
+    path = {key: np.array(values) for key, values in json.loads(out)["iterates"].items()}
+    for q, f, J in zip(path["q"], path["f"], path["J"], strict=True):
+        assert_allclose(J, textbook.three_link_jacobian([2, 1, 1], q), atol=1e-12)
+        beyond = textbook.three_link_position([2, 1, 1], q) - [0.5, 3.0, 2 * np.pi / 3]
+        assert_allclose(f, beyond, atol=1e-12)
+    for h, f, J in zip(path["h"], path["f"], path["J"], strict=False):
+        assert_allclose(J @ h, f, atol=1e-9)
+    code, out, _ = rmrc(*ask)
+    lines = [line.split() for line in out.splitlines()]
+    begin = lines.index(["f", "J1", "J2", "J3"])
+    # The source prints -0.059, -0.756, and -1.4603 for what is -1.3603.
+    assert lines[begin + 5] == ["1", "x", "-0.0587", "-2.2441", "-1.3758", "-0.8660"]
+    assert lines[begin + 6] == ["y", "-0.7559", "0.4413", "-1.3603", "-0.5000"]
+    code, out, _ = rmrc("ik", PUMA, "--to-q", "0.2,-1,1,0.3,0.4,0.5", "--method", "newton")
+    assert lines_are_short(out)
 
 
 def test_newton_that_fails_says_so(rmrc):

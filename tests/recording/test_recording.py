@@ -21,7 +21,7 @@ from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Sce
 from rmrc.recording.single import Recorder, RecordingError, read_columns
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
-from rmrc.scenario import loads
+from rmrc.scenario import load, loads
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import mix
 from rmrc.simulation.prepare import prepare
@@ -439,6 +439,17 @@ def test_velocity_ellipsoid_of_a_task_with_rotations_is_the_section_where_they_a
         found = matrix(velocity[i : i + 1] / VELOCITY_SECONDS, turn[i : i + 1], 2.0)[0]
         np.testing.assert_allclose(found, section, atol=2e-6)
         assert np.abs(S[:3, :3] - section).max() > 0.1  # not the shadow, which stays round
+
+
+def test_a_wrist_that_turns_about_its_own_site_is_drawn_as_large_as_its_hand(tmp_path):
+    prepared = prepare(load(ROOT / "scenarios/spherical_wrist_pole.yaml"))
+    scene = Scene(prepared)
+    assert np.ptp(scene.path, axis=0).max() == 0.0  # the site stays, at the center of the wrist
+    # finger and drives of the model are at most 0.2 m from there
+    assert 0.15 < scene.reach < 0.25
+    record(tmp_path / "run.rrd", prepared, rows(Simulation([prepared]).run()[0], 0, 100))
+    velocity, _, force, _ = ellipsoids(tmp_path / "run.rrd")
+    assert np.isfinite(velocity).all() and np.isfinite(force).all()
 
 
 def test_half_axes_are_bounded_at_a_singularity():

@@ -59,7 +59,7 @@ def find_ties(
         data.qpos[:] = qpos
         if sample:
             mujoco.mj_integratePos(model, data.qpos, rng.uniform(-0.5, 0.5, model.nv), 1.0)
-        rows, number = _rows(model, data)
+        rows, number, _ = equality_rows(model, data)
         own, loose = rows[:, dofs] @ follow, rows[:, free]
         if not own.any():
             return ()
@@ -70,8 +70,8 @@ def find_ties(
     return tuple(_in_words(model, i) for i in sorted(tied or ()))
 
 
-def _rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np.int32]]:
-    """Return the rows of all equalities that act, (rows, nv), and the number of the equality of each."""
+def equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np.int32], Array]:
+    """Return the rows of all equalities that act, (rows, nv), the number of the equality of each, its gap."""
     mujoco.mj_fwdKinematics(model, data)
     data.ncon = 0
     mujoco.mj_makeConstraint(model, data)
@@ -82,7 +82,7 @@ def _rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np
         # behind the rows there can be room that MuJoCo counted and did not use
         full = np.array(data.efc_J)[: data.nefc * model.nv].reshape(data.nefc, model.nv)
     chosen = data.efc_type == _EQUALITY
-    return full[chosen], np.array(data.efc_id)[chosen]
+    return full[chosen], np.array(data.efc_id)[chosen], np.array(data.efc_pos)[chosen]
 
 
 def _dofs(model: mujoco.MjModel, joint: int) -> range:

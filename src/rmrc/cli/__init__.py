@@ -54,7 +54,9 @@ from rmrc.support.invocation import command
 from rmrc.support.legible import visible
 from rmrc.support.notices import heard_by
 
-EXIT_CODES = """\b
+EPILOG = """docs/textbook.md leads from each section, example and exercise of a course to a command.
+
+\b
 Exit codes:
     0  all went well
     1  an expectation was not met, a goal not reached,
@@ -72,7 +74,7 @@ Exit codes:
 app = typer.Typer(
     name="rmrc",
     help="Resolved motion rate control in MuJoCo: what an arm does near its singularities.",
-    epilog=EXIT_CODES,
+    epilog=EPILOG,
     add_completion=False,
     rich_markup_mode=None,  # which would take [m] and [kg] in a help for markup, and break words
     pretty_exceptions_enable=False,  # a trace is for us, and only for bugs

@@ -29,6 +29,9 @@ FORCE_LONGEST = 0.3
 # Half thickness of what is flat, as a part of the reach: thin, but not so thin that it flickers.
 THICKNESS = 0.002
 
+# A path so near to the first moving body is at it [m].
+POINT = 1e-6
+
 # Room around the path for the ellipsoids and arrows at the tip, as a part of the reach.
 MARGIN = 0.3
 
@@ -79,7 +82,8 @@ class Scene:
         shapes: Visible geometries.
         body_names: Of all bodies; a body without a name is called by its number.
         is_fixed: Which bodies never move, (nbody,).
-        reach: Largest distance from the first moving body to the tip, over start and target [m].
+        reach: Largest distance from the first moving body to the tip, over start and target; of a wrist that
+            turns about the tip itself the farthest corner of its shapes from there [m].
         points: Corners of the arm where it starts and around the target path, (p, 3) [m].
         normal: Axis (0, 1, 2) along which the tip cannot move, or None for a spatial arm.
         path: Target positions, (p, 3) [m].
@@ -105,6 +109,11 @@ class Scene:
         moving = bodies[~self.is_fixed, :3]
         self.reach = float(np.linalg.norm(np.vstack([tip, self.path]) - moving[0], axis=1).max())
         boxes = [_box(shape, bodies[shape.body]) for shape in self.shapes]
+        if self.reach < POINT:
+            turned = [
+                box for box, shape in zip(boxes, self.shapes, strict=True) if not self.is_fixed[shape.body]
+            ]
+            self.reach = max((float(np.linalg.norm(box - tip, axis=1).max()) for box in turned), default=1.0)
         tool = [box for box, shape in zip(boxes, self.shapes, strict=True) if shape.body == arm.wiring.body]
         room = max([MARGIN * self.reach, *(np.linalg.norm(box - tip, axis=1).max() for box in tool)])
         around = room * np.vstack([np.eye(3), -np.eye(3)])

@@ -7,7 +7,7 @@ import numpy as np
 
 from rmrc.analysis.ik.ik import IkResult
 from rmrc.analysis.ik.postures import Postures
-from rmrc.analysis.ik.solve import Solution
+from rmrc.analysis.ik.solve import Solution, linearized
 from rmrc.law.task import Task
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import Sheet, number
@@ -61,6 +61,8 @@ def _solution_values(task: Task, solution: Solution, iterates: bool) -> dict[str
     }  # fmt: skip
     if iterates:
         values["iterates"] = {"q": path.q, "h": path.step, "error": path.error, "damping": path.damping}
+        if solution.method == "newton":
+            values["iterates"] |= dict(zip(("f", "J"), linearized(task, solution), strict=True))
     return values
 
 
@@ -118,7 +120,10 @@ def _solution_sheets(task: Task, solution: Solution, limits: bool, iterates: boo
         f"Site; what counts: {', '.join(task.axes)}",
         ("", "x", "y", "z", "qw", "qx", "qy", "qz"), [(name, *_decimals(pose)) for name, pose in poses],
     )  # fmt: skip
-    return [*(_iterates(solution) if iterates else ()), joints, site, rest]
+    steps = _iterates(solution) if iterates else []
+    if solution.method == "newton":
+        steps += _equations(task, solution)
+    return [*steps, joints, site, rest]
 
 
 def _posture_sheets(task: Task, postures: Postures) -> list[Sheet]:
@@ -166,6 +171,21 @@ def _iterates(solution: Solution) -> list[Sheet]:
         ]
         headings = ("", *(["λ"] if damped else []), *(f"h{j + 1}" for j in part))
         sheets.append(Sheet("Steps, next q = q − h", headings, rows, frozenset({0})))
+    return sheets
+
+
+def _equations(task: Task, solution: Solution) -> list[Sheet]:
+    """Return f, and J of J h = f, of every step, in blocks of joints [Selig92, §6.3]."""
+    sheets = []
+    for first in range(0, task.arm.n, BESIDE - 1):
+        part = slice(first, first + BESIDE - 1)
+        rows = [
+            (str(i) if row == 0 else "", axis, *_decimals([error], 4), *_decimals(line[part], 4))
+            for i, (f, J) in enumerate(zip(*linearized(task, solution), strict=True))
+            for row, (axis, error, line) in enumerate(zip(task.axes, f, J, strict=True))
+        ]
+        headings = ("", "", "f", *(f"J{j + 1}" for j in range(task.arm.n)[part]))
+        sheets.append(Sheet("Equations J h = f", headings, rows, frozenset({0, 1})))
     return sheets
 
 

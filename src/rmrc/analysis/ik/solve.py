@@ -298,6 +298,22 @@ def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> 
     )  # fmt: skip
 
 
+def linearized(task: Task, solution: Solution) -> tuple[Array, Array]:
+    """Return what Newton's method solves at each iterate: J(q) h = f(q), q⁺ = q − h [Selig92, §6.3].
+
+    Args:
+        task: The arm and the rows that count, m of them.
+        solution: What was found, after k steps.
+
+    Returns:
+        f, what the site has beyond the goal, (k + 1, m) [m, rad], and J, (k + 1, m, n).
+    """
+    q = solution.iterates.q
+    poses = np.array([task.arm.pose(one) for one in q])
+    J = task.turned(np.array([task.arm.jacobian(one) for one in q]), poses)
+    return -task.view.error(solution.goal, poses)[:, task.rows], J[:, task.rows]
+
+
 def kept_limit(arm: Arm, limits: bool) -> Array:
     """Return the position limits that are kept to, (n, 2)."""
     return arm.position_limit if limits else np.tile([-np.inf, np.inf], (arm.n, 1))

@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from rmrc.analysis.inspect.directions import LOST, SLOW, Lost, Motion, Slow, examine, rank_of
+from rmrc.analysis.inspect.factors import Factor, factors
 from rmrc.analysis.inspect.routes import Array, jacobians
 from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance
 from rmrc.analysis.subject import FRAMES, Model, Packages, numbers, subject
 from rmrc.arm import Arm
+from rmrc.arm.loops import Mechanism, find_mechanism
 from rmrc.law.task import SAMPLES, Task
 from rmrc.support.brief import brief
 from rmrc.support.errors import QuestionError, did_you_mean
@@ -92,6 +94,7 @@ class Inspection:
         task: The rows that count.
         why: These rows and no others, in words.
         determinant: Of these rows of J along the axes of the task; None if they are not square.
+        factors: Its factors, one for each family of singularities; none where no structure is known.
         sigma: Singular values of A = S_x J S_q, falling, (k,).
         rank: Of A, by its singular values.
         rank_by_minors: By its determinants; None where they are too many.
@@ -104,6 +107,7 @@ class Inspection:
         angles_in_words: Whether the angles are singular here, and what they cannot do.
         tip_error: None if no joint errors were given.
         balance: What holds it against the wrench, without gravity; None if no wrench was given.
+        mechanism: What the drives make of the site where loops close the arm; None if none do.
         warnings: What is wrong with the question, but can be answered.
     """
 
@@ -118,6 +122,7 @@ class Inspection:
     task: Task
     why: str
     determinant: float | None
+    factors: tuple[Factor, ...]
     sigma: Array
     rank: int
     rank_by_minors: int | None
@@ -130,6 +135,7 @@ class Inspection:
     angles_in_words: str
     tip_error: TipError | None
     balance: Balance | None
+    mechanism: Mechanism | None
     warnings: tuple[str, ...]
 
     @property
@@ -218,7 +224,7 @@ which turns about -z'
         },
         task=task, why=_why(task, asked=asked.axes is not None),
         determinant=float(np.linalg.det(J_task[task.rows])) if A.shape[0] == A.shape[1] else None,
-        sigma=sigma, rank=rank_of(sigma),
+        factors=factors(task, J), sigma=sigma, rank=rank_of(sigma),
         rank_by_minors=int(rank_by_minors(A, LOST)) if minors <= MOST_MINORS else None,
         lost=lost, slow=slow, standing=standing, ellipsoids=_ellipsoids(task, J_task),
         E=zyz_rate_matrix(angles),
@@ -226,6 +232,7 @@ which turns about -z'
         angles_in_words=_angles_in_words(angles),
         tip_error=None if joint_error is None else _tip_error(arm, J, joint_error),
         balance=None if wrench is None else balance(arm, q, numbers("wrench", wrench, WRENCH)),
+        mechanism=find_mechanism(arm, q),
         warnings=_warnings(arm, q),
     )  # fmt: skip
 

@@ -9,9 +9,13 @@ import numpy as np
 from rmrc.analysis.inspect.inspection import NEAR_LIMIT, Inspection, TipError
 from rmrc.analysis.inspect.words import direction
 from rmrc.analysis.statics.balance import Balance
+from rmrc.arm.loops import Mechanism
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.support.spatial import AXES
+
+# Loops that are open by more are not closed [m].
+OPEN = 1e-6
 
 ROUTE_NAMES = {
     "screws": "screws of the joint axes, product of exponentials",
@@ -31,6 +35,7 @@ KEYS = {
     "disagreement": "largest entry of the difference from MuJoCo's J, by route",
     "task": "rows, why these, length [m]",
     "determinant": "of the task's rows of J along its axes; null if they are not square",
+    "factors": "of the determinant: name, family, where, value, power, vanishes; empty if not known",
     "sigma": "singular values of the task's rows, falling",
     "rank": "by_singular_values; by_minors, null if not counted",
     "condition": "kappa; null where the rank is lost",
@@ -42,6 +47,7 @@ KEYS = {
     "euler_rates": "E with w = E (alpha', beta', gamma'); the analytic jacobian, null where singular; words",
     "tip_error": "joints, displacement J dq, deviation, covariance, worst translation and rotation; or null",
     "statics": "wrench, equilibrium and equivalent torques, reactions, their points, disagreement; or null",
+    "mechanism": "drives, their positions, gap, rows, inverse K with rates = K twist, freedom; or null",
     "warnings": "in words",
 }
 """What each key holds: SI, radians; vectors along world axes but for `jacobian`; all numbers are finite."""
@@ -86,7 +92,8 @@ def _values(found: Inspection) -> dict[str, Any]:
         "frame": {"name": found.frame, "rotation": found.R_world_frame},
         "jacobian": found.jacobian, "disagreement": found.disagreement,
         "task": {"rows": task.axes, "frame": task.frame, "why": found.why, "length": task.length},
-        "determinant": found.determinant, "sigma": found.sigma,
+        "determinant": found.determinant, "factors": [vars(one) for one in found.factors],
+        "sigma": found.sigma,
         "rank": {"by_singular_values": found.rank, "by_minors": found.rank_by_minors},
         "condition": found.condition, "manipulability": found.manipulability,
         "lost": [{"twist": one.twist, "wrench": one.wrench, "words": one.words} for one in found.lost],
@@ -107,6 +114,7 @@ def _values(found: Inspection) -> dict[str, Any]:
         },
         "tip_error": found.tip_error and _error_values(found.tip_error),
         "statics": found.balance and _balance_values(found.balance),
+        "mechanism": found.mechanism and vars(found.mechanism),
         "warnings": found.warnings,
     }  # fmt: skip
 
@@ -139,12 +147,15 @@ def _balance_values(balance: Balance) -> dict[str, Any]:
 
 
 def _sheets(found: Inspection) -> list[Sheet]:
-    tables = [_joints(found), _site(found), _jacobian(found), _routes(found), _task(found), _words(found)]
-    tables += [_ellipsoids(found), _angles(found)]
+    tables = [_joints(found), _site(found), _jacobian(found), _routes(found), _task(found)]
+    tables += [_factors(found)] if found.factors else []
+    tables += [_words(found), _ellipsoids(found), _angles(found)]
     if found.tip_error is not None:
         tables.append(_tip_error(found, found.tip_error))
     if found.balance is not None:
         tables += [_torques(found.balance), _reactions(found.balance)]
+    if found.mechanism is not None:
+        tables.append(_mechanism(found.mechanism))
     return tables
 
 
@@ -217,6 +228,17 @@ def _task(found: Inspection) -> Sheet:
         ("", ""),
         rows,
         frozenset({0, 1}),
+    )
+
+
+def _factors(found: Inspection) -> Sheet:
+    rows = [
+        (one.term, number(_clean(one.value)), "vanishes" * one.vanishes, one.family, one.where)
+        for one in found.factors
+    ]
+    title = f"det J = {' · '.join(one.term for one in found.factors)}"
+    return Sheet(
+        title, ("factor", "here", "", "singularity", "where it vanishes"), rows, frozenset({0, 2, 3, 4})
     )
 
 
@@ -309,6 +331,27 @@ def _reactions(balance: Balance) -> Sheet:
         ("joint", "f_x", "f_y", "f_z", "n_x", "n_y", "n_z"),
         rows,
     )
+
+
+def _mechanism(found: Mechanism) -> Sheet:
+    title, headings = "The mechanism, its loops closed", ("drive", "at", *found.rows)
+    rows: list[tuple[str, ...]] = []
+    if found.gap > OPEN:
+        title = f"The mechanism: its loops do not close here, {number(found.gap)} m are left"
+    elif found.inverse is None:
+        title += ": the rates of its drives do not follow from the twist of the site"
+    else:
+        rows = [
+            (drive, number(length), *(number(_clean(value)) for value in row))
+            for drive, length, row in zip(found.drives, found.lengths, found.inverse, strict=True)
+        ]
+        title += ": rates of the drives for a unit of each row, K"
+        if len(found.drives) == len(found.rows):
+            title += f"; det K {number(_clean(float(np.linalg.det(found.inverse))))}"
+    if found.freedom:
+        ways = "one way" if found.freedom == 1 else f"{found.freedom} ways"
+        title += f"; singular: with all drives locked it can still move, {ways}"
+    return Sheet(title, headings, rows)
 
 
 def _clean(value: float) -> float:
