@@ -203,8 +203,8 @@ WRONG = {
     "one number": ({"q": 0.5}, "q must be (3,), got ()"),
     "a text": ({"q": "home"}, "q must be numbers, got str"),
     "nothing": ({"q": None}, "q must be (3,), got None"),
-    "ragged": ({"pose": [[1, 2], [3]]}, "pose must be (7,), (6,) or (4, 4); pose must be numbers, got list"),
-    "a pose": ({"pose": np.zeros(5)}, "pose must be (7,), (6,) or (4, 4); pose must be (7,), got (5,)"),
+    "ragged": ({"pose": [[1, 2], [3]]}, "pose must be (7,), (6,) or (4, 4), got list"),
+    "a pose": ({"pose": np.zeros(5)}, "pose must be (7,), (6,) or (4, 4), got (5,)"),
     "no rotation": (
         {"pose": np.zeros((4, 4))},
         "pose is not finite, or beyond 1e+10, or its orientation is no rotation",

@@ -326,7 +326,8 @@ def _misfits(control: ControlSection, m: int, joints: BareJoints) -> list[tuple[
         found.append(("control.nullspace.objective", text))
     if objective == "joint_limits" and not np.isfinite(joints.position_limit).all():
         found.append(("control.nullspace.objective", '"joint_limits" needs position_limit of all joints'))
-    if policy in ("stop", "singularity_consistent", "keep_out"):
+    if policy in ("stop", "singularity_consistent", "keep_out"):  # what else it lacks would be given in vain
+        found = [one for one in found if one[0] != "control.at_singularity"]
         found.append(("control.at_singularity", f'"{policy}" {needs}'))
     return found
 

@@ -411,7 +411,8 @@ class Controller(Loop):
         shape = (size, size) if where == "matrix" else (size,)
         wrong = taken(name, values, self._put[where], [shape] if self._is_one else [(w, *shape), shape])
         if wrong and name == "pose":
-            return f"pose must be (7,), (6,) or (4, 4){'' if self._is_one else f', or {w} of them'}; {wrong}"
+            many, got = "" if self._is_one else f", or {w} of them", wrong.rpartition(", got ")[2]
+            return f"pose must be (7,), (6,) or (4, 4){many}, got {got}"
         return f"{wrong}; reset made a batch of {w}" if wrong and not self._is_one else wrong
 
 
