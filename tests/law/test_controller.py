@@ -303,6 +303,20 @@ def test_what_the_chain_does_not_tell_is_read_from_data():
     assert one.step_data(data, **ahead()).problem == ""
 
 
+@pytest.mark.parametrize("is_stale", [False, True])
+def test_after_data_that_are_refused_a_step_is_by_the_chain_and_not_by_those_before(is_stale):
+    one, data, q = controller(START), seen(ARM, START), START + 0.2
+    one.step_data(data)
+    data.qpos[ARM.wiring.qpos] += 0.1 * is_stale
+    assert bool(one.step_data(data).problem) == is_stale
+    other = mujoco.MjModel.from_xml_path(str(ROOT / "models/stanford.xml"))
+    assert one.step_data(mujoco.MjData(other)).problem
+    for twist in ([0.0] * 6, np.zeros(6)):  # taken with care, and as it is
+        out = one.step(q, twist=twist)
+        assert out.problem == ""
+        assert_allclose(out.pose, ARM.pose(q), atol=1e-12)
+
+
 def test_an_arm_is_found_in_another_model(tmp_path):
     """Sites and joints have other numbers there: before the arm there is a thing with both."""
     inertia = '<inertial pos="0 0 0" mass="1" diaginertia="1 1 1"/>'

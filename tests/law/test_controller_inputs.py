@@ -67,6 +67,7 @@ def test_actuators_are_found_and_those_that_are_not_there_are_told():
     ("about", "error", "says"),
     [
         ({"model": "pume560"}, ModelError, "no such model file"),
+        ({"model": "\n<mujoco/>"}, QuestionError, "give a file, or mujoco.MjSpec.from_string"),
         ({"model": 3}, QuestionError, "model must be a file, an Arm, an MjModel or an MjSpec, got int"),
         ({"site": "no such"}, ModelError, 'has no site "no such"'),
         ({"site": "tool", "body": "link6"}, QuestionError, "give site or body, not both"),

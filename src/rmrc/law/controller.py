@@ -319,6 +319,7 @@ class Controller(Loop):
             given |= self._take(pose, twist, q_target, qdot_target)
         except Exception as error:
             if not self._data:
+                self._follow_chain()  # not those of data that were read before
                 return self._refuse(str(error))
             state = (self._worlds[name][:, : self.arm.n] for name in ("q", "qdot"))
             q, qdot = (rows[0] if self._is_one else rows for rows in state)
@@ -468,6 +469,8 @@ def _arm(
         if site is None and body is None:
             site, body, tool = told.site, told.body, told.tool
         joints = told.joints if joints is None else joints
+    if isinstance(model, str) and model.lstrip().startswith("<"):
+        raise QuestionError("model is the text of a model: give a file, or mujoco.MjSpec.from_string(text)")
     if isinstance(model, str | os.PathLike):
         return arms.load(shipped.found(model, "models"), site, joints, body=body, tool=tool)
     if not arms.is_model(model):
