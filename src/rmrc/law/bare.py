@@ -158,8 +158,8 @@ class Law(Loop):
             twist: Wanted velocity of the task, feedback included, (m,) or (w, m) [m/s, rad/s].
             q: Joint positions, as measured, (n,) or (w, n) [rad or m]; position limits and the objectives
                 `posture` and `joint_limits` need them.
-            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; they are checked, and no term needs
-                them.
+            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; a jerk limit judges by them how far
+                a joint lags behind its commands.
             error: Norm of the task's error, of the schedule `error`, () or (w,).
             gradient: Of what the objective `manipulability` is to raise, by the joints, (n,) or (w, n).
             qdot0: Rates of the objective `rates` in this step, instead of `nullspace.rates`, (n,) or (w, n)

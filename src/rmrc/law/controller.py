@@ -260,8 +260,9 @@ class Controller(Loop):
 
         Args:
             q: Joint positions, as measured, (n,) or (w, n) [rad or m].
-            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; they are checked, and no term of
-                the law needs them.
+            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; with a jerk limit the law judges by
+                them how far a joint lags behind its commands, so that it stops in time. Give them at each
+                step, or never.
             pose: Where the site is wanted: [p, quat w x y z], (7,) [m, 1]; [p, rotation vector], (6,) [m,
                 rad]; or a homogeneous matrix, (4, 4). Without it there is no feedback.
             twist: At which velocity, that of full pace, [v; ω], (6,) [m/s, rad/s]. Without it there is no
