@@ -15,11 +15,12 @@ import inspect
 import itertools
 import json
 import logging
+import multiprocessing
 import platform
 import textwrap
 import time
-from collections import Counter
 from collections.abc import Callable, Iterator
+from concurrent.futures import ProcessPoolExecutor
 from importlib import metadata, util
 from pathlib import Path
 from typing import NamedTuple
@@ -32,6 +33,7 @@ from peer_cases import CHATTER_FLOOR, PERIOD, ROOT, Case, cases, drive, measure
 GAINS, DAMPINGS = (10.0, 50.0, 500.0), (0.01, 0.05, 0.2)
 CONSTANT = {"inverse.damping.schedule": "constant"}
 SMOOTH, OPTIMAL = {"limits.acceleration": 30.0}, {"limits.on_excess": "optimal"}
+SHARED, LIMITS_FIRST = {"limits.on_excess": "sns"}, {"limits.on_excess": "reverse_priority"}
 JPARSE, BEYOND_LIMITS = {"inverse.method": "jparse"}, {"limits.position": False}
 KEEP_OUT = {"at_singularity": "keep_out"}
 # More of ours, each tried with the whole grid.
@@ -43,6 +45,10 @@ MORE = (
     OPTIMAL | CONSTANT,
     OPTIMAL | SMOOTH,
     OPTIMAL | {"limits.acceleration": 100.0},
+    SHARED | CONSTANT,
+    SHARED | SMOOTH,
+    LIMITS_FIRST | CONSTANT,
+    LIMITS_FIRST | SMOOTH,
     KEEP_OUT,
     KEEP_OUT | SMOOTH,
     {"at_singularity": "singularity_consistent"},
@@ -159,6 +165,7 @@ def installed(package: str) -> bool:
 
 def run(case: Case, peer: Peer, setting: dict[str, object]) -> dict[str, float] | str:
     """Return the figures of one run, or why there are none."""
+    logging.disable(logging.WARNING)  # pink warns at each step that begins beyond a limit by rounding
     try:
         return measure(case, drive(case, peer.start(case, setting)))
     except Exception as error:  # a peer's own: it stops its user's loop
@@ -231,6 +238,7 @@ class Keep:
     def __init__(self, path: Path | None) -> None:
         self.path = path
         self.found = json.loads(path.read_text()) if path and path.exists() else {}
+        self.written = len(self.found)
 
     def run(self, case: Case, peer: Peer, setting: dict[str, object]) -> dict[str, float] | str:
         """Return the figures of a run, of today or of before."""
@@ -245,9 +253,29 @@ class Keep:
         return [(setting, self.run(case, peer, setting)) for setting in peer.settings]
 
     def save(self) -> None:
-        """Write the file."""
-        if self.path:
+        """Write the file, if there is more to keep."""
+        if self.path and len(self.found) > self.written:
             self.path.write_text(json.dumps(self.found, indent=0))
+            self.written = len(self.found)
+
+
+def tried(number: int, path: Path | None) -> dict[str, dict[str, float] | str]:
+    """Return the results of all peers in a case that are not in a file."""
+    keep = Keep(path)
+    known = keep.found.copy()
+    for package, peer in peers():
+        if installed(package):
+            keep.all(cases()[number], peer)
+    return {key: value for key, value in keep.found.items() if key not in known}
+
+
+def try_ahead(keep: Keep, shown: list[Case], jobs: int) -> None:
+    """Run everything on so many processors; what is left for one are the times."""
+    numbers = [number for number, one in enumerate(cases()) if one in shown]
+    with ProcessPoolExecutor(jobs, multiprocessing.get_context("spawn")) as pool:
+        for found in pool.map(tried, numbers, [keep.path] * len(numbers)):
+            keep.found |= found
+            keep.save()
 
 
 def row_of(case: Case, peer: Peer, keep: Keep) -> Row | str:
@@ -339,12 +367,18 @@ def told(setting: dict[str, object]) -> str:
 
 
 class Table(NamedTuple):
-    """A case: its lines, and how the rows of others stand."""
+    """A case: its lines, how the rows of others stand, and who stops with every setting."""
 
     case: Case
     lines: list[str]
     verdicts: list[Verdict]
     rows: list[Row]
+    stopped: list[str]
+
+    @property
+    def ours(self) -> Row:
+        """Our row."""
+        return next(row for row in self.rows if row.peer.name == OURS)
 
 
 def table(case: Case, keep: Keep) -> Table:
@@ -352,13 +386,13 @@ def table(case: Case, keep: Keep) -> Table:
     lines = [f"\n### {case.name[0].upper()}{case.name[1:]}\n\n{case.what}\n"]
     names = ["", "setting", *COLUMNS]
     lines += ["| " + " | ".join(names) + " |", "|" + "---|" * 2 + "---:|" * (len(names) - 2)]
-    rows, stopped = [], []
+    rows, stopped = [], {}
     for package, peer in peers():
         if not installed(package):
             continue
         row = row_of(case, peer, keep)
         if isinstance(row, str):
-            stopped.append(f"{peer.name} stops: {row}.")
+            stopped[peer.name] = row
             continue
         keep.save()
         rows.append(row)
@@ -371,8 +405,9 @@ def table(case: Case, keep: Keep) -> Table:
     (ours,) = (row for row in rows if row.peer.name == OURS)
     tried = [pair for pair in keep.all(case, ours.peer) if isinstance(pair[1], dict)]
     verdicts = [judge(row, ours, tried) for row in rows if not row.peer.is_ours]
-    lines.append("\n" + "\n".join(f"- {text}" for text in [*stopped, *words(ours, verdicts)]))
-    return Table(case, lines, verdicts, rows)
+    said = [*(f"{name} stops: {why}." for name, why in stopped.items()), *words(ours, verdicts)]
+    lines.append("\n" + "\n".join(f"- {text}" for text in said))
+    return Table(case, lines, verdicts, rows, [*stopped])
 
 
 def summary(tables: list[Table]) -> Iterator[str]:
@@ -380,12 +415,15 @@ def summary(tables: list[Table]) -> Iterator[str]:
     yield "| case | rows of others | our row is as good | another setting of ours is | none of ours is |"
     yield "|---|---:|---:|---:|---|"
     for one in tables:
-        named = [verdict for verdict in one.verdicts if verdict.left]
-        (ours,) = (row for row in one.rows if row.peer.name == OURS)
-        texts = [f"{each.row.peer.name}: {', '.join(each.left)}{remarks(each.row, ours)}" for each in named]
+        named = [ahead(verdict, one) for verdict in one.verdicts if verdict.left]
         row = sum(not verdict.ahead for verdict in one.verdicts)
         another = len(one.verdicts) - row - len(named)
-        yield f"| {one.case.name} | {len(one.verdicts)} | {row} | {another} | {'; '.join(texts)} |"
+        yield f"| {one.case.name} | {len(one.verdicts)} | {row} | {another} | {'; '.join(named)} |"
+
+
+def ahead(verdict: Verdict, one: Table) -> str:
+    """Return in which columns a row leads all settings of ours, and what that costs."""
+    return f"{verdict.row.peer.name}: {', '.join(verdict.left)}{remarks(verdict.row, one.ours)}"
 
 
 def does_the_task(row: Row, ours: Row) -> bool:
@@ -396,26 +434,29 @@ def does_the_task(row: Row, ours: Row) -> bool:
     )
 
 
-def totals(tables: list[Table]) -> str:
-    """Return how the rows of others stand in all cases together."""
-    every = [(verdict, table.rows) for table in tables for verdict in table.verdicts]
-    same = [
-        verdict
-        for verdict, rows in every
-        if does_the_task(verdict.row, next(row for row in rows if row.peer.name == OURS))
-    ]
+def totals(tables: list[Table]) -> Iterator[str]:
+    """Yield how the rows of others stand in all cases together, and those that none of ours is as good as."""
+    every = [(verdict, one) for one in tables for verdict in one.verdicts]
+    same = [(verdict, one) for verdict, one in every if does_the_task(verdict.row, one.ours)]
 
-    def counts(verdicts: list[Verdict]) -> str:
-        behind, left = (sum(not one.ahead for one in verdicts), sum(bool(one.left) for one in verdicts))
-        others = len(verdicts) - behind - left
-        return f"our row is as good as {behind}, another setting of ours as {others}, none as {left}"
+    def counts(pairs: list[tuple[Verdict, Table]]) -> str:
+        behind, left = (sum(not one.ahead for one, _ in pairs), sum(bool(one.left) for one, _ in pairs))
+        others = len(pairs) - behind - left
+        return (
+            f"our row is as good as {behind}, another single setting of ours as {others}, "
+            f"and {left} lead each setting of ours in some column"
+        )
 
-    everyone = counts([verdict for verdict, _ in every])
     task = f"at most {FOLLOWS:g} times our error, within the limits, back at the end"
-    return (
-        f"Of {len(every)} rows of others in {len(tables)} cases, {everyone}. "
-        f"Of those {len(same)} that do the task ({task}), {counts(same)}."
-    )
+    yield f"Of the {len(same)} that do the task ({task}), {counts(same)}."
+    for verdict, one in same:
+        if verdict.left:
+            yield f"**Better than ours** is {ahead(verdict, one)}, in {one.case.name}."
+    away = [pair for pair in every if not any(pair[0] is verdict for verdict, _ in same)]
+    yield f"Of the {len(away)} others, {counts(away)}: the table says in which, at what cost."
+    for name in dict.fromkeys(name for one in tables for name in one.stopped):
+        where = [one.case.name for one in tables if name in one.stopped]
+        yield f"{name} stops with an error, whatever its setting, in {'; '.join(where)}: no row."
 
 
 # Steps that are timed together, as a clock costs as much as a fast step, and how often everyone has its turn.
@@ -446,9 +487,8 @@ def times(one: Table) -> dict[str, np.ndarray]:
     return {name: np.array(values) for name, values in found.items()}
 
 
-def timing(tables: list[Table]) -> Iterator[str]:
-    """Yield the times of a step, of each arm's crossing at 1°, and who is faster than we are."""
-    shown = {one.case.name.split(", ")[1]: times(one) for one in tables if " 1°" in one.case.name}
+def timing(shown: dict[str, dict[str, np.ndarray]]) -> Iterator[str]:
+    """Yield the times of a step on each arm, and who is faster than we are."""
     yield "| µs a step, least; median | " + " | ".join(shown) + " |"
     yield "|---|" + "---:|" * len(shown)
     for name in dict.fromkeys(name for found in shown.values() for name in found):
@@ -457,13 +497,31 @@ def timing(tables: list[Table]) -> Iterator[str]:
             for found in shown.values()
         )
         yield f"| {name} | " + " | ".join(cells) + " |"
-    faster = Counter(
-        name
+
+
+def speed(shown: dict[str, dict[str, np.ndarray]]) -> str:
+    """Return what a step takes of everyone on all arms, and who is faster than we are."""
+    if not shown:
+        return "Steps are timed on the crossings at 1°, and none is among these cases."
+    least: dict[str, list[float]] = {}
+    for name, values in ((name, values) for found in shown.values() for name, values in found.items()):
+        least.setdefault(name, []).append(float(values.min()))
+    others = [
+        f"{name} {min(values):.0f} to {max(values):.0f} µs"
+        for name, values in sorted(least.items(), key=lambda item: min(item[1]))
+        if not name.startswith("rmrc") and not name.endswith(("documented", "written"))
+    ]
+    faster = {
+        name: None
         for found in shown.values()
         for name, values in found.items()
         if not name.startswith("rmrc") and is_led(values.min(), found[OURS].min(), 0.1)
+    }
+    ours = f"{min(least[OURS]):.1f} to {max(least[OURS]):.1f} µs"
+    return (
+        f"A step of ours takes {ours} with kinematics, the least of {ROUNDS} rounds on each of {len(shown)} "
+        f"arms; {', '.join(others)}. Faster than we are: {', '.join(faster) or 'nobody'}."
     )
-    yield f"\nFaster than we are: {', '.join(faster) or 'nobody'}."
 
 
 def versions() -> Iterator[str]:
@@ -493,9 +551,20 @@ STATEMENTS = (
 )
 
 
-def page(keep: Keep, only: list[str]) -> Iterator[str]:
+def page(keep: Keep, only: list[str], jobs: int) -> Iterator[str]:
     """Yield the page."""
     ours = next(peer for _, peer in peers() if peer.name == OURS)
+    shown = [one for one in cases() if not only or any(one.name.startswith(name) for name in only)]
+    if jobs > 1:
+        try_ahead(keep, shown, jobs)
+    tables = [table(one, keep) for one in shown]
+    times_of = {one.case.name.split(", ")[1]: times(one) for one in tables if " 1°" in one.case.name}
+    rows = sum(len(one.verdicts) for one in tables)
+    yield HEAD.format(cases=len(tables), all=len(cases()), rows=rows)
+    left_out = [one.name for one in cases() if one not in shown]
+    if left_out:
+        yield f"- Left out by `--only`: {'; '.join(left_out)}."
+    yield from (f"- {text}" for text in (*totals(tables), speed(times_of)))
     yield INTRODUCTION.format(
         settings=len(grid()), more=len(MORE), ways=len(WAYS), ours=len(ours.settings), period=1e3 * PERIOD,
         gains=", ".join(f"{K:g}" for K in GAINS), dampings=", ".join(f"{d:g}" for d in DAMPINGS),
@@ -504,16 +573,10 @@ def page(keep: Keep, only: list[str]) -> Iterator[str]:
     yield "| package | version |\n|---|---|"
     yield from versions()
     yield f"| Python | {platform.python_version()} |"
-    shown = [one for one in cases() if not only or any(one.name.startswith(name) for name in only)]
-    tables = [table(one, keep) for one in shown]
     yield "\n## Who leads\n"
-    left_out = [one.name for one in cases() if one not in shown]
-    if left_out:
-        yield f"Left out by `--only`: {'; '.join(left_out)}.\n"
-    yield totals(tables) + "\n"
     yield from summary(tables)
     yield "\n## Time and lines\n"
-    yield from timing(tables)
+    yield from timing(times_of)
     yield ""
     yield from statements()
     yield "\n## Figures"
@@ -521,7 +584,7 @@ def page(keep: Keep, only: list[str]) -> Iterator[str]:
         yield from one.lines
 
 
-INTRODUCTION = """# Beside others
+HEAD = """# Beside others
 
 What rmrc does on the same arms and paths as others who resolve motion rates. This page is what a program
 prints:
@@ -531,6 +594,10 @@ pip install -e '.[peers]'
 python benchmarks/peers.py > docs/peers.md
 ```
 
+In {cases} of {all} cases others have {rows} rows. "As good" is no worse by more than 2 % in any column.
+"""
+
+INTRODUCTION = """
 **The same for everyone.** Our models of the arms, each without fingers, its base at the origin, without
 weight and friction, with a stiff rate servo on each joint, in MuJoCo at {period:g} ms. A path is one screw,
 there and back in 2 s each. At each tick a loop is told where the joints are, which pose is wanted now and
@@ -556,7 +623,8 @@ is smaller than its column's floor is 0.
 **Who leads.** Who leads in a column does so by more than 2 %. "Our row" is "rmrc, more methods". It cannot
 lead in all columns at once: less error takes faster joints. So each row of others is held against our row
 first, and then against each single setting of ours: "as good" is a setting that the row leads in no column.
-Rows with a larger error than ours are held against ours all the same, and their error is named.
+Rows with a larger error than ours are held against ours all the same, and their error is named. For another
+row another setting of ours may be the one: no single one is as good as all rows at once.
 """
 
 
@@ -565,9 +633,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="rmrc beside others who resolve motion rates")
     parser.add_argument("--keep", type=Path, help="a JSON file of results: what it has does not run again")
     parser.add_argument("--only", action="append", default=[], help="cases whose names begin so")
+    parser.add_argument("--jobs", type=int, default=1, help="processors; times are taken by one alone")
     arguments = parser.parse_args()
-    logging.disable(logging.WARNING)  # pink warns at each step that begins beyond a limit by rounding
-    for line in page(Keep(arguments.keep), arguments.only):
+    for line in page(Keep(arguments.keep), arguments.only, arguments.jobs):
         print(line, flush=True)
 
 

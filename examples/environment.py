@@ -28,7 +28,7 @@ class Reach:
         """Start near `home`, with a goal nearby; return an observation and nothing else."""
         chance = np.random.default_rng(seed)
         mujoco.mj_resetData(self.model, self.data)
-        q = self.home + chance.uniform(-0.1, 0.1, 6)
+        q = self.home + chance.uniform(-0.1, 0.1, self.home.size)
         self.data.qpos[:] = self.data.ctrl[self.law.actuators] = q
         mujoco.mj_forward(self.model, self.data)
         self.law.reset(q)
@@ -46,7 +46,7 @@ class Reach:
         return seen, -distance, distance < 0.01, False, {"status": out.status, "limited_by": out.limited_by}
 
     def _seen(self) -> np.ndarray:
-        """Return joint positions and the way to the goal, (9,)."""
+        """Return joint positions and the way to the goal, (n + 3,)."""
         hand = self.data.site("tool").xpos
         return np.concatenate([self.data.qpos, self.goal - hand])
 

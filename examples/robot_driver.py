@@ -14,14 +14,15 @@ import numpy as np
 import rmrc
 
 PERIOD, TICKS, LATE, LOST = 0.002, 1500, 4, range(200, 300)  # s; of the way there, in ticks; a gap of 0.2 s
-STATE, RATES = struct.Struct("<q6d"), struct.Struct("<6d")
+JOINTS = 6
+STATE, RATES = struct.Struct(f"<q{JOINTS}d"), struct.Struct(f"<{JOINTS}d")
 
 
 def fake_robot(port: socket.socket, q: np.ndarray) -> None:
     """Send states and obey rates, which arrive some ticks later; ticks of LOST send nothing."""
     port.settimeout(1.0)
     _, driver = port.recvfrom(64)  # who says hello is the driver
-    way = deque([np.zeros(6)] * LATE)
+    way = deque([np.zeros(JOINTS)] * LATE)
     for tick in range(TICKS):
         port.sendto(STATE.pack(-1 if tick in LOST else tick, *q), driver)
         way.append(np.array(RATES.unpack(port.recv(64))))
@@ -46,7 +47,7 @@ driver = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
 driver.settimeout(1.0)
 driver.connect(robot.getsockname())
 driver.send(b"hello")
-sent = [np.zeros(6)]
+sent = [np.zeros(JOINTS)]
 for tick in range(TICKS + 1):
     count, *q = STATE.unpack(driver.recv(64))
     now = tick * PERIOD

@@ -1,6 +1,7 @@
 """The scoreboard of benchmarks/peers.py: its arms, its measures, and what it says who leads."""
 
 import itertools
+import re
 import sys
 
 import mujoco
@@ -149,10 +150,42 @@ def test_the_setting_that_leaves_a_peer_fewest_columns_is_found():
 def test_the_summary_counts_rows_by_how_they_stand():
     ours, rows = rows_of({"mm": 1.0, "mrad": 0.0}, {"mm": 2.0, "mrad": 0.0}, {"mm": 0.5, "mrad": 0.0})
     verdicts = [peers.judge(row, ours, [({"gain": 5.0}, figures(mm=1.0, mrad=0.0))]) for row in rows]
-    table = peers.Table(named("far, UR5e"), [], verdicts, [ours, *rows])
+    table = peers.Table(named("far, UR5e"), [], verdicts, [ours, *rows], ["NEO"])
     assert list(peers.summary([table]))[-1] == "| far, UR5e | 3 | 1 | 1 | numpy DLS: mm |"
     ours, (away,) = rows_of({"mm": 5.0, "mrad": 0.0, "peak acc": 0.5})  # 2.5 times our error
     table = table._replace(rows=[*table.rows, away], verdicts=[*verdicts, peers.judge(away, ours, [])])
-    every, same = peers.totals([table]).split(". ")
-    assert every.endswith("our row is as good as 1, another setting of ours as 1, none as 2")
-    assert same.startswith("Of those 3 ") and same.endswith("ours as 1, none as 1.")
+    same, better, others, stops = peers.totals([table])
+    assert (
+        same.startswith("Of the 3 ")
+        and "as good as 1, another single setting of ours as 1, and 1 lead" in same
+    )
+    assert better == "**Better than ours** is numpy DLS: mm, in far, UR5e."
+    assert others.startswith("Of the 1 others, our row is as good as 0, ") and "and 1 lead each" in others
+    assert stops == "NEO stops with an error, whatever its setting, in far, UR5e: no row."
+
+
+def test_who_takes_longer_for_a_step_is_told_and_who_is_faster():
+    steps = {
+        "rmrc as written": [9.0],
+        peers.OURS: [2.0, 4.0, 9.0],
+        "mink": [80.0],
+        "numpy DLS as written": [1.0],
+    }
+    steps = {name: np.array(values) for name, values in steps.items()}
+    text = peers.speed({"UR5e": steps, "FR3": steps | {"mink": np.array([90.0])}})
+    assert text.startswith("A step of ours takes 2.0 to 2.0 µs with kinematics, ") and "of 2 arms; " in text
+    assert text.endswith("mink 80 to 90 µs. Faster than we are: numpy DLS as written.")
+
+
+def test_the_page_has_every_case_and_the_counts_of_its_tables():
+    page = (ROOT / "docs/peers.md").read_text("utf-8")
+    names = [case.name for case in peer_cases.cases()]
+    assert re.findall("^### (.*)$", page, re.MULTILINE) == [name[0].upper() + name[1:] for name in names]
+    rows = re.findall(r"^\| [^|]+, [^|]+ \| (\d+) \| (\d+) \| (\d+) \| (.*) \|$", page, re.MULTILINE)
+    assert len(rows) == len(names) and "--only" not in page
+    told = re.findall(
+        r"our row is as good as (\d+), another single setting of ours as (\d+), and (\d+) lead", page
+    )
+    of_tables = [sum(int(row[i]) for row in rows) for i in (1, 2)]
+    assert [sum(int(one[i]) for one in told) for i in (0, 1)] == of_tables
+    assert sum(int(row[0]) for row in rows) == sum(of_tables) + sum(int(one[2]) for one in told)

@@ -193,7 +193,7 @@ def test_the_toolbox_s_eight_postures_of_the_puma(name):
     assert_allclose(found, q, atol=1e-10)
 
 
-# What mink 1.3 and pink 4.4 promise of a UR5e in their unit tests, at this home of theirs, with their rates.
+# What mink at cf1a302 and pink at f568e80 promise of a UR5e in their unit tests, at this home of theirs, with their rates.
 UR5E = ROOT / "models/ur5e.xml"
 UR5E_HOME = np.radians([-90, -90, 90, -90, -90, 0])
 EXACT = {"inverse": {"method": "pseudoinverse"}, "limits": {"rate": np.pi}}

@@ -43,6 +43,7 @@ METHODS: dict[str, tuple[str, ...]] = {
     "undamped, clamped": (PLAIN, EXCESS + "clamp"),
     "undamped, redistributed": (PLAIN, EXCESS + "redistribute"),
     "undamped, sns": (PLAIN, EXCESS + "sns"),
+    "undamped, reverse priority": (PLAIN, EXCESS + "reverse_priority"),
     "damped, optimal": (METHOD + "damped", EXCESS + "optimal"),
     "undamped, slow": (PLAIN, POLICY + "slow"),
     "undamped, singularity-consistent": (PLAIN, POLICY + "singularity_consistent"),

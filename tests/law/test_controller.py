@@ -203,8 +203,9 @@ WRONG = {
     "one number": ({"q": 0.5}, "q must be (3,), got ()"),
     "a text": ({"q": "home"}, "q must be numbers, got str"),
     "nothing": ({"q": None}, "q must be (3,), got None"),
-    "ragged": ({"pose": [[1, 2], [3]]}, "pose must be (7,), (6,) or (4, 4); pose must be numbers, got list"),
-    "a pose": ({"pose": np.zeros(5)}, "pose must be (7,), (6,) or (4, 4); pose must be (7,), got (5,)"),
+    "ragged": ({"pose": [[1, 2], [3]]}, "pose must be (7,), (6,) or (4, 4), got list"),
+    "complex": ({"twist": np.full(6, 1j)}, "twist must be real, got complex numbers"),
+    "a pose": ({"pose": np.zeros(5)}, "pose must be (7,), (6,) or (4, 4), got (5,)"),
     "no rotation": (
         {"pose": np.zeros((4, 4))},
         "pose is not finite, or beyond 1e+10, or its orientation is no rotation",
@@ -301,6 +302,20 @@ def test_what_the_chain_does_not_tell_is_read_from_data():
     )
     assert one.step_data(None, **ahead()).problem == "step_data reads an mujoco.MjData, got NoneType"
     assert one.step_data(data, **ahead()).problem == ""
+
+
+@pytest.mark.parametrize("is_stale", [False, True])
+def test_after_data_that_are_refused_a_step_is_by_the_chain_and_not_by_those_before(is_stale):
+    one, data, q = controller(START), seen(ARM, START), START + 0.2
+    one.step_data(data)
+    data.qpos[ARM.wiring.qpos] += 0.1 * is_stale
+    assert bool(one.step_data(data).problem) == is_stale
+    other = mujoco.MjModel.from_xml_path(str(ROOT / "models/stanford.xml"))
+    assert one.step_data(mujoco.MjData(other)).problem
+    for twist in ([0.0] * 6, np.zeros(6)):  # taken with care, and as it is
+        out = one.step(q, twist=twist)
+        assert out.problem == ""
+        assert_allclose(out.pose, ARM.pose(q), atol=1e-12)
 
 
 def test_an_arm_is_found_in_another_model(tmp_path):

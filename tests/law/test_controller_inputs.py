@@ -67,6 +67,7 @@ def test_actuators_are_found_and_those_that_are_not_there_are_told():
     ("about", "error", "says"),
     [
         ({"model": "pume560"}, ModelError, "no such model file"),
+        ({"model": "\n<mujoco/>"}, QuestionError, "give a file, or mujoco.MjSpec.from_string"),
         ({"model": 3}, QuestionError, "model must be a file, an Arm, an MjModel or an MjSpec, got int"),
         ({"site": "no such"}, ModelError, 'has no site "no such"'),
         ({"site": "tool", "body": "link6"}, QuestionError, "give site or body, not both"),
@@ -488,9 +489,14 @@ def test_what_is_missing_or_wrong_beside_a_jacobian_brakes_and_is_told():
     [
         ((0, 6), None, "n must be 1 or more"),
         ((7, 7), None, "m 1 to 6"),
-        ((7, 6), {"nullspace": {"objective": "secondary"}}, "give qdot0 with each step"),
-        ((7, 6), {"at_singularity": "stop"}, "needs the arm's kinematics"),
-        ((7, 6), {"at_singularity": "keep_out"}, "needs the arm's kinematics"),
+        (
+            (7, 6),
+            {"nullspace": {"objective": "secondary"}},
+            'take rmrc.Controller, or "rates", and give qdot0',
+        ),
+        ((7, 6), {"at_singularity": "stop"}, "take rmrc.Controller"),
+        ((7, 6), {"at_singularity": "singularity_consistent"}, "take rmrc.Controller"),
+        ((7, 6), {"at_singularity": "keep_out"}, "take rmrc.Controller"),
         ((7, 6), {"nullspace": {"objective": "joint_limits"}}, "needs position_limit"),
         ((7, 6), {"limits": {"jerk": [1.0]}}, "must have 7 values"),
     ],
@@ -498,4 +504,4 @@ def test_what_is_missing_or_wrong_beside_a_jacobian_brakes_and_is_told():
 def test_what_a_jacobian_alone_cannot_do_is_refused(arguments, control, says):
     with pytest.raises((QuestionError, ScenarioError)) as caught:
         rmrc.Law(*arguments, control)
-    assert says in str(caught.value)
+    assert says in str(caught.value) and "\n" not in str(caught.value)

@@ -197,6 +197,21 @@ def test_a_watchdog_that_is_off_asks_no_clock():
     one.step(ARM.configuration("home")[ARM.wiring.qpos])
 
 
+def test_rates_that_were_measured_once_are_not_those_of_later_steps():
+    """A joint at its stop by 1.4 rad/s, measured at 0.5 rad/s on the way: a lag that would have it stop earlier."""
+    sent = []
+    for measured in (None, np.array([0.5, 0.0, 0.0])):
+        one, q, rates = controller("jerk"), ARM.configuration("home")[ARM.wiring.qpos], []
+        one.reset(q)
+        for k in range(1500):
+            out = one.step(q, measured if k == 400 else None, qdot_target=np.array([1.4, 0.0, 0.0]))
+            rates.append(out.qdot_cmd.copy())
+            q = q + PERIOD * out.qdot_cmd
+        assert ARM.position_limit[0, 1] - q[0] < 2e-3
+        sent.append(np.array(rates))
+    assert_array_equal(*sent)
+
+
 # Anything at all --------------------------------------------------------------------------------
 
 SCRAP = [

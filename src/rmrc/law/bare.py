@@ -158,8 +158,8 @@ class Law(Loop):
             twist: Wanted velocity of the task, feedback included, (m,) or (w, m) [m/s, rad/s].
             q: Joint positions, as measured, (n,) or (w, n) [rad or m]; position limits and the objectives
                 `posture` and `joint_limits` need them.
-            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; they are checked, and no term needs
-                them.
+            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; a jerk limit judges by them how far
+                a joint lags behind its commands.
             error: Norm of the task's error, of the schedule `error`, () or (w,).
             gradient: Of what the objective `manipulability` is to raise, by the joints, (n,) or (w, n).
             qdot0: Rates of the objective `rates` in this step, instead of `nullspace.rates`, (n,) or (w, n)
@@ -326,7 +326,8 @@ def _misfits(control: ControlSection, m: int, joints: BareJoints) -> list[tuple[
         found.append(("control.nullspace.objective", text))
     if objective == "joint_limits" and not np.isfinite(joints.position_limit).all():
         found.append(("control.nullspace.objective", '"joint_limits" needs position_limit of all joints'))
-    if policy in ("stop", "singularity_consistent", "keep_out"):
+    if policy in ("stop", "singularity_consistent", "keep_out"):  # what else it lacks would be given in vain
+        found = [one for one in found if one[0] != "control.at_singularity"]
         found.append(("control.at_singularity", f'"{policy}" {needs}'))
     return found
 

@@ -260,8 +260,9 @@ class Controller(Loop):
 
         Args:
             q: Joint positions, as measured, (n,) or (w, n) [rad or m].
-            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; they are checked, and no term of
-                the law needs them.
+            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; with a jerk limit the law judges by
+                them how far a joint lags behind its commands, so that it stops in time. Give them at each
+                step, or never.
             pose: Where the site is wanted: [p, quat w x y z], (7,) [m, 1]; [p, rotation vector], (6,) [m,
                 rad]; or a homogeneous matrix, (4, 4). Without it there is no feedback.
             twist: At which velocity, that of full pace, [v; ω], (6,) [m/s, rad/s]. Without it there is no
@@ -319,6 +320,7 @@ class Controller(Loop):
             given |= self._take(pose, twist, q_target, qdot_target)
         except Exception as error:
             if not self._data:
+                self._follow_chain()  # not those of data that were read before
                 return self._refuse(str(error))
             state = (self._worlds[name][:, : self.arm.n] for name in ("q", "qdot"))
             q, qdot = (rows[0] if self._is_one else rows for rows in state)
@@ -411,7 +413,8 @@ class Controller(Loop):
         shape = (size, size) if where == "matrix" else (size,)
         wrong = taken(name, values, self._put[where], [shape] if self._is_one else [(w, *shape), shape])
         if wrong and name == "pose":
-            return f"pose must be (7,), (6,) or (4, 4){'' if self._is_one else f', or {w} of them'}; {wrong}"
+            many, got = "" if self._is_one else f", or {w} of them", wrong.rpartition(", got ")[2]
+            return f"pose must be (7,), (6,) or (4, 4){many}, got {got}"
         return f"{wrong}; reset made a batch of {w}" if wrong and not self._is_one else wrong
 
 
@@ -467,6 +470,8 @@ def _arm(
         if site is None and body is None:
             site, body, tool = told.site, told.body, told.tool
         joints = told.joints if joints is None else joints
+    if isinstance(model, str) and model.lstrip().startswith("<"):
+        raise QuestionError("model is the text of a model: give a file, or mujoco.MjSpec.from_string(text)")
     if isinstance(model, str | os.PathLike):
         return arms.load(shipped.found(model, "models"), site, joints, body=body, tool=tool)
     if not arms.is_model(model):

@@ -94,6 +94,8 @@ class Loop:
         """Call the law, once all that is given stands in the records."""
         if given != self._given:
             self._codes[:] = self._given = given
+            if not given & RATES:  # those of an earlier step are not measured any more
+                self._worlds["qdot"] = math.nan
         late = self._watchdog is not None and self._look_at_the_clock()
         self._act()
         if late:
@@ -226,7 +228,7 @@ class _Rows:
         self._values, self._shapes = values, (values.shape, values.shape[1:])
 
     def __setitem__(self, all_of_it: slice, given: NDArray[Any]) -> None:
-        if given.shape not in self._shapes:
+        if given.shape not in self._shapes or given.dtype.kind == "c":
             raise ValueError
         self._values[...] = given
 
@@ -249,7 +251,10 @@ def taken(name: str, given: ArrayLike, entrance: Any, shapes: Sequence[tuple[int
         shapes: That it may have.
     """
     try:
-        values = np.asarray(given, np.float64)
+        values = np.asarray(given)
+        if values.dtype.kind == "c":
+            return f"{name} must be real, got complex numbers"
+        values = values.astype(np.float64)
     except Exception:  # whatever an object that is no array raises
         return f"{name} must be numbers, got {type(given).__name__}"
     if values.shape not in shapes:

@@ -32,7 +32,7 @@ def brief(cls: type[T]) -> type[T]:
 
 def told(one: Any) -> str:
     """Return the name of an object's class and its fields, each short."""
-    names = [field.name for field in dataclasses.fields(one) if field.repr]
+    names = [field.name for field in dataclasses.fields(one) if field.repr and field.name[0] != "_"]
     inner = ", ".join(f"{name}={_short(getattr(one, name))}" for name in names)
     return cut(f"{type(one).__name__}({inner})", WHOLE)
 
