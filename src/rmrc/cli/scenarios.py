@@ -95,7 +95,7 @@ def run(
     raise typer.Exit(_exit_code(left, one))
 
 
-def _doubt_times(scenario: scenarios.Scenario) -> None:
+def _doubt_times(scenario: "scenarios.Scenario") -> None:
     """Say that a loop is slower than any robot's, as one is whose milliseconds were taken for seconds."""
     plant = scenario.plant
     for key, longest in (

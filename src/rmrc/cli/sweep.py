@@ -20,12 +20,12 @@ from rmrc.cli.console import (
 from rmrc.cli.kinds import SCENARIO, expect
 from rmrc.cli.options import Out, Quiet, Threads
 from rmrc.cli.scenarios import Overrides
-from rmrc.scenario import Draft, draft_of
 from rmrc.support.errors import ClusterError, ScenarioError
 from rmrc.support.legible import shortened
 from rmrc.support.problems import Origin, Problem
 
 if TYPE_CHECKING:
+    from rmrc.scenario import Draft
     from rmrc.study.dataset import Contents
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
@@ -75,6 +75,7 @@ def sweep(
 
     Started again, it goes on where it was ended. A run that diverges is a row like others.
     """
+    from rmrc.scenario import draft_of
     from rmrc.show.terminal import render
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
@@ -115,7 +116,7 @@ def _check(work: "Sweep", quiet: bool) -> "Contents":
         return work.check(on_runs)
 
 
-def _given(base: Draft, options: Mapping[str, tuple[str, str]]) -> Draft:
+def _given(base: "Draft", options: Mapping[str, tuple[str, str]]) -> "Draft":
     """Return a draft with what options set in it."""
     for option, (key, value) in options.items():
         base = base.given(key, value, option)

@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -16,12 +16,14 @@ import rmrc
 from rmrc.law.task import WORLD_VIEW, View
 from rmrc.results import notebook
 from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
-from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.results.verdict import told
 from rmrc.scenario.profile import Profile
 from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
+
+if TYPE_CHECKING:  # with numba, which a run whose columns alone are read does without
+    from rmrc.results.scorecard import Scorecard
 
 # Begins the names of the columns of a baseline in the file of its run.
 BASELINE = "baseline/"
@@ -41,8 +43,10 @@ class Run(Recorded):
     baseline: "Run | None" = None
 
     @cached_property
-    def scorecard(self) -> Scorecard:
+    def scorecard(self) -> "Scorecard":
         """The figures of the run, as far as it came."""
+        from rmrc.results.scorecard import scorecard
+
         return scorecard(self)
 
     @property

@@ -2,13 +2,16 @@
 
 import math
 import textwrap
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from rmrc.results.columns import Recorded
-from rmrc.results.scorecard import Scorecard
 from rmrc.scenario.choices import Status
 from rmrc.support.legible import visible
+
+if TYPE_CHECKING:
+    from rmrc.results.scorecard import Scorecard
 
 # Lines of a terminal, and characters of a line and of the name of a joint.
 LINES, WIDTH, LONGEST_NAME = 2, 100, 24
@@ -40,7 +43,7 @@ _TIMES = {
 }
 
 
-def told(run: Recorded, card: Scorecard, beside: tuple[Recorded, Scorecard] | None = None) -> str:
+def told(run: Recorded, card: "Scorecard", beside: "tuple[Recorded, Scorecard] | None" = None) -> str:
     """Return what a run comes to: where it came, what its commands did, its error, and what others asked for.
 
     Args:
@@ -111,7 +114,7 @@ def _of_limit(run: Recorded, j: int, rate: float) -> str:
     return f"{_amount(rate)}{of} {run.joint_unit(j)}/s"
 
 
-def _error(card: Scorecard) -> str:
+def _error(card: "Scorecard") -> str:
     parts = [
         f"{_amount(factor * float(card[name].value))} {unit}"
         for name, factor, unit in (
@@ -122,19 +125,19 @@ def _error(card: Scorecard) -> str:
     return f"with at most {' and '.join(parts)} of error"
 
 
-def _times(card: Scorecard) -> list[str]:
+def _times(card: "Scorecard") -> list[str]:
     """Return what of note it was, and how long, the gravest first."""
     times = {one: float(card[f"status_time.{one.name}"].value) for one in _TIMES}
     return [f"{_TIMES[one]} for {_amount(seconds)} s" for one, seconds in times.items() if seconds > 0.0]
 
 
-def _plainly(run: Recorded, card: Scorecard) -> str:
+def _plainly(run: Recorded, card: "Scorecard") -> str:
     """Return what the plain inverse would have asked for, if that is more than was commanded."""
     plain, sent = (float(card[f"joint_rate_{kind}.peak"].value) for kind in ("plain", "cmd"))
     return f"; the plain inverse would ask for {_peak(run, card, 'plain')}" if plain > MORE * sent else ""
 
 
-def _other(run: Recorded, card: Scorecard) -> str:
+def _other(run: Recorded, card: "Scorecard") -> str:
     """Return what a baseline commanded."""
     is_plain = len(run) and np.allclose(run["qdot_cmd"], run["qdot_plain"], rtol=1e-9, atol=1e-12)
     who = "the plain inverse" if is_plain else "the baseline"
@@ -144,7 +147,7 @@ def _other(run: Recorded, card: Scorecard) -> str:
     return f"; {who} {commanded}"
 
 
-def _peak(run: Recorded, card: Scorecard, kind: str) -> str:
+def _peak(run: Recorded, card: "Scorecard", kind: str) -> str:
     """Return the largest rate of a kind, of all joints and ticks, with the unit of its joint."""
     peak, joint = (card[f"joint_rate_{kind}.{name}"].value for name in ("peak", "peak_joint"))
     unit = run.joint_unit(run.joints.index(str(joint))) if joint else "?"

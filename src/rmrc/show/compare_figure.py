@@ -28,6 +28,7 @@ from rmrc.show.panels import (
     name_lanes,
     paints,
     rate_unit,
+    scale_by_decades,
     statuses,
     thinned,
     torque_unit,
@@ -81,7 +82,7 @@ def _draw_rates(axes: Axes, runs: Runs) -> None:
 
 def _draw_sigma(axes: Axes, runs: Runs) -> None:
     """Draw the smallest singular value of each, and thin its damping."""
-    axes.set_yscale("log")
+    scale_by_decades(axes)
     shown = []
     for style, run in zip(_styles(runs), runs.values(), strict=True):
         axes.plot(*thinned(run["time"], run["sigma"][:, -1]), **style)
@@ -151,8 +152,7 @@ def _draw_filter(axes: Axes, runs: Runs) -> None:
     if len(sigma):
         ends = np.array([sigma.min(), sigma.max()])
         axes.plot(ends, 1.0 / ends, "--", color=GRAY, label=r"$1/\sigma$")
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+        scale_by_decades(axes, "xy")
         axes.set_xlim(decades(sigma))
         axes.set_ylim(decades(gain))
     axes.set_xlabel(r"$\sigma$ [1]")
@@ -168,7 +168,7 @@ def _draw_curves(axes: Axes, runs: Runs, curves: Sequence[Array], bound: float =
         axes.axhline(bound, color="black", linewidth=0.8, linestyle=DOTTED, label="limit")
     peaks = [float(values.max()) for values in curves]
     if max(peaks) > APART * max(min(peaks), 1e-12):
-        axes.set_yscale("log")
+        scale_by_decades(axes)
         low = min(float(np.median(values[values > 0.0])) for values in curves if (values > 0.0).any())
         axes.set_ylim(decades(np.array([low, max(peaks)])))
 

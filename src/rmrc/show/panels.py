@@ -1,6 +1,7 @@
 """What the figures of runs are made of: panels and how they are arranged, curves, axes, legends."""
 
 import math
+import re
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
@@ -10,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from rmrc.results.run import Run
@@ -34,6 +35,9 @@ TALL, LANE, PATH, FILTER = 1.15, 0.17, 2.1, 1.9
 HANDLE, SPACE, AXIS = 2.2, 1.2, 45.0
 GRAY = "0.45"
 DOTTED = (0, (1, 1.5))
+# What of a formula takes no width, and digits above a line.
+_MARKS = str.maketrans("", "", "${}^_")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class Panel(NamedTuple):
@@ -176,6 +180,21 @@ def power(value: float) -> float:
     return float(10.0 ** math.ceil(math.log10(value))) if value > 0.0 else 1.0
 
 
+def scale_by_decades(axes: Axes, names: str = "y") -> None:
+    """Give axes a logarithmic scale: powers as letters, since formulas take long to set, and marks at 2 and 5.
+
+    Args:
+        axes: The panel.
+        names: `y`, or `xy`.
+    """
+    for name in names:
+        axes.set(**{f"{name}scale": "log"})
+        axis = axes.yaxis if name == "y" else axes.xaxis
+        axis.set_major_formatter(lambda value, _: f"10{str(round(math.log10(value))).translate(_RAISED)}")
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def decades(values: Array) -> tuple[float, float]:
     """Return a range of whole decades around positive values, at least two, so that an axis has numbers."""
     low, high = math.floor(math.log10(values.min())), math.ceil(math.log10(values.max()))
@@ -203,9 +222,9 @@ def legend(axes: Axes, columns: int) -> None:
 
 
 def _width(text: str, size: float) -> float:
-    """Return the width of a text in letters of a size [pt]."""
-    is_formula = text.replace(r"\$", "").count("$") > 1
-    width, _, _ = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), is_formula)
+    """Return the width of a text in letters of a size [pt], of a formula roughly: to read it takes long."""
+    plain = re.sub(r"\\[a-z]+", "x", text.replace(r"\$", "x")).translate(_MARKS)
+    width, _, _ = text_to_path.get_text_width_height_descent(plain, FontProperties(size=size), ismath=False)
     return float(width)
 
 

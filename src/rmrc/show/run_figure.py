@@ -29,6 +29,7 @@ from rmrc.show.panels import (
     path_plane,
     power,
     rate_unit,
+    scale_by_decades,
     split_error,
     statuses,
     thinned,
@@ -208,7 +209,7 @@ def _draw_sigma(axes: Axes, run: Run) -> None:
         axes.axhline(run.damping_below, color="black", linewidth=0.7, linestyle=DOTTED,
                      label=r"$\varepsilon$")  # fmt: skip
         shown.append(np.array([run.damping_below]))
-    axes.set_yscale("log")
+    scale_by_decades(axes)
     if len(positive := np.concatenate(shown)):
         axes.set_ylim(decades(positive))
     axes.set_ylabel(r"$\sigma$, $\lambda$ [1]" if len(shown) > 1 else r"$\sigma$ [1]")
@@ -276,8 +277,7 @@ def _draw_filter(axes: Axes, run: Run) -> None:
         )
         ends = np.array([sigma[seen][0], sigma[-1]])
         axes.plot(ends, 1.0 / ends, "--", color=GRAY, label=r"$1/\sigma$")
-        axes.set_yscale("log")
-        axes.set_xscale("log")
+        scale_by_decades(axes, "xy")
         axes.set_xlim(decades(sigma[seen]))
         axes.set_ylim(decades(gain[seen]))
     axes.set_xlabel(r"$\sigma$ [1]")
