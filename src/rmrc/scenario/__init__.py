@@ -83,9 +83,10 @@ __all__ = [
 ]  # fmt: skip
 
 if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
-    # From the lowest: to make the sections takes a sixth of a second, which a verb without a scenario does not.
+    # From the lowest: to make the sections takes a sixth of a second, which few verbs need not wait for.
     _MODULES = (
-        "values", "wording", "path", "changes", "aliases", "sections", "schema", "draft", "controls", "variation",
+        "values", "wording", "path", "changes", "aliases", "sections", "schema", "draft", "controls",
+        "variation",
     )  # fmt: skip
 
     def __getattr__(name):

@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from rmrc.results.run import Run
 from rmrc.show.figures import DASHES, plain
 from rmrc.show.panels import (
+    APART,
     DOTTED,
     GRAY,
     NAMES,
@@ -22,6 +23,7 @@ from rmrc.show.panels import (
     arranged,
     decades,
     draw_spans,
+    error_rows,
     frame_path,
     in_words,
     legend,
@@ -35,8 +37,6 @@ from rmrc.show.panels import (
 )  # fmt: skip
 
 Runs = Mapping[str, Run]
-# Where one variant blows up, a logarithmic scale keeps the others from lying on the axis.
-APART = 30.0
 
 
 def figure(runs: Runs, names: Sequence[str], width: float) -> Figure:
@@ -98,9 +98,7 @@ def _draw_sigma(axes: Axes, runs: Runs) -> None:
 
 def _draw_error(axes: Axes, runs: Runs) -> None:
     """Draw the norm of the position error of each; of tasks that turn, thin, that of the rotation error."""
-    reference = next(iter(runs.values()))
-    moved = [i for i, axis in enumerate("xyz") if axis in reference.axes]
-    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in reference.axes]
+    moved, turned = error_rows(next(iter(runs.values())))
     rows = moved or turned
     _draw_curves(
         axes, runs, [1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for run in runs.values()]

@@ -100,9 +100,11 @@ def _write(figure: Figure, to: Path | io.BytesIO, kind: str) -> None:
     # Text as text, so that a page can be searched, in fonts that journals take (they refuse Type 3); and the
     # same bytes for the same picture, which a date would make differ.
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}):
-        with _arranged(figure, kind):
-            figure.savefig(to, format=kind, dpi=DPI, metadata=metadata)
+    with (
+        mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}),
+        _arranged(figure, kind),
+    ):
+        figure.savefig(to, format=kind, dpi=DPI, metadata=metadata)
 
 
 @contextmanager

@@ -2,7 +2,7 @@
 
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import matplotlib as mpl
@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import BLACK, distinct, mix
+from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]
 
@@ -33,6 +34,12 @@ TALL, LANE, PATH, FILTER = 1.15, 0.17, 2.1, 1.9
 # Of legends: lengths of a handle and between columns, as parts of the size of letters; and the room that the
 # vertical axis takes beside a panel [pt].
 HANDLE, SPACE, AXIS = 2.2, 1.2, 45.0
+# Rates are drawn up to so many times their limits; where a peak is beyond, its value is written.
+CLIPPED = 1.6
+# Limits are drawn up to so many times the peak: farther away they would flatten the curves.
+FAR = 3.0
+# Where one curve has a peak so many times that of another, a logarithmic scale keeps the other to be seen.
+APART = 30.0
 GRAY = "0.45"
 DOTTED = (0, (1, 1.5))
 # What of a formula takes no width, and digits above a line.
@@ -181,7 +188,7 @@ def power(value: float) -> float:
 
 
 def scale_by_decades(axes: Axes, names: str = "y") -> None:
-    """Give axes a logarithmic scale: powers as letters, since formulas take long to set, and marks at 2 and 5.
+    """Give axes a logarithmic scale: powers as letters, which are set sooner, and marks at 2 and 5.
 
     Args:
         axes: The panel.
@@ -241,6 +248,39 @@ def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:
     along = run["twist_ref"][last, :3] / np.maximum(speed[last], 1e-300)[:, None]
     signed = (error * along).sum(axis=1)
     return np.abs(signed), np.linalg.norm(error - signed[:, None] * along, axis=1)
+
+
+def off(run: Run) -> dict[str, tuple[Array, int]]:
+    """Return the parts of the tracking error by their names, with units, (T,) each, and which curve each is.
+
+    A path along the axes of the arm or of the site has no direction in which its error could be split.
+    """
+    moved, turned = error_rows(run)
+    found: dict[str, tuple[Array, int]] = {}
+    if moved and run.view.frame == "world":
+        along, across = split_error(run, moved)
+        found = {"along the path [mm]": (1e3 * along, 0), "across [mm]": (1e3 * across, 1)}
+    elif moved:
+        found = {"position [mm]": (1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1), 0)}
+    if turned:
+        found["rotation [mrad]"] = (1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1), 2)
+    return found
+
+
+def error_rows(run: Run) -> tuple[list[int], list[int]]:
+    """Return the rows of the pose error that the task has: those of the position, and of the rotation."""
+    rows = [i for i, axis in enumerate(AXES) if axis in run.axes]
+    return [i for i in rows if i < 3], [i for i in rows if i >= 3]
+
+
+def error_units(names: Iterable[str]) -> list[str]:
+    """Return the units of some parts of the tracking error, each once."""
+    return [unit for unit in ("mm", "mrad") if any(f"[{unit}]" in name for name in names)]
+
+
+def grouped(value: float) -> str:
+    """Return a number of four digits, or whole with its thousands apart."""
+    return f"{value:,.0f}" if 1e3 <= value < 1e9 else f"{value:.4g}"
 
 
 def torque_unit(run: Run) -> str:

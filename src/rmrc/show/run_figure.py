@@ -11,7 +11,10 @@ from matplotlib.figure import Figure
 from rmrc.results.run import Run
 from rmrc.show.figures import DASHES, plain
 from rmrc.show.panels import (
+    APART,
+    CLIPPED,
     DOTTED,
+    FAR,
     GRAY,
     NAMES,
     SPANS,
@@ -21,27 +24,23 @@ from rmrc.show.panels import (
     arranged,
     decades,
     draw_spans,
+    error_units,
     frame_path,
+    grouped,
     in_words,
     legend,
     name_lanes,
+    off,
     paints,
     path_plane,
     power,
     rate_unit,
     scale_by_decades,
-    split_error,
     statuses,
     thinned,
     torque_unit,
 )  # fmt: skip
 
-# Rates are drawn up to so many times their limits; where a peak is beyond, its value is written.
-CLIPPED = 1.6
-# Without limits, rates are drawn on a signed logarithmic scale if the peak is so many times the median peak.
-BLOWN_UP = 30.0
-# Limits are drawn up to so many times the peak: farther away they would flatten the curves.
-FAR = 3.0
 # What the plain inverse would ask is drawn where it is so many times the peak: else it is the same curve.
 PLAIN_MORE = 1.05
 # How much higher the plot is then.
@@ -129,12 +128,12 @@ def draw_rates(axes: Axes, run: Run) -> None:
     peak, told = float(both.max()), []
     _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), colors)
     if known and known[0] >= FAR * peak:
-        told.append(f"limit{'s from' * (len(known) > 1)} {_grouped(known[0])} {rate_unit(run)}/s ↑")
+        told.append(f"limit{'s from' * (len(known) > 1)} {grouped(known[0])} {rate_unit(run)}/s ↑")
     if known and peak > CLIPPED * known[-1]:
         axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
         joint = run.joints[int(both.max(axis=0).argmax()) % len(run.joints)]
-        told.append(f"peak {_grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})")
-    elif not known and peak > BLOWN_UP * max(float(np.median(both.max(axis=1))), 1e-12):
+        told.append(f"peak {grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})")
+    elif not known and peak > APART * max(float(np.median(both.max(axis=1))), 1e-12):
         axes.set_yscale("symlog", linthresh=power(float(np.median(both.max(axis=1)))))
     told += _draw_plain(axes, run, colors, peak)
     told += _draw_baseline(axes, run, is_roomy=bool(told))
@@ -190,7 +189,7 @@ def _draw_beside(
     if most <= room * high:
         return []
     joint = run.joints[int(asked.max(axis=0).argmax())]
-    return [rf"{name} {does} {_grouped(most)} {rate_unit(run)}/s ↑ ({plain(joint)})"]
+    return [rf"{name} {does} {grouped(most)} {rate_unit(run)}/s ↑ ({plain(joint)})"]
 
 
 def _draw_sigma(axes: Axes, run: Run) -> None:
@@ -218,20 +217,11 @@ def _draw_sigma(axes: Axes, run: Run) -> None:
 
 def _draw_error(axes: Axes, run: Run) -> None:
     """Draw the position error along and across the path, and the rotation error."""
-    (blue, orange, green), time = paints(3), run["time"]
-    moved = [i for i, axis in enumerate("xyz") if axis in run.axes]
-    if moved and run.view.frame == "world":
-        along, across = split_error(run, moved)
-        axes.plot(*thinned(time, 1e3 * along), color=blue, label="along the path [mm]")
-        axes.plot(*thinned(time, 1e3 * across), color=orange, linestyle=(0, DASHES[1]), label="across [mm]")
-    elif moved:
-        off = np.linalg.norm(run["pose_error"][:, moved], axis=1)
-        axes.plot(*thinned(time, 1e3 * off), color=blue, label="position [mm]")
-    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in run.axes]
-    if turned:
-        off = np.linalg.norm(run["pose_error"][:, turned], axis=1)
-        axes.plot(*thinned(time, 1e3 * off), color=green, linestyle=(0, DASHES[2]), label="rotation [mrad]")
-    axes.set_ylabel(f"error [{'mm, mrad' if moved and turned else 'mrad' if turned else 'mm'}]")
+    colors, parts = paints(3), off(run)
+    for name, (values, i) in parts.items():
+        curve = thinned(run["time"], values)
+        axes.plot(*curve, color=colors[i], linestyle=(0, DASHES[i]), label=name)
+    axes.set_ylabel(f"error [{', '.join(error_units(parts))}]")
     legend(axes, 3)
 
 
@@ -294,11 +284,6 @@ def _draw_limits(axes: Axes, limit: Array, colors: Sequence[str]) -> None:
         for side in (limit[j], -limit[j]):
             axes.axhline(side, color="black" if is_one else colors[j], linewidth=0.8, linestyle=DOTTED,
                          label="limit" if i == 0 and side > 0 else None)  # fmt: skip
-
-
-def _grouped(value: float) -> str:
-    """Return a number of four digits, or whole with its thousands apart."""
-    return f"{value:,.0f}" if value >= 1e3 else f"{value:.4g}"
 
 
 _DRAW: dict[str, Callable[..., None]] = {
