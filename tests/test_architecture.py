@@ -52,6 +52,7 @@ OWNERS = {
             "rmrc.show.textbook_figures",
             "rmrc.study.filter_figure",
             "rmrc.study.margins.figure",
+            "rmrc.study.plotting",
             "rmrc.study.sweep_figure",
             "rmrc.tuning.figure",
             "rmrc.film.film",
