@@ -114,6 +114,8 @@ class Run(Recorded):
             "torque_limit": _finite(self.torque_limit),
             "rate_limit": _finite(self.rate_limit),
             "damping_below": self.damping_below,
+            "shoulder": self.shoulder,
+            "reach": self.reach,
             "chatter_floor": self.chatter_floor,
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
@@ -146,7 +148,8 @@ class Run(Recorded):
             facts["wall_time"], tuple(facts.get("weights", ())), _limits(facts, "torque_limit"), view,
             tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
             tuple(facts.get("chatter_floor", ())), profile,
-            _limits(facts, "rate_limit"), facts.get("damping_below", 0.0), baseline,
+            _limits(facts, "rate_limit"), facts.get("damping_below", 0.0), tuple(facts.get("shoulder", ())),
+            facts.get("reach", 0.0), baseline,
         )  # fmt: skip
 
 
@@ -231,12 +234,16 @@ def _refuse_odd(facts: Mapping[str, Any], columns: Mapping[str, NDArray[np.gener
     several = [facts.get(name, ()) for name in ("weights", "torque_limit", "rate_limit", "chatter_floor")]
     numbers += [
         facts.get("damping_below", 0.0),
+        facts.get("reach", 0.0),
+        *facts.get("shoulder", ()),
         *(one for some in several for one in some if one is not None),
     ]
     words = [facts["name"], *facts["joints"], *facts["axes"], *facts.get("touching", ())]
     if not all(isinstance(one, int | float) for one in numbers) or not all(isinstance(w, str) for w in words):
         raise TypeError
     if not all(abs(one) < LARGEST for one in numbers[:5]):
+        raise ValueError
+    if len(facts.get("shoulder", ())) != (3 if facts.get("reach") else 0):
         raise ValueError
     if len(facts["is_slide"]) != joints or not all(len(one) in (0, joints) for one in several[1:3]):
         raise ValueError

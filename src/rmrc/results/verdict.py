@@ -5,6 +5,7 @@ import textwrap
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.results.columns import Recorded
 from rmrc.scenario.choices import Status
@@ -18,6 +19,9 @@ LINES, WIDTH, LONGEST_NAME = 2, 100, 24
 # κ from which an arm counts as near a singularity: where MoveIt Servo begins to slow down. From 100 on it is
 # SINGULAR.
 NEAR = 17.0
+# Share of the greatest distance from the shoulder from which an arm is stretched out; and share of the lost
+# direction that must point away from the shoulder, so that this is why it is lost.
+STRETCHED, AWAY = 0.995, 0.9
 # Rates that differ by less count as the same.
 MORE = 1.05
 
@@ -69,10 +73,9 @@ def _place(run: Recorded) -> str:
     """Return how near a singularity it came, and whether it came to its end."""
     status, condition = run.columns["status"].astype(np.int64), float(np.max(run["condition"]))
     singular = (status & Status.SINGULAR) != 0
-    if singular.all():
-        place = "Stayed at a singularity"
-    elif singular.any():
-        place = f"Came to a singularity (κ {_amount(condition)})"
+    if singular.any():
+        where = "full reach" if _stretched(run)[singular].all() else "a singularity"
+        place = f"Stayed at {where}" if singular.all() else f"Came to {where} (κ {_amount(condition)})"
     elif condition >= NEAR:
         place = f"Came near a singularity (κ {_amount(condition)})"
     else:
@@ -81,6 +84,17 @@ def _place(run: Recorded) -> str:
         joint = f" at {_name(run.divergence.joint)}" if run.divergence.joint else ""
         return f"{place} and diverged at {_amount(run.divergence.time)} s{joint}"
     return place if run.is_complete else f"{place} and went {math.floor(100.0 * run.completed)}% of its path"
+
+
+def _stretched(run: Recorded) -> NDArray[np.bool_]:
+    """Say at which ticks the arm is stretched out, and can go no farther from its shoulder, (T,)."""
+    if run.reach <= 0.0:
+        return np.zeros(len(run), dtype=bool)
+    outward = run["pose"][:, :3] - run.shoulder
+    distance = np.linalg.norm(outward, axis=1)
+    lost = run.view.back(run["u_min"], run["pose"])
+    away = np.abs((lost[:, :3] * outward).sum(axis=1)) >= AWAY * distance * np.linalg.norm(lost, axis=1)
+    return np.asarray((distance >= STRETCHED * run.reach) & away)
 
 
 def _rates(run: Recorded) -> str:
