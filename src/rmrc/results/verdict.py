@@ -174,9 +174,9 @@ def _name(joint: str) -> str:
 
 
 def _amount(value: float) -> str:
-    """Return three digits, with commas between the thousands: what is not zero is not told as zero."""
+    """Return three digits, or up to a million whole, with commas: what is not zero is not told as zero."""
     if not math.isfinite(value):
         return "infinite" if value > 0.0 else "unknown"
     if value >= 999.5:
-        return f"{value:,.0f}" if value < 1e9 else f"{value:.3g}"
+        return f"{value:,.0f}" if value < 1e6 else f"{value:.3g}"
     return f"{value:.3g}" if value >= 1e-3 or value == 0.0 else "less than 0.001"

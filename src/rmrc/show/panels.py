@@ -319,8 +319,8 @@ def error_units(names: Iterable[str]) -> list[str]:
 
 
 def grouped(value: float) -> str:
-    """Return a number of four digits, or whole with its thousands apart."""
-    return f"{value:,.0f}" if 1e3 <= value < 1e9 else f"{value:.4g}"
+    """Return a number of four digits, or up to a million whole, with its thousands apart."""
+    return f"{value:,.0f}" if 1e3 <= value < 1e6 else f"{value:.4g}"
 
 
 def torque_unit(run: Run) -> str:

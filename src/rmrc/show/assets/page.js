@@ -3,7 +3,7 @@
 (() => {
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const paint = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const shown = (v) => v == null ? "–" : Math.abs(v) >= 1e9 || (v && Math.abs(v) < 1e-3) ?
+  const shown = (v) => v == null ? "–" : Math.abs(v) >= 1e6 || (v && Math.abs(v) < 1e-3) ?
     v.toExponential(2) : Math.abs(v) >= 1e3 ? Math.round(v).toLocaleString("en-US") : String(+v.toPrecision(4));
 
   // Values are little-endian 32-bit floats in base64; what is not finite is a gap.
