@@ -279,6 +279,14 @@ def test_a_browser_shows_a_page_without_complaint(browser, left, kind):
             shown.locator(".u-over").first.hover(position={"x": 300, "y": 60})
             read = shown.locator(".u-legend tr:first-child .u-value").all_inner_texts()
             assert len(set(read)) == 1 and read[0] != "–"  # one time for all panels
+            name = shown.locator(".u-label[role=button]").first
+            line = "e => getComputedStyle(e).textDecorationLine"
+            for key, pressed, look in (("Enter", "false", "line-through"), (" ", "true", "none")):
+                assert name.evaluate(line) != look
+                name.focus()
+                name.press(key)
+                assert (name.get_attribute("aria-pressed"), name.evaluate(line)) == (pressed, look)
+            name.press("Enter")  # the rules below hold of a hidden line as well
         shown.evaluate(axe)
         wrong = shown.evaluate("axe.run()")["violations"]
         assert [(one["id"], one["nodes"][0]["html"]) for one in wrong] == []
