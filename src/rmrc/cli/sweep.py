@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from rmrc import scenario as scenarios
 from rmrc.cli.console import (
     EXIT_INPUT,
     EXIT_INTERRUPTED,
@@ -75,7 +76,6 @@ def sweep(
 
     Started again, it goes on where it was ended. A run that diverges is a row like others.
     """
-    from rmrc.scenario import draft_of
     from rmrc.show.terminal import render
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
@@ -87,7 +87,7 @@ def sweep(
         raise ClusterError(
             "--threads: must not be given with --cluster, whose workers have their own threads"
         )
-    base = _given(draft_of(scenario, set_ or ()), options)
+    base = _given(scenarios.draft_of(scenario, set_ or ()), options)
     with Sweep(base, (), out, threads, cluster) as work:
         contents = _check(work, quiet)
         choice = choice and choice.settled(work.scenario, contents.columns)
