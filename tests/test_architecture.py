@@ -53,6 +53,7 @@ OWNERS = {
             "rmrc.show.textbook_figures",
             "rmrc.study.filter_figure",
             "rmrc.study.margins.figure",
+            "rmrc.study.plotting",
             "rmrc.study.sweep_figure",
             "rmrc.tuning.figure",
             "rmrc.film.film",
@@ -198,12 +199,20 @@ def no_circles(sources):
         yield "circle: " + " -> ".join(error.args[1])
 
 
+# A run whose columns alone are read, as for a picture, does without numba.
+WITHOUT_NUMBA = {("rmrc.results.run", "rmrc.results.scorecard"), ("rmrc.law.task", "rmrc.law.kinematics")}
+
+
 def only_what_is_slow_is_imported_late(sources):
     for module, name, late in all_imports(sources):
         # The verbs of the command line load what they need; nobody else waits for the pictures.
         is_verb = is_within(module, "rmrc.cli") and is_within(name, "rmrc")
-        if late and not (
-            is_verb or any(is_within(name, one) for one in PICTURES) or name.partition(".")[0] in SLOW
+        if (
+            late
+            and (module, name) not in WITHOUT_NUMBA
+            and not (
+                is_verb or any(is_within(name, one) for one in PICTURES) or name.partition(".")[0] in SLOW
+            )
         ):
             yield f"{module} imports {name} inside a function"
 

@@ -37,7 +37,8 @@ STUB = """#!/bin/sh
 echo "$*" >> calls
 [ "$1" = run ] || exit 0
 name=$(basename "$2" .yaml)
-[ "$name" = b ] || touch "ci/$name.npz" "ci/$name.json"
+mkdir "ci/$name"
+[ "$name" = b ] || touch "ci/$name/of_its_own.npz" "ci/$name/of_its_own.json"
 [ "$name" = c ] || exit 3
 """
 
@@ -58,7 +59,7 @@ def test_its_loop_runs_all_and_fails_if_any_does(tmp_path, names, status):
         f"scenarios/{n}.yaml" for n in names
     ]
     reported = [line for line in calls if line.startswith("report")]
-    assert reported == [f"report ci/{name}.npz --quiet" for name in names if name != "b"]
+    assert reported == [f"report ci/{name}/of_its_own.npz --quiet" for name in names if name != "b"]
     assert all(f"--junit ci/{n}.xml --summary ci/{n}.md" in " ".join(calls) for n in names)
 
 
@@ -71,8 +72,8 @@ def test_its_jobs_are_yaml_that_runs_the_loop_and_keeps_what_it_leaves():
     assert runs[1] == job["script"][1] and runs[1].endswith("ci/scenarios.sh")
     assert runs[0].split() == job["script"][0].split() and "touch -d" in runs[0]
     assert steps[2]["with"]["path"] == job["cache"]["paths"][0] == ".venv"
-    assert job["artifacts"]["reports"]["junit"] in PAGE and "ci/*.rrd" in job["artifacts"]["paths"]
-    assert steps[-1]["if"] == "failure()" and "ci/*.html" in steps[-1]["with"]["path"].split()
+    assert job["artifacts"]["reports"]["junit"] in PAGE and "ci/*/*.rrd" in job["artifacts"]["paths"]
+    assert steps[-1]["if"] == "failure()" and "ci/*/*.html" in steps[-1]["with"]["path"].split()
 
 
 def test_its_exit_codes_are_those_of_the_program():

@@ -21,7 +21,7 @@ TIMES = {
 }  # fmt: skip
 AMOUNT = r"(less than 0\.001|infinite|unknown|[\d,.]+(?:e[+-]\d+)?)"
 SENTENCE = re.compile(
-    rf"(?P<place>Stayed at a singularity|(?:Came to a|Came near a|Met no) singularity \(κ (?:at most )?(?P<kappa>{AMOUNT})\))"
+    rf"(?P<place>Stayed at (?:a singularity|full reach)|(?:Came to full reach|(?:Came to a|Came near a|Met no) singularity) \(κ (?:at most )?(?P<kappa>{AMOUNT})\))"
     rf"(?P<end> and diverged at \S+ s(?: at .+?)?| and went \d+% of its path)?: "
     rf"(?:(?P<keepers>.+?) kept )?(?P<joint>\S+?)'s commands (?P<verb>at|peaked at) (?P<rate>{AMOUNT})(?: of (?P<limit>{AMOUNT}))? (?P<unit>m|rad)/s"
     rf"(?P<rest>(?:, with at most .+? of error)?(?:, .+? for .+? s)*)"
@@ -55,6 +55,9 @@ def denied(sentence, run):
     wrong = ["place"] * (
         not next(right for words, right in places.items() if found["place"].startswith(words))
     )
+    if "full reach" in found["place"]:
+        distance = np.linalg.norm(run["pose"][singular, :3] - run.shoulder, axis=1)
+        wrong += ["full reach"] * (not (0.995 * run.reach <= distance).all())
     wrong += ["κ"] * bool(found["kappa"] and not is_told(found["kappa"], kappa))
     end = found["end"] or ""
     wrong += ["divergence"] * (("diverged" in end) != (run.divergence is not None))

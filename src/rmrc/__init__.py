@@ -49,11 +49,11 @@ if TYPE_CHECKING:
     from rmrc.results.run import Run, read_runs
     from rmrc.results.scorecard import Scorecard
     from rmrc.scenario import Scenario, load, loads
-    from rmrc.show.plot import plot
     from rmrc.simulation.prepare import Prepared, prepare
     from rmrc.simulation.simulation import Simulation
     from rmrc.study.filming import render
     from rmrc.study.margins.margins import margins
+    from rmrc.study.plotting import plot
     from rmrc.study.study import Study
     from rmrc.study.verbs import compare, run, sweep
     from rmrc.support.errors import (
@@ -91,11 +91,11 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         "rmrc.results.run": ("Run", "read_runs"),
         "rmrc.results.scorecard": ("Scorecard",),
         "rmrc.scenario": ("Scenario", "load", "loads"),
-        "rmrc.show.plot": ("plot",),
         "rmrc.simulation.prepare": ("Prepared", "prepare"),
         "rmrc.simulation.simulation": ("Simulation",),
         "rmrc.study.filming": ("render",),
         "rmrc.study.margins.margins": ("margins",),
+        "rmrc.study.plotting": ("plot",),
         "rmrc.study.study": ("Study",),
         "rmrc.study.verbs": ("compare", "run", "sweep"),
         "rmrc.support.errors": tuple(name for name in __all__ if name.endswith(("Error", "Warning"))),

@@ -1,11 +1,13 @@
 """JUnit XML and summaries: what CI reads of runs that went well, missed, diverged, or never began."""
 
 import os
+import re
 from xml.etree import ElementTree
 
 import pytest
 
 from project import ROOT
+from rmrc.analysis.check.findings import CODES
 from rmrc.results.facts import versions
 from rmrc.results.run import Run
 from rmrc.study.batch import Batch
@@ -149,7 +151,7 @@ def test_ctrl_c_before_the_first_tick_is_an_error(rmrc, monkeypatch):
 
     monkeypatch.setattr(Batch, "compile", interrupted)
     assert rmrc("run", "quick.yaml", *ASKED)[0] == 130
-    assert told(read("ci/a.xml")) == {"run": ("error", "ended before the first tick")}
+    assert told(read("ci/a.xml")) == {"run": ("error", "ended before there was a result")}
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -187,3 +189,40 @@ def test_a_file_that_is_something_else_stays(rmrc, quick, monkeypatch, options, 
     assert rmrc("run", "quick.yaml", *options) == (2, "", says(f"rmrc: error: {line}\n"))
     assert (quick / "arm.xml").read_text() == "<mujoco/>" and (quick / "quick.yaml").read_text() == TEXT
     assert sorted(os.listdir(quick)) == ["arm.xml", "quick.yaml"]
+
+
+WARNED, BROKEN = f"{ROOT}/models/planar_2link.xml", "home.xml"
+
+
+def test_check_leaves_a_case_for_each_code_and_fails_on_an_error_alone(rmrc, quick):
+    text = (ROOT / "models/planar_2link.xml").read_text("utf-8").replace("common/", f"{ROOT}/models/common/")
+    (quick / BROKEN).write_text(re.sub(r'(<joint name="elbow"[^>]*range=")[^"]*"', r'\g<1>100 120"', text))
+    for model, code in ((WARNED, 0), (BROKEN, 1)):
+        assert rmrc("check", model, "--junit", "ci/a.xml", "--summary", "ci/a.md", "--json")[0] == code
+        cases = told(read("ci/a.xml"))
+        assert cases.keys() == {"run", *CODES}
+        failed = {name for name, what in cases.items() if what is not None}
+        assert failed == ({"home-outside-limits"} if code else set())
+        first, *lines = (quick / "ci/a.md").read_text("utf-8").splitlines()
+        assert first.startswith("### ❌" if code else "### ✅")
+        assert f"{len(CODES) - len(failed)} of {len(CODES)} checks passed" in first
+        assert sum(line.startswith("| MISSED | home-outside-limits: error: ") for line in lines) == len(
+            failed
+        )
+
+
+def test_check_of_what_is_no_model_leaves_an_error(rmrc, quick):
+    (quick / "no.xml").write_text("<mujoco><worldbody/></mujoco>")
+    code, _, err = rmrc("check", "no.xml", "--junit", "ci/a.xml")
+    ((kind, text),) = told(read("ci/a.xml")).values()
+    assert (code, kind) == (2, "error") and text in err
+
+
+@pytest.mark.usefixtures("quick")
+def test_margins_leave_a_case_that_fails_where_the_loop_is_unstable(rmrc):
+    asked = ("--accuracy", "0.5", "--quiet", "--junit", "ci/a.xml", "--summary", "ci/a.md")
+    motion = ("--set", "target.path=[{hold: {for: 0.4}}]", "--set", "plant.kind=ideal", "--set", "expect={}")
+    for late, code in (("0", 0), ("0.2", 1)):
+        assert rmrc("margins", "quick.yaml", *motion, "--set", f"plant.delay={late}", *asked)[0] == code
+        failed = {name for name, what in told(read("ci/a.xml")).items() if what is not None}
+        assert failed == ({"stable"} if code else set())

@@ -122,7 +122,7 @@ def test_outside_of_limits_is_a_warning_and_no_error(rmrc):
 def test_a_picture_is_drawn(rmrc, tmp_path):
     code, _, err = rmrc("inspect", TWO, "--q", "0,0", "--q", "0,1", "--picture", "new/arm.svg")
     assert (code, err) == (0, "")
-    assert "2: q = 0, 1.000" in (tmp_path / "new/arm.svg").read_text("utf-8")
+    assert "2: $q$ = 0, 1.000" in (tmp_path / "new/arm.svg").read_text("utf-8")
 
 
 @pytest.mark.parametrize(

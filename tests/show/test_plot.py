@@ -12,7 +12,8 @@ from project import ROOT
 from rmrc.results.run import Run, read_runs
 from rmrc.show.panels import GRAY, NAMES, OVER_TIME, SPANS, thinned
 from rmrc.show.plot import plot
-from rmrc.study.verbs import compare
+from rmrc.study.plotting import plot as plot_any
+from rmrc.study.verbs import compare, sweep
 from rmrc.study.verbs import run as run_scenario
 from rmrc.support.errors import QuestionError
 from wording import says
@@ -268,3 +269,42 @@ def test_an_arm_that_locks_within_its_limits_is_drawn_to_scale(compared):
     locked = {name: np.where(run["time"][:, None] < 1.0, run[name], 0.0) for name in ("qdot", "qdot_cmd")}
     assert rates_of(run, columns=locked)[0].get_yscale() == "linear"
     assert rates_of(run, columns=locked, rate_limit=())[0].get_yscale() == "symlog"  # without limits, by peak
+
+
+@pytest.mark.parametrize("width", [3.5, 7.16])
+def test_nothing_in_a_figure_covers_anything_else_or_is_cut(compared, width):
+    run = compared[1]["damped"]
+    long = dataclasses.replace(run, joints=("a_rather_long_name_of_a_joint", "another_one_that_is_long"))
+    for figure in (plot(long, width=width), plot({"a_long_label": run, **compared[1]}, width=width)):
+        figure.draw_without_rendering()
+        boxes = [axes.get_tightbbox() for axes in figure.get_axes()]
+        for i, box in enumerate(boxes):
+            assert figure.bbox.x0 <= box.x0 and box.x1 <= figure.bbox.x1 and box.y1 <= figure.bbox.y1
+            assert box.y0 >= figure.bbox.y0
+            for other in boxes[:i]:
+                across = min(box.x1, other.x1) - max(box.x0, other.x0)
+                assert across <= 0 or min(box.y1, other.y1) - max(box.y0, other.y0) <= 1.0  # a pixel
+
+
+def test_a_logarithmic_axis_has_its_powers_as_letters(left):
+    axes = axes_of(plot(left[1]), r"\sigma$ [1]")
+    low, high = axes.get_ylim()
+    powers = [tick for tick in axes.get_yticks() if low <= tick <= high]
+    assert len(powers) >= 3
+    for tick in powers:
+        text = axes.yaxis.get_major_formatter()(tick)
+        raised = text.removeprefix("10").translate(str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789"))
+        assert 10.0 ** int(raised) == pytest.approx(tick)
+
+
+def test_python_draws_a_sweep_from_its_rows_or_its_file_as_the_verb_does(rmrc, tmp_path):
+    rows = sweep(
+        ROOT / "scenarios/line_tracking.yaml", {"control.feedback": [5, 10, 20]}, out=tmp_path, threads=1
+    )
+    (file,) = tmp_path.glob("*.parquet")
+    first = plot_any(rows, tmp_path / "rows.svg", ["parallel"])
+    plot_any(file, tmp_path / "file.svg", ["parallel"])
+    assert rmrc("plot", str(file), "-o", str(tmp_path / "verb.svg"), "--panels", "parallel")[0] == 0
+    texts = [(tmp_path / f"{name}.svg").read_bytes() for name in ("rows", "file", "verb")]
+    assert texts[0] == texts[1] == texts[2]
+    assert len(first.get_axes()) == 1

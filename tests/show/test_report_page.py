@@ -106,7 +106,7 @@ def test_the_plots_of_a_page_hold_the_columns_and_their_peaks(pages, left):
         assert np.abs(drawn).max() == np.float32(np.abs(run["qdot_cmd"][:, j]).max())
     assert unpacked(sigma["series"][0]["values"]).min() == np.float32(run["sigma"][:, -1].min())
     peak = run.scorecard["joint_rate_cmd.peak"].value
-    assert f"peak {peak:,.4g} rad/s" in pages["run"].texts[""]
+    assert f"peak {peak:,.0f} rad/s" in pages["run"].texts[""]
     assert rates["range"][1] < 0.01 * peak  # off scale: the limits are seen
 
 
@@ -279,6 +279,14 @@ def test_a_browser_shows_a_page_without_complaint(browser, left, kind):
             shown.locator(".u-over").first.hover(position={"x": 300, "y": 60})
             read = shown.locator(".u-legend tr:first-child .u-value").all_inner_texts()
             assert len(set(read)) == 1 and read[0] != "–"  # one time for all panels
+            name = shown.locator(".u-label[role=button]").first
+            line = "e => getComputedStyle(e).textDecorationLine"
+            for key, pressed, look in (("Enter", "false", "line-through"), (" ", "true", "none")):
+                assert name.evaluate(line) != look
+                name.focus()
+                name.press(key)
+                assert (name.get_attribute("aria-pressed"), name.evaluate(line)) == (pressed, look)
+            name.press("Enter")  # the rules below hold of a hidden line as well
         shown.evaluate(axe)
         wrong = shown.evaluate("axe.run()")["violations"]
         assert [(one["id"], one["nodes"][0]["html"]) for one in wrong] == []

@@ -38,7 +38,7 @@ def test_outwards_there_is_no_answer_near_full_reach():
 def test_curves_differ_without_colors_and_words_name_axes_and_units(tmp_path):
     picture = figure()
     for axes in picture.axes:
-        assert (axes.get_xlabel(), axes.get_ylabel()) == ("θ₂ [rad]", "joint displacement [rad]")
+        assert (axes.get_xlabel(), axes.get_ylabel()) == (r"$\theta_2$ [rad]", "joint displacement [rad]")
         looks = {(line.get_linestyle(), line.get_marker()) for line in axes.lines}
         assert len(axes.lines) == len(looks) == 2 * len(STYLES)
     paths = [tmp_path / "a.svg"]

@@ -39,6 +39,17 @@ class Chain:
         return np.asarray(self.ratio * np.asarray(q, dtype=np.float64)[self.leader])
 
     @property
+    def reach(self) -> float:
+        """How far the site can be from the point on the first axis at most [m]; 0 where an axis slides.
+
+        From each point to the next is one link of constant length, however the joints are turned: no sum of
+        such steps is longer than that of their lengths. An arm whose points do not come to lie on a line
+        comes less far.
+        """
+        steps = np.vstack([self.step[1:], self.tip_step])
+        return float(np.linalg.norm(steps, axis=1).sum()) if not self.pitch.any() else 0.0
+
+    @property
     def kinds(self) -> tuple[str, ...]:
         """`hinge`, `slide` or `screw` of each axis."""
         return kinds_of(self.pitch)

@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import notice
-from rmrc.cli.options import AsJson, Body, Joints, Model, Packages, Site, asked, joints_of
+from rmrc.cli.options import AsJson, Body, Joints, Junit, Model, Packages, Site, Summary, asked, joints_of
 from rmrc.cli.reports import show
 
 Seed = Annotated[int, typer.Option(help="Of the second of motion.", min=0)]
@@ -19,6 +19,8 @@ def check(
     joints: Joints = None,
     seed: Seed = 0,
     as_json: AsJson = False,
+    junit: Junit = None,
+    summary: Summary = None,
 ) -> None:
     """Check a model as a linter would: what must be mended, what is missing, what is assumed.
 
@@ -28,6 +30,9 @@ def check(
     with notice("checking the model ..."):
         from rmrc.analysis.check.check import check as ask
         from rmrc.analysis.check.report import report
+        from rmrc.study import ci
 
-        found = ask(model, **asked(site, body, package), joints=joints_of(joints), seed=seed)
-    show(report(found), as_json)
+        with ci.Files(model.stem, junit, summary) as files:
+            answer = report(ask(model, **asked(site, body, package), joints=joints_of(joints), seed=seed))
+            files.write_answer(model.stem, answer)
+    show(answer, as_json, files=files.paths)

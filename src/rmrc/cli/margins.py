@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 from rmrc.cli.console import EXIT_INTERRUPTED, complain, interruption, progress
-from rmrc.cli.options import AsJson, Quiet, Threads, drawable
+from rmrc.cli.options import AsJson, Junit, Quiet, Summary, Threads, drawable
 from rmrc.cli.reports import show
 from rmrc.cli.scenarios import Overrides, ScenarioFile
 
@@ -26,6 +26,8 @@ def margins(
     ] = None,
     as_json: AsJson = False,
     threads: Threads = None,
+    junit: Junit = None,
+    summary: Summary = None,
     quiet: Quiet = False,
 ) -> None:
     """Find how much more gain, dead time and lag the loop bears before it is unstable, by runs.
@@ -35,22 +37,25 @@ def margins(
     Exit code 1: the loop is unstable as written.
     """
     from rmrc.results.leaving import refuse_unwritable
+    from rmrc.study import ci
     from rmrc.study.margins.margins import Asking
     from rmrc.study.margins.report import report
 
     files = [path for path in (drawable(picture),) if path is not None]
-    with interruption("interrupted before the first run"):
-        work = Asking(scenario, set_ or (), accuracy=accuracy, threads=threads)
-        refuse_unwritable(files)
-        work.compile()
-    with progress(f"{work.scenario.name}: margins", _RUNS, quiet or as_json, unit="runs") as on_runs:
-        found = work.run(on_runs)
-    if found.interrupted:
-        complain(f"interrupted after {found.runs} runs")
-    answer = report(found)
+    with ci.Files(scenario.stem, junit, summary) as kept:
+        with interruption("interrupted before the first run"):
+            work = Asking(scenario, set_ or (), accuracy=accuracy, threads=threads)
+            refuse_unwritable(files)
+            work.compile()
+        with progress(f"{work.scenario.name}: margins", _RUNS, quiet or as_json, unit="runs") as on_runs:
+            found = work.run(on_runs)
+        answer, told = report(found), f"interrupted after {found.runs} runs" if found.interrupted else ""
+        kept.write_answer(work.scenario.name, answer, told)
+    if told:
+        complain(told)
     for path in files:
         if answer.draw is not None:
             answer.draw(path)
-    show(answer, as_json, quiet, files)
+    show(answer, as_json, quiet, [*files, *kept.paths])
     if found.interrupted:
         raise typer.Exit(EXIT_INTERRUPTED)

@@ -10,7 +10,6 @@ from typing import Any
 import typer
 
 from rmrc.cli.kinds import KINDS
-from rmrc.scenario import place_of
 from rmrc.support.invocation import command
 from rmrc.support.legible import shortened
 
@@ -43,6 +42,8 @@ def usage(error: Any) -> str:
 def _way(option: str | None, verb: str | None, verbs: Mapping[str, Any]) -> str:
     """Return what was most likely meant: an option of another verb, a key of the scenario, a verb."""
     if option is not None:
+        from rmrc.scenario import place_of
+
         alike = SETTING if verb in SETTING else verbs
         others = [name for name in alike if any(option in known.opts for known in verbs[name].params)]
         if others:

@@ -90,6 +90,14 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines."
 Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")]
 Threads = Annotated[int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
+Junit = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Leave JUnit XML for CI: .xml, a case for each expectation or check."),
+]
+Summary = Annotated[
+    Path | None,
+    typer.Option(metavar="FILE", help="Leave a summary for CI: .md; $GITHUB_STEP_SUMMARY is added to."),
+]
 
 
 def joints_of(text: str | None) -> list[str] | None:

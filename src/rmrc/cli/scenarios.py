@@ -23,7 +23,7 @@ from rmrc.cli.console import (
     progress,
 )
 from rmrc.cli.kinds import RECORDING, SCENARIO, expect
-from rmrc.cli.options import Out, Quiet, pictured, within
+from rmrc.cli.options import Junit, Out, Quiet, Summary, pictured, within
 from rmrc.support.invocation import command
 
 if TYPE_CHECKING:
@@ -45,14 +45,6 @@ Overrides = Annotated[
 _LONGEST_DELAY = 0.5
 
 Record = Annotated[bool, typer.Option(help="Write the .rrd recording.")]
-Junit = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Leave JUnit XML for CI: .xml, a case for each expectation."),
-]
-Summary = Annotated[
-    Path | None,
-    typer.Option(metavar="FILE", help="Leave a summary for CI: .md; $GITHUB_STEP_SUMMARY is added to."),
-]
 
 
 def run(
@@ -95,7 +87,7 @@ def run(
     raise typer.Exit(_exit_code(left, one))
 
 
-def _doubt_times(scenario: scenarios.Scenario) -> None:
+def _doubt_times(scenario: "scenarios.Scenario") -> None:
     """Say that a loop is slower than any robot's, as one is whose milliseconds were taken for seconds."""
     plant = scenario.plant
     for key, longest in (

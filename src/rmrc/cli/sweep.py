@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 
+from rmrc import scenario as scenarios
 from rmrc.cli.console import (
     EXIT_INPUT,
     EXIT_INTERRUPTED,
@@ -20,12 +21,12 @@ from rmrc.cli.console import (
 from rmrc.cli.kinds import SCENARIO, expect
 from rmrc.cli.options import Out, Quiet, Threads
 from rmrc.cli.scenarios import Overrides
-from rmrc.scenario import Draft, draft_of
 from rmrc.support.errors import ClusterError, ScenarioError
 from rmrc.support.legible import shortened
 from rmrc.support.problems import Origin, Problem
 
 if TYPE_CHECKING:
+    from rmrc.scenario import Draft
     from rmrc.study.dataset import Contents
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
@@ -86,7 +87,7 @@ def sweep(
         raise ClusterError(
             "--threads: must not be given with --cluster, whose workers have their own threads"
         )
-    base = _given(draft_of(scenario, set_ or ()), options)
+    base = _given(scenarios.draft_of(scenario, set_ or ()), options)
     with Sweep(base, (), out, threads, cluster) as work:
         contents = _check(work, quiet)
         choice = choice and choice.settled(work.scenario, contents.columns)
@@ -115,7 +116,7 @@ def _check(work: "Sweep", quiet: bool) -> "Contents":
         return work.check(on_runs)
 
 
-def _given(base: Draft, options: Mapping[str, tuple[str, str]]) -> Draft:
+def _given(base: "Draft", options: Mapping[str, tuple[str, str]]) -> "Draft":
     """Return a draft with what options set in it."""
     for option, (key, value) in options.items():
         base = base.given(key, value, option)

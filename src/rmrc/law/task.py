@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.law.kinematics import FRAMES
 from rmrc.law.record import CHAIN, JOINTS, ROWS, Field
-from rmrc.scenario import Frame, SecondarySection
+from rmrc.scenario import Frame
 from rmrc.support.spatial import (
     AXES,
     ORIGIN,
@@ -26,6 +25,7 @@ from rmrc.support.spatial import (
 
 if TYPE_CHECKING:  # MuJoCo is not loaded for a task without an arm
     from rmrc.arm import Arm
+    from rmrc.scenario import SecondarySection
 
 Array = NDArray[np.float64]
 
@@ -54,6 +54,8 @@ class View(NamedTuple):
     @property
     def codes(self) -> tuple[int, tuple[float, ...], int]:
         """Its fields of a world's record."""
+        from rmrc.law.kinematics import FRAMES  # with numba, which a run that is only read does without
+
         return FRAMES.index(self.frame), self.base, self.free
 
     def turned(self, rows: Array, pose: Array) -> Array:
@@ -287,7 +289,7 @@ class SecondTask:
         Field("last_2", np.int64), Field("tip_step_2", size=(3,)), Field("tip_quat_2", size=(4,)),
     )  # fmt: skip
 
-    def __init__(self, first: Task, section: SecondarySection, start: Array) -> None:
+    def __init__(self, first: Task, section: "SecondarySection", start: Array) -> None:
         """Bind it to an arm.
 
         Args:

@@ -192,15 +192,15 @@ class Seen:
 def rounded(largest: float, steps: float = STEPS) -> float:
     """Return the end of an axis from 0 that shows so much, and three numbers at least.
 
-    >>> [round(rounded(x), 3) for x in (0.004, 1.5, 3.0, 4.0, 7.0, 0.0)]
-    [0.004, 2.05, 3.15, 4.2, 20.5, 2.05]
+    >>> [round(rounded(x), 3) for x in (0.004, 1.5, 3.0, 4.3, 7.0, 0.0)]
+    [0.004, 2.05, 3.15, 4.4, 20.5, 2.05]
     """
     if not (largest > 0.0 and math.isfinite(largest)):
         return 2.05
     decade = 10.0 ** math.floor(math.log10(largest))
     if largest <= 2.0 * decade:
         return 2.05 * decade
-    return 1.05 * largest if 1.05 * largest <= steps * decade else 20.5 * decade
+    return min(1.05 * largest, steps * decade) if largest <= steps * decade else 20.5 * decade
 
 
 def both_ways(largest: float, steps: float = STEPS) -> tuple[float, float]:

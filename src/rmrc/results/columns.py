@@ -125,6 +125,8 @@ class Recorded:
         profile: What the commands are held against, or None.
         rate_limit: Of each joint [rad/s or m/s], infinite where it has none; none: not known.
         damping_below: ε, below which damping begins, in the units of σ; 0 where it follows something else.
+        shoulder: The point on the first axis from which `reach` is, in the world [m]; none: not known.
+        reach: How far the site can be from there at most, whatever the limits [m]; 0: not known.
     """
 
     name: str
@@ -146,6 +148,8 @@ class Recorded:
     profile: Profile | None = None
     rate_limit: tuple[float, ...] = ()
     damping_below: float = 0.0
+    shoulder: tuple[float, ...] = ()
+    reach: float = 0.0
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""

@@ -16,25 +16,44 @@ RUN = "run"
 
 
 @dataclass(frozen=True)
+class Case:
+    """Something that was checked, as CI counts it.
+
+    Attributes:
+        name: It stays the same from one version to the next.
+        ok: Whether it is as it should be.
+        text: What was found.
+    """
+
+    name: str
+    ok: bool
+    text: str
+
+    def __str__(self) -> str:
+        """Return one line."""
+        return f"{self.name}: {self.text}"
+
+
+@dataclass(frozen=True)
 class Suite:
     """A run, as CI counts it.
 
     Attributes:
         name: Of the scenario, with the label of a variant.
-        outcomes: Of the expectations that count.
+        outcomes: Of the expectations that count, or of what was checked.
         error: Why there was no run, or none to its end; "": it came to its end.
         told: What it comes to, in a sentence.
         seconds: That it took.
     """
 
     name: str
-    outcomes: Sequence[Outcome] = ()
+    outcomes: Sequence[Outcome | Case] = ()
     error: str = ""
     told: str = ""
     seconds: float = 0.0
 
     @property
-    def missed(self) -> list[Outcome]:
+    def missed(self) -> list[Outcome | Case]:
         """The expectations that were not met."""
         return [one for one in self.outcomes if not one.ok]
 

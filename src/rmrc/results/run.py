@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 from zipfile import BadZipFile
 
 import numpy as np
@@ -16,12 +16,14 @@ import rmrc
 from rmrc.law.task import WORLD_VIEW, View
 from rmrc.results import notebook
 from rmrc.results.columns import ADDED, COLUMNS, Divergence, Recorded, completed
-from rmrc.results.scorecard import Scorecard, scorecard
 from rmrc.results.verdict import told
 from rmrc.scenario.profile import Profile
 from rmrc.support.brief import brief, cut
 from rmrc.support.errors import QuestionError
 from rmrc.support.files import written_whole
+
+if TYPE_CHECKING:  # with numba, which a run whose columns alone are read does without
+    from rmrc.results.scorecard import Scorecard
 
 # Begins the names of the columns of a baseline in the file of its run.
 BASELINE = "baseline/"
@@ -41,8 +43,10 @@ class Run(Recorded):
     baseline: "Run | None" = None
 
     @cached_property
-    def scorecard(self) -> Scorecard:
+    def scorecard(self) -> "Scorecard":
         """The figures of the run, as far as it came."""
+        from rmrc.results.scorecard import scorecard
+
         return scorecard(self)
 
     @property
@@ -110,6 +114,8 @@ class Run(Recorded):
             "torque_limit": _finite(self.torque_limit),
             "rate_limit": _finite(self.rate_limit),
             "damping_below": self.damping_below,
+            "shoulder": self.shoulder,
+            "reach": self.reach,
             "chatter_floor": self.chatter_floor,
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
@@ -142,7 +148,8 @@ class Run(Recorded):
             facts["wall_time"], tuple(facts.get("weights", ())), _limits(facts, "torque_limit"), view,
             tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
             tuple(facts.get("chatter_floor", ())), profile,
-            _limits(facts, "rate_limit"), facts.get("damping_below", 0.0), baseline,
+            _limits(facts, "rate_limit"), facts.get("damping_below", 0.0), tuple(facts.get("shoulder", ())),
+            facts.get("reach", 0.0), baseline,
         )  # fmt: skip
 
 
@@ -227,12 +234,16 @@ def _refuse_odd(facts: Mapping[str, Any], columns: Mapping[str, NDArray[np.gener
     several = [facts.get(name, ()) for name in ("weights", "torque_limit", "rate_limit", "chatter_floor")]
     numbers += [
         facts.get("damping_below", 0.0),
+        facts.get("reach", 0.0),
+        *facts.get("shoulder", ()),
         *(one for some in several for one in some if one is not None),
     ]
     words = [facts["name"], *facts["joints"], *facts["axes"], *facts.get("touching", ())]
     if not all(isinstance(one, int | float) for one in numbers) or not all(isinstance(w, str) for w in words):
         raise TypeError
     if not all(abs(one) < LARGEST for one in numbers[:5]):
+        raise ValueError
+    if len(facts.get("shoulder", ())) != (3 if facts.get("reach") else 0):
         raise ValueError
     if len(facts["is_slide"]) != joints or not all(len(one) in (0, joints) for one in several[1:3]):
         raise ValueError

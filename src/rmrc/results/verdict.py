@@ -2,19 +2,26 @@
 
 import math
 import textwrap
+from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from rmrc.results.columns import Recorded
-from rmrc.results.scorecard import Scorecard
 from rmrc.scenario.choices import Status
 from rmrc.support.legible import visible
+
+if TYPE_CHECKING:
+    from rmrc.results.scorecard import Scorecard
 
 # Lines of a terminal, and characters of a line and of the name of a joint.
 LINES, WIDTH, LONGEST_NAME = 2, 100, 24
 # κ from which an arm counts as near a singularity: where MoveIt Servo begins to slow down. From 100 on it is
 # SINGULAR.
 NEAR = 17.0
+# Share of the greatest distance from the shoulder from which an arm is stretched out; and share of the lost
+# direction that must point away from the shoulder, so that this is why it is lost.
+STRETCHED, AWAY = 0.995, 0.9
 # Rates that differ by less count as the same.
 MORE = 1.05
 
@@ -40,7 +47,7 @@ _TIMES = {
 }
 
 
-def told(run: Recorded, card: Scorecard, beside: tuple[Recorded, Scorecard] | None = None) -> str:
+def told(run: Recorded, card: "Scorecard", beside: "tuple[Recorded, Scorecard] | None" = None) -> str:
     """Return what a run comes to: where it came, what its commands did, its error, and what others asked for.
 
     Args:
@@ -66,10 +73,9 @@ def _place(run: Recorded) -> str:
     """Return how near a singularity it came, and whether it came to its end."""
     status, condition = run.columns["status"].astype(np.int64), float(np.max(run["condition"]))
     singular = (status & Status.SINGULAR) != 0
-    if singular.all():
-        place = "Stayed at a singularity"
-    elif singular.any():
-        place = f"Came to a singularity (κ {_amount(condition)})"
+    if singular.any():
+        where = "full reach" if _stretched(run)[singular].all() else "a singularity"
+        place = f"Stayed at {where}" if singular.all() else f"Came to {where} (κ {_amount(condition)})"
     elif condition >= NEAR:
         place = f"Came near a singularity (κ {_amount(condition)})"
     else:
@@ -78,6 +84,17 @@ def _place(run: Recorded) -> str:
         joint = f" at {_name(run.divergence.joint)}" if run.divergence.joint else ""
         return f"{place} and diverged at {_amount(run.divergence.time)} s{joint}"
     return place if run.is_complete else f"{place} and went {math.floor(100.0 * run.completed)}% of its path"
+
+
+def _stretched(run: Recorded) -> NDArray[np.bool_]:
+    """Say at which ticks the arm is stretched out, and can go no farther from its shoulder, (T,)."""
+    if run.reach <= 0.0:
+        return np.zeros(len(run), dtype=bool)
+    outward = run["pose"][:, :3] - run.shoulder
+    distance = np.linalg.norm(outward, axis=1)
+    lost = run.view.back(run["u_min"], run["pose"])
+    away = np.abs((lost[:, :3] * outward).sum(axis=1)) >= AWAY * distance * np.linalg.norm(lost, axis=1)
+    return np.asarray((distance >= STRETCHED * run.reach) & away)
 
 
 def _rates(run: Recorded) -> str:
@@ -111,7 +128,7 @@ def _of_limit(run: Recorded, j: int, rate: float) -> str:
     return f"{_amount(rate)}{of} {run.joint_unit(j)}/s"
 
 
-def _error(card: Scorecard) -> str:
+def _error(card: "Scorecard") -> str:
     parts = [
         f"{_amount(factor * float(card[name].value))} {unit}"
         for name, factor, unit in (
@@ -122,19 +139,19 @@ def _error(card: Scorecard) -> str:
     return f"with at most {' and '.join(parts)} of error"
 
 
-def _times(card: Scorecard) -> list[str]:
+def _times(card: "Scorecard") -> list[str]:
     """Return what of note it was, and how long, the gravest first."""
     times = {one: float(card[f"status_time.{one.name}"].value) for one in _TIMES}
     return [f"{_TIMES[one]} for {_amount(seconds)} s" for one, seconds in times.items() if seconds > 0.0]
 
 
-def _plainly(run: Recorded, card: Scorecard) -> str:
+def _plainly(run: Recorded, card: "Scorecard") -> str:
     """Return what the plain inverse would have asked for, if that is more than was commanded."""
     plain, sent = (float(card[f"joint_rate_{kind}.peak"].value) for kind in ("plain", "cmd"))
     return f"; the plain inverse would ask for {_peak(run, card, 'plain')}" if plain > MORE * sent else ""
 
 
-def _other(run: Recorded, card: Scorecard) -> str:
+def _other(run: Recorded, card: "Scorecard") -> str:
     """Return what a baseline commanded."""
     is_plain = len(run) and np.allclose(run["qdot_cmd"], run["qdot_plain"], rtol=1e-9, atol=1e-12)
     who = "the plain inverse" if is_plain else "the baseline"
@@ -144,7 +161,7 @@ def _other(run: Recorded, card: Scorecard) -> str:
     return f"; {who} {commanded}"
 
 
-def _peak(run: Recorded, card: Scorecard, kind: str) -> str:
+def _peak(run: Recorded, card: "Scorecard", kind: str) -> str:
     """Return the largest rate of a kind, of all joints and ticks, with the unit of its joint."""
     peak, joint = (card[f"joint_rate_{kind}.{name}"].value for name in ("peak", "peak_joint"))
     unit = run.joint_unit(run.joints.index(str(joint))) if joint else "?"
@@ -157,9 +174,9 @@ def _name(joint: str) -> str:
 
 
 def _amount(value: float) -> str:
-    """Return three digits, with commas between the thousands: what is not zero is not told as zero."""
+    """Return three digits, or up to a million whole, with commas: what is not zero is not told as zero."""
     if not math.isfinite(value):
         return "infinite" if value > 0.0 else "unknown"
     if value >= 999.5:
-        return f"{value:,.0f}" if value < 1e9 else f"{value:.3g}"
+        return f"{value:,.0f}" if value < 1e6 else f"{value:.3g}"
     return f"{value:.3g}" if value >= 1e-3 or value == 0.0 else "less than 0.001"

@@ -16,54 +16,58 @@ This package alone knows YAML and pydantic. A section made directly in Python re
 a file, a text or a change never does.
 """
 
-from rmrc.scenario.aliases import place_of
-from rmrc.scenario.changes import Change, Variant, changes_of
-from rmrc.scenario.controls import Controls, ControlSource, read_controls, read_task
-from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, Source, draft_of, load, loads
-from rmrc.scenario.path import (
-    Arc,
-    ArcSegment,
-    ConfigurationsSegment,
-    FileSegment,
-    Hold,
-    HoldSegment,
-    Line,
-    LineSegment,
-    Motion,
-    PathFrame,
-    Segment,
-    Set,
-    SetSegment,
-    Tilt,
-    TiltSegment,
-    Turn,
-    TurnSegment,
-)
-from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
-from rmrc.scenario.sections import (
-    ArmSection,
-    Check,
-    ControlSection,
-    EncoderSection,
-    FrictionSection,
-    InverseSection,
-    LimitsSection,
-    LookSection,
-    NullspaceSection,
-    PlantSection,
-    ResonanceSection,
-    SecondarySection,
-    StartPose,
-    SweepSection,
-    TargetLimitsSection,
-    TargetSection,
-    TaskSection,
-    ToolSection,
-    TuneSection,
-)
-from rmrc.scenario.values import Axis, Frame, Section, angle
-from rmrc.scenario.variation import grid, variants
-from rmrc.scenario.wording import block, inline
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rmrc.scenario.aliases import place_of
+    from rmrc.scenario.changes import Change, Variant, changes_of
+    from rmrc.scenario.controls import Controls, ControlSource, read_controls, read_task
+    from rmrc.scenario.draft import Carried, Draft, Problems, Scenario, Source, draft_of, load, loads
+    from rmrc.scenario.path import (
+        Arc,
+        ArcSegment,
+        ConfigurationsSegment,
+        FileSegment,
+        Hold,
+        HoldSegment,
+        Line,
+        LineSegment,
+        Motion,
+        PathFrame,
+        Segment,
+        Set,
+        SetSegment,
+        Tilt,
+        TiltSegment,
+        Turn,
+        TurnSegment,
+    )
+    from rmrc.scenario.schema import SchemaRow, json_schema, schema_rows
+    from rmrc.scenario.sections import (
+        ArmSection,
+        Check,
+        ControlSection,
+        EncoderSection,
+        FrictionSection,
+        InverseSection,
+        LimitsSection,
+        LookSection,
+        NullspaceSection,
+        PlantSection,
+        ResonanceSection,
+        SecondarySection,
+        StartPose,
+        SweepSection,
+        TargetLimitsSection,
+        TargetSection,
+        TaskSection,
+        ToolSection,
+        TuneSection,
+    )
+    from rmrc.scenario.values import Axis, Frame, Section, angle
+    from rmrc.scenario.variation import grid, variants
+    from rmrc.scenario.wording import block, inline
 
 __all__ = [
     "Arc", "ArcSegment", "ArmSection", "Axis", "Carried", "Change", "Check", "ConfigurationsSegment",
@@ -77,3 +81,22 @@ __all__ = [
     "TurnSegment", "Variant", "angle", "block", "changes_of", "draft_of", "grid", "inline", "json_schema",
     "load", "loads", "place_of", "read_controls", "read_task", "schema_rows", "variants",
 ]  # fmt: skip
+
+if not TYPE_CHECKING:  # checkers take what is imported above for what it is, and miss what is not there
+    # From the lowest: to make the sections takes a sixth of a second, which few verbs need not wait for.
+    _MODULES = (
+        "values", "wording", "path", "changes", "aliases", "sections", "schema", "draft", "controls",
+        "variation",
+    )  # fmt: skip
+
+    def __getattr__(name):
+        """Load a public name from the first module that has it."""
+        for module in _MODULES if name in __all__ else ():
+            names = vars(import_module(f"{__name__}.{module}"))
+            if name in names:
+                return globals().setdefault(name, names[name])
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+
+    def __dir__():
+        """Return all names, those that are not loaded yet as well."""
+        return sorted({*globals(), *__all__} - {"TYPE_CHECKING", "import_module"})

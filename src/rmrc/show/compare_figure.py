@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from rmrc.results.run import Run
 from rmrc.show.figures import DASHES, plain
 from rmrc.show.panels import (
+    APART,
     DOTTED,
     GRAY,
     NAMES,
@@ -22,20 +23,20 @@ from rmrc.show.panels import (
     arranged,
     decades,
     draw_spans,
+    error_rows,
     frame_path,
     in_words,
     legend,
     name_lanes,
     paints,
     rate_unit,
+    scale_by_decades,
     statuses,
     thinned,
     torque_unit,
 )  # fmt: skip
 
 Runs = Mapping[str, Run]
-# Where one variant blows up, a logarithmic scale keeps the others from lying on the axis.
-APART = 30.0
 
 
 def figure(runs: Runs, names: Sequence[str], width: float) -> Figure:
@@ -47,13 +48,15 @@ def figure(runs: Runs, names: Sequence[str], width: float) -> Figure:
         width: Of the figure [in].
     """
     chosen = names or [name for name in NAMES if any(applies(name, run) for run in runs.values())]
-    lanes = sum(len(statuses(run)) for run in runs.values())
-    panels = [Panel(name, partial(_DRAW[name], runs=runs), lanes) for name in chosen]
+    lanes = [f"{plain(label)}: {in_words(flag)}" for label, run in runs.items() for flag in statuses(run)]
+    panels = [
+        Panel(name, partial(_DRAW[name], runs=runs), lanes if name == "status" else ()) for name in chosen
+    ]
     end = max(max(float(run["time"][-1]), run.period) for run in runs.values())
     return arranged(panels, end, width)
 
 
-def _draw_path(axes: Axes, runs: Runs) -> None:
+def _draw_path(axes: Axes, runs: Runs) -> int:
     """Draw the path wanted, and the paths taken."""
     (reference, *_), taken = runs.values(), [run["pose"][:, :3] for run in runs.values()]
     wanted = reference["pose_ref"][:, :3]
@@ -61,10 +64,10 @@ def _draw_path(axes: Axes, runs: Runs) -> None:
     axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
     for style, positions in zip(_styles(runs), taken, strict=True):
         axes.plot(positions[:, first], positions[:, second], **style)
-    legend(axes, 2)
+    return legend(axes, 2)
 
 
-def _draw_rates(axes: Axes, runs: Runs) -> None:
+def _draw_rates(axes: Axes, runs: Runs) -> int:
     """Draw the largest rate commanded of any joint; of joints with different limits, its share of them."""
     limits = {run.rate_limit for run in runs.values()}
     bounds = {limit for one in limits for limit in one} or {math.inf}
@@ -76,12 +79,12 @@ def _draw_rates(axes: Axes, runs: Runs) -> None:
     _draw_curves(axes, runs, curves, bound)
     unit = "share of the limit" if is_share else f"{rate_unit(next(iter(runs.values())))}/s"
     axes.set_ylabel(rf"largest $|\dot q|$ [{unit}]")
-    legend(axes, 3)
+    return legend(axes, 3)
 
 
-def _draw_sigma(axes: Axes, runs: Runs) -> None:
+def _draw_sigma(axes: Axes, runs: Runs) -> int:
     """Draw the smallest singular value of each, and thin its damping."""
-    axes.set_yscale("log")
+    scale_by_decades(axes)
     shown = []
     for style, run in zip(_styles(runs), runs.values(), strict=True):
         axes.plot(*thinned(run["time"], run["sigma"][:, -1]), **style)
@@ -92,14 +95,12 @@ def _draw_sigma(axes: Axes, runs: Runs) -> None:
     if (values > 0.0).any():
         axes.set_ylim(decades(values[values > 0.0]))
     axes.set_ylabel(r"$\sigma_{\min}$, dotted $\lambda$ [1]")
-    legend(axes, 3)
+    return legend(axes, 3)
 
 
-def _draw_error(axes: Axes, runs: Runs) -> None:
+def _draw_error(axes: Axes, runs: Runs) -> int:
     """Draw the norm of the position error of each; of tasks that turn, thin, that of the rotation error."""
-    reference = next(iter(runs.values()))
-    moved = [i for i, axis in enumerate("xyz") if axis in reference.axes]
-    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in reference.axes]
+    moved, turned = error_rows(next(iter(runs.values())))
     rows = moved or turned
     _draw_curves(
         axes, runs, [1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for run in runs.values()]
@@ -109,26 +110,26 @@ def _draw_error(axes: Axes, runs: Runs) -> None:
             off = 1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1)
             axes.plot(*thinned(run["time"], off), color=style["color"], linewidth=0.7, linestyle=DOTTED)
     axes.set_ylabel(f"error [{'mm, dotted mrad' if moved and turned else 'mm' if moved else 'mrad'}]")
-    legend(axes, 3)
+    return legend(axes, 3)
 
 
-def _draw_torque(axes: Axes, runs: Runs) -> None:
+def _draw_torque(axes: Axes, runs: Runs) -> int:
     """Draw the largest actuator torque of any joint."""
     _draw_curves(axes, runs, [np.abs(run["tau"]).max(axis=1) for run in runs.values()])
     axes.set_ylabel(rf"largest $|\tau|$ [{torque_unit(next(iter(runs.values())))}]")
-    legend(axes, 3)
+    return legend(axes, 3)
 
 
-def _draw_pace(axes: Axes, runs: Runs) -> None:
+def _draw_pace(axes: Axes, runs: Runs) -> int:
     """Draw the pace along the path."""
     for style, run in zip(_styles(runs), runs.values(), strict=True):
         axes.plot(*thinned(run["time"], run["path_rate"]), **style)
     axes.set_ylim(-0.05, 1.1)
     axes.set_ylabel(r"pace $\dot s$ [1]")
-    legend(axes, 3)
+    return legend(axes, 3)
 
 
-def _draw_status(axes: Axes, runs: Runs) -> None:
+def _draw_status(axes: Axes, runs: Runs) -> int:
     """Draw when each status of each run holds, in the color of the run, a lane each."""
     names: list[str] = []
     for style, (label, run) in zip(_styles(runs), runs.items(), strict=True):
@@ -136,9 +137,10 @@ def _draw_status(axes: Axes, runs: Runs) -> None:
             draw_spans(axes, run, flag, len(names), style["color"])
             names.append(f"{plain(label)}: {in_words(flag)}")
     name_lanes(axes, names)
+    return 0
 
 
-def _draw_filter(axes: Axes, runs: Runs) -> None:
+def _draw_filter(axes: Axes, runs: Runs) -> int:
     """Draw the gain that each inverse gave each direction, over its singular value."""
     shown = []
     for style, run in zip(_styles(runs), runs.values(), strict=True):
@@ -151,13 +153,12 @@ def _draw_filter(axes: Axes, runs: Runs) -> None:
     if len(sigma):
         ends = np.array([sigma.min(), sigma.max()])
         axes.plot(ends, 1.0 / ends, "--", color=GRAY, label=r"$1/\sigma$")
-        axes.set_xscale("log")
-        axes.set_yscale("log")
+        scale_by_decades(axes, "xy")
         axes.set_xlim(decades(sigma))
         axes.set_ylim(decades(gain))
     axes.set_xlabel(r"$\sigma$ [1]")
     axes.set_ylabel(r"gain $g(\sigma)$ [1]")
-    legend(axes, 2)
+    return legend(axes, 2)
 
 
 def _draw_curves(axes: Axes, runs: Runs, curves: Sequence[Array], bound: float = math.inf) -> None:
@@ -168,7 +169,7 @@ def _draw_curves(axes: Axes, runs: Runs, curves: Sequence[Array], bound: float =
         axes.axhline(bound, color="black", linewidth=0.8, linestyle=DOTTED, label="limit")
     peaks = [float(values.max()) for values in curves]
     if max(peaks) > APART * max(min(peaks), 1e-12):
-        axes.set_yscale("log")
+        scale_by_decades(axes)
         low = min(float(np.median(values[values > 0.0])) for values in curves if (values > 0.0).any())
         axes.set_ylim(decades(np.array([low, max(peaks)])))
 
@@ -184,7 +185,7 @@ def _styles(runs: Runs) -> list[dict[str, Any]]:
     ]  # fmt: skip
 
 
-_DRAW: dict[str, Callable[..., None]] = {
+_DRAW: dict[str, Callable[..., int]] = {
     "path": _draw_path, "rates": _draw_rates, "sigma": _draw_sigma, "error": _draw_error,
     "torque": _draw_torque, "pace": _draw_pace, "status": _draw_status, "g": _draw_filter,
 }  # fmt: skip

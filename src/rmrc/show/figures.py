@@ -1,13 +1,14 @@
 """How pictures are drawn without colors alone, and saved whole."""
 
 import io
-from collections.abc import Sequence
-from contextlib import AbstractContextManager, nullcontext
+from collections.abc import Iterator, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from textwrap import fill
 from typing import Any
 
 import matplotlib as mpl
+from matplotlib.backend_bases import get_registered_canvas_class
 from matplotlib.figure import Figure
 
 from rmrc.show.asked import ASKED
@@ -16,6 +17,8 @@ from rmrc.support.files import written_whole
 # Without colors, neighbors differ by these; a dozen curves have a pair each.
 DASHES = ((1, 0), (5, 2), (2, 1), (6, 1.5, 1.5, 1.5), (9, 3), (3, 1, 1, 1, 1, 1))
 MARKERS = "osD^vP*X"
+# Of pictures as PNG [1/in].
+DPI = 150
 
 
 # A picture that is narrower than this is for a column: its legend is below it, its title in the caption [in].
@@ -97,8 +100,28 @@ def _write(figure: Figure, to: Path | io.BytesIO, kind: str) -> None:
     # Text as text, so that a page can be searched, in fonts that journals take (they refuse Type 3); and the
     # same bytes for the same picture, which a date would make differ.
     metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind)
-    with mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}):
-        figure.savefig(to, format=kind, dpi=150, metadata=metadata)
+    with (
+        mpl.rc_context({"svg.fonttype": "none", "svg.hashsalt": "rmrc", "pdf.fonttype": 42}),
+        _arranged(figure, kind),
+    ):
+        figure.savefig(to, format=kind, dpi=DPI, metadata=metadata)
+
+
+@contextmanager
+def _arranged(figure: Figure, kind: str) -> Iterator[None]:
+    """Arrange a figure by the widths of letters in a kind of file: `savefig` alone would draw it twice."""
+    canvas, dpi, layout = figure.canvas, figure.dpi, figure.get_layout_engine()
+    try:
+        if layout is not None:
+            get_registered_canvas_class(kind)(figure)
+            figure.dpi = DPI
+            layout.execute(figure)
+            figure.set_layout_engine(None)
+        yield
+    finally:
+        figure.set_layout_engine(layout)
+        figure.set_canvas(canvas)
+        figure.dpi = dpi
 
 
 def plain(text: str) -> str:

@@ -1,7 +1,8 @@
 """What the figures of runs are made of: panels and how they are arranged, curves, axes, legends."""
 
 import math
-from collections.abc import Callable, Sequence
+import re
+from collections.abc import Callable, Iterable, Sequence
 from typing import NamedTuple
 
 import matplotlib as mpl
@@ -10,12 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import BLACK, distinct, mix
+from rmrc.support.spatial import AXES
 
 Array = NDArray[np.float64]
 
@@ -27,13 +29,26 @@ OVER_TIME = frozenset(NAMES) - {"path", "g"}
 WIDE = 5.0
 # Points of a curve: each of these spans of time keeps its least and its largest value, so that peaks stay.
 SPANS = 1500
-# Heights of a panel over time, of a lane of the status, of the path, of the filter [in].
-TALL, LANE, PATH, FILTER = 1.15, 0.17, 2.1, 1.9
-# Of legends: lengths of a handle and between columns, as parts of the size of letters; and the room that the
-# vertical axis takes beside a panel [pt].
-HANDLE, SPACE, AXIS = 2.2, 1.2, 45.0
+# Heights of a panel over time, of a lane of the status, of the path, of the filter, in sizes of letters.
+TALL, LANE, PATH, FILTER = 10.0, 1.6, 17.0, 15.0
+# Room for numbers and the name of the vertical axis, for half a number at the right, between panels, and for
+# numbers and the name of the horizontal axis, in sizes of letters.
+SIDE, RIGHT, GAP, BELOW = 6.8, 1.6, 0.8, 3.6
+# A line of a legend, in sizes of its letters.
+ENTRY = 1.7
+# Of legends: lengths of a handle and between columns, as parts of the size of letters.
+HANDLE, SPACE = 2.2, 1.2
+# Rates are drawn up to so many times their limits; where a peak is beyond, its value is written.
+CLIPPED = 1.6
+# Limits are drawn up to so many times the peak: farther away they would flatten the curves.
+FAR = 3.0
+# Where one curve has a peak so many times that of another, a logarithmic scale keeps the other to be seen.
+APART = 30.0
 GRAY = "0.45"
 DOTTED = (0, (1, 1.5))
+# What of a formula takes no width, and digits above a line.
+_MARKS = str.maketrans("", "", "${}^_")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 class Panel(NamedTuple):
@@ -41,23 +56,26 @@ class Panel(NamedTuple):
 
     Attributes:
         name: One of NAMES.
-        draw: What draws it.
-        lanes: Of a panel that has some, how many.
+        draw: What draws it, and returns how many lines its legend has.
+        lanes: Names of the lanes of a panel that has some.
     """
 
     name: str
-    draw: Callable[[Axes], None]
-    lanes: int = 0
+    draw: Callable[[Axes], int]
+    lanes: Sequence[str] = ()
 
     @property
     def height(self) -> float:
-        """How high it is [in]."""
-        heights = {"path": PATH, "g": FILTER, "status": 0.35 + LANE * self.lanes}
+        """How high its frame is, in sizes of letters."""
+        heights = {"path": PATH, "g": FILTER, "status": 0.6 + LANE * len(self.lanes)}
         return heights.get(self.name, TALL)
 
 
 def arranged(panels: Sequence[Panel], end: float, width: float) -> Figure:
     """Return a figure of panels: those over time below each other, the others beside or above them.
+
+    Nothing is drawn to arrange it: sizes follow from those of letters, so that frames stand below each other
+    and a legend of many lines takes its room from no frame.
 
     Args:
         panels: One at least.
@@ -67,26 +85,57 @@ def arranged(panels: Sequence[Panel], end: float, width: float) -> Figure:
     timed, others = (
         [one for one in panels if (one.name in OVER_TIME) is is_timed] for is_timed in (True, False)
     )
-    tall, beside = ([one.height for one in members] for members in (timed, others))
     is_wide = width >= WIDE and bool(timed and others)
-    height = max(sum(tall), sum(beside)) if is_wide else sum(tall) + sum(beside)
-    picture = Figure(figsize=(width, 0.5 + height), layout="constrained")
-    picture.get_layout_engine().set(h_pad=0.02, w_pad=0.02)  # type: ignore[union-attr, call-arg]
-    if is_wide:
-        ((left, right),) = picture.subfigures(1, 2, width_ratios=[2, 3], squeeze=False)
-        places = [(left, others, beside), (right, timed, tall)]
-    else:
-        places = [(picture, [*others, *timed], beside + tall)]
-    for place, members, sizes in places:
-        grid = place.add_gridspec(len(members), 1, height_ratios=sizes)
-        for row, panel in enumerate(members):
-            axes = place.add_subplot(grid[row])
-            panel.draw(axes)
+    columns = [(0.4, others), (0.6, timed)] if is_wide else [(1.0, [*others, *timed])]
+    size, picture, x, placed = mpl.rcParams["font.size"], Figure(figsize=(width, width)), 0.0, []
+    entry = ENTRY * FontProperties(size=mpl.rcParams["legend.fontsize"]).get_size_in_points()
+    for share, members in columns:
+        lanes = max((_width(name, size) for one in members for name in one.lanes), default=0.0)
+        side = max(SIDE * size, lanes + 1.4 * size)
+        free = 72.0 * share * width - side - RIGHT * size
+        column, top = [], GAP * size
+        for panel in members:
+            axes = picture.add_axes((x + side / (72.0 * width), 0.0, free / (72.0 * width), 0.1))
+            top += entry * panel.draw(axes)
+            is_last = panel.name not in OVER_TIME or panel is timed[-1]
             if panel.name in OVER_TIME:
                 axes.set_xlim(0.0, end)
-                axes.tick_params(labelbottom=panel is timed[-1])
-                axes.set_xlabel("time [s]" if panel is timed[-1] else "")
+                axes.tick_params(labelbottom=is_last)
+                axes.set_xlabel("time [s]" if is_last else "")
+            if panel.name != "path":  # whose frame is as wide as its scale wants
+                _name_side(axes, panel.height * size, -(SIDE - 0.9) * size / free, size)
+            column.append((axes, top, panel.height * size))
+            top += panel.height * size + (BELOW if is_last else GAP) * size
+        placed.append((column, top))
+        x += share
+    high = max(top for _, top in placed)
+    picture.set_size_inches(width, high / 72.0)
+    for column, top in placed:
+        grows = [height if axes.get_aspect() == "auto" else 0.0 for axes, _, height in column]
+        more, grown = (high - top) / max(sum(grows), size), 0.0  # of the frames of a short column
+        for (axes, above, height), its in zip(column, grows, strict=True):
+            left, _, across, _ = axes.get_position(original=True).bounds
+            grown += more * its
+            axes.set_position(
+                (left, 1.0 - (above + height + grown) / high, across, (height + more * its) / high)
+            )
     return picture
+
+
+def _name_side(axes: Axes, height: float, place: float, size: float) -> None:
+    """Put the name of the vertical axis where all of a column have it, in two lines where it is too long.
+
+    Args:
+        axes: The panel.
+        height: Of its frame [pt].
+        place: Of its middle, in widths of the frame.
+        size: Of its letters [pt].
+    """
+    name = axes.get_ylabel()
+    if _width(name, size) > height:
+        axes.set_ylabel(name.replace(" [", "\n[", 1))
+    axes.yaxis.set_label_coords(place, 0.5)
+    axes.yaxis.label.set_verticalalignment("center")
 
 
 def path_plane(positions: Sequence[Array]) -> tuple[int, int, Array, Array]:
@@ -110,7 +159,7 @@ def frame_path(axes: Axes, positions: Sequence[Array]) -> tuple[int, int]:
     first, second, low, high = path_plane(positions)
     axes.set_xlim(low[first], high[first])
     axes.set_ylim(low[second], high[second])
-    axes.set_aspect("equal", adjustable="box")
+    axes.set_aspect("equal", adjustable="box", anchor="NW")
     axes.xaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3))
     axes.set_xlabel(f"${'xyz'[first]}$ [m]")
     axes.set_ylabel(f"${'xyz'[second]}$ [m]")
@@ -176,36 +225,53 @@ def power(value: float) -> float:
     return float(10.0 ** math.ceil(math.log10(value))) if value > 0.0 else 1.0
 
 
+def scale_by_decades(axes: Axes, names: str = "y") -> None:
+    """Give axes a logarithmic scale: powers as letters, which are set sooner, and marks at 2 and 5.
+
+    Args:
+        axes: The panel.
+        names: `y`, or `xy`.
+    """
+    for name in names:
+        axes.set(**{f"{name}scale": "log"})
+        axis = axes.yaxis if name == "y" else axes.xaxis
+        axis.set_major_formatter(lambda value, _: f"10{str(round(math.log10(value))).translate(_RAISED)}")
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axis.set_minor_formatter(NullFormatter())
+
+
 def decades(values: Array) -> tuple[float, float]:
     """Return a range of whole decades around positive values, at least two, so that an axis has numbers."""
     low, high = math.floor(math.log10(values.min())), math.ceil(math.log10(values.max()))
     return float(10.0 ** min(low, high - 2)), float(10.0**high)
 
 
-def legend(axes: Axes, columns: int) -> None:
-    """Put the legend above the panel, where it covers nothing.
+def legend(axes: Axes, columns: int) -> int:
+    """Put the legend above the panel, where it covers nothing; return how many lines it has.
 
     Args:
         axes: The panel.
-        columns: At most; fewer where long names would make the legend wider than the figure.
+        columns: At most; fewer where long names would make the legend wider than the panel.
     """
     axes.grid(color="0.92", linewidth=0.6)
     if axes.get_yscale() == "linear":
         axes.yaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3, steps=[1, 2, 2.5, 5, 10]))
     names = axes.get_legend_handles_labels()[1]
     size = FontProperties(size=mpl.rcParams["legend.fontsize"]).get_size_in_points()
-    room = 72.0 * axes.figure.bbox.width / axes.figure.dpi - AXIS - SPACE * size
+    room = 72.0 * axes.bbox.width / axes.figure.dpi + SPACE * size
     width = max([size, *(_width(name, size) for name in names)]) + (HANDLE + SPACE + 0.5) * size
+    columns = max(1, min(columns, int(room / width)))
     axes.legend(
-        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=max(1, min(columns, int(room / width))),
-        frameon=False, handlelength=HANDLE, columnspacing=SPACE, borderaxespad=0.1, handletextpad=0.5,
+        loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=columns, frameon=False, handlelength=HANDLE,
+        columnspacing=SPACE, borderaxespad=0.1, borderpad=0.3, handletextpad=0.5,
     )  # fmt: skip
+    return -(-len(names) // columns)
 
 
 def _width(text: str, size: float) -> float:
-    """Return the width of a text in letters of a size [pt]."""
-    is_formula = text.replace(r"\$", "").count("$") > 1
-    width, _, _ = text_to_path.get_text_width_height_descent(text, FontProperties(size=size), is_formula)
+    """Return the width of a text in letters of a size [pt], of a formula roughly: to read it takes long."""
+    plain = re.sub(r"\\[a-z]+", "x", text.replace(r"\$", "x")).translate(_MARKS)
+    width, _, _ = text_to_path.get_text_width_height_descent(plain, FontProperties(size=size), ismath=False)
     return float(width)
 
 
@@ -222,6 +288,39 @@ def split_error(run: Run, moved: Sequence[int]) -> tuple[Array, Array]:
     along = run["twist_ref"][last, :3] / np.maximum(speed[last], 1e-300)[:, None]
     signed = (error * along).sum(axis=1)
     return np.abs(signed), np.linalg.norm(error - signed[:, None] * along, axis=1)
+
+
+def off(run: Run) -> dict[str, tuple[Array, int]]:
+    """Return the parts of the tracking error by their names, with units, (T,) each, and which curve each is.
+
+    A path along the axes of the arm or of the site has no direction in which its error could be split.
+    """
+    moved, turned = error_rows(run)
+    found: dict[str, tuple[Array, int]] = {}
+    if moved and run.view.frame == "world":
+        along, across = split_error(run, moved)
+        found = {"along the path [mm]": (1e3 * along, 0), "across [mm]": (1e3 * across, 1)}
+    elif moved:
+        found = {"position [mm]": (1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1), 0)}
+    if turned:
+        found["rotation [mrad]"] = (1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1), 2)
+    return found
+
+
+def error_rows(run: Run) -> tuple[list[int], list[int]]:
+    """Return the rows of the pose error that the task has: those of the position, and of the rotation."""
+    rows = [i for i, axis in enumerate(AXES) if axis in run.axes]
+    return [i for i in rows if i < 3], [i for i in rows if i >= 3]
+
+
+def error_units(names: Iterable[str]) -> list[str]:
+    """Return the units of some parts of the tracking error, each once."""
+    return [unit for unit in ("mm", "mrad") if any(f"[{unit}]" in name for name in names)]
+
+
+def grouped(value: float) -> str:
+    """Return a number of four digits, or up to a million whole, with its thousands apart."""
+    return f"{value:,.0f}" if 1e3 <= value < 1e6 else f"{value:.4g}"
 
 
 def torque_unit(run: Run) -> str:

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from rmrc.results.junit import Case
 from rmrc.show.sheets import Sheet
 
 
@@ -23,6 +24,7 @@ class Report:
         met: Whether what was asked for holds.
         problem: Why it does not, in one line; "" if the sheets say it.
         block: Lines of a scenario to paste, which are not wrapped; "" for none.
+        cases: What was checked, as CI counts it.
     """
 
     sheets: Sequence[Sheet]
@@ -31,6 +33,7 @@ class Report:
     met: bool = True
     problem: str = ""
     block: str = ""
+    cases: Sequence[Case] = ()
 
 
 def plain(value: Any) -> Any:

@@ -4,6 +4,7 @@ import math
 from collections.abc import Callable, Sequence
 from functools import partial
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -11,7 +12,10 @@ from matplotlib.figure import Figure
 from rmrc.results.run import Run
 from rmrc.show.figures import DASHES, plain
 from rmrc.show.panels import (
+    APART,
+    CLIPPED,
     DOTTED,
+    FAR,
     GRAY,
     NAMES,
     SPANS,
@@ -21,26 +25,23 @@ from rmrc.show.panels import (
     arranged,
     decades,
     draw_spans,
+    error_units,
     frame_path,
+    grouped,
     in_words,
     legend,
     name_lanes,
+    off,
     paints,
     path_plane,
     power,
     rate_unit,
-    split_error,
+    scale_by_decades,
     statuses,
     thinned,
     torque_unit,
 )  # fmt: skip
 
-# Rates are drawn up to so many times their limits; where a peak is beyond, its value is written.
-CLIPPED = 1.6
-# Without limits, rates are drawn on a signed logarithmic scale if the peak is so many times the median peak.
-BLOWN_UP = 30.0
-# Limits are drawn up to so many times the peak: farther away they would flatten the curves.
-FAR = 3.0
 # What the plain inverse would ask is drawn where it is so many times the peak: else it is the same curve.
 PLAIN_MORE = 1.05
 # How much higher the plot is then.
@@ -61,11 +62,14 @@ def figure(run: Run, names: Sequence[str], width: float) -> Figure:
         width: Of the figure [in].
     """
     chosen = names or [name for name in NAMES if applies(name, run)]
-    panels = [Panel(name, partial(_DRAW[name], run=run), len(statuses(run))) for name in chosen]
+    lanes = [in_words(flag) for flag in statuses(run)]
+    panels = [
+        Panel(name, partial(_DRAW[name], run=run), lanes if name == "status" else ()) for name in chosen
+    ]
     return arranged(panels, max(float(run["time"][-1]), run.period), width)
 
 
-def _draw_path(axes: Axes, run: Run) -> None:
+def _draw_path(axes: Axes, run: Run) -> int:
     """Draw the path wanted and the path taken, on the two world axes along which most happens."""
     wanted, taken = run["pose_ref"][:, :3], run["pose"][:, :3]
     outlines = _ellipses(run, *path_plane([wanted, taken])[:2])
@@ -84,7 +88,7 @@ def _draw_path(axes: Axes, run: Run) -> None:
         *taken[closest, [first, second]], "D", color="black", markersize=4, markerfacecolor="none",
         label=r"smallest $\sigma_{\min}$",
     )  # fmt: skip
-    legend(axes, 2)
+    return legend(axes, 2)
 
 
 def _ellipses(run: Run, first: int, second: int) -> list[Array]:
@@ -116,7 +120,7 @@ def _ellipses(run: Run, first: int, second: int) -> list[Array]:
     return found
 
 
-def draw_rates(axes: Axes, run: Run) -> None:
+def draw_rates(axes: Axes, run: Run) -> int:
     """Draw measured and commanded rates against their limits; a peak beyond the plot is written."""
     colors, limit = paints(len(run.joints)), np.array(run.rate_limit or [math.inf] * len(run.joints))
     for j, (name, paint) in enumerate(zip(run.joints, colors, strict=True)):
@@ -128,12 +132,12 @@ def draw_rates(axes: Axes, run: Run) -> None:
     peak, told = float(both.max()), []
     _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), colors)
     if known and known[0] >= FAR * peak:
-        told.append(f"limit{'s from' * (len(known) > 1)} {_grouped(known[0])} {rate_unit(run)}/s ↑")
+        told.append(f"limit{'s from' * (len(known) > 1)} {grouped(known[0])} {rate_unit(run)}/s ↑")
     if known and peak > CLIPPED * known[-1]:
         axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
         joint = run.joints[int(both.max(axis=0).argmax()) % len(run.joints)]
-        told.append(f"peak {_grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})")
-    elif not known and peak > BLOWN_UP * max(float(np.median(both.max(axis=1))), 1e-12):
+        told.append(f"peak {grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})")
+    elif not known and peak > APART * max(float(np.median(both.max(axis=1))), 1e-12):
         axes.set_yscale("symlog", linthresh=power(float(np.median(both.max(axis=1)))))
     told += _draw_plain(axes, run, colors, peak)
     told += _draw_baseline(axes, run, is_roomy=bool(told))
@@ -143,10 +147,11 @@ def draw_rates(axes: Axes, run: Run) -> None:
     if told:
         axes.text(
             0.99, 0.96, "\n".join(told), transform=axes.transAxes, va="top", ha="right",
+            fontsize=mpl.rcParams["legend.fontsize"],
             bbox={"facecolor": "white", "edgecolor": "none", "alpha": 0.9, "pad": 1.0},
         )  # fmt: skip
     axes.set_ylabel(rf"rate $\dot q$ [{rate_unit(run)}/s]")
-    legend(axes, 4)
+    return legend(axes, 4)
 
 
 def _draw_plain(axes: Axes, run: Run, colors: Sequence[str], peak: float) -> list[str]:
@@ -189,10 +194,10 @@ def _draw_beside(
     if most <= room * high:
         return []
     joint = run.joints[int(asked.max(axis=0).argmax())]
-    return [rf"{name} {does} {_grouped(most)} {rate_unit(run)}/s ↑ ({plain(joint)})"]
+    return [rf"{name} {does} {grouped(most)} {rate_unit(run)}/s ↑ ({plain(joint)})"]
 
 
-def _draw_sigma(axes: Axes, run: Run) -> None:
+def _draw_sigma(axes: Axes, run: Run) -> int:
     """Draw the smallest singular value, the damping, and where damping begins, on a logarithmic scale."""
     (blue, orange), time = paints(2), run["time"]
     sigma, damping = run["sigma"][:, -1], run["damping"]
@@ -208,33 +213,24 @@ def _draw_sigma(axes: Axes, run: Run) -> None:
         axes.axhline(run.damping_below, color="black", linewidth=0.7, linestyle=DOTTED,
                      label=r"$\varepsilon$")  # fmt: skip
         shown.append(np.array([run.damping_below]))
-    axes.set_yscale("log")
+    scale_by_decades(axes)
     if len(positive := np.concatenate(shown)):
         axes.set_ylim(decades(positive))
     axes.set_ylabel(r"$\sigma$, $\lambda$ [1]" if len(shown) > 1 else r"$\sigma$ [1]")
-    legend(axes, 4)
+    return legend(axes, 4)
 
 
-def _draw_error(axes: Axes, run: Run) -> None:
+def _draw_error(axes: Axes, run: Run) -> int:
     """Draw the position error along and across the path, and the rotation error."""
-    (blue, orange, green), time = paints(3), run["time"]
-    moved = [i for i, axis in enumerate("xyz") if axis in run.axes]
-    if moved and run.view.frame == "world":
-        along, across = split_error(run, moved)
-        axes.plot(*thinned(time, 1e3 * along), color=blue, label="along the path [mm]")
-        axes.plot(*thinned(time, 1e3 * across), color=orange, linestyle=(0, DASHES[1]), label="across [mm]")
-    elif moved:
-        off = np.linalg.norm(run["pose_error"][:, moved], axis=1)
-        axes.plot(*thinned(time, 1e3 * off), color=blue, label="position [mm]")
-    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in run.axes]
-    if turned:
-        off = np.linalg.norm(run["pose_error"][:, turned], axis=1)
-        axes.plot(*thinned(time, 1e3 * off), color=green, linestyle=(0, DASHES[2]), label="rotation [mrad]")
-    axes.set_ylabel(f"error [{'mm, mrad' if moved and turned else 'mrad' if turned else 'mm'}]")
-    legend(axes, 3)
+    colors, parts = paints(3), off(run)
+    for name, (values, i) in parts.items():
+        curve = thinned(run["time"], values)
+        axes.plot(*curve, color=colors[i], linestyle=(0, DASHES[i]), label=name)
+    axes.set_ylabel(f"error [{', '.join(error_units(parts))}]")
+    return legend(axes, 3)
 
 
-def _draw_torque(axes: Axes, run: Run) -> None:
+def _draw_torque(axes: Axes, run: Run) -> int:
     """Draw the actuator torques against their limits."""
     for j, (name, paint) in enumerate(zip(run.joints, paints(len(run.joints)), strict=True)):
         dashes = (0, DASHES[j % len(DASHES)])
@@ -243,26 +239,28 @@ def _draw_torque(axes: Axes, run: Run) -> None:
     limit = np.array(run.torque_limit or [math.inf] * len(run.joints))
     _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), paints(len(run.joints)))
     axes.set_ylabel(rf"torque $\tau$ [{torque_unit(run)}]")
-    legend(axes, 4)
+    return legend(axes, 4)
 
 
-def _draw_pace(axes: Axes, run: Run) -> None:
+def _draw_pace(axes: Axes, run: Run) -> int:
     """Draw the pace along the path."""
     axes.plot(*thinned(run["time"], run["path_rate"]), color=paints(1)[0])
     axes.set_ylim(-0.05, 1.1)
     axes.set_ylabel(r"pace $\dot s$ [1]")
     axes.grid(color="0.92", linewidth=0.6)
+    return 0
 
 
-def _draw_status(axes: Axes, run: Run) -> None:
+def _draw_status(axes: Axes, run: Run) -> int:
     """Draw when each status holds, a lane each."""
     flags = statuses(run)
     for lane, flag in enumerate(flags):
         draw_spans(axes, run, flag, lane, "0.4")
     name_lanes(axes, [in_words(flag) for flag in flags])
+    return 0
 
 
-def _draw_filter(axes: Axes, run: Run) -> None:
+def _draw_filter(axes: Axes, run: Run) -> int:
     """Draw the gain that the inverse gave each direction, over its singular value."""
     sigma, gain = run["sigma"].ravel(), run["gain"].ravel()
     order = np.argsort(sigma, kind="stable")
@@ -276,14 +274,13 @@ def _draw_filter(axes: Axes, run: Run) -> None:
         )
         ends = np.array([sigma[seen][0], sigma[-1]])
         axes.plot(ends, 1.0 / ends, "--", color=GRAY, label=r"$1/\sigma$")
-        axes.set_yscale("log")
-        axes.set_xscale("log")
+        scale_by_decades(axes, "xy")
         axes.set_xlim(decades(sigma[seen]))
         axes.set_ylim(decades(gain[seen]))
     axes.set_xlabel(r"$\sigma$ [1]")
     axes.set_ylabel(r"gain $g(\sigma)$ [1]")
     axes.grid(color="0.92", linewidth=0.6)
-    legend(axes, 2)
+    return legend(axes, 2)
 
 
 def _draw_limits(axes: Axes, limit: Array, colors: Sequence[str]) -> None:
@@ -296,12 +293,7 @@ def _draw_limits(axes: Axes, limit: Array, colors: Sequence[str]) -> None:
                          label="limit" if i == 0 and side > 0 else None)  # fmt: skip
 
 
-def _grouped(value: float) -> str:
-    """Return a number of four digits, or whole with its thousands apart."""
-    return f"{value:,.0f}" if value >= 1e3 else f"{value:.4g}"
-
-
-_DRAW: dict[str, Callable[..., None]] = {
+_DRAW: dict[str, Callable[..., int]] = {
     "path": _draw_path, "rates": draw_rates, "sigma": _draw_sigma, "error": _draw_error,
     "torque": _draw_torque, "pace": _draw_pace, "status": _draw_status, "g": _draw_filter,
 }  # fmt: skip

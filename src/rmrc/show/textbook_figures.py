@@ -72,15 +72,20 @@ def _panel(axes: Axes, displacement: tuple[float, float], title: str) -> None:
     for name, both in displacements(elbow, displacement).items():
         style, width, color = STYLES[name]
         axes.plot(
-            elbow, np.abs(both[:, 0]), style, linewidth=width, color=color, label=f"|Δq₁|, {names[name]}"
+            elbow,
+            np.abs(both[:, 0]),
+            style,
+            linewidth=width,
+            color=color,
+            label=rf"$|\Delta q_1|$, {names[name]}",
         )
         axes.plot(
-            elbow, np.abs(both[:, 1]), style, linewidth=width, color=color, label=f"|Δq₂|, {names[name]}",
-            marker="o", markevery=25, markersize=5,
+            elbow, np.abs(both[:, 1]), style, linewidth=width, color=color, marker="o", markevery=25,
+            markersize=5, label=rf"$|\Delta q_2|$, {names[name]}",
         )  # fmt: skip
     axes.set_xscale("log")
     axes.set_yscale("log")
-    axes.set_xlabel("θ₂ [rad]")
+    axes.set_xlabel(r"$\theta_2$ [rad]")
     axes.set_ylabel("joint displacement [rad]")
     axes.set_title(title)
     axes.grid(which="major", color="0.9", linewidth=0.8)

@@ -14,25 +14,27 @@ from rmrc.scenario.choices import Status
 from rmrc.show.figures import DASHES
 from rmrc.show.palette import distinct
 from rmrc.show.panels import (
+    APART,
+    CLIPPED,
+    FAR,
     Array,
     applies,
     decades,
+    error_rows,
+    error_units,
+    grouped,
     in_words,
+    off,
     paints,
     rate_unit,
-    split_error,
     statuses,
     torque_unit,
 )
-from rmrc.show.run_figure import CLIPPED
 
 # Numbers of a panel at most: of a longer run, each span of time keeps the least and the largest of a curve.
 ROOM = 60_000
-# Limits are in the plot up to so many times the peak: farther away they would flatten the curves.
-FAR = 4.0
-# Where one curve has a peak so many times that of another, the axis is logarithmic, with so many decades; and
-# singular values are drawn down to such a share of the largest.
-APART, DECADES, LEAST = 30.0, 6, 1e-9
+# Decades of a logarithmic axis; and singular values are drawn down to such a share of the largest.
+DECADES, LEAST = 6, 1e-9
 # Of what is of a baseline, on a light and on a dark page.
 GRAYS = ("#6b6b6b", "#a6a6a6")
 
@@ -143,8 +145,7 @@ def of_run(run: Run) -> Traces:
 def of_runs(runs: Mapping[str, Run]) -> Traces:
     """Return the curves of several runs of one tick at least: one for each run."""
     units, first = {rate_unit(run) for run in runs.values()}, next(iter(runs.values()))
-    moved = [i for i, axis in enumerate("xyz") if axis in first.axes]
-    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in first.axes]
+    moved, turned = error_rows(first)
     rates = _curves(runs, {label: np.abs(run["qdot_cmd"]).max(axis=1) for label, run in runs.items()})
     panels = [
         _norms("Largest commanded rate of a joint", f"rate [{' or '.join(units)}/s]", rates),
@@ -152,10 +153,10 @@ def of_runs(runs: Mapping[str, Run]) -> Traces:
     ]
     for rows, title, unit in ((moved, "Position error", "mm"), (turned, "Rotation error", "mrad")):
         if rows:
-            off = {
+            errors = {
                 label: 1e3 * np.linalg.norm(run["pose_error"][:, rows], axis=1) for label, run in runs.items()
             }
-            panels.append(_norms(title, f"error [{unit}]", _curves(runs, off)))
+            panels.append(_norms(title, f"error [{unit}]", _curves(runs, errors)))
     if any(applies("torque", run) for run in runs.values()):
         torques = _curves(runs, {label: np.abs(run["tau"]).max(axis=1) for label, run in runs.items()})
         panels.append(_norms("Largest actuator torque", f"torque [{torque_unit(first)}]", torques))
@@ -201,7 +202,9 @@ def _rates(run: Run) -> Panel:
 def _peak(run: Run) -> str:
     """Return the largest commanded rate, and of which joint it is."""
     rates = np.abs(run["qdot_cmd"])
-    return f"{rates.max():,.4g} {rate_unit(run)}/s, of {run.joints[int(rates.max(axis=0).argmax())]}"
+    return (
+        f"{grouped(float(rates.max()))} {rate_unit(run)}/s, of {run.joints[int(rates.max(axis=0).argmax())]}"
+    )
 
 
 def _times(run: Run) -> tuple[Array, Callable[[Run, Array], Array]]:
@@ -243,11 +246,11 @@ def _sigma(runs: Mapping[str, Run]) -> Panel:
 
 def _errors(run: Run) -> Panel:
     """Return the tracking error, and beside it that of the baseline."""
-    (time, place), own, beside, other = _times(run), _off(run), {}, run.baseline
+    (time, place), own, beside, other = _times(run), off(run), {}, run.baseline
     traces = [Trace(name, place(run, values), i, i) for name, (values, i) in own.items()]
     bounds, told = None, ""
     if other is not None and len(other):
-        beside = _off(other)
+        beside = off(other)
         traces += [
             Trace(f"baseline, {name}", place(other, values), i, i + 1, 1.0, is_gray=True)
             for name, (values, i) in beside.items()
@@ -255,24 +258,8 @@ def _errors(run: Run) -> Panel:
         bounds = _room([one for one, _ in own.values()], [one for one, _ in beside.values()], -0.02)
     if bounds:
         name, (values, _) = max(beside.items(), key=lambda one: float(one[1][0].max()))
-        told = f"baseline {values.max():,.4g}, {name}, beyond the plot"
-    units = [unit for unit in ("mm", "mrad") if any(f"[{unit}]" in name for name in own)]
-    return Panel("Tracking error", f"error [{', '.join(units)}]", time, traces, (), bounds, told)
-
-
-def _off(run: Run) -> dict[str, tuple[Array, int]]:
-    """Return the parts of the tracking error with their units, (T,) each, and which curve each is."""
-    moved = [i for i, axis in enumerate("xyz") if axis in run.axes]
-    turned = [3 + i for i, axis in enumerate(("rx", "ry", "rz")) if axis in run.axes]
-    found: dict[str, tuple[Array, int]] = {}
-    if moved and run.view.frame == "world":
-        along, across = split_error(run, moved)
-        found = {"along the path [mm]": (1e3 * along, 0), "across [mm]": (1e3 * across, 1)}
-    elif moved:
-        found = {"position [mm]": (1e3 * np.linalg.norm(run["pose_error"][:, moved], axis=1), 0)}
-    if turned:
-        found["rotation [mrad]"] = (1e3 * np.linalg.norm(run["pose_error"][:, turned], axis=1), 2)
-    return found
+        told = f"baseline {grouped(float(values.max()))}, {name}, beyond the plot"
+    return Panel("Tracking error", f"error [{', '.join(error_units(own))}]", time, traces, (), bounds, told)
 
 
 def _pace(runs: Mapping[str, Run]) -> list[Panel]:

@@ -135,6 +135,8 @@ class _Shard:
         """Return a run of a world with what is known beside its columns."""
         prepared, contacts = self.prepared[w], self.batch.contacts
         arm, scenario = prepared.arm, prepared.scenario
+        chain = prepared.true_arm.chain
+        reach = 0.0 if arm.idle else chain.reach  # a joint that nothing drives may move the links apart
         return Run(
             name=scenario.name,
             joints=arm.joints,
@@ -155,6 +157,8 @@ class _Shard:
             profile=prepared.expected_profile,
             rate_limit=tuple(prepared.law.rate_limit.tolist()),
             damping_below=_damping_below(scenario.control.inverse),
+            shoulder=tuple(chain.step[0].tolist()) if reach else (),
+            reach=reach,
         )
 
     def scorecards(self) -> list[Scorecard]:

@@ -1,6 +1,7 @@
 """What runs leave for CI: JUnit XML, and a summary in Markdown; also where nothing could be run."""
 
 import os
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
@@ -9,6 +10,7 @@ from typing import Self
 from rmrc.results import junit
 from rmrc.results.junit import RUN, Suite
 from rmrc.results.leaving import refuse_unwritable
+from rmrc.show.report import Report
 from rmrc.show.sheets import Sheet, as_markdown, escaped
 from rmrc.study.study import Ran
 from rmrc.support.errors import QuestionError, RmrcError, ScenarioError
@@ -17,6 +19,8 @@ from rmrc.support.legible import visible
 
 # The file of a step of GitHub Actions, whose end is the summary of that step.
 STEP = "GITHUB_STEP_SUMMARY"
+# What is counted, and what those that are well are.
+EXPECTATION, CHECK = ("expectation", "met"), ("check", "passed")
 
 
 def suite(name: str, one: Ran, failures: Sequence[str]) -> Suite:
@@ -70,6 +74,7 @@ class Files:
 
     def __enter__(self) -> Self:
         """Begin."""
+        self._began = time.perf_counter()
         return self
 
     def __exit__(
@@ -77,20 +82,37 @@ class Files:
     ) -> None:
         """Write why there was no run."""
         if error is not None and not self._is_written:
-            told = "ended before the first tick"
+            told = "ended before there was a result"
             if isinstance(error, ScenarioError):
                 told = "\n".join(map(str, error.problems))
             elif isinstance(error, RmrcError | OSError):
                 told = str(error)
             self.write(self._name, [Suite(self._name, error=told)])
 
-    def write(self, name: str, suites: Sequence[Suite], figures: str = "") -> None:
+    def write_answer(self, name: str, report: Report, error: str = "") -> None:
+        """Write the files of an answer that is no run: what was checked, and its tables.
+
+        Args:
+            name: Of what was asked about.
+            report: The answer.
+            error: Why it is not whole; "": it is.
+
+        Raises:
+            OSError: A file cannot be written.
+        """
+        one = Suite(name, report.cases, error, report.problem, time.perf_counter() - self._began)
+        self.write(name, [one], "\n\n".join(map(as_markdown, report.sheets)), CHECK)
+
+    def write(
+        self, name: str, suites: Sequence[Suite], figures: str = "", counted: tuple[str, str] = EXPECTATION
+    ) -> None:
         """Write the files.
 
         Args:
             name: Of all runs together.
             suites: One for each run.
             figures: Their figures, in Markdown.
+            counted: What their outcomes are, and what those that are well are.
 
         Raises:
             OSError: A file cannot be written.
@@ -100,7 +122,7 @@ class Files:
             junit.save(self._xml, name, suites)
         if self._summary is None:
             return
-        text = markdown(name, suites, figures)
+        text = markdown(name, suites, figures, counted)
         if self._adds:  # what other steps and other commands of this step have said stays
             with self._summary.open("a", encoding="utf-8") as file:
                 file.write(f"{text}\n")
@@ -109,17 +131,19 @@ class Files:
                 temporary.write_text(text, "utf-8")
 
 
-def markdown(name: str, suites: Sequence[Suite], figures: str) -> str:
+def markdown(name: str, suites: Sequence[Suite], figures: str, counted: tuple[str, str] = EXPECTATION) -> str:
     """Return the summary: how it went in a line, what each run comes to, its expectations, its figures.
 
     Args:
         name: Of all runs together.
         suites: One for each run.
         figures: Their figures, in Markdown; "": none.
+        counted: What their outcomes are, and what those that are well are.
     """
+    what, well = counted
     outcomes = [outcome for one in suites for outcome in one.outcomes]
     met, errors = sum(one.ok for one in outcomes), sum(bool(one.error) for one in suites)
-    words = [f"{met} of {len(outcomes)} expectations met"] if outcomes else []
+    words = [f"{met} of {len(outcomes)} {what}s {well}"] if outcomes else []
     words += [f"{errors} of {len(suites)} runs without an end"] if errors and len(suites) > 1 else []
     words += ["no run to its end"] if errors and len(suites) == 1 else []
     passed = not errors and met == len(outcomes)
@@ -131,7 +155,7 @@ def markdown(name: str, suites: Sequence[Suite], figures: str) -> str:
         blocks += [escaped(visible(one.told))] if one.told else []
         rows = [("ERROR", f"{RUN}: {line}") for line in visible(one.error, keep="\n").splitlines()]
         rows += [("ok" if outcome.ok else "MISSED", visible(str(outcome))) for outcome in one.outcomes]
-        blocks += [as_markdown(Sheet("", ("", "expectation"), rows, frozenset({0, 1})))] if rows else []
+        blocks += [as_markdown(Sheet("", ("", what), rows, frozenset({0, 1})))] if rows else []
     if figures:
         blocks.append(f"<details><summary>Figures</summary>\n\n{figures.strip()}\n\n</details>")
     return "\n\n".join(blocks) + "\n"

@@ -361,6 +361,11 @@ def read_left(path: Path) -> Left:
         table = pq.read_table(path)
     except _UNREADABLE:
         raise QuestionError(f"{path}: is no Parquet file, or is damaged") from None
+    return left_of(table)
+
+
+def left_of(table: Table) -> Left:
+    """Return what a table of rows holds."""
     return Left(table.to_pydict(), (table.schema.metadata or {}).get(b"rmrc", b"").decode())
 
 

@@ -43,14 +43,14 @@ def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Fi
         axes.plot(
             sigma, gain, color=paint, linewidth=1.6 + 3.0 * outside, linestyle=(0, DASHES[i % len(DASHES)]),
             marker=MARKERS[i % len(MARKERS)], markevery=[where], markersize=8.0 + 5.0 * outside,
-            markeredgecolor="black", label=f"{plain(label)}\n    σ_min = {curve.sigma_min:.3g}",
+            markeredgecolor="black", label=f"{plain(label)}\n    $\\sigma_{{\\min}}$ = {curve.sigma_min:.3g}",
         )  # fmt: skip
         # The rug: the same σ at the bottom, where a gain of 0 has no place on the curve.
         axes.plot(
             at, 0.0, "|", color=paint, markersize=10.0 + 10.0 * outside, markeredgewidth=2.0,
             transform=axes.get_xaxis_transform(), clip_on=False,
         )  # fmt: skip
-    axes.plot(ends, 1.0 / ends, ":", color="black", linewidth=0.9, label="1/σ, exact")
+    axes.plot(ends, 1.0 / ends, ":", color="black", linewidth=0.9, label=r"$1/\sigma$, exact")
     _frame(axes, curves)
     entitle(figure, f"{plain(name)}: the inverses as filters")
     explain(figure, loc="outside right upper", handlelength=4.5)
@@ -66,6 +66,8 @@ def _frame(axes: Axes, curves: Sequence[tuple[str, FilterFactor]]) -> None:
         axes.set_ylim(0.5 * positive.min(), 2.0 * positive.max())
     axes.set_yscale("log", nonpositive="clip")
     more = "" if is_narrow() else "\nmarks: the smallest of each run, at the edge if beyond"
-    axes.set_xlabel(f"σ of the direction that is lost first [1]{more}")
-    axes.set_ylabel("gain g(σ) [1]" if is_narrow() else "g(σ), joint rate for a unit of task velocity [1]")
+    axes.set_xlabel(rf"$\sigma$ of the direction that is lost first [1]{more}")
+    gain = r"$g(\sigma)$"
+    told = f"gain {gain} [1]" if is_narrow() else f"{gain}, joint rate for a unit of task velocity [1]"
+    axes.set_ylabel(told)
     axes.grid(which="major", color="0.85", linewidth=0.8)

@@ -31,13 +31,13 @@ def _is_wide(values: Array) -> bool:
 
 
 def plot(
-    swept: Swept, path: Path, panels: Sequence[str] = (), width: float = 7.16, font: float = 8.0
-) -> None:
-    """Draw a sweep into a file: how its figures are distributed, and parallel coordinates below.
+    swept: Swept, path: Path | None, panels: Sequence[str] = (), width: float = 7.16, font: float = 8.0
+) -> Figure:
+    """Draw a sweep: how its figures are distributed, and parallel coordinates below.
 
     Args:
         swept: Its rows.
-        path: File to write, whole or not at all: `.png`, `.svg` or `.pdf`.
+        path: File to write, whole or not at all: `.png`, `.svg` or `.pdf`; None: no file.
         panels: Of distributions and parallel; none: those for which there are numbers.
         width: Of the figure [in].
         font: Size of the letters [pt].
@@ -57,7 +57,9 @@ def plot(
         parts = picture.subfigures(len(names), 1, height_ratios=heights, squeeze=False)[:, 0]
         for name, part in zip(names, parts, strict=True):
             _DRAW[name](part, swept, width, font)
-        save(picture, [path])
+        if path is not None:
+            save(picture, [path])
+    return picture
 
 
 def histograms(swept: Swept) -> Figure:

@@ -6,8 +6,10 @@ from typing import Any
 import numpy as np
 
 from rmrc.analysis.check.check import Checked
+from rmrc.analysis.check.findings import CODES, Finding
 from rmrc.analysis.check.motion import BOUND, DURATION, Motion
 from rmrc.analysis.new.text import listed_positions
+from rmrc.results.junit import Case
 from rmrc.results.scorecard import Figure
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
@@ -28,7 +30,21 @@ def report(found: Checked) -> Report:
         True
     """
     sheets = [_what(found), _joints(found), _motions(found), _findings(found)]
-    return Report(sheets, plain(_values(found)), met=found.is_ready)
+    return Report(sheets, plain(_values(found)), met=found.is_ready, cases=_cases(found))
+
+
+def _cases(found: Checked) -> list[Case]:
+    """Return a case for each code, which fails if there is an error of it."""
+    told = {code: [one for one in found.findings if one.code == code] for code in CODES}
+    return [
+        Case(code, all(one.level != "error" for one in found), "; ".join(map(_line, found)) or "none")
+        for code, found in told.items()
+    ]
+
+
+def _line(one: Finding) -> str:
+    """Return a finding in a line."""
+    return f"{one.level}: {one.text}" + (f"; {one.way}" if one.way else "")
 
 
 def _values(found: Checked) -> dict[str, Any]:

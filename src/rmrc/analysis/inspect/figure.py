@@ -65,8 +65,8 @@ def figure(found: Sequence[Inspection]) -> Figure:
                 )
         axes.set_aspect("equal", adjustable="datalim")
         axes.margins(0.08)
-        axes.set_xlabel(f"{'xyz'[plane[0]]} [m]")
-        axes.set_ylabel(f"{'xyz'[plane[1]]} [m]")
+        axes.set_xlabel(f"${'xyz'[plane[0]]}$ [m]")
+        axes.set_ylabel(f"${'xyz'[plane[1]]}$ [m]")
         axes.grid(color="0.9", linewidth=0.8)
         axes.set_axisbelow(True)
     arm = found[0].arm
@@ -174,5 +174,5 @@ def _legend(found: Sequence[Inspection], scales: tuple[float, float], cut: float
     for i, one in enumerate(found):
         which = f"{i + 1}: " if len(found) > 1 else ""
         values = ", ".join(number(value) for value in one.q)
-        entries.append(Line2D([], [], linestyle="", label=f"{which}q = {values}"))
+        entries.append(Line2D([], [], linestyle="", label=f"{which}$q$ = {values}"))
     return entries

@@ -18,9 +18,9 @@ from rmrc.law.task import Array
 from rmrc.show.figures import entitle, explain, lettering, plain, save, sheet
 
 NAMES = {
-    "sigma_min": "σ_min [1]",
-    "manipulability": "manipulability w = ∏σ [1]",
-    "condition": "condition κ = σ_1/σ_min [1]",
+    "sigma_min": r"$\sigma_{\min}$ [1]",
+    "manipulability": r"manipulability $w = \prod\sigma$ [1]",
+    "condition": r"condition $\kappa = \sigma_1/\sigma_{\min}$ [1]",
     "postures": "postures [1]",
 }
 WIDTH = 7.2  # inches of the picture
@@ -83,12 +83,12 @@ def _workspace(found: Workspace, measure: str | None) -> Figure:
     )
     handles.append(drawn)
     first = (
-        f"distance from the axis of {plain(arm.joints[part.movers[0]])}, r"
+        f"distance from the axis of {plain(arm.joints[part.movers[0]])}, $r$"
         if part.is_round
-        else part.labels[0]
+        else f"${part.labels[0]}$"
     )
     axes.set_xlabel(f"{first} [m]")
-    axes.set_ylabel(f"{part.labels[1]} [m]")
+    axes.set_ylabel(f"${part.labels[1]}$ [m]")
     axes.set_xlim(found.a[0], found.a[-1])
     axes.set_ylim(found.b[0], found.b[-1])
     where = ""
@@ -230,7 +230,7 @@ def _joint_map(found: JointMap, measure: str) -> Figure:
     _colored(figure, axes, first, second, found.values[measure], measure, "")
     for i, curve in enumerate(found.singular):
         axes.plot(
-            *(curve * degrees).T, color="black", linewidth=2.6, label="" if i else "singular: det J = 0"
+            *(curve * degrees).T, color="black", linewidth=2.6, label="" if i else r"singular: det $J$ = 0"
         )
     names = [f"{plain(arm.joints[joint])} [{'m' if arm.is_slide[joint] else '°'}]" for joint in found.joints]
     axes.set_xlabel(names[0])

@@ -3,7 +3,8 @@
 (() => {
   const dark = matchMedia("(prefers-color-scheme: dark)");
   const paint = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-  const shown = (v) => v == null ? "–" : Math.abs(v) >= 1e4 || (v && Math.abs(v) < 1e-3) ? v.toExponential(2) : String(+v.toPrecision(4));
+  const shown = (v) => v == null ? "–" : Math.abs(v) >= 1e6 || (v && Math.abs(v) < 1e-3) ?
+    v.toExponential(2) : Math.abs(v) >= 1e3 ? Math.round(v).toLocaleString("en-US") : String(+v.toPrecision(4));
 
   // Values are little-endian 32-bit floats in base64; what is not finite is a gap.
   function values(text) {
@@ -53,6 +54,10 @@
     return Math.max(75, ...panels.flatMap((one) => one.lanes).map((name) => pen.measureText(name).width + 20));
   }
 
+  function pressed(u, i, change) {
+    if (i && change.show != null) u.root.querySelectorAll(".u-label")[i].setAttribute("aria-pressed", String(change.show));
+  }
+
   function draw(panel, place, first, left, isLast) {
     const axis = {stroke: paint("--ink"), grid: {stroke: paint("--line"), width: 1}, ticks: {stroke: paint("--line")}};
     const steps = uPlot.paths.stepped({align: 1});
@@ -73,11 +78,22 @@
         ...(panel.lanes.length ? {splits: () => panel.lanes.map((_, i) => i), values: () => panel.lanes} :
           panel.logarithmic ? {} : {values: (u, all) => all.map(shown)})}],
       series: [{label: "time [s]", value: (u, v) => shown(v)}, ...series],
-      hooks: {draw: [lines(panel)], setScale: [(u, key) => { if (key === "x") zoomAll(u); }]},
+      hooks: {draw: [lines(panel)], setSeries: [pressed], setScale: [(u, key) => { if (key === "x") zoomAll(u); }]},
     }, [first, ...panel.series.map((one) => values(one.values))], place);
     const canvas = place.querySelector("canvas");
     canvas.setAttribute("role", "img");
     canvas.setAttribute("aria-label", `${panel.title} over time; its figures stand in the tables`);
+    for (const [i, name] of place.querySelectorAll(".u-series .u-label").entries()) {
+      if (!i) continue;  // the time is never hidden
+      name.tabIndex = 0;
+      name.setAttribute("role", "button");
+      name.setAttribute("aria-pressed", String(plot.series[i].show));
+      name.addEventListener("keydown", (event) => {
+        if (event.key !== "Enter" && event.key !== " ") return;
+        event.preventDefault();
+        name.click();
+      });
+    }
     plots.push(plot);
   }
 

@@ -39,7 +39,7 @@ def draw_margins(found: Margins, path: Path) -> None:
     control = found.scenario.control
     figure.suptitle(
         f"{plain(found.scenario.name)}: the margins of its loop,"
-        f" K = {control.feedback:g}/s, T = {control.period:g} s"
+        f" $K$ = {control.feedback:g}/s, $T$ = {control.period:g} s"
     )
     save(figure, [path])
 
@@ -56,7 +56,7 @@ def _draw(axes: Axes, one: Margin) -> None:
     if one.edge.is_found:
         axes.axvline(scale * one.value, color="black", linewidth=1.6, label="edge, by runs")
     for value, dashes, label in (
-        (one.ideal, (6, 3), "edge of the ideal plant"), (one.rule, (1, 2), "rule 1/(delay + T/2 + lag)"),
+        (one.ideal, (6, 3), "edge of the ideal plant"), (one.rule, (1, 2), r"rule 1/(delay + $T$/2 + lag)"),
     ):  # fmt: skip
         if 0.0 < value < math.inf:
             axes.axvline(scale * value, color="0.35", linewidth=1.4, linestyle=(0, dashes), label=label)

@@ -4,6 +4,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from rmrc.results.junit import Case
 from rmrc.show.report import Report, plain
 from rmrc.show.sheets import UNDEFINED, Sheet, number
 from rmrc.study.margins.margins import Margin, Margins
@@ -18,8 +19,9 @@ def report(found: Margins) -> Report:
     """Return what there is to show of margins; it holds where the loop is stable as written."""
     sheets = [_loop(found), _edges(found)]
     return Report(
-        sheets, plain(_values(found)), lambda path: _draw(found, path), _holds(found), _problem(found)
-    )
+        sheets, plain(_values(found)), lambda path: _draw(found, path), _holds(found), _problem(found),
+        cases=[Case("stable", _holds(found), _problem(found) or "as written")] if found.written else [],
+    )  # fmt: skip
 
 
 def _holds(found: Margins) -> bool:

@@ -1,0 +1,60 @@
+"""The picture of whatever a verb left or returned: `rmrc.plot`."""
+
+from collections.abc import Mapping, Sequence
+from os import PathLike
+from pathlib import Path
+
+from matplotlib.figure import Figure
+
+from rmrc.results.run import Run, read_runs
+from rmrc.show.plot import plot as plot_runs
+from rmrc.study import sweep_figure
+from rmrc.study.dataset import Table, left_of
+from rmrc.study.swept import Swept
+from rmrc.support.errors import QuestionError
+
+
+def plot(
+    result: Run | Mapping[str, Run] | Table | str | PathLike[str],
+    path: str | PathLike[str] | None = None,
+    panels: Sequence[str] = (),
+    width: float = 7.16,
+    font: float = 8.0,
+) -> Figure:
+    """Draw a run, several side by side, or a sweep; the function behind `rmrc plot`.
+
+    Args:
+        result: A run; runs by label, as `compare` returns them; the rows that `sweep` returns; or the file of
+            either, `NAME.npz` or `NAME.sweep.parquet`.
+        path: File to write, whole or not at all: `.png`, `.svg` or `.pdf`; None: no file.
+        panels: Of path, rates, sigma, error, torque, pace, status and g, in this order from the top; of a
+            sweep, of distributions and parallel; none: all that there is something for.
+        width: Of the figure [in]: 3.5 and 7.16 are one and two columns of a journal.
+        font: Size of the letters [pt].
+
+    Returns:
+        The figure, which a notebook shows.
+
+    Raises:
+        OSError: A file cannot be read or written.
+        QuestionError: The file is something else, or damaged; or there is nothing to draw.
+    """
+    to = None if path is None else Path(path)
+    swept, runs = None, dict[str, Run]()
+    if isinstance(result, str | PathLike):
+        if Path(result).suffix == ".parquet":
+            swept = Swept.of(Path(result))
+        else:
+            runs = read_runs(Path(result))
+    elif isinstance(result, Run):
+        runs = {result.name: result}
+    elif isinstance(result, Mapping):
+        runs = dict(result)
+    else:
+        swept = Swept.of(Path("the table"), left_of(result))
+    if swept is not None:
+        return sweep_figure.plot(swept, to, panels, width, font)
+    for label, run in runs.items():
+        if not len(run):
+            raise QuestionError(f"{label} has no tick, so there is nothing to draw")
+    return plot_runs(runs, to, panels, width, font)
