@@ -32,6 +32,9 @@ THICKNESS = 0.002
 # Room around the path for the ellipsoids and arrows at the tip, as a part of the reach.
 MARGIN = 0.3
 
+# Room around the hand in a picture of it alone: as a part of the reach, and of what it is off by, at least.
+CLOSEST, OFF = 0.1, 4.0
+
 # A geometry has a color, and is not gray, if its red, green and blue differ by so much.
 COLORED = 0.3
 
@@ -135,6 +138,21 @@ class Scene:
             here.append((frames.bodies[:, body, None, :3] + corners @ np.swapaxes(turn, 1, 2)).reshape(-1, 3))
         points = np.vstack(here)
         return np.asarray(points[np.unique((points @ DIRECTIONS.T).argmax(axis=0))])
+
+    def around(self, frames: Frames, *, is_of_hand: bool) -> Array:
+        """Return points around what is to be seen at one instant: the hand, or the whole arm, (p, 3) [m].
+
+        The hand has room for its ellipsoids, and for a few times what it is off by.
+        """
+        tip, target = frames.tip[0], frames.target[0]
+        room = max(MARGIN * self.reach if not is_of_hand else 0.0, CLOSEST * self.reach,
+                   OFF * float(np.linalg.norm(target - tip)), 1.05 * float(frames.velocity.max()),
+                   1.05 * float(frames.force.max()))  # fmt: skip
+        points = [tip + room * np.vstack([np.eye(3), -np.eye(3)]), target[None]]
+        for body, corners in self._corners.items() if not is_of_hand else ():
+            pose = frames.bodies[0, body]
+            points.append(pose[:3] + corners @ quat_to_matrix(pose[3:]).T)
+        return np.vstack(points)
 
     def believed_bodies(self, part: Run, rows: NDArray[np.int64]) -> Array:
         """Return where the law takes the bodies to be at some ticks of a part of the run, (F, nbody, 7)."""

@@ -46,6 +46,37 @@ FOREIGN_LINK = re.compile(r"<link\b[^>]*\bhref\s*=\s*[\"']?(?:https?:)?//[^>]*>"
 INLINE_SCRIPT = re.compile(r"<script\s*>(.*?)</script\s*>", re.IGNORECASE | re.DOTALL)
 
 
+# Stops the viewer's clock at a time, once the recording is there; its last layout has it play.
+SEEK = """
+(async () => {
+  const request = new Uint8Array(%s);
+  const pause = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
+  const is_there = () => performance.getEntriesByName("%s").some((one) => one.responseEnd > 0);
+  while (!window._handle || !is_there()) await pause(50);
+  for (let tries = 0, done = 0; tries < 600 && done < 4; tries++) {
+    await pause(done ? 500 : 50);
+    try { await window._handle.viewer_control(request); done++; } catch (error) { /* not loaded yet */ }
+  }
+})();
+"""
+
+
+def seek(at: float) -> bytes:
+    """Return the request to rerun's viewer to stand still at a time [s] of `sim_time`.
+
+    It is a `ViewerControlRequest` of its protocol, as `rerun.experimental.ViewerClient.set_time` sends it:
+    6: {2: {1: timeline}, 3: {1: nanoseconds}, 5: 1 for paused}.
+    """
+    left, digits = round(at * 1e9), bytearray()
+    while left > 127:
+        digits.append(left & 127 | 128)
+        left >>= 7
+    digits.append(left)
+    name, time = b"\x0a\x08sim_time", bytes([8, *digits])
+    body = bytes([0x12, len(name), *name, 0x1A, len(time), *time, 0x28, 1])
+    return bytes([0x32, len(body), *body])
+
+
 def without_foreign_links(page: str) -> str:
     """Return a page without the links that a browser follows by itself to other machines."""
     return FOREIGN_LINK.sub("", page)
@@ -81,14 +112,20 @@ class PageServer(ThreadingHTTPServer):
         files: What `TYPES` names, as rerun serves it.
         recording: Read anew for each request.
         port: On which it answers; 0: a free one.
+        at: Where the page's clock stands still, once it has the recording [s]; None: it runs.
     """
 
     daemon_threads = True  # a browser that reads slowly does not hold up the end
 
-    def __init__(self, files: Mapping[str, bytes], recording: Path, port: int = 0) -> None:
+    def __init__(
+        self, files: Mapping[str, bytes], recording: Path, port: int = 0, at: float | None = None
+    ) -> None:
         """Take a port; `serve_forever` answers."""
         super().__init__((LOOPBACK, port), _Answer)
         page = without_foreign_links(files["/"].decode())
+        if at is not None:
+            script = SEEK % (list(seek(at)), self.origin + RECORDING)
+            page = page.replace("</body>", f"<script>{script}</script></body>")
         self.files = {**files, "/": page.encode()}
         self.policy = policy(page)
         self.recording = recording
