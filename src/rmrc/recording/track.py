@@ -28,7 +28,7 @@ from rmrc.show.palette import hue
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import AXES
 
-# What is drawn is stored so often [s], as a screen shows it: each 17th of the ticks at 1 kHz.
+# What is drawn is stored so often [s], as a screen shows it: each 16th of the ticks at 1 kHz.
 FRAME_PERIOD = 1.0 / 60.0
 
 
@@ -60,7 +60,7 @@ class Track:
             prefix: Begins the path of every entity, and ends with a slash if it is not empty.
         """
         self.out, self.scene, self.prefix, self._prepared = out, Scene(prepared), prefix, prepared
-        self._stride = max(1, round(FRAME_PERIOD / prepared.scenario.control.period))
+        self._stride = max(1, int(FRAME_PERIOD / prepared.scenario.control.period))
         self._ticks = self._framed = 0
         self._planned = prepared.reference.ticks
         rows = [AXES.index(axis) for axis in prepared.scenario.task.axes]
