@@ -864,7 +864,7 @@ def seen_of(prepared, run):
 
 def test_a_legend_has_room_or_says_less():
     names = [f"joint{i}" for i in range(7)]
-    many = plots.Curve("columns", "a", names, [0] * 7, spare="joints")
+    many = plots.Curve("columns", "a", names, [0] * 7, spare=["joints"])
     one = plots.Curve("columns", "b", ["limit"], [0])
     panel = plots.Panel("x", [many, one])
     assert panel.fitted(300.0).names == {*names, "limit"}

@@ -31,6 +31,7 @@ from rmrc.arm import Shape
 from rmrc.recording import stream
 from rmrc.recording.events import Strip, color, words
 from rmrc.recording.layout import (
+    ASPECT_COMPARED,
     PALE_ARM,
     backdrop,
     callout,
@@ -454,7 +455,7 @@ class _Layout:
                     *(f"/{prefix}believed/**" for prefix, one in every if one.hardware.is_misled),
                 ],
                 overrides={f"{prefix}tip/trail": until_now() for prefix in self._prefixes},
-                eye_controls=eye(framed, normal),
+                eye_controls=eye(framed, normal, ASPECT_COMPARED),
                 line_grid=grid(points),
                 background=backdrop(),
             )
@@ -502,9 +503,7 @@ class _Layout:
             return Panel(title, curves, is_key=True)
         peak = self._largest(seen, "fastest", "fastest_cmd")
         usual = min((one.mostly("fastest_cmd") for one in seen), default=0.0)
-        known = [float(one.law.rate_limit[np.isfinite(one.law.rate_limit)].max(initial=0.0))
-                 for one in self._prepared]  # fmt: skip
-        shown = clipped(peak, max(known), usual)
+        shown = clipped(peak, max(limits, default=0.0), usual)
         if peak > shown:
             title += f"; peak {spell(peak)} ↑"
         return Panel(title, curves, (0.0, rounded(shown, self._steps("rates"))), is_key=True)

@@ -16,12 +16,13 @@ from rmrc.show.palette import GREEN, RED, WHITE, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import rotate
 
-# The viewer's vertical angle of view, and width over height of the picture in our layout.
+# The viewer's vertical angle of view, and width over height of the picture, in windows of 1280 × 720 and of
+# 1600 × 1000 points, at least, less a margin: of a run, and of a comparison, whose texts may take less room.
 VIEW_ANGLE = np.radians(55.0)
-VIEW_ASPECT = 1.05
+VIEW_ASPECT, ASPECT_COMPARED = 0.97, 0.88
 
 # Positions in the static line of the target path.
-PATH_POINTS = 2000
+PATH_POINTS = 600
 
 # How far from the tip its label is, as a part of the reach.
 CALLOUT = 0.25
@@ -233,12 +234,12 @@ def screen(normal: int | None) -> NDArray[np.float64]:
     return np.array([right, np.cross(direction, right), direction])
 
 
-def eye(points: NDArray[np.float64], normal: int | None) -> rrb.EyeControls3D:
+def eye(points: NDArray[np.float64], normal: int | None, aspect: float = VIEW_ASPECT) -> rrb.EyeControls3D:
     """Return the eye that has all points (p, 3) in its frame."""
     axes = screen(normal)
     seen = points @ axes.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
-    across = np.abs(seen - middle)[:, :2] / [VIEW_ASPECT, 1.0]
+    across = np.abs(seen - middle)[:, :2] / [aspect, 1.0]
     distance = (across.max(axis=1) / np.tan(VIEW_ANGLE / 2) + (seen - middle)[:, 2]).max()
     center = middle @ axes
     return rrb.EyeControls3D(

@@ -227,9 +227,9 @@ class Panels:
         if names:
             first, both = self._joints[0], zip(names, levels, strict=True)
             drawn = [name if abs(level) <= top else first for name, level in both]
-            curves.append(Curve("limits", "rate", drawn, colors, 1.0, spare=first))
+            curves.append(Curve("limits", "rate", drawn, colors, 1.0, spare=[first]))
         plain = ["plain J⁻¹"] * n
-        curves.insert(0, Curve("columns", "curves.plain[]", plain, self._hues, 1.5, spare=self._joints[0]))
+        curves.insert(0, Curve("columns", "curves.plain[]", plain, self._hues, 1.5, spare=self._joints))
         title += ", plain J⁻¹ dashed"
         if self.has_baseline:
             gray, ghost = [mix(one, GRAY, 0.5) for one in self._hues], ["baseline"] * n
@@ -259,11 +259,11 @@ class Panels:
                 ["other σ"] * (k - 1),
                 others,
                 1.2,
-                spare="other σ, ε",
+                spare=["other σ, ε"],
             ),
             Curve("columns", "curves.log_sigma_min[]", ["σ_min"], [GREEN], 3.5),
             Curve("columns", "curves.log_damping[]", damping, [MAGENTA], 2.0),
-            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare="other σ, ε"),
+            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare=["other σ, ε"]),
         ]
         if k == 1:
             del curves[0]
@@ -288,9 +288,9 @@ class Panels:
 
     def _torque(self, seen: Seen | None) -> Panel:
         _, names, colors = limit_lines(self.torque_limit, self._joints, self._hues)
-        curves = [Curve("columns", "columns.tau[]", self._joints, self._hues, 2.0, spare="joints")]
+        curves = [Curve("columns", "columns.tau[]", self._joints, self._hues, 2.0, spare=["joints"])]
         if names:
-            curves.append(Curve("limits", "torque", names, colors, 1.0, spare="limits"))
+            curves.append(Curve("limits", "torque", names, colors, 1.0, spare=["limits"]))
         peak = seen.peak("tau") if seen else None
         if peak is None or seen is None:
             return Panel(f"Torque [{self._load}]", curves, None)
@@ -306,7 +306,7 @@ class Panels:
         return Panel("Pace ṡ along the path [1 = as planned]", [curve], range_)
 
     def _positions(self, seen: Seen) -> Panel:
-        curves = [Curve("columns", "curves.joints[]", self._joints, self._hues, 3.0, spare="joints")]
+        curves = [Curve("columns", "curves.joints[]", self._joints, self._hues, 3.0, spare=["joints"])]
         ends = self._ends()
         if ends:
             names, tints = ["limits"] * len(ends), [tint for _, tint in ends]
@@ -326,7 +326,7 @@ class Panels:
 
     def _belief(self, seen: Seen | None) -> Panel:
         peak = seen.peak("belief") if seen else None
-        curve = Curve("columns", "curves.belief[]", self._joints, self._hues, 2.0, spare="joints")
+        curve = Curve("columns", "curves.belief[]", self._joints, self._hues, 2.0, spare=["joints"])
         range_ = both_ways(abs(peak.value), self._steps) if peak else None
         title = f"Joints as believed, less true [{self._small}]"
         return Panel(title, [curve], range_)

@@ -50,7 +50,7 @@ class Curve:
         colors: 0xRRGGBBAA.
         width: Of the lines [points].
         marker: Instead of lines, points of this shape.
-        spare: The name of all of them where the legend has no room.
+        spare: Names instead of them where the legend has no room; one is that of all.
     """
 
     entity: str
@@ -59,7 +59,7 @@ class Curve:
     colors: Colors
     width: float = 2.0
     marker: Literal["up", "down", "diamond"] | None = None
-    spare: str = ""
+    spare: Sequence[str] = ()
 
     def visualizer(self) -> rrb.Visualizer:
         """Return how the viewer draws it."""
@@ -109,7 +109,7 @@ class Panel:
     @property
     def least(self) -> set[str]:
         """What the legend has at least."""
-        return {name for one in self.curves for name in ([one.spare] if one.spare else one.names)}
+        return {name for one in self.curves for name in one.spare or one.names}
 
     @property
     def legend(self) -> float:
@@ -122,7 +122,8 @@ class Panel:
         for i, one in enumerate(self.curves):
             if len(panel.names) > room and one.spare:
                 curves = [*panel.curves]
-                curves[i] = replace(one, names=[one.spare] * len(one.names))
+                names = one.spare if len(one.spare) > 1 else [*one.spare] * len(one.names)
+                curves[i] = replace(one, names=names)
                 panel = replace(panel, curves=curves)
         return replace(panel, has_legend=panel.is_key or len(panel.names) <= room)
 
