@@ -8,7 +8,7 @@ block, flushed to disk:
 1. Processor time of the thread that writes, a tick, between opening and finishing the file: minimum, median
    and maximum of the rounds; and what opening and finishing add, in milliseconds.
 2. Size of the file, a tick; and of the ticks alone, without layout, texts and geometries.
-3. The first recording, cut anywhere, and with a wrong head: seconds until it is repaired or refused in a line.
+3. The first recording, cut anywhere, and with a wrong head: seconds until it is repaired or refused.
 """
 
 import argparse

@@ -1,11 +1,17 @@
 """Recordings that are made anew of what else a run left."""
 
 import json
+import os
 import shutil
+import signal
+import subprocess
+import sys
+from urllib.request import urlopen
 
 import pytest
 from rerun.chunk import RrdReader
 
+from processes import started
 from project import ROOT
 from rmrc.recording.single import read_columns
 from rmrc.results.run import read_runs
@@ -79,3 +85,20 @@ def test_without_what_is_needed_it_is_one_line(left, tmp_path):
         rerecord(tmp_path / "quick.npz", tmp_path / "new.rrd")
     assert str(caught.value) == says(f"{tmp_path}/quick.json: … gone.xml …")
     assert not (tmp_path / "new.rrd").exists()
+
+
+def test_the_verb_serves_columns_without_a_recording_and_leaves_nothing(left, tmp_path):
+    for name in ("quick.npz", "quick.json"):
+        shutil.copy(left / name, tmp_path)
+    command = [sys.executable, "-m", "rmrc", "replay", "--web", "--at", "0.1", str(tmp_path / "quick.npz")]
+    temporary = tmp_path / "temporary"
+    temporary.mkdir()
+    environment = {**os.environ, "TMPDIR": str(temporary)}
+    with started(command, stdout=subprocess.PIPE, text=True, env=environment) as process:
+        url = process.stdout.readline().strip()
+        with urlopen(url.partition("?")[0] + "/recording.rrd", timeout=30) as answer:
+            (tmp_path / "served.rrd").write_bytes(answer.read())
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(30) == 143
+    assert same(tmp_path / "served.rrd", left / "quick.rrd")
+    assert not list(temporary.iterdir()) and not (tmp_path / "quick.rrd").exists()
