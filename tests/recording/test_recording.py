@@ -873,20 +873,20 @@ def test_a_legend_has_room_or_says_less():
     assert replace(panel, is_key=True).fitted(30.0).has_legend
 
 
-@pytest.mark.parametrize("quantity", ["error", "rates"])
+@pytest.mark.parametrize("quantity", ["error", "rates", "joints"])
 def test_a_second_picture_has_what_there_is_to_look_at_in_its_frame(quantity, tmp_path):
     """The tip at that instant, from nearer than the picture of the whole run, with room around it."""
     prepared, run = simulated(PLANAR + f"control: {{period: 0.01}}\nlook: {{quantity: {quantity}}}\n")
     record(tmp_path / "run.rrd", prepared, run)
     last = max(layouts(tmp_path / "run.rrd"), key=len)
     eyes = [table for table in last.values() if "EyeControls3D:position" in table]
-    assert len(eyes) == 2
+    assert len(eyes) == (1 if quantity == "joints" else 2)  # of the whole arm, which the first one has
     (tip,) = stored(tmp_path / "run.rrd", "/tip/look")["Points3D:positions"][0]
     far = sorted(
         np.linalg.norm(np.subtract(eye["EyeControls3D:position"][0], eye["EyeControls3D:look_target"][0]))
         for eye in eyes
     )
-    assert far[0] < far[1] * (0.6 if quantity == "error" else 1.0 + 1e-9)
+    assert len(far) == 1 or far[0] < 0.6 * far[1]
     for eye in eyes:
         position, target = (np.array(eye[f"EyeControls3D:{name}"][0]) for name in ("position", "look_target"))
         back = (position - target) / np.linalg.norm(position - target)

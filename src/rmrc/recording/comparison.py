@@ -42,7 +42,7 @@ from rmrc.recording.layout import (
     path_line,
     until_now,
 )
-from rmrc.recording.panels import ALONE, OF_THE_HAND, heights, stacked
+from rmrc.recording.panels import ALONE, OF_THE_ARM, heights, stacked
 from rmrc.recording.plots import (
     HEIGHT,
     NUMBER,
@@ -388,7 +388,7 @@ class _Layout:
         self._has_torque = bool(loaded)
         self.is_share = bool(loaded) and all(np.isfinite(limit).all() for limit in loaded)
         look = prepared[0].scenario.look
-        self._is_of_hand = look is not None and look.quantity in OF_THE_HAND
+        self._is_of_hand = look is not None and look.quantity not in OF_THE_ARM
         found = self._panels(None)
         wanted = SIGHTS.get(look.quantity, look.quantity) if look else ""
         wanted = "rotation" if wanted == "position" and wanted not in found else wanted
@@ -437,12 +437,8 @@ class _Layout:
         points = np.vstack([*(scene.points for scene in self._scenes), *reached])
         frames = {f"{self._name}: {len(self._labels)} variants": points}
         marks = [(scene, one.mark) for scene, one in zip(self._scenes, seen or (), strict=False) if one.mark]
-        if marks:
-            around = [
-                scene.around(scene.frames(mark.instant, np.array([0])), is_of_hand=self._is_of_hand)
-                for scene, mark in marks
-            ]
-            frames[marks[0][1].text] = np.vstack(around)
+        if marks and self._is_of_hand:
+            frames[marks[0][1].text] = np.vstack([scene.around(mark.instant) for scene, mark in marks])
         normals = {scene.normal for scene in self._scenes}
         normal = normals.pop() if len(normals) == 1 else None
         every = list(zip(self._prefixes, self._prepared, strict=True))

@@ -44,8 +44,8 @@ TIMES, LANE, MOST_LANES = 32.0, 40.0, 3
 MOST_LINES = 8
 # Those that are in no tab, and always there.
 ALONE = ("rates", "sigma")
-# Of what the hand does; of anything else, the picture of the instant has the whole arm.
-OF_THE_HAND = ("error", "rotation", "path")
+# Of the whole arm, which the picture has; of anything else, a second one has the hand at that instant.
+OF_THE_ARM = ("joints", "torque")
 # The plots of what is no plot itself.
 SEEN_IN = {"status": "rates", "path": "error"}
 
@@ -81,7 +81,7 @@ class Panels:
         self._position = _of_kinds(slides, "deg", "m")
         wanted, has_turns = self._look.quantity if self._look else "", len(self.axes & {"rx", "ry", "rz"}) > 0
         self.sight = SEEN_IN.get(wanted, wanted) if has_turns or wanted != "rotation" else ""
-        self.is_of_hand = wanted in OF_THE_HAND
+        self.is_of_hand = wanted not in OF_THE_ARM
         is_tab = self.sight not in ("", *ALONE, "pace")
         lines = arm.n + has_baseline + (self.sight == "rates")
         self._heights = heights(self.is_slowed, is_tab, lines)

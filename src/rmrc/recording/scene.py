@@ -139,20 +139,16 @@ class Scene:
         points = np.vstack(here)
         return np.asarray(points[np.unique((points @ DIRECTIONS.T).argmax(axis=0))])
 
-    def around(self, frames: Frames, *, is_of_hand: bool) -> Array:
-        """Return points around what is to be seen at one instant: the hand, or the whole arm, (p, 3) [m].
+    def around(self, instant: Run) -> Array:
+        """Return points around the hand at the one tick of a run, (p, 3) [m].
 
-        The hand has room for its ellipsoids, and for a few times what it is off by.
+        There is room for its ellipsoids, and for a few times what it is off by.
         """
+        frames = self.frames(instant, np.array([0]))
         tip, target = frames.tip[0], frames.target[0]
-        room = max(MARGIN * self.reach if not is_of_hand else 0.0, CLOSEST * self.reach,
-                   OFF * float(np.linalg.norm(target - tip)), 1.05 * float(frames.velocity.max()),
-                   1.05 * float(frames.force.max()))  # fmt: skip
-        points = [tip + room * np.vstack([np.eye(3), -np.eye(3)]), target[None]]
-        for body, corners in self._corners.items() if not is_of_hand else ():
-            pose = frames.bodies[0, body]
-            points.append(pose[:3] + corners @ quat_to_matrix(pose[3:]).T)
-        return np.vstack(points)
+        longest = 1.05 * float(max(frames.velocity.max(), frames.force.max()))
+        room = max(CLOSEST * self.reach, OFF * float(np.linalg.norm(target - tip)), longest)
+        return np.vstack([tip + room * np.eye(3), tip - room * np.eye(3), target])
 
     def believed_bodies(self, part: Run, rows: NDArray[np.int64]) -> Array:
         """Return where the law takes the bodies to be at some ticks of a part of the run, (F, nbody, 7)."""

@@ -158,8 +158,7 @@ def _layout(
     mark = panels.mark(seen) if seen else None
     if mark is not None:
         found[panels.sight] = panels.marked(found[panels.sight], mark)
-        frames = scene.frames(mark.instant, np.array([0]))
-        look = mark.text, scene.around(frames, is_of_hand=panels.is_of_hand)
+        look = (mark.text, scene.around(mark.instant)) if panels.is_of_hand else None
     plots, span = stacked(found, end, "/events" if seen else "/status", first=panels.sight)
     views = pictures(scene, prepared, reached, look, ["/baseline/**"] * panels.has_baseline)
     return page(views, TITLES, plots, "/now"), span
