@@ -37,6 +37,7 @@ from rmrc.recording.layout import (
     callout,
     eye,
     grid,
+    opening,
     packed,
     page,
     path_line,
@@ -125,7 +126,8 @@ class Overlay:
         labels = [label for label, _ in variants]
         scenes = [Scene(prepared) for _, prepared in variants]
         self._layout = _Layout(name, labels, [one for _, one in variants], scenes)
-        self._out = Stream(path, name, lambda: self._layout.blueprint()[0])
+        opened = opening(self._layout.pictures()[0])
+        self._out = Stream(path, name, opened, lambda: self._layout.blueprint()[0])
         self.path, self.part_path = self._out.path, self._out.part_path
         self._arms: list[_Arm] = []
         first = variants[0][1].reference.pose
@@ -416,7 +418,7 @@ class _Layout:
             panels[self.sight] = self._marked(panels[self.sight], seen)
         plots, span = stacked(panels, end, "/events/**" if seen else "/status/**", lanes, self.sight)
         texts_share = 9 * min(270.0, TABLE + ROW * lanes) / HEIGHT
-        return page(self._pictures(seen, reached), TITLES, plots, texts_share=texts_share), span
+        return page(self.pictures(seen, reached), TITLES, plots, texts_share=texts_share), span
 
     def range_of_sight(self, seen: Sequence[Seen]) -> tuple[float, float] | None:
         """Return the range of the plot that is looked at, if one is."""
@@ -431,9 +433,10 @@ class _Layout:
         ]
         return replace(panel, curves=[*panel.curves, *marks])
 
-    def _pictures(
-        self, seen: Sequence[Seen] | None, reached: Sequence[NDArray[np.float64]]
+    def pictures(
+        self, seen: Sequence[Seen] | None = None, reached: Sequence[NDArray[np.float64]] = ()
     ) -> list[rrb.Spatial3DView]:
+        """Return the picture, and one of the hands at the instant to look at, as in `blueprint`."""
         points = np.vstack([*(scene.points for scene in self._scenes), *reached])
         frames = {f"{self._name}: {len(self._labels)} variants": points}
         marks = [(scene, one.mark) for scene, one in zip(self._scenes, seen or (), strict=False) if one.mark]

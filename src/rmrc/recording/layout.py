@@ -201,11 +201,23 @@ def page(
             plots,
             column_shares=[8, 12],
         ),
+        *_panels(),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def opening(picture: rrb.Spatial3DView) -> rrb.Blueprint:
+    """Return the layout that a page has while it loads the rest: the picture alone."""
+    return rrb.Blueprint(picture, *_panels(), auto_views=False, auto_layout=False)
+
+
+def _panels() -> tuple[rrb.BlueprintPanel, rrb.SelectionPanel, rrb.TimePanel]:
+    """Return the panels of the viewer, which are no part of the picture: closed, and it plays."""
+    return (
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="playing", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
     )
 
 

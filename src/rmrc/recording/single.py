@@ -42,6 +42,7 @@ from rmrc.recording.layout import (
     callout,
     legend,
     marks,
+    opening,
     packed,
     page,
     pictures,
@@ -87,7 +88,8 @@ class Recorder:
         """
         scene, scenario = Scene(prepared), prepared.scenario
         panels = Panels(prepared, baseline is not None)
-        self._out = Stream(path, scenario.name, lambda: _layout(scene, panels)[0])
+        first = opening(pictures(scene, prepared, [])[0])
+        self._out = Stream(path, scenario.name, first, lambda: _layout(scene, panels)[0])
         self.path, self.part_path = self._out.path, self._out.part_path
         self._ghost = None if baseline is None else _Ghost(self._out, baseline)
         self._story = _Story(self._out, prepared, self._ghost)

@@ -42,12 +42,15 @@ class Stream:
         part_path: Where it grows until then.
     """
 
-    def __init__(self, path: Path, name: str, layout: Callable[[], rrb.Blueprint]) -> None:
+    def __init__(
+        self, path: Path, name: str, opening: rrb.Blueprint, layout: Callable[[], rrb.Blueprint]
+    ) -> None:
         """Open the file.
 
         Args:
             path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
             name: Of the recording, as the viewer shows it.
+            opening: That a page has while it loads the rest.
             layout: That the viewer opens it with if it is never finished; written with block `PATIENT`.
 
         Raises:
@@ -66,7 +69,7 @@ class Stream:
             self.part_path.unlink(missing_ok=True)
             self._stream = rr.RecordingStream("rmrc", recording_id=f"{name}-{uuid4().hex[:8]}")
             self._stream.set_log_time_enabled(False)
-            self._stream.save(self.part_path)
+            self._stream.save(self.part_path, default_blueprint=opening)
         except (OSError, RuntimeError, ValueError) as error:
             raise _cannot_write(self.part_path, one_line(error)) from None
         self._open, self._flushes, self._is_laid_out, self._layout = True, 0, False, layout
