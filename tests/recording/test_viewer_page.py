@@ -237,5 +237,5 @@ def test_the_script_that_seeks_is_one_that_the_policy_knows(recording):
         (script,) = re.findall(r"<script>(.*)</script>", seeking.files["/"].decode(), re.DOTALL)
         digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
         assert f"'sha256-{digest}'" in seeking.policy
-        assert str(list(seek(2.5))) in script and f"{seeking.origin}/recording.rrd" in script
+        assert str(list(seek(2.5))) in script
         assert b"viewer_control" not in plain.files["/"]  # negative control

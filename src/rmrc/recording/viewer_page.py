@@ -46,16 +46,21 @@ FOREIGN_LINK = re.compile(r"<link\b[^>]*\bhref\s*=\s*[\"']?(?:https?:)?//[^>]*>"
 INLINE_SCRIPT = re.compile(r"<script\s*>(.*?)</script\s*>", re.IGNORECASE | re.DOTALL)
 
 
-# Stops the viewer's clock at a time, once the recording is there; its last layout has it play.
+# Has the viewer's clock stand still at a time until that holds for ten seconds, as each layout of the recording
+# sets it going again, or until somebody takes over.
 SEEK = """
 (async () => {
-  const request = new Uint8Array(%s);
-  const pause = (milliseconds) => new Promise((done) => setTimeout(done, milliseconds));
-  const is_there = () => performance.getEntriesByName("%s").some((one) => one.responseEnd > 0);
-  while (!window._handle || !is_there()) await pause(50);
-  for (let tries = 0, done = 0; tries < 600 && done < 4; tries++) {
-    await pause(done ? 500 : 50);
-    try { await window._handle.viewer_control(request); done++; } catch (error) { /* not loaded yet */ }
+  const request = new Uint8Array(%s), time = "%s", taken = {by: null};
+  for (const kind of ["pointerdown", "keydown", "wheel"])
+    addEventListener(kind, (event) => { taken.by = event; }, {capture: true});
+  for (let calm = 0; calm < 40 && !taken.by; ) {
+    await new Promise((done) => setTimeout(done, 250));
+    if (!window._handle) continue;
+    try {
+      const is_there = Array.from(window._handle.viewer_state()).join().includes(time);
+      calm = is_there ? calm + 1 : 0;
+      if (!is_there) await window._handle.viewer_control(request);
+    } catch (error) { /* nothing is loaded yet */ }
   }
 })();
 """
@@ -124,7 +129,8 @@ class PageServer(ThreadingHTTPServer):
         super().__init__((LOOPBACK, port), _Answer)
         page = without_foreign_links(files["/"].decode())
         if at is not None:
-            script = SEEK % (list(seek(at)), self.origin + RECORDING)
+            request = seek(at)
+            script = SEEK % (list(request), ",".join(map(str, request[16:-2])))
             page = page.replace("</body>", f"<script>{script}</script></body>")
         self.files = {**files, "/": page.encode()}
         self.policy = policy(page)
