@@ -46,8 +46,8 @@ FOREIGN_LINK = re.compile(r"<link\b[^>]*\bhref\s*=\s*[\"']?(?:https?:)?//[^>]*>"
 INLINE_SCRIPT = re.compile(r"<script\s*>(.*?)</script\s*>", re.IGNORECASE | re.DOTALL)
 
 
-# Has the viewer's clock stand still at a time until that holds for ten seconds, as each layout of the recording
-# sets it going again, or until somebody takes over.
+# Has the viewer's clock stand still at a time until that holds for ten seconds, or until somebody takes over:
+# each layout of the recording sets it going again.
 SEEK = """
 (async () => {
   const request = new Uint8Array(%s), time = "%s", taken = {by: null};
