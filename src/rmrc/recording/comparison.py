@@ -502,7 +502,11 @@ class _Layout:
             return Panel(title, curves, is_key=True)
         peak = self._largest(seen, "fastest", "fastest_cmd")
         usual = min((one.mostly("fastest_cmd") for one in seen), default=0.0)
-        shown = clipped(peak, max(limits, default=0.0), usual)
+        known = [
+            one.law.rate_limit[np.isfinite(one.law.rate_limit)].max(initial=0.0) for one in self._prepared
+        ]
+        shown = clipped(peak, float(max(known)), usual)
+        shown = shown if limits else min(shown, peak)  # no line of a limit is to be seen
         if peak > shown:
             title += f"; peak {spell(peak)} ↑"
         return Panel(title, curves, (0.0, rounded(shown, self._steps("rates"))), is_key=True)
