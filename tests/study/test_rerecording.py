@@ -87,6 +87,7 @@ def test_without_what_is_needed_it_is_one_line(left, tmp_path):
     assert not (tmp_path / "new.rrd").exists()
 
 
+@pytest.mark.long
 def test_the_verb_serves_columns_without_a_recording_and_leaves_nothing(left, tmp_path):
     for name in ("quick.npz", "quick.json"):
         shutil.copy(left / name, tmp_path)
