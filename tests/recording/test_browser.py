@@ -23,7 +23,7 @@ import pytest
 from processes import descendants, started, wait_for
 from project import ROOT
 from rmrc.recording.viewer import _page_files
-from rmrc.recording.viewer_page import PageServer
+from rmrc.recording.viewer_page import PageServer, seek
 from rmrc.recording.viewer_process import Events
 
 pytestmark = pytest.mark.browser
@@ -134,9 +134,9 @@ def hosts_of_network(netlog):
 
 
 @contextmanager
-def replayed(path):
+def replayed(path, *options):
     """Yield the address that `replay --web` of a recording prints."""
-    command = [sys.executable, "-m", "rmrc", "replay", "--web", str(path)]
+    command = [sys.executable, "-m", "rmrc", "replay", "--web", *options, str(path)]
     with started(command, stdout=subprocess.PIPE, text=True) as process:
         yield process.stdout.readline().strip()
         process.send_signal(signal.SIGTERM)
@@ -216,6 +216,21 @@ def test_the_recording_shows(looks, which):
 def test_what_shows_is_the_recording(looks):
     run, comparison = (one.picture for one in looks[0])
     assert (np.abs(run - comparison).max(axis=2) > 0.1).mean() > 0.02
+
+
+def test_a_page_stands_still_at_the_time_that_it_is_told(recordings, tmp_path):
+    """The state of the viewer, of its protocol, has the nanoseconds as `seek` has them, and so it stays."""
+    states = []
+
+    def read(page):
+        for _ in range(2):
+            page.wait_for_timeout(3000)
+            states.append(bytes(page.evaluate("Array.from(_handle.viewer_state())")))
+
+    with chromium(tmp_path / "net.json") as browser, replayed(recordings[0], "--at", "1.25") as url:
+        look(browser, url, lambda look: look.shows_a_recording, 0.0, read)
+    time = seek(1.25)[16:-2]
+    assert len(time) > 4 and all(time in state for state in states)
 
 
 @pytest.mark.long

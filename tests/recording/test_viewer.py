@@ -2,6 +2,7 @@ import contextlib
 import http.client
 import os
 import re
+import resource
 import signal
 import socket
 import subprocess
@@ -179,8 +180,8 @@ def test_a_folder_stands_for_its_newest_recording_and_columns_for_the_one_beside
     (tmp_path / "new.npz").touch()
     assert recording_of(tmp_path / "new.npz") == tmp_path / "new.rrd"
     assert recording_of(tmp_path / "none.rrd") == tmp_path / "none.rrd"
-    (tmp_path / "alone.npz").touch()
-    assert message(tmp_path / "alone.npz") == says(f"{tmp_path}/alone.npz: alone.rrd is not beside it; …")
+    (tmp_path / "alone.npz").touch()  # its recording is made anew, which is the verb's
+    assert recording_of(tmp_path / "alone.npz") == tmp_path / "alone.npz"
     (tmp_path / "empty").mkdir()
     assert message(tmp_path / "empty") == says(f"{tmp_path}/empty: has no recordings; …")
 
@@ -213,7 +214,20 @@ def test_a_port_that_is_taken_is_one_line(recording):
     assert str(caught.value) == says(f"--port {port}: …; give another, or none …")
 
 
-def test_a_page_cannot_be_told_where_to_begin(recording):
-    with pytest.raises(ViewerError) as caught:
-        replay(recording, web=True, at=2.5)
-    assert str(caught.value) == says("--at 2.5: is for a window; …")
+@pytest.mark.parametrize("share", [0.001, 0.02, 0.3, 0.9, 0.9999])
+def test_a_recording_cut_anywhere_is_repaired_or_told_in_a_line_within_five_seconds(
+    recording, tmp_path, share
+):
+    """Of processor time, which other programs do not lengthen."""
+    torn, whole = tmp_path / "torn.rrd", tmp_path / "whole.rrd"
+    content = recording.read_bytes()
+    torn.write_bytes(content[: max(4, int(share * len(content)))])
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert is_torn(torn)
+    try:
+        repair(torn, whole)
+        assert whole.stat().st_size > 0
+    except ViewerError as error:
+        assert str(error) == says(f"{torn}: cannot be repaired: …")  # noqa: PT017 - either is right
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    assert after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime < 5.0

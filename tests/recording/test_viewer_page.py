@@ -1,5 +1,7 @@
 """What the server of the viewer's page gives, and to whom. Whether browsers heed it is in test_browser.py."""
 
+import base64
+import hashlib
 import http.client
 import re
 import socket
@@ -7,7 +9,7 @@ import threading
 
 import pytest
 
-from rmrc.recording.viewer_page import PageServer, policy, without_foreign_links
+from rmrc.recording.viewer_page import PageServer, policy, seek, without_foreign_links
 
 SCRIPT = "alert('Hello, world.');"
 # The digest of SCRIPT as the specification has it: https://www.w3.org/TR/CSP3/#framework-directive-source-list
@@ -206,3 +208,34 @@ def test_other_links_stay():
     page = '<link rel="icon" href="favicon.ico"><a href="https://fonts.example">x</a><link href="/a.css">'
     assert without_foreign_links(page) == page
     assert not re.search("https", without_foreign_links(PAGE))
+
+
+# Where the clock of the page stands -----------------------------------------------------------------
+
+
+def test_the_request_is_the_one_that_rerun_sends():
+    """Bytes of `ViewerClient.set_time("sim_time", duration=2.5, play_state="paused")` of rerun 0.41, on the wire."""
+    assert seek(2.5).hex() == "3216120a0a0873696d5f74696d651a060880f28ba8092801"
+
+
+@pytest.mark.parametrize("at", [0.0, 1e-9, 0.127e-6, 0.128e-6, 3.07, 1e9])
+def test_its_time_reads_back(at):
+    """A varint: seven bits a byte, the lowest first, and all but the last marked."""
+    assert seek(at)[14] == 0x1A  # behind the timeline
+    digits = seek(at)[17 : 16 + seek(at)[15]]
+    assert sum((digit & 127) << 7 * i for i, digit in enumerate(digits)) == round(at * 1e9)
+    assert all(digit & 128 for digit in digits[:-1]) and not digits[-1] & 128
+    assert len(seek(at)) == 2 + seek(at)[1]
+
+
+def test_the_script_that_seeks_is_one_that_the_policy_knows(recording):
+    page = b"<html><body><canvas id=the_canvas_id></canvas></body></html>"
+    with (
+        PageServer({**FILES, "/": page}, recording, at=2.5) as seeking,
+        PageServer(FILES, recording) as plain,
+    ):
+        (script,) = re.findall(r"<script>(.*)</script>", seeking.files["/"].decode(), re.DOTALL)
+        digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+        assert f"'sha256-{digest}'" in seeking.policy
+        assert str(list(seek(2.5))) in script
+        assert b"viewer_control" not in plain.files["/"]  # negative control

@@ -3,6 +3,7 @@
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -170,7 +171,7 @@ def replay(
     recording: Annotated[
         Path,
         typer.Argument(
-            help="A recording that `run` left, NAME.npz beside it, or a folder, whose newest is shown.",
+            help="A recording that `run` left, or its NAME.npz, or a folder, whose newest is shown.",
             callback=lambda path: path if _stands_for_one(path) else expect(path, RECORDING),
         ),
     ],
@@ -179,7 +180,7 @@ def replay(
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Where the cursor of a window begins, at rest; default: it plays.",
+            help="Where the cursor begins, at rest; default: it plays.",
             show_default=False,
             callback=lambda one: None if one is None else within("--at", 0.0, 1e9)(one),
         ),
@@ -194,7 +195,15 @@ def replay(
     """Open a recording in the rerun viewer, on this machine only and without telemetry."""
     from rmrc.recording import viewer
 
-    raise typer.Exit(viewer.replay(recording, web, at, port))
+    shown = viewer.recording_of(recording)
+    if shown.suffix != ".npz" or not shown.is_file():
+        raise typer.Exit(viewer.replay(shown, web, at, port))
+    from rmrc.study.rerecording import rerecord  # with mujoco
+
+    with TemporaryDirectory(prefix="rmrc-") as folder:
+        made = Path(folder) / f"{shown.stem}.rrd"
+        rerecord(shown, made)
+        raise typer.Exit(viewer.replay(made, web, at, port, shown))
 
 
 def _stands_for_one(path: Path) -> bool:

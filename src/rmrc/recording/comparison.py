@@ -11,6 +11,8 @@ Entities; `<variant>` is the label of a variant, and what stands below it is as 
     variants/<variant>/believed/<body>  the same, pale, where the law takes the arm to be, if elsewhere
     limits                              the limit of the rates, if all joints of all variants have the same
     status/<variant>                    one lane each, only where it changes
+    events/<variant>                    the same when the runs are over, with room for the label of each
+    variants/<variant>/look, tip/look   what the scenario asks to look at: its value then, and the tip
     target/path                         the target path of the first variant
     text/..                             legend, table, times of the limits, scenario
 """
@@ -29,29 +31,53 @@ from rmrc.arm import Shape
 from rmrc.recording import stream
 from rmrc.recording.events import Strip, color, words
 from rmrc.recording.layout import (
+    ASPECT_COMPARED,
     PALE_ARM,
     backdrop,
+    callout,
     eye,
     grid,
+    opening,
     packed,
     page,
     path_line,
     until_now,
 )
-from rmrc.recording.panels import stacked
-from rmrc.recording.plots import Curve, Panel, Seen, clipped, decades, logarithm, rounded, spell
+from rmrc.recording.panels import ALONE, OF_THE_ARM, heights, stacked
+from rmrc.recording.plots import (
+    HEIGHT,
+    NUMBER,
+    Curve,
+    Mark,
+    Panel,
+    Seen,
+    Span,
+    clipped,
+    decades,
+    logarithm,
+    rounded,
+    spell,
+)
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Values
 from rmrc.recording.track import Track, prefix_of
 from rmrc.results.run import Run
-from rmrc.scenario.choices import IN_RUNS
+from rmrc.scenario.choices import IN_RUNS, POLICIES
 from rmrc.show.palette import GRAY, RED, WHITE, distinct, mix
 from rmrc.simulation.prepare import Prepared
 
-# The first variant is solid. The others are outlines around it, each so much thicker than the one before, or
-# ghosts where they are meshes, which have no outlines.
-THICKER = 0.18
+# The first variant is solid. The others are outlines around what moves of it, each so much thicker than the
+# one before, the last one at most by half, or ghosts where they are meshes, which have no outlines.
+THICKER, THICKEST = 0.18, 0.5
 GHOST = 0.3
+
+# The plot of a quantity to look at, if it has another name.
+SIGHTS = {"error": "position", "path": "position", "status": "rates"}
+# The curve of a plot, if it has another name.
+CURVES = {"rates": "fastest_cmd", "sigma": "log_sigma_min"}
+
+# Height of the table below the picture, and of each of its rows [points].
+TABLE, ROW = 105.0, 24.0
 
 # Trails that coincide are drawn above each other, so far apart as a share of the reach: less than a pixel.
 LIFT = 3e-4
@@ -100,7 +126,8 @@ class Overlay:
         labels = [label for label, _ in variants]
         scenes = [Scene(prepared) for _, prepared in variants]
         self._layout = _Layout(name, labels, [one for _, one in variants], scenes)
-        self._out = Stream(path, name, self._layout.blueprint())
+        opened = opening(self._layout.pictures()[0])
+        self._out = Stream(path, name, opened, lambda: self._layout.blueprint()[0])
         self.path, self.part_path = self._out.path, self._out.part_path
         self._arms: list[_Arm] = []
         first = variants[0][1].reference.pose
@@ -155,8 +182,13 @@ class Overlay:
             self._out.send("limits", stream.index(np.array([0, self._arms[0].tick_at(end)]), times), [lines])
         self._out.log_text("text/table", table_markdown)
         self._out.log_text("text/limits", _times([(arm.label, arm.strip) for arm in self._arms], end))
-        self._out.lay_out(self._layout.blueprint([arm.seen for arm in self._arms],
-                                                 [arm.reached for arm in self._arms]))  # fmt: skip
+        layout, span = self._layout.blueprint(
+            [arm.seen for arm in self._arms], [arm.reached for arm in self._arms]
+        )
+        range_ = self._layout.range_of_sight([arm.seen for arm in self._arms])
+        for i, arm in enumerate(self._arms):
+            arm.write_ending(span, range_, is_first=i == 0)
+        self._out.lay_out(layout)
         self._out.finish()
 
 
@@ -187,7 +219,7 @@ def _look(i: int, drawn: int, count: int) -> _Look:
     return _Look(
         color=distinct(count)[i],
         is_solid=i == 0,
-        thickness=1.0 + THICKER * i,
+        thickness=1.0 + i * min(THICKER, THICKEST / max(1, count - 1)),
         lift=LIFT * i,
         width=WIDEST - (WIDEST - NARROWEST) * drawn / max(1, count - 1),
     )
@@ -247,11 +279,62 @@ class _Arm(Track):
         for name, rows in (("position", self.translations), ("rotation", self.rotations)):
             if rows:
                 found[name] = 1e3 * np.linalg.norm(part["pose_error"][:, rows], axis=1)
+        if POLICIES[self._prepared.scenario.control.at_singularity].slows:
+            found["pace"] = part["path_rate"]
         self.seen.add(part["time"], found | {"sigma": part["sigma"][:, -1], "1/sigma": _inverse(part)})
+        self._look_at(part, found)
         return {name: values[:, None] for name, values in found.items()}
 
-    def _painted(self, shape: Shape) -> Shape:
-        """Return a geometry in the color of the variant; light and dark ones stay apart."""
+    def _look_at(self, part: Run, found: dict[str, NDArray[np.float64]]) -> None:
+        """Keep the instant to look at, if it is in a block: the one that is asked for, or the worst one."""
+        look = self._prepared.scenario.look
+        if look is None:
+            return
+        sight = SIGHTS.get(look.quantity, look.quantity)
+        sight = "rotation" if sight == "position" and sight not in found else sight
+        values = np.abs(part["q"]).max(axis=1) if sight == "joints" else found.get(CURVES.get(sight, sight))
+        if values is None:
+            return
+        worth = {
+            "sigma": -values, "pace": -values, "status": (part["status"] != 0).astype(float)
+        }.get(look.quantity, values) if look.at is None else -np.abs(part["time"] - look.at)  # fmt: skip
+        row = int(np.nan_to_num(worth, nan=-np.inf).argmax())
+        if self.seen.mark is None or worth[row] > self.seen.mark.worth:
+            self.seen.mark = Mark.of(part, row, values[:, None], float(worth[row]))
+
+    def write_ending(self, span: Span, range_: tuple[float, float] | None, *, is_first: bool) -> None:
+        """Write what is known when the run is over: its events in words, and what there is to look at.
+
+        Args:
+            span: Of the plots.
+            range_: Of the plot that is looked at; None: none is.
+            is_first: Whether it is the variant that says when.
+        """
+        labels = self.strip.labels(self.seen.end, span.letters)
+        if labels:
+            colors, lane = {one.text: one.color for one in labels}, self._lane.replace("status", "events", 1)
+            self.out.log(lane, rr.StateConfiguration(values=list(colors), colors=packed([*colors.values()])))
+            self.out.send(lane, self._at([one.time for one in labels]),
+                          rr.StateChange.columns(state=[one.text for one in labels]))  # fmt: skip
+        mark = self.seen.mark
+        if mark is not None:
+            if range_ is not None:
+                value = Values(stream.short("look"), np.clip(mark.values, *range_)[None])
+                self.send("look", self._at([mark.time]), value)
+            tip, text = mark.instant["pose"][0, :3], mark.text if is_first else ""
+            for rest, what in callout(tip, text, self.scene, self._look.color).items():
+                self._log(f"tip/look{rest}", what)
+
+    def _at(self, times: Sequence[float]) -> list[rr.TimeColumn]:
+        return stream.index(np.array([self.tick_at(one) for one in times]), np.array(times))
+
+    def _painted(self, shape: Shape) -> Shape | None:
+        """Return a geometry in the color of the variant, or none of what stands still under the first one.
+
+        Light and dark ones stay apart.
+        """
+        if not self._look.is_solid and self.scene.is_fixed[shape.body]:
+            return None
         light = float(np.dot(shape.rgba[:3], [0.3, 0.59, 0.11]))
         tint = mix(self._look.color, WHITE if light > 0.5 else 0x000000FF, 0.6 * abs(light - 0.5))
         channels = [(tint >> shift & 255) / 255.0 for shift in (24, 16, 8)]
@@ -306,6 +389,14 @@ class _Layout:
         loaded = [one.arm.torque_limit for one in prepared if one.plant.has_physics]
         self._has_torque = bool(loaded)
         self.is_share = bool(loaded) and all(np.isfinite(limit).all() for limit in loaded)
+        look = prepared[0].scenario.look
+        self._is_of_hand = look is not None and look.quantity not in OF_THE_ARM
+        found = self._panels(None)
+        wanted = SIGHTS.get(look.quantity, look.quantity) if look else ""
+        wanted = "rotation" if wanted == "position" and wanted not in found else wanted
+        self.sight = wanted if wanted in found else ""
+        is_tab = self.sight not in ("", *ALONE, "pace")
+        self._heights = heights("pace" in found, is_tab, len(found["rates"].least), lanes=len(labels))
 
     def levels(self) -> list[float]:
         """Return the limit of all rates, if there is only one."""
@@ -314,36 +405,61 @@ class _Layout:
 
     def blueprint(
         self, seen: Sequence[Seen] | None = None, reached: Sequence[NDArray[np.float64]] = ()
-    ) -> rrb.Blueprint:
-        """Return the layout.
+    ) -> tuple[rrb.Blueprint, Span]:
+        """Return the layout, and the time of its plots.
 
         Args:
             seen: What the runs show, once they are over.
             reached: Points that they reach, (p, 3) each [m].
         """
         end = max([self.duration, *(one.end for one in seen or ())])
-        panels = self._panels(seen)
-        look = self._prepared[0].scenario.look
-        first = {"error": "position", "path": "position"}.get(look.quantity, look.quantity) if look else ""
-        plots = stacked(panels, end, "/status/**", len(self._labels), first)
-        return page(self._picture(reached), TITLES, plots)
+        panels, lanes = self._panels(seen), len(self._labels)
+        if seen and self.sight in panels:
+            panels[self.sight] = self._marked(panels[self.sight], seen)
+        plots, span = stacked(panels, end, "/events/**" if seen else "/status/**", lanes, self.sight)
+        texts_share = 9 * min(270.0, TABLE + ROW * lanes) / HEIGHT
+        return page(self.pictures(seen, reached), TITLES, plots, texts_share=texts_share), span
 
-    def _picture(self, reached: Sequence[NDArray[np.float64]]) -> rrb.Spatial3DView:
+    def range_of_sight(self, seen: Sequence[Seen]) -> tuple[float, float] | None:
+        """Return the range of the plot that is looked at, if one is."""
+        return self._panels(seen)[self.sight].range if self.sight else None
+
+    def _marked(self, panel: Panel, seen: Sequence[Seen]) -> Panel:
+        """Return the plot that is looked at, with the mark of each variant in it."""
+        marks = [
+            Curve(f"{prefix}look", "look", ["look"], [color], 7.0, "diamond")
+            for prefix, color, one in zip(self._prefixes, self._colors, seen, strict=True)
+            if one.mark is not None
+        ]
+        return replace(panel, curves=[*panel.curves, *marks])
+
+    def pictures(
+        self, seen: Sequence[Seen] | None = None, reached: Sequence[NDArray[np.float64]] = ()
+    ) -> list[rrb.Spatial3DView]:
+        """Return the picture, and one of the hands at the instant to look at, as in `blueprint`."""
         points = np.vstack([*(scene.points for scene in self._scenes), *reached])
+        frames = {f"{self._name}: {len(self._labels)} variants": points}
+        marks = [(scene, one.mark) for scene, one in zip(self._scenes, seen or (), strict=False) if one.mark]
+        if marks and self._is_of_hand:
+            frames[marks[0][1].text] = np.vstack([scene.around(mark.instant) for scene, mark in marks])
         normals = {scene.normal for scene in self._scenes}
+        normal = normals.pop() if len(normals) == 1 else None
         every = list(zip(self._prefixes, self._prepared, strict=True))
-        return rrb.Spatial3DView(
-            name=f"{self._name}: {len(self._labels)} variants",
-            contents=[
-                "/target/**",
-                *(f"/{prefix}{entity}" for prefix, _ in every for entity in ("arm/**", "tip/**", "path")),
-                *(f"/{prefix}believed/**" for prefix, one in every if one.hardware.is_misled),
-            ],
-            overrides={f"{prefix}tip/trail": until_now() for prefix in self._prefixes},
-            eye_controls=eye(points, normals.pop() if len(normals) == 1 else None),
-            line_grid=grid(points),
-            background=backdrop(),
-        )
+        return [
+            rrb.Spatial3DView(
+                name=name,
+                contents=[
+                    "/target/**",
+                    *(f"/{prefix}{entity}" for prefix, _ in every for entity in ("arm/**", "tip/**", "path")),
+                    *(f"/{prefix}believed/**" for prefix, one in every if one.hardware.is_misled),
+                ],
+                overrides={f"{prefix}tip/trail": until_now() for prefix in self._prefixes},
+                eye_controls=eye(framed, normal, ASPECT_COMPARED),
+                line_grid=grid(points),
+                background=backdrop(),
+            )
+            for name, framed in frames.items()
+        ]
 
     def _panels(self, seen: Sequence[Seen] | None) -> dict[str, Panel]:
         slides = {bool(slide) for one in self._prepared for slide in one.arm.is_slide}
@@ -362,12 +478,19 @@ class _Layout:
              any(one.hardware.moves_q for one in self._prepared)),
         ):  # fmt: skip
             if has_it:
-                size = self._largest(seen, name)
-                found[name] = Panel(title, self._curves(name), (0.0, rounded(size)) if seen else None)
+                range_ = (0.0, rounded(self._largest(seen, name), self._steps("tabs"))) if seen else None
+                found[name] = Panel(title, self._curves(name), range_)
         least = 1.0 / self._largest(seen, "1/sigma") if seen else 1.0
         found["damping"] = Panel("Damping λ, as log₁₀", self._curves("log_damping"),
                                  decades(least, 1.0) if seen else None)  # fmt: skip
+        if any(POLICIES[one.scenario.control.at_singularity].slows for one in self._prepared):
+            title = "Pace ṡ along the path [1 = as planned]"
+            found["pace"] = Panel(title, self._curves("pace"), (0.0, 2.05) if seen else None)
         return found
+
+    def _steps(self, name: str) -> float:
+        """Return for how many numbers a plot has room."""
+        return self._heights[name] / NUMBER
 
     def _rates(self, unit: str, seen: Sequence[Seen] | None) -> Panel:
         curves = [*self._curves("fastest"), *self._curves("fastest_cmd", is_thin=True)]
@@ -376,15 +499,17 @@ class _Layout:
             curves.append(Curve("limits", "rate", ["limit"], [GRAY], 1.0))
         title = f"Fastest joint [{unit}], commanded thin"
         if seen is None:
-            return Panel(title, curves)
+            return Panel(title, curves, is_key=True)
         peak = self._largest(seen, "fastest", "fastest_cmd")
         usual = min((one.mostly("fastest_cmd") for one in seen), default=0.0)
-        known = [float(one.law.rate_limit[np.isfinite(one.law.rate_limit)].max(initial=0.0))
-                 for one in self._prepared]  # fmt: skip
-        shown = clipped(peak, max(known), usual)
+        known = [
+            one.law.rate_limit[np.isfinite(one.law.rate_limit)].max(initial=0.0) for one in self._prepared
+        ]
+        shown = clipped(peak, float(max(known)), usual)
+        shown = shown if limits else min(shown, peak)  # no line of a limit is to be seen
         if peak > shown:
             title += f"; peak {spell(peak)} ↑"
-        return Panel(title, curves, (0.0, rounded(shown, 8.0)))
+        return Panel(title, curves, (0.0, rounded(shown, self._steps("rates"))), is_key=True)
 
     def _sigma(self, seen: Sequence[Seen] | None) -> Panel:
         range_ = None
@@ -401,6 +526,7 @@ class _Layout:
         ):
             hardware = one.hardware
             lacks = (name == "waiting" and hardware.is_direct) or (name == "belief" and not hardware.moves_q)
+            lacks |= name == "pace" and not POLICIES[one.scenario.control.at_singularity].slows
             axes = set(one.scenario.task.axes)
             lacks |= name == "position" and not axes & {"x", "y", "z"}
             lacks |= name == "rotation" and not axes & {"rx", "ry", "rz"}

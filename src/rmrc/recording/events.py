@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from rmrc.scenario.choices import Status
 from rmrc.show.palette import RED, SLATE, TEAL
 
-# Letters that the strip has room for in a window of 1280 points.
-LETTERS = 80
+# Letters that the strip has room for in a window of 1280 points, if nothing else is known.
+LETTERS = 80.0
 GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
 FREE = "free"
 
@@ -79,52 +79,59 @@ class Strip:
         ends = [*(time for time, _ in self._changes[1:]), end]
         return [(begin, until, one) for (begin, one), until in zip(self._changes, ends, strict=False)]
 
-    def labels(self, end: float) -> list[Label]:
+    def labels(self, end: float, letters: float = LETTERS) -> list[Label]:
         """Return the labels of the whole strip.
 
         States too short for a label share one, which names the gravest of them and says how long it lasts.
 
         Args:
             end: Of the run [s].
+            letters: That the strip has room for.
         """
         found, spans, i, begin = list[Label](), self._spans(end), 0, 0.0
         while i < len(spans):
             begin, (_, until, one) = max(begin, spans[i][0]), spans[i]
-            if until - begin >= room(words(one)) * end or len(spans) == 1:
+            if until - begin >= room(words(one), letters) * end or len(spans) == 1:
                 found.append(Label(begin, words(one), color(one)))
                 i += 1
                 continue
             # From here to where a label ends: all that is under it, and the rest of the last one after it.
             last = i
-            while last + 1 < len(spans) and not _fits(spans[i : last + 1], begin, end):
+            while last + 1 < len(spans) and not _fits(spans[i : last + 1], begin, end, letters):
                 last += 1
             since, until, after = spans[last]
             stop, need = begin, max(begin, since)
             while stop < min(need, until):  # what the label says depends on where it ends
                 stop = min(need, until)
-                need = begin + room(_shared(spans[i : last + 1], begin, stop).text) * end
-            goes_on = last > i and until - stop >= room(words(after)) * end
+                need = begin + room(_shared(spans[i : last + 1], begin, stop).text, letters) * end
+            goes_on = last > i and until - stop >= room(words(after), letters) * end
             found.append(_shared(spans[i : last + 1], begin, stop if goes_on else until))
             i, begin = (last, stop) if goes_on else (last + 1, begin)
-        return _with_room_at_the_end(found, end) + self._last
+        return _with_room_at_the_end(found, end, letters) + self._last
 
 
-def room(text: str) -> float:
+def room(text: str, letters: float = LETTERS) -> float:
     """Return the share of the strip that a label needs."""
-    return (len(text) + 2) / LETTERS
+    return (len(text) + 2) / letters
 
 
-def _fits(spans: Sequence[tuple[float, float, int]], begin: float, end: float) -> bool:
+def _fits(spans: Sequence[tuple[float, float, int]], begin: float, end: float, letters: float) -> bool:
     """Say whether the label of some states has the room for it until the last of them ends."""
     until = spans[-1][1]
-    return until - begin >= room(_shared(spans, begin, until).text) * end
+    return until - begin >= room(_shared(spans, begin, until).text, letters) * end
 
 
-def _with_room_at_the_end(labels: list[Label], end: float) -> list[Label]:
-    """Begin the last label earlier if it lacks room, where the one before has more than it needs."""
+def _with_room_at_the_end(labels: list[Label], end: float, letters: float) -> list[Label]:
+    """Begin the last label earlier if it lacks room, where the one before has more than it needs.
+
+    Where that does not do, it says less: what is gravest comes last.
+    """
     if len(labels) > 1:
         before, last = labels[-2:]
-        earlier = max(before.time + room(before.text) * end, end - room(last.text) * end)
+        earliest = before.time + room(before.text, letters) * end
+        while ", " in last.text and earliest + room(last.text, letters) * end > end:
+            last = last._replace(text=last.text.partition(", ")[2])
+        earlier = max(earliest, end - room(last.text, letters) * end)
         labels[-1] = last._replace(time=min(last.time, earlier))
     return labels
 

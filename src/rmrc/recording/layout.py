@@ -16,12 +16,16 @@ from rmrc.show.palette import GREEN, RED, WHITE, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import rotate
 
-# The viewer's vertical angle of view, and width over height of the picture in our layout.
+# The viewer's vertical angle of view, and width over height of the picture, in windows of 1280 × 720 and of
+# 1600 × 1000 points, at least, less a margin: of a run, and of a comparison, whose texts may take less room.
 VIEW_ANGLE = np.radians(55.0)
-VIEW_ASPECT = 1.05
+VIEW_ASPECT, ASPECT_COMPARED = 0.97, 0.88
 
 # Positions in the static line of the target path.
-PATH_POINTS = 2000
+PATH_POINTS = 600
+
+# How far from the tip its label is, as a part of the reach.
+CALLOUT = 0.25
 
 # How opaque the arm is that the law takes for the true one.
 PALE = 0.3
@@ -112,26 +116,56 @@ def ghost(shape: Shape) -> Shape:
     return replace(shape, rgba=np.array([*shape.rgba[:3], PALE * shape.rgba[3]]))
 
 
-def picture_view(
-    scene: Scene, prepared: Prepared, seen: Sequence[NDArray[np.float64]], more: Sequence[str] = ()
-) -> rrb.Spatial3DView:
-    """Return the picture, from where all that is seen is in the frame.
+def pictures(
+    scene: Scene,
+    prepared: Prepared,
+    seen: Sequence[NDArray[np.float64]],
+    look: tuple[str, NDArray[np.float64]] | None = None,
+    more: Sequence[str] = (),
+) -> list[rrb.Spatial3DView]:
+    """Return the picture, from where all that is seen is in the frame, and one of an instant to look at.
 
     Args:
         scene: The arm and its path.
         prepared: The world.
         seen: Points that the run reaches, (p, 3) each [m].
+        look: What the second one is called, and the points that it has in its frame, (p, 3) [m].
         more: What else is shown.
     """
     points = np.vstack([scene.points, *seen])
-    return rrb.Spatial3DView(
-        name=f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}",
-        contents=["/arm/**", *["/believed/**"] * prepared.hardware.is_misled, "/target/**", "/tip/**", *more],
-        overrides={f"{begin}tip/trail": until_now() for begin in ("", *(["baseline/"] if more else []))},
-        eye_controls=eye(points, scene.normal),
-        line_grid=grid(points),
-        background=backdrop(),
-    )
+    frames = {f"{prepared.scenario.name}: {prepared.scenario.control.inverse.method}": points}
+    frames |= dict([look]) if look else {}
+    return [
+        rrb.Spatial3DView(
+            name=name,
+            contents=[
+                *("/arm/**", "/target/**", "/tip/**"),
+                *(["/believed/**"] * prepared.hardware.is_misled),
+                *more,
+            ],
+            overrides={f"{begin}tip/trail": until_now() for begin in ("", *(["baseline/"] if more else []))},
+            eye_controls=eye(framed, scene.normal),
+            line_grid=grid(points),
+            background=backdrop(),
+        )
+        for name, framed in frames.items()
+    ]
+
+
+def callout(
+    tip: NDArray[np.float64], text: str, scene: Scene, color: int = WHITE
+) -> dict[str, rr.AsComponents]:
+    """Return a ball where the tip is, (3,), and a line from it to a text, which covers nothing of the hand.
+
+    By what their entities end with; without a text, the ball alone.
+    """
+    ball, thin = 0.01 * scene.reach, 0.0015 * scene.reach
+    end = tip - CALLOUT * scene.reach * screen(scene.normal)[1]
+    found: dict[str, rr.AsComponents] = {"": rr.Points3D([tip], colors=color, radii=ball)}
+    if text:
+        found["/line"] = rr.LineStrips3D([[tip, end]], colors=color, radii=thin)
+        found["/text"] = rr.Points3D([end], colors=color, radii=thin, labels=[text], show_labels=True)
+    return found
 
 
 def backdrop() -> rrb.Background:
@@ -140,17 +174,22 @@ def backdrop() -> rrb.Background:
 
 
 def page(
-    picture: rrb.Spatial3DView, titles: dict[str, str], plots: rrb.Vertical, now: str = ""
+    pictures: Sequence[rrb.Spatial3DView],
+    titles: dict[str, str],
+    plots: rrb.Vertical,
+    now: str = "",
+    texts_share: float = 2.1,
 ) -> rrb.Blueprint:
     """Return a layout: the picture with its texts at the left, the plots at the right, and no panels.
 
     Args:
-        picture: The 3-D view.
+        pictures: The 3-D view, and perhaps one of the instant to look at, in a tab behind it.
         titles: Of the texts, by the name of their entity.
         plots: Below each other.
         now: Entity of the line of numbers, if there is one.
+        texts_share: Of the height, where all has 10.
     """
-    left: list[rrb.View | rrb.Container] = [picture]
+    left: list[rrb.View | rrb.Container] = [rrb.Tabs(*pictures) if len(pictures) > 1 else pictures[0]]
     if now:
         left.append(rrb.TextDocumentView(origin=now, name="Now", titlebar=False))
     texts = rrb.Tabs(
@@ -158,15 +197,27 @@ def page(
     )
     return rrb.Blueprint(
         rrb.Horizontal(
-            rrb.Vertical(*left, texts, row_shares=[7, *[1.15] * bool(now), 2.1]),
+            rrb.Vertical(*left, texts, row_shares=[9 - texts_share, *[1.15] * bool(now), texts_share]),
             plots,
-            column_shares=[9, 11],
+            column_shares=[8, 12],
         ),
+        *_panels(),
+        auto_views=False,
+        auto_layout=False,
+    )
+
+
+def opening(picture: rrb.Spatial3DView) -> rrb.Blueprint:
+    """Return the layout that a page has while it loads the rest: the picture alone."""
+    return rrb.Blueprint(picture, *_panels(), auto_views=False, auto_layout=False)
+
+
+def _panels() -> tuple[rrb.BlueprintPanel, rrb.SelectionPanel, rrb.TimePanel]:
+    """Return the panels of the viewer, which are no part of the picture: closed, and it plays."""
+    return (
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="playing", loop_mode="all"),
-        auto_views=False,
-        auto_layout=False,
     )
 
 
@@ -183,21 +234,29 @@ def until_now() -> rrb.VisibleTimeRanges:
     )
 
 
-def eye(points: NDArray[np.float64], normal: int | None) -> rrb.EyeControls3D:
-    """Look at all points (p, 3): a planar arm from almost along its normal axis, others aslant."""
+def screen(normal: int | None) -> NDArray[np.float64]:
+    """Return the axes of the picture, to the right, up and to the eye, (3, 3).
+
+    A planar arm is seen from almost along its normal axis, others aslant.
+    """
     toward = {None: (0.75, -1.0, 0.55), 0: (1.0, -0.2, 0.2), 1: (0.2, -1.0, 0.2), 2: (0.0, -0.25, 1.0)}
-    direction = np.array(toward[normal])
-    direction /= np.linalg.norm(direction)
+    direction = np.array(toward[normal]) / np.linalg.norm(toward[normal])
     right = np.cross([0.0, 0.0, 1.0], direction)
     right /= np.linalg.norm(right)
-    seen = points @ np.array([right, np.cross(direction, right), direction]).T
+    return np.array([right, np.cross(direction, right), direction])
+
+
+def eye(points: NDArray[np.float64], normal: int | None, aspect: float = VIEW_ASPECT) -> rrb.EyeControls3D:
+    """Return the eye that has all points (p, 3) in its frame."""
+    axes = screen(normal)
+    seen = points @ axes.T
     middle = (seen.min(axis=0) + seen.max(axis=0)) / 2
-    across = np.abs(seen - middle)[:, :2] / [VIEW_ASPECT, 1.0]
+    across = np.abs(seen - middle)[:, :2] / [aspect, 1.0]
     distance = (across.max(axis=1) / np.tan(VIEW_ANGLE / 2) + (seen - middle)[:, 2]).max()
-    center = middle @ np.array([right, np.cross(direction, right), direction])
+    center = middle @ axes
     return rrb.EyeControls3D(
         kind=rrb.Eye3DKind.Orbital,
-        position=center + distance * direction,
+        position=center + distance * axes[2],
         look_target=center,
         eye_up=(0.0, 0.0, 1.0),
     )

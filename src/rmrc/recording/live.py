@@ -10,6 +10,9 @@ from rmrc.recording.plots import spell
 from rmrc.results.run import Run
 from rmrc.simulation.prepare import Prepared
 
+# Of a line in a window of 1280 points.
+LETTERS = 74
+
 
 def lines(prepared: Prepared, part: Run, rows: NDArray[np.int64]) -> list[str]:
     """Return the text at some ticks of a block, as Markdown.
@@ -37,10 +40,12 @@ def lines(prepared: Prepared, part: Run, rows: NDArray[np.int64]) -> list[str]:
         status = words(int(part.columns["status"][row]))
         acting = "nothing limits" if status == FREE else f"**{status}**"
         asked = f"{speed[i] / sigma[i]:.2g}" if sigma[i] > 0 else "∞"
+        fastest = f"fastest: {joints[j]} {rates[i, j]:.2f}{of} {unit} · rate ≈ speed/σ = "
+        share_of = f"{speed[i]:.2g}/{sigma[i]:.2g} = "
+        is_short = len(fastest + share_of + asked) <= LETTERS
         texts.append(
             f"σ_min **{sigma[i]:.3g}** · κ {_number(condition[i])} · λ {damping[i]:.2g} · {acting}\n\n"
-            f"fastest: {joints[j]} {rates[i, j]:.2f}{of} {unit} · "
-            f"rate ≈ speed/σ_min = {speed[i]:.2g}/{sigma[i]:.2g} = {asked}"
+            f"{fastest}{share_of * is_short}{asked}"
         )
     return texts
 

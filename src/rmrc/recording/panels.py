@@ -8,20 +8,25 @@ import numpy as np
 import rerun.blueprint as rrb
 
 from rmrc.recording.plots import (
-    MORE_STEPS,
+    AROUND,
+    CLIP,
+    FILLED,
+    FRAME,
+    HEIGHT,
+    LINE,
+    NUMBER,
     Curve,
     Mark,
     Panel,
     Peak,
     Seen,
+    Span,
     both_ways,
     clipped,
     decades,
     limit_lines,
-    over_time,
     rounded,
     spell,
-    under_time,
 )
 from rmrc.results.run import Run
 from rmrc.scenario.choices import POLICIES
@@ -29,10 +34,18 @@ from rmrc.show.palette import BLACK, GOLD, GRAY, GREEN, MAGENTA, SLATE, WHITE, h
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import log_rotation, quat_conjugate, quat_multiply
 
-# Of the plots from the top: the rates, the singular values, tabs, the pace, the strip.
-SHARES = {"rates": 3.0, "sigma": 2.3, "tabs": 1.8, "pace": 1.5, "strip": 1.05}
+# Of the plots from the top: the rates, the singular values, tabs, the pace.
+SHARES = {"rates": 3.0, "sigma": 2.3, "tabs": 1.8, "pace": 1.5}
 # Of the tabs where a scenario asks to look at one of them.
 LOOKED_AT = 2.6
+# The strip of the events has its times, and a lane or several [points]; more of them are scrolled.
+TIMES, LANE, MOST_LANES = 32.0, 40.0, 3
+# So many lines of the legend of the rates have room, and are scrolled beyond.
+MOST_LINES = 8
+# Those that are in no tab, and always there.
+ALONE = ("rates", "sigma")
+# Of the whole arm, which the picture has; of anything else, a second one has the hand at that instant.
+OF_THE_ARM = ("joints", "torque")
 # The plots of what is no plot itself.
 SEEN_IN = {"status": "rates", "path": "error"}
 
@@ -68,6 +81,11 @@ class Panels:
         self._position = _of_kinds(slides, "deg", "m")
         wanted, has_turns = self._look.quantity if self._look else "", len(self.axes & {"rx", "ry", "rz"}) > 0
         self.sight = SEEN_IN.get(wanted, wanted) if has_turns or wanted != "rotation" else ""
+        self.is_of_hand = wanted not in OF_THE_ARM
+        is_tab = self.sight not in ("", *ALONE, "pace")
+        lines = arm.n + has_baseline + (self.sight == "rates")
+        self._heights = heights(self.is_slowed, is_tab, lines)
+        self._steps = self._heights["tabs"] / NUMBER
 
     @property
     def errors(self) -> tuple[str, ...]:
@@ -77,7 +95,7 @@ class Panels:
 
     def watch(self, seen: Seen, part: Run, derived: dict[str, np.ndarray]) -> None:
         """Note what a block shows."""
-        names = ("qdot", "qdot_cmd", "qdot_arrived", "qdot_plain", "tau", "path_rate")
+        names = ("qdot", "qdot_cmd", "qdot_arrived", "qdot_plain", "tau", "path_rate", "damping")
         seen.add(part["time"], {name: part[name] for name in names} | derived)
         seen.add(part["time"], {"1/sigma": 1.0 / np.maximum(part["sigma"][:, -1], 1e-300)})
         seen.add(part["time"], {"sigma": part["sigma"]})
@@ -118,8 +136,7 @@ class Panels:
             worth = -np.abs(part["time"] - self._look.at)
         row = int(np.nan_to_num(worth, nan=-np.inf).argmax())
         if seen.mark is None or worth[row] > seen.mark.worth:
-            tip = part["pose"][row, :3].copy()
-            seen.mark = Mark(float(part["time"][row]), values[row].copy(), tip, float(worth[row]))
+            seen.mark = Mark.of(part, row, values, float(worth[row]))
 
     def mark(self, seen: Seen) -> Mark | None:
         """Return the instant to look at, its values within the plot; None if the run ended before it."""
@@ -157,9 +174,9 @@ class Panels:
         Args:
             seen: What the run shows, once it is over.
         """
+        if seen is None:  # that of a run that is killed: every curve of a layout takes some kilobytes
+            return {"rates": self._rates(seen), "sigma": self._sigma(seen)}
         found = {"rates": self._rates(seen), "sigma": self._sigma(seen), "error": self._error(seen)}
-        if seen is None:
-            return found  # that of a run that is killed: a layout takes 100 kB
         if self.has_torque:
             found["torque"] = self._torque(seen)
         if self.is_slowed:
@@ -188,7 +205,10 @@ class Panels:
         size = abs(peak.value) if peak else 0.0
         known = self.rate_limit[np.isfinite(self.rate_limit)]
         shown = clipped(size, float(known.max(initial=0.0)), seen.mostly("qdot_cmd"))
-        return both_ways(shown, MORE_STEPS)
+        steps = self._heights["rates"] / NUMBER
+        tight = both_ways(size or shown, steps)
+        wide = both_ways(shown, steps)
+        return tight if size < shown and wide[1] > CLIP * size else wide
 
     def _rates(self, seen: Seen | None) -> Panel:
         pale, n = [mix(one, WHITE, 0.5) for one in self._hues], len(self._joints)
@@ -201,32 +221,49 @@ class Panels:
             dark = [mix(one, BLACK, 0.35) for one in self._hues]
             curves.append(Curve("columns", "columns.qdot_arrived[]", self._joints, dark, 2.2))
             title += ", arriving dark"
-        _, names, colors = limit_lines(self.rate_limit, self._joints, self._hues)
+        levels, names, colors = limit_lines(self.rate_limit, self._joints, self._hues)
+        top = self._rate_range(seen)[1] if seen else np.inf
+        beyond = sorted({level for level in levels if level > top})
         if names:
-            curves.append(Curve("limits", "rate", names, colors, 1.0))
-        curves.insert(0, Curve("columns", "curves.plain[]", ["plain J⁻¹"] * n, self._hues, 1.5))
+            first, both = self._joints[0], zip(names, levels, strict=True)
+            drawn = [name if abs(level) <= top else first for name, level in both]
+            curves.append(Curve("limits", "rate", drawn, colors, 1.0, spare=[first]))
+        plain = ["plain J⁻¹"] * n
+        curves.insert(0, Curve("columns", "curves.plain[]", plain, self._hues, 1.5, spare=self._joints))
         title += ", plain J⁻¹ dashed"
         if self.has_baseline:
-            gray = [mix(one, GRAY, 0.5) for one in self._hues]
-            curves.insert(0, Curve("baseline/columns", "curves.dashed[]", ["baseline"] * n, gray, 1.5))
+            gray, ghost = [mix(one, GRAY, 0.5) for one in self._hues], ["baseline"] * n
+            curves.insert(0, Curve("baseline/columns", "curves.dashed[]", ghost, gray, 1.5))
         if seen is None:
-            return Panel(title, curves, None)
+            return Panel(title, curves, None, is_key=True)
+        if beyond:
+            ends = [spell(level) for level in beyond[:: len(beyond) - 1 or 1]]
+            title += f"; limit{'s' * (len(ends) > 1)} {' to '.join(ends)} ↑"
         for kind, peak in self.off_scale(seen).items():
             shape: Literal["up", "down"] = "up" if peak.value > 0 else "down"
             which = "" if kind == "own" else f"{kind} "
-            text = f"{spell(abs(peak.value))} {'↑' if peak.value > 0 else '↓'}"
-            curves.append(Curve(f"peak/{kind}", "rate", [text], [self._hues[peak.which]], 6.0, shape))
-            title += f"; {which}peak {text}"
-        return Panel(title, curves, self._rate_range(seen))
+            whose = [self._joints[peak.which]], [self._hues[peak.which]]
+            curves.append(Curve(f"peak/{kind}", "rate", *whose, 6.0, shape))
+            title += f"; {which}peak {spell(abs(peak.value))} {'↑' if peak.value > 0 else '↓'}"
+        return Panel(title, curves, self._rate_range(seen), is_key=True)
 
     def _sigma(self, seen: Seen | None) -> Panel:
         k = min(len(self._joints), len(self.axes))
         others = [mix(GRAY, GREEN, 0.5 * i / k) for i in range(k - 1)]
+        most = seen.peak("damping") if seen else None
+        damping = ["λ" if most is None or most.value > 0.0 else "σ_min"]
         curves = [
-            Curve("columns", "curves.log_sigma[]", ["other σ"] * (k - 1), others, 1.2),
+            Curve(
+                "columns",
+                "curves.log_sigma[]",
+                ["other σ"] * (k - 1),
+                others,
+                1.2,
+                spare=["other σ, ε"],
+            ),
             Curve("columns", "curves.log_sigma_min[]", ["σ_min"], [GREEN], 3.5),
-            Curve("columns", "curves.log_damping[]", ["λ"], [MAGENTA], 2.0),
-            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0),
+            Curve("columns", "curves.log_damping[]", damping, [MAGENTA], 2.0),
+            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare=["other σ, ε"]),
         ]
         if k == 1:
             del curves[0]
@@ -243,7 +280,7 @@ class Panels:
     def _error(self, seen: Seen | None) -> Panel:
         colors = [GOLD, SLATE] if len(self.errors) == 2 else [GOLD if "position" in self.errors[0] else SLATE]
         peak = seen.peak("error") if seen else None
-        range_ = (0.0, rounded(abs(peak.value))) if peak else None
+        range_ = (0.0, rounded(abs(peak.value), self._steps)) if peak else None
         unit = ", ".join(name.split("[")[1].rstrip("]") for name in self.errors)
         names = [name.split(" ")[0] for name in self.errors]
         curve = Curve("columns", "curves.error[]", names, colors, 2.0)
@@ -251,9 +288,9 @@ class Panels:
 
     def _torque(self, seen: Seen | None) -> Panel:
         _, names, colors = limit_lines(self.torque_limit, self._joints, self._hues)
-        curves = [Curve("columns", "columns.tau[]", self._joints, self._hues, 2.0)]
+        curves = [Curve("columns", "columns.tau[]", self._joints, self._hues, 2.0, spare=["joints"])]
         if names:
-            curves.append(Curve("limits", "torque", names, colors, 1.0))
+            curves.append(Curve("limits", "torque", names, colors, 1.0, spare=["limits"]))
         peak = seen.peak("tau") if seen else None
         if peak is None or seen is None:
             return Panel(f"Torque [{self._load}]", curves, None)
@@ -261,7 +298,7 @@ class Panels:
         shown = clipped(abs(peak.value), float(known.max(initial=0.0)), abs(peak.value))
         beyond = "" if not len(known) or known.max() <= shown else f", limit {spell(float(known.max()))} ↑"
         title = f"Torque [{self._load}]{beyond}"
-        return Panel(title, curves, both_ways(shown))
+        return Panel(title, curves, both_ways(shown, self._steps))
 
     def _pace(self, seen: Seen | None) -> Panel:
         curve = Curve("columns", "columns.path_rate", ["ṡ"], [GOLD], 2.5)
@@ -269,12 +306,13 @@ class Panels:
         return Panel("Pace ṡ along the path [1 = as planned]", [curve], range_)
 
     def _positions(self, seen: Seen) -> Panel:
-        curves = [Curve("columns", "curves.joints[]", self._joints, self._hues, 3.0)]
+        curves = [Curve("columns", "curves.joints[]", self._joints, self._hues, 3.0, spare=["joints"])]
         ends = self._ends()
         if ends:
-            curves.append(Curve("limits", "joints", ["limits"] * len(ends), [tint for _, tint in ends], 1.0))
+            names, tints = ["limits"] * len(ends), [tint for _, tint in ends]
+            curves.append(Curve("limits", "joints", names, tints, 1.0))
         peak = seen.peak("joints")
-        range_ = both_ways(abs(peak.value)) if peak else None
+        range_ = both_ways(abs(peak.value), self._steps) if peak else None
         return Panel(f"Joint positions [{self._position}], limits thin", curves, range_)
 
     def _rotation(self, seen: Seen) -> Panel:
@@ -283,21 +321,46 @@ class Panels:
             Curve("columns", "curves.turn[]", ["wanted", "actual"], [mix(GOLD, WHITE, 0.5), GOLD], 2.0),
         ]
         peak = seen.peak("turn", "turn_error")
-        range_ = (0.0, rounded(abs(peak.value))) if peak else None
+        range_ = (0.0, rounded(abs(peak.value), self._steps)) if peak else None
         return Panel("Hand turned since the start [deg]", curves, range_)
 
     def _belief(self, seen: Seen | None) -> Panel:
         peak = seen.peak("belief") if seen else None
-        curve = Curve("columns", "curves.belief[]", self._joints, self._hues, 2.0)
-        range_ = both_ways(abs(peak.value)) if peak else None
+        curve = Curve("columns", "curves.belief[]", self._joints, self._hues, 2.0, spare=["joints"])
+        range_ = both_ways(abs(peak.value), self._steps) if peak else None
         title = f"Joints as believed, less true [{self._small}]"
         return Panel(title, [curve], range_)
 
 
+def heights(
+    has_pace: bool, is_looked_at: bool, lines: int, tabs: bool = True, lanes: int = 1
+) -> dict[str, float]:
+    """Return how high the plots are, and the strip below them [points].
+
+    Args:
+        has_pace: Whether the pace is among them.
+        is_looked_at: Whether a tab is.
+        lines: Of the legend that the rates have room for, up to `MOST_LINES`.
+        tabs: Whether there are any.
+        lanes: Of the strip.
+    """
+    strip = TIMES + LANE * min(max(lanes, 1.2), MOST_LANES)
+    shares = {name: share for name, share in SHARES.items() if has_pace or name != "pace"}
+    shares |= {"tabs": LOOKED_AT if is_looked_at else shares["tabs"]} if tabs else {}
+    points = HEIGHT - strip
+    rates = max(points * shares.pop("rates") / (sum(shares.values()) + SHARES["rates"]),
+                AROUND + (LINE * min(lines, MOST_LINES) + FRAME) / FILLED)  # fmt: skip
+    each = (points - rates) / sum(shares.values())
+    found = {name: share * each - AROUND for name, share in shares.items()}
+    return found | {"rates": rates - AROUND, "strip": strip - AROUND}
+
+
 def stacked(
     panels: dict[str, Panel], end: float, status: str, lanes: int = 1, first: str = ""
-) -> rrb.Vertical:
-    """Return plots below each other: small ones in tabs, and the strip of events at the bottom.
+) -> tuple[rrb.Vertical, Span]:
+    """Return plots below each other, and the time that they have in common.
+
+    Small ones are in tabs, and the strip of events is at the bottom.
 
     Args:
         panels: By name.
@@ -306,20 +369,23 @@ def stacked(
         lanes: That it has.
         first: Which of the tabs is open; "": the first.
     """
-    axis = over_time(end)
-    views = {name: panel.view(axis) for name, panel in panels.items()}
-    alone = [name for name in ("rates", "sigma") if name in views]
-    tabs = [name for name in views if name not in {*alone, "pace"}]
-    rows: list[tuple[str, rrb.View | rrb.Container]] = [(name, views[name]) for name in alone]
+    tabs = [name for name in panels if name not in (*ALONE, "pace")]
+    lines = len(panels["rates"].least)
+    high = heights("pace" in panels, first in tabs, lines, bool(tabs), lanes)
+    heights_of = {name: high["tabs" if name in tabs else name] for name in panels}
+    fitted = {name: panel.fitted(heights_of[name]) for name, panel in panels.items()}
+    numbers = {name: panel.numbers(heights_of[name]) for name, panel in fitted.items()}
+    span = Span.of(end, max(panel.legend for panel in fitted.values()), max(numbers.values()))
+    views = {name: panel.view(span.axis(span.numbers - numbers[name])) for name, panel in fitted.items()}
     active = tabs.index(first) if first in tabs else 0
-    rows.append(("tabs", rrb.Tabs(*(views[name] for name in tabs), active_tab=active)))
-    if "pace" in views:
-        rows.append(("pace", views["pace"]))
-    strip = rrb.StateTimelineView(name="Events", contents=[status], time_view=under_time(end), titlebar=False)
-    rows.append(("strip", strip))
-    shares = SHARES | {"strip": min(2.4, SHARES["strip"] + 0.42 * (lanes - 1))}  # more lanes are scrolled
-    shares |= {"tabs": LOOKED_AT} if first in tabs else {}
-    return rrb.Vertical(*(view for _, view in rows), row_shares=[shares[name] for name, _ in rows])
+    rows: dict[str, rrb.View | rrb.Container] = {name: views[name] for name in ALONE}
+    if tabs:
+        rows["tabs"] = rrb.Tabs(*(views[name] for name in tabs), active_tab=active)
+    rows |= {name: views[name] for name in ("pace",) if name in views}
+    rows["strip"] = rrb.StateTimelineView(
+        name="Events", contents=[status], time_view=span.under(), titlebar=False
+    )
+    return rrb.Vertical(*rows.values(), row_shares=[high[name] + AROUND for name in rows]), span
 
 
 def _of_kinds(slides: Sequence[bool], turning: str, sliding: str) -> str:

@@ -6,7 +6,7 @@ is drawn as high as it is.
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -15,18 +15,22 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 from rerun.blueprint.encodings import ComponentSourceKind, VisualizerComponentMapping
 
+from rmrc.results.run import Run
 from rmrc.show.palette import GRAY
 
 # A curve may leave its plot where it is this much larger than its limit, or than it mostly is.
 CLIP = 3.0
-# Numbers beside an axis that there is room for in the smaller plots of a window of 720 points; the viewer
-# writes one at each power of ten, or at each tenth of that where these are 20 points apart.
-STEPS, MORE_STEPS = 4.4, 8.0
-# The time at the right of the run, as a share of it: there the legends are, beside all that is drawn.
-LEGEND = 0.3
-# The strip of the events has no numbers at its left. It begins so much earlier, as a share of the plots, that
-# the cursors are in line.
-NUMBERS = 0.035
+# Of a window of 1280 × 720 points: what the plots have of it, and what a plot needs around it: its title and
+# its times; and the space left of its numbers.
+WIDTH, HEIGHT, AROUND, LEFT = 766.0, 652.0, 45.0, 9.0
+# The viewer writes a number at each power of ten, or at each tenth of that where these are so far apart.
+NUMBER, SECOND = 21.0, 64.0
+# Letters of the legend and of the strip, digits, and what is around a line of the legend, and the lines.
+LETTER, LABEL, DIGIT, ENTRY, LINE = 5.3, 6.7, 7.0, 46.0, 23.0
+# As much of a plot as a legend may fill before it is scrolled, with its own frame.
+FILLED, FRAME = 0.8, 12.0
+# Between which the viewer has no other step of the time [s].
+STEPS = (*(10.0**power for power in range(-9, 2)), 60.0, 600.0, 3600.0, 36000.0)
 # Dashes and gaps of a curve, over a run.
 DASHES = 120
 # σ below this is drawn there: its logarithm has no end.
@@ -42,10 +46,11 @@ class Curve:
     Attributes:
         entity: Its path, without a slash before it.
         source: Component, and field of it: `columns.qdot[]` are all numbers of the field `qdot`.
-        names: In the legend; an empty one is not there.
+        names: In the legend, which has each once, in the color that comes first.
         colors: 0xRRGGBBAA.
         width: Of the lines [points].
         marker: Instead of lines, points of this shape.
+        spare: Names instead of them where the legend has no room; one is that of all.
     """
 
     entity: str
@@ -54,6 +59,7 @@ class Curve:
     colors: Colors
     width: float = 2.0
     marker: Literal["up", "down", "diamond"] | None = None
+    spare: Sequence[str] = ()
 
     def visualizer(self) -> rrb.Visualizer:
         """Return how the viewer draws it."""
@@ -86,11 +92,48 @@ class Panel:
         title: What it shows, with its unit.
         curves: In the order in which they are drawn.
         range: Of its axis; None: all that there is.
+        is_key: Whether its legend is that of the other plots, too, and stays where it is too long.
     """
 
     title: str
     curves: Sequence[Curve]
     range: tuple[float, float] | None = None
+    is_key: bool = False
+    has_legend: bool = True
+
+    @property
+    def names(self) -> set[str]:
+        """What the legend has."""
+        return {name for curve in self.curves for name in curve.names} if self.has_legend else set()
+
+    @property
+    def least(self) -> set[str]:
+        """What the legend has at least."""
+        return {name for one in self.curves for name in one.spare or one.names}
+
+    @property
+    def legend(self) -> float:
+        """How wide the legend is [points]."""
+        return max((ENTRY + LETTER * len(name) for name in self.names), default=0.0)
+
+    def fitted(self, height: float) -> "Panel":
+        """Return it with a legend that a plot of this height has room for, or none that is too long."""
+        room, panel = int((FILLED * height - FRAME) // LINE), self
+        for i, one in enumerate(self.curves):
+            if len(panel.names) > room and one.spare:
+                curves = [*panel.curves]
+                names = one.spare if len(one.spare) > 1 else [*one.spare] * len(one.names)
+                curves[i] = replace(one, names=names)
+                panel = replace(panel, curves=curves)
+        return replace(panel, has_legend=panel.is_key or len(panel.names) <= room)
+
+    def numbers(self, height: float) -> float:
+        """Return how wide the numbers beside the axis are [points]."""
+        low, high = self.range or (-1.0, 1.0)
+        power = math.ceil(math.log10((high - low) * NUMBER / height) - 1e-9)
+        ticks = range(math.ceil(low / 10.0**power), math.floor(high / 10.0**power) + 1)
+        texts = [f"{tick * 10.0**power:.{max(0, -power)}f}" for tick in ticks]
+        return max((DIGIT * len(text) - DIGIT / 2 * ("." in text) for text in texts), default=DIGIT)
 
     def view(self, axis: rrb.TimeAxis) -> rrb.TimeSeriesView:
         """Return it as the viewer has it."""
@@ -103,8 +146,48 @@ class Panel:
             overrides=drawn,
             axis_x=axis,
             axis_y=rrb.ScalarAxis(range=self.range, zoom_lock=False),
-            plot_legend=rrb.Corner2D.RightTop,
+            plot_legend=rrb.PlotLegend("RightTop", visible=self.has_legend),
         )
+
+
+@dataclass(frozen=True)
+class Span:
+    """The time that all plots have in common: their cursors are in line.
+
+    Attributes:
+        end: Of the run [s].
+        last: At the right of the plots, which have the legend there, and three numbers at least [s].
+        numbers: How wide the numbers beside an axis are, at most [points].
+    """
+
+    end: float
+    last: float
+    numbers: float
+
+    @classmethod
+    def of(cls, end: float, legend: float, numbers: float) -> "Span":
+        """Return the span of a run, given the widest of its legends and numbers [points]."""
+        width = WIDTH - LEFT - numbers
+        last = end * width / max(width - legend, 0.4 * width)
+        step = next((one for one in STEPS if width * one >= SECOND * last), STEPS[-1])
+        last = max(last, 2.05 * step)
+        whole, edge = step * round(last / step), 18.0 * last / width  # no number is cut in two
+        return cls(end, whole + edge if abs(last - whole) < edge else last, numbers)
+
+    @property
+    def letters(self) -> float:
+        """How many letters there is room for in the strip of the run."""
+        return (WIDTH - LEFT - self.numbers) * self.end / self.last / LABEL
+
+    def axis(self, points: float) -> rrb.TimeAxis:
+        """Return the time of a view whose own numbers are narrower than those of others by so much."""
+        begin = -points * self.last / (WIDTH - LEFT - self.numbers)
+        first, last = (rrb.TimeRangeBoundary.absolute(seconds=second) for second in (begin, self.last))
+        return rrb.TimeAxis(view_range=rr.TimeRange(start=first, end=last))
+
+    def under(self) -> rrb.TimeAxis:
+        """Return the time of the strip below the plots, which has no numbers at its left."""
+        return self.axis(LEFT + self.numbers)
 
 
 @dataclass(frozen=True)
@@ -129,14 +212,21 @@ class Mark:
     Attributes:
         time: When [s].
         values: That the plot has there, (k,).
-        tip: Where the tip is, (3,) [m].
+        instant: The run at that tick alone.
         worth: How much there is to see; the largest of a run is kept.
     """
 
     time: float
     values: NDArray[np.float64]
-    tip: NDArray[np.float64]
+    instant: Run
     worth: float
+
+    @classmethod
+    def of(cls, part: Run, row: int, values: NDArray[np.float64], worth: float) -> "Mark":
+        """Return the mark of a tick of a block, whose plot has values (T, k)."""
+        columns = {name: column[row : row + 1].copy() for name, column in part.columns.items()}
+        instant = replace(part, columns=columns, divergence=None)
+        return cls(float(part["time"][row]), values[row].copy(), instant, worth)
 
     @property
     def text(self) -> str:
@@ -189,11 +279,15 @@ class Seen:
         return float(np.quantile(np.concatenate(sizes), 0.9)) if sizes else 0.0
 
 
-def rounded(largest: float, steps: float = STEPS) -> float:
+def rounded(largest: float, steps: float = 4.7) -> float:
     """Return the end of an axis from 0 that shows so much, and three numbers at least.
 
-    >>> [round(rounded(x), 3) for x in (0.004, 1.5, 3.0, 4.3, 7.0, 0.0)]
-    [0.004, 2.05, 3.15, 4.4, 20.5, 2.05]
+    Args:
+        largest: That is shown.
+        steps: Of which the axis has room for numbers.
+
+    >>> [round(rounded(x), 3) for x in (0.004, 1.5, 3.0, 4.3, 4.6, 7.0, 0.0)]
+    [0.004, 2.05, 3.15, 4.515, 4.7, 20.5, 2.05]
     """
     if not (largest > 0.0 and math.isfinite(largest)):
         return 2.05
@@ -203,8 +297,12 @@ def rounded(largest: float, steps: float = STEPS) -> float:
     return min(1.05 * largest, steps * decade) if largest <= steps * decade else 20.5 * decade
 
 
-def both_ways(largest: float, steps: float = STEPS) -> tuple[float, float]:
+def both_ways(largest: float, steps: float = 4.7) -> tuple[float, float]:
     """Return the ends of an axis around 0 that shows so much, and three numbers at least.
+
+    Args:
+        largest: That is shown.
+        steps: Of which the axis has room for numbers.
 
     >>> both_ways(1.0), both_ways(3.0)
     ((-1.05, 1.05), (-10.5, 10.5))
@@ -226,7 +324,7 @@ def clipped(peak: float, limit: float, mostly: float) -> float:
     """
     usual = limit or max(mostly, 1e-9)
     if peak <= CLIP * usual:
-        return max(peak, 1.1 * limit if limit <= CLIP * peak else 0.0)
+        return max(peak, limit if limit <= CLIP * peak else 0.0)
     return CLIP * usual
 
 
@@ -281,18 +379,3 @@ def spell(number: float) -> str:
     ('12,658', '3.14', '0.0712')
     """
     return f"{number:,.0f}" if abs(number) >= 1000 else f"{number:.3g}"
-
-
-def over_time(end: float) -> rrb.TimeAxis:
-    """Return the time of a plot: from 0 to the end of the run, and room for the legend."""
-    return _axis(0.0, (1.0 + LEGEND) * end)
-
-
-def under_time(end: float) -> rrb.TimeAxis:
-    """Return the time of the strip below the plots."""
-    return _axis(-NUMBERS * (1.0 + LEGEND) * end, (1.0 + LEGEND) * end)
-
-
-def _axis(begin: float, end: float) -> rrb.TimeAxis:
-    first, last = (rrb.TimeRangeBoundary.absolute(seconds=second) for second in (begin, end))
-    return rrb.TimeAxis(view_range=rr.TimeRange(start=first, end=last))

@@ -35,6 +35,9 @@ POINT = 1e-6
 # Room around the path for the ellipsoids and arrows at the tip, as a part of the reach.
 MARGIN = 0.3
 
+# Room around the hand in a picture of it alone: as a part of the reach, and of what it is off by, at least.
+CLOSEST, OFF = 0.1, 4.0
+
 # A geometry has a color, and is not gray, if its red, green and blue differ by so much.
 COLORED = 0.3
 
@@ -144,6 +147,17 @@ class Scene:
             here.append((frames.bodies[:, body, None, :3] + corners @ np.swapaxes(turn, 1, 2)).reshape(-1, 3))
         points = np.vstack(here)
         return np.asarray(points[np.unique((points @ DIRECTIONS.T).argmax(axis=0))])
+
+    def around(self, instant: Run) -> Array:
+        """Return points around the hand at the one tick of a run, (p, 3) [m].
+
+        There is room for its ellipsoids, and for a few times what it is off by.
+        """
+        frames = self.frames(instant, np.array([0]))
+        tip, target = frames.tip[0], frames.target[0]
+        longest = 1.05 * float(max(frames.velocity.max(), frames.force.max()))
+        room = max(CLOSEST * self.reach, OFF * float(np.linalg.norm(target - tip)), longest)
+        return np.vstack([tip + room * np.eye(3), tip - room * np.eye(3), target])
 
     def believed_bodies(self, part: Run, rows: NDArray[np.int64]) -> Array:
         """Return where the law takes the bodies to be at some ticks of a part of the run, (F, nbody, 7)."""

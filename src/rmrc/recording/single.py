@@ -34,16 +34,28 @@ from rerun.chunk import RrdReader
 
 from rmrc.recording import live, stream
 from rmrc.recording.events import Strip, color, words
-from rmrc.recording.layout import CYAN, GHOSTLY, PALE, YELLOW, legend, marks, packed, page, picture_view, ramp
+from rmrc.recording.layout import (
+    CYAN,
+    GHOSTLY,
+    PALE,
+    YELLOW,
+    callout,
+    legend,
+    marks,
+    opening,
+    packed,
+    page,
+    pictures,
+    ramp,
+)
 from rmrc.recording.panels import Panels, stacked
-from rmrc.recording.plots import Seen, dashes, logarithm
+from rmrc.recording.plots import Seen, Span, dashes, logarithm
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import RecordingError, Stream, Values, one_line
 from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import is_torn, repair
 from rmrc.results.columns import ADDED, COLUMNS, SAME, completed
 from rmrc.results.run import Run
-from rmrc.show.palette import WHITE
 from rmrc.simulation.prepare import Prepared
 
 # The line of numbers changes so often [s]: a reader takes in no more.
@@ -75,7 +87,9 @@ class Recorder:
             RecordingError: The file cannot be made.
         """
         scene, scenario = Scene(prepared), prepared.scenario
-        self._out = Stream(path, scenario.name, _layout(scene, Panels(prepared, baseline is not None)))
+        panels = Panels(prepared, baseline is not None)
+        first = opening(pictures(scene, prepared, [])[0])
+        self._out = Stream(path, scenario.name, first, lambda: _layout(scene, panels)[0])
         self.path, self.part_path = self._out.path, self._out.part_path
         self._ghost = None if baseline is None else _Ghost(self._out, baseline)
         self._story = _Story(self._out, prepared, self._ghost)
@@ -138,17 +152,18 @@ class Recorder:
 
 def _layout(
     scene: Scene, panels: Panels, seen: Seen | None = None, reached: Sequence[NDArray[np.float64]] = ()
-) -> rrb.Blueprint:
-    """Return what the viewer opens: of a run that is over, with ranges that fit what it shows."""
+) -> tuple[rrb.Blueprint, Span]:
+    """Return what the viewer opens, and the time of its plots: of a run that is over, as it has it."""
     prepared = panels.prepared
     end = max(prepared.reference.duration, seen.end if seen else 0.0)
-    found = panels.all(seen)
+    found, look = panels.all(seen), None
     mark = panels.mark(seen) if seen else None
     if mark is not None:
         found[panels.sight] = panels.marked(found[panels.sight], mark)
-    plots = stacked(found, end, "/events" if seen else "/status", first=panels.sight)
-    picture = picture_view(scene, prepared, reached, ["/baseline/**"] * panels.has_baseline)
-    return page(picture, TITLES, plots, "/now")
+        look = (mark.text, scene.around(mark.instant)) if panels.is_of_hand else None
+    plots, span = stacked(found, end, "/events" if seen else "/status", first=panels.sight)
+    views = pictures(scene, prepared, reached, look, ["/baseline/**"] * panels.has_baseline)
+    return page(views, TITLES, plots, "/now"), span
 
 
 class _Ghost(Track):
@@ -222,7 +237,10 @@ class _Story(Track):
 
     def write_ending(self) -> None:
         """Write what is known when the run is over: its events, the peak off the scale, and the layout."""
-        seen, labels = self._seen, self._strip.labels(self._seen.end)
+        seen = self._seen
+        reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
+        layout, span = _layout(self.scene, self._panels, seen, reached)
+        labels = self._strip.labels(seen.end, span.letters)
         colors = {label.text: label.color for label in labels}
         if labels:
             look = rr.StateConfiguration(values=list(colors), colors=packed(list(colors.values())))
@@ -236,15 +254,12 @@ class _Story(Track):
             self.send(f"peak/{name}", self._at([peak.time]), Values(stream.short("rate"), mark))
         looked_at = self._panels.mark(seen)
         if looked_at is not None:
-            self.send(
-                "look", self._at([looked_at.time]), Values(stream.short("look"), looked_at.values[None])
-            )
-            ball = rr.Points3D(
-                [looked_at.tip], colors=WHITE, radii=0.01 * self.scene.reach, labels=[looked_at.text]
-            )
-            self.out.log("tip/look", ball)
-        reached = [self.reached] if self._ghost is None else [self.reached, self._ghost.reached]
-        self.out.lay_out(_layout(self.scene, self._panels, seen, reached))
+            values = Values(stream.short("look"), looked_at.values[None])
+            self.send("look", self._at([looked_at.time]), values)
+            tip = looked_at.instant["pose"][0, :3]
+            for rest, what in callout(tip, looked_at.text, self.scene).items():
+                self.out.log(f"tip/look{rest}", what)
+        self.out.lay_out(layout)
 
     def _at(self, times: list[float]) -> list[rr.TimeColumn]:
         time = np.array(times)

@@ -6,7 +6,7 @@ that a killed process loses at most one block. `finish` closes it and renames it
 Timelines: `tick` counts control ticks; `sim_time` is `time` rounded to the nearest nanosecond.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from threading import Thread
@@ -26,6 +26,10 @@ from rmrc.support.errors import RmrcError
 PATIENCE = 10.0
 
 
+# A layout takes 200 kB, and is of use where a recording is never finished: it is written with this block.
+PATIENT = 8
+
+
 class RecordingError(RmrcError, OSError):
     """A recording cannot be written or read."""
 
@@ -38,13 +42,16 @@ class Stream:
         part_path: Where it grows until then.
     """
 
-    def __init__(self, path: Path, name: str, layout: rrb.Blueprint) -> None:
+    def __init__(
+        self, path: Path, name: str, opening: rrb.Blueprint, layout: Callable[[], rrb.Blueprint]
+    ) -> None:
         """Open the file.
 
         Args:
             path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
             name: Of the recording, as the viewer shows it.
-            layout: That the viewer opens it with.
+            opening: That a page has while it loads the rest.
+            layout: That the viewer opens it with if it is never finished; written with block `PATIENT`.
 
         Raises:
             RecordingError: The file cannot be made.
@@ -62,10 +69,10 @@ class Stream:
             self.part_path.unlink(missing_ok=True)
             self._stream = rr.RecordingStream("rmrc", recording_id=f"{name}-{uuid4().hex[:8]}")
             self._stream.set_log_time_enabled(False)
-            self._stream.save(self.part_path, default_blueprint=layout)
+            self._stream.save(self.part_path, default_blueprint=opening)
         except (OSError, RuntimeError, ValueError) as error:
             raise _cannot_write(self.part_path, one_line(error)) from None
-        self._open = True
+        self._open, self._flushes, self._is_laid_out, self._layout = True, 0, False, layout
         self._stream.send_recording_name(name)
         self.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
 
@@ -82,6 +89,7 @@ class Stream:
 
         It is made active: a page that reads the file as it comes has opened the first one by then.
         """
+        self._is_laid_out = True
         self._stream.send_blueprint(layout, make_active=True, make_default=True)
 
     def send(self, path: str, index: list[rr.TimeColumn], columns: Any) -> None:
@@ -102,6 +110,9 @@ class Stream:
         Raises:
             RecordingError: The file cannot be written.
         """
+        self._flushes += 1
+        if self._flushes == PATIENT and not self._is_laid_out:
+            self.lay_out(self._layout())
         try:
             self._stream.flush(timeout_sec=PATIENCE)
         except (OSError, RuntimeError, ValueError) as error:

@@ -28,8 +28,8 @@ from rmrc.show.palette import hue
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import AXES
 
-# What is drawn is stored so often: more than a screen shows, a tenth of the ticks at 1 kHz.
-FRAME_PERIOD = 0.01
+# What is drawn is stored so often [s], as a screen shows it: each 16th of the ticks at 1 kHz.
+FRAME_PERIOD = 1.0 / 60.0
 
 
 def prefix_of(variant: str) -> str:
@@ -60,7 +60,7 @@ class Track:
             prefix: Begins the path of every entity, and ends with a slash if it is not empty.
         """
         self.out, self.scene, self.prefix, self._prepared = out, Scene(prepared), prefix, prepared
-        self._stride = max(1, round(FRAME_PERIOD / prepared.scenario.control.period))
+        self._stride = max(1, int(FRAME_PERIOD / prepared.scenario.control.period))
         self._ticks = self._framed = 0
         self._planned = prepared.reference.ticks
         rows = [AXES.index(axis) for axis in prepared.scenario.task.axes]
@@ -85,11 +85,11 @@ class Track:
         """Outermost points that the arm reaches, (p, 3) [m]."""
         return np.vstack([np.empty((0, 3)), *self._reached])
 
-    def write_arm(self, paint: Callable[[Shape], Shape], *, has_outlines: bool = False) -> None:
+    def write_arm(self, paint: Callable[[Shape], Shape | None], *, has_outlines: bool = False) -> None:
         """Write the geometries, those that the law takes for them pale, and where bodies are that never move.
 
         Args:
-            paint: What is drawn for each geometry.
+            paint: What is drawn for each geometry; None: nothing.
             has_outlines: Whether as outlines only.
         """
         scene, arm = self.scene, self._prepared.true_arm
@@ -100,11 +100,13 @@ class Track:
                 there = rr.Transform3D(translation=pose[:3], quaternion=quaternion)
                 self.out.log(self.prefix + self.body_path("arm", body), there)
         for shape in scene.shapes:
-            self.out.log(self.prefix + self.shape_path("arm", shape), geometry(paint(shape), has_outlines))
+            painted = paint(shape)
+            if painted is not None:
+                self.out.log(self.prefix + self.shape_path("arm", shape), geometry(painted, has_outlines))
         for shape in scene.believed.shapes() if self._prepared.hardware.is_misled else ():
-            if not scene.is_fixed[shape.body]:
-                path = self.prefix + self.shape_path("believed", shape)
-                self.out.log(path, geometry(ghost(paint(shape))))
+            painted = paint(shape)
+            if painted is not None and not scene.is_fixed[shape.body]:
+                self.out.log(self.prefix + self.shape_path("believed", shape), geometry(ghost(painted)))
 
     def write_axes(self) -> None:
         """Write the axes of the joints, in the colors that the plots have for them."""

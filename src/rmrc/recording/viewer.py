@@ -30,28 +30,27 @@ class ViewerError(RmrcError, OSError):
 
 
 def recording_of(path: Path) -> Path:
-    """Return the recording that a path stands for: of a folder its newest, of a NAME.npz the one beside it.
+    """Return the recording that a path stands for: of a folder its newest, of a NAME.npz one beside it.
 
     Raises:
-        ViewerError: There is none.
+        ViewerError: A folder has none.
     """
     if path.is_dir():
         found = [one for pattern in ("*.rrd", "*.rrd.part") for one in path.glob(pattern)]
         if not found:
             raise ViewerError(f"{path}: has no recordings; `{command('run', 'SCENARIO')}` leaves them")
         return max(found, key=lambda one: one.stat().st_mtime_ns)
-    if path.suffix == ".npz" and path.is_file():
-        beside = path.with_suffix(".rrd")
-        if not beside.is_file():
-            raise ViewerError(
-                f"{path}: {beside.name} is not beside it; `{command('run', 'SCENARIO')}` leaves both, and "
-                f"`{command('plot', path)}` draws the columns alone"
-            )
-        return beside
-    return path
+    beside = path.with_suffix(".rrd")
+    return beside if path.suffix == ".npz" and beside.is_file() else path
 
 
-def replay(path: Path, web: bool = False, at: float | None = None, port: int | None = None) -> int:
+def replay(
+    path: Path,
+    web: bool = False,
+    at: float | None = None,
+    port: int | None = None,
+    named: Path | None = None,
+) -> int:
     """Show a recording until the viewer is closed, or a signal asks to stop.
 
     The viewer and its servers listen on 127.0.0.1 alone; telemetry is off for this viewer, and the
@@ -60,8 +59,9 @@ def replay(path: Path, web: bool = False, at: float | None = None, port: int | N
     Args:
         path: A `.rrd`, the `.rrd.part` of a run that was killed, or what `recording_of` takes.
         web: Serve the viewer to a browser instead of opening a window, and print its address.
-        at: Where the cursor of a window begins, at rest [s]; None: it plays from the start.
+        at: Where the cursor begins, at rest [s]; None: it plays from the start.
         port: Of 127.0.0.1, on which the page is served, or the window listens; None: a free one.
+        named: What messages call it; None: its path.
 
     Returns:
         Exit code: 0 after a window was closed, 130 after Ctrl-C, 143 after SIGTERM, 129 after SIGHUP.
@@ -71,12 +71,10 @@ def replay(path: Path, web: bool = False, at: float | None = None, port: int | N
     """
     path = recording_of(path)
     _check(path)
-    if web and at is not None:
-        raise ViewerError(f"--at {at:g}: is for a window; rerun's page cannot be told where to begin")
     if port is not None:
         _check_port(port)
     if not web and not _has_display():
-        way = command("replay", "--web", path)
+        way = command("replay", "--web", named or path)
         raise ViewerError(f"there is no display to open the viewer on; use: {way}")
     try:
         with listening_to_signals() as events, tempfile.TemporaryDirectory(prefix="rmrc-") as folder:
@@ -86,9 +84,9 @@ def replay(path: Path, web: bool = False, at: float | None = None, port: int | N
                 shown = Path(folder) / path.name.removesuffix(".part")
                 repair(path, shown, events)
             if web:
-                _serve(shown, events, port or 0)
+                _serve(shown, events, at, port or 0)
             else:
-                _open_window(shown, path, events, at, port or _free_port())
+                _open_window(shown, named or path, events, at, port or _free_port())
     except Stopped as stopped:
         return stopped.code
     return 0
@@ -150,9 +148,9 @@ def _go_to(at: float, port: int, program: Program, events: Events) -> None:
         events.wait(LOOK)
 
 
-def _serve(shown: Path, events: Events, port: int) -> None:
+def _serve(shown: Path, events: Events, at: float | None, port: int) -> None:
     """Serve the page and the recording until a signal asks to stop."""
-    with PageServer(_page_files(events), shown, port) as server:
+    with PageServer(_page_files(events), shown, port, at) as server:
         thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": LOOK}, daemon=True)
         thread.start()
         try:

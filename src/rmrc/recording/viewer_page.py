@@ -46,6 +46,42 @@ FOREIGN_LINK = re.compile(r"<link\b[^>]*\bhref\s*=\s*[\"']?(?:https?:)?//[^>]*>"
 INLINE_SCRIPT = re.compile(r"<script\s*>(.*?)</script\s*>", re.IGNORECASE | re.DOTALL)
 
 
+# Has the viewer's clock stand still at a time until that holds for ten seconds, or until somebody takes over:
+# each layout of the recording sets it going again.
+SEEK = """
+(async () => {
+  const request = new Uint8Array(%s), time = "%s", taken = {by: null};
+  for (const kind of ["pointerdown", "keydown", "wheel"])
+    addEventListener(kind, (event) => { taken.by = event; }, {capture: true});
+  for (let calm = 0; calm < 40 && !taken.by; ) {
+    await new Promise((done) => setTimeout(done, 250));
+    if (!window._handle) continue;
+    try {
+      const is_there = Array.from(window._handle.viewer_state()).join().includes(time);
+      calm = is_there ? calm + 1 : 0;
+      if (!is_there) await window._handle.viewer_control(request);
+    } catch (error) { /* nothing is loaded yet */ }
+  }
+})();
+"""
+
+
+def seek(at: float) -> bytes:
+    """Return the request to rerun's viewer to stand still at a time [s] of `sim_time`.
+
+    It is a `ViewerControlRequest` of its protocol, as `rerun.experimental.ViewerClient.set_time` sends it:
+    6: {2: {1: timeline}, 3: {1: nanoseconds}, 5: 1 for paused}.
+    """
+    left, digits = round(at * 1e9), bytearray()
+    while left > 127:
+        digits.append(left & 127 | 128)
+        left >>= 7
+    digits.append(left)
+    name, time = b"\x0a\x08sim_time", bytes([8, *digits])
+    body = bytes([0x12, len(name), *name, 0x1A, len(time), *time, 0x28, 1])
+    return bytes([0x32, len(body), *body])
+
+
 def without_foreign_links(page: str) -> str:
     """Return a page without the links that a browser follows by itself to other machines."""
     return FOREIGN_LINK.sub("", page)
@@ -81,14 +117,21 @@ class PageServer(ThreadingHTTPServer):
         files: What `TYPES` names, as rerun serves it.
         recording: Read anew for each request.
         port: On which it answers; 0: a free one.
+        at: Where the page's clock stands still, once it has the recording [s]; None: it runs.
     """
 
     daemon_threads = True  # a browser that reads slowly does not hold up the end
 
-    def __init__(self, files: Mapping[str, bytes], recording: Path, port: int = 0) -> None:
+    def __init__(
+        self, files: Mapping[str, bytes], recording: Path, port: int = 0, at: float | None = None
+    ) -> None:
         """Take a port; `serve_forever` answers."""
         super().__init__((LOOPBACK, port), _Answer)
         page = without_foreign_links(files["/"].decode())
+        if at is not None:
+            request = seek(at)
+            script = SEEK % (list(request), ",".join(map(str, request[16:-2])))
+            page = page.replace("</body>", f"<script>{script}</script></body>")
         self.files = {**files, "/": page.encode()}
         self.policy = policy(page)
         self.recording = recording
