@@ -704,4 +704,6 @@ def test_the_search_of_the_readme_ends_as_it_says(rmrc, monkeypatch, tmp_path):
     code, printed, complaints = rmrc(*shlex.split(command)[3:], "--out", str(tmp_path))
     answer = {shown(line) for line in printed.splitlines()}
     assert [line for line in lines if shown(line) not in answer] == []
-    assert (code, complaints) == (0, "") and len(lines) > 20
+    # a busy machine may say that it takes minutes, as it measures a run first
+    assert code == 0 and len(lines) > 20
+    assert [line for line in complaints.splitlines() if not line.startswith("rmrc: a run takes ")] == []

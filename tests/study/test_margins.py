@@ -20,7 +20,7 @@ from rmrc.study.margins.ringing import STILL_RINGS, judged, reverses, still_ring
 from rmrc.study.margins.search import ACCURACY, bears, gain_margins
 from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
-from rmrc.textbook.stability import edge_gain
+from rmrc.textbook.stability import edge_delay, edge_gain
 from wording import says
 
 TEXT = f"""
@@ -141,6 +141,22 @@ def test_a_sparing_search_finds_the_same_edges_by_fewer_runs(short):
     for one, other in zip(usual.all, sparing.all, strict=True):
         assert max(one.edge.low, other.edge.low) < min(one.edge.high, other.edge.high)  # both hold the edge
         assert other.edge.high <= 1.05 * (1.0 + 1e-9) * other.edge.low or one.name != "gain"
+
+
+def test_a_sparing_search_makes_commands_ten_times_as_late_at_most_and_finds_edges_before_that(short):
+    delay = 0.02
+    edge, most = edge_gain(PERIOD, delay), 9.0 * (delay + 0.5 * PERIOD)
+    feedbacks = (0.03 * edge, 0.5 * edge)
+    loops = [changes_of({"plant.delay": delay, "control.feedback": one}) for one in feedbacks]
+    slow, quick = margins_of(short, loops, threading.Event(), accuracy=0.05, is_sparing=True)
+    # by the equation, the first bears three times as much, and the second half of it
+    ideal = [edge_delay(one, PERIOD, 0.0) - delay for one in feedbacks]
+    assert ideal[1] < 0.5 * most < 2.0 * most < ideal[0]
+    for one in (slow.delay, slow.lag):
+        assert_allclose([one.edge.low, one.bound], most, rtol=1e-9)
+        assert one.edge.high == math.inf
+    assert slow.is_stable and quick.is_stable
+    assert_allclose(quick.delay.value + delay + PERIOD / 2, ideal[1] + delay + PERIOD / 2, rtol=0.05)
 
 
 @pytest.mark.long

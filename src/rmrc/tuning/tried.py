@@ -32,14 +32,15 @@ class Tried:
     bears: Outcome | None = None
     is_implied: bool = False
     _worst: Outcome = field(init=False, repr=False, compare=False)  # asked for again and again
-    _of: int = field(default=0, init=False, repr=False, compare=False)
+    _of: tuple[int, Outcome | None] = field(default=(0, None), init=False, repr=False, compare=False)
 
     @property
     def worst(self) -> Outcome:
         """The worst of its runs."""
-        every = [*self.outcomes.values(), *([self.bears] if self.bears else ())]
-        if self._of != len(every):
-            self._worst, self._of = worst(every), len(every)
+        known = len(self.outcomes), self.bears  # what was implied may be found to be otherwise
+        if self._of != known:
+            every = [*self.outcomes.values(), *([self.bears] if self.bears else ())]
+            self._worst, self._of = worst(every), known
         return self._worst
 
     @property

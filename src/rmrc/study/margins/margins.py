@@ -6,15 +6,20 @@ import threading
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
-from rmrc.scenario import Change, Scenario, Source, draft_of
+from rmrc.scenario import Change, Scenario, Source, changes_of, draft_of
 from rmrc.simulation.prepare import Prepared
-from rmrc.study.margins.ringing import Judged, lateness
+from rmrc.study.margins.ringing import Judged, judged, lateness
 from rmrc.study.margins.search import ACCURACY, Edge, Search, close_in, delay, gain, lag
 from rmrc.study.study import OnRuns, Study
 from rmrc.support.brief import brief
 from rmrc.support.errors import ScenarioError
 from rmrc.support.interruption import interruptible
 from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag, rule_gain
+
+# Where runs are to be spared, commands get so many times as late at most as they are: who has more than that
+# left need not know how much. And a loop of little feedback, which takes long to show what it does, is judged
+# there with this share of what an ideal plant bears, as what bears more bears less.
+_ENOUGH, _RAISED = 10.0, 0.5
 
 # No finer: at its edge a loop takes forever to show on which side of it it is.
 _FINEST, _COARSEST = 0.005, 0.5
@@ -159,7 +164,7 @@ def margins_of(
         accuracy: Of the edges, relative.
         threads: How many step their share of the runs.
         on_runs: Called with the number of runs of each round.
-        is_sparing: Whether it takes more rounds of fewer runs.
+        is_sparing: Whether it takes more rounds of fewer runs, and makes commands ten times as late at most.
         expected: The feedback with which their loops may be about to be unstable [1/s], where a sparing
             search begins; 0: it is not known.
 
@@ -172,11 +177,32 @@ def margins_of(
         side = math.sqrt(1.0 + accuracy)
         for loop, search in zip(loops, gains, strict=True):
             search.guess, search.first = expected / loop.scenario.control.feedback, (1.0 / side, side)
-    nominal = [loop.nominal for loop in loops]
-    close_in(study, nominal + (gains if is_sparing else []), stop, threads, on_runs)
+    if is_sparing:
+        close_in(study, gains, stop, threads, on_runs)
+    nominal = [loop.nominal for loop in loops if not loop.is_implied()]
+    close_in(study, nominal, stop, threads, on_runs)
     every = [search for loop in loops for search in loop.rest()]
+    if is_sparing:
+        later = [one for loop in loops for name, one in loop.searches.items() if name != "gain"]
+        _imply(study, later, stop, threads)
     close_in(study, every, stop, threads, on_runs)
     return [loop.margins(is_interrupted=stop.is_set()) for loop in loops]
+
+
+def _imply(study: Study, searches: Sequence[Search], stop: threading.Event, threads: int) -> None:
+    """End searches for more time where a loop with more feedback bears the most that is asked."""
+    raised = list[tuple[Search, Prepared]]()
+    for search in searches:
+        search.most = min(search.most, _ENOUGH)
+        changes = search.changes(search.most)
+        late = study.prepare(changes).scenario
+        feedback = _RAISED * edge_gain(late.control.period, *lateness(late))
+        if feedback > late.control.feedback:
+            raised.append((search, study.prepare((*changes, *changes_of({"control.feedback": feedback})))))
+    found = judged(study, [world for _, world in raised], stop, threads)
+    for (search, _), one in zip(raised, found, strict=True):
+        if one is not None and not one.is_unstable:
+            search.known[search.most] = one
 
 
 class _Loop:
@@ -190,6 +216,13 @@ class _Loop:
 
     def _as_asked(self, search: Search) -> Search:
         return replace(search, accuracy=self._accuracy, is_sparing=self._is_sparing)
+
+    def is_implied(self) -> bool:
+        """Say whether the loop is known to be stable, as one with more feedback is, and take that over."""
+        low, known = self.searches["gain"].edge.low, self.searches["gain"].known
+        if low >= 1.0:
+            self.nominal.known[1.0] = known[low]
+        return low >= 1.0
 
     @property
     def _written(self) -> Judged | None:

@@ -17,7 +17,7 @@ from rmrc.textbook.stability import edge_delay, edge_gain, edge_lag
 # Around the edge of the ideal plant; then points between the two that are nearest to the edge, as many as the
 # accuracy needs and no more than so many, until these two differ by less than the accuracy. Where runs are to
 # be spared, fewer at a time, and a little below it, where the edge is if drives do not follow at once.
-_GRID, _FEW = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0), (0.91, 0.95, 1.0)
+_GRID, _FEW = (0.6, 0.77, 0.9, 1.0, 1.15, 1.4, 2.0), (0.91, 0.954, 1.0)
 _POINTS = 6
 ACCURACY = 0.02
 # Steps are finer than the accuracy by this share, so that rounding asks for no further round.
