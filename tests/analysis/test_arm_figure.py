@@ -91,7 +91,7 @@ def test_several_configurations_are_numbered_and_get_lighter_but_stay_gray():
     (axes,) = picture.axes
     assert [text.get_text() for text in axes.texts] == ["1", "2", "3"]
     labels = [text.get_text() for text in picture.legends[0].get_texts()]
-    assert labels[-3:] == ["1: q = 1.200, -2.400", "2: q = 0.5000, -1.000", "3: q = 0, 0"]
+    assert labels[-3:] == ["1: $q$ = 1.200, -2.400", "2: $q$ = 0.5000, -1.000", "3: $q$ = 0, 0"]
     shades = [to_rgb(line.get_color()) for line in lines(axes, "-") if len(line.get_xdata()) == 4]
     assert [shade[0] for shade in shades] == sorted({shade[0] for shade in shades}) and len(shades) == 3
     assert all(len(set(shade)) == 1 and shade[0] < 0.6 for shade in shades)
@@ -100,8 +100,8 @@ def test_several_configurations_are_numbered_and_get_lighter_but_stay_gray():
 def test_words_name_model_site_axes_units_and_kinds():
     picture = figure(found("helical", [0.5, 0.7, 0.2]))
     assert [(axes.get_xlabel(), axes.get_ylabel()) for axes in picture.axes] == [
-        ("x [m]", "y [m]"),
-        ("x [m]", "z [m]"),
+        ("$x$ [m]", "$y$ [m]"),
+        ("$x$ [m]", "$z$ [m]"),
     ]
     assert picture.get_suptitle() == "helical.xml, site tip"
     labels = [text.get_text() for text in picture.legends[0].get_texts()]

@@ -48,7 +48,7 @@ def test_the_arm_of_6_and_3_shows_both_sets_circles_limits_and_the_arm():
     ]  # fmt: skip
     kinds = styles(figure)
     assert len(set(kinds)) == len(kinds)
-    assert axes.get_xlabel() == "x [m]" and axes.get_ylabel() == "y [m]"
+    assert axes.get_xlabel() == "$x$ [m]" and axes.get_ylabel() == "$y$ [m]"
     assert axes.get_title() == "planar_6_3: workspace of tip"
     assert axes.get_aspect() == 1.0
     limits = {text.get_text() for text in axes.texts}
@@ -75,7 +75,7 @@ def test_a_map_has_a_colorbar_with_name_and_unit(measure):
 
 def test_a_half_plane_and_a_plane_through_a_point_say_what_they_are():
     _, axes = drawn(found("torus_3r"))
-    assert axes.get_xlabel() == "distance from the axis of theta_1, r [m]" and axes.get_xlim()[0] == 0.0
+    assert axes.get_xlabel() == "distance from the axis of theta_1, $r$ [m]" and axes.get_xlim()[0] == 0.0
     figure, axes = drawn(found("torus_3r", "xy"))
     assert axes.get_title() == "torus_3r: workspace of tip, z = 1.28 m"
     kinds = styles(figure)
@@ -107,7 +107,7 @@ def test_a_map_over_two_joints_has_degrees_and_meters_and_the_determinant(tmp_pa
     figure = workspace_figure._joint_map(space, "sigma_min")
     axes = figure.axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("d_3 [m]", "theta_5 [°]")
-    line = next(line for line in axes.lines if line.get_label() == "singular: det J = 0")
+    line = next(line for line in axes.lines if line.get_label() == r"singular: det $J$ = 0")
     assert_allclose(line.get_ydata(), 0.0, atol=1e-9)
     draw(space, tmp_path / "map.png", "condition")
     assert imread(tmp_path / "map.png").shape[1] > 800

@@ -45,7 +45,7 @@ def test_every_curve_is_drawn_with_its_mark_on_it_and_in_the_rug(count):
         assert (x[at], y[at]) == (one.sigma_min, one.gain_min)
         assert (np.diff(x) >= 0.0).all()
         assert np.ravel(notch) == [one.sigma_min]
-    ideal = next(line for line in axes.lines if line.get_label() == "1/σ, exact")
+    ideal = next(line for line in axes.lines if line.get_label() == r"$1/\sigma$, exact")
     np.testing.assert_allclose(np.prod(ideal.get_data(), axis=0), 1.0, rtol=1e-15)
 
 
@@ -54,7 +54,7 @@ def test_a_run_that_came_nearer_than_the_picture_is_marked_at_its_edge():
     (line,) = lines(axes_of(curves), curves)
     (at,) = line.get_markevery()
     assert [data[at] for data in line.get_data()] == [curves[0][1].sigma[0], curves[0][1].gain[0]]
-    assert line.get_label() == "a\n    σ_min = 1e-07"
+    assert line.get_label() == "a\n    $\\sigma_{\\min}$ = 1e-07"
 
 
 def test_a_gain_of_zero_goes_to_the_bottom_and_not_out_of_the_picture():
@@ -84,11 +84,15 @@ def test_fifty_colors_are_all_different():
 def test_the_words_name_scenario_axes_units_and_variants():
     axes = axes_of([("inverse", curve(0.1)), ("$x$", curve(0.2))])
     assert axes.get_title() == "case: the inverses as filters"
-    assert axes.get_xlabel().startswith("σ of the direction that is lost first [1]")
-    assert axes.get_ylabel() == "g(σ), joint rate for a unit of task velocity [1]"
+    assert axes.get_xlabel().startswith(r"$\sigma$ of the direction that is lost first [1]")
+    assert axes.get_ylabel() == r"$g(\sigma)$, joint rate for a unit of task velocity [1]"
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     labels = [text.get_text() for text in axes.figure.legends[0].get_texts()]
-    assert labels == ["inverse\n    σ_min = 0.05", "\\$x\\$\n    σ_min = 0.05", "1/σ, exact"]
+    assert labels == [
+        "inverse\n    $\\sigma_{\\min}$ = 0.05",
+        "\\$x\\$\n    $\\sigma_{\\min}$ = 0.05",
+        r"$1/\sigma$, exact",
+    ]
 
 
 @pytest.mark.parametrize("count", [1, 12])
