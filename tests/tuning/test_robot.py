@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+import threading
 
 import numpy as np
 import pytest
@@ -13,8 +14,10 @@ from rmrc.study.study import Study
 from rmrc.support.errors import ScenarioError
 from rmrc.textbook.stability import edge_gain
 from rmrc.tuning import report
+from rmrc.tuning.copies import LOOPS
 from rmrc.tuning.robot import DELAY, GAIN_MARGIN, LAG, NOISE, read_range
-from rmrc.tuning.space import FEEDBACK
+from rmrc.tuning.space import FEEDBACK, Setting, Structure
+from rmrc.tuning.trials import Trials
 from rmrc.tuning.tune import Tuning
 from wording import says
 
@@ -212,3 +215,51 @@ def test_the_worst_of_the_loops_counts(path):
     assert sorted(best.outcomes) == [0, 1, 2]
     assert best.worst.error == max(out.error for out in best.outcomes.values())
     assert best.outcomes[1].error < best.outcomes[0].error  # the quick loop is not the hard one
+
+
+def test_the_scenario_itself_is_run_on_loops_from_the_quickest_up_to_the_slowest(path):
+    work = Tuning(path, robot={"delay": "6ms..12ms", "lag": (0.0, 0.006), "noise": 1e-5})
+    loops = [{".".join(map(str, change.key)): change.value for change in loop.changes} for loop in work.loops]
+    slowest = changed(work)[0]
+    assert all(loop.keys() == slowest.keys() for loop in loops)  # nothing else differs
+    delays, lags = ([one[key] for one in (*loops, slowest)] for key in ("plant.delay", "plant.lag"))
+    assert delays == pytest.approx(np.linspace(0.006, 0.012, LOOPS + 1))
+    assert lags == pytest.approx(np.linspace(0.0, 0.006, LOOPS + 1))
+    assert Tuning(path, robot={"delay": "8ms"}).loops == Tuning(path, ideal=True).loops == ()
+    assert Tuning(path, robot={"delay": "6ms..12ms"}, copies=0).loops == ()  # the scenario alone, as asked
+
+
+def test_what_breaks_a_limit_on_a_loop_between_is_not_recommended(path, monkeypatch):
+    # no copy shows it: what the search comes to first may rest at a singularity and leave it on another branch
+    work = {"robot": {"delay": "2ms..12ms"}, "copies": 1, "runs": 60, "only": FEW, "threads": 1}
+    first = Tuning(path, **work).run().verdict
+    between, asked = Trials.between, []
+
+    def breaks(trials, settings):
+        asked.extend(settings)
+        found = between(trials, settings)
+        return [out._replace(excess=0.1) if one == first.recommended.setting else out
+                for one, out in zip(settings, found, strict=True)]  # fmt: skip
+
+    monkeypatch.setattr(Trials, "between", breaks)
+    found = Tuning(path, **work).run()
+    assert first.recommended.between.excess <= 0.0  # negative control: by its own runs it is recommended
+    (broken,) = (one for one in found.tried if one.setting == first.recommended.setting)
+    assert broken not in found.feasible
+    assert all(out.excess <= 0.0 for out in broken.outcomes.values())
+    best = found.verdict.recommended
+    assert best.setting in asked and best.between.excess <= 0.0
+    assert best.worst.error >= first.recommended.worst.error
+
+
+def test_a_stop_at_full_reach_that_copies_bear_saturates_drives_on_loops_between():
+    # the elbow rests 1 mrad from straight: which way it turns as it leaves, and how hard, is a matter of less
+    work = Tuning(ROOT / "scenarios/approach_singularity.yaml", robot={"delay": "6ms..12ms"})
+    trials = Trials(Study(work.scenario), work.copies, 1, threading.Event(), None, loops=work.loops)
+    stops = Setting(Structure("damped", "rate_bound", "stop"), (2.38, 5.07, 0.0231))
+    tame = Setting(Structure("damped", "constant", "damp"), (0.05, 5.0))
+    trials.allow([10.0] * len(work.copies))
+    assert all(out.excess <= 0.0 for out in trials.run([(stops, copy) for copy in range(trials.copies)]))
+    broken, kept = trials.between([stops, tame])
+    assert broken.excess > 0.0 and "is at its limit for" in broken.missed
+    assert kept.excess <= 0.0  # negative control

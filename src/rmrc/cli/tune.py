@@ -59,7 +59,7 @@ GainMargin = Annotated[
     ),
 ]
 Slower = Annotated[float, typer.Option(help="Times the duration as written that another may take.")]
-Runs = Annotated[int, typer.Option(help="Runs in all; first looks count by their ticks.")]
+Runs = Annotated[int, typer.Option(help="Runs in all but the last looks; first looks count by their ticks.")]
 Seed = Annotated[int, typer.Option(help="Of the copies and of the search.")]
 Picture = Annotated[
     Path | None,

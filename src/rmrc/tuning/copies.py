@@ -11,6 +11,9 @@ from rmrc.study.sobol import sobol_point
 from rmrc.support.errors import ScenarioError
 from rmrc.tuning.robot import Robot
 
+# Loops beside the slowest on which the scenario itself is run with what is recommended.
+LOOPS = 6
+
 
 @dataclass(frozen=True)
 class Spread:
@@ -94,6 +97,18 @@ def draw_copies(
         changes = changes_of(values, "--vary")
         copies.append(Variant(f"copy {index + 1}{_told(changes)}", changes))
     return tuple(copies)
+
+
+def loops_between(nominal: Prepared, robot: Robot) -> tuple[Variant, ...]:
+    """Return the scenario itself on loops evenly from the quickest up to the slowest, that one left out.
+
+    Args:
+        nominal: The scenario.
+        robot: How its loop may be; no loop is between where that is one.
+    """
+    shares = np.arange(LOOPS if robot.varied else 0) / LOOPS
+    values = (robot.values(nominal, dict.fromkeys(robot.varied, float(share))) for share in shares)
+    return tuple(Variant("the scenario itself", changes_of(one)) for one in values)
 
 
 def _told(changes: tuple[Change, ...]) -> str:

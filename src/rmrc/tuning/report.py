@@ -74,6 +74,9 @@ def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:
         coarse = f"dead time of {late:.4g} ms, in ticks of {1e3 * found.tick:.4g} ms"
         first = f"{found.looks} settings on an ideal plant with a {coarse}"
         lines.append(("first looks", first))
+    if work.loops:
+        every = f"on {len(work.loops)} more loops, evenly from the quickest to the slowest"
+        lines.append(("last looks", f"what is recommended and second best, {every}"))
     return lines + [("not possible", reason) for reason in work.left_out]
 
 

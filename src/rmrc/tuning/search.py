@@ -8,8 +8,11 @@ model is cheap, the copies are what is looked at.
 
 What runs on the hardest copy ends once it can no longer count: see `rmrc.tuning.bar`. What is left of it is
 tried with more feedback, and run on the next copy, and then on all the others, as the worst of more runs is
-never better. So what counts in the end was run whole on every copy. Nondominated sorting is that of NSGA-II
-[Deb02]; that what does badly gets no more runs is the idea of successive halving [Jamieson16].
+never better. So what counts in the end was run whole on every copy. Where the robot is a range, what would be
+recommended is then run on more loops, evenly from the quickest to the slowest, and is left out if it breaks
+a limit there: arms that rest at a singularity on almost equal loops may leave it on two branches.
+Nondominated sorting is that of NSGA-II [Deb02]; that what does badly gets no more runs is the idea of
+successive halving [Jamieson16].
 """
 
 import math
@@ -347,12 +350,22 @@ class Search:
         return None not in found
 
     def judge(self) -> Verdict:
-        """Return what is best; what is recommended, and second, was run with more feedback itself."""
+        """Return what is best; the first two bore more feedback themselves, and were run on all loops."""
         while True:
             verdict = judge(self.feasible, self.tried, self._own)
-            some = [one for one in (verdict.recommended, verdict.second) if one and one.is_implied]
-            if not some or not self._ask(some):
+            named = [one for one in (verdict.recommended, verdict.second) if one]
+            implied = [one for one in named if one.is_implied]
+            new = [one for one in named if self._trials.loops and one.between is None]
+            if not (self._ask(implied) if implied else new and self._cross(new)):
                 return verdict
+
+    def _cross(self, some: Sequence[Tried]) -> bool:
+        """Run the scenario itself with settings on the other loops; say whether it was done."""
+        found = self._trials.between([one.setting for one in some])
+        self._left -= len(some) * len(self._trials.loops)
+        for one, out in zip(some, found, strict=True):
+            one.between = out
+        return None not in found
 
     def _probe(self, setting: Setting) -> None:
         """Find how much feedback a setting bears, to a few percent, where that is asked."""

@@ -270,6 +270,7 @@ class Trials:
         on_runs: OnRuns | None,
         margin: float = 1.0,
         model: Variant | None = None,
+        loops: Sequence[Variant] = (),
     ) -> None:
         """Keep what all trials share.
 
@@ -284,8 +285,10 @@ class Trials:
             on_runs: Called with the number of runs of each batch that was done.
             margin: Times its feedback that a setting is to bear on the scenario itself; 1: it need not.
             model: What is cheap to run and comes near to the hardest copy; None: there is none.
+            loops: The scenario itself on loops beside the slowest.
         """
         self._study, self._threads, self._stop, self._on_runs = study, threads, stop, on_runs
+        self.loops = tuple(loops)
         self.copies, self.margin, self.model = len(copies), margin, len(copies) if model else None
         self._copies = copies = (*copies, *([model] if model else ()))
         nominal = study.prepare()
@@ -330,19 +333,37 @@ class Trials:
             bar: Ends runs that it can leave; None: all run to their end.
             rivals: Of each job, the least error that its inverse is known to come to.
         """
-        most = max(1, _TICKS // self._ticks)
-        parts = self._threads * (_PARTS if len(jobs) >= _WIDE * _PARTS * self._threads else 1)
-        size = max(1, min(most, -(-len(jobs) // parts)))
-        pieces = [range(first, min(first + size, len(jobs))) for first in range(0, len(jobs), size)]
         longest = [self._longest[copy] for _, copy in jobs]
         is_model = all(copy == self.model for _, copy in jobs)
-        into = _Outcomes(
-            pieces, self.limits, longest, self._count_model if is_model else self._count, [None] * len(jobs)
-        )
         study = self._of_model if is_model and self._of_model else self._study
-        variants = Listed([Variant("", self._changes(*job, study)) for job in jobs])
+        changes = [self._changes(*job, study) for job in jobs]
+        ending = Ending(bar, self.limits, np.array(rivals)) if bar else None
+        return self._step(study, changes, longest, self._count_model if is_model else self._count, ending)
+
+    def between(self, settings: Sequence[Setting]) -> list[Outcome | None]:
+        """Return the worst of settings on the loops beside the slowest; None for what was interrupted."""
+        jobs = [(one, loop) for one in settings for loop in self.loops]
+        changes = [(*self._changes(one, 0, self._study), *loop.changes) for one, loop in jobs]
+        found = self._step(self._study, changes, [self._longest[0]] * len(jobs), self._count)
+        each = [found[i : i + len(self.loops)] for i in range(0, len(jobs), len(self.loops))]
+        return [None if None in some else worst([one for one in some if one]) for some in each]
+
+    def _step(
+        self,
+        study: Study,
+        changes: Sequence[tuple[Change, ...]],
+        longest: Sequence[float],
+        on_runs: OnRuns,
+        ending: Ending | None = None,
+    ) -> list[Outcome | None]:
+        """Return what runs of a study come to, None for those that were interrupted."""
+        most = max(1, _TICKS // self._ticks)
+        parts = self._threads * (_PARTS if len(changes) >= _WIDE * _PARTS * self._threads else 1)
+        size = max(1, min(most, -(-len(changes) // parts)))
+        pieces = [range(first, min(first + size, len(changes))) for first in range(0, len(changes), size)]
+        into = _Outcomes(pieces, self.limits, longest, on_runs, [None] * len(changes))
+        variants = Listed([Variant("", one) for one in changes])
         with threads(self._threads, study) as crew:
-            ending = Ending(bar, self.limits, np.array(rivals)) if bar else None
             study.run(variants, crew, into, self._stop, ending)
         return into.found
 

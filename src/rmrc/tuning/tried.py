@@ -25,21 +25,24 @@ class Tried:
         outcomes: By the numbers of the copies, 0 for the scenario itself.
         bears: What more feedback came to: None where that is not known.
         is_implied: Whether that is known by another setting alone.
+        between: The worst of it on the scenario itself on more loops: None where that is not known.
     """
 
     setting: Setting
     outcomes: dict[int, Outcome]
     bears: Outcome | None = None
     is_implied: bool = False
+    between: Outcome | None = None
     _worst: Outcome = field(init=False, repr=False, compare=False)  # asked for again and again
-    _of: tuple[int, Outcome | None] = field(default=(0, None), init=False, repr=False, compare=False)
+    _of: tuple[object, ...] = field(default=(), init=False, repr=False, compare=False)
 
     @property
     def worst(self) -> Outcome:
         """The worst of its runs."""
-        known = len(self.outcomes), self.bears  # what was implied may be found to be otherwise
+        beside = self.bears, self.between  # what was implied may be found to be otherwise
+        known = len(self.outcomes), *beside
         if self._of != known:
-            every = [*self.outcomes.values(), *([self.bears] if self.bears else ())]
+            every = [*self.outcomes.values(), *filter(None, beside)]
             self._worst, self._of = worst(every), known
         return self._worst
 

@@ -23,7 +23,7 @@ from rmrc.support.errors import ScenarioError
 from rmrc.support.files import written_whole
 from rmrc.support.interruption import interruptible
 from rmrc.support.problems import Origin, Problem
-from rmrc.tuning.copies import Spread, draw_copies, has_points
+from rmrc.tuning.copies import Spread, draw_copies, has_points, loops_between
 from rmrc.tuning.only import Only, read_only
 from rmrc.tuning.robot import GAIN_MARGIN, Given, Robot, robot_of
 from rmrc.tuning.search import Search
@@ -111,6 +111,7 @@ class Tuning:
     Attributes:
         scenario: With the overrides.
         copies: The scenario itself, and the copies.
+        loops: The scenario itself, on which what is recommended is run beside; none without copies.
         left_out: Why some structures cannot be chosen here.
         slower: Times the duration as written that another setting may take.
         robot: Of the loops that the copies have.
@@ -147,7 +148,7 @@ class Tuning:
             gain_margin: Times its feedback that what is recommended bears on the slowest of the robots; None:
                 2, or 1 with `ideal`.
             slower: Times the duration with the scenario's own setting that another may take.
-            runs: How many runs are made at most; first looks count by their ticks.
+            runs: How many runs are made at most, last looks beside; first looks count by their ticks.
             threads: How many batches are run at a time; None: one a core.
 
         Raises:
@@ -172,6 +173,7 @@ class Tuning:
         self._asks_for_excess = ON_EXCESS in words
         self.robot = self._bearable(robot_of(self.scenario, robot, ideal=ideal))
         self.copies = draw_copies(self._nominal, copies, seed, spread, self.robot)
+        self.loops = loops_between(self._nominal, self.robot) if copies else ()
         self._refuse_excess(self._study.prepare_all(self.copies, ""))
 
     @property
@@ -234,7 +236,9 @@ class Tuning:
         with interruptible() as stop:
             limits = bounds(self._nominal, nominal.run, self.robot, self.margin)
             model = self._model(limits[FEEDBACK][1])
-            trials = Trials(self._study, self.copies, self._threads, stop, on_runs, self.margin, model)
+            trials = Trials(
+                self._study, self.copies, self._threads, stop, on_runs, self.margin, model, self.loops
+            )
             matters = self._asks_for_excess or meets_limits(nominal.run)
             structures = tuple(one for one in self._structures if matters or not one.on_excess)
             space = Space(structures, limits, self._only, self._values)

@@ -55,7 +55,7 @@ def tune(
         gain_margin: Times its feedback that what is recommended bears on the slowest of the robots; 1: no
             margin is asked for; None: 2, or 1 with `ideal`.
         slower: Times the duration with the scenario's own setting that another may take.
-        runs: How many runs are made at most; first looks count by their ticks.
+        runs: How many runs are made at most, last looks beside; first looks count by their ticks.
         seed: Of the copies and of the search.
         out: Folder for NAME.tune.yaml, .png and .parquet; made if it is missing. None: nothing is written.
         threads: How many batches are run at a time; None: one a core.
