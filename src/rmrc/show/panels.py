@@ -211,7 +211,12 @@ def thinned(time: Array, values: Array) -> tuple[Array, Array]:
 
 def paints(count: int) -> list[str]:
     """Return colors that are read on white paper."""
-    return [f"#{mix(color, BLACK, 0.15) >> 8:06x}" for color in distinct(count)]
+    return [on_paper(color) for color in distinct(count)]
+
+
+def on_paper(color: int) -> str:
+    """Return a color of the palette as it is read on white paper."""
+    return f"#{mix(color, BLACK, 0.15) >> 8:06x}"
 
 
 def rate_unit(run: Run) -> str:

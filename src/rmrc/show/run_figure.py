@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from rmrc.results.run import Run
 from rmrc.show.figures import DASHES, plain
+from rmrc.show.palette import GREEN, MAGENTA
 from rmrc.show.panels import (
     APART,
     CLIPPED,
@@ -32,6 +33,7 @@ from rmrc.show.panels import (
     legend,
     name_lanes,
     off,
+    on_paper,
     paints,
     path_plane,
     power,
@@ -72,7 +74,7 @@ def _draw_path(axes: Axes, run: Run) -> int:
     wanted, taken = run["pose_ref"][:, :3], run["pose"][:, :3]
     time, outlines, is_shadow = shadows(run, *path_plane([wanted, taken])[:2])
     first, second = frame_path(axes, [wanted, taken, *outlines])
-    blue, _, green = paints(3)
+    (blue,), green = paints(1), on_paper(GREEN)
     for i, outline in enumerate(outlines):
         axes.fill(
             *outline[:, [first, second]].T, facecolor=f"{green}30", edgecolor=green, linewidth=0.7,
@@ -168,13 +170,13 @@ def _draw_beside(
 
 def _draw_sigma(axes: Axes, run: Run) -> int:
     """Draw the smallest singular value, the damping, and where damping begins, on a logarithmic scale."""
-    (blue, orange), time = paints(2), run["time"]
+    time = run["time"]
     sigma, damping = run["sigma"][:, -1], run["damping"]
-    axes.plot(*thinned(time, sigma), color=blue, label=r"$\sigma_{\min}$")
+    axes.plot(*thinned(time, sigma), color=on_paper(GREEN), label=r"$\sigma_{\min}$")
     shown = [sigma[sigma > 0.0]]
     if (damping > 0.0).any():
         axes.plot(
-            *thinned(time, np.where(damping > 0.0, damping, np.nan)), color=orange,
+            *thinned(time, np.where(damping > 0.0, damping, np.nan)), color=on_paper(MAGENTA),
             linestyle=(0, DASHES[1]), label=r"$\lambda$",
         )  # fmt: skip
         shown.append(damping[damping > 0.0])
