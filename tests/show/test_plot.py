@@ -274,6 +274,16 @@ def test_an_ellipse_of_a_spatial_arm_is_the_shadow_of_the_ellipsoid_that_mujoco_
         assert min(misses) < 1.5e-3
 
 
+def test_a_tip_that_only_turns_has_no_path_unless_it_is_asked_for(left):
+    run = run_scenario(load(ROOT / "scenarios/three_roll.yaml").set({"control.period": 0.02}))
+    assert not any("[m]" in axes.get_ylabel() for axes in plot(run).get_axes())
+    figure = plot(run, panels=["path"], width=3.5)
+    figure.draw_without_rendering()
+    assert figure.get_axes()[0].get_tightbbox().x0 >= 0.0
+    held = dataclasses.replace(left[1], columns={name: one[:1] for name, one in left[1].columns.items()})
+    assert any("[m]" in axes.get_ylabel() for axes in plot(held).get_axes())  # its ellipse tells
+
+
 def test_a_run_from_before_its_screws_were_kept_has_no_ellipses_and_odd_ones_are_refused(left, tmp_path):
     run, bare = left[1], {"screws": (), "leaders": (), "joint_scale": ()}
     (path,) = plot(dataclasses.replace(run, **bare), panels=["path"]).get_axes()

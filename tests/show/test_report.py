@@ -105,4 +105,4 @@ def test_inspections_of_several_configurations_are_a_list_and_one_picture(tmp_pa
     assert both.json == [of_inspection(one).json, of_inspection(other).json]
     assert len(both.sheets) == 2 * len(of_inspection(one).sheets)
     both.draw(Path(tmp_path / "arms.svg"))
-    assert "q = 0.5000, 1.000" in (tmp_path / "arms.svg").read_text("utf-8")
+    assert "$q$ = 0.5000, 1.000" in (tmp_path / "arms.svg").read_text("utf-8")

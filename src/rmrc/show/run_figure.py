@@ -102,7 +102,7 @@ def draw_rates(axes: Axes, run: Run) -> int:
     both = np.abs(np.hstack([run["qdot"], run["qdot_cmd"]]))
     peak, told = float(both.max()), []
     _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), colors)
-    if known and known[0] >= FAR * peak:
+    if is_far := bool(known) and known[0] >= FAR * peak:
         told.append(f"limit{'s from' * (len(known) > 1)} {grouped(known[0])} {rate_unit(run)}/s ↑")
     if known and peak > CLIPPED * known[-1]:
         axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
@@ -112,9 +112,10 @@ def draw_rates(axes: Axes, run: Run) -> int:
         axes.set_yscale("symlog", linthresh=power(float(np.median(both.max(axis=1)))))
     told += _draw_plain(axes, run, colors, peak)
     told += _draw_baseline(axes, run, is_roomy=bool(told))
-    if run.baseline is not None and len(told) > 1:  # room for each further line
+    lines = len(told) - (not is_far or len(told) > 1)
+    if told and lines and axes.get_yscale() == "linear":  # room for each that has none yet
         low, high = axes.get_ylim()
-        axes.set_ylim(low, low + (high - low) / (1.0 - LINE * (len(told) - 1)))
+        axes.set_ylim(low, low + (high - low) / (1.0 - LINE * lines))
     if told:
         axes.text(
             0.99, 0.96, "\n".join(told), transform=axes.transAxes, va="top", ha="right",
