@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from rmrc.support.notices import COMPILING
+from rmrc.support.notices import COMPILING, READING
 
 ROOT = Path(__file__).parent.parent
 
@@ -21,6 +21,6 @@ def mostly_long(cases, every):
 
 
 def told(err):
-    """Return what a verb said but for what it says while the law is compiled, or loaded by a busy machine."""
-    notice = ".*".join(map(re.escape, COMPILING.split("{}")))
-    return re.sub(rf"^rmrc: {notice}\n", "", err, flags=re.MULTILINE)
+    """Return what a verb said but for what a busy machine makes it say: it compiles or loads the law, or reads a model."""
+    compiling = ".*".join(map(re.escape, COMPILING.split("{}")))
+    return re.sub(rf"^rmrc: (?:{compiling}|{re.escape(READING)})\n", "", err, flags=re.MULTILINE)

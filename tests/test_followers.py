@@ -23,6 +23,7 @@ from rmrc.scenario.sections import ControlSection
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.support.errors import ModelError
+from rmrc.textbook.screws import geometric_from_screws, space_jacobian
 from screws import screw_chain
 from wording import says
 
@@ -89,6 +90,9 @@ def test_any_chain_with_any_followers_moves_as_its_equalities_say(folder, seed):
     for name, other in routes(arm, q).items():
         # differences: see DIFFERENCE_STEP; third derivatives grow with the cube of the ratios
         assert_allclose(other, J, atol=(1e-8 * size**2 if name == "differences" else ROUNDING * size))
+    screws = space_jacobian(arm.chain.screws, q[arm.chain.leader])  # as a run keeps them
+    along = geometric_from_screws(screws, arm.pose(q)[:3]) @ np.eye(arm.n)[arm.chain.leader]
+    assert_allclose(along, J, atol=ROUNDING * size)
     # statics: the same power by MuJoCo's columns and from link to link
     wrench = np.random.default_rng(seed).normal(size=6)
     borne = balance(arm, q, wrench)

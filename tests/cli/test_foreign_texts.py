@@ -47,7 +47,7 @@ def test_names_of_a_model_are_no_markup(rmrc, tmp_path, name, verb):
     verb = verb.split()
     (tmp_path / "model.xml").write_text(named(name))
     code, out, err = rmrc(verb[0], "model.xml", *verb[1:])
-    assert (code, err.replace("rmrc: reading the model ...\n", "")) == (0, "")
+    assert (code, err) == (0, "")
     assert name in out
 
 
@@ -71,7 +71,7 @@ def test_the_name_of_a_file_is_printed_with_its_control_characters_made_visible(
         assert name.encode("unicode_escape").decode() in (out + err).replace(
             "link:http", "link=http"
         ).replace("\\x0a", "\\n")
-        assert err.count("\n") <= 1 + ("reading the model" in err)
+        assert err.count("\n") <= 1
 
 
 LONG = "a" * 10_000

@@ -3,19 +3,24 @@
 import dataclasses
 import re
 
+import mujoco
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from scipy.linalg import null_space
 
 from project import ROOT
 from rmrc.results.run import Run, read_runs
+from rmrc.scenario import load
 from rmrc.show.panels import GRAY, NAMES, OVER_TIME, SPANS, thinned
 from rmrc.show.plot import plot
+from rmrc.simulation.prepare import prepare
 from rmrc.study.plotting import plot as plot_any
 from rmrc.study.verbs import compare, sweep
 from rmrc.study.verbs import run as run_scenario
 from rmrc.support.errors import QuestionError
+from rmrc.support.spatial import AXES
 from wording import says
 
 TIMED = [name for name in NAMES if name in OVER_TIME]
@@ -192,11 +197,18 @@ def test_what_is_no_run_is_refused_in_python_too(tmp_path):
         Run.read(tmp_path / "other.npz")
 
 
+def ellipses_of(axes):
+    """Return outlines of ellipses on a path, the time for which they stand [s], and how they are called."""
+    name, _, time = axes.patches[0].get_label().rpartition(", ")
+    return [patch.get_path().vertices for patch in axes.patches], float(time.removesuffix(" s")), name
+
+
 def test_ellipses_on_the_path_are_those_of_the_jacobian(left):
     run = left[1]
     (path,) = plot(run, panels=["path"]).get_axes()
-    outlines = [patch.get_path().vertices for patch in path.patches]
+    outlines, time, name = ellipses_of(path)
     assert len(outlines) >= 3
+    assert name == "velocity ellipse"  # all of it: the task is in the plane
     checked = 0
     for outline in outlines:
         center = (outline.min(axis=0) + outline.max(axis=0)) / 2
@@ -207,10 +219,79 @@ def test_ellipses_on_the_path_are_those_of_the_jacobian(left):
         J = np.array([
             [-np.sin(first) - np.sin(second), -np.sin(second)], [np.cos(first) + np.cos(second), np.cos(second)]
         ])  # fmt: skip
-        rates = np.linalg.solve(J, (outline - center).T / 0.2)
+        rates = np.linalg.solve(J, (outline - center).T / time)
         np.testing.assert_allclose(np.linalg.norm(rates, axis=0), 1.0, rtol=2e-3)  # a tick beside the row
         checked += 1
     assert checked >= 2
+
+
+QUICK = {"plant.kind": "ideal", "control.period": 0.02, "control.inverse.method": "damped"}
+SPATIAL = {
+    "a slide and joint weights": (
+        "stanford_wrist", {"task.length": 0.3, "control.joint_weights": [1, 2, 3, 4, 5, 6]},
+    ),
+    "axes of the site": ("ur5e_wrist", {"task.frame": "site"}),
+    "some rows along axes of the site": ("puma_elbow", {"task.frame": "site", "task.axes": ["x", "z", "ry"]}),
+    "translations alone": ("puma_elbow", {"task.axes": ["x", "y", "z"]}),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", SPATIAL)
+def test_an_ellipse_of_a_spatial_arm_is_the_shadow_of_the_ellipsoid_that_mujoco_gives(tmp_path, case):
+    """The width of {M q̇ : ‖q̇‖ = 1} along d is ‖Mᵀ d‖, with M of MuJoCo, along rates that hold the rotations."""
+    name, changes = SPATIAL[case]
+    prepared = prepare(load(ROOT / f"scenarios/{name}.yaml").set({**QUICK, **changes}))
+    run_scenario(prepared.scenario).save(tmp_path / "kept.npz")
+    run, model = Run.read(tmp_path / "kept.npz"), prepared.true_arm.model
+    (path,) = plot(run, panels=["path"]).get_axes()
+    outlines, time, named = ellipses_of(path)
+    assert named == "velocity ellipsoid, shadow"
+    assert len(outlines) >= 2
+    weights = np.array(changes.get("control.joint_weights", np.ones(len(run.joints))))
+    scale = np.where(run.is_slide, run.length, 1.0) / np.sqrt(weights)
+    rows, data = [AXES.index(axis) for axis in run.axes], mujoco.MjData(model)
+    plane = ["xyz".index(label()[1]) for label in (path.get_xlabel, path.get_ylabel)]
+    centers = [(outline.min(axis=0) + outline.max(axis=0)) / 2 for outline in outlines]
+    for outline, center in zip(outlines, centers, strict=True):
+        off, misses = np.linalg.norm(run["pose"][:, plane] - center, axis=1), []
+        for row in np.flatnonzero(off < 1e-12):  # one, or more where it rests
+            data.qpos[:] = run["qpos"][row]
+            mujoco.mj_forward(model, data)
+            J, site = np.zeros((6, model.nv)), prepared.true_arm.wiring.site
+            mujoco.mj_jacSite(model, data, J[:3], J[3:], site)
+            J = J[:, prepared.true_arm.wiring.dof] * scale
+            R = data.site_xmat[site].reshape(3, 3) if run.view.frame == "site" else np.eye(3)
+            J[:3], J[3:] = R.T @ J[:3], R.T @ J[3:]
+            moved, held = [row for row in rows if row < 3], [row for row in rows if row > 2]
+            M = J[moved] @ (null_space(J[held], rcond=1e-6) if held else np.eye(len(run.joints)))
+            M = R[:, moved] @ M
+            angle = np.linspace(0.0, np.pi, 40)
+            d = np.zeros((3, 40))
+            d[plane] = np.cos(angle), np.sin(angle)
+            wide = ((outline - center) @ d[plane]).max(axis=0) / time
+            # the outline has 73 points: between two it is inside by a part of 1 - cos(2.5 deg)
+            misses.append(np.abs(wide - np.linalg.norm(M.T @ d, axis=0)).max() / np.abs(wide).max())
+        assert min(misses) < 1.5e-3
+
+
+def test_a_tip_that_only_turns_has_no_path_unless_it_is_asked_for(left):
+    run = run_scenario(load(ROOT / "scenarios/three_roll.yaml").set({"control.period": 0.02}))
+    assert not any("[m]" in axes.get_ylabel() for axes in plot(run).get_axes())
+    figure = plot(run, panels=["path"], width=3.5)
+    figure.draw_without_rendering()
+    assert figure.get_axes()[0].get_tightbbox().x0 >= 0.0
+    held = dataclasses.replace(left[1], columns={name: one[:1] for name, one in left[1].columns.items()})
+    assert any("[m]" in axes.get_ylabel() for axes in plot(held).get_axes())  # its ellipse tells
+
+
+def test_a_run_from_before_its_screws_were_kept_has_no_ellipses_and_odd_ones_are_refused(left, tmp_path):
+    run, bare = left[1], {"screws": (), "leaders": (), "joint_scale": ()}
+    (path,) = plot(dataclasses.replace(run, **bare), panels=["path"]).get_axes()
+    assert not path.patches
+    for odd in ({"leaders": (0, 2)}, {"screws": ((0.0,) * 5,) * 2}, {"joint_scale": (1.0,)}):
+        dataclasses.replace(run, **odd).save(tmp_path / "odd.npz")
+        with pytest.raises(QuestionError, match="damaged"):
+            Run.read(tmp_path / "odd.npz")
 
 
 def rates_of(run, **changes):

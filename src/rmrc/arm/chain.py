@@ -1,9 +1,12 @@
 """The geometry of a chain of joints: what forward kinematics needs, and no more."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
+
+from rmrc.textbook.screws import joint_screw
 
 Array = NDArray[np.float64]
 
@@ -48,6 +51,12 @@ class Chain:
         """
         steps = np.vstack([self.step[1:], self.tip_step])
         return float(np.linalg.norm(steps, axis=1).sum()) if not self.pitch.any() else 0.0
+
+    @cached_property
+    def screws(self) -> tuple[tuple[float, ...], ...]:
+        """Screws [ω; v at the world's origin] of the axes, per unit of the joint that moves each, (ℓ, 6)."""
+        found = self.ratio[:, None] * joint_screw(self.axis, np.cumsum(self.step, axis=0), self.pitch)
+        return tuple(map(tuple, found.tolist()))
 
     @property
     def kinds(self) -> tuple[str, ...]:

@@ -24,6 +24,7 @@ from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, numbers, task_axes
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
+from rmrc.support.notices import READING
 
 if TYPE_CHECKING:
     from rmrc.law.task import Array, Task
@@ -99,7 +100,7 @@ def ik(
         option = "--iterates" if iterates else "--method newton"
         raise QuestionError(f"give --all or {option}, not both: all postures are searched from many starts")
     rows = task_axes(axes)
-    with notice("reading the model ..."):
+    with notice(READING):
         from rmrc.analysis.ik.ik import ik as ask
         from rmrc.analysis.ik.ik import searchable
         from rmrc.analysis.ik.report import report

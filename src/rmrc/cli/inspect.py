@@ -24,6 +24,7 @@ from rmrc.cli.options import (
 from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, numbers, task_axes, wrench_of
 from rmrc.support.errors import QuestionError
+from rmrc.support.notices import READING
 
 if TYPE_CHECKING:
     from rmrc.arm import Arm
@@ -88,7 +89,7 @@ def inspect(
     if q and keyframe:
         raise QuestionError("give --q or --keyframe, not both")
     rows = task_axes(axes)
-    with notice("reading the model ..."):
+    with notice(READING):
         from rmrc.analysis.inspect.inspection import inspect as ask
         from rmrc.analysis.inspect.report import report
 

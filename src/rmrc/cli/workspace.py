@@ -29,6 +29,7 @@ from rmrc.cli.reports import show
 from rmrc.cli.texts import configuration, numbers, task_axes
 from rmrc.support.errors import QuestionError
 from rmrc.support.legible import quoted
+from rmrc.support.notices import READING
 
 if TYPE_CHECKING:
     from rmrc.analysis.workspace.joint_map import JointMap
@@ -108,7 +109,7 @@ def workspace(
 ) -> None:
     """Map where an arm reaches and where it is singular; leave NAME.workspace.png and .npz."""
     rows = task_axes(axes)
-    with notice("reading the model ..."):
+    with notice(READING):
         from rmrc.analysis.workspace import joint_map, slices
         from rmrc.analysis.workspace import workspace as slicing
         from rmrc.analysis.workspace.files import save

@@ -34,6 +34,8 @@ WIDTH, HEIGHT, LEAST_WIDTH, LEAST_HEIGHT, MOST_SIZE = 480, 480, 200, 200, 4096
 MOST_FRAMES = 6000
 # Heights of the title and of the rates below, as parts of the whole; of the title, at most [pixels].
 TITLE, RATES, TITLE_MOST = 0.12, 0.4, 44
+# Size of a subscript, as a part of the letters.
+SUBSCRIPT = 0.7
 # Frames from which the colors of a GIF are taken.
 SAMPLES = 8
 
@@ -143,8 +145,9 @@ class Film:
         share_scale(self._strips)
         folder = Path(get_data_path()) / "fonts" / "ttf"
         pixels = max(10, round(0.34 * self._heights[0]))
-        self._bold, self._plain = (
-            ImageFont.truetype(folder / name, pixels) for name in ("DejaVuSans-Bold.ttf", "DejaVuSans.ttf")
+        self._bold, self._plain, self._oblique, self._low = (
+            ImageFont.truetype(folder / f"DejaVuSans{name}.ttf", round(share * pixels))
+            for name, share in (("-Bold", 1.0), ("", 1.0), ("-Oblique", 1.0), ("", SUBSCRIPT))
         )
 
     @staticmethod
@@ -231,6 +234,12 @@ class Film:
         draw.text((margin, 0.06 * title), self._labels[i], "black", self._bold)
         flags = int(run["status"][row])
         words = [str(flag.name).lower().replace("_", " ") for flag in Status if flag and int(flag) & flags]
-        told = f"{run['time'][row]:.2f} s   σ_min {run['sigma'][row, -1]:.3f}   {', '.join(words[:2])}"
-        draw.text((margin, 0.54 * title), told, "#444", self._plain)
+        after = f" {run['sigma'][row, -1]:.3f}   {', '.join(words[:2])}"
+        x, base, lower = float(margin), 0.54 * title + self._plain.getmetrics()[0], 0.2 * self._low.size
+        for text, font, drop in (
+            (f"{run['time'][row]:.2f} s   ", self._plain, 0.0), ("σ", self._oblique, 0.0),
+            ("min", self._low, lower), (after, self._plain, 0.0),
+        ):  # fmt: skip
+            draw.text((x, base + drop), text, "#444", font, anchor="ls")
+            x += font.getlength(text)
         return np.asarray(image)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from rmrc.show.palette import HUES, mix
+from rmrc.show.palette import GREEN, HUES, RED, mix
 
 Array = NDArray[np.float64]
 
@@ -14,7 +14,7 @@ TRAIL, WANTED, TIP, TARGET = 0.0075, 0.0045, 0.018, 0.014
 # Pieces of a line, at most.
 PIECES = 160
 # 0xRRGGBBAA on white
-INK, CALM, NEAR, LOOSE = 0x3A3F47FF, HUES[0], HUES[3], HUES[2]
+INK, CALM, NEAR, LOOSE = 0x3A3F47FF, HUES[0], RED, GREEN
 
 
 @dataclass(frozen=True, eq=False)

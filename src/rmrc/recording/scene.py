@@ -14,6 +14,7 @@ from rmrc.results.run import Run
 from rmrc.show.palette import hue
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import matrix_to_quat, quat_to_matrix
+from rmrc.textbook.ellipsoid import holding_jacobian
 
 Array = NDArray[np.float64]
 
@@ -232,10 +233,7 @@ def principal(J: Array, rows: NDArray[np.int64], held: NDArray[np.int64]) -> tup
     others = np.setdiff1d(np.arange(3), rows)
     axes[:, others, np.arange(a, 3)] = 1.0
     if a:
-        M, held_rows = J[:, rows], J[:, held]
-        if len(held):
-            M = M - M @ np.linalg.pinv(held_rows, rcond=1e-6) @ held_rows
-        u, s, _ = np.linalg.svd(M)
+        u, s, _ = np.linalg.svd(holding_jacobian(J[:, rows], J[:, held]))
         axes[:, rows, :a] = u
         sigma[:, : s.shape[1]] = s
     axes[:, :, 2] *= np.linalg.det(axes)[:, None]  # a rotation, not a reflection

@@ -127,6 +127,10 @@ class Recorded:
         damping_below: ε, below which damping begins, in the units of σ; 0 where it follows something else.
         shoulder: The point on the first axis from which `reach` is, in the world [m]; none: not known.
         reach: How far the site can be from there at most, whatever the limits [m]; 0: not known.
+        screws: [ω; v at the world's origin] of each axis of the chain with all joints at 0, outward, per unit
+            of the joint that moves it, (ℓ, 6) [rad, m]; none: not known.
+        leaders: Number of the joint that moves each axis, (ℓ,).
+        joint_scale: Diagonal of S_q, which measures joint rates in the law, (n,); none: not known.
     """
 
     name: str
@@ -150,6 +154,9 @@ class Recorded:
     damping_below: float = 0.0
     shoulder: tuple[float, ...] = ()
     reach: float = 0.0
+    screws: tuple[tuple[float, ...], ...] = ()
+    leaders: tuple[int, ...] = ()
+    joint_scale: tuple[float, ...] = ()
 
     def __getitem__(self, column: str) -> NDArray[np.float64]:
         """Return a column by name."""

@@ -116,6 +116,9 @@ class Run(Recorded):
             "damping_below": self.damping_below,
             "shoulder": self.shoulder,
             "reach": self.reach,
+            "screws": self.screws,
+            "leaders": self.leaders,
+            "joint_scale": self.joint_scale,
             "chatter_floor": self.chatter_floor,
             "units": {name: column.unit for name, column in COLUMNS.items()},
         }
@@ -149,7 +152,8 @@ class Run(Recorded):
             tuple(facts.get("touching", ())), tuple(map(tuple, facts.get("resting", ()))),
             tuple(facts.get("chatter_floor", ())), profile,
             _limits(facts, "rate_limit"), facts.get("damping_below", 0.0), tuple(facts.get("shoulder", ())),
-            facts.get("reach", 0.0), baseline,
+            facts.get("reach", 0.0), tuple(map(tuple, facts.get("screws", ()))),
+            tuple(facts.get("leaders", ())), tuple(facts.get("joint_scale", ())), baseline,
         )  # fmt: skip
 
 
@@ -232,11 +236,12 @@ def _refuse_odd(facts: Mapping[str, Any], columns: Mapping[str, NDArray[np.gener
     joints, ticks = len(facts["joints"]), len(columns["time"])
     numbers = [facts[name] for name in ("length", "period", "planned", "wall_time")]
     several = [facts.get(name, ()) for name in ("weights", "torque_limit", "rate_limit", "chatter_floor")]
+    screws, leaders, scale = (facts.get(name, ()) for name in ("screws", "leaders", "joint_scale"))
     numbers += [
         facts.get("damping_below", 0.0),
         facts.get("reach", 0.0),
         *facts.get("shoulder", ()),
-        *(one for some in several for one in some if one is not None),
+        *(one for some in (*several, *screws, scale) for one in some if one is not None),
     ]
     words = [facts["name"], *facts["joints"], *facts["axes"], *facts.get("touching", ())]
     if not all(isinstance(one, int | float) for one in numbers) or not all(isinstance(w, str) for w in words):
@@ -246,6 +251,10 @@ def _refuse_odd(facts: Mapping[str, Any], columns: Mapping[str, NDArray[np.gener
     if len(facts.get("shoulder", ())) != (3 if facts.get("reach") else 0):
         raise ValueError
     if len(facts["is_slide"]) != joints or not all(len(one) in (0, joints) for one in several[1:3]):
+        raise ValueError
+    if len(screws) != len(leaders) or not all(len(one) == 6 for one in screws):
+        raise ValueError
+    if len(scale) != (joints if screws else 0) or not all(one in range(joints) for one in leaders):
         raise ValueError
     for name, column in columns.items():
         kind = COLUMNS[name].width

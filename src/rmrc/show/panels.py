@@ -44,6 +44,8 @@ CLIPPED = 1.6
 FAR = 3.0
 # Where one curve has a peak so many times that of another, a logarithmic scale keeps the other to be seen.
 APART = 30.0
+# A path that is no longer than this is a point, and is drawn in a plot of this size [m].
+POINT, SMALLEST = 1e-6, 0.01
 GRAY = "0.45"
 DOTTED = (0, (1, 1.5))
 # What of a formula takes no width, and digits above a line.
@@ -149,7 +151,8 @@ def path_plane(positions: Sequence[Array]) -> tuple[int, int, Array, Array]:
     both = np.vstack(positions)
     extent = np.ptp(both, axis=0)
     first, second = sorted(np.argsort(-extent, kind="stable")[:2])
-    middle, longest = (both.max(axis=0) + both.min(axis=0)) / 2, max(float(extent.max()), 1e-3)
+    longest = float(extent.max()) if extent.max() > POINT else SMALLEST
+    middle = (both.max(axis=0) + both.min(axis=0)) / 2
     room = 0.55 * np.maximum(extent, 0.8 * longest)
     return int(first), int(second), middle - room, middle + room
 
@@ -211,7 +214,12 @@ def thinned(time: Array, values: Array) -> tuple[Array, Array]:
 
 def paints(count: int) -> list[str]:
     """Return colors that are read on white paper."""
-    return [f"#{mix(color, BLACK, 0.15) >> 8:06x}" for color in distinct(count)]
+    return [on_paper(color) for color in distinct(count)]
+
+
+def on_paper(color: int) -> str:
+    """Return a color of the palette as it is read on white paper."""
+    return f"#{mix(color, BLACK, 0.15) >> 8:06x}"
 
 
 def rate_unit(run: Run) -> str:
@@ -331,6 +339,8 @@ def torque_unit(run: Run) -> str:
 
 def applies(name: str, run: Run) -> bool:
     """Say whether a run has something for a panel."""
+    if name == "path":  # of a tip that only turns it is a point
+        return not {"x", "y", "z"}.isdisjoint(run.axes) or bool(np.ptp(run["pose"], axis=0)[:3].max() > POINT)
     if name == "torque":
         return bool(run["tau"].any())
     if name == "pace":

@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from rmrc.results.run import Run
 from rmrc.show.figures import DASHES, plain
+from rmrc.show.palette import GREEN, MAGENTA
 from rmrc.show.panels import (
     APART,
     CLIPPED,
@@ -32,6 +33,7 @@ from rmrc.show.panels import (
     legend,
     name_lanes,
     off,
+    on_paper,
     paints,
     path_plane,
     power,
@@ -41,6 +43,7 @@ from rmrc.show.panels import (
     thinned,
     torque_unit,
 )  # fmt: skip
+from rmrc.show.shadows import shadows
 
 # What the plain inverse would ask is drawn where it is so many times the peak: else it is the same curve.
 PLAIN_MORE = 1.05
@@ -48,9 +51,6 @@ PLAIN_MORE = 1.05
 ROOM = 1.35
 # What a further line that is told takes of the plot's height.
 LINE = 0.25
-# Ellipses on the way out, beside that at the smallest singular value, and the time in which a tip at unit
-# joint rates draws them [s].
-ELLIPSES, ELLIPSE_TIME = 4, 0.2
 
 
 def figure(run: Run, names: Sequence[str], width: float) -> Figure:
@@ -72,13 +72,13 @@ def figure(run: Run, names: Sequence[str], width: float) -> Figure:
 def _draw_path(axes: Axes, run: Run) -> int:
     """Draw the path wanted and the path taken, on the two world axes along which most happens."""
     wanted, taken = run["pose_ref"][:, :3], run["pose"][:, :3]
-    outlines = _ellipses(run, *path_plane([wanted, taken])[:2])
+    time, outlines, is_shadow = shadows(run, *path_plane([wanted, taken])[:2])
     first, second = frame_path(axes, [wanted, taken, *outlines])
-    blue, _, green = paints(3)
+    (blue,), green = paints(1), on_paper(GREEN)
     for i, outline in enumerate(outlines):
         axes.fill(
             *outline[:, [first, second]].T, facecolor=f"{green}30", edgecolor=green, linewidth=0.7,
-            label=None if i else f"velocities, {ELLIPSE_TIME:g} s",
+            label=None if i else f"velocity ellips{'oid, shadow' if is_shadow else 'e'}, {time:g} s",
         )  # fmt: skip
     axes.plot(wanted[:, first], wanted[:, second], "--", color=GRAY, linewidth=1.4, label="wanted")
     axes.plot(taken[:, first], taken[:, second], color=blue, linewidth=1.1, label="actual")
@@ -89,35 +89,6 @@ def _draw_path(axes: Axes, run: Run) -> int:
         label=r"smallest $\sigma_{\min}$",
     )  # fmt: skip
     return legend(axes, 2)
-
-
-def _ellipses(run: Run, first: int, second: int) -> list[Array]:
-    """Return outlines of velocity ellipses at a few instants, (p, 3) each [m].
-
-    Where the task is the two translations of the plane, the columns have all of them: half axes of the
-    singular values, and the direction of the smaller. Other ellipsoids need the model.
-
-    Args:
-        run: Of one tick at least.
-        first: World axis of the plane.
-        second: The other one.
-    """
-    is_whole = {*run.axes} == {"xyz"[first], "xyz"[second]} and run["sigma"].shape[1] == 2
-    if not is_whole or run.view.frame != "world" or len(set(run.weights)) > 1:
-        return []
-    way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(run["pose"][:, :3], axis=0), axis=1))])
-    rows = np.searchsorted(way, np.linspace(0.0, 0.5 * way[-1], ELLIPSES)).clip(0, len(run) - 1)
-    rows = np.unique([*rows, int(np.argmin(run["sigma"][:, -1]))])
-    scale = ELLIPSE_TIME * run.length / math.sqrt(run.weights[0] if run.weights else 1.0)
-    angle, found = np.linspace(0.0, 2.0 * np.pi, 73)[:, None], []
-    for row in rows:
-        low = np.zeros(3)
-        low[[first, second]] = run["u_min"][row, [first, second]]
-        high = np.zeros(3)
-        high[[first, second]] = -low[second], low[first]
-        large, small = scale * run["sigma"][row]
-        found.append(run["pose"][row, :3] + large * np.cos(angle) * high + small * np.sin(angle) * low)
-    return found
 
 
 def draw_rates(axes: Axes, run: Run) -> int:
@@ -131,19 +102,20 @@ def draw_rates(axes: Axes, run: Run) -> int:
     both = np.abs(np.hstack([run["qdot"], run["qdot_cmd"]]))
     peak, told = float(both.max()), []
     _draw_limits(axes, np.where(limit < FAR * peak, limit, math.inf), colors)
-    if known and known[0] >= FAR * peak:
+    if is_far := bool(known) and known[0] >= FAR * peak:
         told.append(f"limit{'s from' * (len(known) > 1)} {grouped(known[0])} {rate_unit(run)}/s ↑")
     if known and peak > CLIPPED * known[-1]:
         axes.set_ylim(-CLIPPED * known[-1], CLIPPED * known[-1])
-        joint = run.joints[int(both.max(axis=0).argmax()) % len(run.joints)]
-        told.append(f"peak {grouped(peak)} {rate_unit(run)}/s ↑ ({plain(joint)})")
+        j = int(both.max(axis=0).argmax()) % len(run.joints)
+        told.append(f"peak {grouped(peak)} {run.joint_unit(j)}/s ↑ ({plain(run.joints[j])})")
     elif not known and peak > APART * max(float(np.median(both.max(axis=1))), 1e-12):
         axes.set_yscale("symlog", linthresh=power(float(np.median(both.max(axis=1)))))
     told += _draw_plain(axes, run, colors, peak)
     told += _draw_baseline(axes, run, is_roomy=bool(told))
-    if run.baseline is not None and len(told) > 1:  # room for each further line
+    lines = len(told) - (not is_far or len(told) > 1)
+    if told and lines and axes.get_yscale() == "linear":  # room for each that has none yet
         low, high = axes.get_ylim()
-        axes.set_ylim(low, low + (high - low) / (1.0 - LINE * (len(told) - 1)))
+        axes.set_ylim(low, low + (high - low) / (1.0 - LINE * lines))
     if told:
         axes.text(
             0.99, 0.96, "\n".join(told), transform=axes.transAxes, va="top", ha="right",
@@ -193,19 +165,19 @@ def _draw_beside(
     axes.set_ylim(room * low, room * high)
     if most <= room * high:
         return []
-    joint = run.joints[int(asked.max(axis=0).argmax())]
-    return [rf"{name} {does} {grouped(most)} {rate_unit(run)}/s ↑ ({plain(joint)})"]
+    j = int(asked.max(axis=0).argmax())
+    return [rf"{name} {does} {grouped(most)} {run.joint_unit(j)}/s ↑ ({plain(run.joints[j])})"]
 
 
 def _draw_sigma(axes: Axes, run: Run) -> int:
     """Draw the smallest singular value, the damping, and where damping begins, on a logarithmic scale."""
-    (blue, orange), time = paints(2), run["time"]
+    time = run["time"]
     sigma, damping = run["sigma"][:, -1], run["damping"]
-    axes.plot(*thinned(time, sigma), color=blue, label=r"$\sigma_{\min}$")
+    axes.plot(*thinned(time, sigma), color=on_paper(GREEN), label=r"$\sigma_{\min}$")
     shown = [sigma[sigma > 0.0]]
     if (damping > 0.0).any():
         axes.plot(
-            *thinned(time, np.where(damping > 0.0, damping, np.nan)), color=orange,
+            *thinned(time, np.where(damping > 0.0, damping, np.nan)), color=on_paper(MAGENTA),
             linestyle=(0, DASHES[1]), label=r"$\lambda$",
         )  # fmt: skip
         shown.append(damping[damping > 0.0])

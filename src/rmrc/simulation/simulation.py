@@ -159,6 +159,9 @@ class _Shard:
             damping_below=_damping_below(scenario.control.inverse),
             shoulder=tuple(chain.step[0].tolist()) if reach else (),
             reach=reach,
+            screws=() if arm.idle else chain.screws,
+            leaders=() if arm.idle else tuple(chain.leader.tolist()),
+            joint_scale=() if arm.idle else tuple(prepared.task.joint_scale.tolist()),
         )
 
     def scorecards(self) -> list[Scorecard]:

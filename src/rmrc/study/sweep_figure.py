@@ -8,6 +8,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure, FigureBase
+from matplotlib.ticker import MaxNLocator
 
 from rmrc.show.figures import LETTER, plain, save
 from rmrc.show.panels import paints
@@ -110,6 +111,10 @@ def _draw_histograms(into: FigureBase, swept: Swept, width: float, font: float) 
         edges = np.linspace(low, high, BINS + 1) if high > low else np.array([low - 0.5, low + 0.5])
         axes.hist(seen, bins=(10.0**edges if _is_wide(seen) else edges).tolist(), color=paints(1)[0])
         axes.set_xscale("log" if _is_wide(seen) else "linear")
+        axes.yaxis.set_major_locator(MaxNLocator(4, integer=True))
+        if not _is_wide(seen):  # few numbers, as small ones are long
+            axes.xaxis.set_major_locator(MaxNLocator(4, min_n_ticks=3))
+            axes.xaxis.set_major_formatter(lambda value, _: f"{value:.4g}")
         axes.axvline(float(np.median(seen)), color="black", linewidth=1.0, linestyle=(0, (3, 2)))
         axes.set_xlabel(f"{plain(name)} [{swept.units[name]}]")
         axes.set_ylabel("runs" if i % columns == 0 else "")

@@ -9,6 +9,8 @@ from contextlib import contextmanager
 # Said by `rmrc.law.jit` when it is so, of what is compiled.
 COMPILING = "compiling {} ({}) ..."
 KEPT, NOT_KEPT = "once; kept for the next time", "this time and each other time; it cannot be kept"
+# Said by verbs that wait for a model, where that takes long.
+READING = "reading the model ..."
 
 _listeners: list[Callable[[str, str], None]] = []
 

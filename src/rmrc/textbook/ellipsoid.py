@@ -74,6 +74,30 @@ def force_ellipsoid(jacobian: ArrayLike) -> Ellipsoid:
     return Ellipsoid(dual.axes, half_axes)
 
 
+def holding_jacobian(moving: ArrayLike, held: ArrayLike) -> NDArray[np.float64]:
+    """Return the Jacobian of some rows while others are held at 0: M = J_a (1 − J_b⁺ J_b).
+
+    The projector takes from all joint rates those that leave the held rows at rest [Liegeois77].
+
+    Args:
+        moving: J_a, (..., a, n).
+        held: J_b, (..., b, n); b may be 0.
+
+    Returns:
+        M, (..., a, n).
+
+    Example:
+        A planar arm of three links of 1 m along x: its tip, held level, still goes along y.
+
+        >>> holding_jacobian([[0, 0, 0], [3, 2, 1]], [[1, 1, 1]]).round(3) + 0.0
+        array([[ 0.,  0.,  0.],
+               [ 1.,  0., -1.]])
+    """
+    M, rows = np.asarray(moving, dtype=np.float64), np.asarray(held, dtype=np.float64)
+    # where a held row is lost, what rounding leaves of it is no row
+    return M - M @ np.linalg.pinv(rows, rcond=1e-6) @ rows if rows.shape[-2] else M
+
+
 def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float64]:
     """Return points on one ellipse or ellipsoid, for drawing it.
 
