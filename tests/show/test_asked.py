@@ -2,7 +2,6 @@
 
 import re
 from itertools import pairwise
-from pathlib import Path
 
 import pytest
 from matplotlib.figure import Figure
@@ -66,10 +65,10 @@ def test_verbs_take_the_options(rmrc, tmp_path, verb):
     assert "--width must be a length such as 3.5in" in err
 
 
-def test_methods_that_do_the_same_are_told_apart(monkeypatch):
+def test_methods_that_do_the_same_are_told_apart(monkeypatch, tmp_path):
     drawn = []
     monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: drawn.append(self))
-    front(Path("x.png"))
+    front(tmp_path / "x.png")
     (axes,) = drawn[0].get_axes()
     rings = [line for line in axes.get_lines() if line.get_label() in METHODS]
     assert [line.get_label() for line in rings] == list(METHODS)
