@@ -74,6 +74,13 @@ def test_all_are_seen_on_the_backgrounds_of_both_themes():
     assert contrast(palette.WHITE, 0x0D1011FF) > 15.0  # the path, whose background is ours in both themes
 
 
+def test_the_words_of_the_strip_are_read_in_the_light_theme():
+    """They are white there too, and the viewer mixes white into what is below: teal 0x00A0A8 shows as 0x37B4BB."""
+    assert contrast(palette.WHITE, 0x37B4BBFF) < 3.0
+    for one in PANELS["strip"]:
+        assert contrast(palette.WHITE, palette.mix(one, palette.WHITE, 55 / 255)) >= 3.0, f"{one:08x}"
+
+
 def test_a_joint_a_singular_value_a_damping_and_a_status_never_share_a_color():
     statuses = {color(int(one)) for one in (Status.OK, *IN_RUNS)}
     assert statuses == {palette.RED, palette.TEAL, palette.SLATE}

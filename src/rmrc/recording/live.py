@@ -27,7 +27,7 @@ def lines(prepared: Prepared, part: Run, rows: NDArray[np.int64]) -> list[str]:
     """
     task, joints = prepared.task, prepared.arm.joints
     twist = task.turned(part["twist_ref"][rows], part["pose"][rows])[:, task.rows] * task.row_scale
-    speed = np.abs((part["u_min"][rows][:, task.rows] * twist).sum(axis=1))
+    speed = np.abs((part["u_min"][rows][:, task.rows] * twist).sum(axis=1)).round(9)  # at rest 0, not 4e-30
     sigma, damping, condition = part["sigma"][rows, -1], part["damping"][rows], part["condition"][rows]
     rates, limit = np.abs(part["qdot_cmd"][rows]), prepared.law.rate_limit
     share = rates / limit if np.isfinite(limit).all() else rates

@@ -13,7 +13,7 @@ BLACK, WHITE = 0x000000FF, 0xFFFFFFFF
 # Limits and bounds; the smallest singular value; λ; the tip, and its error.
 GRAY, GREEN, MAGENTA, GOLD = 0x888888FF, 0x1E9650FF, 0xB4289BFF, 0xB08A00FF
 # Of statuses: what is grave, what acts, and nothing.
-RED, TEAL, SLATE = 0xFF2D2DFF, 0x00A0A8FF, 0x666666FF
+RED, TEAL, SLATE = 0xFF2D2DFF, 0x00809CFF, 0x666666FF
 
 
 def hue(joint: int) -> int:
