@@ -164,7 +164,8 @@ def callout(
     found: dict[str, rr.AsComponents] = {"": rr.Points3D([tip], colors=color, radii=ball)}
     if text:
         found["/line"] = rr.LineStrips3D([[tip, end]], colors=color, radii=thin)
-        found["/text"] = rr.Points3D([end], colors=color, radii=thin, labels=[text], show_labels=True)
+        # The viewer puts words on gray in the light theme, where no color but white is read.
+        found["/text"] = rr.Points3D([end], colors=WHITE, radii=thin, labels=[text], show_labels=True)
     return found
 
 
