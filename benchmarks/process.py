@@ -129,7 +129,7 @@ def main() -> None:
         table["run / importing its libraries"] = run_over_imports(arguments.rounds)
         table["recording, us a tick"], table["opening and finishing it, ms"] = recording(4 * arguments.rounds)
         first, said = first_run_ever()
-        last = {"first run ever, s": first, "said": said.strip()}
+        last = {"first run ever, s": round(first, 1), "said": said.strip()}
     over = [name for name, most in BUDGETS.items() if table[name]["median"] > most]
     if arguments.json:
         print(json.dumps(table | last, indent=2))
