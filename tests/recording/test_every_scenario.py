@@ -9,6 +9,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 import rmrc
+from layouts import last_layout
 from project import ROOT
 from rmrc.recording.single import read_columns
 from rmrc.recording.viewer import _free_port, _go_to
@@ -29,18 +30,6 @@ def left(request, folder):
     """Run and recording of a scenario."""
     run = rmrc.run(ROOT / "scenarios" / f"{request.param}.yaml", out=folder)
     return run, folder / f"{request.param}.rrd"
-
-
-def tables(path):
-    """The components of the layout of a run that is over, by entity."""
-    reader, found = RrdReader(path), {}
-    last = max(reader.blueprints(), key=lambda entry: len(list(reader.stream(store=entry))))
-    for chunk in reader.stream(store=last):
-        batch = chunk.to_record_batch()
-        for field, values in zip(batch.schema, batch.columns, strict=True):
-            if ":" in field.name:
-                found.setdefault(chunk.entity_path, {})[field.name] = values.to_pylist()[-1]
-    return found
 
 
 def values(path, entity, component, field):
@@ -83,7 +72,7 @@ def test_each_view_draws_the_columns(left):
     run, path = left
     columns = read_columns(path)
     assert all(columns[name].tobytes() == run.columns[name].tobytes() for name in run.columns)
-    layout, checked = tables(path), 0
+    layout, checked = last_layout(path), 0
     for entity, table in layout.items():
         if "VisualizerInstruction:component_map" not in table:
             continue

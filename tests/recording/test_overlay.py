@@ -9,6 +9,7 @@ import pytest
 import rerun as rr
 from rerun.chunk import RrdReader
 
+from layouts import last_layout
 from project import ROOT
 from rmrc.recording.comparison import THICKER, Overlay
 from rmrc.recording.single import RecordingError, read_columns
@@ -310,18 +311,12 @@ def test_what_the_scenario_asks_to_look_at_is_marked_for_each_variant(asked, tmp
 
 def views(path):
     """Name of each view of the layout, with the components that it draws."""
-    reader, tables = RrdReader(path), {}
-    last = max(reader.blueprints(), key=lambda entry: len(list(reader.stream(store=entry))))
-    for chunk in reader.stream(store=last):
-        batch = chunk.to_record_batch()
-        for field, values in zip(batch.schema, batch.columns, strict=True):
-            if ":" in field.name:
-                tables.setdefault(chunk.entity_path, {})[field.name] = values.to_pylist()[-1]
-    for one, table in tables.items():
+    found = last_layout(path)
+    for one, table in found.items():
         if "ViewBlueprint:display_name" in table:
             maps = [
                 other["VisualizerInstruction:component_map"][0]["source_component"]
-                for below, other in tables.items()
+                for below, other in found.items()
                 if below.startswith(f"{one}/") and "VisualizerInstruction:component_map" in other
             ]
             yield table["ViewBlueprint:display_name"][0], maps

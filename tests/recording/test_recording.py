@@ -16,6 +16,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rerun.chunk import RrdReader
 
+from layouts import last_layout, layouts
 from rmrc.arm import Shape
 from rmrc.recording import plots, stream
 from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometry, ramp
@@ -585,23 +586,9 @@ def test_rates_that_arrive_are_drawn_beside_those_commanded_where_they_are_other
         assert "{" not in text
 
 
-def layouts(path):
-    """The layouts of a recording: for each its components by entity."""
-    reader, found = RrdReader(path), []
-    for entry in reader.blueprints():
-        tables = {}
-        for chunk in reader.stream(store=entry):
-            batch = chunk.to_record_batch()
-            for field, values in zip(batch.schema, batch.columns, strict=True):
-                if ":" in field.name:
-                    tables.setdefault(chunk.entity_path, {})[field.name] = values.to_pylist()[-1]
-        found.append(tables)
-    return found
-
-
 def final_views(path):
     """Of the last layout, by title of each plot: its sources, each with the aggregation of its lines."""
-    last = max(layouts(path), key=len)
+    last = last_layout(path)
     found = {}
     for entity, table in last.items():
         if table.get("ViewBlueprint:class_identifier") != ["TimeSeries"]:
@@ -740,7 +727,7 @@ def test_what_the_scenario_asks_to_look_at_is_in_sight_and_marked(quantity, at, 
     )
     (ball,) = stored(path, "/tip/look")["Points3D:positions"]
     assert np.linalg.norm(run["pose"][:, :3] - ball[0], axis=1).argmin() == worth.argmax()
-    last = max(layouts(path), key=len)
+    last = last_layout(path)
     (view,) = [
         name
         for name, table in last.items()
@@ -791,7 +778,7 @@ def test_axes_have_three_numbers_where_the_viewer_writes_one_at_each_power_of_te
 def test_the_camera_sees_the_whole_arm_all_the_time(recorded):
     """Every corner of every capsule at every tenth tick, in the frustum of the eye that is in the file."""
     prepared, run, path = recorded
-    last = max(layouts(path), key=len)
+    last = last_layout(path)
     (eye,) = [table for table in last.values() if "EyeControls3D:position" in table]
     position, target = (np.array(eye[f"EyeControls3D:{name}"][0]) for name in ("position", "look_target"))
     back = (position - target) / np.linalg.norm(position - target)
@@ -847,7 +834,7 @@ def test_times_have_three_numbers_and_legends_stand_beside_the_data(end, legend,
 def test_time_zero_is_at_the_same_place_in_every_plot(planar, tmp_path):
     """The space of its numbers, and what its axis begins earlier for it."""
     record(tmp_path / "run.rrd", *planar)
-    last, begins = max(layouts(tmp_path / "run.rrd"), key=len), []
+    last, begins = last_layout(tmp_path / "run.rrd"), []
     for table in last.values():
         if "TimeAxis:view_range" in table:
             (span,) = table["TimeAxis:view_range"]
@@ -889,7 +876,7 @@ def test_a_second_picture_has_what_there_is_to_look_at_in_its_frame(quantity, tm
     """The tip at that instant, from nearer than the picture of the whole run, with room around it."""
     prepared, run = simulated(PLANAR + f"control: {{period: 0.01}}\nlook: {{quantity: {quantity}}}\n")
     record(tmp_path / "run.rrd", prepared, run)
-    last = max(layouts(tmp_path / "run.rrd"), key=len)
+    last = last_layout(tmp_path / "run.rrd")
     eyes = [table for table in last.values() if "EyeControls3D:position" in table]
     assert len(eyes) == (1 if quantity == "joints" else 2)  # of the whole arm, which the first one has
     (tip,) = stored(tmp_path / "run.rrd", "/tip/look")["Points3D:positions"][0]
