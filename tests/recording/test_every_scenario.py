@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from layouts import last_layout
 from rerun.chunk import RrdReader
 
 import rmrc
-from layouts import last_layout
 from project import ROOT
 from rmrc.recording.single import read_columns
 from rmrc.recording.viewer import _free_port, _go_to

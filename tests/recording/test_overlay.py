@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import rerun as rr
+from layouts import last_layout
 from rerun.chunk import RrdReader
 
-from layouts import last_layout
 from project import ROOT
 from rmrc.recording.comparison import THICKER, Overlay
 from rmrc.recording.single import RecordingError, read_columns

@@ -14,9 +14,9 @@ import pytest
 import rerun as rr
 from hypothesis import given
 from hypothesis import strategies as st
+from layouts import last_layout, layouts
 from rerun.chunk import RrdReader
 
-from layouts import last_layout, layouts
 from rmrc.arm import Shape
 from rmrc.recording import plots, stream
 from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometry, ramp
