@@ -12,7 +12,7 @@ from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
 
-# What the hints are about: what the README begins with.
+# What the hints are about: what README and docs begin with.
 SCENARIO, MODEL = "approach_singularity", "planar_2link"
 
 
