@@ -1,8 +1,8 @@
 """What a control law can choose: each choice with its source and its parameters, declared once.
 
 Sections and schema, fields of the world's record, the dispatch of the compiled law, the space that `tune`
-searches and the tables of `docs/choices.md` follow from the lists below. A choice is done by the compiled function
-of its name in `rmrc.law`, and its code there is its position in the list.
+searches and the tables of `docs/choices.md` follow from the lists below. A choice is done by the compiled
+function of its name in `rmrc.law`, and its code there is its position in the list.
 """
 
 import math
