@@ -1,6 +1,7 @@
 """What happens to a run, in words, on one strip: each state once, and short ones long enough to be read."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -29,6 +30,7 @@ class Label(NamedTuple):
     color: int
 
 
+@cache
 def words(status: int) -> str:
     """Return a status as words.
 
