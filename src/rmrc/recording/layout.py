@@ -291,7 +291,7 @@ def grid(points: NDArray[np.float64]) -> rrb.LineGrid3D:
 
 def xyzw(quat: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return quaternions w x y z in rerun's order."""
-    return np.roll(quat, -1, axis=-1)
+    return quat[..., [1, 2, 3, 0]]
 
 
 def packed(colors: Sequence[int]) -> NDArray[np.uint32]:

@@ -144,8 +144,8 @@ class Scene:
         corners = np.array([self._corners[body] for body in moving]).reshape(-1, 8, 3)
         turn = np.swapaxes(quat_to_matrix(frames.bodies[:, moving, 3:]), 2, 3)
         there = (frames.bodies[:, moving, None, :3] + corners @ turn).reshape(-1, 3)
-        points = np.vstack([frames.tip, there])
-        return np.asarray(points[np.unique((points @ DIRECTIONS.T).argmax(axis=0))])
+        points = np.vstack([frames.tip, there]).astype(np.float32)
+        return np.asarray(points[np.unique((DIRECTIONS @ points.T).argmax(axis=1))])
 
     def around(self, instant: Run) -> Array:
         """Return points around the hand at the one tick of a run, (p, 3) [m].

@@ -182,6 +182,16 @@ def _never_null(kind: pa.DataType, size: int = -1) -> pa.DataType:
     return pa.list_(pa.field("item", kind, nullable=False), size)
 
 
+@lru_cache(maxsize=16)
+def _kind(dtype: np.dtype[np.generic]) -> pa.DataType:
+    return pa.from_numpy_dtype(dtype)
+
+
+def _flat(values: NDArray[np.generic]) -> pa.Array:
+    """Return all numbers of a contiguous array, of which none is copied."""
+    return pa.Array.from_buffers(_kind(values.dtype), values.size, [None, pa.py_buffer(values)])
+
+
 class Component:
     """What a column holds: so many numbers of a kind make one value."""
 
@@ -204,7 +214,7 @@ class Values:
     def __init__(self, component: Component, values: NDArray[np.generic]) -> None:
         """Lay the values out as arrow does; nothing is copied that need not be."""
         self._descriptor = component.descriptor
-        flat = pa.array(np.ascontiguousarray(values, component.dtype).reshape(-1))
+        flat = _flat(np.ascontiguousarray(values, component.dtype))
         if component.size > 1:
             flat = pa.FixedSizeListArray.from_arrays(flat, type=component.value)
         rows, instances = len(values), len(flat) // len(values)
@@ -238,7 +248,7 @@ class Table:
         self._name = name
         arrays, types = [], []
         for field, values in fields.items():
-            flat = pa.array(np.ascontiguousarray(values).reshape(-1))
+            flat = _flat(np.ascontiguousarray(values))
             if values.ndim > 1:
                 kind = _never_null(flat.type, values.shape[1])
                 flat = pa.FixedSizeListArray.from_arrays(flat, type=kind)

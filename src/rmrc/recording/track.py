@@ -183,11 +183,11 @@ class Track:
 
     def send_bodies(self, root: str, bodies: NDArray[np.float64], index: list[rr.TimeColumn]) -> None:
         """Write the poses of the bodies that move, (F, nbody, 7), below a root."""
-        for body in range(1, len(self.scene.body_names)):
-            if not self.scene.is_fixed[body]:
-                pose = bodies[:, body]
-                place = Values(stream.TRANSLATION, pose[:, :3]), Values(stream.ROTATION, xyzw(pose[:, 3:]))
-                self.send(self.body_path(root, body), index, *place)
+        poses = np.swapaxes(bodies, 0, 1).astype(np.float32)
+        places, turns = np.ascontiguousarray(poses[..., :3]), xyzw(poses[..., 3:])
+        for body in np.flatnonzero(~self.scene.is_fixed):
+            place = Values(stream.TRANSLATION, places[body]), Values(stream.ROTATION, turns[body])
+            self.send(self.body_path(root, int(body)), index, *place)
 
     # What others add to ---------------------------------------------------------------------------
 
