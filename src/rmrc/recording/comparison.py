@@ -30,7 +30,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording import stream
-from rmrc.recording.events import Strip, color, words
+from rmrc.recording.events import Strip, words
 from rmrc.recording.layout import (
     ASPECT_COMPARED,
     PALE_ARM,
@@ -64,7 +64,7 @@ from rmrc.recording.stream import RecordingError, Stream, Values
 from rmrc.recording.track import Track, prefix_of
 from rmrc.results.run import Run
 from rmrc.scenario.choices import IN_RUNS, POLICIES
-from rmrc.show.palette import GRAY, RED, WHITE, distinct, mix
+from rmrc.show.palette import GRAY, RED, WHITE, distinct, mix, of_status
 from rmrc.simulation.prepare import Prepared
 
 # The first variant is solid. The others are outlines around what moves of it, each so much thicker than the
@@ -356,7 +356,7 @@ class _Arm(Track):
         if len(rows):
             found = status[rows].tolist()
             index = stream.index(ticks[rows], part["time"][rows])
-            self._write_states([words(one) for one in found], [color(one) for one in found], index)
+            self._write_states([words(one) for one in found], [of_status(one) for one in found], index)
 
     def _write_states(self, states: list[str], colors: list[int], index: list[rr.TimeColumn]) -> None:
         known = self._states | dict(zip(states, colors, strict=True))

@@ -30,7 +30,7 @@ from rmrc.recording.plots import (
 )
 from rmrc.results.run import Run
 from rmrc.scenario.choices import POLICIES
-from rmrc.show.palette import BLACK, GOLD, GRAY, GREEN, MAGENTA, SLATE, WHITE, hue, mix
+from rmrc.show.palette import BLACK, GOLD, GRAY, GREEN, LIME, MAGENTA, SLATE, WHITE, hue, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import log_rotation, quat_conjugate, quat_multiply
 
@@ -251,7 +251,6 @@ class Panels:
 
     def _sigma(self, seen: Seen | None) -> Panel:
         k = min(len(self._joints), len(self.axes))
-        others = [mix(GRAY, GREEN, 0.5 * i / k) for i in range(k - 1)]
         most = seen.peak("damping") if seen else None
         damping = ["λ" if most is None or most.value > 0.0 else "σ_min"]
         curves = [
@@ -259,7 +258,7 @@ class Panels:
                 "columns",
                 "curves.log_sigma[]",
                 ["other σ"] * (k - 1),
-                others,
+                [LIME] * (k - 1),
                 1.2,
                 spare=["other σ, ε"],
             ),

@@ -34,7 +34,7 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from rmrc.recording import live, stream
-from rmrc.recording.events import Strip, color, words
+from rmrc.recording.events import Strip, words
 from rmrc.recording.layout import (
     CYAN,
     GHOSTLY,
@@ -57,6 +57,7 @@ from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import is_torn, repair
 from rmrc.results.columns import ADDED, COLUMNS, SAME, completed
 from rmrc.results.run import Run
+from rmrc.show.palette import of_status
 from rmrc.simulation.prepare import Prepared
 
 # The line of numbers changes so often [s]: a reader takes in no more.
@@ -293,7 +294,7 @@ class _Story(Track):
         if not len(rows):
             return
         texts = [words(one) for one in status[rows].tolist()]
-        looks = {text: color(one) for text, one in zip(texts, status[rows].tolist(), strict=True)}
+        looks = {text: of_status(one) for text, one in zip(texts, status[rows].tolist(), strict=True)}
         if not looks.items() <= self._looks.items():
             self._looks |= looks
             values, colors = list(self._looks), packed(list(self._looks.values()))

@@ -183,8 +183,8 @@ class Track:
 
     def send_bodies(self, root: str, bodies: NDArray[np.float64], index: list[rr.TimeColumn]) -> None:
         """Write the poses of the bodies that move, (F, nbody, 7), below a root."""
-        poses = np.swapaxes(bodies, 0, 1).astype(np.float32)
-        places, turns = np.ascontiguousarray(poses[..., :3]), xyzw(poses[..., 3:])
+        poses = np.swapaxes(bodies, 0, 1)
+        places, turns = poses[..., :3].astype(np.float32), xyzw(poses[..., 3:]).astype(np.float32)
         for body in np.flatnonzero(~self.scene.is_fixed):
             place = Values(stream.TRANSLATION, places[body]), Values(stream.ROTATION, turns[body])
             self.send(self.body_path(root, int(body)), index, *place)
