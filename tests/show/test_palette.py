@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from rmrc.analysis.workspace.figure import FAMILIES
-from rmrc.recording.events import color
 from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.show import palette
 
@@ -48,8 +47,8 @@ def contrast(first, second):
 
 PANELS = {
     "rates": (*palette.HUES, palette.GRAY),
-    "sigma": (palette.GREEN, palette.MAGENTA, palette.GRAY),
-    "errors": (palette.GOLD, palette.SLATE),
+    "sigma": (palette.GREEN, palette.LIME, palette.MAGENTA, palette.GRAY, palette.SLATE),
+    "errors": (palette.GOLD, palette.INDIGO, palette.SLATE),
     "strip": (palette.RED, palette.TEAL, palette.SLATE),
 }
 
@@ -94,7 +93,7 @@ def test_the_words_of_the_strip_are_read_in_the_light_theme():
 
 
 def test_a_joint_a_singular_value_a_damping_and_a_status_never_share_a_color():
-    statuses = {color(int(one)) for one in (Status.OK, *IN_RUNS)}
+    statuses = {palette.of_status(int(one)) for one in (Status.OK, *IN_RUNS)}
     assert statuses == {palette.RED, palette.TEAL, palette.SLATE}
     kinds = [set(palette.HUES), {palette.GREEN}, {palette.MAGENTA}, statuses]
     for i, some in enumerate(kinds):
