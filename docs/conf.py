@@ -32,20 +32,19 @@ exclude_patterns = ["docs/_*", ".*", "build", "node_modules", "src", "tests", "*
 root_doc = "docs/index"
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 
-nitpicky = True
-# No network: what other libraries document is not linked.
-nitpick_ignore_regex = [("py:.*", r"(?!rmrc\b).*")]
-
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
 
+# Docstrings are plain text: `x` is code, |x| a length. Types in them are linked where they have an entry.
+default_role = "code"
 autodoc_typehints = "description"
 autodoc_member_order = "bysource"
 napoleon_google_docstring = True
 napoleon_numpy_docstring = False
+napoleon_use_ivar = True
 
 ENTRY = re.compile(r"^- \[(.+?)\]\((\S+?)\.(?:md|ipynb)\)", re.MULTILINE)
 
@@ -59,8 +58,24 @@ def add_contents(_: object, page: str, source: list[str]) -> None:
             source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
 
 
+def as_markup(*told: Any) -> None:
+    """Turn lengths |x| and, of modules, indented code into what reStructuredText takes for the same."""
+    what, lines = told[1], told[-1]
+    for i, line in enumerate(lines):
+        if not line.lstrip().startswith(">>>"):
+            lines[i] = line.replace("|", "\\|")
+        if (
+            what == "module"
+            and line.endswith(":")
+            and lines[i + 2 : i + 3]
+            and lines[i + 2].startswith("    ")
+        ):
+            lines[i] += ":"
+
+
 def setup(app: Any) -> None:
     """Called by Sphinx."""
+    app.connect("autodoc-process-docstring", as_markup, priority=400)  # before napoleon
     app.connect("source-read", add_contents)
 
 
