@@ -359,7 +359,7 @@ def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
     planned = [
         round(n / one["scorecard"]["completed"]) for n, one in zip(ticks, facts["variants"], strict=True)
     ]
-    said = f"rmrc: interrupted at tick {sum(ticks)} of {sum(planned)}, of all variants together\n"
+    said = f"rmrc: interrupted at tick {sum(ticks)} of {sum(planned)}, counting all variants\n"
     assert err.replace(COMPILING, "") == said
     recording = tmp_path / "recordings/long.compare.rrd"
     assert [len(read_columns(recording, label)["time"]) for label in ("inverse", "damped")] == ticks

@@ -33,7 +33,7 @@ CASES = [
     ("run", "x.rrd", "… recording … scenario; … `rmrc replay x.rrd`"),
     ("run", "x.npz", "… columns of a run … scenario; … `rmrc plot x.npz`"),
     ("run", "x.parquet", "… rows of a sweep … scenario; … report x.parquet`"),
-    ("run", "x.json", "… figures of a run … scenario; … Python … json.load"),
+    ("run", "x.json", "… a scorecard, not a scenario; … Python … json.load"),
     ("run", "x.png", "… picture … scenario"),
     ("inspect", "x.rrd", "… recording … model; … `rmrc replay x.rrd`"),
     ("replay", "quick.yaml", "… scenario … recording; … `rmrc run quick.yaml` …"),

@@ -38,7 +38,7 @@ def broken(error):
 @pytest.mark.parametrize(
     ("error", "code", "said"),
     [
-        (MemoryError("55 GB"), 2, "rmrc: error: there is not enough memory (55 GB); ask for less at a time"),
+        (MemoryError("55 GB"), 2, "rmrc: error: not enough memory (55 GB); ask for less at a time"),
         (OSError(errno.ENOSPC, "No space left on device"), 2, "rmrc: error: a file cannot be written: no space left on device"),
         (PermissionError(errno.EACCES, "Permission denied", "a/b.json"), 2, "rmrc: error: a/b.json: permission denied"),
         (KeyboardInterrupt(), 130, "rmrc: interrupted"),
@@ -72,9 +72,7 @@ def test_a_bug_exits_70_with_its_trace_and_how_to_report_it(rmrc, monkeypatch, k
     )
     assert len(err.splitlines()) < 100
     bug, report = err.splitlines()[-2:]
-    assert (
-        bug == f"rmrc: internal error: this is a bug of rmrc {package.__version__}, not of what you gave it"
-    )
+    assert bug == f"rmrc: internal error: this is a bug in rmrc {package.__version__}, not in your input"
     assert report.startswith("rmrc: report it") and report.endswith("rmrc --version")
 
 

@@ -88,7 +88,7 @@ def test_options_override_the_section_and_quiet_says_nothing(rmrc, tmp_path):
         (["--vary", "control.feedback=5,-6"],
          ["run 1 (control.feedback=-6): --vary control.feedback: … 0 … -6"]),
         (["--vary", "control.feedback=5,6", "--record", "worst:x"],
-         ["--record: … worst:N or best:N … 1 to 100 … :FIGURE … worst:x"]),
+         ["--record: … worst:N or best:N … 1 to 100 … :METRIC … worst:x"]),
         (["--vary", "control.feedback=5,6", "--cluster", "nobody"],
          ["--cluster: … tcp://HOST:PORT or tls://HOST:PORT … local:N … nobody"]),
         (["--vary", "control.feedback=5,6", "--cluster", ""],  # of a variable of the shell that is not set
@@ -120,7 +120,7 @@ def test_ctrl_c_ends_the_wait_for_the_workers_of_a_sweep_that_goes_on(rmrc, monk
     options = ("sweep", "quick.yaml", "--vary", "control.feedback=5,6")
     run = Sweep.run
     monkeypatch.setattr(Sweep, "run", lambda *_: signal.raise_signal(signal.SIGINT))  # checked, and no more
-    stopped = (130, "", "rmrc: interrupted after 0 of 2 runs; the same command goes on\n")
+    stopped = (130, "", "rmrc: interrupted after 0 of 2 runs; rerun the command to resume\n")
     assert rmrc(*options) == stopped
     monkeypatch.setattr(Sweep, "run", run)
 

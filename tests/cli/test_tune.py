@@ -144,7 +144,7 @@ def test_ctrl_c_before_the_first_run_leaves_nothing(rmrc, tmp_path, monkeypatch)
         raise KeyboardInterrupt
 
     monkeypatch.setattr(Tuning, "compile", interrupted)
-    assert rmrc("tune", "quick.yaml") == (130, "", "rmrc: interrupted before anything was found\n")
+    assert rmrc("tune", "quick.yaml") == (130, "", "rmrc: interrupted before the first result\n")
     assert [one.name for one in tmp_path.iterdir()] == ["quick.yaml"]
 
 

@@ -21,7 +21,7 @@ TRACE = re.compile(
     r"^Traceback \(most recent call last\)|^Exception ignored|^Exception in thread|Fatal Python error",
     re.MULTILINE,
 )
-NO_MEMORY = re.compile("^.*there is not enough memory.*$", re.MULTILINE)
+NO_MEMORY = re.compile("^.*not enough memory.*$", re.MULTILINE)
 # How numpy says that numbers were too much for it: nothing that a user could make use of.
 NUMPY = re.compile(r"^.*(encountered in (\w+|scalar \w+)).*$", re.MULTILINE)
 # A file that is being written has such a name beside its own; a part ends so.

@@ -27,7 +27,7 @@ def every_field(section=Sections, above=""):
     for name, field in section.model_fields.items():
         key = f"{above}.{field.alias or name}".removeprefix(".")
         if key == "expect":
-            key = "expect.<figure>"
+            key = "expect.<metric>"
             yield "expect", field
         yield key, field
         for kind in kinds(field.annotation):
@@ -186,7 +186,7 @@ def test_of_what_is_no_quantity_nothing_is_told(text):
     assert instead(text, "m") == ""
 
 
-@pytest.mark.parametrize("other", aliases.KEYS["expect.<figure>.below"].split())
+@pytest.mark.parametrize("other", aliases.KEYS["expect.<metric>.below"].split())
 def test_other_names_of_a_bound_are_told(other):
     assert other not in Check.model_fields
     (problem,) = problems(MINIMAL, f"expect={{a.b: {{'{other}': 1, above: 0}}}}")

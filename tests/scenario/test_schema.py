@@ -14,7 +14,7 @@ from rmrc.support.errors import ScenarioError
 def as_row(key):
     """Return the key under which the schema lists a key of FULL."""
     key = re.sub(r"(target\.path)\[\d+\]", r"\1[]", key)
-    key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<figure>.\1", key)
+    key = re.sub(r"^expect\..*\.(\w+)$", r"expect.<metric>.\1", key)
     key = re.sub(r"^(arm|plant)\.stretch\..*", r"\1.stretch.<body>", key)
     key = re.sub(r"^arm\.packages\..*", "arm.packages.<package>", key)
     key = re.sub(r"^baseline\..*", "baseline.<key>", key)
@@ -57,7 +57,7 @@ def test_the_full_scenario_of_these_tests_uses_every_field():
     """Keeps the test above honest: FULL and the schema are both held against the classes."""
     sections = {
         kind
-        for kind in vars(package).values()
+        for kind in (getattr(package, name) for name in dir(package))
         if isinstance(kind, type) and issubclass(kind, package.Section)
     } | set(DERIVED.values())
     seen = {kind: set() for kind in sections}

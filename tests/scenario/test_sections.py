@@ -278,12 +278,12 @@ def test_a_scenario_survives_the_way_to_a_worker_process_with_its_places():
 @pytest.mark.parametrize(
     ("arm", "says"),
     [
-        ("site: tip, body: b", "must have one of site, body and tool at most, got site and body"),
-        ("body: b, tool: {}", "must have one of site, body and tool at most, got body and tool"),
+        ("site: tip, body: b", "must have at most one of site, body and tool, got site and body"),
+        ("body: b, tool: {}", "must have at most one of site, body and tool, got body and tool"),
         ("tool: {quat: [1, 0, 0, 0], rpy: [0, 0, 0]}", "tool: must have quat or rpy, got both"),
         ("tool: {model: arm.xml, mass: 1}", "must have mass or model, which has a mass of its own; got both"),
         ("tool: {center: [0, 0, 1]}", "center needs mass"),
-        ("tool: {site: tip}", "site needs model, whose site it is; leave it out, or write arm.site"),
+        ("tool: {site: tip}", "site needs model, which contains it; remove site, or use arm.site"),
         (
             "tool: {mass: 1, inertia: [1, 2, 4]}",
             "inertia must have no moment above the sum of the two others, got [1, 2, 4]",

@@ -91,7 +91,7 @@ def test_interrupted_with_its_group_then_killed_then_gone_on_with_gives_the_file
     code, out, err = ended(process)
     rows = ds.dataset(folder).count_rows()  # valid
     assert (code, out) == (130, "")
-    assert err == f"rmrc: interrupted after {rows} of 1600 runs; the same command goes on\n"
+    assert err == f"rmrc: interrupted after {rows} of 1600 runs; rerun the command to resume\n"
     assert 0 < rows < 1600
     assert left_behind(path) == []
     done = len(list(folder.glob("part-*.parquet")))

@@ -66,7 +66,7 @@ def test_killed_interrupted_and_gone_on_with_it_gives_the_file_of_one_go(tmp_pat
         assert process.returncode == 130
         rows = ds.dataset(folder).count_rows()
         assert rows < 48
-        assert told(err) == f"rmrc: interrupted after {rows} of 48 runs; the same command goes on\n"
+        assert told(err) == f"rmrc: interrupted after {rows} of 48 runs; rerun the command to resume\n"
         assert {one: one.stat().st_mtime_ns for one in stamps} == stamps  # what was done is not done again
 
     Sweep(path, folder=tmp_path / "out").run()

@@ -401,8 +401,8 @@ def test_the_worst_rows_are_chosen_by_what_is_expected_and_recorded_with_their_b
 @pytest.mark.parametrize(
     ("text", "line"),
     [
-        ("worst", "--record: … worst:N or best:N … 1 to 100 … :FIGURE … worst"),
-        ("best:0", "--record: … worst:N or best:N … 1 to 100 … :FIGURE … best:0"),
+        ("worst", "--record: … worst:N or best:N … 1 to 100 … :METRIC … worst"),
+        ("best:0", "--record: … worst:N or best:N … 1 to 100 … :METRIC … best:0"),
         ("worst:1:joint_rate.peek", '--record: … joint_rate.peek … "joint_rate.peak"…'),
         ("worst:1:joint_rate.peak_joint", '--record: … joint_rate.peak_joint … "joint_rate.peak"…'),
     ],

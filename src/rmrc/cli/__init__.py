@@ -1,14 +1,16 @@
-"""The face: verbs and exit codes, nothing else.
+"""The command line: verbs and exit codes, nothing else.
 
-0  all went well                       70  an internal error; the trace says where
-1  an expectation was not met, a      129  SIGHUP; what was recorded is kept
-   goal not reached, a wrench not     130  Ctrl-C; what was recorded is kept
-   held, nothing keeps the limits,    141  the reader of a pipe had enough
-   a model must be mended, a loop is  143  SIGTERM; what was recorded is kept
-   unstable, a log tells no delay
-2  bad input, or output that cannot
-   be written; one line says what
-3  a world diverged; what it recorded is kept
+  0  all went well
+  1  a check failed: an expectation missed, a goal not reached, a wrench not
+     held, no setting within the limits, an error in a model, an unstable loop,
+     or a log that identifies no delay
+  2  bad input, or output that cannot be written; one line says why
+  3  a world diverged; the data up to there are kept
+ 70  an internal error, with a traceback
+129  SIGHUP; the data up to there are kept
+130  Ctrl-C; the data up to there are kept
+141  the reader closed the pipe
+143  SIGTERM; the data up to there are kept
 """
 
 import sys
@@ -54,30 +56,30 @@ from rmrc.support.invocation import command
 from rmrc.support.legible import visible
 from rmrc.support.notices import heard_by
 
-EPILOG = """docs/textbook.md leads from each section, example and exercise of a course to a command.
+EPILOG = """docs/textbook.md lists the command for each section, example and exercise of a course.
 
 \b
 Exit codes:
     0  all went well
-    1  an expectation was not met, a goal not reached,
-       a wrench not held, nothing keeps the limits,
-       a model must be mended, a loop is unstable,
-       a log tells no delay
+    1  a check failed: an expectation missed, a goal
+       not reached, a wrench not held, no setting within
+       the limits, an error in a model, an unstable loop,
+       or a log that identifies no delay
     2  bad input, or output that cannot be written
-    3  a world diverged; what it recorded is kept
-   70  an internal error; the trace says where
-  129  SIGHUP; what was recorded is kept
-  130  Ctrl-C; what was recorded is kept
-  141  the reader of a pipe had enough
-  143  SIGTERM; what was recorded is kept"""
+    3  a world diverged; the data up to there are kept
+   70  an internal error, with a traceback
+  129  SIGHUP; the data up to there are kept
+  130  Ctrl-C; the data up to there are kept
+  141  the reader closed the pipe
+  143  SIGTERM; the data up to there are kept"""
 
 app = typer.Typer(
     name="rmrc",
     help="Resolved motion rate control in MuJoCo: what an arm does near its singularities.",
     epilog=EPILOG,
     add_completion=False,
-    rich_markup_mode=None,  # which would take [m] and [kg] in a help for markup, and break words
-    pretty_exceptions_enable=False,  # a trace is for us, and only for bugs
+    rich_markup_mode=None,  # rich would read [m] and [kg] in a help text as markup, and break words
+    pretty_exceptions_enable=False,  # a traceback is for developers, and only for bugs
     context_settings={"max_content_width": 100},
 )
 for verb in (
@@ -101,7 +103,7 @@ for verb in (
     examples.examples,
     examples.init,
 ):
-    # The first paragraph, which the list of verbs would cut off else.
+    # The first paragraph, which the list of verbs would otherwise cut off.
     app.command(short_help=" ".join((verb.__doc__ or "").split("\n\n")[0].split()))(verb)
 
 
@@ -131,7 +133,7 @@ def _run() -> int:
             complain(f"error: {problem}")
     except MemoryError as error:
         told = f" ({error})" if str(error) else ""
-        complain(f"error: there is not enough memory{told}; ask for less at a time, or give it more memory")
+        complain(f"error: not enough memory{told}; ask for less at a time, or add memory")
     except OSError as error:
         if error.filename is None and error.errno not in ENVIRONMENT:  # not about a file: a bug
             return _internal()
@@ -145,15 +147,18 @@ def _run() -> int:
 
 
 def _internal() -> int:
-    """Print the trace of what we did not foresee, and where to report it."""
+    """Print the traceback of an unforeseen error, and where to report it."""
     print(visible(traceback.format_exc(), keep="\n"), end="", file=sys.stderr)
-    complain(f"internal error: this is a bug of rmrc {rmrc.__version__}, not of what you gave it")
-    complain(f"report it{_tracker()}: the lines above, the command, its files, and {command('--version')}")
+    complain(f"internal error: this is a bug in rmrc {rmrc.__version__}, not in your input")
+    complain(
+        f"report it{_tracker()} with the lines above, the command, its files, and the output of "
+        f"{command('--version')}"
+    )
     return EXIT_INTERNAL
 
 
 def _tracker() -> str:
-    """Return where bugs are told, if the package says so."""
+    """Return where to report bugs, if the package's metadata says so."""
     try:
         urls = metadata("rmrc").get_all("Project-URL") or []
     except PackageNotFoundError:

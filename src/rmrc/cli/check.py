@@ -1,4 +1,4 @@
-"""The verb `check`: whether a model is ready to be driven."""
+"""The verb `check`: find whether a model is ready to be simulated and controlled."""
 
 from typing import Annotated
 
@@ -8,7 +8,7 @@ from rmrc.cli.console import notice
 from rmrc.cli.options import AsJson, Body, Joints, Junit, Model, Packages, Site, Summary, asked, joints_of
 from rmrc.cli.reports import show
 
-Seed = Annotated[int, typer.Option(help="Of the second of motion.", min=0)]
+Seed = Annotated[int, typer.Option(help="Seed of the one-second random motion.", min=0)]
 
 
 def check(
@@ -22,10 +22,10 @@ def check(
     junit: Junit = None,
     summary: Summary = None,
 ) -> None:
-    """Check a model as a linter would: what must be mended, what is missing, what is assumed.
+    """Lint a model: report errors, missing data and assumptions.
 
-    Chain, actuators, limits, home and the nearest singularity, contacts, J by four routes, and a second of
-    motion on each plant. Exit code 1: something must be mended.
+    Checks the chain, actuators, limits, home and the nearest singularity, contacts, J by four methods, and
+    one second of motion on each plant. Exit code 1: the model has an error.
     """
     with notice("checking the model ..."):
         from rmrc.analysis.check.check import check as ask

@@ -1,4 +1,4 @@
-"""What the verbs share: exit codes, and how they speak to a terminal or a pipe."""
+"""Exit codes and output to a terminal or a pipe, shared by the verbs."""
 
 import json
 import os
@@ -31,9 +31,9 @@ from rmrc.support.interruption import signal_that_came
 EXIT_MISSED, EXIT_INPUT, EXIT_DIVERGED, EXIT_INTERNAL, EXIT_INTERRUPTED, EXIT_PIPE = 1, 2, 3, 70, 130, 141
 EXIT_TERMINATED, EXIT_HUNG_UP = 143, 129
 
-# The widest table needs so many columns, and a pipe has any number.
+# The widest table needs this many columns; a pipe has no width.
 PIPE_WIDTH = 100
-# In fewer columns than about a dozen rich goes round in circles, and nobody reads a table.
+# Below about a dozen columns rich does not terminate, and a table is unreadable.
 LEAST_WIDTH = 20
 
 
@@ -82,20 +82,20 @@ _said: list[str] = []  # by this verb
 
 
 def complain(text: str) -> None:
-    """Say on stderr what went wrong, in one line."""
+    """Print an error on stderr, in one line."""
     _said.append(text)
     print(f"rmrc: {legible.line(text)}", file=sys.stderr, flush=True)
 
 
 def warn(texts: Iterable[str]) -> None:
-    """Say on stderr what can be done as it is asked for, but was hardly meant; each text once."""
+    """Print on stderr, once each, warnings about valid requests that are probably mistakes."""
     for text in dict.fromkeys(texts):
         complain(f"warning: {text}")
 
 
 @contextmanager
 def warnings_in_lines() -> Iterator[None]:
-    """Have warnings of Python shown as lines of ours, each once."""
+    """Show each Python warning once, as one line."""
     shown: set[str] = set()
 
     def show(message: Warning | str, *_: Any, **__: Any) -> None:
@@ -110,7 +110,7 @@ def warnings_in_lines() -> Iterator[None]:
 
 
 def named_by_signal(code: int) -> int:
-    """Return the exit code of a verb: where it was interrupted, that of the signal that came, with a line."""
+    """Return the exit code of a verb; after an interruption, print a line and return the signal's code."""
     is_said = any(text.startswith("interrupted") for text in _said)
     _said.clear()
     if code != EXIT_INTERRUPTED:
@@ -123,10 +123,10 @@ def named_by_signal(code: int) -> int:
 
 @contextmanager
 def interruption(told: str) -> Iterator[None]:
-    """Say on stderr what Ctrl-C came before, and leave.
+    """Print a message on stderr when Ctrl-C arrives, and exit.
 
     Raises:
-        typer.Exit: It came.
+        typer.Exit: Ctrl-C arrived.
     """
     try:
         yield
@@ -137,7 +137,7 @@ def interruption(told: str) -> Iterator[None]:
 
 @contextmanager
 def notice(text: str) -> Iterator[None]:
-    """Say what takes long, but only if it does."""
+    """Print a notice if the body takes longer than a second."""
     timer = threading.Timer(1.0, lambda: complain(text))
     timer.start()
     try:
@@ -162,14 +162,14 @@ class _Rate(ProgressColumn):
 def progress(
     what: str, total: int, quiet: bool, done: int = 0, unit: str = ""
 ) -> Iterator[Callable[[int], None]]:
-    """Yield a function that moves a bar on by some steps; there is none unless a terminal can show it.
+    """Yield a function that advances a progress bar; the bar appears only in a terminal.
 
     Args:
-        what: Stands before the bar.
+        what: Label before the bar.
         total: Steps in all.
         quiet: Whether to show nothing.
-        done: Steps that were done before.
-        unit: Of a step; with one, the rate and the time left are shown as well.
+        done: Steps done earlier.
+        unit: Unit of a step; if given, the bar also shows the rate and the remaining time.
     """
     screen = _Screen(stderr=True)
     more = [_Rate(unit), TimeRemainingColumn()] if unit else []

@@ -1,4 +1,4 @@
-"""Verbs about what comes with the package: examples, init."""
+"""Verbs for the shipped scenarios and models: examples, init."""
 
 from pathlib import Path
 from typing import Annotated
@@ -12,12 +12,12 @@ from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
 
-# What the hints are about: what README and docs begin with.
+# The examples in the hints: the ones with which the README and the documentation begin.
 SCENARIO, MODEL = "approach_singularity", "planar_2link"
 
 
 def examples(as_json: AsJson = False) -> None:
-    """List the scenarios and models that come with the program; a verb takes them by their bare names."""
+    """List the shipped scenarios and models; every verb accepts their bare names."""
     from rmrc.show.report import Report
     from rmrc.show.sheets import Sheet
 
@@ -51,20 +51,20 @@ def examples(as_json: AsJson = False) -> None:
 
 
 def init(
-    folder: Annotated[Path, typer.Argument(help="Where `scenarios` and `models` go; made if it is missing.")],
+    folder: Annotated[
+        Path, typer.Argument(help="Destination of `scenarios` and `models`; created if missing.")
+    ],
 ) -> None:
-    """Copy the scenarios and models that come with the program into a folder, to be changed there.
+    """Copy the shipped scenarios and models into a folder, for editing.
 
-    Nothing is overwritten, and both are there whole or not at all.
+    Overwrites nothing. Copies both folders completely or not at all.
     """
     _refuse_nothing()
     if folder.exists() and not folder.is_dir():
         problems = [f"{folder}: is a file; give a folder"]
     else:
         there = [folder / name for name in shipped.SUFFIX if (folder / name).exists()]
-        problems = [
-            f"{path}: is there already, and nothing is overwritten; give another folder" for path in there
-        ]
+        problems = [f"{path}: already exists and is never overwritten; give another folder" for path in there]
     for problem in problems:
         complain(f"error: {problem}")
     if problems:
@@ -76,12 +76,12 @@ def init(
 
 
 def _refuse_nothing() -> None:
-    """Refuse what needs the shipped files where the package came without them.
+    """Refuse if the package was installed without the shipped files.
 
     Raises:
-        QuestionError: It did.
+        QuestionError: They are missing.
     """
     if shipped.root() is None:
         raise QuestionError(
-            "this installation came without scenarios and models; install rmrc from its wheel or from a clone"
+            "this installation has no scenarios and models; install rmrc from its wheel or from a clone"
         )

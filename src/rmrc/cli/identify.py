@@ -1,4 +1,4 @@
-"""The verb `identify`: what delay, lag and noise an arm has, from a log of its commands and positions."""
+"""The verb `identify`: estimate an arm's delay, lag and noise from a log of commands and positions."""
 
 from contextlib import nullcontext
 from pathlib import Path
@@ -26,8 +26,8 @@ Columns = Annotated[
     typer.Option(
         "--columns",
         metavar="KIND=NAME",
-        help="Which column is t, or which are q or qdot_cmd: A,B,C, or with * where the joint stands; a unit "
-        'may follow: "t=stamp ms". Repeatable.',
+        help="Column of t, or columns of q or qdot_cmd: A,B,C, or a pattern with * for the joint; a unit may "
+        'follow: "t=stamp ms". Repeatable.',
     ),
 ]
 Degrees = Annotated[
@@ -36,13 +36,16 @@ Degrees = Annotated[
 Longest = Annotated[
     float,
     typer.Option(
-        help="Delay, and lag, that is looked for at most [s].", callback=within("--longest", 1e-3, 10.0)
+        help="Largest delay, and largest lag, to consider [s].", callback=within("--longest", 1e-3, 10.0)
     ),
 ]
 Picture = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", help="The picture instead: .png, .svg or .pdf.", show_default=False, callback=drawable
+        metavar="FILE",
+        help="Write the picture to this file instead: .png, .svg or .pdf.",
+        show_default=False,
+        callback=drawable,
     ),
 ]
 
@@ -57,10 +60,11 @@ def identify(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Tell delay, lag and noise of each joint of an arm, from a log of its commands and positions.
+    """Estimate delay, lag and noise of each joint from a log of commands and positions.
 
-    Prints a plant and arm.encoder block to paste into a scenario; leaves NAME.identify.yaml with it, and .png
-    with the fit against the data. Exit code 1: no joint tells its delay; a line says what to log instead.
+    Prints a plant and arm.encoder block to paste into a scenario. Writes the block to NAME.identify.yaml and
+    a plot of the fit and the data to .png. Exit code 1: the log identifies no joint's delay; a message says
+    what to log instead.
     """
     given = dict(_mapped(text) for text in columns or ())
     with (

@@ -1,4 +1,4 @@
-"""The verb `ik`: joint positions that bring a site to a pose, or as near as they can."""
+"""The verb `ik`: find joint positions that bring a site to a pose, or as near as possible."""
 
 from enum import StrEnum
 from typing import TYPE_CHECKING, Annotated
@@ -42,34 +42,43 @@ To = Annotated[
     typer.Option(
         "--to",
         metavar="X,Y,...",
-        help="The goal: a value for each row of the task, m, rad, or angles such as "
-        '"120 deg"; rx,ry,rz are a rotation vector; if only some count, it turns the site from its '
-        "orientation with all joints at 0.",
+        help="The goal: one value per task row, in m, rad, or angles such as "
+        '"120 deg"; rx,ry,rz form a rotation vector; in a task with only some of them, it rotates the site '
+        "from its orientation with all joints at 0.",
     ),
 ]
 Quat = Annotated[
     str | None,
-    typer.Option("--quat", metavar="W,X,Y,Z", help="The goal's orientation; --to has x,y,z alone then."),
+    typer.Option("--quat", metavar="W,X,Y,Z", help="The goal's orientation; --to then takes x,y,z only."),
 ]
 ToPositions = Annotated[
-    str | None, typer.Option("--to-q", metavar="Q1,Q2,...", help="The goal: where these joints put the site.")
+    str | None,
+    typer.Option(
+        "--to-q", metavar="Q1,Q2,...", help="The goal: the pose of the site at these joint positions."
+    ),
 ]
 Tolerance = Annotated[
     float,
     typer.Option(
-        help="How near is there: orientation in rad, position over --length.",
+        help="Largest error at which a goal counts as reached: orientation in rad, position divided by "
+        "--length.",
         callback=within("--tolerance", 1e-12, 1.0),
     ),
 ]
 WhichMethod = Annotated[
-    Method, typer.Option(help="Damped steps from several starts, or Newton's from one, all printed.")
+    Method,
+    typer.Option(
+        help="Damped least squares (DLS) from several starts, or Newton's method from "
+        "one start with every step printed."
+    ),
 ]
-Limits = Annotated[bool, typer.Option("--limits/--no-limits", help="Keep to the model's position limits.")]
+Limits = Annotated[bool, typer.Option("--limits/--no-limits", help="Respect the model's position limits.")]
 Every = Annotated[
     bool,
     typer.Option(
         "--all",
-        help="Look for all postures, from many starts; two are one within 1e-4 rad, or m over --length.",
+        help="Search for all solutions, from many starts; solutions within 1e-4 rad (slides: m divided by "
+        "--length) count as one.",
     ),
 ]
 Iterates = Annotated[bool, typer.Option("--iterates", help="Print every step.")]
@@ -95,10 +104,10 @@ def ik(
     tolerance: Tolerance = 1e-9,
     as_json: AsJson = False,
 ) -> None:
-    """Find joint positions that bring a site to a pose; begin at --q or --keyframe."""
+    """Find joint positions that bring a site to a pose, starting at --q or --keyframe."""
     if every and (iterates or method is Method.NEWTON):
         option = "--iterates" if iterates else "--method newton"
-        raise QuestionError(f"give --all or {option}, not both: all postures are searched from many starts")
+        raise QuestionError(f"give --all or {option}, not both: --all searches from many starts")
     rows = task_axes(axes)
     with notice(READING):
         from rmrc.analysis.ik.ik import ik as ask
@@ -128,11 +137,11 @@ def _goal(task: "Task", to: str | None, quat: str | None, to_q: str | None) -> "
     if quat is None:
         if to is None:
             raise QuestionError(
-                f"give a goal: --to with a value for each of {', '.join(task.axes)}, or --to-q"
+                f"give a goal: --to with one value for each of {', '.join(task.axes)}, or --to-q"
             )
         return goal_pose(task, numbers("--to", to, task.axes))
     if to is None and positions:
-        raise QuestionError(f"--quat needs --to with a value for each of {', '.join(positions)}")
+        raise QuestionError(f"--quat needs --to with one value for each of {', '.join(positions)}")
     values = numbers("--to", to, positions) if to is not None else ()
     orientation = numbers("--quat", quat, ("w", "x", "y", "z"))
     if not orientation.any():

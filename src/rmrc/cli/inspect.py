@@ -1,4 +1,4 @@
-"""The verb `inspect`: an arm at one configuration, or at several."""
+"""The verb `inspect`: analyze an arm at one or more configurations."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -42,28 +42,31 @@ Frame = Annotated[
     str | None,
     typer.Option(
         metavar="world|site|base",
-        help="Along whose axes J and the words are.",
-        show_default="that of the rows",
+        help="Frame of the axes of J and of the directions in words.",
+        show_default="the frame of the rows",
     ),
 ]
 JointError = Annotated[
     str | None,
     typer.Option(
-        metavar="S | S1,S2,...", help='Errors of the joints, such as "0.1 deg": tell those of the site.'
+        metavar="S | S1,S2,...",
+        help='Joint errors, such as "0.1 deg": print the resulting errors of the site.',
     ),
 ]
 Wrench = Annotated[
     str | None,
     typer.Option(
         metavar="FX,...,NZ",
-        help="Force in N, or force and moment in N m, on the arm at the site, in the world: tell what "
-        "holds it.",
+        help="Force in N, or force and moment in N m, acting on the arm at the site, in the world frame: "
+        "print the joint torques that balance it.",
     ),
 ]
 Picture = Annotated[
     Path | None,
     typer.Option(
-        metavar="FILE", help="Draw the arm with its ellipses: .png, .svg or .pdf.", callback=drawable
+        metavar="FILE",
+        help="Draw the arm with its velocity and force ellipses: .png, .svg or .pdf.",
+        callback=drawable,
     ),
 ]
 
@@ -85,7 +88,7 @@ def inspect(
     picture: Picture = None,
     as_json: AsJson = False,
 ) -> None:
-    """Tell what an arm can and cannot do at a configuration: pose, J, singularity, ellipsoids, statics."""
+    """Analyze an arm at a configuration: pose, Jacobian, singularities, ellipsoids, statics."""
     if q and keyframe:
         raise QuestionError("give --q or --keyframe, not both")
     rows = task_axes(axes)
@@ -124,7 +127,7 @@ def _joint_errors(arm: "Arm", text: str) -> NDArray[np.float64]:
         return numbers("--joint-error", text, arm.joints)
     if arm.is_slide.any() and not arm.is_slide.all():
         raise QuestionError(
-            f"--joint-error {text}: one value will not do for joints that turn and joints that slide; "
-            f"give one for each of {', '.join(arm.joints)}"
+            f"--joint-error {text}: the arm has both hinge and slide joints; give one value for each of "
+            f"{', '.join(arm.joints)}"
         )
     return np.repeat(numbers("--joint-error", text, ("joint",)), arm.n)

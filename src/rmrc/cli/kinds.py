@@ -1,4 +1,4 @@
-"""Kinds of files, and which verb takes which: a file of another kind is told with the verb for it."""
+"""Kinds of files and the verbs that accept them; a message about a wrong kind names the right verb."""
 
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from rmrc.support.shipped import Folder, found
 
 
 class Kind(NamedTuple):
-    """What a file is.
+    """A kind of file.
 
     Attributes:
         name: In words.
@@ -33,8 +33,8 @@ SCENARIO = Kind("a scenario", (".yaml", ".yml"), verb="run", shipped="scenarios"
 MODEL = Kind("a model", (".xml", ".mjcf", ".urdf"), b"<", "inspect", shipped="models")
 RECORDING = Kind("a recording", (".rrd", ".part"), b"RRF", "replay")
 LOG = Kind("a log", (".csv", ".parquet", ".npz"), verb="identify")
-RUN = Kind("what a run leaves", (".npz", ".rrd", ".part", ".json"))
-REPORTED = Kind("what run, compare, sweep or tune leaves", (*RUN.suffixes, ".parquet"))
+RUN = Kind("the output of a run", (".npz", ".rrd", ".part", ".json"))
+REPORTED = Kind("the output of run, compare, sweep or tune", (*RUN.suffixes, ".parquet"))
 KINDS = (
     SCENARIO,
     MODEL,
@@ -42,7 +42,7 @@ KINDS = (
     Kind("the columns of a run", (".npz",), b"PK\x03\x04", "plot"),
     Kind("the rows of a sweep", (".parquet",), b"PAR1", "report", library="pandas.read_parquet"),
     LOG,
-    Kind("the figures of a run", (".json",), library="json.load"),
+    Kind("a scorecard", (".json",), library="json.load"),
     Kind("a picture", (".png",), b"\x89PNG"),
     Kind("a picture", (".svg", ".pdf")),
 )
@@ -52,7 +52,7 @@ def expect(path: Path, wanted: Kind) -> Path:
     """Return the file that a verb was given, unless it is of another kind, or a folder.
 
     Args:
-        path: Or the bare name of a shipped file. Perhaps of nothing: what reads it tells that best.
+        path: Or the bare name of a shipped file. It need not exist: the reader reports a missing file best.
         wanted: What the verb takes.
 
     Raises:
@@ -69,15 +69,15 @@ def expect(path: Path, wanted: Kind) -> Path:
         return path
     way = ""
     if kind.verb:
-        way = f"; take it with `{command(kind.verb, path)}`"
+        way = f"; use `{command(kind.verb, path)}`"
     elif kind.library:
         way = f"; read it in Python with {kind.library}"
     if wanted is SCENARIO and kind is MODEL:
         way += f", or name it in a scenario: `arm: {{model: {visible(path.name)}, site: ...}}`"
     if wanted is MODEL and kind is SCENARIO:
-        way += "; or give the model that its arm.model names"
+        way += "; or give the model named by its arm.model"
     if wanted is RECORDING and kind is SCENARIO:
-        way += ", which leaves a recording"
+        way += ", which writes a recording"
     raise QuestionError(f"{visible(str(path))}: is {kind.name}, not {wanted.name}{way}")
 
 

@@ -1,4 +1,4 @@
-"""The verb `margins`: how much more delay, lag and gain a loop bears."""
+"""The verb `margins`: find how much more delay, lag and gain a loop tolerates."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,12 +17,12 @@ _RUNS = 80
 def margins(
     scenario: ScenarioFile,
     accuracy: Annotated[
-        float, typer.Option(help="How near to the edges to come: relative, 0.005 to 0.5.")
+        float, typer.Option(help="Relative precision of the stability limits, 0.005 to 0.5.")
     ] = 0.02,
     set_: Overrides = None,
     picture: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Draw what was tried into this file: .png, .svg or .pdf."),
+        typer.Option(metavar="FILE", help="Plot all tried settings to this file: .png, .svg or .pdf."),
     ] = None,
     as_json: AsJson = False,
     threads: Threads = None,
@@ -30,11 +30,11 @@ def margins(
     summary: Summary = None,
     quiet: Quiet = False,
 ) -> None:
-    """Find how much more gain, dead time and lag the loop bears before it is unstable, by runs.
+    """Find by simulation how much more gain, dead time and lag the loop tolerates before it becomes unstable.
 
-    Each setting is run twice, with the reference of the second moved for a moment: the loop is unstable if
-    that rings on. Beside it stand the rule K <= 1/(delay + T/2 + lag) and the exact edge of the ideal plant.
-    Exit code 1: the loop is unstable as written.
+    Runs each setting twice; the second run briefly displaces the reference. The loop is unstable if the
+    response keeps ringing. For comparison, prints the rule K <= 1/(delay + T/2 + lag) and the exact limit of
+    the ideal plant. Exit code 1: the loop is unstable as written.
     """
     from rmrc.results.leaving import refuse_unwritable
     from rmrc.study import ci

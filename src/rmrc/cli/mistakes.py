@@ -1,4 +1,4 @@
-"""Mistakes in how a verb is called, in one line that names the way out."""
+"""Usage errors, each as one line that names the way out."""
 
 import errno
 import re
@@ -27,20 +27,20 @@ SETTING = ("run", "compare", "sweep", "tune")
 
 
 def usage(error: Any) -> str:
-    """Return what is wrong with a call, and where to look."""
+    """Return the message for a usage error, and the command that shows the help."""
     text = re.sub(r"'([^']*)'", lambda match: f"'{shortened(match[1])}'", error.format_message().strip())
     text = " ".join(text.split()).removesuffix(".")
     context = error.ctx
     verb = context.info_name if context is not None and context.parent is not None else None
     verbs = getattr(context.parent.command, "commands", {}) if verb is not None else {}
     way = _way(getattr(error, "option_name", None), verb, verbs)
-    if way:  # which says more than what is spelled alike
+    if way:  # more useful than a similar spelling
         text = re.sub(r" \((Possible options|Did you mean)[^()]*\)$", "", text)
     return f"{text}{way}; see {command(*([verb] if verb else []), '--help')}"
 
 
 def _way(option: str | None, verb: str | None, verbs: Mapping[str, Any]) -> str:
-    """Return what was most likely meant: an option of another verb, a key of the scenario, a verb."""
+    """Return the most likely intention: an option of another verb, a scenario key, or a verb."""
     if option is not None:
         from rmrc.scenario import place_of
 
@@ -49,8 +49,8 @@ def _way(option: str | None, verb: str | None, verbs: Mapping[str, Any]) -> str:
         if others:
             return f"; it is an option of {' and '.join(others)}"
         key = place_of(option.lstrip("-").replace("-", "_")) if verb in SETTING else ""
-        return f"; a key of the scenario is set by --set {key}=VALUE" if key else ""
+        return f"; set a scenario key by --set {key}=VALUE" if key else ""
     first = sys.argv[1] if len(sys.argv) > 1 else ""
     if verb is None and (kind := next((one for one in KINDS if Path(first).suffix in one.suffixes), None)):
-        return f"; a verb comes first: {command(kind.verb, first)}" if kind.verb else ""
+        return f"; give a verb first: {command(kind.verb, first)}" if kind.verb else ""
     return ""

@@ -1,4 +1,4 @@
-"""The verb `new`: a first scenario for an arm, which runs as it is."""
+"""The verb `new`: write a first scenario for an arm, ready to run."""
 
 from pathlib import Path
 from typing import Annotated
@@ -21,12 +21,12 @@ Force = Annotated[bool, typer.Option("--force", help="Overwrite the file.")]
 Length = Annotated[
     float | None,
     typer.Option(
-        help="What is worth a radian, in m: task.length.",
+        help="Characteristic length equivalent to one radian, in m: task.length.",
         show_default="the rms distance of the site from the axes",
         callback=lambda length: length if length is None else length_within(length),
     ),
 ]
-Plant = Annotated[str, typer.Option(help="What obeys the rates: plant.kind of the scenario.")]
+Plant = Annotated[str, typer.Option(help="Plant that executes the rates: plant.kind of the scenario.")]
 
 
 def new(
@@ -42,13 +42,13 @@ def new(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Write a first scenario for an arm: through its nearest singularity and back, scaled to the arm.
+    """Write a first scenario for an arm: a path through its nearest singularity and back, scaled to the arm.
 
-    Limits are the model's, or assumed and said to be; length, damping and speed follow from the arm. It is
-    run before it is written, and expects what came of it.
+    Takes limits from the model, or assumes them and says so. Derives length, damping and speed from the arm.
+    Runs the scenario before writing it, and sets its expectations from that run.
     """
     if out == STDOUT and as_json:
-        raise QuestionError("give -o - or --json, not both: stdout has the scenario or what is told of it")
+        raise QuestionError("give -o - or --json, not both: stdout takes either the scenario or the report")
     with notice("trying moves ..."):
         from rmrc.analysis.new.new import new as make
         from rmrc.analysis.new.report import report

@@ -42,14 +42,16 @@ Model = Annotated[
         callback=lambda path: expect(path, MODEL),
     ),
 ]
-Site = Annotated[str | None, typer.Option(help="The point in question; default: a site or body of the hand.")]
-Body = Annotated[str | None, typer.Option(help="The body whose frame is in question, instead of a site.")]
+Site = Annotated[
+    str | None, typer.Option(help="End effector (TCP) site; default: a site or body of the hand.")
+]
+Body = Annotated[str | None, typer.Option(help="Body whose frame is the end effector, instead of a site.")]
 Packages = Annotated[
     list[str] | None,
     typer.Option(
         "--package",
         metavar="NAME=FOLDER",
-        help="Where a package lies that a URDF file names, if not above it; repeatable.",
+        help="Folder of a package named in a URDF file, if not above that file; repeatable.",
     ),
 ]
 Positions = Annotated[
@@ -62,19 +64,22 @@ TaskAxes = Annotated[
     typer.Option(
         "--axes",
         metavar="x,y,...",
-        help="Rows that count, of x y z rx ry rz; default: those that the arm can move independently.",
+        help="Task rows, of x y z rx ry rz; default: those that the arm can move independently.",
     ),
 ]
 Joints = Annotated[
     str | None,
-    typer.Option(metavar="NAME,NAME,...", help="Joints that are driven, outward; default: all on the chain."),
+    typer.Option(
+        metavar="NAME,NAME,...",
+        help="Actuated joints, from the base outward; default: all joints of the chain.",
+    ),
 ]
 TaskFrame = Annotated[
     str | None,
     typer.Option(
         "--task-frame",
         metavar="world|base|site",
-        help="Along whose axes the rows are, as task.frame of a scenario.",
+        help="Frame of the task rows, as task.frame of a scenario.",
         show_default="world",
     ),
 ]
@@ -82,21 +87,27 @@ length_within = within("--length", 1e-6, FARTHEST)
 Length = Annotated[
     float,
     typer.Option(
-        help="Makes meters and radians comparable in sigma, kappa and w, in m.",
+        help="Characteristic length in m: makes meters and radians comparable in sigma, kappa and w.",
         callback=length_within,
     ),
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print JSON, for machines.")]
-Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print only what went wrong.")]
-Threads = Annotated[int | None, typer.Option(min=1, help="Batches at a time.", show_default="one a core")]
+Quiet = Annotated[bool, typer.Option("--quiet", "-q", help="Print errors and warnings only.")]
+Threads = Annotated[
+    int | None, typer.Option(min=1, help="Number of threads, one batch each.", show_default="one per core")
+]
 Out = Annotated[Path, typer.Option(help="Folder for the files.")]
 Junit = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Leave JUnit XML for CI: .xml, a case for each expectation or check."),
+    typer.Option(
+        metavar="FILE", help="Write JUnit XML for CI: .xml, one test case per expectation or check."
+    ),
 ]
 Summary = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="Leave a summary for CI: .md; $GITHUB_STEP_SUMMARY is added to."),
+    typer.Option(
+        metavar="FILE", help="Write a Markdown summary for CI: .md; appends to $GITHUB_STEP_SUMMARY."
+    ),
 ]
 
 
@@ -133,9 +144,7 @@ def asked(site: str | None, body: str | None, packages: list[str] | None) -> dic
     for text in packages or ():
         name, _, folder = text.partition("=")
         if not (name and folder and Path(folder).is_dir()):
-            raise QuestionError(
-                f"--package must be NAME=FOLDER with a folder that is there, got {quoted(text)}"
-            )
+            raise QuestionError(f"--package must be NAME=FOLDER with an existing folder, got {quoted(text)}")
         folders[name] = Path(folder)
     return {"site": site, "body": body, "packages": folders}
 
@@ -176,13 +185,13 @@ def inches(text: str) -> float:
 
 _Width = Annotated[
     str | None,
-    typer.Option("--width", help="Of the picture: in, cm, mm or pt; a journal's column is 3.5in."),
+    typer.Option("--width", help="Width of the picture in in, cm, mm or pt; a journal column is 3.5in wide."),
 ]
 _Font = Annotated[
     float | None,
     typer.Option(
         "--font",
-        help="Size of the letters of the picture [pt].",
+        help="Font size of the picture [pt].",
         callback=lambda value: value if value is None else within("--font", 4.0, 40.0)(value),
     ),
 ]

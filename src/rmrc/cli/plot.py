@@ -1,4 +1,4 @@
-"""The verb `plot`: the figure of a run, a comparison or a sweep, for a paper or a lecture."""
+"""The verb `plot`: draw a run, a comparison or a sweep for a paper or a lecture."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,8 +26,8 @@ def _columns_of(path: Path) -> Path:
     columns = path.with_suffix(".npz")
     if path.suffix != ".npz" and path.exists() and not columns.exists():
         raise QuestionError(
-            f"{visible(str(path))}: {visible(columns.name)}, which has the columns, is not beside it; "
-            f"`{command('run', 'SCENARIO')}` leaves both"
+            f"{visible(str(path))}: {visible(columns.name)}, which has the columns, is missing next to it; "
+            f"`{command('run', 'SCENARIO')}` writes both"
         )
     return columns
 
@@ -36,7 +36,7 @@ def plot(
     run: Annotated[
         Path,
         typer.Argument(
-            help="What `run` or `compare` left: NAME.npz, or NAME.rrd or NAME.json beside it; or "
+            help="Output of `run` or `compare`: NAME.npz, or its NAME.rrd or NAME.json; or "
             "NAME.sweep.parquet.",
             show_default=False,
             callback=_columns_of,
@@ -45,28 +45,30 @@ def plot(
     out: Annotated[
         Path | None,
         typer.Option(
-            "--out", "-o", metavar="FILE", help="The picture: .pdf, .svg or .png.", show_default="NAME.pdf"
+            "--out",
+            "-o",
+            metavar="FILE",
+            help="File of the picture: .pdf, .svg or .png.",
+            show_default="NAME.pdf",
         ),
     ] = None,
     panels: Annotated[
         str | None,
         typer.Option(
             metavar="NAME,NAME,...",
-            help="Of path, rates, sigma, error, torque, pace, status and g, in this order from the top; of a "
-            "sweep: distributions, parallel; default: all that there is something for.",
+            help="Any of path, rates, sigma, error, torque, pace, status and g, drawn in this order from "
+            "the top; for a sweep: distributions, parallel; default: all panels that have data.",
         ),
     ] = None,
     width: Annotated[
-        str, typer.Option(help="Of the picture: in, cm, mm or pt; a journal's column is 3.5in.")
+        str, typer.Option(help="Width of the picture in in, cm, mm or pt; a journal column is 3.5in wide.")
     ] = "7.16in",
-    font: Annotated[
-        float, typer.Option(help="Size of the letters [pt].", callback=within("--font", 4.0, 40.0))
-    ] = 8.0,
+    font: Annotated[float, typer.Option(help="Font size [pt].", callback=within("--font", 4.0, 40.0))] = 8.0,
     quiet: Quiet = False,
 ) -> None:
-    """Draw a run, or variants side by side, for a paper: path, rates, singular values, errors, status.
+    """Plot a run, or variants side by side, for a paper: path, rates, singular values, errors, status.
 
-    Of a sweep: how its figures are distributed, and parallel coordinates, a line for each run.
+    For a sweep, plots the distributions of its metrics and parallel coordinates with one line per run.
     """
     wanted = out or run.with_suffix(".pdf")
     if wanted.suffix not in PICTURES:
@@ -87,9 +89,7 @@ def plot(
         found = read_runs(run)
         for label, one in found.items():
             if not len(one):
-                raise QuestionError(
-                    f"{visible(str(run))}: {quoted(label)} has no tick, so there is nothing to draw"
-                )
+                raise QuestionError(f"{visible(str(run))}: {quoted(label)} has no ticks to draw")
         draw(found, wanted, names, size, font)
     print_line(output(quiet), f"wrote {wanted}")
 
@@ -110,7 +110,8 @@ def _chosen(text: str | None, known: Sequence[str]) -> list[str]:
     for name in names:
         if name not in known:
             raise QuestionError(
-                f"--panels: {quoted(name)} is none of {', '.join(known)}{did_you_mean(name, known)}"
+                f"--panels: {quoted(name)} is not a panel; choose from "
+                f"{', '.join(known)}{did_you_mean(name, known)}"
             )
         if names.count(name) > 1:
             raise QuestionError(f"--panels: {quoted(name)} is given twice")

@@ -1,4 +1,4 @@
-"""The verb `render`: a picture or a film of a run, or of several side by side."""
+"""The verb `render`: draw a picture or a film of one run, or of several side by side."""
 
 import re
 from contextlib import AbstractContextManager
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 FILMED = Kind(
-    "what a run leaves, or a scenario", (*RUN.suffixes, *SCENARIO.suffixes), shipped=SCENARIO.shipped
+    "the output of a run, or a scenario", (*RUN.suffixes, *SCENARIO.suffixes), shipped=SCENARIO.shipped
 )
 SUFFIXES = (".gif", ".png", ".mp4")
 
@@ -26,8 +26,8 @@ SUFFIXES = (".gif", ".png", ".mp4")
 Run = Annotated[
     Path,
     typer.Argument(
-        help="What `run` or `compare` left: NAME.npz, or NAME.rrd or NAME.json beside it; or a scenario, "
-        "which is run first.",
+        help="Output of `run` or `compare`: NAME.npz, or its NAME.rrd or NAME.json; or a scenario, which "
+        "is run first.",
         show_default=False,
         callback=lambda path: expect(path, FILMED),
     ),
@@ -36,35 +36,41 @@ OutFile = Annotated[
     Path | None,
     typer.Option(
         "--out", "-o", metavar="FILE", show_default="NAME.gif",
-        help="The picture .png, or the film .gif or .mp4, which needs the extra `film`.",
+        help="File of the picture (.png) or film (.gif, or .mp4 with the extra `film`).",
     ),
 ]  # fmt: skip
 Vary = Annotated[
     list[str] | None,
     typer.Option(
-        "--vary", metavar="KEY=V1,V2,...", help="Of a scenario: variants, side by side; repeatable."
+        "--vary",
+        metavar="KEY=V1,V2,...",
+        help="For a scenario: values of a key, drawn side by side; repeatable.",
     ),
 ]
 Overrides = Annotated[
     list[str] | None,
-    typer.Option("--set", metavar="KEY=VALUE", help="Of a scenario: override any key; repeatable."),
+    typer.Option("--set", metavar="KEY=VALUE", help="For a scenario: override any key; repeatable."),
 ]
 At = Annotated[
     float | None,
     typer.Option(metavar="SECONDS", help="Time of a picture.", show_default="nearest to a singularity"),
 ]
-Begin = Annotated[float, typer.Option("--from", metavar="SECONDS", help="Where a film begins.")]
+Begin = Annotated[float, typer.Option("--from", metavar="SECONDS", help="Start time of a film.")]
 End = Annotated[
     float | None,
-    typer.Option("--to", metavar="SECONDS", help="Where a film ends.", show_default="with the longest run"),
+    typer.Option(
+        "--to", metavar="SECONDS", help="End time of a film.", show_default="end of the longest run"
+    ),
 ]
 Speed = Annotated[
-    float, typer.Option(help="Simulated seconds in one of the film.", callback=within("--speed", 1e-4, 1e4))
+    float, typer.Option(help="Simulated seconds per second of film.", callback=within("--speed", 1e-4, 1e4))
 ]
-Fps = Annotated[float, typer.Option(help="Frames a second.", callback=within("--fps", 0.1, 120.0))]
+Fps = Annotated[float, typer.Option(help="Frames per second.", callback=within("--fps", 0.1, 120.0))]
 Size = Annotated[
     str | None,
-    typer.Option(metavar="WIDTHxHEIGHT", help="Of the whole [pixels].", show_default="480x480 for each run"),
+    typer.Option(
+        metavar="WIDTHxHEIGHT", help="Size of the whole image [pixels].", show_default="480x480 for each run"
+    ),
 ]
 
 
@@ -81,19 +87,21 @@ def render(
     size: Size = None,
     quiet: Quiet = False,
 ) -> None:
-    """Draw a run as a picture or a film, or variants side by side: the arm, and its rates below it.
+    """Draw a run, or variants side by side, as a picture or a film: the arm above its joint rates.
 
-    MuJoCo's renderer draws off screen, by EGL or OSMesa; without either the exit code is 2.
+    MuJoCo renders off screen through EGL or OSMesa; without either the exit code is 2.
     """
     is_left = run.suffix in RUN.suffixes
     wanted = out or (run if is_left else Path("recordings") / run.name).with_suffix(".gif")
     if wanted.suffix not in SUFFIXES:
         raise QuestionError(f"--out {visible(str(wanted))}: must end in .gif, .png or .mp4")
     if at is not None and wanted.suffix != ".png":
-        raise QuestionError("--at is of a picture; of a film give --from and --to, or end --out in .png")
+        raise QuestionError(
+            "--at applies to a picture; for a film give --from and --to, or end --out in .png"
+        )
     if is_left and (vary or set_):
         raise QuestionError(
-            f"{visible(str(run))}: has been run, so that nothing can be changed; give the scenario"
+            f"{visible(str(run))}: is a finished run whose keys cannot change; give the scenario"
         )
     pixels = _pixels(size)
     with interruption("interrupted; nothing was written"):

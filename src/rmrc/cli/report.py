@@ -1,4 +1,4 @@
-"""The verb `report`: one page of a run, a comparison, a sweep or a search, to send."""
+"""The verb `report`: write a run, a comparison, a sweep or a search as one HTML page."""
 
 from pathlib import Path
 from typing import Annotated
@@ -17,7 +17,7 @@ PAGES = (".html", ".htm")
 
 
 def _left(path: Path) -> Path:
-    """Return the file with the columns or rows, which lies beside what else a verb leaves.
+    """Return the file with the columns or rows of a result.
 
     Raises:
         QuestionError: It is not there, or the file given is something else.
@@ -28,8 +28,8 @@ def _left(path: Path) -> Path:
     beside = path if path.suffix == ".parquet" else path.with_suffix(".npz")
     if path.exists() and not beside.exists():
         raise QuestionError(
-            f"{visible(str(path))}: {visible(beside.name)}, which has its columns, is not beside it; "
-            f"`{command('run', 'SCENARIO')}` leaves both"
+            f"{visible(str(path))}: {visible(beside.name)}, which has its columns, is missing next to it; "
+            f"`{command('run', 'SCENARIO')}` writes both"
         )
     return beside
 
@@ -38,7 +38,7 @@ def report(
     result: Annotated[
         Path,
         typer.Argument(
-            help="What a verb left: NAME.npz, .rrd or .json of `run` or `compare`, NAME.sweep.parquet, "
+            help="Output of a verb: NAME.npz, .rrd or .json of `run` or `compare`, NAME.sweep.parquet, "
             "NAME.tune.parquet.",
             show_default=False,
             callback=_left,
@@ -46,13 +46,15 @@ def report(
     ],
     out: Annotated[
         Path | None,
-        typer.Option("--out", "-o", metavar="FILE", help="The page: .html.", show_default="NAME.html"),
+        typer.Option(
+            "--out", "-o", metavar="FILE", help="File of the page: .html.", show_default="NAME.html"
+        ),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Write one HTML page to send: verdict, figures, plots to read off, and what to paste.
+    """Write one HTML page to share: verdict, metrics, plots with readout, and blocks to copy.
 
-    The page has all it needs in itself, and asks for nothing from elsewhere when it is opened.
+    The page is self-contained and loads nothing over the network.
     """
     wanted = out or result.with_suffix(".html")
     if wanted.suffix not in PAGES:

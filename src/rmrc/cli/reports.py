@@ -1,4 +1,4 @@
-"""How a verb shows an answer: as JSON or as tables, with the exit code that it deserves."""
+"""Print a verb's answer as JSON or tables, and set the exit code."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -19,17 +19,17 @@ def show(
     files: Sequence[Path] = (),
     missed: int = EXIT_MISSED,
 ) -> None:
-    """Print an answer, and say on stderr what is wrong with it.
+    """Print an answer, and report its problem on stderr.
 
     Args:
         report: The answer.
         as_json: Whether to print JSON instead of tables.
         quiet: Whether to print no tables.
-        files: What was written; none: nothing is said of files.
-        missed: Exit code where what was asked does not hold.
+        files: Written files to list; none: no list.
+        missed: Exit code if the answer's condition is not met.
 
     Raises:
-        typer.Exit: It does not hold.
+        typer.Exit: The condition is not met.
     """
     from rmrc.show.terminal import render
 

@@ -42,7 +42,7 @@ Overrides = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="KEY=VALUE", help="Override any key of the scenario; repeatable."),
 ]
-# Robots answer within this time, the slowest that is known within 0.25 s; what takes longer is doubted [s].
+# Known robots respond within 0.25 s; a longer delay than this triggers a warning [s].
 _LONGEST_DELAY = 0.5
 
 Record = Annotated[bool, typer.Option(help="Write the .rrd recording.")]
@@ -57,7 +57,7 @@ def run(
     summary: Summary = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run a scenario; leave NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
+    """Run a scenario; write NAME.rrd, NAME.npz (all columns) and NAME.json (scorecard)."""
     from rmrc.results import loads, stuck
     from rmrc.show import tables
     from rmrc.study import ci
@@ -77,7 +77,7 @@ def run(
         if assumed.is_otherwise:
             print_line(console, f"assumed: {assumed.text}")
     for pair in one.run.resting:
-        print_line(console, f"touch from the start, which is no CONTACT: {' – '.join(pair)}")
+        print_line(console, f"touching from the start, not counted as CONTACT: {' – '.join(pair)}")
     _list(console, left.files, record, files.paths)
     console.print(Text(one.run.verdict), soft_wrap=False)
     still = stuck.told(one.run, job.prepared.arm)
@@ -89,7 +89,7 @@ def run(
 
 
 def _doubt_times(scenario: "scenarios.Scenario") -> None:
-    """Say that a loop is slower than any robot's, as one is whose milliseconds were taken for seconds."""
+    """Warn about a loop slower than any robot's, probably written in milliseconds instead of seconds."""
     plant = scenario.plant
     for key, longest in (
         ("plant.delay", plant.delay), ("plant.jitter", plant.jitter),
@@ -97,12 +97,14 @@ def _doubt_times(scenario: "scenarios.Scenario") -> None:
         ("arm.encoder.delay", scenario.arm.encoder.delay),
     ):  # fmt: skip
         if longest > _LONGEST_DELAY:
-            text = f"{longest:g} s is more than robots take; for {longest:g} ms write {longest / 1e3:g}"
+            text = (
+                f"{longest:g} s is longer than on any known robot; for {longest:g} ms write {longest / 1e3:g}"
+            )
             complain(f"warning: {scenario.locate(key)}: {text}")
 
 
 def _exit_code(left: "Left[Scored]", one: "Scored") -> int:
-    """Say on stderr what did not go well, and return the worst of it."""
+    """Report problems on stderr, and return the exit code of the worst."""
     missed, run = [outcome for outcome in one.outcomes if not outcome.ok], one.run
     for outcome in missed:
         complain(f"missed: {outcome}")
@@ -114,8 +116,8 @@ def _exit_code(left: "Left[Scored]", one: "Scored") -> int:
         return code or EXIT_DIVERGED
     if not (code or run.is_complete):
         complain(
-            f"{run.name} came {run.completed:.0%} of its path in {len(run)} ticks, "
-            "where control.slow.longest ends it"
+            f"{run.name} completed {run.completed:.0%} of its path in {len(run)} ticks; "
+            "control.slow.longest ended it"
         )
     return code or (EXIT_MISSED if missed else 0)
 
@@ -126,7 +128,9 @@ def compare(
     vary: Annotated[
         list[str] | None,
         typer.Option(
-            "--vary", metavar="KEY=V1,V2,...", help="Values of a key to compare; repeatable: a grid."
+            "--vary",
+            metavar="KEY=V1,V2,...",
+            help="Values of a key to compare; repeat the option for a grid.",
         ),
     ] = None,
     set_: Overrides = None,
@@ -136,9 +140,9 @@ def compare(
     summary: Summary = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run variants of a scenario side by side; leave NAME.compare.rrd, .npz, .json, .png and .svg.
+    """Run variants of a scenario side by side; write NAME.compare.rrd, .npz, .json, .png and .svg.
 
-    The exit code is that of the runs, whatever the scenario expects: what was missed is in the table.
+    Expectations do not change the exit code; the table lists those that were missed.
     """
     from rmrc.results import loads
     from rmrc.show.terminal import render
@@ -163,7 +167,7 @@ def compare(
         if one.divergence:
             complain(f'error: variant "{one.variant.label}" {one.divergence}')
     ticks, planned = sum(map(len, runs)), sum(run.planned for run in runs)
-    code = _cut_short(left, f"interrupted at tick {ticks} of {planned}, of all variants together")
+    code = _cut_short(left, f"interrupted at tick {ticks} of {planned}, counting all variants")
     raise typer.Exit(code or (EXIT_DIVERGED if any(run.divergence for run in runs) else 0))
 
 
@@ -171,16 +175,16 @@ def replay(
     recording: Annotated[
         Path,
         typer.Argument(
-            help="A recording that `run` left, or its NAME.npz, or a folder, whose newest is shown.",
+            help="A recording of `run`, its NAME.npz, or a folder, to show its newest recording.",
             callback=lambda path: path if _stands_for_one(path) else expect(path, RECORDING),
         ),
     ],
-    web: Annotated[bool, typer.Option("--web", help="Serve it to a browser instead.")] = False,
+    web: Annotated[bool, typer.Option("--web", help="Serve the viewer to a web browser instead.")] = False,
     at: Annotated[
         float | None,
         typer.Option(
             metavar="SECONDS",
-            help="Where the cursor begins, at rest; default: it plays.",
+            help="Time at which to pause the cursor; default: play from the start.",
             show_default=False,
             callback=lambda one: None if one is None else within("--at", 0.0, 1e9)(one),
         ),
@@ -188,7 +192,7 @@ def replay(
     port: Annotated[
         int | None,
         typer.Option(
-            min=1, max=65535, help="Of 127.0.0.1, to listen on; default: a free one.", show_default=False
+            min=1, max=65535, help="Port of 127.0.0.1 to listen on; default: a free one.", show_default=False
         ),
     ] = None,
 ) -> None:
@@ -207,7 +211,7 @@ def replay(
 
 
 def _stands_for_one(path: Path) -> bool:
-    """Return whether a path is no recording, but something for which one is shown."""
+    """Return whether a path is a folder or columns, for which a recording is found or made."""
     return path.is_dir() or path.suffix == ".npz"
 
 
@@ -234,7 +238,7 @@ def _ran(work: "Batch[R]", what: str, quiet: bool) -> "Left[R]":
 
 
 def _cut_short(left: "Left[R]", where: str) -> int:
-    """Say which files there are not, and where the runs were interrupted; return an exit code, or 0."""
+    """Report files not written and the tick of an interruption; return an exit code, or 0."""
     for failure in left.failures:
         complain(f"error: {failure}")
     if left.interrupted:

@@ -1,4 +1,4 @@
-"""The verb `statics`: what drives and links bear under a wrench, and whether the physics says the same."""
+"""The verb `statics`: actuator torques and link loads under a wrench, checked in the physics."""
 
 from enum import StrEnum
 from typing import Annotated
@@ -12,7 +12,7 @@ from rmrc.cli.texts import configuration, wrench_of
 
 
 class Frame(StrEnum):
-    """Along whose axes a wrench is given."""
+    """Frame of the axes of a wrench."""
 
     WORLD = "world"
     SITE = "site"
@@ -22,20 +22,22 @@ Wrench = Annotated[
     str,
     typer.Option(
         metavar="fx,fy,fz,nx,ny,nz",
-        help="What acts on the arm at the site: force in N and moment in N·m, or a force alone.",
+        help="Wrench on the arm at the site: force in N and moment in N·m, or a force alone.",
         show_default=False,
     ),
 ]
-Axes = Annotated[Frame, typer.Option("--frame", help="Along whose axes the wrench is given.")]
+Axes = Annotated[Frame, typer.Option("--frame", help="Frame of the axes of the wrench.")]
 At = Annotated[
     str | None,
-    typer.Option("--at", metavar="SITE", help="Tell the wrench at this other site of the same body as well."),
+    typer.Option(
+        "--at", metavar="SITE", help="Also print the equivalent wrench at this other site of the same body."
+    ),
 ]
 Gravity = Annotated[
     bool,
     typer.Option(
         "--gravity/--no-gravity",
-        help="Whether the drives bear the arm's weight as well; default: no.",
+        help="Whether the actuators also support the arm's weight; default: no.",
         show_default=False,
     ),
 ]
@@ -44,7 +46,7 @@ Hold = Annotated[
     typer.Option(
         "--hold",
         metavar="SECONDS",
-        help="Hold it in the physics until all is still, so long at most, and read the actuators.",
+        help="Also simulate: hold the arm until it is still, for at most this time, and read the actuators.",
         min=0.2,
         max=1000.0,
     ),
@@ -66,7 +68,7 @@ def statics(
     length: Length = 1.0,
     as_json: AsJson = False,
 ) -> None:
-    """Tell what drives and links bear while a wrench acts on an arm, and which wrenches cost nothing."""
+    """Compute actuator torques and link loads under a wrench, and wrenches that need no torque."""
     from rmrc.analysis.statics.hold import most_ticks
     from rmrc.analysis.statics.report import report
     from rmrc.analysis.statics.statics import statics as ask

@@ -1,7 +1,7 @@
-"""Stdout and stderr that take everything: in any encoding, and when nobody listens any more.
+"""Stdout and stderr that never raise: not on an encoding, and not after the reader has gone.
 
-A verb has work to finish and files to write, whoever reads what it prints. What could not be printed is told
-at its end.
+A verb finishes its work and writes its files even if its output cannot be printed. It reports the failure at
+its end.
 """
 
 import errno
@@ -16,7 +16,7 @@ from rmrc.support.legible import IN_ASCII
 
 
 class _Patient(io.RawIOBase):
-    """A stream that goes on when what is behind it fails, and keeps the first reason."""
+    """A stream that ignores failures of the stream behind it, and keeps the first reason."""
 
     def __init__(self, inner: io.RawIOBase | None) -> None:
         super().__init__()
@@ -46,20 +46,20 @@ class _Patient(io.RawIOBase):
 
 
 class Output:
-    """What became of what was printed."""
+    """The state of stdout after printing."""
 
     def __init__(self, stdout: _Patient | None) -> None:
-        """Watch a stream; None: nothing can be known of it."""
+        """Watch a stream; None: its state is unknown."""
         self._stdout = stdout
 
     @property
     def is_closed(self) -> bool:
-        """Whether a pipe was closed by its reader, who had enough."""
+        """Whether the reader closed the pipe."""
         return self._error is not None and self._error.errno == errno.EPIPE
 
     @property
     def problem(self) -> str | None:
-        """Why something could not be written, but for a closed pipe."""
+        """Why writing failed, apart from a closed pipe."""
         error = self._error
         if error is None or self.is_closed:
             return None
@@ -72,11 +72,10 @@ class Output:
 
 @contextmanager
 def patient() -> Iterator[Output]:
-    """Let nothing that is printed raise: not an encoding, not a full disk, not a closed pipe.
+    """Keep printing from raising, whatever the encoding, and with a full disk or a closed pipe.
 
     Yields:
-        What became of stdout, to be looked at after it was flushed. What stderr cannot take is lost: there
-        is nobody to tell.
+        The state of stdout, to be read after a flush. Text that stderr cannot take is lost.
     """
     _occupy()
     before = sys.stdout, sys.stderr
@@ -107,7 +106,7 @@ def _wrapped(stream: TextIO | None) -> tuple[_Patient | None, TextIO]:
 
 
 def _occupy() -> None:
-    """Open what is closed of the first three files, or else a recording would be where others write."""
+    """Open the standard streams that are closed; otherwise a recording could take the place of stdout."""
     for number in range(3):
         try:
             os.fstat(number)

@@ -1,4 +1,4 @@
-"""The verb `sweep`: thousands of variants of a scenario."""
+"""The verb `sweep`: run thousands of variants of a scenario."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -31,11 +31,14 @@ if TYPE_CHECKING:
     from rmrc.study.picks import Choice
     from rmrc.study.sweep import Sweep
 
-Drawn = Annotated[list[str] | None, typer.Option(metavar="KEY=LOW..HIGH", help="Draw a key; repeatable.")]
+Drawn = Annotated[
+    list[str] | None,
+    typer.Option(metavar="KEY=LOW..HIGH", help="Draw a key at random between two bounds; repeatable."),
+]
 Swept = Annotated[
     Path,
     typer.Argument(
-        help="The scenario, perhaps with a sweep section: a YAML file, or the name of a shipped one.",
+        help="The scenario, with or without a sweep section: a YAML file, or the name of a shipped one.",
         callback=lambda path: expect(path, SCENARIO),
     ),
 ]
@@ -45,17 +48,15 @@ def sweep(
     scenario: Swept,
     vary: Annotated[
         list[str] | None,
-        typer.Option(metavar="KEY=V1,V2,...", help="Values of a key; repeatable: a grid."),
+        typer.Option(metavar="KEY=V1,V2,...", help="Values of a key; repeat the option for a grid."),
     ] = None,
     random: Drawn = None,
     sobol: Drawn = None,
-    samples: Annotated[
-        int | None, typer.Option(help="How many are drawn for each point of the grid.")
-    ] = None,
+    samples: Annotated[int | None, typer.Option(help="Samples drawn per grid point.")] = None,
     repeat: Annotated[
-        int | None, typer.Option(help="How often each is run, with other encoder offsets and noise.")
+        int | None, typer.Option(help="Runs per sample, each with different encoder offsets and noise.")
     ] = None,
-    seed: Annotated[int | None, typer.Option(help="What is drawn.")] = None,
+    seed: Annotated[int | None, typer.Option(help="Seed of the samples and of the noise.")] = None,
     set_: Overrides = None,
     out: Out = Path("recordings"),
     threads: Threads = None,
@@ -68,13 +69,13 @@ def sweep(
     ] = None,
     record: Annotated[
         str | None,
-        typer.Option(metavar="worst:N[:FIGURE]", help="Record the worst (or best) runs in full."),
+        typer.Option(metavar="worst:N[:METRIC]", help="Record the N worst (or best) runs in full."),
     ] = None,
     quiet: Quiet = False,
 ) -> None:
-    """Run thousands of variants of a scenario; leave NAME.sweep.parquet, a row a run.
+    """Run thousands of variants of a scenario; write NAME.sweep.parquet with one row per run.
 
-    Started again, it goes on where it was ended. A run that diverges is a row like others.
+    Rerunning the command resumes an interrupted sweep. A run that diverges gets a row like any other.
     """
     from rmrc.show.terminal import render
     from rmrc.study.picks import Choice
@@ -98,7 +99,7 @@ def sweep(
             except KeyboardInterrupt:
                 interrupted = True
     if interrupted:
-        complain(f"interrupted after {work.done} of {len(work)} runs; the same command goes on")
+        complain(f"interrupted after {work.done} of {len(work)} runs; rerun the command to resume")
         raise typer.Exit(EXIT_INTERRUPTED)
     console = output(quiet)
     console.print(render(sheets(name, work.summary(), work.plan.label)))
@@ -117,7 +118,7 @@ def _check(work: "Sweep", quiet: bool) -> "Contents":
 
 
 def _given(base: "Draft", options: Mapping[str, tuple[str, str]]) -> "Draft":
-    """Return a draft with what options set in it."""
+    """Return a draft with the options applied."""
     for option, (key, value) in options.items():
         base = base.given(key, value, option)
     return base
@@ -126,14 +127,14 @@ def _given(base: "Draft", options: Mapping[str, tuple[str, str]]) -> "Draft":
 def _options(
     vary: Sequence[str], random: Sequence[str], sobol: Sequence[str], numbers: Sequence[int | None]
 ) -> dict[str, tuple[str, str]]:
-    """Return what options set in the section `sweep`, key and value, by what messages call it."""
+    """Return the keys and values that the options set in the section `sweep`, by the option's name."""
     problems = list[Problem]()
 
     def refuse(option: str, text: str) -> None:
         problems.append(Problem((), text, Origin(option)))
 
     if random and sobol:
-        refuse("--sobol", "must not be given with --random: all keys are drawn alike")
+        refuse("--sobol", "must not be combined with --random: one method draws all keys")
     options: dict[str, tuple[str, str]] = {}
     for text in vary:
         key, values = (part.strip() for part in text.split("=", 1)) if "=" in text else ("", "")
@@ -161,7 +162,7 @@ def _record(console: Console, work: "Sweep", choice: "Choice", quiet: bool) -> N
         with progress(job.name, job.ticks, quiet) as on_ticks:
             left = job.run(on_ticks)
         if left.interrupted:
-            complain(f"interrupted while {job.name} was recorded; all rows are there")
+            complain(f"interrupted while {job.name} was recorded; all rows are written")
             raise typer.Exit(EXIT_INTERRUPTED)
         for failure in left.failures:
             complain(f"error: {failure}")

@@ -71,10 +71,10 @@ def wrench_of(text: str) -> NDArray[np.float64]:
 
 
 def task_axes(text: str | None) -> tuple[str, ...] | None:
-    """Return the rows of --axes; None without it, to let `rmrc.law.task.choose` choose.
+    """Return the rows of --axes; None without it, so that `rmrc.law.task.choose` chooses.
 
     Raises:
-        QuestionError: There is no such row, or their order is another, in which --to would be misread.
+        QuestionError: A row does not exist, or the order differs, so that --to would be misread.
     """
     if text is None:
         return None
@@ -92,7 +92,7 @@ def task_axes(text: str | None) -> tuple[str, ...] | None:
 
 
 def configuration(arm: Arm, q: str | None, keyframe: str | None) -> tuple[Arm, NDArray[np.float64]]:
-    """Return joint positions, (n,), of --q or --keyframe, else of `home`, and the arm with the others there.
+    """Return the arm with all joints placed, and its joint positions (n,), from --q, --keyframe or `home`.
 
     Raises:
         QuestionError: Both are given, or --q does not fit the arm.
@@ -109,7 +109,7 @@ def configuration(arm: Arm, q: str | None, keyframe: str | None) -> tuple[Arm, N
 
 
 def _doubt_radians(arm: Arm, text: str, positions: NDArray[np.float64]) -> None:
-    """Say that a joint beyond a turn was perhaps meant in degrees, unless a unit stands with it."""
+    """Warn that an angle beyond one turn without a unit was probably meant in degrees."""
     for j, (part, position) in enumerate(zip(text.strip().strip("[]").split(","), positions, strict=True)):
         if not arm.is_slide[j] and abs(position) > math.tau and not part.strip()[-1].isalpha():
             turns = f"{position:.6g} rad are {abs(position) / math.tau:.3g} turns"

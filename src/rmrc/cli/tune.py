@@ -1,4 +1,4 @@
-"""The verb `tune`: which inverse and which damping to use."""
+"""The verb `tune`: find an inverse and a damping for a scenario."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,20 +23,23 @@ if TYPE_CHECKING:
 
 Only = Annotated[
     list[str] | None,
-    typer.Option(metavar="KEY=V1,V2,...", help="Restrict a key that is chosen; repeatable."),
+    typer.Option(metavar="KEY=V1,V2,...", help="Restrict a tunable key to these values; repeatable."),
 ]
-Copies = Annotated[int, typer.Option(help="Perturbed copies of the scenario; 0: none.")]
+Copies = Annotated[int, typer.Option(help="Number of perturbed scenarios; 0: none.")]
 Start = Annotated[
-    str, typer.Option(help="How far the joints of a copy start off; slides: times task.length.")
+    str,
+    typer.Option(help="Largest start offset of a joint in a perturbed scenario; slides: times task.length."),
 ]
-Offset = Annotated[float, typer.Option(help="How far the target of a copy is off along each axis [m].")]
-Payload = Annotated[float, typer.Option(help="Most that a copy carries beside [kg].")]
+Offset = Annotated[
+    float, typer.Option(help="Largest target offset in a perturbed scenario along each axis [m].")
+]
+Payload = Annotated[float, typer.Option(help="Largest additional payload of a perturbed scenario [kg].")]
 Delay = Annotated[
     str | None,
     typer.Option(metavar="RANGE", help="Dead time of the robot [s], such as 8ms or 6ms..12ms."),
 ]
 Lag = Annotated[
-    str | None, typer.Option(metavar="RANGE", help="Time constant of its drives [s], such as 0..10ms.")
+    str | None, typer.Option(metavar="RANGE", help="Time constant of its actuators [s], such as 0..10ms.")
 ]
 Noise = Annotated[
     str | None,
@@ -45,33 +48,34 @@ Noise = Annotated[
     ),
 ]
 Calibration = Annotated[
-    float | None, typer.Option(help="How far its links [share] and joints' zeros [rad] are off.")
+    float | None, typer.Option(help="Calibration error of its link lengths [relative] and joint zeros [rad].")
 ]
-Ideal = Annotated[
-    bool, typer.Option("--ideal", help="Take the loop as the scenario has it, and assume no robot.")
-]
+Ideal = Annotated[bool, typer.Option("--ideal", help="Use the loop of the scenario, and assume no robot.")]
 GainMargin = Annotated[
     float | None,
     typer.Option(
         metavar="FACTOR",
-        help="Times its feedback that a recommended loop bears on the slowest robot; 1: any.",
+        help="Gain margin that a recommended loop must have on the slowest robot; 1: any.",
         show_default="2; with --ideal: 1",
     ),
 ]
-Slower = Annotated[float, typer.Option(help="Times the duration as written that another may take.")]
-Runs = Annotated[int, typer.Option(help="Runs in all but the last looks; first looks count by their ticks.")]
-Seed = Annotated[int, typer.Option(help="Of the copies and of the search.")]
+Slower = Annotated[float, typer.Option(help="Largest allowed duration, relative to the scenario as written.")]
+Runs = Annotated[
+    int,
+    typer.Option(help="Number of runs, without the final checks; shortened first runs count by their ticks."),
+]
+Seed = Annotated[int, typer.Option(help="Seed of the perturbed scenarios and of the search.")]
 Picture = Annotated[
     Path | None,
     typer.Option(
         metavar="FILE",
-        help="Where the picture goes: .png, .svg or .pdf.",
+        help="File of the picture: .png, .svg or .pdf.",
         show_default="NAME.tune.png in --out",
     ),
 ]
 
 
-# A search that may take longer is announced [s].
+# A search that may take longer triggers a notice [s].
 _LONG = 180.0
 
 
@@ -98,12 +102,13 @@ def tune(
     threads: Threads = None,
     quiet: Quiet = False,
 ) -> None:
-    """Search inverse, damping, feedback and at_singularity for the smallest tracking error within the limits.
+    """Search inverse, damping, feedback and at_singularity for the least tracking error within the limits.
 
-    The worst of the scenario and its copies counts, on all robots that --delay, --lag, --noise and
-    --calibration or the scenario tell; without them, on a modest robot that is assumed. Prints the front of
-    peak rate against error, what the loop of each recommendation bears, and a control section to paste;
-    leaves NAME.tune.yaml, .png and .parquet. Exit code 1: nothing keeps the limits.
+    Rates each setting by its worst result on the scenario and its perturbed scenarios, over all robots that
+    --delay, --lag, --noise and --calibration or the scenario describe; without them, on an assumed modest
+    robot. Prints the Pareto front of peak rate and error, the stability margins of each recommendation, and a
+    control section to paste. Writes NAME.tune.yaml, .png and .parquet. Exit code 1: no setting keeps the
+    limits.
     """
     from rmrc.scenario import angle
     from rmrc.tuning.copies import Spread
@@ -115,14 +120,14 @@ def tune(
     except ValueError as error:
         raise ScenarioError.about("--start", str(error)) from None
     spread = Spread(off, offset, payload)
-    with interruption("interrupted before anything was found"):
+    with interruption("interrupted before the first result"):
         work = Tuning(
             scenario, set_ or (), only=only or (), copies=copies, seed=seed, spread=spread,
             robot={"delay": delay, "lag": lag, "noise": noise, "calibration": calibration},
             ideal=ideal, gain_margin=gain_margin, slower=slower, runs=runs, threads=threads,
         )  # fmt: skip
         found = _run(work, runs, work.files(out, picture), quiet)
-    if found.interrupted:  # said first: the picture takes longer than one waits after Ctrl-C
+    if found.interrupted:  # printed first: the picture takes longer than a user waits after Ctrl-C
         complain(f"interrupted after {found.runs} of {runs} runs")
     _show(work, found, (out, picture), quiet)
     if found.interrupted:
@@ -143,17 +148,17 @@ def _run(work: "Tuning", runs: int, files: list[Path], quiet: bool) -> "Tuned":
 
 
 def _estimate(work: "Tuning", seconds: float, runs: int) -> str:
-    """Return how long a search may take, and what makes it shorter."""
+    """Return how long a search may take, and how to shorten it."""
 
     def told(count: int) -> str:
         longest = work.longest(seconds, count)
         return f"{longest / 60.0:.0f} minutes" if longest >= 90.0 else f"{longest:.0f} s"
 
     fewer = max(work.least_runs, runs // 10)
-    shorter = f"; --runs {fewer} take {told(fewer)} at most" if fewer < runs else ""
+    shorter = f"; --runs {fewer} take at most {told(fewer)}" if fewer < runs else ""
     return (
-        f"a run takes {seconds:.2g} s: {runs} runs take {told(runs)} at most, and often a third of it"
-        f"{shorter}; Ctrl-C ends the search with what was found"
+        f"a run takes {seconds:.2g} s: {runs} runs take at most {told(runs)}, often a third of "
+        f"that{shorter}; Ctrl-C ends the search and keeps the best so far"
     )
 
 

@@ -1,4 +1,4 @@
-"""The verb `workspace`: where an arm reaches, where it is singular there, and how well it moves."""
+"""The verb `workspace`: map an arm's reach, its singularities and its dexterity."""
 
 from collections.abc import Callable
 from functools import partial
@@ -49,7 +49,8 @@ Plane = Annotated[
     str | None,
     typer.Option(
         metavar="xy|xz|yz|rz",
-        help="Slice; rz: distance from the first axis, height. Default: a planar arm's plane, rz or xz.",
+        help="Plane of the slice; rz: distance from the first axis and height. Default: a planar arm's "
+        "plane, rz or xz.",
     ),
 ]
 Through = Annotated[
@@ -60,27 +61,35 @@ Map = Annotated[
     typer.Option(
         "--map",
         metavar="|".join(MAPS),
-        help="What to color; default: nothing, with --over sigma_min.",
+        help="Quantity to color; default: none, with --over sigma_min.",
         callback=_known,
     ),
 ]
 Worst = Annotated[
     bool,
     typer.Option(
-        help="Of the postures that reach a cell keep the worst; default: the best.", show_default=False
+        help="Keep the worst of the postures that reach a cell; default: the best.", show_default=False
     ),
 ]
 Over = Annotated[
     str | None,
-    typer.Option(metavar="JOINT,JOINT", help="Map these two joints, the others at --q or --keyframe."),
+    typer.Option(
+        metavar="JOINT,JOINT", help="Map over these two joints, with the others at --q or --keyframe."
+    ),
 ]
 Cells = Annotated[int, typer.Option(help="Cells along the longer side.", min=10, max=2000)]
 Samples = Annotated[
-    int, typer.Option(help="Random configurations, where more joints move than fix a point.", min=1000)
+    int,
+    typer.Option(
+        help="Number of random configurations, used if the arm is redundant for a point of the slice.",
+        min=1000,
+    ),
 ]
 Picture = Annotated[
     Path | None,
-    typer.Option(metavar="FILE", help="The picture instead: .png, .svg or .pdf.", callback=drawable),
+    typer.Option(
+        metavar="FILE", help="Write the picture to this file instead: .png, .svg or .pdf.", callback=drawable
+    ),
 ]
 
 
@@ -107,7 +116,7 @@ def workspace(
     as_json: AsJson = False,
     quiet: Quiet = False,
 ) -> None:
-    """Map where an arm reaches and where it is singular; leave NAME.workspace.png and .npz."""
+    """Map the reach and the singularities of an arm; write NAME.workspace.png and .npz."""
     rows = task_axes(axes)
     with notice(READING):
         from rmrc.analysis.workspace import joint_map, slices
@@ -149,15 +158,15 @@ def workspace(
 
 
 def _refuse_slice(is_asked: bool) -> None:
-    """Refuse what asks for a slice beside two joints."""
+    """Refuse options of a slice together with --over."""
     if is_asked:
         raise QuestionError("--over has no slice: leave out --plane, --through, --worst and --map postures")
 
 
 def _refuse_to_count(part: "Slice", measure: str | None) -> None:
-    """Refuse to count postures where there are infinitely many."""
+    """Refuse to count postures where they are infinitely many."""
     if measure == "postures" and not part.is_surface:
         raise QuestionError(
-            f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; "
-            "postures are counted where two do"
+            f"--map postures: {len(part.joints)} joints move the site in the slice {part.name}; postures "
+            "can be counted for two"
         )

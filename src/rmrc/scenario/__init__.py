@@ -3,9 +3,9 @@
     file --reading--> plain values --changes--> plain values --sections--> Scenario
                       + their places            (a Draft)                  + schema (rows, JSON Schema)
 
-Every problem on the way has its key, its text and its origin; what pydantic finds is put into our words by
-`messages`, and `keys` knows where each value was given. So `load` and `loads` either return a `Scenario` or
-raise one `ScenarioError` with every problem, a line each, sorted by place:
+Every problem on the way has its key, its text and its origin; `messages` rewords pydantic's errors, and
+`keys` knows the origin of each value. So `load` and `loads` either return a `Scenario` or raise one
+`ScenarioError` with every problem, a line each, sorted by place:
 
     scenarios/x.yaml:7:13: control.inverse.damping.maximum: must be > 0, got -1
 
@@ -98,5 +98,5 @@ if not TYPE_CHECKING:  # checkers take what is imported above for what it is, an
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
 
     def __dir__():
-        """Return all names, those that are not loaded yet as well."""
+        """Return all names, including those not loaded yet."""
         return sorted({*globals(), *__all__} - {"TYPE_CHECKING", "import_module"})

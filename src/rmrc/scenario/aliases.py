@@ -1,6 +1,6 @@
-"""Other names for what a scenario can say, so that a message names ours.
+"""Other names of keys and choices, so that a message can name the accepted one.
 
-They are what other tools, papers and people write. None is accepted: a file means one thing only.
+Other tools, papers and people use them. None is accepted: a file has one meaning only.
 """
 
 import re
@@ -13,7 +13,7 @@ from rmrc.scenario.schema import schema_rows
 from rmrc.scenario.wording import show
 from rmrc.support.problems import Key, join
 
-# Of a choice: what else it is called, by key.
+# Other names of choices, by key.
 CHOICES: dict[str, dict[str, str]] = {
     **{
         f"control.{one.key}": {option.name: option.others for option in one.options}
@@ -48,7 +48,7 @@ CHOICES: dict[str, dict[str, str]] = {
 }
 CHOICES["control.nullspace.secondary.axes"] = CHOICES["task.axes"]
 
-# Of a key: what else it is called.
+# Other names of keys.
 KEYS = {
     "arm": "robot manipulator",
     "arm.model": "xml mjcf urdf file robot_model model_file model_path",
@@ -107,29 +107,29 @@ KEYS = {
     "plant.resonance.frequency": "freq f hz natural_frequency",
     "plant.resonance.damping": "zeta damping_ratio",
     "expect": "expected assert checks check expectations",
-    "expect.<figure>.below": "less_than max maximum lt < <= at_most upper",
-    "expect.<figure>.above": "greater_than min minimum gt > >= at_least lower more_than",
-    "expect.<figure>.equals": "equal is value == =",
-    "expect.<figure>.within": "tolerance tol",
+    "expect.<metric>.below": "less_than max maximum lt < <= at_most upper",
+    "expect.<metric>.above": "greater_than min minimum gt > >= at_least lower more_than",
+    "expect.<metric>.equals": "equal is value == =",
+    "expect.<metric>.within": "tolerance tol",
     "sweep.vary": "grid values",
     "sweep.draw": "random sobol bounds ranges",
     "sweep.samples": "n count",
 }
 
-# Of a key that there is not: why there is none.
+# Keys that do not exist: the reason.
 NONE = {
-    "target.path.arc.radius": "it is how far the center is from where the piece before ends",
-    "target.path.line.from": "each piece starts where the one before ends",
-    "target.path.arc.from": "each piece starts where the one before ends",
-    "target.path.line.velocity": "all pieces have the speed target.limits.velocity",
-    "target.path.arc.velocity": "all pieces have the speed target.limits.velocity",
+    "target.path.arc.radius": "it is the distance of the center from the end of the previous segment",
+    "target.path.line.from": "each segment starts at the end of the previous one",
+    "target.path.arc.from": "each segment starts at the end of the previous one",
+    "target.path.line.velocity": "all segments have the speed target.limits.velocity",
+    "target.path.arc.velocity": "all segments have the speed target.limits.velocity",
     **dict.fromkeys(("description", "title", "comment", "notes", "author"), "write it as a comment: # ..."),
 }
 
-# Of a mapping: what to write for a value that stands in its place, by the value's type.
+# Mappings: the spelling for a value in their place, by the value's type.
 INSTEAD: dict[str, dict[type, str]] = {
     "arm": {str: "{{model: {}, site: ...}}"},
-    "arm.start": {dict: "the pose under arm.pose, which is searched from arm.start"},
+    "arm.start": {dict: "the pose under arm.pose, the result of a search from arm.start"},
     "arm.encoder": {float: "{{offset: {}}}", list: "{{offset: {}}}"},
     "arm.stretch": {float: "{{BODY: {}}}"},
     "plant.stretch": {float: "{{BODY: {}}}"},
@@ -152,10 +152,10 @@ INSTEAD: dict[str, dict[type, str]] = {
     "target.path.hold": {float: "{{for: {}}}"},
     "plant": {str: "{{kind: {}}}"},
     "expect": {},
-    "expect.<figure>": {float: "{{below: {}}}"},
+    "expect.<metric>": {float: "{{below: {}}}"},
 }
 
-# Of a list: an example, where one value says little.
+# Lists: an example.
 EXAMPLES = {
     "target.path": "[{line: {to: [x, y]}}]",
     "target.path.line.to": "[x, y], or [x, y, z]",
@@ -169,9 +169,9 @@ EXAMPLES = {
 
 
 def dotted(key: Key) -> str:
-    """Return a key as this module has it: without the numbers of items, and with any figure alike."""
+    """Return a key as this module has it: without the numbers of items, and with any metric alike."""
     if len(key) > 1 and key[0] == "expect":
-        return join(("expect", "<figure>", *key[2:]))
+        return join(("expect", "<metric>", *key[2:]))
     return join(tuple(step for step in key if isinstance(step, str)))
 
 

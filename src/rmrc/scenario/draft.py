@@ -1,7 +1,7 @@
-"""A scenario and what it was made of: plain values that a file, options or Python gave, checked as a whole.
+"""A scenario and its source: plain values from a file, options or Python, validated as a whole.
 
-A change is checked where it is: only the sections on the way to its value are made anew. What is refused so
-is checked again as a whole, so that messages have one source.
+A change is validated locally: only the sections on the way to its value are rebuilt. A refused change is
+validated again as a whole, so that all messages have one source.
 """
 
 import copy
@@ -34,7 +34,7 @@ from rmrc.support.brief import cut
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem, join
 
-# Changes that a draft keeps apart from what it was made of: as many as a scenario is varied by.
+# Changes that a draft keeps apart from its source: as many as a variant has.
 _MOST_CHANGES = 100
 
 
@@ -43,7 +43,7 @@ def _nothing() -> "Draft":
 
 
 class Scenario(Sections):
-    """Everything that one run depends on: frozen, checked, SI and radians.
+    """All inputs of a run: frozen, validated, in SI units and radians.
 
     >>> one = load("scenarios/line_tracking.yaml")
     >>> [one.set({"plant.payload": mass}).plant.payload for mass in (0.5, 2)]
@@ -58,20 +58,20 @@ class Scenario(Sections):
 
     @property
     def draft(self) -> "Draft":
-        """What it was made of; of one that was made in Python, its own values."""
+        """Its source; for one made in Python, its own values."""
         if not self._draft.is_something:
             self._draft = Draft(Document(self.model_dump(mode="json"), SourceMap()))
         return self._draft
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
-        """Return a copy as pydantic makes it; one with other values is as if made in Python."""
+        """Return a copy as pydantic makes it; a copy with other values counts as made in Python."""
         found = super().model_copy(update=update, deep=deep)
         if update:
             found._draft = _nothing()
         return found
 
     def locate(self, key: str) -> str:
-        """Return where a key was given, to begin a message with.
+        """Return where a key was given, as the start of a message.
 
         Args:
             key: A dotted key, such as `control.inverse.damping.maximum`, `arm.start[1]` or
@@ -85,11 +85,11 @@ class Scenario(Sections):
         return self._draft.document.sources.locate(parse_key(key))
 
     def problem(self, key: str, text: str) -> Problem:
-        """Return what is wrong with a value, with the place where it was given.
+        """Return the problem of a value, with the place where it was given.
 
         Args:
             key: Of the value, dotted.
-            text: What is wrong.
+            text: The problem in words.
         """
         return self._draft.document.sources.problem(parse_key(key), text)
 
@@ -121,10 +121,9 @@ class Scenario(Sections):
 
     @property
     def baseline_changes(self) -> tuple[Change, ...]:
-        """What makes its baseline; nothing for one without.
+        """Changes that make its baseline; empty without one.
 
-        Sections are merged with its own, any other mapping takes the place of what is there. What is deeper
-        comes later.
+        Sections are merged with its own; any other mapping replaces the existing one. Deeper keys come later.
         """
         if not self.baseline:
             return ()
@@ -153,7 +152,7 @@ class Scenario(Sections):
 
 
 class Carried(NamedTuple):
-    """What stands for the files of a scenario where these are not.
+    """Replacements for the files of a scenario on a machine without them.
 
     Attributes:
         folder: Where its file was.
@@ -186,9 +185,9 @@ def _profiles(value: Any) -> Iterator[str]:
 
 
 class Draft:
-    """Values of a scenario and where they were given; they may be wrong, and changes may mend them.
+    """Values of a scenario and their origins; they may be invalid, and changes may correct them.
 
-    Any two are equal: what a scenario was made of is no part of what it says.
+    Any two compare equal: the source of a scenario does not affect its meaning.
     """
 
     def __init__(
@@ -197,10 +196,10 @@ class Draft:
         """Keep the values.
 
         Args:
-            document: What was written.
-            files: Where its files are; None: paths start at the working directory, and files are not asked
-                for before they are used.
-            changes: On top of it.
+            document: The values as written.
+            files: Locations of its files; None: paths start at the working directory, and files are not
+                checked until they are used.
+            changes: Changes applied to it.
         """
         self._written, self.files, self._changes = document, files, tuple(changes)
 
@@ -222,7 +221,7 @@ class Draft:
 
     @property
     def source(self) -> str:
-        """What messages call the file; "" without one."""
+        """Name of the file in messages; "" without one."""
         return self._written.sources.source
 
     @property
@@ -232,7 +231,7 @@ class Draft:
 
     @property
     def context(self) -> Mapping[str, Any] | None:
-        """What the sections need to know of files."""
+        """Validation context with the files."""
         return self.files and self.files._asdict()
 
     @property
@@ -285,7 +284,7 @@ class Draft:
         return [name for name in dict.fromkeys(names) if name not in SHIPPED]
 
     def carried(self, files: Carried) -> "Draft":
-        """Return the draft with files that lie elsewhere."""
+        """Return the draft with files at other locations."""
         return Draft(self._written, files, self._changes)
 
     def changed(self, *changes: Change) -> "Draft":
@@ -301,9 +300,9 @@ class Draft:
         """Return the draft with the value of an option that has a key of its own.
 
         Args:
-            key: What the option changes, such as `sweep.vary.control.feedback`.
+            key: The key that the option changes, such as `sweep.vary.control.feedback`.
             text: The value as YAML.
-            option: What messages call the key instead, such as `--vary control.feedback`.
+            option: Name of the key in messages, such as `--vary control.feedback`.
         """
         steps = parse_key(key)
         return self.changed(read_change(steps, text, Origin(option, key=join(steps))))
@@ -333,23 +332,23 @@ class Draft:
 
 
 class Problems:
-    """What is wrong with a scenario, collected so that all of it is told at once."""
+    """Problems of a scenario, collected so that one error reports all of them."""
 
     def __init__(self, scenario: Scenario) -> None:
         """Begin with none."""
         self._scenario, self._found = scenario, list[Problem]()
 
     def add(self, key: str, text: str) -> None:
-        """Keep what is wrong with a value; the key is dotted."""
+        """Add the problem of a value; the key is dotted."""
         self._found.append(self._scenario.problem(key, text))
 
     def extend(self, found: Iterable[tuple[str, str]]) -> None:
-        """Keep what is wrong with several values: a dotted key and a text each."""
+        """Add problems of several values: a dotted key and a text each."""
         for key, text in found:
             self.add(key, text)
 
     def raise_any(self) -> None:
-        """Raise what was found, if anything.
+        """Raise the collected problems, if any.
 
         Raises:
             ScenarioError: With all of it.
@@ -366,7 +365,7 @@ def draft_of(source: Source, overrides: Iterable[str] = ()) -> Draft:
     """Return a draft: of a file, of a scenario, or a draft itself.
 
     Args:
-        source: The YAML file, which messages show as it is given; or what is there already.
+        source: The YAML file, which messages show as given; or a scenario or a draft.
         overrides: `KEY=VALUE` texts that replace values, such as `control.inverse.method=inverse` or
             `arm.start[1]=10 deg`; VALUE is YAML.
 
@@ -419,7 +418,7 @@ def loads(text: str, source: str = "<text>", overrides: Iterable[str] = ()) -> S
 
 
 def _absolute(folder: Path) -> Path:
-    """Return a folder as it will be found from any other: a scenario is changed long after it was read."""
+    """Return a folder as an absolute path, because a scenario may change long after it was read."""
     try:
         return folder.absolute()
     except OSError:  # the working directory is gone

@@ -1,4 +1,4 @@
-"""Keys of a scenario, and where the value of each was given."""
+"""Keys of a scenario, and the origin of each value."""
 
 import re
 from dataclasses import dataclass, field, replace
@@ -35,7 +35,7 @@ class SourceMap:
         return place
 
     def changed(self, key: Key, origin: Origin) -> "SourceMap":
-        """Return where all was given if one value was given elsewhere.
+        """Return the places of all values if one value was given elsewhere.
 
         Mappings made for it have no place but its own. What is not on the way to it is shared.
         """
@@ -53,7 +53,7 @@ class SourceMap:
         return self.find(key).origin or Origin(self.source)
 
     def problem(self, key: Key, text: str) -> Problem:
-        """Return what is wrong with a value."""
+        """Return the problem of a value."""
         return Problem(key, text, self.origin(key))
 
     def locate(self, key: Key) -> str:
@@ -62,7 +62,7 @@ class SourceMap:
 
 
 def in_order(problems: list[Problem]) -> list[Problem]:
-    """Return problems in the order in which they are told: the file's by line, then those of options."""
+    """Return problems in their order of reporting: those of the file by line, then those of options."""
 
     def place(one: Problem) -> tuple[bool, int, int]:
         origin = one.origin or Origin()

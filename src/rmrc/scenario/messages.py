@@ -1,4 +1,4 @@
-"""Pydantic's complaints in our words: the key, what it must be, what it is, and the way out."""
+"""Pydantic's errors as messages: the key, the requirement, the value, and the way out."""
 
 import re
 from collections.abc import Callable
@@ -24,7 +24,7 @@ _TAGS = {"<text>", "<list>", "<one>", *(f"<{name}>" for name in SEGMENTS)}
 
 
 def translate(error: ValidationError, document: Document) -> list[Problem]:
-    """Return what pydantic found, but for what only follows from problems already known."""
+    """Return pydantic's errors without those that only follow from known problems."""
     hidden = document.hidden
     found = [_problem(detail, document.sources) for detail in error.errors(include_url=False)]
     found = [one for one in found if not any(one.key[:depth] in hidden for depth in range(len(one.key) + 1))]
@@ -33,7 +33,7 @@ def translate(error: ValidationError, document: Document) -> list[Problem]:
 
 def _problem(detail: ErrorDetails, sources: SourceMap) -> Problem:
     loc, is_unknown = detail["loc"], detail["type"] == "extra_forbidden"
-    # An unknown key or a figure may be spelled like a tag; no tag is that high up, or that deep down.
+    # An unknown key or a metric may be spelled like a tag; no tag is that high up, or that deep down.
     end = len(loc) - is_unknown
     key: Key = tuple(step for i, step in enumerate(loc) if i not in range(2, end) or step not in _TAGS)
     key = detail.get("ctx", {}).get("key") or key
@@ -62,7 +62,7 @@ def _message(detail: ErrorDetails, key: Key) -> str:
 
 
 def _way(kind: str, value: object, key: Key) -> str:
-    """Return what to write instead, if that can be told from the value and its key alone."""
+    """Return the correct spelling, if the value and its key determine it."""
     if kind in ("string_type", "path_type") and isinstance(value, bool | int | float):
         return "; put it in quotes"
     if kind in ("model_type", "dict_type"):
@@ -89,7 +89,7 @@ def _fields_at(key: Key) -> dict[str, FieldInfo]:
     """Return what may stand below a key, by name."""
     fields = _fields(Sections)
     for above, step in zip(("", *key), key, strict=False):
-        if isinstance(step, str) and above != "expect":  # neither an item nor a figure
+        if isinstance(step, str) and above != "expect":  # neither an item nor a metric
             fields = _fields(fields[step].annotation)
     return fields
 
@@ -108,15 +108,15 @@ def _required(_: ErrorDetails, key: Key) -> str:
 def _unknown(_: ErrorDetails, key: Key) -> str:
     names = list(_fields_at(key[:-1]))
     if ours := aliases.key_called(key):
-        return f'unknown key; it is called "{ours}"'
+        return f'unknown key; use "{ours}"'
     if why := aliases.NONE.get(aliases.dotted(key)) or aliases.NONE.get(str(key[-1])):
         return f"unknown key; {why}"
     near = did_you_mean(str(key[-1]), names)
     place = "" if near else aliases.elsewhere(key)
     if key[0] == "expect" and len(key) == 3:
-        near = near or f'; a figure is one key: "{key[1]}.{brief(str(key[2]))}"'
+        near = near or f'; write a metric as one key: "{key[1]}.{brief(str(key[2]))}"'
     elif place:
-        near = f"; it is the key {place}"
+        near = f"; use the key {place}"
     return f"unknown key{near or '; the keys are ' + ', '.join(names)}"
 
 
@@ -143,7 +143,7 @@ def _no_option(detail: ErrorDetails, key: Key) -> str:
 
 
 def _no_number(detail: ErrorDetails, key: Key) -> str:
-    """Show what is no number, and the way out when it looks like one."""
+    """Show a value that is not a number, and the way out if it looks like one."""
     value = detail["input"]
     if not isinstance(value, str):
         return f"must be a number, got {show(value)}"
@@ -169,12 +169,12 @@ def _unit(key: Key) -> str:
 
 
 def _choice_of(value: str, key: Key) -> str:
-    """Return the other key that has a value for a choice, such as that of a damping schedule."""
+    """Return the other key that accepts a value as its choice, such as the key of the damping schedule."""
     ours = aliases.dotted(key)
     return next((place for place, names in aliases.CHOICES.items() if value in names and place != ours), "")
 
 
-# What to write for a piece of a path.
+# An example of each segment of a path.
 _SEGMENT_FORMS = {
     "line": "line: {to: [x, y]}",
     "arc": "arc: {center: [x, y], angle: 360 deg}",
@@ -186,7 +186,7 @@ _SEGMENT_FORMS = {
     "hold": "hold: {for: 1.0}",
 }
 
-# How pydantic's errors read here: some need the value or the key, the others a want and a value.
+# Messages for pydantic's errors: some need the value or the key, the others a requirement and the value.
 _WHOLE: dict[str, Callable[[ErrorDetails, Key], str]] = {
     "rule": lambda detail, _: str(detail["ctx"]["text"]),
     "missing": _required,

@@ -1,4 +1,4 @@
-"""The path of a target: lines, arcs, turns, steps, recorded motions and holds, as a scenario has them."""
+"""The path of a target: lines, arcs, turns, steps, recorded motions and holds."""
 
 from typing import Annotated, Literal, Self
 
@@ -23,9 +23,9 @@ from rmrc.scenario.wording import listed
 
 PathFrame = Literal["world", "base", "site", "start"]
 
-_TURN, _TILT = "a rotation made on the way", "a rotation made on the way that points an axis of the site"
-_FRAME = "the frame that its points and directions are in; null: target.frame"
-_OWN_FRAME = "the frame that it is in; null: that of its line, arc or set, or target.frame"
+_TURN, _TILT = "rotation during the motion", "rotation during the motion that points an axis of the site"
+_FRAME = "frame of its points and directions; null: target.frame"
+_OWN_FRAME = "its frame; null: the frame of its line, arc or set, or target.frame"
 
 
 class Turn(Choice):
@@ -39,9 +39,9 @@ class Turn(Choice):
             ]
         }
     )
-    axis: Direction | None = key("the axis turned about, along the axes of its frame", None, "1")
-    angle: Angle | None = key("how far, counterclockwise about the axis", None, "rad")
-    to: Quaternion | None = key("the orientation turned to, as a quaternion w x y z", None, "1")
+    axis: Direction | None = key("axis of rotation, along the axes of its frame", None, "1")
+    angle: Angle | None = key("angle, counterclockwise about the axis", None, "rad")
+    to: Quaternion | None = key("final orientation, as a quaternion w x y z", None, "1")
     frame: PathFrame | None = key(_OWN_FRAME, None)
 
     @model_validator(mode="after")
@@ -55,16 +55,16 @@ class Turn(Choice):
 class Tilt(Choice):
     """The shortest rotation that brings an axis of the site to a direction.
 
-    Where they are opposite, it is half a turn about the axis that follows: y for x, z for y, x for z.
+    If they are opposite, the rotation is half a turn about the next axis: y for x, z for y, x for z.
     """
 
     axis: Direction = key("the axis of the site, along its own axes", "z", "1")
-    to: Direction = key("where it shall point, along the axes of its frame", unit="1")
+    to: Direction = key("direction to point in, along the axes of its frame", unit="1")
     frame: PathFrame | None = key(_OWN_FRAME, None)
 
 
 class _Way(Choice):
-    """What goes somewhere, and may turn the site on the way."""
+    """A segment with translation and optional rotation."""
 
     @model_validator(mode="after")
     def _one_rotation(self) -> Self:
@@ -77,8 +77,8 @@ class Line(_Way):
     """A straight line of the site's origin."""
 
     model_config = ConfigDict(json_schema_extra={"oneOf": [{"required": ["to"]}, {"required": ["by"]}]})
-    to: Vector | None = key("where it ends: [x, y], which keeps z, or [x, y, z]", None, "m")
-    by: Vector | None = key("how far it goes: [dx, dy] or [dx, dy, dz]", None, "m")
+    to: Vector | None = key("end point: [x, y], which keeps z, or [x, y, z]", None, "m")
+    by: Vector | None = key("displacement: [dx, dy] or [dx, dy, dz]", None, "m")
     turn: Turn | None = key(_TURN, None)
     tilt: Tilt | None = key(_TILT, None)
     frame: PathFrame | None = key(_FRAME, None)
@@ -94,9 +94,9 @@ class Line(_Way):
 class Arc(_Way):
     """A circular arc of the site's origin."""
 
-    center: Vector = key("the center: [x, y], which keeps z, or [x, y, z]", unit="m")
-    axis: Direction = key("the axis of the circle, along the axes of its frame", "z", "1")
-    angle: Angle = key("how far, counterclockwise about the axis; 360 deg: a full circle", unit="rad")
+    center: Vector = key("center: [x, y], which keeps z, or [x, y, z]", unit="m")
+    axis: Direction = key("axis of the circle, along the axes of its frame", "z", "1")
+    angle: Angle = key("angle, counterclockwise about the axis; 360 deg: a full circle", unit="rad")
     turn: Turn | None = key(_TURN, None)
     tilt: Tilt | None = key(_TILT, None)
     frame: PathFrame | None = key(_FRAME, None)
@@ -112,11 +112,11 @@ class Arc(_Way):
 class Hold(Section):
     """A pause."""
 
-    duration: Positive = key("how long", unit="s", alias="for")
+    duration: Positive = key("duration", unit="s", alias="for")
 
 
 class Set(_Way):
-    """A set-point: the target steps to it at once, and stays."""
+    """A set-point: the target jumps there and stays."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -124,12 +124,12 @@ class Set(_Way):
             "not": {"required": ["to", "by"]},
         }
     )
-    to: Vector | None = key("where the target steps: [x, y], which keeps z, or [x, y, z]", None, "m")
-    by: Vector | None = key("how far it steps: [dx, dy] or [dx, dy, dz]", None, "m")
+    to: Vector | None = key("new target position: [x, y], which keeps z, or [x, y, z]", None, "m")
+    by: Vector | None = key("step of the target: [dx, dy] or [dx, dy, dz]", None, "m")
     turn: Turn | None = key(_TURN, None)
     tilt: Tilt | None = key(_TILT, None)
     frame: PathFrame | None = key(_FRAME, None)
-    duration: Positive = key("how long it stays there", unit="s", alias="for")
+    duration: Positive = key("hold time there", unit="s", alias="for")
 
     @model_validator(mode="after")
     def _some_step(self) -> Self:
@@ -140,22 +140,23 @@ class Set(_Way):
 
 
 class Motion(Choice):
-    """A recorded or teleoperated motion, out of a file."""
+    """A recorded or teleoperated motion from a file."""
 
     path: MotionFile = key(
-        "a CSV or Parquet file with the column t and x y z qw qx qy qz, or vx vy vz wx wy wz, or one for "
-        "each joint by its name; or the npz file of a run; a relative path starts at the scenario's folder"
+        "CSV or Parquet file with the column t and x y z qw qx qy qz, or vx vy vz wx wy wz, or one column "
+        "per joint, by joint name; or the npz file of a run; relative paths start at the scenario's folder"
     )
     columns: Literal["pose", "pose_ref", "twist", "q"] | None = key(
-        "what of the file is followed; null: the first that it has of pose, q, twist", None
+        "columns to follow; null: the first that the file has of pose, q, twist", None
     )
     origin: Literal["move", "start"] = key(
-        "how it begins: move, straight to its first pose; start, where the piece starts, which shifts it all",
+        "beginning: `move` goes straight to its first pose; `start` shifts the motion to the start of the "
+        "segment",
         "move",
         alias="from",
     )
     speed: PositiveOrAuto = key(
-        "how many times as fast as recorded; auto: as recorded, or as much slower as target.limits ask for",
+        "speed relative to the recording; auto: as recorded, slowed where target.limits require it",
         1.0,
         "1",
     )
@@ -163,53 +164,53 @@ class Motion(Choice):
 
 
 class LineSegment(Section):
-    """One piece of the path: `{line: ...}`."""
+    """One segment of the path: `{line: ...}`."""
 
     line: Line = key("go straight")
 
 
 class ArcSegment(Section):
-    """One piece of the path: `{arc: ...}`."""
+    """One segment of the path: `{arc: ...}`."""
 
     arc: Arc = key("go around a center")
 
 
 class TurnSegment(Section):
-    """One piece of the path: `{turn: ...}`."""
+    """One segment of the path: `{turn: ...}`."""
 
-    turn: Turn = key("turn on the spot")
+    turn: Turn = key("rotate in place")
 
 
 class TiltSegment(Section):
-    """One piece of the path: `{tilt: ...}`."""
+    """One segment of the path: `{tilt: ...}`."""
 
-    tilt: Tilt = key("turn on the spot so that an axis of the site points in a direction")
+    tilt: Tilt = key("rotate in place so that an axis of the site points in a direction")
 
 
 class SetSegment(Section):
-    """One piece of the path: `{set: ...}`."""
+    """One segment of the path: `{set: ...}`."""
 
     set: Set = key("step the target")
 
 
 class ConfigurationsSegment(Section):
-    """One piece of the path: `{configurations: ...}`."""
+    """One segment of the path: `{configurations: ...}`."""
 
     configurations: Annotated[tuple[NameOrPositions, ...], Count(1)] = key(
-        "go straight to the pose that the site has at each, one after the other: a keyframe's name, or "
-        "positions of the joints",
+        "go in straight lines to the site's pose at each of these configurations: a keyframe's name, or "
+        "joint positions",
         unit="rad or m",
     )
 
 
 class FileSegment(Section):
-    """One piece of the path: `{file: ...}`."""
+    """One segment of the path: `{file: ...}`."""
 
     file: Motion = key("follow a recorded motion")
 
 
 class HoldSegment(Section):
-    """One piece of the path: `{hold: ...}`."""
+    """One segment of the path: `{hold: ...}`."""
 
     hold: Hold = key("stay")
 

@@ -1,4 +1,4 @@
-"""Profiles: what the vendor of a robot publishes of the commands that its controller accepts.
+"""Profiles: limits that a robot's vendor publishes for commands to its controller.
 
 A profile is a YAML file, in `profiles/` beside this module or of a user. Every number in it has its source.
 """
@@ -34,9 +34,9 @@ SHIPPED = {file.stem: file for file in sorted(Path(__file__).with_name("profiles
 
 
 class Sourced(Section):
-    """Something that is published."""
+    """A published fact."""
 
-    source: Text = key("where it is published, or how it was measured")
+    source: Text = key("place of publication, or method of measurement")
 
 
 class Value(Sourced):
@@ -46,61 +46,61 @@ class Value(Sourced):
 
 
 class Each(Sourced):
-    """A number a joint."""
+    """One number per joint."""
 
-    value: Weights = key("one a joint, in SI units")
+    value: Weights = key("one per joint, in SI units")
 
 
 class Ends(Sourced):
-    """Two positions a joint, which it must stay between."""
+    """Lower and upper position limit per joint."""
 
     lower: Positions = key("one a joint", unit="rad or m")
     upper: Positions = key("one a joint", unit="rad or m")
 
 
 class Taper(Ends):
-    """Rates that fall towards the ends: toward `upper` at most √(2 · deceleration · (upper − q)) − offset."""
+    """Rate limits near the ends: toward `upper` at most √(2 · deceleration · (upper − q)) − offset."""
 
     offset: Annotated[tuple[NotNegative, ...], Count(1)] = key("one a joint", unit="rad/s or m/s")
     deceleration: Weights = key("one a joint", unit="rad/s² or m/s²")
 
 
 class Span(Sourced):
-    """What a number lies between."""
+    """Range of a number."""
 
-    value: Bounds = key("the least and the most, in SI units")
+    value: Bounds = key("smallest and largest value, in SI units")
 
 
 class Loop(Section):
-    """What is known of the loop between a command and the motion; null: it is not published."""
+    """Known properties of the loop from a command to the motion; null: not published."""
 
-    delay: Span | None = key("dead time from a command to the motion", None, "s")
-    lag: Value | None = key("time constant with which the motion follows", None, "s")
-    encoder_resolution: Value | None = key("smallest step of a measured position", None, "rad or m")
+    delay: Span | None = key("dead time from command to motion", None, "s")
+    lag: Value | None = key("time constant of the motion", None, "s")
+    encoder_resolution: Value | None = key("resolution of a measured position", None, "rad or m")
 
 
 class Profile(Section):
-    """What a robot's controller accepts, as its vendor publishes it; null: nothing is published.
+    """Commands that a robot's controller accepts, as published by its vendor; null: not published.
 
     Every bound is strict: a command at the bound is refused.
     """
 
-    name: str = key("what it is called; the file's own name", "")
-    robot: Text = key("which robot, and which version of its software")
-    joints: Annotated[int, Field(strict=True, ge=1)] = key("how many joints it has")
+    name: str = key("name, equal to the file name", "")
+    robot: Text = key("robot and version of its software")
+    joints: Annotated[int, Field(strict=True, ge=1)] = key("number of joints")
     period: Value | None = key("time between two commands", None, "s")
-    position: Ends | None = key("positions that may be commanded", None)
+    position: Ends | None = key("permitted commanded positions", None)
     rate: Each | None = key("largest rates", None, "rad/s or m/s")
-    rate_near_ends: Taper | None = key("largest rates near the ends of the joints' ranges", None)
+    rate_near_ends: Taper | None = key("largest rates near the ends of the joint ranges", None)
     acceleration: Each | None = key("largest accelerations", None, "rad/s² or m/s²")
     jerk: Each | None = key("largest jerks", None, "rad/s³ or m/s³")
     margin: Positive = key(
-        "how far below these bounds `control.limits.profile` keeps positions, rates, accelerations and "
-        "jerks, each in its own unit",
+        "margin that `control.limits.profile` keeps below these bounds of positions, rates, accelerations "
+        "and jerks, each in its own unit",
         # as libfranka's limiter does: kLimitEps of include/franka/rate_limiting.h, 0.21.2
         1e-3,
     )
-    loop: Loop = key("what is known of the loop", Loop())
+    loop: Loop = key("known properties of the loop", Loop())
 
     @model_validator(mode="after")
     def _one_a_joint(self) -> Self:
@@ -109,7 +109,7 @@ class Profile(Section):
             for name, values in vars(part).items() if part else ():
                 if isinstance(values, tuple) and len(values) != self.joints:
                     got = f"got {len(values)} for {self.joints} joints"
-                    raise rule(f"must have one value a joint, {got}", (place, name))
+                    raise rule(f"must have one value per joint, {got}", (place, name))
             for j, low in enumerate(part.lower if isinstance(part, Ends) else ()):
                 if not low < part.upper[j]:
                     wrong = f"must be below upper[{j}], which is {part.upper[j]:g}, got {low:g}"
@@ -121,7 +121,7 @@ class Profile(Section):
 
     @cached_property
     def limits(self) -> dict[str, tuple[float, ...]]:
-        """What it sets of `control.limits`, by key, a value a joint."""
+        """Values that it sets in `control.limits`, by key, one per joint."""
         found = {
             name: tuple(most - self.margin for most in part.value)
             for name in ("rate", "acceleration", "jerk")
@@ -165,7 +165,7 @@ def _of_name(name: str, info: ValidationInfo) -> str:
 
 
 ProfileName = Annotated[Text, AfterValidator(_of_name)]
-"""A shipped profile by its name, or a file of one."""
+"""The name of a shipped profile, or a profile file."""
 
 
 def load_profile(name: str) -> Profile:
@@ -175,7 +175,7 @@ def load_profile(name: str) -> Profile:
         name: Of a shipped one, such as `franka_fr3`, or the path of a YAML file.
 
     Raises:
-        ScenarioError: It cannot be read, or is none; all that is wrong.
+        ScenarioError: It cannot be read or is not a profile; lists all problems.
     """
     path = SHIPPED.get(name, Path(name))
     try:

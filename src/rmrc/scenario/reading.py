@@ -45,7 +45,7 @@ class Document:
         value: All of them.
         sources: Where each was given.
         problems: In the order in which they were found.
-        hidden: Keys that have no value to judge: what else is wrong at one of them only follows.
+        hidden: Keys without a valid value: further problems at one of them only follow from that.
     """
 
     value: Any
@@ -55,7 +55,7 @@ class Document:
 
 
 def read(source: str) -> str:
-    """Return the text of a file; refuse what is no small text file without reading it."""
+    """Return the text of a file; refuse anything but a small text file without reading it."""
     if "\0" in source:
         raise TextError("cannot be read: a path must not hold a NUL")
     try:
@@ -86,7 +86,7 @@ def _check_size(size: int) -> None:
 def parse(text: str, source: str = "", key: Key = ()) -> Document:
     """Parse one YAML document; `key` is where its value will stand.
 
-    What is wrong with single values is kept in the document.
+    The document keeps problems of single values.
 
     Raises:
         TextError: If the text as a whole cannot be used.
@@ -112,7 +112,7 @@ def parse(text: str, source: str = "", key: Key = ()) -> Document:
 def items(text: str) -> list[tuple[str, str]]:
     """Return the values of a YAML list without its brackets, each as it is read and as it is written.
 
-    What is read is the text itself for a text, `damped` for `"damped"`, and else as it is written.
+    A quoted text is read without quotes, `damped` for `"damped"`; any other value stays as written.
 
     Raises:
         TextError: If the text is no such list.
@@ -257,7 +257,7 @@ def _is_text(node: yaml.Node) -> bool:
 
 
 def _written(node: yaml.Node) -> str:
-    """Return a scalar as the file has it, or what else it is."""
+    """Return a scalar as written in the file, or the kind of another node."""
     if isinstance(node, yaml.ScalarNode):
         return brief(node.value) or "nothing"
     return "a mapping" if isinstance(node, yaml.MappingNode) else "a list"

@@ -8,9 +8,9 @@ from typing import Any, NamedTuple
 from rmrc.scenario.sections import Sections
 from rmrc.scenario.wording import inline, show
 
-# Mappings whose keys are names: what they name, and what holds for one that is absent.
+# Mappings whose keys are names: the kind of name, and the default of an absent one.
 _ABSENT: dict[str, tuple[str, object]] = {
-    "expect": ("figure", None),
+    "expect": ("metric", None),
     "arm.packages": ("package", None),
     "arm.stretch": ("body", 1),
     "plant.stretch": ("body", 1),
@@ -40,7 +40,7 @@ def json_schema() -> dict[str, Any]:
 def schema_rows() -> tuple[SchemaRow, ...]:
     """Return every key of a scenario, in the order of the file.
 
-    `[]` in a key stands for an item of a list, `<figure>`, `<package>`, `<body>` and `<key>` for the name
+    `[]` in a key stands for an item of a list, `<metric>`, `<package>`, `<body>` and `<key>` for the name
     of one.
     """
     schema = json_schema()

@@ -69,7 +69,7 @@ from rmrc.support.spatial import quat_from_rpy
 
 
 def sort_axes(section: "Section | Derived", beside: str) -> None:
-    """Sort the axes of a section as the rows of a twist, and what has one value for each of them along."""
+    """Sort the axes of a section in the order of twist rows, together with their values."""
     axes: Axes = section.__dict__["axes"]
     order = sorted(range(len(axes)), key=lambda i: get_args(Axis).index(axes[i]))
     for name in ("axes", beside):
@@ -79,81 +79,88 @@ def sort_axes(section: "Section | Derived", beside: str) -> None:
 
 
 class EncoderSection(Section):
-    """What the arm's encoders say: the law works with that, where the arm is at q."""
+    """Errors of the arm's encoders: the controller uses their readings instead of the true q."""
 
-    offset: AngleOrEach = key("what the encoders of all joints, or of each, say too much", 0.0, "rad or m")
+    offset: AngleOrEach = key(
+        "constant offset added to the true position by the encoders, one for all joints or one per joint",
+        0.0,
+        "rad or m",
+    )
     deviation: NotNegativeAngleOrEach = key(
-        "standard deviation of what is added to `offset`, of all joints or of each; it is drawn once, from a "
-        "normal distribution",
+        "standard deviation of a random addition to `offset`, one for all joints or one per joint; drawn "
+        "once from a normal distribution",
         0.0,
         "rad or m",
     )
     noise: NotNegativeAngleOrEach = key(
-        "standard deviation of white noise, drawn at every tick, of all joints or of each", 0.0, "rad or m"
-    )
-    resolution: NotNegativeAngleOrEach = key(
-        "what is read is rounded to a multiple of this, of all joints or of each; 0: to nothing",
+        "standard deviation of white noise, drawn at every tick, one for all joints or one per joint",
         0.0,
         "rad or m",
     )
-    delay: NotNegative = key("how old what is read is when the law takes it", 0.0, "s")
-    seed: Seed = key("what is drawn: the same seed, the same offsets and noise", 0)
+    resolution: NotNegativeAngleOrEach = key(
+        "step to which readings are rounded, one for all joints or one per joint; 0: no rounding",
+        0.0,
+        "rad or m",
+    )
+    delay: NotNegative = key("age of a reading when the controller uses it", 0.0, "s")
+    seed: Seed = key("seed of the random offsets and noise", 0)
 
 
 class StartPose(Choice):
-    """A pose of the site in which an arm starts."""
+    """Pose of the site at the start."""
 
     model_config = ConfigDict(
         json_schema_extra={"anyOf": [{"required": [name]} for name in ("position", "orientation")]}
     )
     position: Vector | None = key(
-        "where it is: [x, y], which keeps z, or [x, y, z]; null: as at `start`", None, "m"
+        "position: [x, y], which keeps z, or [x, y, z]; null: as at `start`", None, "m"
     )
     orientation: Annotated[tuple[Angle, ...], Count(3, 4)] | None = key(
-        "how it is turned: roll, pitch and yaw, about x, then y, then z, or a quaternion w x y z; "
-        "null: as it may be",
+        "orientation: roll, pitch and yaw about fixed x, y and z, or a quaternion w x y z; null: "
+        "unconstrained",
         None,
         "rad or 1",
     )
     frame: Literal["world", "base"] = key(
-        "the frame that it is in: world; base, the body that carries the first joint", "world"
+        "reference frame: world; base, the body that carries the first joint", "world"
     )
 
     @model_validator(mode="after")
     def _some_pose(self) -> Self:
         if not self.given("position", "orientation"):
-            raise rule("must have position or orientation, got none of them")
+            raise rule("must have position or orientation, got neither")
         if len(self.orientation or ()) == 4 and not any(self.orientation or ()):
             raise rule("must not be a zero quaternion", ("arm", "pose", "orientation"))
         return self
 
 
 class ToolSection(Choice):
-    """What the arm holds: a frame on a body of it, perhaps with a mass there, or with another model."""
+    """Tool: a frame on a body of the arm, optionally with a mass or another model attached."""
 
-    body: Text | None = key(
-        "the body that carries it; null: the frame that is controlled where none is named", None
-    )
-    position: Point = key("where its frame is, in the frame of what carries it", (0.0, 0.0, 0.0), "m")
+    body: Text | None = key("body that carries the tool; null: the default end-effector frame", None)
+    position: Point = key("position of the tool frame, in the frame of its carrier", (0.0, 0.0, 0.0), "m")
     quat: Quaternion | None = key(
-        "how its frame is turned in the frame of what carries it, as a quaternion w x y z; null: by `rpy`",
+        "orientation of the tool frame in the frame of its carrier, as a quaternion w x y z; null: given "
+        "by `rpy`",
         None,
         "1",
     )
-    rpy: Angles | None = key("the same as roll, pitch and yaw: about x, y and z, fixed", None, "rad")
-    mass: NotNegative | None = key("its mass; null: none", None, "kg")
-    center: Point | None = key("where its center of mass is, in its frame; null: at its origin", None, "m")
+    rpy: Angles | None = key(
+        "the same orientation as roll, pitch and yaw about fixed x, y and z", None, "rad"
+    )
+    mass: NotNegative | None = key("mass; null: none", None, "kg")
+    center: Point | None = key("center of mass in the tool frame; null: its origin", None, "m")
     inertia: Moments | None = key(
-        "its moments of inertia about its center of mass, along its axes; null: those of a point",
+        "principal moments of inertia about the center of mass, along the tool axes; null: point mass",
         None,
         "kg·m²",
     )
-    model: ModelFile | None = key("an MJCF or URDF file that is attached there; null: none", None)
-    site: Text | None = key("the site of that model that is controlled; null: as for an arm", None)
+    model: ModelFile | None = key("MJCF or URDF file of a tool to attach; null: none", None)
+    site: Text | None = key("end effector (TCP) site in that model; null: chosen as for an arm", None)
 
     @property
     def rotation(self) -> tuple[float, ...]:
-        """How its frame is turned, as a quaternion w x y z."""
+        """Orientation of the tool frame, as a quaternion w x y z."""
         if self.quat is not None:
             return self.quat
         return tuple(quat_from_rpy(self.rpy or (0.0, 0.0, 0.0)).tolist())
@@ -168,7 +175,7 @@ class ToolSection(Choice):
         if weighing and self.mass is None:
             raise rule(f"{' and '.join(weighing)} needs mass")
         if self.site is not None and self.model is None:
-            raise rule("site needs model, whose site it is; leave it out, or write arm.site")
+            raise rule("site needs model, which contains it; remove site, or use arm.site")
         if self.inertia is not None and 2.0 * max(self.inertia) > sum(self.inertia):
             moments = show(list(self.inertia))
             raise rule(f"inertia must have no moment above the sum of the two others, got {moments}")
@@ -176,41 +183,45 @@ class ToolSection(Choice):
 
 
 class ArmSection(Section):
-    """The arm: which model, which point of it, where it starts."""
+    """The arm: model, end effector and start configuration."""
 
-    model: ModelFile = key("the MJCF or URDF file; a relative path starts at the scenario's folder")
+    model: ModelFile = key("MJCF or URDF file; relative paths start at the scenario's folder")
     site: Text | None = key(
-        "the MuJoCo site that is controlled; null, without `body` and `tool`: that of the hand", None
+        "end effector (TCP): the controlled MuJoCo site; null, without `body` and `tool`: the site of the "
+        "hand",
+        None,
     )
-    body: Text | None = key("the body whose frame is controlled instead", None)
-    tool: ToolSection | None = key("what the arm holds, whose frame is controlled instead", None)
+    body: Text | None = key("body whose frame is controlled instead of a site", None)
+    tool: ToolSection | None = key("tool whose frame is controlled instead of a site", None)
     base: Literal["fixed", "free"] = key(
-        "a base that floats in the model: `fixed` where its first keyframe has it; `free` is refused, as no "
-        "drive holds it",
+        "base with a free joint in the model: `fixed` at the pose of the first keyframe; `free` is "
+        "refused, because no actuator holds it",
         "fixed",
     )
     packages: dict[str, Folder] = key(
-        "folders of the packages that a URDF names, by their names; others are looked for above the file", {}
+        "folders of the packages named in a URDF, by package name; other packages are searched above the "
+        "file",
+        {},
     )
     start: NameOrPositions = key(
-        "where the joints start: a keyframe's name, or a position a joint", "home", "rad or m"
+        "start configuration: a keyframe's name, or one position per joint", "home", "rad or m"
     )
     pose: StartPose | None = key(
-        "a pose of the site to start in, at the joint positions that a search from `start` finds; null: at "
-        "`start`",
+        "start pose of the site; inverse kinematics from `start` finds the joint positions; null: start "
+        "at `start`",
         None,
     )
-    joints: Names | None = key("the joints that are driven; null: those between the base and the site", None)
+    joints: Names | None = key("actuated joints; null: all joints between the base and the site", None)
     others: Literal["hold", "free"] = key(
-        "joints that are not driven, and that no actuator of the model holds: they stay where `start` has "
-        "them, or are free to move; what hangs at a free joint beside the arm is free anyway",
+        "passive joints, without an actuator in the model: `hold` locks them at `start`, `free` lets them "
+        "move; a body on a free joint apart from the arm always moves freely",
         "hold",
     )
-    encoder: EncoderSection = key("what its encoders say", EncoderSection())
+    encoder: EncoderSection = key("encoder errors", EncoderSection())
     stretch: dict[str, Positive] = key(
-        "factor on all lengths of a body, by its name: where bodies, sites, joints and shapes sit on it, and "
-        "their sizes; its mass stays, its inertia is the factor's square times as large; the law knows "
-        "it, as it does not know `plant.stretch`",
+        "factor on all lengths of a body, by body name: positions of its bodies, sites, joints and "
+        "shapes, and their sizes; the mass stays the same, and the inertia scales with the square of the "
+        "factor; the controller knows it, unlike `plant.stretch`",
         {},
         "1",
     )
@@ -219,24 +230,24 @@ class ArmSection(Section):
     def _one_frame(self) -> Self:
         given = [name for name in ("site", "body", "tool") if getattr(self, name) is not None]
         if len(given) > 1:
-            raise rule(f"must have one of site, body and tool at most, got {' and '.join(given)}")
+            raise rule(f"must have at most one of site, body and tool, got {' and '.join(given)}")
         return self
 
 
 class TaskSection(Section):
-    """What of the site's motion counts, and how much."""
+    """The task: controlled components of the site's motion, and their weights."""
 
-    axes: Axes = key("the rows of the twist that are controlled, along the axes of `frame`", get_args(Axis))
+    axes: Axes = key("controlled rows of the twist, along the axes of `frame`", get_args(Axis))
     frame: Frame = key(
-        "along whose axes the rows are: world; base, of the body that carries the first joint; site, of the "
-        "controlled site as it turns",
+        "frame of the task rows: world; base, the body that carries the first joint; site, the controlled "
+        "site as it rotates",
         "world",
     )
     length: Positive = key(
-        "characteristic length: linear rows are divided by it, so that they compare with angles", 1.0, "m"
+        "characteristic length: divides the linear rows, to make them comparable with angles", 1.0, "m"
     )
     weights: Weights | None = key(
-        "task weights W_x, one an axis in the order of `axes`; null: all 1", None, "1"
+        "task weights W_x, one per axis in the order of `axes`; null: all 1", None, "1"
     )
 
     @field_validator("weights")
@@ -268,7 +279,7 @@ else:
 
 
 class Derived(_Computed):
-    """A section that has choices and parameters as `rmrc.scenario.choices` declares them."""
+    """A section with the choices and parameters declared in `rmrc.scenario.choices`."""
 
 
 # By their keys below `control`, but for `control` itself.
@@ -276,7 +287,7 @@ DERIVED: dict[str, type[Derived]] = {}
 
 
 def derived(place: str) -> Callable[[type[Derived]], type[Derived]]:
-    """Give a section the choices and parameters that are declared for its place, and the sections of both.
+    """Give a section the choices and parameters declared for its place, and their subsections.
 
     Fields that the class has itself come first.
 
@@ -321,23 +332,23 @@ def _type_of(parameter: choices.Parameter) -> Any:
 
 @derived("inverse")
 class InverseSection(Derived):
-    """How the Jacobian is inverted."""
+    """Inversion of the Jacobian."""
 
 
 @derived("nullspace.secondary")
 class SecondarySection(Derived):
-    """A second task, done as far as the first leaves room for it: a site that shall stay somewhere."""
+    """A second task of lower priority: hold a site at a place."""
 
-    site: Text | None = key("the site of the second task; null: that of the first", None)
-    axes: Axes = key("the rows of its twist that count, along the axes of `frame`", ("x", "y", "z"))
+    site: Text | None = key("site of the second task; null: the site of the first task", None)
+    axes: Axes = key("controlled rows of its twist, along the axes of `frame`", ("x", "y", "z"))
     frame: Frame = key(
-        "along whose axes the rows are: world; base, of the body that carries the first joint; site, of the "
-        "second task's site as it turns",
+        "frame of its rows: world; base, the body that carries the first joint; site, the second task's "
+        "site as it rotates",
         "world",
     )
     to: Positions | None = key(
-        "where it shall be, a value for each of `axes`: position in `frame`, which is the site's where it "
-        "starts, or rotation vector from the start; null: where it starts",
+        "goal, one value for each of `axes`: position in `frame` (for `site`: its frame at the start), or "
+        "rotation vector from the start; null: hold the start",
         None,
         "m or rad",
     )
@@ -360,13 +371,13 @@ class SecondarySection(Derived):
 
 @derived("nullspace")
 class NullspaceSection(Derived):
-    """What the joints do that the task does not feel."""
+    """Joint motion in the null space of the task."""
 
     @model_validator(mode="after")
     def _has_rates(self) -> Self:
         if self.objective == "rates" and self.rates is None:
             raise rule(
-                "must be given for the objective rates, one rate a joint",
+                "must be given for the objective rates, with one rate per joint",
                 key=("control", "nullspace", "rates"),
             )
         return self
@@ -377,32 +388,32 @@ class LimitsSection(Derived):
     """The bounds on joint positions, rates, accelerations and jerk."""
 
     profile: ProfileName | None = key(
-        "what the controller of a robot accepts, as its vendor publishes it: the name of a shipped profile, "
-        "or a file; it sets rate, acceleration, jerk, braking and control.period where they are not written, "
-        "and joints brake before its positions as well; null: none",
+        "vendor limits of a robot controller: the name of a shipped profile, or a file; sets rate, "
+        "acceleration, jerk, braking and control.period where they are not given, and makes joints brake "
+        "before its position limits; null: none",
         None,
     )
     rate: OneOrEach | None = key(
-        "largest rate, of all joints or of each; null: the model's own", None, "rad/s or m/s"
+        "largest rate, one for all joints or one per joint; null: the model's limit", None, "rad/s or m/s"
     )
     acceleration: OneOrEach | None = key(
-        "largest acceleration, of all joints or of each; null: none", None, "rad/s² or m/s²"
+        "largest acceleration, one for all joints or one per joint; null: none", None, "rad/s² or m/s²"
     )
     jerk: OneOrEach | None = key(
-        "largest jerk, of all joints or of each, stops and braking with it; null: none",
+        "largest jerk, one for all joints or one per joint; also applies to stops and braking; null: none",
         None,
         "rad/s³ or m/s³",
     )
-    position: Switch = key("whether joints brake before the position limits of the model", default=True)
+    position: Switch = key("whether joints brake before the model's position limits", default=True)
     braking: OneOrEach = key(
-        "deceleration with which a joint stops before its position limit, of all joints or of each; "
-        "not more than `acceleration`",
+        "deceleration of a joint that stops before its position limit, one for all joints or one per "
+        "joint; at most `acceleration`",
         10.0,
         "rad/s² or m/s²",
     )
     keep_direction: Switch = key(
-        "on_excess optimal: whether the tip keeps its direction, but at position limits: then the largest "
-        "share of the task that fits is done, by the least rates",
+        "on_excess optimal: whether the end effector keeps its direction, except at position limits: the "
+        "arm then does the largest feasible share of the task with the least rates",
         default=False,
     )
 
@@ -418,25 +429,25 @@ class LimitsSection(Derived):
 class ControlSection(Derived):
     """The control law."""
 
-    period: Positive = key("time between two control ticks", 0.001, "s")
+    period: Positive = key("control period: time between two ticks", 0.001, "s")
     state: Literal["measured", "integrated"] = key(
-        "what the law takes for q: what the encoders say; or the integral of its own commands from what they "
-        "said at the start",
+        "source of q in the control law: `measured` by the encoders, or `integrated` from its own "
+        "commands, starting at the first reading",
         "measured",
     )
     rate_filter: NotNegative = key(
-        "time constant of a first-order filter of rates that are differentiated: with a resolution, noise or "
-        "delay of arm.encoder, computed torque takes difference quotients of what the encoders say",
+        "time constant of a first-order filter on differentiated rates: with a resolution, noise or delay "
+        "of arm.encoder, computed torque uses difference quotients of the encoder readings",
         0.0,
         "s",
     )
-    inverse: InverseSection = key("how the Jacobian is inverted", InverseSection())
-    feedback: NotNegative = key("K: twist for a given pose error", 20.0, "1/s")
-    feedforward: Switch = key("whether the reference twist is part of the command", default=True)
+    inverse: InverseSection = key("inversion of the Jacobian", InverseSection())
+    feedback: NotNegative = key("K: feedback gain from pose error to twist", 20.0, "1/s")
+    feedforward: Switch = key("whether the command includes the reference twist", default=True)
     joint_weights: Weights | None = key(
-        "joint weights W_q, one a joint: a heavier joint moves less; null: all 1", None, "1"
+        "joint weights W_q, one per joint: a joint with a larger weight moves less; null: all 1", None, "1"
     )
-    nullspace: NullspaceSection = key("the motion left over", NullspaceSection())
+    nullspace: NullspaceSection = key("motion in the null space of the task", NullspaceSection())
     limits: LimitsSection = key("bounds on joint positions, rates, accelerations and jerk", LimitsSection())
 
     @model_validator(mode="after")
@@ -448,31 +459,31 @@ class ControlSection(Derived):
 
 
 class TargetLimitsSection(Section):
-    """How fast the path is followed."""
+    """Speed limits along the path."""
 
     velocity: Positive = key("largest speed", 0.25, "m/s")
     acceleration: Positive = key("largest acceleration", 1.0, "m/s²")
-    jerk: Positive = key("largest jerk; a recorded motion is not held against it", 10.0, "m/s³")
+    jerk: Positive = key("largest jerk; does not apply to a recorded motion", 10.0, "m/s³")
     angular_velocity: Positive = key("largest angular speed", 1.0, "rad/s")
     angular_acceleration: Positive = key("largest angular acceleration", 4.0, "rad/s²")
     angular_jerk: Positive = key("largest angular jerk; as `jerk`", 40.0, "rad/s³")
 
 
 class TargetSection(Section):
-    """Where the site shall go."""
+    """Target motion of the site."""
 
-    path: Annotated[tuple[Segment, ...], Count(1)] = key("the pieces of the path, in order")
+    path: Annotated[tuple[Segment, ...], Count(1)] = key("segments of the path, in order")
     offset: Vector = key(
-        "how far every absolute point of the path lies from where it is written: line.to, arc.center, set.to",
+        "offset added to every absolute point of the path: line.to, arc.center, set.to",
         (0.0, 0.0, 0.0),
         "m",
     )
     frame: PathFrame = key(
-        "the frame of all pieces that have none of their own: world; base, the body that carries the first "
-        "joint; site, as the piece starts; start, the site as the path starts",
+        "frame of all segments without a frame of their own: world; base, the body that carries the first "
+        "joint; site, at the start of the segment; start, the site at the start of the path",
         "world",
     )
-    limits: TargetLimitsSection = key("how fast", TargetLimitsSection())
+    limits: TargetLimitsSection = key("speed limits", TargetLimitsSection())
 
 
 if TYPE_CHECKING:  # a checker knows no keys that are computed
@@ -492,59 +503,60 @@ else:
 
 
 class FrictionSection(Section):
-    """Friction of the joints that is not in the model: no drive takes it out."""
+    """Joint friction beyond the model's: no actuator compensates for it."""
 
     coulomb: NotNegativeOrEach = key(
-        "dry friction, of all joints or of each, beside that of the model", 0.0, "N·m or N"
+        "dry friction added to the model's, one for all joints or one per joint", 0.0, "N·m or N"
     )
     viscous: NotNegativeOrEach = key(
-        "torque or force for a given rate, of all joints or of each, beside the damping of the model",
+        "viscous friction coefficient added to the model's damping, one for all joints or one per joint",
         0.0,
         "N·m·s/rad or N·s/m",
     )
 
 
-# MuJoCo's step where neither the scenario nor the plant says another [s].
+# MuJoCo's step where neither the scenario nor the plant sets another [s].
 TIMESTEP = 0.001
 
 
 class ResonanceSection(Section):
-    """How the rates of all joints swing about what arrived: as a mass at a spring does."""
+    """Resonance: the rates of all joints oscillate about the received commands like a mass on a spring."""
 
     frequency: Positive | None = key(
-        f"{PLANTS.physical}: natural frequency, that of swings without damping; null: nothing swings",
+        f"{PLANTS.physical}: undamped natural frequency; null: no resonance",
         None,
         "Hz",
     )
-    damping: NotNegative = key("damping ratio ζ: 0 swings forever, 1 does not overshoot", 0.1, "1")
+    damping: NotNegative = key("damping ratio ζ: 0 never decays, 1 does not overshoot", 0.1, "1")
 
 
 class PlantSection(_PlantKeys):
-    """What obeys the commanded rates."""
+    """The plant, which executes the commanded rates."""
 
     if TYPE_CHECKING:
 
         def __init__(self, **values: Any) -> None: ...  # noqa: D107 - of a model
 
     timestep: Positive | None = key(
-        f"{PLANTS.physical}: MuJoCo's step; control.period is an integer multiple of it; null: {TIMESTEP:g}, "
-        f"and for {PLANTS.own} the model's own, or the next shorter that divides control.period",
+        f"{PLANTS.physical}: MuJoCo's time step; control.period is an integer multiple of it; null: "
+        f"{TIMESTEP:g}, or for {PLANTS.own} the model's step, or the next shorter one that divides "
+        "control.period",
         None,
         "s",
     )
     gravity_compensation: Switch | None = key(
-        f"{PLANTS.physical}: whether gravity is balanced by the arm itself; null: true, and for {PLANTS.own} "
-        "as the model has it",
+        f"{PLANTS.physical}: whether the arm compensates for gravity; null: true, or for {PLANTS.own} as "
+        "in the model",
         None,
     )
     friction_compensation: Switch = key(
-        "servo, torque: whether the drives also give what damping and dry friction of the joints take at the "
-        "rates that they are told",
+        "servo, torque: whether the actuators compensate for joint damping and dry friction at the "
+        "commanded rates",
         default=True,
     )
     payload: NotNegative = key(
-        f"{PLANTS.physical}: point mass at the site, which neither the law nor the gravity compensation "
-        "knows of",
+        f"{PLANTS.physical}: point mass at the site, unknown to the controller and to the gravity "
+        "compensation",
         0.0,
         "kg",
     )
@@ -552,55 +564,60 @@ class PlantSection(_PlantKeys):
         f"{PLANTS.physical}: gravity along world axes; null: the model's own", None, "m/s²"
     )
     wrench: Wrench = key("external wrench [f; n] on the site, along world axes", (0.0,) * 6, "N, N·m")
-    delay: NotNegative = key("dead time: how long a command is on its way to the plant", 0.0, "s")
+    delay: NotNegative = key("dead time of a command on its way to the plant", 0.0, "s")
     jitter: NotNegative = key(
-        "how much longer it may be on its way, evenly drawn for each command; one that a later command "
-        "overtakes is dropped",
+        "largest additional dead time, drawn uniformly for each command; a command that arrives after a "
+        "later one is dropped",
         0.0,
         "s",
     )
-    loss: Share = key("share of the commands that never arrive; the last one that did holds", 0.0, "1")
-    lag: NotNegativeOrEach = key(
-        "time constant with which the rates of all joints, or of each, follow what arrived", 0.0, "s"
+    loss: Share = key(
+        "fraction of commands that never arrive; the plant holds the last received one", 0.0, "1"
     )
-    resonance: ResonanceSection = key("swings of the drives", ResonanceSection())
+    lag: NotNegativeOrEach = key(
+        "time constant with which the rates follow the received commands, one for all joints or one per "
+        "joint",
+        0.0,
+        "s",
+    )
+    resonance: ResonanceSection = key("resonance of the actuators", ResonanceSection())
     backlash: NotNegativeAngleOrEach = key(
-        f"{PLANTS.physical}: play between drives and joints, of all or of each: a drive that turns back "
-        "moves nothing until it has crossed it",
+        f"{PLANTS.physical}: backlash between actuators and joints, one for all or one per joint: after a "
+        "reversal an actuator moves no joint until it has crossed the gap",
         0.0,
         "rad or m",
     )
-    seed: Seed = key("what is drawn of jitter and loss: the same seed, the same commands late and lost", 0)
+    seed: Seed = key("seed of the random jitter and losses", 0)
     friction: FrictionSection = key(
-        f"{PLANTS.physical}: friction of the joints that no compensation knows of", FrictionSection()
+        f"{PLANTS.physical}: joint friction without compensation", FrictionSection()
     )
     stretch: dict[str, Positive] = key(
-        "factor on all lengths of a body, by its name, that the law does not know of, as of an arm that "
-        "was never calibrated: beside `arm.stretch`, which it knows",
+        "factor on all lengths of a body, by body name, unknown to the controller, as on an uncalibrated "
+        "arm; multiplies `arm.stretch`, which the controller knows",
         {},
         "1",
     )
     joint_offset: AngleOrEach = key(
-        "how far all joints, or each, are beyond where the law takes them to be, from the start on: their "
-        "zeros are off",
+        "error of the joint zeros: true position minus the position assumed by the controller, one for "
+        "all joints or one per joint",
         0.0,
         "rad or m",
     )
 
     @property
     def step(self) -> float:
-        """MuJoCo's step, where the model has no say in it [s]."""
+        """MuJoCo's time step, where the model does not set it [s]."""
         return TIMESTEP if self.timestep is None else self.timestep
 
     @property
     def is_compensated(self) -> bool:
-        """Whether the bodies of the arm are made to float; if not, they are as the model has them."""
+        """Whether to switch on gravity compensation of the arm's bodies; if not, the model decides."""
         wanted = self.gravity_compensation
         return not PLANTS[self.kind].own if wanted is None else wanted
 
 
 class Check(Choice):
-    """What is expected of one figure of the scorecard."""
+    """Expectation of one metric of the scorecard."""
 
     model_config = ConfigDict(
         json_schema_extra={
@@ -608,33 +625,33 @@ class Check(Choice):
             "dependentRequired": {"equals": ["within"], "within": ["equals"]},
         }
     )
-    below: Number | None = key("the figure must be less than this", None, "as the figure")
-    above: Number | None = key("the figure must be more than this", None, "as the figure")
-    equals: Number | None = key("the figure must be this, give or take `within`", None, "as the figure")
-    within: NotNegative | None = key("how far from `equals` the figure may be", None, "as the figure")
+    below: Number | None = key("upper bound: the metric must be less than this", None, "as the metric")
+    above: Number | None = key("lower bound: the metric must be more than this", None, "as the metric")
+    equals: Number | None = key("expected value of the metric, to `within`", None, "as the metric")
+    within: NotNegative | None = key("tolerance: largest deviation from `equals`", None, "as the metric")
 
     @model_validator(mode="after")
     def _something(self) -> Self:
         given = self.given("below", "above", "equals", "within")
         if "equals" in given and "within" not in given:
-            raise rule("equals needs within, how far from it the figure may be")
+            raise rule("equals needs within, its tolerance")
         if "within" in given and "equals" not in given:
             raise rule("within needs equals")
         if not given:
-            raise rule("must have at least one of below, above, equals, got none of them")
+            raise rule("must have at least one of below, above, equals, got none")
         if self.below is not None and self.above is not None and self.above >= self.below:
             bounds = f"got above {show(self.above)} and below {show(self.below)}"
             raise rule(f"above must be less than below, {bounds}")
         return self
 
 
-# What is expected of the commands, beside figures.
+# The key in `expect` for a profile instead of a metric.
 PROFILE = "profile"
 
 
 _ACCEPTED = (
-    "the commands must keep to what the controller of a robot accepts, as its vendor publishes it: the name "
-    "of a shipped profile, or a file; null: it is not asked"
+    "the commands must stay within the limits that a robot's vendor publishes for its controller: the "
+    "name of a shipped profile, or a file; null: not checked"
 )
 
 
@@ -646,39 +663,39 @@ Expected = Annotated[
     Annotated[Check, Tag("<one>")] | Annotated[ProfileName, Tag("<text>")], Discriminator(_check_or_profile)
 ]
 
-# More keys than this are no sweep of anything that a person reads, and Sobol's
-# sequence has its numbers for so many.
+# Nobody can read a sweep over more keys than this, and the Sobol sequence here has this many dimensions.
 MOST_DRAWN = 20
 
-# The run's own name is no part of what happens, and what is drawn has a seed for each run.
+# The name does not affect a run, and the sweep sets the seeds of each run.
 _NOT_SWEPT = {
-    "name": "names the runs and changes none of them",
-    "look": "is for recordings alone",
-    "baseline": "is for rmrc run alone",
+    "name": "only names the runs",
+    "look": "applies to recordings only",
+    "baseline": "applies to rmrc run only",
     "sweep": "is the sweep itself",
-    "tune": "is for rmrc tune alone",
-    "arm.encoder.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
-    "plant.seed": "is set by the sweep, run by run: take sweep.repeat and sweep.seed",
+    "tune": "applies to rmrc tune only",
+    "arm.encoder.seed": "is set by the sweep for each run; use sweep.repeat and sweep.seed",
+    "plant.seed": "is set by the sweep for each run; use sweep.repeat and sweep.seed",
 }
 
 
 class SweepSection(Section):
-    """Which variants of the scenario `rmrc sweep` runs: a grid, samples between bounds, repeats."""
+    """Variants for `rmrc sweep`: a grid, samples between bounds, repeats."""
 
-    vary: dict[str, Values] = key("values of keys; every combination of them is run", {})
-    draw: dict[str, Bounds] = key("bounds of keys that are drawn between them, evenly", {})
+    vary: dict[str, Values] = key("values of keys; the sweep runs every combination", {})
+    draw: dict[str, Bounds] = key("bounds of keys that are drawn uniformly", {})
     sampler: Literal["random", "sobol"] = key(
-        "how they are drawn: each sample on its own, or by Sobol's sequence, which is more even",
+        "sampling method: independent samples, or the Sobol sequence, which covers the range more evenly",
         "random",
     )
     samples: Annotated[int, Field(strict=True, ge=1)] = key(
-        "how many samples are drawn for each combination of `vary`; Sobol's are most even for powers of 2", 64
+        "number of samples for each combination of `vary`; Sobol samples are most even for powers of 2", 64
     )
     repeat: Annotated[int, Field(strict=True, ge=1)] = key(
-        "how often each of them is run, each time with other encoder offsets and noise, jitter and losses", 1
+        "number of runs per sample, each with different encoder offsets, noise, jitter and losses", 1
     )
     seed: Seed | None = key(
-        "what is drawn, and what each run's arm.encoder.seed and plant.seed count from; null: their own",
+        "seed of the samples; each run's arm.encoder.seed and plant.seed count from it; null: from their "
+        "own values",
         None,
     )
 
@@ -691,7 +708,7 @@ class SweepSection(Section):
             try:
                 split(name)
             except ValueError:
-                raise rule("is no key such as control.feedback or arm.start[1]", key) from None
+                raise rule("is not a key such as control.feedback or arm.start[1]", key) from None
             for refused, why in _NOT_SWEPT.items():
                 if name == refused or name.startswith(f"{refused}."):
                     raise rule(f"cannot be varied: it {why}", key)
@@ -704,94 +721,90 @@ class SweepSection(Section):
         return self
 
 
-# A baseline is held against the scenario by the figures of both, and runs where the scenario is run alone.
+# A baseline shares the metrics of its scenario, and runs only with `rmrc run`.
 _NOT_OF_BASELINES = {
-    "name": "names the scenario and changes nothing",
-    "expect": "holds for the scenario, and the baseline is expected nothing",
-    "look": "is for the recording, which shows both",
+    "name": "only names the scenario",
+    "expect": "applies to the scenario, not to the baseline",
+    "look": "applies to the recording, which shows both",
     "baseline": "is the baseline itself",
-    "sweep": "is for rmrc sweep alone",
-    "tune": "is for rmrc tune alone",
+    "sweep": "applies to rmrc sweep only",
+    "tune": "applies to rmrc tune only",
 }
 
 
 def _baseline(values: dict[str, Any]) -> dict[str, Any]:
-    """Refuse what is no key, and what no baseline changes."""
+    """Refuse unknown keys, and keys that a baseline cannot change."""
     for name in values:
         try:
             root = split(name)[0]
         except ValueError:
-            raise rule("is no key such as control.feedback or arm.start[1]", ("baseline", name)) from None
+            raise rule("is not a key such as control.feedback or arm.start[1]", ("baseline", name)) from None
         if root in _NOT_OF_BASELINES:
             raise rule(f"cannot be changed: it {_NOT_OF_BASELINES[str(root)]}", ("baseline", name))
     return values
 
 
 class TuneSection(Section):
-    """What is not known of the robot, for all of which `rmrc tune` shall find settings."""
+    """Uncertainty about the robot, over which `rmrc tune` finds robust settings."""
 
     delay: Range | None = key(
-        "dead time of its commands, one or from the least to the largest; null: as `plant` has it, or "
-        "assumed where the scenario tells nothing of the robot",
+        "dead time of its commands, one value or a range; null: as in `plant`, or assumed if the scenario "
+        "has no data of the robot",
         None,
         "s",
     )
-    lag: Range | None = key(
-        "time constant with which its drives follow; a range and null as for `delay`", None, "s"
-    )
+    lag: Range | None = key("time constant of its actuators; range and null as for `delay`", None, "s")
     noise: AngleRange | None = key(
-        "standard deviation of its encoders' white noise, of slides over task.length; a range and null as "
-        "for `delay`",
+        "standard deviation of its encoders' white noise, for slides divided by task.length; range and "
+        "null as for `delay`",
         None,
         "rad",
     )
     calibration: NotNegative | None = key(
-        "how far lengths of its links, as a share, and zeros of its joints, of slides over task.length, are "
-        "off, to either side; null: not at all",
+        "calibration error: largest deviation, to either side, of its link lengths (relative) and of its "
+        "joint zeros (for slides divided by task.length); null: none",
         None,
         "1 or rad",
     )
 
 
 class LookSection(Section):
-    """What there is to see in a run: its recording opens with that in sight, and marks it."""
+    """Point of interest of a run: its recording opens there and marks it."""
 
     quantity: Literal[
         "rates", "joints", "sigma", "error", "rotation", "torque", "pace", "belief", "status", "path"
-    ] = key("the plot to look at; status: of what limits; path: that of the tip, in the picture")
-    at: NotNegative | None = key(
-        "when to look: there it is marked; null: where the quantity is largest, or worst", None, "s"
-    )
+    ] = key("plot to open; status: the active limits; path: the path of the end effector, in the picture")
+    at: NotNegative | None = key("time of the mark; null: where the quantity is largest, or worst", None, "s")
 
 
 class Sections(Section):
-    """Everything that one run depends on."""
+    """All inputs of a run."""
 
     model_config = ConfigDict(title="Scenario")
-    name: Name = key("names the run and its files")
+    name: Name = key("name of the run and of its files")
     arm: ArmSection = key("the arm")
-    task: TaskSection = key("what of the site's motion counts", TaskSection())
+    task: TaskSection = key("controlled components of the site's motion", TaskSection())
     control: ControlSection = key("the control law", ControlSection())
-    target: TargetSection = key("where the site shall go")
-    plant: PlantSection = key("what obeys the commanded rates", PlantSection())
+    target: TargetSection = key("target motion of the site")
+    plant: PlantSection = key("plant, which executes the commanded rates", PlantSection())
     expect: dict[str, Expected] = key(
-        "what is expected, by figure of the scorecard",
+        "expectations, by metric of the scorecard",
         {},
         schema={"properties": {PROFILE: {"type": "string", "default": None, "description": _ACCEPTED}}},
     )
     look: LookSection | None = key(
-        "what its recording shows first; null: the rates, singular values and error", None
+        "point of interest in its recording; null: the rates, singular values and error", None
     )
     baseline: Annotated[dict[str, Changed], AfterValidator(_baseline)] = key(
-        "changes of keys that make what `rmrc run` runs beside the scenario", {}
+        "changes of keys for a baseline, which `rmrc run` also runs for comparison", {}
     )
-    sweep: SweepSection = key("which variants of it `rmrc sweep` runs", SweepSection())
-    tune: TuneSection = key("what is not known of the robot, for `rmrc tune`", TuneSection())
+    sweep: SweepSection = key("variants for `rmrc sweep`", SweepSection())
+    tune: TuneSection = key("uncertainty about the robot, for `rmrc tune`", TuneSection())
 
     @field_validator("expect", mode="before")
     @classmethod
     def _profile_by_name(cls, expect: object) -> object:
-        """Refuse a text for a figure, and a check for the profile, before a text is taken for a profile."""
+        """Refuse a text in place of a check, and a check in place of a profile."""
         for name, value in expect.items() if isinstance(expect, dict) else ():
             if name != PROFILE and isinstance(value, str):
                 raise rule(f"must be a mapping, got {show(value)}", ("expect", name))
@@ -811,7 +824,7 @@ class Sections(Section):
 
 
 def uneven(kind: str, period: float, timestep: float | None) -> str | None:
-    """Return why a control period is not made of whole steps, if so; a plant without physics has none."""
+    """Return why a control period is not a whole number of MuJoCo's steps, or None."""
     if timestep is None and PLANTS[kind].own:
         return None
     timestep = TIMESTEP if timestep is None else timestep
@@ -824,7 +837,7 @@ def uneven(kind: str, period: float, timestep: float | None) -> str | None:
 
 
 def listed_default(key: Key) -> list[object] | None:
-    """Return the default of a key that has a list for one, else None."""
+    """Return the default of a key if it is a list, else None."""
     fields = Sections.model_fields
     for step in key[:-1]:
         section = fields[step].annotation if step in fields else None
@@ -836,7 +849,7 @@ def listed_default(key: Key) -> list[object] | None:
 
 
 def is_section(key: Key) -> bool:
-    """Say whether a section stands at a key."""
+    """Return whether a key is a section."""
     kind: Any = Sections
     for step in key:
         fields = kind.model_fields if isinstance(kind, type) and issubclass(kind, Section) else {}
@@ -845,9 +858,9 @@ def is_section(key: Key) -> bool:
 
 
 def parse_key(text: str) -> Key:
-    """Return the steps of a dotted key; the name of a figure is one step, whatever it is made of.
+    """Return the steps of a dotted key; the name of a metric is one step, including its dots.
 
-    So is a key that is swept: `sweep.vary.arm.start[0]` is the key `arm.start[0]` of `sweep.vary`.
+    A swept key is also one step: `sweep.vary.arm.start[0]` is the key `arm.start[0]` of `sweep.vary`.
 
     Raises:
         ValueError: If the text is no key.
@@ -857,9 +870,7 @@ def parse_key(text: str) -> Key:
         name, _, swept = rest.partition(".")
         if swept and name in SweepSection.model_fields:
             return (section, name, swept)
-    if (
-        section != "expect" or "." not in text
-    ):  # a figure may be called by no name at all, which is then refused
+    if section != "expect" or "." not in text:  # a metric may lack a name, and is then refused
         return split(text)
-    figure, _, last = rest.rpartition(".")
-    return ("expect", figure, last) if figure and last in Check.model_fields else ("expect", rest)
+    metric, _, last = rest.rpartition(".")
+    return ("expect", metric, last) if metric and last in Check.model_fields else ("expect", rest)

@@ -1,4 +1,4 @@
-"""Numbers as people write them, with units or as fractions: what to write in a scenario instead."""
+"""Numbers with units or as fractions, and their spelling in a scenario."""
 
 import math
 import re
@@ -28,7 +28,7 @@ _NUMBER = rf"[-+]?{UNSIGNED}"
 
 
 def instead(text: str, unit: str) -> str:
-    """Return what to write for a text that is no number, to end a message with; nothing if nobody knows.
+    """Return the correct spelling for a text that is not a number, as the end of a message; "" if unknown.
 
     Args:
         text: As it stands in the file.
@@ -69,7 +69,7 @@ def quantity(text: str, unit: str) -> tuple[float, bool]:
         return float(text), False
     known = _quantity(text)
     if known is None or known[1] not in (unit, ""):
-        raise ValueError(f"is no number in {unit}" if unit != "1" else "is no number")
+        raise ValueError(f"is not a number in {unit}" if unit != "1" else "is not a number")
     return known[0], known[1] != ""
 
 

@@ -1,4 +1,4 @@
-"""What sections are made of: the mapping itself, its keys, and the constrained types of their values."""
+"""Building blocks of sections: the mapping, its keys, and the constrained types of their values."""
 
 import math
 import os
@@ -59,7 +59,7 @@ class Choice(Section):
 
 
 def key(meaning: str, default: Any = ..., unit: str | None = None, **more: Any) -> Any:
-    """Return a key of a section with what `rmrc schema` tells about it; required without a default."""
+    """Return a key of a section with its description for `rmrc schema`; required without a default."""
     extra: JsonDict = {"unit": unit} if unit else {}
     extra |= more.pop("schema", {})
     return Field(default, description=meaning, json_schema_extra=extra or None, **more)
@@ -196,7 +196,7 @@ def _folder(path: Path, info: ValidationInfo) -> Path:
 
 
 def _model_near(folder: Path, path: Path) -> str:
-    """Suggest a model for a path of none: a file beside it, or in the folder of models."""
+    """Suggest a model for a path that does not exist: a file next to it, or in the folder of models."""
     if near := nearby(folder / path, ".xml", ".urdf"):
         return near
     for models in (folder / "models", folder.parent / "models"):
@@ -269,14 +269,14 @@ Bounds = Annotated[
     tuple[Angle, ...],
     Count(2, 2),
     AfterValidator(_rising),
-    Field(description="the lower and the upper bound of the key", json_schema_extra={"unit": "as the key"}),
+    Field(description="lower and upper bound of the key", json_schema_extra={"unit": "as the key"}),
 ]
-Values = Annotated[tuple[Any, ...], Count(1), Field(description="the values that the key takes")]
+Values = Annotated[tuple[Any, ...], Count(1), Field(description="values of the key")]
 Changed = Annotated[
     Any,
     Field(
-        description="what the key, dotted or in sections, has in the baseline: a run that `rmrc run` has "
-        "beside that of the scenario, such as the plain inverse without limits; other verbs leave it out"
+        description="value of the key, dotted or in sections, in the baseline: a second run that `rmrc "
+        "run` makes for comparison, such as the plain inverse without limits; other verbs ignore it"
     ),
 ]
 Quaternion = Annotated[tuple[Number, ...], Count(4, 4), AfterValidator(_directed)]

@@ -1,4 +1,4 @@
-"""`--vary KEY=V1,V2,...`: the variants of a scenario that are compared, as changes with a label each."""
+"""`--vary KEY=V1,V2,...`: the variants of a scenario to compare, each as changes with a label."""
 
 import itertools
 import math
@@ -12,7 +12,7 @@ from rmrc.scenario.wording import brief, inline
 from rmrc.support.errors import ScenarioError
 from rmrc.support.problems import Key, Origin, Problem, join
 
-# Curves can be told apart up to a dozen; a table of more rows than this is not read any more, but swept.
+# Up to a dozen curves can be told apart; for more variants than this, use a sweep.
 MOST_VARIANTS = 50
 
 EXAMPLE = "control.inverse.method=inverse,damped"
@@ -28,7 +28,7 @@ def variants(texts: Sequence[str]) -> tuple[Variant, ...]:
         texts: `KEY=V1,V2,...` a key; a value is YAML, so a comma within brackets or quotes is its own.
 
     Raises:
-        ScenarioError: All that is wrong with the texts.
+        ScenarioError: Lists all problems of the texts.
     """
     problems: list[Problem] = []
     axes: dict[Key, _Axis] = {}
@@ -50,7 +50,7 @@ def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
         values: By dotted key, each as a file would have it.
 
     Raises:
-        ScenarioError: All that is wrong with them.
+        ScenarioError: Lists all problems.
 
     Example:
         >>> [one.label for one in grid({"control.feedback": [5, 10], "control.inverse.method": ["damped"]})]
@@ -115,7 +115,7 @@ def _axis(text: str) -> tuple[Key, _Axis]:
 
 def _variant(chosen: tuple[tuple[str, Change], ...]) -> Variant:
     label = ", ".join(read for read, _ in chosen)
-    if len(chosen) == 1 and not _is_word(*chosen[0]):  # a lone word says what it is, a lone number does not
+    if len(chosen) == 1 and not _is_word(*chosen[0]):  # a lone word explains itself, a lone number does not
         label = f"{join(chosen[0][1].key).rpartition('.')[2]}={label}"
     return Variant(brief(label), tuple(change for _, change in chosen))
 

@@ -1,4 +1,4 @@
-"""How messages show values, foreign texts and near names: on one line, printable and not too long."""
+"""Show values, foreign texts and similar names in messages: on one line, printable and short."""
 
 import json
 import math
@@ -34,7 +34,7 @@ def inline(value: object) -> str:
 
 
 def block(value: object, width: int = 100) -> str:
-    """Return a value as YAML to be read: a line a key, with what is innermost on one line."""
+    """Return a value as readable YAML: one line per key, with the innermost values on one line."""
     return yaml.safe_dump(value, sort_keys=False, allow_unicode=True, default_flow_style=None, width=width)
 
 
@@ -45,7 +45,7 @@ def brief(text: str) -> str:
 
 def listed(names: Sequence[str]) -> str:
     """Return `a and b`, or that there are none."""
-    return " and ".join(names) if names else "none of them"
+    return " and ".join(names) if names else "none"
 
 
 def nearby(path: Path, *suffixes: str) -> str:

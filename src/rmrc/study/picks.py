@@ -43,7 +43,7 @@ class Choice(NamedTuple):
         which, _, rest = text.partition(":")
         count, _, figure = rest.partition(":")
         if which not in ("worst", "best") or not count.isdecimal() or not 0 < int(count) <= 100:
-            wanted = "must be worst:N or best:N, with N from 1 to 100, and perhaps :FIGURE"
+            wanted = "must be worst:N or best:N, with N from 1 to 100, and optionally :METRIC"
             raise ScenarioError.about("--record", f"{wanted}, got {scenario.inline(text)}")
         return cls(which == "worst", int(count), figure)
 

@@ -39,7 +39,7 @@ def page(path: Path, left: Left) -> Page:
     made.table(_varied(rows, varied, units))
     made.section("How the figures are distributed")
     made.figure(histograms(swept), "How many runs have which value")
-    made.section("Extremes", "`rmrc sweep` with --record worst:1:FIGURE or best:1:FIGURE records such a run.")
+    made.section("Extremes", "`rmrc sweep` with --record worst:1:METRIC or best:1:METRIC records such a run.")
     made.table(_extremes(rows, varied, figures, units))
     if swept.coordinates:
         first = next(iter(figures))
