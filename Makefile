@@ -21,3 +21,12 @@ figures:
 films:
 	$(PYTHON) -m rmrc render blow_up --vary control.inverse.method=inverse,damped -o docs/figures/blow_up.gif --fps 12.5 --size 840x430
 	$(PYTHON) tools/gallery.py --write
+
+# The site of the documents, into docs/_site, for browsers without a network: `make docs`, `make docs VERSIONS="main v1.0"`.
+.PHONY: docs links
+docs:
+	$(PYTHON) tools/site.py $(VERSIONS)
+
+# External links of the documents, over the network.
+links:
+	$(PYTHON) tools/site.py --external

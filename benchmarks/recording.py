@@ -5,9 +5,10 @@
 Each scenario runs once, without a recording. Its columns are then written as `run` writes them, block by
 block, flushed to disk:
 
-1. Processor time of the thread that writes, a tick, between opening and finishing the file: minimum, median
-   and maximum of the rounds; and what opening and finishing add, in milliseconds.
-2. Size of the file, a tick; and of the ticks alone, without layout, texts and geometries.
+1. Processor time of the thread that writes, a tick: that of the whole recording, from opening the file to
+   finishing it, less that of a recording of the first tick alone, by the ticks of the run. Minimum, median
+   and maximum of the rounds, each of both; and the time of one tick alone, in milliseconds.
+2. Size of the file, by the ticks of the run; and of the ticks alone, without layout, texts and geometries.
 3. The first recording, cut anywhere, and with a wrong head: seconds until it is repaired or refused.
 """
 
@@ -40,16 +41,14 @@ def blocks(run: Run, ticks: int) -> Iterator[Run]:
         yield replace(run, columns={name: values[first:last] for name, values in run.columns.items()})
 
 
-def written(prepared: Prepared, run: Run, path: Path, ticks: int) -> tuple[float, float]:
-    """Write a recording, and return the processor time of its ticks, and of opening and finishing it [s]."""
+def written(prepared: Prepared, run: Run, path: Path, ticks: int) -> float:
+    """Write the recording of the first ticks, and return its processor time [s]."""
     parts, begun = list(blocks(run, ticks)), time.thread_time()
     with Recorder(path, prepared) as recorder:
-        opened = time.thread_time()
         for part in parts:
             recorder.write(part)
-        ticked = time.thread_time()
         recorder.finish("")
-    return ticked - opened, opened - begun + time.thread_time() - ticked
+    return time.thread_time() - begun
 
 
 def measured(name: str, rounds: int, folder: Path) -> dict[str, object]:
@@ -60,14 +59,15 @@ def measured(name: str, rounds: int, folder: Path) -> dict[str, object]:
     half = ticks // 2
     written(prepared, run, file, half)  # fills caches
     small = file.stat().st_size
-    found = [written(prepared, run, file, ticks) for _ in range(rounds)]
-    times = [1e6 * seconds / ticks for seconds, _ in found]
+    found = [(written(prepared, run, file, 1), written(prepared, run, file, ticks)) for _ in range(rounds)]
+    once, whole = (sorted(times) for times in zip(*found, strict=True))
+    times = [1e6 * (more - less) / (ticks - 1) for less, more in zip(once, whole, strict=True)]
     size = file.stat().st_size
     return {
         "joints": len(run.joints),
         "ticks": ticks,
-        "us a tick": [min(times), statistics.median(times), max(times)],
-        "ms besides": 1e3 * statistics.median(other for _, other in found),
+        "us a tick": [times[0], times[rounds // 2], times[-1]],
+        "ms of one tick": 1e3 * once[rounds // 2],
         "bytes a tick": size / ticks,
         "of the ticks alone": (size - small) / (ticks - half),
     }
@@ -103,11 +103,11 @@ def main() -> None:
     if arguments.json:
         print(json.dumps({"recordings": rows, "torn": cut}))
         return
-    heads = ("joints", "ticks", "us a tick: min", "median", "max", "ms besides", "B a tick", "alone")
+    heads = ("joints", "ticks", "us a tick: min", "median", "max", "ms of one", "B a tick", "alone")
     print(f"{'recording of':18}" + "".join(f"{head:>16}" for head in heads))
     for one, row in rows.items():
         least, middle, most = row["us a tick"]  # type: ignore[misc]
-        times = "".join(f"{value:16.1f}" for value in (least, middle, most, row["ms besides"]))
+        times = "".join(f"{value:16.1f}" for value in (least, middle, most, row["ms of one tick"]))
         print(f"{one:18}{row['joints']:16}{row['ticks']:16}{times}"
               f"{row['bytes a tick']:16.0f}{row['of the ticks alone']:16.0f}")  # fmt: skip
     least, middle, most = cut["seconds"]  # type: ignore[misc]

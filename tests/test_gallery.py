@@ -5,6 +5,7 @@ import re
 
 from PIL import Image
 
+from pages import page
 from project import ROOT
 
 SPEC = importlib.util.spec_from_file_location("gallery", ROOT / "tools/gallery.py")
@@ -49,10 +50,9 @@ def test_a_stamp_follows_what_is_seen_and_not_comments_or_expectations(tmp_path)
     assert stamp("arm: {model: arm.xml}\n") != first
 
 
-def test_the_film_of_the_readme_is_a_small_one_and_stands_beside_its_command():
-    text = (ROOT / "README.md").read_text("utf-8")
-    assert "docs/figures/blow_up.gif" in text.partition("\n## ")[0]
-    command = re.search(r"`rmrc (render [^`]*-o docs/figures/blow_up.gif[^`]*)`", text)[1]
+def test_the_film_of_the_readme_is_a_small_one_and_has_its_command_on_the_first_page():
+    assert "docs/figures/blow_up.gif" in (ROOT / "README.md").read_text("utf-8").partition("\n## ")[0]
+    command = re.search(r"`rmrc (render [^`]*-o docs/figures/blow_up.gif[^`]*)`", page("Five minutes"))[1]
     assert f"-m rmrc {command}\n" in (ROOT / "Makefile").read_text("utf-8")
     film = ROOT / "docs/figures/blow_up.gif"
     assert film.stat().st_size <= 2e6

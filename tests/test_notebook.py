@@ -6,6 +6,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from matplotlib import rc_context
 
 import rmrc
 from rmrc.results.run import Runs
@@ -126,3 +127,14 @@ def test_a_run_draws_itself(run, tmp_path):
     picture = run.plot(tmp_path / "x.svg", panels=["sigma"], width=3.5)
     assert picture.get_figwidth() == 3.5
     assert (tmp_path / "x.svg").stat().st_size > 1000
+
+
+def test_a_notebook_shows_the_plot_of_a_run_whatever_pyplot_did_before(run, tmp_path):
+    with rc_context(
+        {"figure.constrained_layout.use": True}
+    ):  # moves frames where a figure lets it, with a warning
+        picture = run.plot(tmp_path / "x.png", panels=["sigma"])
+        places = [axes.get_position().bounds for axes in picture.axes]
+        assert picture._repr_png_().startswith(b"\x89PNG")
+    assert [axes.get_position().bounds for axes in picture.axes] == places
+    assert [axes.get_position().bounds for axes in run.plot(panels=["sigma"]).axes] == places

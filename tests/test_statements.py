@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
+from pages import PAGES
 from project import ROOT
 from rmrc import arm as arms
 from rmrc.results.scorecard import scorecard
@@ -292,12 +293,12 @@ def test_lines_are_followed_at_their_speed_far_from_singularities():
     assert figures["sigma.min"] > 0.5
 
 
-# README -----------------------------------------------------------------------------------------
+# How-to -----------------------------------------------------------------------------------------
 
 
 def test_the_plain_inverse_runs_into_all_limits_and_the_damped_one_into_none():
     assert_says(
-        "README.md",
+        PAGES["Compare methods"],
         "The plain inverse runs into the joints' limits of rate, position and torque; the damped inverse reaches "
         "none of them",
     )
@@ -311,7 +312,9 @@ def test_the_plain_inverse_runs_into_all_limits_and_the_damped_one_into_none():
 
 
 def test_few_keys_have_no_default():
-    assert_says("README.md", "Everything but `name`, `arm.model` and `target.path` has a default.")
+    assert_says(
+        PAGES["Write a scenario"], "Everything but `name`, `arm.model` and `target.path` has a default."
+    )
     required = {row.key for row in schema_rows() if row.default == "required"}
     top = {key for key in required if not key.startswith(("target.path", "expect", "look", "sweep"))}
     assert top | {"target.path"} == {"name", "arm.model", "target.path"}
@@ -319,7 +322,7 @@ def test_few_keys_have_no_default():
 
 def test_mistakes_of_a_text_come_all_at_once_and_those_of_its_model_after_them():
     assert_says(
-        "README.md",
+        PAGES["Write a scenario"],
         "All mistakes in its keys and values are reported at once, each with file, line, column and key; "
         "what the model shows to be wrong is reported once these are right.",
     )
@@ -649,7 +652,7 @@ def test_drives_turn_an_outstretched_arm_so_fast(name, sentence, acceleration):
         ("the largest s ≤ 8 with |a_j + s b_j| ≤ 0.95 q̇_max,j", "law.policies.FASTEST", 8.0),
         ("the largest s ≤ 8 with |a_j + s b_j| ≤ 0.95 q̇_max,j", "law.policies.USABLE", 0.95),
         ("or A_F has lost rank (σ_k ≤ 10⁻⁶ σ_1(A))", "law.redistribution.LOST", 1e-6),
-        ("`SINGULAR` | σ_k ≤ σ_1 / 100", "law.law.SINGULAR_BELOW", 0.01),
+        ("`SINGULAR` | 32 | σ_k ≤ σ_1 / 100", "law.law.SINGULAR_BELOW", 0.01),
         ("is not finite, or beyond 10¹⁰, ends its world as diverged", "plants.lockstep.LARGEST", 1e10),
         ("J_a is refused there (|s_β| ≤ 10⁻¹²", "textbook.euler.SINGULAR", 1e-12),
         ("σ_i ≤ 10⁻⁹ σ_1 is lost and σ_i ≤ σ_1/100 nearly lost", "law.task.RANK_TOLERANCE", 1e-9),
@@ -662,7 +665,7 @@ def test_drives_turn_an_outstretched_arm_so_fast(name, sentence, acceleration):
     ],
 )
 def test_numbers_of_the_theory_are_those_of_the_code(sentence, name, value):
-    assert_says("docs/theory.md", sentence)
+    assert says(PAGES["Theory"], sentence) or says(PAGES["Statuses"], sentence)
     module, _, constant = name.rpartition(".")
     assert getattr(importlib.import_module(f"rmrc.{module}"), constant) == value
 

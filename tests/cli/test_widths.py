@@ -8,6 +8,7 @@ import pytest
 import typer
 from rich.console import Console
 
+from pages import page
 from project import ROOT
 from rmrc import cli
 from rmrc.cli.console import _Screen
@@ -136,8 +137,7 @@ def test_a_help_says_what_its_source_says(rmrc, monkeypatch, verb, width):
 
 def test_the_list_of_verbs_and_the_exit_codes_are_in_the_help(rmrc):
     _, shown, _ = rmrc("--help")
-    readme = (ROOT / "README.md").read_text("utf-8")
-    table = readme.partition("| exit code |")[2].partition("\n\n")[0]
+    table = page("Commands").partition("| exit code |")[2].partition("\n\n")[0]
     codes = re.findall(r"^\| ([0-9]+) \|", table, re.MULTILINE)
     assert codes == ["0", "1", "2", "3", "70", "129", "130", "141", "143"]
     for code in codes:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from .case import HERE
 
-# Of the README, and 128 + the number of a signal that stops a run.
+# Of docs/commands.md, and 128 + the number of a signal that stops a run.
 DOCUMENTED = {0, 1, 2, 3, 129, 130, 141, 143}
 INTERNAL = 70
 

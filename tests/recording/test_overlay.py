@@ -132,7 +132,7 @@ def test_each_arm_has_its_color_and_all_but_the_first_are_outlines_around_it(rec
     assert capsules
     for shape in capsules:
         body = prepared.arm.model.body(shape.body).name
-        drawn = [stored(recorded, entity(label, f"arm/{body}/{shape.name}")) for label in LABELS]
+        drawn = [stored(recorded, entity(label, f"arm/{body}")) for label in LABELS]
         radii = [one["Capsules3D:radii"][0][0] for one in drawn]
         np.testing.assert_allclose(radii, shape.size[0] * np.array([1.0, 1.0 + THICKER]), rtol=1e-6)
         lengths = [one["Capsules3D:lengths"][0][0] for one in drawn]

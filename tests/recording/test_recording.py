@@ -18,11 +18,12 @@ from layouts import last_layout, layouts
 from rerun.chunk import RrdReader
 
 from rmrc.arm import Shape
-from rmrc.recording import plots, stream
-from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometry, ramp
+from rmrc.recording import plots, stream, track
+from rmrc.recording.layout import VIEW_ANGLE, VIEW_ASPECT, geometries, ramp
 from rmrc.recording.panels import Panels, heights
 from rmrc.recording.scene import FORCE_LONGEST, THICKNESS, VELOCITY_SECONDS, Scene, half_axes
 from rmrc.recording.single import Recorder, RecordingError, read_columns
+from rmrc.recording.viewer import repair
 from rmrc.results.columns import COLUMNS, Divergence
 from rmrc.results.run import Run
 from rmrc.scenario import load, loads
@@ -123,8 +124,9 @@ def drawn(path, entity="/columns"):
     return {name: np.array([row[0][name] for row in found]) for name in found[0][0]}
 
 
-def entities(path):
-    return {chunk.entity_path for chunk in RrdReader(path).stream()}
+def entities(path, is_static=None):
+    chunks = RrdReader(path).stream()
+    return {one.entity_path for one in chunks if is_static is None or one.is_static is is_static}
 
 
 # Columns ------------------------------------------------------------------------------------------
@@ -193,6 +195,30 @@ def test_an_error_in_the_run_leaves_the_part_readable_and_the_last_recording_alo
         raise ZeroDivisionError
     assert path.read_bytes() == b"of the run before"
     assert_same_bits(read_columns(recorder.part_path), rows(run, 0, 50).columns)
+    tips = stored(recorder.part_path, "/tip/now")["Points3D:positions"]  # what is drawn is held for longer
+    np.testing.assert_allclose([tip[0] for tip in tips], run["pose"][[0, 16, 32, 48, 49], :3], atol=1e-6)
+
+
+def test_what_is_drawn_and_a_layout_are_written_before_a_long_run_ends(planar, tmp_path, monkeypatch):
+    """Else a killed run has columns alone; a short one would take 50 kB for a layout that nobody sees."""
+    prepared, run = planar
+    for ticks, count in ((300, 1), (10_000, 0)):
+        monkeypatch.setattr(track, "DRAWN", ticks)
+        with Recorder(tmp_path / f"{ticks}.rrd", prepared) as recorder:
+            for part in blocks(rows(run, 0, 400), 100):
+                recorder.write(part)
+            repair(recorder.part_path, tmp_path / f"{ticks}.seen.rrd")
+        assert len(layouts(tmp_path / f"{ticks}.seen.rrd")) == count
+        assert ("/tip/trail" in entities(tmp_path / f"{ticks}.seen.rrd", is_static=False)) is bool(count)
+
+
+def test_a_tick_takes_no_more_than_its_budget_on_disk(recorded, tmp_path):
+    """Beyond layouts, geometries and texts: 450 bytes of two joints, 850 of six; `benchmarks/recording.py`."""
+    prepared, run, path = recorded
+    half = len(run) // 2
+    record(tmp_path / "half.rrd", prepared, rows(run, 0, half))
+    a_tick = (path.stat().st_size - (tmp_path / "half.rrd").stat().st_size) / (len(run) - half)
+    assert 200.0 < a_tick <= {2: 450.0, 6: 850.0}[len(run.joints)]
 
 
 # Another process reads the run from an npz: it need not wait for the law to be compiled.
@@ -344,15 +370,17 @@ def test_capsules_end_where_mujoco_ends_them(recorded):
         if shape.kind != "capsule":
             continue
         body, geom = model.body(shape.body).name, model.geom(shape.name)
-        found = stored(path, f"/arm/{body}/{shape.name}")
-        quat, turn = found["Capsules3D:quaternions"][0][0], np.empty(9)
+        alike = [one.name for one in prepared.arm.shapes() if (one.body, one.kind) == (shape.body, "capsule")]
+        drawn, i = stored(path, f"/arm/{body}"), alike.index(shape.name)
+        found = {name: row[0][i : i + 1] for name, row in drawn.items() if name.startswith("Capsules3D")}
+        quat, turn = found["Capsules3D:quaternions"][0], np.empty(9)
         mujoco.mju_quat2Mat(turn, np.array([quat[3], *quat[:3]]))
-        start = np.array(found["Capsules3D:translations"][0][0])
-        end = start + turn.reshape(3, 3)[:, 2] * found["Capsules3D:lengths"][0][0]
+        start = np.array(found["Capsules3D:translations"][0])
+        end = start + turn.reshape(3, 3)[:, 2] * found["Capsules3D:lengths"][0]
         mujoco.mju_quat2Mat(turn, geom.quat)
         half = turn.reshape(3, 3)[:, 2] * geom.size[1]
         np.testing.assert_allclose([start, end], [geom.pos - half, geom.pos + half], atol=1e-6)
-        assert found["Capsules3D:radii"][0][0] == np.float32(geom.size[0])
+        assert found["Capsules3D:radii"][0] == np.float32(geom.size[0])
         checked += 1
     assert checked > 0
 
@@ -367,23 +395,41 @@ def test_capsules_end_where_mujoco_ends_them(recorded):
         ("mesh", "Mesh3D:vertex_positions", [[1.0, 2.0, 3.0], [1.0, 3.0, 3.0], [0.0, 2.0, 3.0]]),
     ],
 )
-def test_a_geometry_keeps_its_size_and_place(kind, component, expected):
+@pytest.mark.parametrize("count", [1, 2])  # of a kind: in one batch
+def test_a_geometry_keeps_its_size_and_place(count, kind, component, expected):
     quarter = np.array([np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)])  # about z: x becomes y, y becomes -x
     vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     shape = Shape(
         "g", 1, kind, np.array([0.1, 0.2, 0.3]), np.array([1.0, 2.0, 3.0, *quarter]), np.array([1.0, 0, 0, 1]),
         vertices, np.array([[0, 1, 2]], np.int32),
     )  # fmt: skip
+    found = geometries([replace(shape, name=f"g{i}") for i in range(count)])
+    assert list(found) == [f"/g{i}" for i in range(count)] if kind == "mesh" else [""]
     drawn = {
         str(batch.component_descriptor().component): batch.as_arrow_array().to_pylist()
-        for batch in geometry(shape).as_component_batches()
+        for (one,) in found.values()
+        for batch in one.as_component_batches()
     }
-    np.testing.assert_allclose(drawn[component], expected, atol=1e-6)
+    count = 1 if kind == "mesh" else count
+    np.testing.assert_allclose(drawn[component], expected * count, atol=1e-6)
     if kind != "mesh":
         (centers,) = [values for name, values in drawn.items() if name.endswith(":centers")]
-        assert centers == [[1.0, 2.0, 3.0]]
+        assert centers == [[1.0, 2.0, 3.0]] * count
         (quats,) = [values for name, values in drawn.items() if name.endswith(":quaternions")]
-        np.testing.assert_allclose(quats, [[0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]], atol=1e-7)
+        np.testing.assert_allclose(quats, [[0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]] * count, atol=1e-7)
+
+
+def test_a_ball_and_an_ellipsoid_of_a_body_are_one_batch_of_their_own_sizes():
+    here, size = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0]), np.array([0.1, 0.2, 0.3])
+    none = np.empty((0, 3)), np.empty((0, 3), np.int32)
+    both = [Shape(kind, 1, kind, size, here, np.ones(4), *none) for kind in ("sphere", "ellipsoid")]
+    ((drawn,),) = geometries(both).values()
+    (sizes,) = [
+        batch.as_arrow_array().to_pylist()
+        for batch in drawn.as_component_batches()
+        if str(batch.component_descriptor().component) == "Ellipsoids3D:half_sizes"
+    ]
+    np.testing.assert_allclose(sizes, [[0.1] * 3, [0.1, 0.2, 0.3]], rtol=1e-6)
 
 
 def ellipsoids(path):
@@ -465,7 +511,7 @@ def test_half_axes_are_bounded_at_a_singularity():
 
 def test_the_arrow_lies_along_u_min_both_ways_and_reddens_with_sigma_min(recorded):
     prepared, run, path = recorded
-    drawn = stored(path, "/tip/dying_move")
+    drawn = stored(path, "/tip/dying")
     shown = sorted({*range(0, len(run), 16), len(run) - 1})
     vectors = np.array(drawn["Arrows3D:vectors"])
     np.testing.assert_array_equal(vectors[:, 0], -vectors[:, 1])
@@ -476,7 +522,7 @@ def test_the_arrow_lies_along_u_min_both_ways_and_reddens_with_sigma_min(recorde
     order = np.argsort(run["sigma"][shown, -1])
     assert (np.diff(green[order]) >= 0).all()
     assert green.min() < green.max()
-    assert "/tip/dying_turn" in entities(path) or "rx" not in prepared.scenario.task.axes
+    assert vectors.shape[1] == (4 if "rx" in prepared.scenario.task.axes else 2)  # and of the rotation
 
 
 def test_the_ramp_goes_from_calm_to_red():
@@ -544,7 +590,7 @@ def test_a_pale_arm_is_where_the_law_takes_it_to_be(tmp_path, planar):
     assert np.abs(np.subtract(known.frames(q)[0], prepared.true_arm.frames(run["q"])[0])).max() > 0.1
     off = drawn(tmp_path / "run.rrd")["belief"]
     np.testing.assert_allclose(off, np.full((len(run), 2), -50.0), rtol=1e-6)  # float32
-    colors = stored(tmp_path / "run.rrd", "/believed/link_2/tube_2")["Capsules3D:colors"][0]
+    colors = stored(tmp_path / "run.rrd", "/believed/link_2")["Capsules3D:colors"][0]
     assert [color & 255 for color in colors] == [round(0.3 * 255)]
     assert "pale arm" in stored(tmp_path / "run.rrd", "/text/legend")["TextDocument:text"][0][0]
     assert_same_bits(read_columns(tmp_path / "run.rrd"), run.columns)
@@ -607,7 +653,7 @@ def final_views(path):
 def assert_looks_at_what_is_recorded(path):
     """Hold the views of the layouts against what is in the file."""
     known = entities(path)
-    for tables in sorted(layouts(path), key=len)[1:]:  # the smallest is the picture alone
+    for tables in layouts(path):
         named = {
             row[0] for table in tables.values() for row in [table.get("ViewBlueprint:display_name")] if row
         }
@@ -676,7 +722,7 @@ def test_a_baseline_is_a_ghost_with_dashed_rates_and_its_columns_are_kept(planar
     assert np.nanmax(drawn(path, "/baseline/columns")["dashed"]) == pytest.approx(12440.0)
     for entity in ("arm/link_2", "tip/trail"):
         assert len(stored(path, f"/baseline/{entity}")) > 0
-    colors = stored(path, "/baseline/arm/link_2/tube_2")["Capsules3D:colors"][0]
+    colors = stored(path, "/baseline/arm/link_2")["Capsules3D:colors"][0]
     assert colors[0] & 255 < 128  # a ghost
     assert "gray ghost" in stored(path, "/text/legend")["TextDocument:text"][0][0]
 
@@ -808,13 +854,13 @@ def test_the_line_of_numbers_says_what_the_columns_say(planar, tmp_path):
     record(tmp_path / "run.rrd", prepared, run)
     texts = [row[0] for row in stored(tmp_path / "run.rrd", "/now")["TextDocument:text"]]
     assert len(texts) == 23  # twenty a second
-    assert f"σ_min **{run['sigma'][1100, 1]:.3g}**" in texts[-1]
+    assert f"σ_min **{run['sigma'][1056, 1]:.3g}**" in texts[-1]  # at each third of the frames
     assert "**damped, rate limited**" in texts[-1]
     # by another route: the textbook's J of two links at that tick, and what it asks along its lost direction
-    a, b = run["q"][1100, 0], run["q"][1100].sum()
+    a, b = run["q"][1056, 0], run["q"][1056].sum()
     J = np.array([[-np.sin(a) - np.sin(b), -np.sin(b)], [np.cos(a) + np.cos(b), np.cos(b)]])
     u, s, _ = np.linalg.svd(J)
-    asked = abs(u[:, 1] @ run["twist_ref"][1100, :2]) / s[1]
+    asked = abs(u[:, 1] @ run["twist_ref"][1056, :2]) / s[1]
     assert float(texts[-1].rpartition("= ")[2]) == pytest.approx(asked, rel=0.06)  # two digits
 
 

@@ -57,7 +57,7 @@ def test_the_full_scenario_of_these_tests_uses_every_field():
     """Keeps the test above honest: FULL and the schema are both held against the classes."""
     sections = {
         kind
-        for kind in [getattr(package, name) for name in dir(package)]
+        for kind in (getattr(package, name) for name in dir(package))
         if isinstance(kind, type) and issubclass(kind, package.Section)
     } | set(DERIVED.values())
     seen = {kind: set() for kind in sections}

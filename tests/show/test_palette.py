@@ -1,9 +1,11 @@
 """Colors can be told apart by all, on a dark and on a light background."""
 
+from itertools import combinations
+
 import numpy as np
 import pytest
 
-from rmrc.recording.events import color
+from rmrc.analysis.workspace.figure import FAMILIES
 from rmrc.scenario.choices import IN_RUNS, Status
 from rmrc.show import palette
 
@@ -45,8 +47,8 @@ def contrast(first, second):
 
 PANELS = {
     "rates": (*palette.HUES, palette.GRAY),
-    "sigma": (palette.GREEN, palette.MAGENTA, palette.GRAY),
-    "errors": (palette.GOLD, palette.SLATE),
+    "sigma": (palette.GREEN, palette.LIME, palette.MAGENTA, palette.GRAY, palette.SLATE),
+    "errors": (palette.GOLD, palette.INDIGO, palette.SLATE),
     "strip": (palette.RED, palette.TEAL, palette.SLATE),
 }
 
@@ -58,6 +60,15 @@ def test_colors_of_a_panel_are_told_apart(panel, sight):
     for i, first in enumerate(colors):
         for second in colors[:i]:
             assert distance(first, second, sight) >= 20.0, (f"{first:08x}", f"{second:08x}")
+
+
+@pytest.mark.parametrize("sight", SIGHTS)
+def test_families_of_singularities_are_told_apart_on_paper(sight):
+    """A pivot stands alone in its map, and shares the color of an elbow."""
+    colors = {int(look.color[1:] + "ff", 16) for look in FAMILIES.values()} | {0x1F4E9CFF, palette.BLACK}
+    for first, second in combinations(colors, 2):
+        assert distance(first, second, sight) >= 20.0, (f"{first:08x}", f"{second:08x}")
+    assert min(contrast(one, palette.WHITE) for one in colors) >= 3.0
 
 
 def test_red_and_green_of_equal_lightness_are_not():
@@ -82,7 +93,7 @@ def test_the_words_of_the_strip_are_read_in_the_light_theme():
 
 
 def test_a_joint_a_singular_value_a_damping_and_a_status_never_share_a_color():
-    statuses = {color(int(one)) for one in (Status.OK, *IN_RUNS)}
+    statuses = {palette.of_status(int(one)) for one in (Status.OK, *IN_RUNS)}
     assert statuses == {palette.RED, palette.TEAL, palette.SLATE}
     kinds = [set(palette.HUES), {palette.GREEN}, {palette.MAGENTA}, statuses]
     for i, some in enumerate(kinds):

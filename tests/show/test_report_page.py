@@ -6,12 +6,14 @@ import json
 import re
 import shutil
 from html.parser import HTMLParser
+from itertools import combinations
 from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from test_palette import SIGHTS, contrast, distance
 
 import rmrc
 from project import ROOT
@@ -153,6 +155,24 @@ def test_a_page_begins_with_the_verdict_and_has_the_baseline_beside_the_run(left
     assert rates["range"][1] < 20.0  # rad/s, so that the run is seen beside 12,000
     assert sum(one["label"].startswith("baseline, ") for one in errors["series"]) == 2
     assert not any("baseline" in one["label"] for one in traces.of_run(runs["damped"]).json()[0]["series"])
+
+
+@pytest.mark.parametrize("sight", SIGHTS)
+def test_curves_of_a_page_are_told_apart_and_no_joint_shares_its_color(left, sight):
+    """On both papers of the page, for all color vision: ΔE of 20, contrast of 3; with a baseline."""
+    runs = rmrc.read_runs(left / "blow_up.compare.npz")
+    run = dataclasses.replace(runs["damped"], baseline=runs["inverse"])
+    papers = re.findall(r"--paper: #(\w{6})", (Path(traces.__file__).parent / "assets/page.css").read_text())
+    panels = {panel["title"].split(" ")[0]: panel["series"] for panel in traces.of_run(run).json()}
+    assert {"Joint", "Smallest", "Tracking"} <= set(panels)
+    for theme, paper in zip(("light", "dark"), papers, strict=True):
+        colors = {title: {int(one[theme][1:] + "ff", 16) for one in panel} for title, panel in panels.items()}
+        for some in colors.values():
+            for first, second in combinations(some, 2):
+                assert distance(first, second, sight) >= 20.0, (f"{first:08x}", f"{second:08x}")
+            assert min(contrast(one, int(paper + "ff", 16)) for one in some) >= 3.0
+        joints = colors.pop("Joint")
+        assert not joints & (colors["Smallest"] | colors.get("Status", set()))
 
 
 def test_a_sweep_can_be_plotted_and_a_search_is_told_from_it(rmrc, left):

@@ -12,7 +12,7 @@ from rmrc.support import shipped
 from rmrc.support.errors import QuestionError
 from rmrc.support.invocation import command
 
-# The examples in the hints: the ones with which the README begins.
+# The examples in the hints: the ones with which the README and the documentation begin.
 SCENARIO, MODEL = "approach_singularity", "planar_2link"
 
 

@@ -18,6 +18,7 @@ Entities; `<variant>` is the label of a variant, and what stands below it is as 
 """
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Self
@@ -29,7 +30,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording import stream
-from rmrc.recording.events import Strip, color, words
+from rmrc.recording.events import Strip, words
 from rmrc.recording.layout import (
     ASPECT_COMPARED,
     PALE_ARM,
@@ -59,11 +60,11 @@ from rmrc.recording.plots import (
     spell,
 )
 from rmrc.recording.scene import Frames, Scene
-from rmrc.recording.stream import Stream, Values
+from rmrc.recording.stream import RecordingError, Stream, Values
 from rmrc.recording.track import Track, prefix_of
 from rmrc.results.run import Run
 from rmrc.scenario.choices import IN_RUNS, POLICIES
-from rmrc.show.palette import GRAY, RED, WHITE, distinct, mix
+from rmrc.show.palette import GRAY, RED, WHITE, distinct, mix, of_status
 from rmrc.simulation.prepare import Prepared
 
 # The first variant is solid. The others are outlines around what moves of it, each so much thicker than the
@@ -128,6 +129,7 @@ class Overlay:
         self._layout = _Layout(name, labels, [one for _, one in variants], scenes)
         opened = opening(self._layout.pictures()[0])
         self._out = Stream(path, name, opened, lambda: self._layout.blueprint()[0])
+        self._out.open()
         self.path, self.part_path = self._out.path, self._out.part_path
         self._arms: list[_Arm] = []
         first = variants[0][1].reference.pose
@@ -135,7 +137,7 @@ class Overlay:
         drawn = sorted(map(prefix_of, labels))  # the viewer's own order
         for i, (label, prepared) in enumerate(variants):
             look = _look(i, drawn.index(prefix_of(label)), len(variants))
-            self._arms.append(_Arm(self._out, prepared, label, look, self._layout.is_share))
+            self._arms.append(_Arm(self._out, scenes[i], prepared, label, look, self._layout.is_share))
             if not np.array_equal(prepared.reference.pose, first):
                 self._out.log(f"{prefix_of(label)}path", path_line(scenes[i], mix(look.color, WHITE, 0.5)))
         is_misled = any(prepared.hardware.is_misled for _, prepared in variants)
@@ -148,6 +150,9 @@ class Overlay:
 
     def __exit__(self, *_: object) -> None:
         """Close the file; what was written stays in `part_path` if `finish` was not called."""
+        with suppress(RecordingError):  # the error that led here says more
+            for arm in self._arms if self._out.is_open else ():
+                arm.write_last()
         self._out.close()
 
     def write(self, variant: int, part: Run) -> None:
@@ -228,8 +233,10 @@ def _look(i: int, drawn: int, count: int) -> _Look:
 class _Arm(Track):
     """The track of one variant, with the few curves in which variants are compared."""
 
-    def __init__(self, out: Stream, prepared: Prepared, label: str, look: _Look, is_share: bool) -> None:
-        super().__init__(out, prepared, prefix_of(label))
+    def __init__(
+        self, out: Stream, scene: Scene, prepared: Prepared, label: str, look: _Look, is_share: bool
+    ) -> None:
+        super().__init__(out, prepared, prefix_of(label), scene)
         self.label, self.seen, self.strip = label, Seen(), Strip()
         self._look, self._is_share = look, is_share
         self._lane = f"status/{rr.escape_entity_path_part(label)}"
@@ -237,8 +244,8 @@ class _Arm(Track):
         self.write_arm(self._painted, has_outlines=not look.is_solid)
         thin = 0.004 * self.scene.reach
         self._log("tip/now", rr.Points3D.from_fields(colors=look.color, radii=5.5 * thin))
-        self._log("tip/trail", rr.LineStrips3D.from_fields(radii=1.8 * thin))
-        self._log("tip/trail", rr.Transform3D(translation=[0.0, 0.0, look.lift * self.scene.reach]))
+        lifted = rr.Transform3D(translation=[0.0, 0.0, look.lift * self.scene.reach])
+        self._log("tip/trail", rr.LineStrips3D.from_fields(radii=1.8 * thin), lifted)
         wires = rr.components.FillMode.MajorWireframe
         ellipsoid = rr.Ellipsoids3D.from_fields(colors=look.color, line_radii=0.5 * thin, fill_mode=wires)
         self._log("tip/velocity_ellipsoid", ellipsoid)
@@ -349,7 +356,7 @@ class _Arm(Track):
         if len(rows):
             found = status[rows].tolist()
             index = stream.index(ticks[rows], part["time"][rows])
-            self._write_states([words(one) for one in found], [color(one) for one in found], index)
+            self._write_states([words(one) for one in found], [of_status(one) for one in found], index)
 
     def _write_states(self, states: list[str], colors: list[int], index: list[rr.TimeColumn]) -> None:
         known = self._states | dict(zip(states, colors, strict=True))
@@ -368,8 +375,8 @@ class _Arm(Track):
             curves["belief"] = ("q_believed", "q", 1e3)
         return curves
 
-    def _log(self, path: str, look: rr.AsComponents) -> None:
-        self.out.log(self.prefix + path, look)
+    def _log(self, path: str, *look: rr.AsComponents) -> None:
+        self.out.log(self.prefix + path, *look)
 
 
 def _inverse(part: Run) -> NDArray[np.float64]:

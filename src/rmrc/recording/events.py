@@ -1,17 +1,17 @@
 """What happens to a run, in words, on one strip: each state once, and short ones long enough to be read."""
 
 from collections.abc import Sequence
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from rmrc.scenario.choices import Status
-from rmrc.show.palette import RED, SLATE, TEAL
+from rmrc.show.palette import GRAVE, RED, of_status
 
 # Letters that the strip has room for in a window of 1280 points, if nothing else is known.
 LETTERS = 80.0
-GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
 FREE = "free"
 
 
@@ -29,6 +29,7 @@ class Label(NamedTuple):
     color: int
 
 
+@cache
 def words(status: int) -> str:
     """Return a status as words.
 
@@ -36,11 +37,6 @@ def words(status: int) -> str:
     ('damped, rate limited', 'free')
     """
     return ", ".join(str(one.name).lower().replace("_", " ") for one in Status if one & status) or FREE
-
-
-def color(status: int) -> int:
-    """Return the color of a status, 0xRRGGBBAA: of what is grave, of what acts, or of nothing."""
-    return RED if status & GRAVE else TEAL if status else SLATE
 
 
 class Strip:
@@ -92,7 +88,7 @@ class Strip:
         while i < len(spans):
             begin, (_, until, one) = max(begin, spans[i][0]), spans[i]
             if until - begin >= room(words(one), letters) * end or len(spans) == 1:
-                found.append(Label(begin, words(one), color(one)))
+                found.append(Label(begin, words(one), of_status(one)))
                 i += 1
                 continue
             # From here to where a label ends: all that is under it, and the rest of the last one after it.
@@ -147,4 +143,4 @@ def _shared(spans: Sequence[tuple[float, float, int]], begin: float, end: float)
     ranked = sorted(lasted, key=lambda one: (not one & GRAVE, not one, -lasted[one]))
     texts = [f"{words(one)} {1e3 * lasted[one]:.0f} ms" for one in ranked if one or len(lasted) == 1]
     more = f" +{len(texts) - 1}" * (len(texts) > 1)
-    return Label(begin, texts[0] + more, color(together))
+    return Label(begin, texts[0] + more, of_status(together))

@@ -22,13 +22,16 @@ VIEW_ANGLE = np.radians(55.0)
 VIEW_ASPECT, ASPECT_COMPARED = 0.97, 0.88
 
 # Positions in the static line of the target path.
-PATH_POINTS = 600
+PATH_POINTS = 300
 
 # How far from the tip its label is, as a part of the reach.
 CALLOUT = 0.25
 
 # How opaque the arm is that the law takes for the true one.
 PALE = 0.3
+
+# Position, orientation and size among the numbers of a shape.
+PARTS = (slice(0, 3), slice(3, 7), slice(7, 10))
 
 # 0xRRGGBBAA; only in the picture, which is dark in both themes.
 PINK, YELLOW, CYAN, GHOSTLY = 0xE77BCBFF, 0xFFD60AFF, 0x3DC9FFFF, 0xB8B8B8FF
@@ -63,26 +66,46 @@ def legend(prepared: Prepared, has_baseline: bool = False) -> str:
     return LEGEND.format(arriving=arriving, pale=PALE_ARM * prepared.hardware.is_misled + ghostly)
 
 
-def geometry(shape: Shape, has_outlines: bool = False) -> rr.AsComponents:
-    """Return a shape as rerun draws it, a mesh always solid; the sizes of MuJoCo are half sizes."""
-    position, quat = shape.pose[:3], shape.pose[3:]
-    radius, half = float(shape.size[0]), float(shape.size[1])
+def geometries(shapes: Sequence[Shape], has_outlines: bool = False) -> dict[str, list[rr.AsComponents]]:
+    """Return the shapes of a body as rerun draws them, by what their entities end with.
+
+    All of a kind are one batch of the body itself, which takes a kilobyte or two, as one shape does; a mesh
+    has an entity of its own.
+    """
+    alike, found = dict[str, list[Shape]](), dict[str, list[rr.AsComponents]]()
+    for shape in shapes:
+        if shape.kind == "mesh":
+            found[f"/{rr.escape_entity_path_part(shape.name)}"] = [_mesh(shape)]
+        else:
+            alike.setdefault("ellipsoid" if shape.kind == "sphere" else shape.kind, []).append(shape)
+    if alike:
+        found[""] = [_batch(kind, some, has_outlines) for kind, some in alike.items()]
+    return found
+
+
+def _batch(kind: str, shapes: Sequence[Shape], has_outlines: bool) -> rr.AsComponents:
+    """Return shapes of a kind; the sizes of MuJoCo are half sizes."""
+    position, quat, size = (np.array([(*one.pose, *one.size) for one in shapes])[:, part] for part in PARTS)
+    colors = [(one.rgba * 255).round().astype(np.uint8) for one in shapes]
+    mode = rr.components.FillMode.MajorWireframe if has_outlines else rr.components.FillMode.Solid
+    look: dict[str, Any] = {"colors": colors, "quaternions": xyzw(quat), "fill_mode": mode}
+    radius, half = size[:, 0], size[:, 1]
+    if kind == "capsule":  # rerun's begins at its origin, MuJoCo's is centered
+        start = position - rotate(quat, half[:, None] * [0.0, 0.0, 1.0])
+        return rr.Capsules3D(lengths=2 * half, radii=radius, translations=start, **look)
+    if kind == "cylinder":
+        return rr.Cylinders3D(lengths=2 * half, radii=radius, centers=position, **look)
+    if kind == "box":
+        return rr.Boxes3D(half_sizes=size, centers=position, **look)
+    is_round = np.array([[one.kind == "sphere"] for one in shapes])
+    return rr.Ellipsoids3D(half_sizes=np.where(is_round, radius[:, None], size), centers=position, **look)
+
+
+def _mesh(shape: Shape) -> rr.AsComponents:
+    """Return a mesh, always solid."""
+    vertices = shape.pose[:3] + rotate(shape.pose[3:], shape.vertices)
     color = (shape.rgba * 255).round().astype(np.uint8)
-    look: dict[str, Any] = {"colors": [color], "quaternions": [xyzw(quat)]}
-    modes = rr.components.FillMode
-    look["fill_mode"] = modes.MajorWireframe if has_outlines else modes.Solid
-    if shape.kind == "capsule":  # rerun's begins at its origin, MuJoCo's is centered
-        start = position - rotate(quat, np.array([0.0, 0.0, half]))
-        return rr.Capsules3D(lengths=[2 * half], radii=[radius], translations=[start], **look)
-    if shape.kind == "cylinder":
-        return rr.Cylinders3D(lengths=[2 * half], radii=[radius], centers=[position], **look)
-    if shape.kind == "box":
-        return rr.Boxes3D(half_sizes=[shape.size], centers=[position], **look)
-    if shape.kind == "mesh":
-        vertices = position + rotate(quat, shape.vertices)
-        return rr.Mesh3D(vertex_positions=vertices, triangle_indices=shape.faces, albedo_factor=color)
-    sizes = shape.size if shape.kind == "ellipsoid" else [radius] * 3
-    return rr.Ellipsoids3D(half_sizes=[sizes], centers=[position], **look)
+    return rr.Mesh3D(vertex_positions=vertices, triangle_indices=shape.faces, albedo_factor=color)
 
 
 def marks(scene: Scene) -> dict[str, rr.AsComponents]:
@@ -100,8 +123,6 @@ def marks(scene: Scene) -> dict[str, rr.AsComponents]:
         "tip/force_ellipsoid": rr.Ellipsoids3D.from_fields(
             colors=PINK, line_radii=0.7 * thin, fill_mode=wires
         ),
-        "tip/dying_move": rr.Arrows3D.from_fields(radii=2 * thin),
-        "tip/dying_turn": rr.Arrows3D.from_fields(radii=thin),
     }
 
 
@@ -256,7 +277,6 @@ def eye(points: NDArray[np.float64], normal: int | None, aspect: float = VIEW_AS
     distance = (across.max(axis=1) / np.tan(VIEW_ANGLE / 2) + (seen - middle)[:, 2]).max()
     center = middle @ axes
     return rrb.EyeControls3D(
-        kind=rrb.Eye3DKind.Orbital,
         position=center + distance * axes[2],
         look_target=center,
         eye_up=(0.0, 0.0, 1.0),
@@ -271,7 +291,7 @@ def grid(points: NDArray[np.float64]) -> rrb.LineGrid3D:
 
 def xyzw(quat: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return quaternions w x y z in rerun's order."""
-    return np.roll(quat, -1, axis=-1)
+    return quat[..., [1, 2, 3, 0]]
 
 
 def packed(colors: Sequence[int]) -> NDArray[np.uint32]:

@@ -30,7 +30,7 @@ from rmrc.recording.plots import (
 )
 from rmrc.results.run import Run
 from rmrc.scenario.choices import POLICIES
-from rmrc.show.palette import BLACK, GOLD, GRAY, GREEN, MAGENTA, SLATE, WHITE, hue, mix
+from rmrc.show.palette import BLACK, GOLD, GRAY, GREEN, LIME, MAGENTA, SLATE, WHITE, hue, mix
 from rmrc.simulation.prepare import Prepared
 from rmrc.support.spatial import log_rotation, quat_conjugate, quat_multiply
 
@@ -46,6 +46,8 @@ MOST_LINES = 8
 ALONE = ("rates", "sigma")
 # Of the whole arm, which the picture has; of anything else, a second one has the hand at that instant.
 OF_THE_ARM = ("joints", "torque")
+# What is only drawn and has an axis as long as its largest value.
+RANGED = ("error", "belief", "joints", "turn", "turn_error")
 # The plots of what is no plot itself.
 SEEN_IN = {"status": "rates", "path": "error"}
 
@@ -95,10 +97,10 @@ class Panels:
 
     def watch(self, seen: Seen, part: Run, derived: dict[str, np.ndarray]) -> None:
         """Note what a block shows."""
-        names = ("qdot", "qdot_cmd", "qdot_arrived", "qdot_plain", "tau", "path_rate", "damping")
-        seen.add(part["time"], {name: part[name] for name in names} | derived)
-        seen.add(part["time"], {"1/sigma": 1.0 / np.maximum(part["sigma"][:, -1], 1e-300)})
-        seen.add(part["time"], {"sigma": part["sigma"]})
+        least = 1.0 / np.maximum(part["sigma"][:, -1], 1e-300)
+        columns = {name: part[name] for name in ("qdot", "qdot_cmd", "qdot_plain", "tau", "damping", "sigma")}
+        asked = {name: derived[name] for name in derived if name in RANGED}
+        seen.add(part["time"], columns | asked | {"1/sigma": least})
 
     def only_if_looked_at(self, part: Run) -> dict[str, np.ndarray]:
         """Return the curves of a block that only a scenario that asks for them has: (T, width) each."""
@@ -249,7 +251,6 @@ class Panels:
 
     def _sigma(self, seen: Seen | None) -> Panel:
         k = min(len(self._joints), len(self.axes))
-        others = [mix(GRAY, GREEN, 0.5 * i / k) for i in range(k - 1)]
         most = seen.peak("damping") if seen else None
         damping = ["λ" if most is None or most.value > 0.0 else "σ_min"]
         curves = [
@@ -257,7 +258,7 @@ class Panels:
                 "columns",
                 "curves.log_sigma[]",
                 ["other σ"] * (k - 1),
-                others,
+                [LIME] * (k - 1),
                 1.2,
                 spare=["other σ, ε"],
             ),

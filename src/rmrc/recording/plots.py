@@ -33,6 +33,8 @@ FILLED, FRAME = 0.8, 12.0
 STEPS = (*(10.0**power for power in range(-9, 2)), 60.0, 600.0, 3600.0, 36000.0)
 # Dashes and gaps of a curve, over a run.
 DASHES = 120
+# Of these the size that they mostly have is asked for.
+USUAL = ("qdot_cmd", "fastest_cmd")
 # σ below this is drawn there: its logarithm has no end.
 FLOOR = 1e-6
 
@@ -145,8 +147,8 @@ class Panel:
             contents=[f"/{entity}" for entity in drawn],
             overrides=drawn,
             axis_x=axis,
-            axis_y=rrb.ScalarAxis(range=self.range, zoom_lock=False),
-            plot_legend=rrb.PlotLegend("RightTop", visible=self.has_legend),
+            axis_y=rrb.ScalarAxis(range=self.range) if self.range else None,
+            plot_legend=rrb.PlotLegend("RightTop", visible=None if self.has_legend else False),
         )
 
 
@@ -248,7 +250,7 @@ class Seen:
         self.mark: Mark | None = None
         self._peaks: dict[str, Peak] = {}
         self._least: dict[str, float] = {}
-        self._sizes: dict[str, list[NDArray[np.float32]]] = {}
+        self._sizes: dict[str, list[NDArray[np.float64]]] = {}
 
     def add(self, time: NDArray[np.float64], values: Mapping[str, NDArray[np.generic]]) -> None:
         """Take a block.
@@ -259,14 +261,14 @@ class Seen:
         """
         self.end = max(self.end, float(time[-1]))
         for name, found in values.items():
-            wide = np.abs(np.nan_to_num(found.reshape(len(time), -1), nan=0.0))
-            size = wide.max(axis=1)
-            row = int(size.argmax())
-            self._sizes.setdefault(name, []).append(size.astype(np.float32))
-            if name not in self._peaks or size[row] > abs(self._peaks[name].value):
-                which = int(wide[row].argmax())
-                value = float(found.reshape(len(time), -1)[row, which])
-                self._peaks[name] = Peak(float(time[row]), value, which)
+            wide = found.reshape(len(time), -1)
+            if name in USUAL:
+                self._sizes.setdefault(name, []).append(np.fmax.reduce(np.abs(wide), axis=1))
+            size = max(-float(np.fmin.reduce(wide, axis=None)), float(np.fmax.reduce(wide, axis=None)))
+            known = self._peaks.get(name)
+            if not math.isnan(size) and (known is None or size > abs(known.value)):
+                row, which = divmod(int((np.abs(wide) == size).argmax()), wide.shape[1])
+                self._peaks[name] = Peak(float(time[row]), float(wide[row, which]), which)
 
     def peak(self, *names: str) -> Peak | None:
         """Return the largest value of some of what was taken, if there is any."""
@@ -274,9 +276,9 @@ class Seen:
         return max(found, key=lambda peak: abs(peak.value), default=None)
 
     def mostly(self, name: str) -> float:
-        """Return how large something is at nine of ten ticks, at most."""
+        """Return how large something of `USUAL` is at nine of ten ticks, at most."""
         sizes = self._sizes.get(name)
-        return float(np.quantile(np.concatenate(sizes), 0.9)) if sizes else 0.0
+        return float(np.quantile(np.nan_to_num(np.concatenate(sizes)), 0.9)) if sizes else 0.0
 
 
 def rounded(largest: float, steps: float = 4.7) -> float:

@@ -93,7 +93,7 @@ class Scene:
         path: Target positions, (p, 3) [m].
         believed: The arm as the law knows it.
         joint_of: Joint that moves each body, by its number; -1: none of the arm's, (nbody,).
-        joint_axes: Body, name and axis of each joint, as a line in the frame of that body, (2, 3) [m].
+        joint_axes: Body and axis of each joint, as a line in the frame of that body, (2, 3) [m].
     """
 
     def __init__(self, prepared: Prepared) -> None:
@@ -140,14 +140,12 @@ class Scene:
 
     def outermost(self, frames: Frames) -> Array:
         """Return the points of the arm that are farthest in many directions at some instants, (p, 3) [m]."""
-        here = [frames.tip]
-        for body, corners in self._corners.items():
-            if self.is_fixed[body]:
-                continue
-            turn = quat_to_matrix(frames.bodies[:, body, 3:])
-            here.append((frames.bodies[:, body, None, :3] + corners @ np.swapaxes(turn, 1, 2)).reshape(-1, 3))
-        points = np.vstack(here)
-        return np.asarray(points[np.unique((points @ DIRECTIONS.T).argmax(axis=0))])
+        moving = [body for body in self._corners if not self.is_fixed[body]]
+        corners = np.array([self._corners[body] for body in moving]).reshape(-1, 8, 3)
+        turn = np.swapaxes(quat_to_matrix(frames.bodies[:, moving, 3:]), 2, 3)
+        there = (frames.bodies[:, moving, None, :3] + corners @ turn).reshape(-1, 3)
+        points = np.vstack([frames.tip, there]).astype(np.float32)
+        return np.asarray(points[np.unique((DIRECTIONS @ points.T).argmax(axis=1))])
 
     def around(self, instant: Run) -> Array:
         """Return points around the hand at the one tick of a run, (p, 3) [m].
@@ -242,7 +240,7 @@ def principal(J: Array, rows: NDArray[np.int64], held: NDArray[np.int64]) -> tup
 
 def _joints(
     arm: Arm, corners: dict[int, Array], bodies: Array, reach: float
-) -> tuple[list[int], list[tuple[int, str, Array]]]:
+) -> tuple[list[int], list[tuple[int, Array]]]:
     """Return which joint moves each body, and where the axis of each joint is drawn: out of its housing."""
     model, ids = arm.model, arm.wiring.joint.tolist()
     moved = [int(model.jnt_bodyid[one]) for one in ids]
@@ -250,7 +248,7 @@ def _joints(
     for body in range(1, model.nbody):
         own = [j for j, one in enumerate(moved) if one == body]
         joint_of.append(own[-1] if own else joint_of[model.body_parentid[body]])
-    for body, name, one in zip(moved, arm.joints, ids, strict=True):
+    for body, one in zip(moved, ids, strict=True):
         turn, half = quat_to_matrix(bodies[body, 3:]), 0.0
         axis, anchor = model.jnt_axis[one], model.jnt_pos[one]
         for near in {body, int(model.body_parentid[body])} & corners.keys():
@@ -258,7 +256,7 @@ def _joints(
             along = ((world - bodies[body, :3]) @ turn - anchor) @ axis
             half = max(half, min(along.max(), -along.min()))
         half = min(half, LONGEST_AXIS * reach) + AXIS * reach
-        lines.append((body, name, np.array([anchor - half * axis, anchor + half * axis])))
+        lines.append((body, np.array([anchor - half * axis, anchor + half * axis])))
     return joint_of, lines
 
 

@@ -6,7 +6,7 @@ Entities:
                      [mrad or mm], and the common logarithms of σ and λ
     limits, peak     lines that do not move, and the mark of a rate that its plot does not show
     look, tip/look   what the scenario asks to look at: values at that instant, and where the tip is then
-    arm/<body>       poses, with the geometries and the axes of joints as static children
+    arm/<body>       poses, with the geometries and the axes of joints; meshes are static children
     believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
     target/..        path, and the pose wanted at the moment
     tip/..           trail, ellipsoids and the dying direction
@@ -22,6 +22,7 @@ Entities:
 import re
 import tempfile
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Self
@@ -33,7 +34,7 @@ from numpy.typing import NDArray
 from rerun.chunk import RrdReader
 
 from rmrc.recording import live, stream
-from rmrc.recording.events import Strip, color, words
+from rmrc.recording.events import Strip, words
 from rmrc.recording.layout import (
     CYAN,
     GHOSTLY,
@@ -56,6 +57,7 @@ from rmrc.recording.track import Track, prefix_of
 from rmrc.recording.viewer import is_torn, repair
 from rmrc.results.columns import ADDED, COLUMNS, SAME, completed
 from rmrc.results.run import Run
+from rmrc.show.palette import of_status
 from rmrc.simulation.prepare import Prepared
 
 # The line of numbers changes so often [s]: a reader takes in no more.
@@ -92,9 +94,8 @@ class Recorder:
         self._out = Stream(path, scenario.name, first, lambda: _layout(scene, panels)[0])
         self.path, self.part_path = self._out.path, self._out.part_path
         self._ghost = None if baseline is None else _Ghost(self._out, baseline)
-        self._story = _Story(self._out, prepared, self._ghost)
-        self._story.write_arm(scene.painted)
-        self._story.write_axes()
+        self._story = _Story(self._out, scene, panels, self._ghost)
+        self._story.write_arm(scene.painted, has_axes=True)
         for entity, look in marks(scene).items():
             self._out.log(entity, look)
         self._out.log_text("text/legend", legend(prepared, baseline is not None))
@@ -106,6 +107,9 @@ class Recorder:
 
     def __exit__(self, *_: object) -> None:
         """Close the file; what was written stays in `part_path` if `finish` was not called."""
+        with suppress(RecordingError):  # the error that led here says more
+            for track in filter(None, (self._ghost, self._story)) if self._out.is_open else ():
+                track.write_last()
         self._out.close()
 
     def write(self, part: Run) -> None:
@@ -142,9 +146,8 @@ class Recorder:
         Raises:
             RecordingError: The file cannot be written.
         """
-        for track in (self._ghost, self._story):
-            if track is not None:
-                track.write_last()
+        for track in filter(None, (self._ghost, self._story)):
+            track.write_last()
         self._story.write_ending()
         self._out.log_text("text/scorecard", scorecard_markdown)
         self._out.finish()
@@ -195,22 +198,29 @@ class _Ghost(Track):
 class _Story(Track):
     """A track that also shows what the arm can and cannot do at each instant."""
 
-    def __init__(self, out: Stream, prepared: Prepared, ghost: _Ghost | None) -> None:
-        super().__init__(out, prepared)
-        self._ghost, self._panels = ghost, Panels(prepared, ghost is not None)
+    def __init__(self, out: Stream, scene: Scene, panels: Panels, ghost: _Ghost | None) -> None:
+        prepared = panels.prepared
+        super().__init__(out, prepared, scene=scene)
+        self._ghost, self._panels = ghost, panels
         self._seen, self._strip = Seen() if ghost is None else ghost.seen, Strip()
         self._looks: dict[str, int] = {}
-        self._read = max(1, round(READ_PERIOD / prepared.scenario.control.period))
+        frame = self.stride * prepared.scenario.control.period
+        self._read = self.stride * max(1, round(READ_PERIOD / frame))
+        kinds = ((self.translations, 2.0), (self.rotations, 1.0))
+        radii = [0.004 * scene.reach * width for rows, width in kinds if rows for _ in ("there", "back")]
+        out.log("tip/dying", rr.Arrows3D.from_fields(radii=radii))
+        out.log("now", rr.TextDocument.from_fields(media_type="text/markdown"))
         self._write_limits([0.0, prepared.reference.duration])
 
     def write_block(self, part: Run, ticks: NDArray[np.int64]) -> None:
         super().write_block(part, ticks)
         self._write_status(part, ticks)
+
+    def write_drawn(self, part: Run, ticks: NDArray[np.int64]) -> None:
+        super().write_drawn(part, ticks)
         rows = np.flatnonzero(ticks % self._read == 0)
         if len(rows):
-            texts = rr.TextDocument.columns(
-                text=live.lines(self._prepared, part, rows), media_type=["text/markdown"] * len(rows)
-            )
+            texts = rr.TextDocument.columns(text=live.lines(self._prepared, part, rows))
             self.out.send("now", stream.index(ticks[rows], part["time"][rows]), texts)
 
     def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
@@ -284,7 +294,7 @@ class _Story(Track):
         if not len(rows):
             return
         texts = [words(one) for one in status[rows].tolist()]
-        looks = {text: color(one) for text, one in zip(texts, status[rows].tolist(), strict=True)}
+        looks = {text: of_status(one) for text, one in zip(texts, status[rows].tolist(), strict=True)}
         if not looks.items() <= self._looks.items():
             self._looks |= looks
             values, colors = list(self._looks), packed(list(self._looks.values()))
@@ -297,18 +307,16 @@ class _Story(Track):
         self.send("target/now", index, Values(stream.POINT, frames.target))
         self.send_ellipsoid("velocity", frames.velocity, frames, index)
         self.send_ellipsoid("force", frames.force, frames, index)
-        origins = np.stack([frames.tip, frames.tip], axis=1)
-        arrows = (
-            ("move", self.translations, frames.dying_move, YELLOW),
-            ("turn", self.rotations, frames.dying_turn, CYAN),
+        kinds = ((self.translations, frames.dying_move, YELLOW), (self.rotations, frames.dying_turn, CYAN))
+        arrows = [(way * vector, calm) for rows, vector, calm in kinds if rows for way in (1.0, -1.0)]
+        shades = np.stack([ramp(frames.nearness, calm) for _, calm in arrows], axis=1)
+        self.send(
+            "tip/dying",
+            index,
+            Values(stream.VECTOR, np.stack([vector for vector, _ in arrows], axis=1)),
+            Values(stream.ORIGIN, np.stack([frames.tip] * len(arrows), axis=1)),
+            Values(stream.ARROW_COLOR, shades),
         )
-        for name, rows, vector, calm in arrows:
-            if not rows:
-                continue
-            both_ways = Values(stream.VECTOR, np.stack([vector, -vector], axis=1))
-            colors = np.repeat(ramp(frames.nearness, calm)[:, None], 2, axis=1)
-            shade = Values(stream.ARROW_COLOR, colors)
-            self.send(f"tip/dying_{name}", index, both_ways, Values(stream.ORIGIN, origins), shade)
 
 
 def read_columns(

@@ -1,7 +1,7 @@
 """A recording that grows block by block: its file, its two timelines, and columns straight from arrays.
 
 While a run goes on, the recording is `NAME.rrd.part` beside its final name; each block is flushed, so
-that a killed process loses at most one block. `finish` closes it and renames it to `NAME.rrd`.
+that a killed process loses the columns of one block at most. `finish` closes it and renames it to `NAME.rrd`.
 
 Timelines: `tick` counts control ticks; `sim_time` is `time` rounded to the nearest nanosecond.
 """
@@ -40,6 +40,7 @@ class Stream:
     Attributes:
         path: Where the finished recording appears.
         part_path: Where it grows until then.
+        is_open: Whether it takes more.
     """
 
     def __init__(
@@ -50,7 +51,7 @@ class Stream:
         Args:
             path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
             name: Name of the recording, as the viewer shows it.
-            opening: That a page has while it loads the rest.
+            opening: Blocks that a page shows while it loads the rest, if `open` writes it.
             layout: That the viewer opens it with if it is never finished; written with block `PATIENT`.
 
         Raises:
@@ -69,20 +70,27 @@ class Stream:
             self.part_path.unlink(missing_ok=True)
             self._stream = rr.RecordingStream("rmrc", recording_id=f"{name}-{uuid4().hex[:8]}")
             self._stream.set_log_time_enabled(False)
-            self._stream.save(self.part_path, default_blueprint=opening)
+            self._stream.save(self.part_path)
         except (OSError, RuntimeError, ValueError) as error:
             raise _cannot_write(self.part_path, one_line(error)) from None
-        self._open, self._flushes, self._is_laid_out, self._layout = True, 0, False, layout
+        self.is_open, self._flushes, self._is_laid_out, self._layout = True, 0, False, layout
+        self._opening: rrb.Blueprint | None = opening
         self._stream.send_recording_name(name)
         self.log("", rr.ViewCoordinates.RIGHT_HAND_Z_UP)
 
-    def log(self, path: str, what: rr.AsComponents) -> None:
-        """Write what holds at all times."""
-        self._stream.log(path or "/", what, static=True)
+    def log(self, path: str, *what: rr.AsComponents) -> None:
+        """Write what holds at all times: together, as each writing of an entity takes a kilobyte or two."""
+        self._stream.log(path or "/", *what, static=True)
 
     def log_text(self, path: str, markdown: str) -> None:
         """Write a text that holds at all times."""
         self.log(path, rr.TextDocument(markdown, media_type="text/markdown"))
+
+    def open(self) -> None:
+        """Write the layout that a page has while it loads the rest, once: 50 kB, of no use to a short run."""
+        if self._opening is not None:
+            self._stream.send_blueprint(self._opening, make_active=True, make_default=True)
+            self._opening = None
 
     def lay_out(self, layout: rrb.Blueprint) -> None:
         """Replace the layout by one that knows what the run shows.
@@ -134,8 +142,8 @@ class Stream:
 
     def close(self) -> None:
         """Close the file, wherever it is; once is enough."""
-        if self._open:
-            self._open = False
+        if self.is_open:
+            self.is_open = False
             self._stream.disconnect()
 
     def _abandon(self) -> None:
@@ -143,7 +151,7 @@ class Stream:
 
         A thread that hangs keeps the stream from being closed once more as garbage.
         """
-        self._open = False
+        self.is_open = False
         rr.unregister_shutdown()
         closing = Thread(target=self._stream.disconnect, daemon=True)
         closing.start()
@@ -168,9 +176,20 @@ def _cannot_write(path: Path, reason: str) -> RecordingError:
 # Columns ----------------------------------------------------------------------------------------
 
 
+@lru_cache(maxsize=64)
 def _never_null(kind: pa.DataType, size: int = -1) -> pa.DataType:
     """Return the list type that the viewer asks for; it draws nothing from a list that may hold nulls."""
     return pa.list_(pa.field("item", kind, nullable=False), size)
+
+
+@lru_cache(maxsize=16)
+def _kind(dtype: np.dtype[np.generic]) -> pa.DataType:
+    return pa.from_numpy_dtype(dtype)
+
+
+def _flat(values: NDArray[np.generic]) -> pa.Array:
+    """Return all numbers of a contiguous array, of which none is copied."""
+    return pa.Array.from_buffers(_kind(values.dtype), values.size, [None, pa.py_buffer(values)])
 
 
 class Component:
@@ -195,7 +214,7 @@ class Values:
     def __init__(self, component: Component, values: NDArray[np.generic]) -> None:
         """Lay the values out as arrow does; nothing is copied that need not be."""
         self._descriptor = component.descriptor
-        flat = pa.array(np.ascontiguousarray(values, component.dtype).reshape(-1))
+        flat = _flat(np.ascontiguousarray(values, component.dtype))
         if component.size > 1:
             flat = pa.FixedSizeListArray.from_arrays(flat, type=component.value)
         rows, instances = len(values), len(flat) // len(values)
@@ -229,12 +248,12 @@ class Table:
         self._name = name
         arrays, types = [], []
         for field, values in fields.items():
-            flat = pa.array(np.ascontiguousarray(values).reshape(-1))
+            flat = _flat(np.ascontiguousarray(values))
             if values.ndim > 1:
                 kind = _never_null(flat.type, values.shape[1])
                 flat = pa.FixedSizeListArray.from_arrays(flat, type=kind)
             arrays.append(flat)
-            types.append(pa.field(field, flat.type, nullable=False))
+            types.append(_named(field, flat.type))
         rows = pa.StructArray.from_arrays(arrays, fields=types)
         self._array = pa.ListArray.from_arrays(_offsets(len(rows), 1), rows)
 
@@ -245,6 +264,11 @@ class Table:
     def as_arrow_array(self) -> pa.Array:
         """Return the column; rerun asks for it."""
         return self._array
+
+
+@lru_cache(maxsize=256)
+def _named(field: str, kind: pa.DataType) -> pa.Field:
+    return pa.field(field, kind, nullable=False)
 
 
 @lru_cache(maxsize=16)

@@ -6,12 +6,14 @@ Its entities stand below a prefix, so that a recording can hold many worlds:
                      float64, and status of int64; `curves` what is only drawn, of float32. What arrives is
                      left out where it is what is commanded, what is believed where it is true, qpos
                      where it is q, and the time along a path that is not slowed
-    arm/<body>       poses, with the geometries as static children
+    arm/<body>       poses, with the geometries; meshes are static children
     believed/<body>  the same, pale, where the law takes the arm to be, if that is elsewhere
     tip/..           position and trail
 """
 
+import time
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import rerun as rr
@@ -19,7 +21,7 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Shape
 from rmrc.recording import stream
-from rmrc.recording.layout import geometry, ghost, xyzw
+from rmrc.recording.layout import geometries, ghost, xyzw
 from rmrc.recording.scene import Frames, Scene
 from rmrc.recording.stream import Stream, Table, Values
 from rmrc.results.run import Run
@@ -30,6 +32,14 @@ from rmrc.support.spatial import AXES
 
 # What is drawn is stored so often [s], as a screen shows it: each 16th of the ticks at 1 kHz.
 FRAME_PERIOD = 1.0 / 60.0
+# What is drawn is written for so many ticks at once, or after so long [s]: each entity takes a tenth of a
+# millisecond and a kilobyte or two a time. A killed process loses no more of it.
+DRAWN, LONGEST = 4000, 0.5
+# Columns that it is made of.
+DRAWN_OF = (
+    "time", "qpos", "q_believed", "qdot_cmd", "pose", "pose_ref", "twist_ref", "sigma", "u_min", "damping",
+    "condition", "status",
+)  # fmt: skip
 
 
 def prefix_of(variant: str) -> str:
@@ -51,17 +61,20 @@ class Track:
         rotations: The same of 3 to 5.
     """
 
-    def __init__(self, out: Stream, prepared: Prepared, prefix: str = "") -> None:
+    def __init__(self, out: Stream, prepared: Prepared, prefix: str = "", scene: Scene | None = None) -> None:
         """Look at the world where it starts; nothing is written yet.
 
         Args:
             out: Where to write.
             prepared: The world that will run.
             prefix: Begins the path of every entity, and ends with a slash if it is not empty.
+            scene: Of the world; None: it is made.
         """
-        self.out, self.scene, self.prefix, self._prepared = out, Scene(prepared), prefix, prepared
-        self._stride = max(1, int(FRAME_PERIOD / prepared.scenario.control.period))
+        self.out, self.scene, self.prefix, self._prepared = out, scene or Scene(prepared), prefix, prepared
+        self.stride = max(1, int(FRAME_PERIOD / prepared.scenario.control.period))
         self._ticks = self._framed = 0
+        self._held: list[tuple[Run, NDArray[np.int64]]] = []
+        self._drawn_ticks, self._drawn_at = 0, time.monotonic()
         self._planned = prepared.reference.ticks
         rows = [AXES.index(axis) for axis in prepared.scenario.task.axes]
         self.translations = [row for row in rows if row < 3]
@@ -85,35 +98,46 @@ class Track:
         """Outermost points that the arm reaches, (p, 3) [m]."""
         return np.vstack([np.empty((0, 3)), *self._reached])
 
-    def write_arm(self, paint: Callable[[Shape], Shape | None], *, has_outlines: bool = False) -> None:
+    def write_arm(
+        self, paint: Callable[[Shape], Shape | None], *, has_outlines: bool = False, has_axes: bool = False
+    ) -> None:
         """Write the geometries, those that the law takes for them pale, and where bodies are that never move.
 
         Args:
             paint: What is drawn for each geometry; None: nothing.
             has_outlines: Whether as outlines only.
+            has_axes: Whether with the axes of the joints, in the colors that the plots have for them.
         """
-        scene, arm = self.scene, self._prepared.true_arm
-        for body in sorted({shape.body for shape in scene.shapes}):
-            if scene.is_fixed[body]:
-                pose = arm.frames(self._prepared.qpos[None])[0][0, body]
-                quaternion = rr.Quaternion(xyzw=xyzw(pose[3:]))
-                there = rr.Transform3D(translation=pose[:3], quaternion=quaternion)
-                self.out.log(self.prefix + self.body_path("arm", body), there)
-        for shape in scene.shapes:
-            painted = paint(shape)
-            if painted is not None:
-                self.out.log(self.prefix + self.shape_path("arm", shape), geometry(painted, has_outlines))
-        for shape in scene.believed.shapes() if self._prepared.hardware.is_misled else ():
-            painted = paint(shape)
-            if painted is not None and not scene.is_fixed[shape.body]:
-                self.out.log(self.prefix + self.shape_path("believed", shape), geometry(ghost(painted)))
+        scene, radius = self.scene, 0.006 * self.scene.reach
+        poses = self._prepared.true_arm.frames(self._prepared.qpos[None])[0][0]
+        painted = [one for one in map(paint, scene.shapes) if one is not None]
+        for body, pose in enumerate(poses):
+            own: list[rr.AsComponents] = []
+            axes = {hue(j): line for j, (where, line) in enumerate(scene.joint_axes) if where == body}
+            if scene.is_fixed[body] and any(shape.body == body for shape in scene.shapes):
+                turn = rr.Quaternion(xyzw=xyzw(pose[3:]))
+                own.append(rr.Transform3D(translation=pose[:3], quaternion=turn))
+            if axes and has_axes:
+                own.append(rr.LineStrips3D([*axes.values()], colors=[*axes], radii=radius))
+            self._write_body("arm", body, painted, own, has_outlines)
+        pale = [ghost(one) for one in map(paint, scene.believed.shapes()) if one is not None]
+        for moving in np.flatnonzero(~scene.is_fixed) if self._prepared.hardware.is_misled else ():
+            self._write_body("believed", int(moving), pale, [])
 
-    def write_axes(self) -> None:
-        """Write the axes of the joints, in the colors that the plots have for them."""
-        for j, (body, name, line) in enumerate(self.scene.joint_axes):
-            path = f"{self.body_path('arm', body)}/{rr.escape_entity_path_part(f'axis of {name}')}"
-            mark = rr.LineStrips3D([line], colors=[hue(j)], radii=[0.006 * self.scene.reach])
-            self.out.log(self.prefix + path, mark)
+    def _write_body(
+        self,
+        root: str,
+        body: int,
+        shapes: list[Shape],
+        own: list[rr.AsComponents],
+        has_outlines: bool = False,
+    ) -> None:
+        """Write the geometries of one body, and what else its entity has."""
+        found = geometries([shape for shape in shapes if shape.body == body], has_outlines)
+        found[""] = own + found.get("", [])
+        for rest, what in found.items():
+            if what:
+                self.out.log(self.prefix + self.body_path(root, body) + rest, *what)
 
     def write(self, part: Run) -> None:
         """Write one block of ticks; blocks come in order.
@@ -124,22 +148,27 @@ class Track:
         Raises:
             RecordingError: The file cannot be written.
         """
+        if part.planned > DRAWN:
+            self.out.open()
         if len(part):
             ticks = np.arange(self._ticks, self._ticks + len(part))
             self.write_block(part, ticks)
-            shown = np.flatnonzero((ticks % self._stride == 0) | (ticks == self._planned - 1))
-            self._write_rows(part, ticks, shown)
+            self._hold(part, ticks, np.flatnonzero((ticks % self.stride == 0) | (ticks == self._planned - 1)))
             self._ticks += len(part)
             self._last = part
+            if self._ticks - self._drawn_ticks >= DRAWN or time.monotonic() - self._drawn_at > LONGEST:
+                self.out.open()
+                self._write_drawn()
         if part.divergence is not None:
             at = stream.index(np.array([part.divergence.tick]), np.array([part.divergence.time]))
             self.write_divergence(str(part.divergence), part.divergence.time, at)
 
     def write_last(self) -> None:
-        """Show the last tick of a run that was cut short."""
+        """Write what is drawn up to here, and the last tick of a run that was cut short."""
         if self._last is not None and self._framed < self._ticks:
             ticks = np.arange(self._ticks - len(self._last), self._ticks)
-            self._write_rows(self._last, ticks, np.array([len(ticks) - 1]))
+            self._hold(self._last, ticks, np.array([len(ticks) - 1]))
+        self._write_drawn()
 
     def send(self, path: str, index: list[rr.TimeColumn], *columns: object) -> None:
         """Write values over time below the prefix."""
@@ -154,11 +183,11 @@ class Track:
 
     def send_bodies(self, root: str, bodies: NDArray[np.float64], index: list[rr.TimeColumn]) -> None:
         """Write the poses of the bodies that move, (F, nbody, 7), below a root."""
-        for body in range(1, len(self.scene.body_names)):
-            if not self.scene.is_fixed[body]:
-                pose = bodies[:, body]
-                place = Values(stream.TRANSLATION, pose[:, :3]), Values(stream.ROTATION, xyzw(pose[:, 3:]))
-                self.send(self.body_path(root, body), index, *place)
+        poses = np.swapaxes(bodies, 0, 1)
+        places, turns = poses[..., :3].astype(np.float32), xyzw(poses[..., 3:]).astype(np.float32)
+        for body in np.flatnonzero(~self.scene.is_fixed):
+            place = Values(stream.TRANSLATION, places[body]), Values(stream.ROTATION, turns[body])
+            self.send(self.body_path(root, int(body)), index, *place)
 
     # What others add to ---------------------------------------------------------------------------
 
@@ -185,8 +214,10 @@ class Track:
         colors = Values(stream.STRIP_COLOR, self.trail_colors(frames))
         self.send("tip/trail", index, Values(stream.STRIP, segments), colors)
 
-    def write_belief(self, part: Run, rows: NDArray[np.int64], index: list[rr.TimeColumn]) -> None:
-        """Write where the law takes the arm to be at some ticks (F,) of a block, if that is elsewhere."""
+    def write_drawn(self, part: Run, ticks: NDArray[np.int64]) -> None:
+        """Write what is drawn at some ticks (F,), of which the run has the columns `DRAWN_OF`."""
+        index, rows = stream.index(ticks, part["time"]), np.arange(len(ticks))
+        self.write_frames(self.scene.frames(part, rows), index)
         if self._prepared.hardware.is_misled:
             self.send_bodies("believed", self.scene.believed_bodies(part, rows), index)
 
@@ -200,17 +231,21 @@ class Track:
 
     # ----------------------------------------------------------------------------------------------
 
-    def _write_rows(self, part: Run, ticks: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+    def _hold(self, part: Run, ticks: NDArray[np.int64], rows: NDArray[np.int64]) -> None:
+        """Keep what is drawn of some rows of a block."""
         if len(rows):
-            index = stream.index(ticks[rows], part["time"][rows])
-            self.write_frames(self.scene.frames(part, rows), index)
-            self.write_belief(part, rows, index)
+            columns = {name: part.columns[name][rows] for name in DRAWN_OF}
+            self._held.append((replace(part, columns=columns, divergence=None), ticks[rows]))
             self._framed = int(ticks[rows[-1]]) + 1
+
+    def _write_drawn(self) -> None:
+        self._drawn_ticks, self._drawn_at = self._ticks, time.monotonic()
+        if self._held:
+            parts, ticks = zip(*self._held, strict=True)
+            self._held = []
+            columns = {name: np.concatenate([part.columns[name] for part in parts]) for name in DRAWN_OF}
+            self.write_drawn(replace(parts[0], columns=columns), np.concatenate(ticks))
 
     def body_path(self, root: str, body: int) -> str:
         """Return the entity of a body of the arm, below a root."""
         return f"{root}/{rr.escape_entity_path_part(self.scene.body_names[body])}"
-
-    def shape_path(self, root: str, shape: Shape) -> str:
-        """Return the entity of a geometry."""
-        return f"{self.body_path(root, shape.body)}/{rr.escape_entity_path_part(shape.name)}"

@@ -1,8 +1,8 @@
 """The choices of a control law, each with its source and its parameters, declared once.
 
 Sections and schema, fields of the world's record, the dispatch of the compiled law, the space that `tune`
-searches and the tables of the README follow from the lists below. A choice is done by the compiled function
-of its name in `rmrc.law`, and its code there is its position in the list.
+searches and the tables of `docs/choices.md` follow from the lists below. A choice is done by the compiled
+function of its name in `rmrc.law`, and its code there is its position in the list.
 """
 
 import math
@@ -233,7 +233,7 @@ class Choice:
 
     Attributes:
         name: Its value in a scenario, and its function in the law.
-        meaning: What it does, as the README's table says.
+        meaning: What it does, as the table of `docs/choices.md` says.
         source: Keys of `docs/references.md`.
         parameters: That it reads.
         acts: Whether the law has a function for it; without one, it leaves things as they are.
@@ -580,7 +580,7 @@ class Plant(Choice):
     Attributes:
         physics: Whether MuJoCo steps it, with gravity, loads and torques; else it has kinematics alone.
         own: Whether it is the model as its author wrote it: drives, timestep, gravity compensation.
-        equation: What it does with the commanded rates, as the README's table says.
+        equation: What it does with the commanded rates, as the table of `docs/choices.md` says.
     """
 
     physics: bool = True

@@ -78,9 +78,9 @@ class Scenario(Sections):
                 `expect.joint_rate.peak`.
 
         Returns:
-            `scenarios/x.yaml:7:13: control.inverse.damping.maximum`, where its value starts,
-            counted from 1, or its nearest parent if it is absent; `--set KEY` if it was set so;
-            the key alone if the scenario was made in Python.
+            Where its value starts, counted from 1, or its nearest parent if it is absent, as
+            `scenarios/x.yaml:7:13: control.inverse.damping.maximum`; `--set KEY` if it was set
+            so; the key alone if the scenario was made in Python.
         """
         return self._draft.document.sources.locate(parse_key(key))
 

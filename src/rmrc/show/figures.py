@@ -27,6 +27,15 @@ COLUMN = 5.0
 LOWEST, LETTER = 0.75, 0.55
 
 
+class Picture(Figure):
+    """A figure that a notebook shows by itself; of pyplot's own it does so only once pyplot has drawn one."""
+
+    def _repr_png_(self) -> bytes:
+        stream = io.BytesIO()
+        self.savefig(stream, format="png")
+        return stream.getvalue()
+
+
 def sheet(width: float, height: float) -> Figure:
     """Return an empty figure of a size [in], or as wide as a user asks, with the same proportions.
 
@@ -116,10 +125,10 @@ def _arranged(figure: Figure, kind: str) -> Iterator[None]:
             get_registered_canvas_class(kind)(figure)
             figure.dpi = DPI
             layout.execute(figure)
-            figure.set_layout_engine(None)
+            figure.set_layout_engine("none")
         yield
     finally:
-        figure.set_layout_engine(layout)
+        figure.set_layout_engine(layout or "none")
         figure.set_canvas(canvas)
         figure.dpi = dpi
 

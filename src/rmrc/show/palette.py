@@ -5,15 +5,25 @@ differ by a ΔE of 20 at least (CIE 1976), as deuteranopes and protanopes see th
 magenta, red or turquoise: these are of σ_min, λ, what is grave, and what acts.
 """
 
+from rmrc.scenario.choices import Status
+
 # Of joints, in the order of the chain, and of variants.
 HUES = (
     0x2F7FE8FF, 0xE06C00FF, 0x692DFFFF, 0xA5875AFF, 0x4B96D2FF, 0xB44B1EFF, 0x695A87FF, 0x785A4BFF,
 )  # fmt: skip
 BLACK, WHITE = 0x000000FF, 0xFFFFFFFF
-# Limits and bounds; the smallest singular value; λ; the tip, and its error.
-GRAY, GREEN, MAGENTA, GOLD = 0x888888FF, 0x1E9650FF, 0xB4289BFF, 0xB08A00FF
-# Of statuses: what is grave, what acts, and nothing.
-RED, TEAL, SLATE = 0xFF2D2DFF, 0x00809CFF, 0x666666FF
+# Limits and bounds; the smallest singular value, and the others; λ; the tip and its error.
+GRAY, GREEN, LIME, MAGENTA, GOLD = 0x949494FF, 0x1E9650FF, 0x50A808FF, 0xB4289BFF, 0xB08A00FF
+# The error across the path, where that along it is told apart.
+INDIGO = 0x5566FFFF
+# Of statuses: what is grave, what acts, and nothing. The last is of rotation errors and second tasks, too.
+RED, TEAL, SLATE = 0xFF2D2DFF, 0x00809CFF, 0x606060FF
+GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
+
+
+def of_status(status: int) -> int:
+    """Return the color of a status, 0xRRGGBBAA: of what is grave, of what acts, or of nothing."""
+    return RED if status & GRAVE else TEAL if status else SLATE
 
 
 def hue(joint: int) -> int:

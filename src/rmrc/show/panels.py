@@ -8,7 +8,6 @@ from typing import NamedTuple
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
 from matplotlib.textpath import text_to_path
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
@@ -16,6 +15,7 @@ from numpy.typing import NDArray
 
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
+from rmrc.show.figures import Picture
 from rmrc.show.palette import BLACK, distinct, mix
 from rmrc.support.spatial import AXES
 
@@ -73,7 +73,7 @@ class Panel(NamedTuple):
         return heights.get(self.name, TALL)
 
 
-def arranged(panels: Sequence[Panel], end: float, width: float) -> Figure:
+def arranged(panels: Sequence[Panel], end: float, width: float) -> Picture:
     """Return a figure of panels: those over time below each other, the others beside or above them.
 
     Nothing is drawn to arrange it: sizes follow from those of letters, so that frames stand below each other
@@ -89,7 +89,10 @@ def arranged(panels: Sequence[Panel], end: float, width: float) -> Figure:
     )
     is_wide = width >= WIDE and bool(timed and others)
     columns = [(0.4, others), (0.6, timed)] if is_wide else [(1.0, [*others, *timed])]
-    size, picture, x, placed = mpl.rcParams["font.size"], Figure(figsize=(width, width)), 0.0, []
+    # Frames are placed here: a layout that a user has chosen for all figures would move them.
+    picture = Picture(figsize=(width, width))
+    picture.set_layout_engine("none")
+    size, x, placed = mpl.rcParams["font.size"], 0.0, []
     entry = ENTRY * FontProperties(size=mpl.rcParams["legend.fontsize"]).get_size_in_points()
     for share, members in columns:
         lanes = max((_width(name, size) for one in members for name in one.lanes), default=0.0)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.show.figures import DASHES
-from rmrc.show.palette import distinct
+from rmrc.show.palette import GOLD, GREEN, INDIGO, MAGENTA, SLATE, WHITE, distinct, mix, of_status
 from rmrc.show.panels import (
     APART,
     CLIPPED,
@@ -25,6 +25,7 @@ from rmrc.show.panels import (
     grouped,
     in_words,
     off,
+    on_paper,
     paints,
     rate_unit,
     statuses,
@@ -36,7 +37,11 @@ ROOM = 60_000
 # Decades of a logarithmic axis; and singular values are drawn down to such a share of the largest.
 DECADES, LEAST = 6, 1e-9
 # Of what is of a baseline, on a light and on a dark page.
-GRAYS = ("#6b6b6b", "#a6a6a6")
+GRAYS = ("#8c8c8c", "#a6a6a6")
+# Of the error along the path, across it, and of the rotation.
+ERRORS = (GOLD, INDIGO, SLATE)
+# A dark page has colors of the palette so much paler.
+PALER = 0.08
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,20 +51,30 @@ class Trace:
     Attributes:
         label: Its name.
         values: (T,); what is not finite is not drawn.
-        color: Which of the colors it has.
+        color: Which of the colors of joints or runs it has; of `paint`, none of these.
         dash: Which of the dashes.
         width: Width of the line [px].
         is_shown: Whether it is drawn before somebody clicks its name.
         is_gray: Whether it is gray, whatever its color: it is of a baseline.
+        paint: Its color in place of these, 0xRRGGBBAA: what is neither a joint nor a run has its own.
     """
 
     label: str
     values: Array
-    color: int
+    color: int = 0
     dash: int = 0
     width: float = 1.5
     is_shown: bool = True
     is_gray: bool = False
+    paint: int | None = None
+
+    def colors(self, count: int) -> tuple[str, str]:
+        """Return its colors on a light and on a dark page that has so many joints or runs."""
+        if self.is_gray:
+            return GRAYS
+        if self.paint is not None:
+            return on_paper(self.paint), f"#{mix(self.paint, WHITE, PALER) >> 8:06x}"
+        return paints(count)[self.color], f"#{distinct(count)[self.color] >> 8:06x}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -97,7 +112,7 @@ class Panel:
             colors: How many the page has.
         """
         rows = _kept([one.values for one in self.traces], ROOM)
-        light, dark = paints(colors), [f"#{color >> 8:06x}" for color in distinct(colors)]
+        looks = [one.colors(colors) for one in self.traces]
         return {
             "place": self.place, "title": self.title, "unit": self.unit, "time": _packed(self.time[rows]),
             "lines": [{"value": value} for value in self.lines], "range": self.bounds, "lanes": self.lanes,
@@ -105,12 +120,11 @@ class Panel:
             "series": [
                 {
                     "label": one.label, "values": _packed(one.values[rows], self.is_logarithmic),
-                    "light": GRAYS[0] if one.is_gray else light[one.color],
-                    "dark": GRAYS[1] if one.is_gray else dark[one.color], "width": one.width,
+                    "light": light, "dark": dark, "width": one.width,
                     "dash": [2.0 * part for part in DASHES[one.dash % len(DASHES)]] if one.dash else [],
                     "shown": one.is_shown, "spans": not self.lanes and not self.is_logarithmic,
                 }
-                for one in self.traces
+                for one, (light, dark) in zip(self.traces, looks, strict=True)
             ],
         }  # fmt: skip
 
@@ -139,7 +153,7 @@ def of_run(run: Run) -> Traces:
         curves = [Trace(name, run["tau"][:, j], j, j) for j, name in enumerate(run.joints)]
         panels.append(Panel("Actuator torques", f"torque [{torque_unit(run)}]", run["time"], curves))
     panels += _pace({"": run}) + _lanes({"": run})
-    return _placed(panels, max(len(run.joints), 3))
+    return _placed(panels, len(run.joints))
 
 
 def of_runs(runs: Mapping[str, Run]) -> Traces:
@@ -160,7 +174,7 @@ def of_runs(runs: Mapping[str, Run]) -> Traces:
     if any(applies("torque", run) for run in runs.values()):
         torques = _curves(runs, {label: np.abs(run["tau"]).max(axis=1) for label, run in runs.items()})
         panels.append(_norms("Largest actuator torque", f"torque [{torque_unit(first)}]", torques))
-    return _placed([*panels, *_pace(runs), *_lanes(runs)], max(len(runs), 3))
+    return _placed([*panels, *_pace(runs), *_lanes(runs)], len(runs))
 
 
 def _placed(panels: Sequence[Panel], colors: int) -> Traces:
@@ -231,8 +245,8 @@ def _room(own: Sequence[Array], beside: Sequence[Array], low: float) -> tuple[fl
 
 def _sigma(runs: Mapping[str, Run]) -> Panel:
     """Return the smallest singular value of each, and its damping."""
-    sigma = _curves(runs, {label: run["sigma"][:, -1] for label, run in runs.items()}, "σ_min")
-    damping = _curves(runs, {label: run["damping"] for label, run in runs.items()}, "λ", 1)
+    sigma = _curves(runs, {label: run["sigma"][:, -1] for label, run in runs.items()}, "σ_min", paint=GREEN)
+    damping = _curves(runs, {label: run["damping"] for label, run in runs.items()}, "λ", 1, paint=MAGENTA)
     shown = [one for one in damping[1] if (one.values > 0.0).any()]
     below = sorted({run.damping_below for run in runs.values() if run.damping_below > 0.0})
     drawn = [*(one.values for one in (*sigma[1], *shown)), np.array(below)]
@@ -247,12 +261,12 @@ def _sigma(runs: Mapping[str, Run]) -> Panel:
 def _errors(run: Run) -> Panel:
     """Return the tracking error, and beside it that of the baseline."""
     (time, place), own, beside, other = _times(run), off(run), {}, run.baseline
-    traces = [Trace(name, place(run, values), i, i) for name, (values, i) in own.items()]
+    traces = [Trace(name, place(run, values), dash=i, paint=ERRORS[i]) for name, (values, i) in own.items()]
     bounds, told = None, ""
     if other is not None and len(other):
         beside = off(other)
         traces += [
-            Trace(f"baseline, {name}", place(other, values), i, i + 1, 1.0, is_gray=True)
+            Trace(f"baseline, {name}", place(other, values), 0, i + 1, 1.0, is_gray=True)
             for name, (values, i) in beside.items()
         ]
         bounds = _room([one for one, _ in own.values()], [one for one, _ in beside.values()], -0.02)
@@ -265,7 +279,7 @@ def _errors(run: Run) -> Panel:
 def _pace(runs: Mapping[str, Run]) -> list[Panel]:
     if not any(applies("pace", run) for run in runs.values()):
         return []
-    time, curves = _curves(runs, {label: run["path_rate"] for label, run in runs.items()}, "ṡ")
+    time, curves = _curves(runs, {label: run["path_rate"] for label, run in runs.items()}, "ṡ", paint=GOLD)
     return [Panel("Pace along the path", "ṡ [1]", time, curves, bounds=(-0.05, 1.1))]
 
 
@@ -284,20 +298,25 @@ def _lanes(runs: Mapping[str, Run]) -> list[Panel]:
     }
     time = _common({name: run["time"] for name, _, run in lanes})
     traces = [
-        Trace(name, _placed_at(time, run["time"], holds[name]), 0, width=12.0) for name, _, run in lanes
+        Trace(name, _placed_at(time, run["time"], holds[name]), width=12.0, paint=of_status(int(flag)))
+        for name, flag, run in lanes
     ]
     names = [name for name, _, _ in lanes]
     return [Panel("Status", "", time, traces, bounds=(-0.6, len(names) - 0.4), lanes=names)]
 
 
 def _curves(
-    runs: Mapping[str, Run], values: Mapping[str, Array], what: str = "", dash: int = 0
+    runs: Mapping[str, Run],
+    values: Mapping[str, Array],
+    what: str = "",
+    dash: int = 0,
+    paint: int | None = None,
 ) -> tuple[Array, list[Trace]]:
-    """Return the times of all runs, and one curve for each at these."""
+    """Return the times of all runs, and one curve for each at these; that of one run alone has a paint."""
     time = _common({label: run["time"] for label, run in runs.items()})
     return time, [
         Trace(", ".join(filter(None, (label, what))), _placed_at(time, runs[label]["time"], one),
-              i if len(runs) > 1 else dash, dash if dash else i)
+              i, dash if dash else i, paint=paint if len(runs) == 1 else None)
         for i, (label, one) in enumerate(values.items())
     ]  # fmt: skip
 

@@ -10,7 +10,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure, FigureBase
 from matplotlib.ticker import MaxNLocator
 
-from rmrc.show.figures import LETTER, plain, save
+from rmrc.show.figures import LETTER, Picture, plain, save
 from rmrc.show.panels import paints
 from rmrc.show.sheets import number
 from rmrc.study.swept import Array, Swept
@@ -54,7 +54,7 @@ def plot(
         raise QuestionError(f"{swept.name}: no run has numbers{which}to draw")
     heights = [_height(name, swept, width, font) for name in names]
     with mpl.rc_context({"font.size": font}):
-        picture = Figure(figsize=(width, sum(heights)), layout="constrained")
+        picture = Picture(figsize=(width, sum(heights)), layout="constrained")
         parts = picture.subfigures(len(names), 1, height_ratios=heights, squeeze=False)[:, 0]
         for name, part in zip(names, parts, strict=True):
             _DRAW[name](part, swept, width, font)

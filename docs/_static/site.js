@@ -1,0 +1,14 @@
+// The list of versions in the sidebar: versions.js, beside the folders of the versions, names them, as one script for
+// all, so that an old version shows the newer ones. It is a script, for a page from disk may not fetch a file.
+document.addEventListener("DOMContentLoaded", () => {
+  const place = document.querySelector(".versions");
+  if (!place || typeof RMRC_VERSIONS === "undefined") return;
+  const root = document.documentElement.dataset.content_root || "./";
+  for (const version of RMRC_VERSIONS) {
+    const link = document.createElement("a");
+    link.href = `${root}../${version}/docs/index.html`;
+    link.textContent = version;
+    if (version === place.dataset.version) link.setAttribute("aria-current", "true");
+    place.append(" ", link);
+  }
+});

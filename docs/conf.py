@@ -1,0 +1,99 @@
+"""How Sphinx builds the site: `make docs`.
+
+The source folder is the whole repository, so that links between pages are those that work on GitHub, too.
+"""
+
+import os
+import re
+import sys
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parent.parent
+sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs/_ext")]  # of this checkout, whatever is installed
+
+project = "rmrc"
+author = "the authors of rmrc"
+release = os.environ.get("RMRC_SITE_VERSION", "main")  # tools/site.py sets it
+html_title = f"rmrc {release}"
+
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
+include_patterns = [
+    "docs/**",
+    "notebooks/*.ipynb",
+    "benchmarks/README.md",
+    "models/README.md",
+    "recordings/README.md",
+    "scenarios/README.md",
+    "CHANGELOG.md",
+    "CONTRIBUTING.md",
+]
+exclude_patterns = ["docs/_*", ".*", "build", "node_modules", "src", "tests", "**.ipynb_checkpoints"]
+root_doc = "docs/index"
+source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
+
+myst_enable_extensions = ["dollarmath"]
+myst_heading_anchors = 4
+nb_execution_mode = "force"
+nb_execution_raise_on_error = True
+nb_execution_timeout = 300
+
+# Docstrings are plain text: `x` is code, |x| a length. Types in them are linked where they have an entry.
+default_role = "code"
+autodoc_typehints = "description"
+autodoc_member_order = "bysource"
+napoleon_google_docstring = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = True
+
+ENTRY = re.compile(r"^- \[(.+?)\]\((\S+?)\.(?:md|ipynb)\)", re.MULTILINE)
+
+
+def add_contents(_: object, page: str, source: list[str]) -> None:
+    """Make the tables of contents from the lists of the first page, which GitHub shows as they are."""
+    if page == root_doc:
+        for part in re.split(r"^## ", source[0], flags=re.MULTILINE)[1:]:
+            entries = "\n".join(f"{title} <{target}>" for title, target in ENTRY.findall(part))
+            caption = part.partition("\n")[0]
+            source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
+
+
+def as_markup(*told: Any) -> None:
+    """Turn lengths |x| and, of modules, indented code into what reStructuredText takes for the same."""
+    what, lines = told[1], told[-1]
+    for i, line in enumerate(lines):
+        if not line.lstrip().startswith(">>>"):
+            lines[i] = line.replace("|", "\\|")
+        if (
+            what == "module"
+            and line.endswith(":")
+            and lines[i + 2 : i + 3]
+            and lines[i + 2].startswith("    ")
+        ):
+            lines[i] += ":"
+
+
+def setup(app: Any) -> None:
+    """Called by Sphinx."""
+    app.connect("autodoc-process-docstring", as_markup, priority=400)  # before napoleon
+    app.connect("source-read", add_contents)
+
+
+html_theme = "furo"
+templates_path = ["_templates"]
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_js_files = ["../../versions.js", "site.js"]
+html_show_sphinx = False
+html_copy_source = False
+html_additional_pages = {"index": "redirect.html"}
+html_sidebars = {
+    "**": [
+        "sidebar/brand.html",
+        "sidebar/search.html",
+        "sidebar/scroll-start.html",
+        "sidebar/navigation.html",
+        "versions.html",
+        "sidebar/scroll-end.html",
+    ]
+}

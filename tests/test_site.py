@@ -1,0 +1,74 @@
+"""The site of the documents: every page is in its contents once, and its checks see what is broken."""
+
+import importlib.util
+import re
+import runpy
+import sys
+
+import pytest
+
+from pages import CONTENTS, PAGES
+from project import ROOT
+
+SPEC = importlib.util.spec_from_file_location("site_tool", ROOT / "tools/site.py")
+site = importlib.util.module_from_spec(SPEC)
+SPEC.loader.exec_module(site)
+
+
+@pytest.fixture(scope="module")
+def conf():
+    path = list(sys.path)
+    yield runpy.run_path(str(ROOT / "docs/conf.py"))
+    sys.path[:] = path
+
+
+def pages(conf):
+    """Return every page of the site but the first one, as the settings include them."""
+    found = {path for pattern in conf["include_patterns"] for path in ROOT.glob(pattern.replace("**", "*"))}
+    return {path for path in found if path.suffix in conf["source_suffix"]} - {CONTENTS}
+
+
+def test_every_page_is_in_the_contents_once(conf):
+    listed = re.findall(r"^- \[.+?\]\((\S+?)\)", CONTENTS.read_text("utf-8"), re.MULTILINE)
+    assert len(listed) == len(PAGES) > 15
+    assert sorted(PAGES.values()) == sorted(pages(conf))
+
+
+def test_the_contents_of_the_sidebar_are_those_of_the_first_page(conf):
+    text = "# x\n\n## A\n\n- [One](one.md): 1\n- [Two](../b/two.ipynb)\n\n## B\n\n- [Three](three.md)\n"
+    source = [text]
+    conf["add_contents"](None, "docs/other", source)
+    assert source == [text]
+    conf["add_contents"](None, conf["root_doc"], source)
+    trees = source[0].removeprefix(text)
+    assert re.findall(r":caption: (.+)\n\n((?:.+\n)+?)```", trees) == [
+        ("A", "One <one>\nTwo <../b/two>\n"),
+        ("B", "Three <three>\n"),
+    ]
+
+
+def test_a_broken_link_of_the_site_is_seen(tmp_path):
+    (tmp_path / "docs").mkdir()
+    good = '<h1 id="here">a</h1><a href="#here">b</a><a href="docs/b.html#there">c</a><a href="https://x.org">d</a>'
+    (tmp_path / "a.html").write_text(good)
+    (tmp_path / "docs/b.html").write_text('<p id="there"><img src="../a.html"><a href="../a.html#here">a</a>')
+    assert list(site.broken(tmp_path)) == []
+    (tmp_path / "docs/b.html").write_text(
+        '<a href="../a.html#gone"></a><script src="https://x.org/y.js"></script>'
+    )
+    assert list(site.broken(tmp_path)) == [
+        "a.html: docs/b.html#there leads nowhere",
+        "docs/b.html: ../a.html#gone leads nowhere",
+        "docs/b.html: loads https://x.org/y.js",
+    ]
+
+
+def test_versions_are_listed_with_the_newest_first(tmp_path, monkeypatch):
+    monkeypatch.setattr(site, "SITE", tmp_path)
+    for name in ("v0.9", "main", "v0.10", "v0.10.1"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "searchindex.js").touch()
+    (tmp_path / "v9").mkdir()  # a build that failed
+    assert site.write_versions() == ["main", "v0.10.1", "v0.10", "v0.9"]
+    assert (tmp_path / "index.html").read_text().count("<li>") == 4
+    assert "v0.10.1" in (tmp_path / "versions.js").read_text()

@@ -1,0 +1,138 @@
+"""Build the site of the documents into `docs/_site`, a folder for each version: the working tree and tags.
+
+Prints each broken link of what was built, and ends with 1 if there is one.
+"""
+
+import argparse
+import json
+import os
+import re
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from html.parser import HTMLParser
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+ROOT = Path(__file__).resolve().parent.parent
+SITE = ROOT / "docs/_site"
+HERE = "main"  # the working tree
+INDEX = """<!doctype html>
+<html lang="en">
+<meta charset="utf-8"><meta name="viewport" content="width=device-width">
+<meta name="color-scheme" content="light dark">
+<title>rmrc: versions of the documents</title>
+<body style="font: 1.1rem/1.6 system-ui, sans-serif; max-width: 40rem; margin: 2rem auto; padding: 0 1rem">
+<h1>rmrc</h1>
+<p>The documents of each version:</p>
+<ul>
+{}
+</ul>
+"""
+
+
+def sphinx(tree: Path, version: str, builder: str, out: Path) -> None:
+    """Run Sphinx over the documents of a checkout; warnings are errors."""
+    doctrees = ROOT / "build/docs" / version
+    command = [sys.executable, "-m", "sphinx", "--builder", builder, "--conf-dir", str(tree / "docs")]
+    command += [
+        "--fresh-env",
+        "--fail-on-warning",
+        "--quiet",
+        "--doctree-dir",
+        str(doctrees),
+        str(tree),
+        str(out),
+    ]
+    subprocess.run(command, check=True, env={**os.environ, "RMRC_SITE_VERSION": version})
+
+
+def build(version: str) -> None:
+    """Build one version: of the working tree, or of a tag in a checkout of its own."""
+    if version == HERE:
+        return sphinx(ROOT, version, "html", SITE / version)
+    with tempfile.TemporaryDirectory() as folder:
+        tree = Path(folder) / version
+        subprocess.run(["git", "worktree", "add", "--detach", "-q", str(tree), version], cwd=ROOT, check=True)
+        try:
+            sphinx(tree, version, "html", SITE / version)
+        finally:
+            subprocess.run(["git", "worktree", "remove", "--force", str(tree)], cwd=ROOT, check=True)
+
+
+def write_versions() -> list[str]:
+    """Write the list of all versions that are built, newest first, as a page and for the pages; return it."""
+
+    def age(name: str) -> tuple[bool, list[int]]:
+        return name == HERE, [int(part) for part in re.findall(r"\d+", name)]
+
+    built = sorted((path.parent.name for path in SITE.glob("*/searchindex.js")), key=age, reverse=True)
+    items = "\n".join(f'<li><a href="{one}/docs/index.html">{one}</a></li>' for one in built)
+    (SITE / "index.html").write_text(INDEX.format(items), "utf-8")
+    (SITE / "versions.js").write_text(f"const RMRC_VERSIONS = {json.dumps(built)};\n", "utf-8")
+    return built
+
+
+class Page(HTMLParser):
+    """What a page leads to, what it loads, and the names of its places."""
+
+    def __init__(self, text: str) -> None:
+        """Read the text of a page."""
+        super().__init__()
+        self.links: list[str] = []
+        self.loads: list[str] = []
+        self.places: set[str] = set()
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        """Note the places and links of one tag."""
+        given = dict(attrs)
+        self.places |= {value for key in ("id", "name") if (value := given.get(key))}
+        to = given.get("href") if tag in ("a", "link") else given.get("src")
+        if to is not None and given.get("rel") != "canonical":
+            (self.links if tag == "a" else self.loads).append(to)
+
+
+def broken(folder: Path) -> Iterator[str]:
+    """Yield each link of a folder's pages that leads nowhere, and all that they load from elsewhere."""
+    pages = {path: Page(path.read_text("utf-8")) for path in sorted(folder.rglob("*.html"))}
+    for path, page in pages.items():
+        for to in page.links + page.loads:
+            parts = urlsplit(to)
+            if parts.scheme or parts.netloc:
+                if to in page.loads and parts.scheme != "data":
+                    yield f"{path.relative_to(folder)}: loads {to}"
+                continue
+            target = (path.parent / unquote(parts.path)).resolve() if parts.path else path
+            place = unquote(parts.fragment)
+            if not target.is_file() or (place and target in pages and place not in pages[target].places):
+                yield f"{path.relative_to(folder)}: {to} leads nowhere"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Build, or ask the network for the external links; return the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else None)
+    parser.add_argument("versions", nargs="*", default=[HERE], help=f"tags, or {HERE}: the working tree")
+    parser.add_argument(
+        "--external", action="store_true", help="check external links instead, over the network"
+    )
+    asked = parser.parse_args(arguments)
+    try:
+        if asked.external:
+            sphinx(ROOT, HERE, "linkcheck", ROOT / "build/links")
+            return 0
+        SITE.mkdir(exist_ok=True)
+        for version in asked.versions:
+            build(version)
+    except subprocess.CalledProcessError as error:
+        print(f"{' '.join(map(str, error.cmd))}: exit code {error.returncode}", file=sys.stderr)
+        return 1
+    print(f"{SITE / 'index.html'}: {', '.join(write_versions())}")
+    wrong = list(broken(SITE))
+    print(*wrong, sep="\n", end="\n" * bool(wrong))
+    return int(bool(wrong))
+
+
+if __name__ == "__main__":
+    sys.exit(main())
