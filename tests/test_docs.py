@@ -100,7 +100,7 @@ echo "$(basename "$0") $*" >> log
 case "$(basename "$0") $*" in *FAILS*) exit 7 ;; esac
 [ -d .venv ] && exit
 mkdir -p .venv/bin
-for name in pip python ruff mypy; do cp "$0" .venv/bin/$name; done
+for name in pip python ruff codespell mypy; do cp "$0" .venv/bin/$name; done
 """
 
 
@@ -113,6 +113,8 @@ for name in pip python ruff mypy; do cp "$0" .venv/bin/$name; done
         "ruff check",
         "ruff format",
         "python tools/counts.py",
+        "codespell",
+        "python tools/prose.py",
         "mypy",
         None,
     ],

@@ -364,23 +364,23 @@ def test_what_was_assumed_is_said():
 
 def still(columns):
     columns["q1"] = 0.0 * columns["q1"] + 0.2
-    return "moves 0 …: … drive …"
+    return "moves 0 …: … actuator …"
 
 
 def nearly_still(columns):
     columns["q1"] = 0.2 + 1e-5 * np.random.default_rng(0).standard_normal(len(columns["t"]))
-    return "moves … commands ask for …: … drive …"
+    return "moves … commands ask for …: … actuator …"
 
 
 def not_driven(columns):
     columns["qdot_cmd1"] *= 0.0
-    return "not driven: … starts and stops"
+    return "no commands: … starts and stops"
 
 
 def at_one_rate(columns):
     columns["qdot_cmd1"] = 0.0 * columns["qdot_cmd1"] + 0.1
     columns["q1"] = 0.1 * columns["t"]
-    return "driven at 0.1 … starts and stops"
+    return "moves at 0.1 … starts and stops"
 
 
 def of_another_joint(columns):
@@ -455,7 +455,7 @@ ODD = {
         "before its commands: …; … 0 …",
     ),
     "wave": (lambda c: c | {"q0": c["q0"] + 2e-3 * np.sin(50 * c["t"])}, "rms off the fit … resonance …"),
-    "spikes": (lambda c: with_spikes(c)[0], "positions left out …"),
+    "spikes": (lambda c: with_spikes(c)[0], "outliers … ignored …"),
 }
 
 
@@ -476,7 +476,7 @@ def test_delay_and_lag_that_slow_commands_do_not_tell_apart_are_said_so():
     slow = log(17, noise=3e-4, lag=0.004, ramp=0.6, duration=20.0)
     joint = rmrc.identify(slow).joints[0]
     assert joint.fit.lag.low == 0.0 and any(
-        note == says("… hard to tell apart … 22 … ms …") for note in joint.notes
+        note == says("… hard to separate … 22 … ms …") for note in joint.notes
     )
     assert (
         joint.fit.total.low < 0.022 < joint.fit.total.high and joint.fit.total.half < joint.fit.lag.half / 2
@@ -498,7 +498,7 @@ REFUSED = {
     "no such column": ({"t": [0.0], "q0": [1.0], "qdot_cmd0": [1.0]}, {"q": "q7"}, "--columns q=q7: … 'q7'; … q0, qdot_cmd0"),
     "no such kind": ({"t": [0.0], "q0": [1.0], "qdot_cmd0": [1.0]}, {"x": "q0"}, "t, q, qdot_cmd, got 'x'"),
     "too short": ({"t": [0.0, 0.01], "q0": [1.0, 1.0], "qdot_cmd0": [1.0, 1.0]}, {}, "30 rows or more, got 2; …"),
-    "one time": ({"t": [5.0] * 40, "q0": [1.0] * 40, "qdot_cmd0": [1.0] * 40}, {}, '"t" … rise, got 40 …'),
+    "one time": ({"t": [5.0] * 40, "q0": [1.0] * 40, "qdot_cmd0": [1.0] * 40}, {}, '"t" … rising …, got 40 …'),
     "back in time": ({"t": [*range(40), *range(40)], "q0": [1.0] * 80, "qdot_cmd0": [1.0] * 80}, {"t": "t s"}, "falls by 39 s behind row 40: … one log …"),
     "no unit": ({"t": [30.0 * i for i in range(1, 40)], "q0": [1.0] * 39, "qdot_cmd0": [1.0] * 39}, {"t": "t s"}, None),
     "lengths": ({"t": [0.1 * i for i in range(40)], "q0": [1.0] * 40, "qdot_cmd0": [1.0]}, {}, "equally many rows, got [1, 40]"),
@@ -514,12 +514,12 @@ def test_what_is_no_log_is_refused_in_a_line(case):
 
 
 FILES = {
-    "empty.csv": (b"", "is no log …"),
-    "names.csv": (b"t,q0,qdot_cmd0\n", "no column of numbers; …"),
+    "empty.csv": (b"", "is not a log …"),
+    "names.csv": (b"t,q0,qdot_cmd0\n", "no numeric column; …"),
     "words.csv": (b"t,q0,qdot_cmd0\n0.0,a,b\n", "no column of commanded rates; … t…"),
-    "noise.csv": (bytes(range(256)) * 3, "no column of numbers; …"),
-    "noise.npz": (b"PK\x03\x04" + bytes(99), "is no log …"),
-    "noise.parquet": (b"PAR1" + bytes(99), "is no log …"),
+    "noise.csv": (bytes(range(256)) * 3, "no numeric column; …"),
+    "noise.npz": (b"PK\x03\x04" + bytes(99), "is not a log …"),
+    "noise.parquet": (b"PAR1" + bytes(99), "is not a log …"),
 }
 
 

@@ -141,7 +141,7 @@ def test_a_refusal_is_an_error_with_all_its_lines(rmrc, quick):
     lines = [line.removeprefix("rmrc: error: ") for line in err.splitlines()]
     assert code == 2 and len(lines) == 2
     assert told(read("ci/a.xml")) == {"run": ("error", "\n".join(lines))}
-    assert "❌ quick: no run to its end" in (quick / "ci/a.md").read_text("utf-8")
+    assert "❌ quick: run incomplete" in (quick / "ci/a.md").read_text("utf-8")
 
 
 @pytest.mark.usefixtures("quick")
@@ -151,7 +151,7 @@ def test_ctrl_c_before_the_first_tick_is_an_error(rmrc, monkeypatch):
 
     monkeypatch.setattr(Batch, "compile", interrupted)
     assert rmrc("run", "quick.yaml", *ASKED)[0] == 130
-    assert told(read("ci/a.xml")) == {"run": ("error", "ended before there was a result")}
+    assert told(read("ci/a.xml")) == {"run": ("error", "ended before the first result")}
 
 
 @pytest.mark.usefixtures("undrawn")

@@ -49,9 +49,9 @@ class Stream:
         """Open the file.
 
         Args:
-            path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
-            name: Of the recording, as the viewer shows it.
-            opening: That a page has while it loads the rest, if `open` writes it.
+            path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
+            name: Name of the recording, as the viewer shows it.
+            opening: Blocks that a page shows while it loads the rest, if `open` writes it.
             layout: That the viewer opens it with if it is never finished; written with block `PATIENT`.
 
         Raises:
@@ -242,7 +242,7 @@ class Table:
         """Lay the fields out as arrow does.
 
         Args:
-            name: Of the component.
+            name: Name of the component.
             fields: By name, (T,) or (T, width) each.
         """
         self._name = name
