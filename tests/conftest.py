@@ -20,6 +20,9 @@ from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
+# Modules and items, which are most of what collecting makes, stay: looking for garbage among them takes a fifth of it.
+gc.disable()
+
 # A shell starts what runs in the background deaf to Ctrl-C, and `nohup` what it runs to SIGHUP; so would be the
 # processes that tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -60,7 +63,7 @@ CLUSTER, BROWSER = "/test_cluster", "/test_browser"
 # Files whose tests share what takes seconds to make, and which each of two processes would else make for itself.
 SHARING = tuple(
     f"/test_{name}.py"
-    for name in ("report_page", "comparison", "sweep", "resuming", "workspace", "film", "architecture")
+    for name in ("report_page", "comparison", "sweep", "resuming", "workspace", "film", "architecture", "peers_page")
 )
 
 
@@ -83,6 +86,7 @@ def pytest_collection_finish():
 
     It is not frozen, as each pool of threads counts what is frozen, one by one.
     """
+    gc.enable()
     gc.collect()
     gc.set_threshold(700, 10, 1000)
 
