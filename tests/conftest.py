@@ -63,7 +63,16 @@ CLUSTER, BROWSER = "/test_cluster", "/test_browser"
 # Files whose tests share what takes seconds to make, and which each of two processes would else make for itself.
 SHARING = tuple(
     f"/test_{name}.py"
-    for name in ("report_page", "comparison", "sweep", "resuming", "workspace", "film", "architecture", "peers_page")
+    for name in (
+        "report_page",
+        "comparison",
+        "sweep",
+        "resuming",
+        "workspace",
+        "film",
+        "architecture",
+        "peers_page",
+    )
 )
 
 
@@ -133,9 +142,10 @@ def simulate(scenario):
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
+def undrawn():
     """Leave pictures empty, each of which takes longer than most verbs: for tests of something else."""
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
+    with project.undrawn():
+        yield
 
 
 @pytest.fixture

@@ -337,6 +337,7 @@ def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
     ]
 
 
+@pytest.mark.long  # the one after this, and test_verbs.py, are quicker
 def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
     from rmrc.recording.single import read_columns
 

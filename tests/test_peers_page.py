@@ -18,7 +18,6 @@ import peer_loops
 
 import peers
 
-
 PAGE = (ROOT / "docs/peers.md").read_text("utf-8")
 # As the page has them, which takes no time; the last test compares them with those that there are.
 TITLES = re.findall("^### (.*)$", PAGE, re.MULTILINE)
@@ -184,7 +183,7 @@ def test_who_takes_longer_for_a_step_is_told_and_who_is_faster():
 
 def test_the_page_has_every_case_and_the_counts_of_its_tables():
     names = [case.name for case in peer_cases.cases()]
-    assert TITLES == [name[0].upper() + name[1:] for name in names]
+    assert [name[0].upper() + name[1:] for name in names] == TITLES
     rows = re.findall(r"^\| [^|]+, [^|]+ \| (\d+) \| (\d+) \| (\d+) \| (.*) \|$", PAGE, re.MULTILINE)
     assert len(rows) == len(names) and "--only" not in PAGE
     told = re.findall(

@@ -6,12 +6,12 @@ import json
 import numpy as np
 import pytest
 import yaml
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from logs import answer, commands, log, written
 
 import rmrc
-from project import mostly_long
+from project import examples, mostly_long
 from rmrc.analysis.identify.block import block
 from rmrc.analysis.identify.columns import choose
 from rmrc.analysis.identify.noise import resolution, white_noise
@@ -45,7 +45,7 @@ def test_the_answer_is_that_of_the_closed_form_at_any_times(lag):
     lag=st.floats(0.008, 0.08),
     noise=st.sampled_from([1e-6, 1e-5, 1e-4]),
 )
-@settings(max_examples=6)
+@examples(3, 6)
 def test_delay_is_found_within_a_tick_and_lag_within_5_percent(seed, period, delay, lag, noise):
     # 12 s of levels within 0.5 rad/s and ramps of 0.05 s: what is promised
     found = rmrc.identify(log(seed, period, delay, lag, noise, joints=1))
