@@ -179,6 +179,7 @@ def test_a_file_that_will_not_do_is_one_line(rmrc, arguments, message):
 VARY = ("--vary", "control.inverse.method=inverse,damped")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_compare_leaves_recording_facts_and_pictures_and_prints_a_row_for_each_variant(rmrc, tmp_path):
     code, out, err = rmrc(
         "compare", "quick.yaml", *VARY, "--set", "control.inverse.damping={maximum: 0.5, below: 2}"

@@ -28,6 +28,7 @@ from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 from rmrc.study.compare import Comparison
 from rmrc.study.sweep import Sweep
+from shipped import shipped
 
 FOLDERS = ("docs", "models", "scenarios", "recordings", "benchmarks", "tests", "src", ".ci")
 DOCUMENTS = {
@@ -634,8 +635,7 @@ def test_every_module_of_the_textbook_is_on_its_page_with_a_source_and_an_exampl
 
 
 def figures_of(name, *overrides):
-    (run,) = Simulation([prepare(load(ROOT / f"scenarios/{name}.yaml", overrides))]).run()
-    return {figure: one.value for figure, one in scorecard(run).items()}
+    return {figure: one.value for figure, one in shipped(name, *overrides).scorecard.items()}
 
 
 def agrees(value, printed):

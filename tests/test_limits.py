@@ -96,7 +96,7 @@ def test_any_arm_keeps_all_its_limits_at_every_tick(scenario, tmp_path_factory, 
 @pytest.mark.parametrize("on_excess", LIMITING)
 def test_limits_are_reached_and_not_only_kept(scenario, tmp_path, on_excess):
     # Else the test above would praise an arm that does not move.
-    worlds = [greedy(scenario, tmp_path, seed, limits={"on_excess": on_excess}) for seed in range(10)]
+    worlds = [greedy(scenario, tmp_path, seed, limits={"on_excess": on_excess}) for seed in range(6)]
     at_rate, at_acceleration, at_position = 0, 0, 0
     for prepared, run in zip(worlds, Simulation(worlds).run(), strict=True):
         limits = prepared.scenario.control.limits
@@ -104,17 +104,17 @@ def test_limits_are_reached_and_not_only_kept(scenario, tmp_path, on_excess):
         if limits.acceleration is not None:
             at_acceleration += abs(excess_of(differences(run), limits.acceleration)) < 1e-9
         at_position += abs(outside(prepared, run)) < 1e-4
-    assert min(at_rate, at_acceleration, at_position) >= 2
+    assert min(at_rate, at_acceleration, at_position) >= 1
 
 
 def test_what_nothing_limits_goes_beyond_the_limits(scenario, tmp_path):
-    unlimited = [greedy(scenario, tmp_path, seed, limits={"on_excess": "none"}) for seed in range(10)]
+    unlimited = [greedy(scenario, tmp_path, seed, limits={"on_excess": "none"}) for seed in range(5)]
     free = 0
     for prepared, run in zip(unlimited, Simulation(unlimited).run(), strict=True):
         limits = prepared.scenario.control.limits
         acceleration = np.inf if limits.acceleration is None else limits.acceleration
         free += max(excess_of(run["qdot_cmd"], limits.rate), excess_of(differences(run), acceleration)) > 0.1
-    assert free >= 5
+    assert free >= 3
 
 
 @given(seeds)
