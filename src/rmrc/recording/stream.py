@@ -68,7 +68,8 @@ class Stream:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.part_path.unlink(missing_ok=True)
-            self._stream = rr.RecordingStream("rmrc", recording_id=f"{name}-{uuid4().hex[:8]}")
+            # The viewer takes no two recordings of one application whose arms have different joints.
+            self._stream = rr.RecordingStream(f"rmrc {name}", recording_id=f"{name}-{uuid4().hex[:8]}")
             self._stream.set_log_time_enabled(False)
             self._stream.save(self.part_path)
         except (OSError, RuntimeError, ValueError) as error:
