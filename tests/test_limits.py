@@ -93,7 +93,7 @@ def test_any_arm_keeps_all_its_limits_at_every_tick(scenario, tmp_path_factory, 
         assert outside(prepared, run) <= 1e-12
 
 
-@pytest.mark.parametrize("on_excess", LIMITING)
+@pytest.mark.parametrize("on_excess", mostly_long(LIMITING, 3))
 def test_limits_are_reached_and_not_only_kept(scenario, tmp_path, on_excess):
     # Else the test above would praise an arm that does not move.
     worlds = [greedy(scenario, tmp_path, seed, limits={"on_excess": on_excess}) for seed in range(6)]
