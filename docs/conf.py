@@ -17,7 +17,7 @@ author = "the authors of rmrc"
 release = os.environ.get("RMRC_SITE_VERSION", "main")  # tools/site.py sets it
 html_title = f"rmrc {release}"
 
-extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon", "mathml"]
+extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 include_patterns = [
     "docs/**",
     "notebooks/*.ipynb",
@@ -34,11 +34,9 @@ source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 
 myst_enable_extensions = ["dollarmath"]
 myst_heading_anchors = 4
-html_math_renderer = "mathml"
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
-nb_merge_streams = True
 
 # Docstrings are plain text: `x` is code, |x| a length. Types in them are linked where they have an entry.
 default_role = "code"
