@@ -41,6 +41,7 @@ myst_heading_anchors = 4
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
+nb_merge_streams = True
 
 # Docstrings are plain text: `x` is code, |x| a length. Types in them are linked where they have an entry.
 default_role = "code"
