@@ -12,7 +12,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs/_ext")]  # of this checkout, whatever is installed
 
-import typeset  # noqa: E402  # type: ignore[import-not-found]
+import typeset  # noqa: E402
 
 project = "rmrc"
 author = "the authors of rmrc"
@@ -23,6 +23,7 @@ extensions = ["myst_nb", "sphinx.ext.autodoc", "sphinx.ext.napoleon"]
 include_patterns = [
     "docs/**",
     "notebooks/*.ipynb",
+    "notebooks/README.md",
     "benchmarks/README.md",
     "models/README.md",
     "recordings/README.md",
@@ -40,6 +41,7 @@ myst_heading_anchors = 4
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
 nb_execution_timeout = 300
+nb_merge_streams = True
 
 # Docstrings are plain text: `x` is code, |x| a length. Types in them are linked where they have an entry.
 default_role = "code"

@@ -45,7 +45,8 @@ def sphinx(tree: Path, version: str, builder: str, out: Path) -> None:
         str(tree),
         str(out),
     ]
-    subprocess.run(command, check=True, env={**os.environ, "RMRC_SITE_VERSION": version})
+    own = {"RMRC_SITE_VERSION": version, "PYTHONPATH": str(tree / "src")}  # which the notebooks import
+    subprocess.run(command, check=True, env={**os.environ, **own})
 
 
 def build(version: str) -> None:
