@@ -253,14 +253,17 @@ class Panels:
         k = min(len(self._joints), len(self.axes))
         most = seen.peak("damping") if seen else None
         damping = ["λ" if most is None or most.value > 0.0 else "σ_min"]
+        shared = ["σ_min"]  # where there is no room: in the color of what comes first
         curves = [
-            Curve("columns", "curves.log_sigma[]", ["other σ"] * (k - 1), [LIME] * (k - 1), 1.2),
             Curve("columns", "curves.log_sigma_min[]", ["σ_min"], [GREEN], 3.5),
+            Curve(
+                "columns", "curves.log_sigma[]", ["other σ"] * (k - 1), [LIME] * (k - 1), 1.2, spare=shared
+            ),
             Curve("columns", "curves.log_damping[]", damping, [MAGENTA], 2.0),
-            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare=["σ_min"]),
+            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare=shared),
         ]
         if k == 1:
-            del curves[0]
+            del curves[1]
         least = largest = None
         if seen is not None:
             inverse, top = seen.peak("1/sigma"), seen.peak("sigma")
