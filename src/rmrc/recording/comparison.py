@@ -330,7 +330,7 @@ class _Arm(Track):
                 self.send("look", self._at([mark.time]), value)
             tip, text = mark.instant["pose"][0, :3], mark.text if is_first else ""
             for rest, what in callout(tip, text, self.scene, self._look.color).items():
-                self._log(f"tip/look{rest}", what)
+                self._log(f"tip/look{rest}", *what)
 
     def _at(self, times: Sequence[float]) -> list[rr.TimeColumn]:
         return stream.index(np.array([self.tick_at(one) for one in times]), np.array(times))

@@ -175,18 +175,19 @@ def pictures(
 
 def callout(
     tip: NDArray[np.float64], text: str, scene: Scene, color: int = WHITE
-) -> dict[str, rr.AsComponents]:
+) -> dict[str, list[rr.AsComponents]]:
     """Return a ball where the tip is, (3,), and a line from it to a text, which covers nothing of the hand.
 
     By what their entities end with; without a text, the ball alone.
     """
     ball, thin = 0.01 * scene.reach, 0.0015 * scene.reach
     end = tip - CALLOUT * scene.reach * screen(scene.normal)[1]
-    found: dict[str, rr.AsComponents] = {"": rr.Points3D([tip], colors=color, radii=ball)}
+    found: dict[str, list[rr.AsComponents]] = {"": [rr.Points3D([tip], colors=color, radii=ball)]}
     if text:
-        found["/line"] = rr.LineStrips3D([[tip, end]], colors=color, radii=thin)
+        line = rr.LineStrips3D([[tip, end]], colors=color, radii=thin)
         # The viewer puts words on gray in the light theme, where no color but white is read.
-        found["/text"] = rr.Points3D([end], colors=WHITE, radii=thin, labels=[text], show_labels=True)
+        words = rr.Points3D([end], colors=WHITE, radii=thin, labels=[text], show_labels=True)
+        found["/text"] = [line, words]
     return found
 
 
@@ -286,7 +287,7 @@ def eye(points: NDArray[np.float64], normal: int | None, aspect: float = VIEW_AS
 def grid(points: NDArray[np.float64]) -> rrb.LineGrid3D:
     """Return a floor below all points, (p, 3)."""
     plane = rr.components.Plane3D.XY.with_distance(float(points[:, 2].min()))
-    return rrb.LineGrid3D(visible=True, plane=plane, color=[255, 255, 255, 30])
+    return rrb.LineGrid3D(plane=plane, color=[255, 255, 255, 30])
 
 
 def xyzw(quat: NDArray[np.float64]) -> NDArray[np.float64]:

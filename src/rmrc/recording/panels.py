@@ -253,21 +253,17 @@ class Panels:
         k = min(len(self._joints), len(self.axes))
         most = seen.peak("damping") if seen else None
         damping = ["λ" if most is None or most.value > 0.0 else "σ_min"]
+        shared = ["σ_min"]  # where there is no room: in the color of what comes first
         curves = [
-            Curve(
-                "columns",
-                "curves.log_sigma[]",
-                ["other σ"] * (k - 1),
-                [LIME] * (k - 1),
-                1.2,
-                spare=["other σ, ε"],
-            ),
             Curve("columns", "curves.log_sigma_min[]", ["σ_min"], [GREEN], 3.5),
+            Curve(
+                "columns", "curves.log_sigma[]", ["other σ"] * (k - 1), [LIME] * (k - 1), 1.2, spare=shared
+            ),
             Curve("columns", "curves.log_damping[]", damping, [MAGENTA], 2.0),
-            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare=["other σ, ε"]),
+            Curve("limits", "epsilon", ["ε"], [GRAY], 1.0, spare=shared),
         ]
         if k == 1:
-            del curves[0]
+            del curves[1]
         least = largest = None
         if seen is not None:
             inverse, top = seen.peak("1/sigma"), seen.peak("sigma")
@@ -276,7 +272,7 @@ class Panels:
         if self.has_second:
             curves.append(Curve("columns", "curves.log_secondary[]", ["σ left to 2nd"], [SLATE], 2.0))
         range_ = None if least is None or largest is None else decades(least, largest)
-        return Panel("Singular values σ and damping λ, as log₁₀", curves, range_)
+        return Panel("Singular values σ, damping λ and ε (gray), as log₁₀", curves, range_)
 
     def _error(self, seen: Seen | None) -> Panel:
         colors = [GOLD, SLATE] if len(self.errors) == 2 else [GOLD if "position" in self.errors[0] else SLATE]

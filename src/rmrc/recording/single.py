@@ -268,7 +268,7 @@ class _Story(Track):
             self.send("look", self._at([looked_at.time]), values)
             tip = looked_at.instant["pose"][0, :3]
             for rest, what in callout(tip, looked_at.text, self.scene).items():
-                self.out.log(f"tip/look{rest}", what)
+                self.out.log(f"tip/look{rest}", *what)
         self.out.lay_out(layout)
 
     def _at(self, times: list[float]) -> list[rr.TimeColumn]:
