@@ -12,6 +12,8 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 sys.path[:0] = [str(ROOT / "src"), str(ROOT / "docs/_ext")]  # of this checkout, whatever is installed
 
+import typeset  # noqa: E402  # type: ignore[import-not-found]
+
 project = "rmrc"
 author = "the authors of rmrc"
 release = os.environ.get("RMRC_SITE_VERSION", "main")  # tools/site.py sets it
@@ -33,6 +35,7 @@ root_doc = "docs/index"
 source_suffix = {".md": "myst-nb", ".ipynb": "myst-nb"}
 
 myst_enable_extensions = ["dollarmath"]
+html_math_renderer = "mathml"
 myst_heading_anchors = 4
 nb_execution_mode = "force"
 nb_execution_raise_on_error = True
@@ -58,6 +61,21 @@ def add_contents(_: object, page: str, source: list[str]) -> None:
             source[0] += f"\n```{{toctree}}\n:hidden:\n:caption: {caption}\n\n{entries}\n```\n"
 
 
+def typeset_equations(_: object, page: str, source: list[str]) -> None:
+    """Typeset the equations, which are plain text in Markdown, so that they can be read anywhere."""
+    if page in ("docs/theory", "docs/choices"):
+        source[0] = typeset.typeset_page(source[0])
+
+
+def write_math(writer: Any, node: Any) -> None:
+    """Write an equation of a notebook, which is LaTeX, as MathML."""
+    from docutils.nodes import SkipNode
+    from latex2mathml.converter import convert
+
+    writer.body.append(convert(node.astext(), display="block" if node.tagname == "math_block" else "inline"))
+    raise SkipNode
+
+
 def as_markup(*told: Any) -> None:
     """Turn lengths |x| and, of modules, indented code into what reStructuredText takes for the same."""
     what, lines = told[1], told[-1]
@@ -75,8 +93,10 @@ def as_markup(*told: Any) -> None:
 
 def setup(app: Any) -> None:
     """Called by Sphinx."""
+    app.add_html_math_renderer("mathml", (write_math, None), (write_math, None))
     app.connect("autodoc-process-docstring", as_markup, priority=400)  # before napoleon
     app.connect("source-read", add_contents)
+    app.connect("source-read", typeset_equations)
 
 
 html_theme = "furo"

@@ -169,6 +169,7 @@ def test_arrays_that_cannot_be_written_do_not_take_scorecard_and_recording_along
     assert left(quick) == ["quick.json", "quick.rrd"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_comparison_whose_recording_fails_midway_leaves_the_rest(rmrc, quick, monkeypatch):
     fails_from(3, monkeypatch)
     code, out, err = rmrc("compare", "quick.yaml", "--vary", "control.feedback=1,2")

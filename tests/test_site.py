@@ -1,13 +1,15 @@
 """The site of the documents: every page is in its contents once, and its checks see what is broken."""
 
+import html
 import importlib.util
 import re
 import runpy
 import sys
+import unicodedata
 
 import pytest
 
-from pages import CONTENTS, PAGES
+from pages import CONTENTS, PAGES, page
 from project import ROOT
 
 SPEC = importlib.util.spec_from_file_location("site_tool", ROOT / "tools/site.py")
@@ -72,3 +74,41 @@ def test_versions_are_listed_with_the_newest_first(tmp_path, monkeypatch):
     assert site.write_versions() == ["main", "v0.10.1", "v0.10", "v0.9"]
     assert (tmp_path / "index.html").read_text().count("<li>") == 4
     assert "v0.10.1" in (tmp_path / "versions.js").read_text()
+
+
+def signs(text):
+    """Return letters and digits in their order, whatever stands above, below or beside another."""
+    return [one for one in unicodedata.normalize("NFKD", text) if one.isalnum() and one not in "ΣΠ"]
+
+
+def test_typeset_equations_lose_no_letter_and_no_number(conf):
+    typeset = conf["typeset"]
+    blocks = [
+        block
+        for title in ("Theory", "Methods, limits and plants")
+        for block in typeset.BLOCK.findall(page(title))
+    ]
+    assert len(blocks) > 120
+    for line in "".join(blocks).splitlines():
+        number = typeset.NUMBER.search(line)
+        said = line[: number.start()] + number[1] if number else line
+        shown = html.unescape(re.sub("<[^>]+>", "", typeset.equation(line).replace("<mn>3</mn></mroot>", "")))
+        assert signs(shown) == signs(said.replace("qdot", "q")), line
+    assert signs("q̇_i² ≤ 2") == ["q", "i", "2", "2"] != signs("q̇² ≤ 2")
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("σ_i", "<msub><mi>σ</mi><mrow><mi>i</mi></mrow></msub>"),
+        ("a/(b + 1)", "<mfrac><mrow><mi>a</mi></mrow><mrow><mrow><mi>b</mi><mo>+</mo><mn>1</mn></mrow></mrow></mfrac>"),
+        ("f(x)/2", "<mfrac><mrow><mi>f</mi><mrow>"),  # of the value, and not of what is in parentheses
+        ("m/rad", "<mi>m</mi><mo>/</mo><mtext>rad</mtext>"),
+        ("[v; ω]", "<mtable><mtr><mtd><mrow><mi>v</mi></mrow></mtd></mtr><mtr><mtd><mrow><mi>ω</mi></mrow></mtd></mtr></mtable>"),
+        ("√(x²)", "<msqrt><mrow><msup><mi>x</mi><mn>2</mn></msup></mrow></msqrt>"),
+        ("Jᵀ F", "<msup><mi>J</mi><mn>T</mn></msup><mi>F</mi>"),
+        ("q̇", '<mover accent="true"><mi>q</mi><mo>˙</mo></mover>'),
+    ],
+)  # fmt: skip
+def test_the_notation_of_the_theory_is_typeset(conf, text, shown):
+    assert shown in conf["typeset"].typeset(text)

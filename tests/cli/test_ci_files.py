@@ -221,7 +221,16 @@ def test_check_of_what_is_no_model_leaves_an_error(rmrc, quick):
 @pytest.mark.usefixtures("quick")
 def test_margins_leave_a_case_that_fails_where_the_loop_is_unstable(rmrc):
     asked = ("--accuracy", "0.5", "--quiet", "--junit", "ci/a.xml", "--summary", "ci/a.md")
-    motion = ("--set", "target.path=[{hold: {for: 0.4}}]", "--set", "plant.kind=ideal", "--set", "expect={}")
+    motion = (
+        "--set",
+        "target.path=[{hold: {for: 0.4}}]",
+        "--set",
+        "control.period=0.01",
+        "--set",
+        "plant.kind=ideal",
+        "--set",
+        "expect={}",
+    )
     for late, code in (("0", 0), ("0.2", 1)):
         assert rmrc("margins", "quick.yaml", *motion, "--set", f"plant.delay={late}", *asked)[0] == code
         failed = {name for name, what in told(read("ci/a.xml")).items() if what is not None}

@@ -61,10 +61,12 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     largest = float(sigmas[0] if k > 1 else run["sigma"].max())
     end = float(sigmas[-2]) if k > 1 else 1.2 * largest
 
+    law = machine_code(resolve, at, np.zeros(1, tick_type(n)))  # which fills in `at`, the same for every σ
+
     def gain(sigma: float) -> float:
         world, out = at.copy(), np.zeros(1, tick_type(n))
         world["J"][0, task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
-        machine_code(resolve, world, out)(world, out)
+        law(world, out)
         return float(out["gain"][0, k - 1])
 
     sigma = np.geomspace(min(NEAREST * largest, 0.1 * end), end, POINTS)
