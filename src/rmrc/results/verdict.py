@@ -83,11 +83,7 @@ def _place(run: Recorded) -> str:
     if run.divergence:
         joint = f" at {_name(run.divergence.joint)}" if run.divergence.joint else ""
         return f"{place} and diverged at {_amount(run.divergence.time)} s{joint}"
-    return (
-        place
-        if run.is_complete
-        else f"{place} and went {math.floor(100.0 * run.completed)}% of its path"
-    )
+    return place if run.is_complete else f"{place} and went {math.floor(100.0 * run.completed)}% of its path"
 
 
 def _stretched(run: Recorded) -> NDArray[np.bool_]:
