@@ -143,7 +143,7 @@ MISTAKES = {
     ),
     "unknown figure": (
         ["expect={joint_rate.peek: {below: 1}}"],
-        ['--set expect: expect.joint_rate.peek: … figure … "joint_rate.peak"…'],
+        ['--set expect: expect.joint_rate.peek: … metric … "joint_rate.peak"…'],
     ),
     "a path that cannot be": (
         ["target.path=[{arc: {center: [1, 0], angle: 90 deg}}]"],

@@ -243,7 +243,7 @@ def test_more_locked_bodies_than_can_be_kept_apart_are_refused_with_the_way_out(
     path.write_text("""<mujoco><worldbody><body><joint name="j"/><geom size=".1"/><site name="tip" pos=".4 0 0"/></body>
     <replicate count="500" offset="0.5 0 0"><body pos="1 0 0"><joint/><geom size=".1"/></body></replicate></worldbody></mujoco>""")
     arm = arms.load(path, "tip")
-    with pytest.raises(ModelError, match=r"model.xml: has 500 joints to lock, .* take arm.others: free"):
+    with pytest.raises(ModelError, match=r"model.xml: has 500 joints to lock, .* use arm.others: free"):
         arm.adapted(RateServos((1.0,)), TIMESTEP, gravity_compensation=True)
     free = arm.at(arm.configuration("home"), frees_others=True)
     assert free.adapted(RateServos((1.0,)), TIMESTEP, gravity_compensation=True).nexclude == 0

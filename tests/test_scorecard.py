@@ -684,20 +684,20 @@ def test_names_that_cannot_be_expected_are_refused_with_the_way_out():
         "secondary_sigma, status_time, stuck, contact, torque_limited, profile, duration, ticks, completed, wall_time, speed"
     )
     reasons = {
-        "joint_rate.peek": '… figure … "joint_rate.peak"…',
-        "joint_rate.sholder.rms": '… figure … "joint_rate.shoulder.rms"…',
-        "tau.peak_joint": "… joint … numbers … tau.peak",
-        "return.change_joint": "… joint … numbers … return.joint_change",
-        "contact.first_bodies": "… bodies … numbers … contact.time",
-        "torque_limited.first_joint": "… joint … numbers … torque_limited.time",
-        "chatter_joint": "… joint … numbers … chatter",
-        "profile.first_condition": "… condition … numbers … profile.refused",
+        "joint_rate.peek": '… metric … "joint_rate.peak"…',
+        "joint_rate.sholder.rms": '… metric … "joint_rate.shoulder.rms"…',
+        "tau.peak_joint": "… joint … number … tau.peak",
+        "return.change_joint": "… joint … number … return.joint_change",
+        "contact.first_bodies": "… bodies … number … contact.time",
+        "torque_limited.first_joint": "… joint … number … torque_limited.time",
+        "chatter_joint": "… joint … number … chatter",
+        "profile.first_condition": "… condition … number … profile.refused",
         "orientation_error.max": "… rx, ry, rz … task.axes",
         "orientation_error_across.end": "… rx, ry, rz … task.axes",
-        "error_along.max": '… figure … "position_error_along.max"…',
-        "error_across.maxx": '… figure … "position_error_across.max"…',
-        "nonsense": f"… figure … {groups}",
-        "": f"… figure … {groups}",
+        "error_along.max": '… metric … "position_error_along.max"…',
+        "error_across.maxx": '… metric … "position_error_across.max"…',
+        "nonsense": f"… metric … {groups}",
+        "": f"… metric … {groups}",
     }
     reasons = {name: says(reason) for name, reason in reasons.items()}
     assert refused(names, ("shoulder", "elbow"), PLANE) == reasons
@@ -714,9 +714,9 @@ def test_a_task_without_positions_refuses_position_errors():
 
 
 def test_the_names_that_mixed_meters_and_radians_lead_to_those_that_do_not():
-    wanted = says('… figure … "position_error_along.max" or "orientation_error_along.max"…')
+    wanted = says('… metric … "position_error_along.max" or "orientation_error_along.max"…')
     assert refused(["error_along.max"], ["a"], SPACE) == {"error_along.max": wanted}
-    wanted = says('… figure … "orientation_error_across.end"…')
+    wanted = says('… metric … "orientation_error_across.end"…')
     assert refused(["error_across.end"], ["a"], ("rx",)) == {"error_across.end": wanted}
 
 

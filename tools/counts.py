@@ -1,6 +1,6 @@
 """Measure the structure of `src/rmrc`, and fail where it outgrows its bounds.
 
-Prints a table, one row a count with its bound, then what the counts are made of. Ends with 1 if a bound is
+Prints a table, one row per count with its bound, then what the counts are made of. Ends with 1 if a bound is
 exceeded, so that it can be a step of CI. What is counted:
 
 - Code lines: physical lines that hold a token which is no comment, line end, indentation or docstring. The
@@ -21,8 +21,8 @@ exceeded, so that it can be a step of CI. What is counted:
   caller need an import that points up, or a function that is handed down. The first is what the row of
   circles between packages bounds; the second cannot be told from the sources.
 
-That a package's `__init__` runs when one of its modules is imported is no import of this count, nor is
-`import_module` with a name that is only known at run time, as in `rmrc/__init__.py`.
+That a package's `__init__` runs when one of its modules is imported does not count as an import. The same
+holds for `import_module` with a name that is only known at run time, as in `rmrc/__init__.py`.
 """
 
 import argparse

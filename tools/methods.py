@@ -83,7 +83,7 @@ def figures(run: Run) -> tuple[float, ...]:
 
 
 def measured(scenario: str, methods: Sequence[str]) -> dict[str, tuple[float, ...] | str]:
-    """Return the figures of methods on a scenario, or in a word why there are none."""
+    """Return the metrics of methods on a scenario, or the reason why there are none."""
     prepared, found = {}, dict[str, tuple[float, ...] | str]()
     for name in methods:
         try:

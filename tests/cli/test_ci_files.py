@@ -94,7 +94,7 @@ def test_a_case_for_each_expectation_and_one_for_the_run(rmrc, quick):
     lines = (quick / "ci/a.md").read_text("utf-8").splitlines()
     assert lines[0] == "### ✅ quick: 2 of 2 expectations met"
     assert any(line.startswith("| ok | duration: expected 0.05 ") for line in lines)
-    assert "<details><summary>Figures</summary>" in lines and "## Errors" in lines
+    assert "<details><summary>Metrics</summary>" in lines and "## Errors" in lines
     assert sorted(one.name for one in (quick / "ci").iterdir()) == ["a.md", "a.xml"]
 
 
@@ -180,7 +180,7 @@ def test_the_summary_of_a_step_of_github_is_added_to(rmrc, quick, monkeypatch):
     [
         (("--junit", "quick.yaml"), "--junit quick.yaml: … .xml"),
         (("--summary", "quick.yaml"), "--summary quick.yaml: … .md … $GITHUB_STEP_SUMMARY"),
-        (("--junit", "arm.xml"), "--junit arm.xml: is there … no JUnit XML … another file"),
+        (("--junit", "arm.xml"), "--junit arm.xml: exists … not JUnit XML … another file"),
     ],
 )
 def test_a_file_that_is_something_else_stays(rmrc, quick, monkeypatch, options, line):

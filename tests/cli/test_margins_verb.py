@@ -44,7 +44,7 @@ def test_it_prints_what_the_loop_bears_beside_the_rule_and_the_ideal_plant(rmrc)
     assert float(rows["delay"].split()[2]) == pytest.approx(edge_delay(5.0, 0.02), rel=0.1)
     assert rows["delay"].endswith(" 0.1900 s")
     assert rows["lag"].startswith("lag, more > ") and " any " in rows["lag"]
-    assert lines[-1] == says('">": stable with all that was tried; … lag …')
+    assert lines[-1] == says('">": stable in all runs; … lag …')
 
 
 def test_json_has_every_setting_that_was_tried(rmrc):
@@ -74,7 +74,7 @@ def test_the_picture_is_of_the_kind_that_its_name_says(rmrc, tmp_path):
     assert code == 0 and lines_of(out)[-1] == "wrote m.svg"
     text = (tmp_path / "m.svg").read_text()
     for words in (
-        "fades: stable", "keeps ringing: unstable", "limit by simulation", "limit of the ideal plant",
+        "decays: stable", "keeps ringing: unstable", "limit by simulation", "limit of the ideal plant",
         "times control.feedback as written [1]", "dead time added to that as written [ms]",
         "lag added to that as written [ms]", "quick: the margins of its loop",
     ):  # fmt: skip

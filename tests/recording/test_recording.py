@@ -635,7 +635,7 @@ def test_rates_that_arrive_are_drawn_beside_those_commanded_where_they_are_other
         assert_same_bits(read_columns(path), done.columns)
         assert_looks_at_what_is_recorded(path)
         text = stored(path, "/text/legend")["TextDocument:text"][0][0]
-        assert ("arrives at the plant" in text) is is_late
+        assert ("received by the plant" in text) is is_late
         assert "{" not in text
 
 

@@ -169,4 +169,4 @@ def test_an_address_that_is_silent_is_given_up(path):
         code, out, err = ended(process)
     assert time.monotonic() - begun < 25
     assert (code, out) == (2, "")
-    assert re.fullmatch(r"rmrc: error: --cluster tcp://\S+: no Dask scheduler answers there .*\n", err)
+    assert re.fullmatch(r"rmrc: error: --cluster tcp://\S+: no Dask scheduler responds there .*\n", err)

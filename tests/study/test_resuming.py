@@ -22,7 +22,7 @@ task: {{axes: [x, y]}}
 target: {{path: [{{line: {{by: [0.004, 0.0]}}}}]}}
 sweep: {{draw: {{control.feedback: [1, 20]}}, samples: 32}}
 """
-REMOVE = "; … remove … same command …"  # the way out of each: what is wrong is taken away, or the sweep goes elsewhere
+REMOVE = "; … remove … rerun the command …"  # the way out of each: what is wrong is taken away, or the sweep goes elsewhere
 MOVE = "; … move … --out"
 
 

@@ -269,19 +269,19 @@ LINKS = np.stack([np.eye(4)] * 2)
     [
         (
             lambda: outward_velocities(LINKS, [0, 0], [1, 2, 3]),
-            "chain: 2 joints but rates of shape (3,); give one a joint",
+            "chain: 2 joints but rates of shape (3,); give one per joint",
         ),
         (
             lambda: outward_velocities(LINKS, 0.0, [1, 2]),
-            "chain: 2 joints but pitches of shape (); give one a joint",
+            "chain: 2 joints but pitches of shape (); give one per joint",
         ),
         (
             lambda: jacobian_by_propagation(LINKS, [0, 0, 0]),
-            "chain: 2 joints but pitches of shape (3,); give one a joint",
+            "chain: 2 joints but pitches of shape (3,); give one per joint",
         ),
         (
             lambda: actuator_torques(np.ones((2, 6)), [0]),
-            "chain: 2 joints but pitches of shape (1,); give one a joint",
+            "chain: 2 joints but pitches of shape (1,); give one per joint",
         ),
         (
             lambda: outward_velocities(LINKS, [0, np.nan], [1, 2]),

@@ -75,7 +75,7 @@ def load_model(
     Args:
         given: It stays as it is. A model that is compiled can have no site added: its arm needs a site, names
             of all joints, and a base that does not float.
-        site: As in `load`, and so are the others.
+        site: As in `load`, like the others.
         joints: Names of the joints to drive.
         body: Name of the body whose frame to control.
 

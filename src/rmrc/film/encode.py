@@ -80,7 +80,7 @@ def write_mp4(path: Path, frames: Iterator[Frame], size: tuple[int, int], fps: f
         path: Path of the file.
         frames: In order.
         size: Width and height [pixels], both even.
-        fps: Frames a second.
+        fps: Frames per second.
 
     Raises:
         PictureError: There is no ffmpeg, or it gives up.

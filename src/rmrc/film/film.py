@@ -48,7 +48,7 @@ class Cut(NamedTuple):
         begin: Start of a film [s].
         end: End of a film [s]; None: of the longest run.
         speed: Simulated seconds in one second of the film.
-        fps: Frames a second.
+        fps: Frames per second.
     """
 
     at: float | None = None

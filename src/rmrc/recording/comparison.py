@@ -270,7 +270,7 @@ class _Arm(Track):
         return np.full(len(frames.tip), self._look.color, np.uint32)
 
     def curves(self, part: Run) -> dict[str, NDArray[np.float64]]:
-        """Return one number a tick for each quantity that is compared."""
+        """Return one number per tick for each quantity that is compared."""
         damping, load = part["damping"], np.abs(part["tau"])
         if self._is_share:
             load = 100.0 * load / self._prepared.arm.torque_limit

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 
 from rmrc.support.errors import RmrcError
 
-# Seconds that a block of some 0.5 MB may take to reach the disk. Rerun waits for ever for a writer that
+# Seconds that a block of some 0.5 MB may take to reach the disk. Rerun waits forever for a writer that
 # found the disk full, if the writer ends at the wrong moment.
 PATIENCE = 10.0
 
@@ -148,7 +148,7 @@ class Stream:
             self._stream.disconnect()
 
     def _abandon(self) -> None:
-        """Close a stream whose writer has failed, which may last for ever: here, or else at exit.
+        """Close a stream whose writer has failed, which may last forever: here, or else at exit.
 
         A thread that hangs keeps the stream from being closed once more as garbage.
         """
@@ -156,7 +156,7 @@ class Stream:
         rr.unregister_shutdown()
         closing = Thread(target=self._stream.disconnect, daemon=True)
         closing.start()
-        closing.join(1.0)  # it takes milliseconds, or for ever
+        closing.join(1.0)  # it takes milliseconds, or forever
 
 
 def index(ticks: NDArray[np.int64], time: NDArray[np.float64]) -> list[rr.TimeColumn]:

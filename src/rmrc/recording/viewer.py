@@ -79,7 +79,7 @@ def replay(
     try:
         with listening_to_signals() as events, tempfile.TemporaryDirectory(prefix="rmrc-") as folder:
             shown = path
-            # The viewer knows a recording by its suffix, and waits for ever for a torn end.
+            # The viewer knows a recording by its suffix, and waits forever for a torn end.
             if path.suffix == ".part" or is_torn(path):
                 shown = Path(folder) / path.name.removesuffix(".part")
                 repair(path, shown, events)

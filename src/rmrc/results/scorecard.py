@@ -624,7 +624,7 @@ def _unknown(name: str, card: Scorecard) -> str:
         if name.startswith(error) and name.replace(error, other) in card:
             return f"needs one of {', '.join(rows)} in task.axes"
     if name in _BEFORE:
-        return f"is now called {_BEFORE[name]} now"
+        return f"is now called {_BEFORE[name]}"
     # the names of before, when meters and radians were added up
     split = [f"{kind.removesuffix('error')}{name}" for kind in kinds]
     parts = [f'"{part}"' for part in split if part in card]

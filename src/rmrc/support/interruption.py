@@ -57,7 +57,7 @@ def stops_like_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def interruptible() -> Iterator[threading.Event]:
-    """Yield an event that Ctrl-C sets, and so do the signals that `stops_like_ctrl_c` made like it."""
+    """Yield an event set by Ctrl-C and by the signals that `stops_like_ctrl_c` treats alike."""
     stop = threading.Event()
     before = {number: signal.getsignal(number) for number in _SIGNALS}
 

@@ -65,7 +65,7 @@ def sheets(
 
 def margins(rows: Sequence[tuple[str, ...]]) -> Sheet:
     """Return the table of stability margins: name, and margins of gain, delay and lag."""
-    headings, units = ("gain margin", "gain", "more delay", "more lag"), ("", "times", "ms", "ms")
+    headings, units = ("loop margin of", "gain", "more delay", "more lag"), ("", "times", "ms", "ms")
     return Sheet("Margins, on the slowest of the robots", headings, [units, *rows], frozenset({0}))
 
 

@@ -72,7 +72,7 @@ def choose(names: Sequence[str], given: Mapping[str, str]) -> Columns:
     Args:
         names: Names of all numeric columns.
         given: Columns by t, q and qdot_cmd: a name; names with commas between them; or a name with * where
-            the joint stands; a unit may follow after a blank.
+            the joint stands; a unit may follow, separated by a blank.
 
     Raises:
         QuestionError: There are none such, or positions and commands are of different joints.

@@ -207,7 +207,7 @@ class _Search:
         return min(found, points[i], key=lambda one: one.cost)
 
     def point(self, lag: float, delay: float, fixed: bool = False) -> Point:
-        """Return the best fit with a lag, near a delay or at that very delay, by Gauss-Newton."""
+        """Return the best fit with a lag, near a delay or at exactly that delay, by Gauss-Newton."""
         lagged = self.samples.commands.lagged(lag)
         cost, gain, step, curvature = self._step(lagged, delay)
         for _ in range(0 if fixed else 20):

@@ -139,7 +139,7 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
 def _of_run(
     arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]
 ) -> tuple[Mapping[str, Array], dict[str, str]]:
-    """Return columns of one value a row, and what is to be said: (T, n) are named by joints or numbers."""
+    """Return columns of one value per row, and what is to be said: (T, n) are named by joints or numbers."""
     found = dict[str, Array]()
     for name in arrays:
         values = np.asarray(arrays[name])

@@ -86,7 +86,7 @@ def workspace(
 
 
 def compile_for(arm: Arm) -> None:
-    """Compile what a workspace needs, or load it if it was: the first time ever takes seconds."""
+    """Compile the functions for workspaces, or load them; the first time takes seconds."""
     task = Task(arm, np.arange(3))
     survey(task, np.zeros((1, arm.n)))
     covering(np.zeros((2, 2, 2)), np.zeros(2), 1.0, (1, 1))

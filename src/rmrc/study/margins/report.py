@@ -65,7 +65,7 @@ def _loop(found: Margins) -> Sheet:
 
 
 def _edges(found: Margins) -> Sheet:
-    headings = ("margin", "by simulation", "stable at", "unstable at", "ideal plant", "rule", "unit")
+    headings = ("stability margin of", "by runs", "stable at", "unstable at", "ideal plant", "rule", "unit")
     rows = [_row(one) for one in found.all]
     notes = []
     if found.scenario.control.state == "integrated":
