@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose
 from project import ROOT
 from rmrc import arm as arms
 from rmrc import textbook
-from rmrc.analysis.inspect.factors import factors
+from rmrc.analysis.factors import factors
 from rmrc.analysis.inspect.inspection import inspect
 from rmrc.law.task import choose
 from rmrc.textbook.puma import UPPER_ARM

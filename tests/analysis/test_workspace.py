@@ -376,6 +376,55 @@ def test_map_goes_through_the_range_of_a_joint_or_through_a_turn(tmp_path):
         assert_allclose(space.second, np.linspace(*ends, 5), atol=1e-7)
 
 
+# Families ------------------------------------------------------------------------------------------
+
+
+def families(curves, names):
+    """Configurations of singular curves by the family that each is said to be of."""
+    q, which = (np.concatenate([getattr(c, key) for c in curves]) for key in ("q", "family"))
+    return {name: q[which == i] for i, name in enumerate(names)}
+
+
+def test_singular_curves_are_of_the_family_whose_closed_form_is_zero():
+    space = found("anthropomorphic")
+    by = families(space.singular, [rule.name for rule in space.families])
+    # shoulder: the tip is on the waist's axis, r = 0; elbow: sin θ₃ = 0
+    r = np.linalg.norm([space.task.arm.pose(q)[:2] for q in by["shoulder"]], axis=1)
+    assert len(r) > 100 and r.max() < 1e-8
+    assert len(by["elbow"]) > 100 and np.abs(np.sin(by["elbow"][:, 2])).max() < 1e-8
+    # and no singular curve is of both but where they cross
+    assert (np.abs(np.sin(by["shoulder"][:, 2])) < 1e-3).sum() <= 8
+    shown = report(space).json["singular"]["families"]
+    assert [(one["name"], one["configurations"]) for one in shown] == [(k, len(v)) for k, v in by.items()]
+
+
+def test_a_map_over_two_joints_has_a_double_zero_of_the_determinant_too(tmp_path):
+    """det J = d₃² s₂ s₅ does not change its sign at d₃ = 0."""
+    text = (ROOT / "models/stanford.xml").read_text("utf-8")
+    path = tmp_path / "stanford.xml"
+    text = text.replace('file="common', f'file="{ROOT}/models/common')
+    path.write_text(
+        text.replace('class="stanford_boom" armature', 'class="stanford_boom" range="-0.5 0.6" armature')
+    )
+    arm = arms.load(path, "wrist")
+    q = np.array([0.0, 1.2, 0.0, 0.0, 1.2, 0.0])
+    space = joint_map(arm, ("d_3", "theta_5"), q, cells=40)
+    names = [space.families[i].name for i in space.family]
+    assert "boom" in names and "wrist" in names and "shoulder" not in names
+    for name, curve in zip(names, space.singular, strict=True):
+        gap = curve[:, 0] if name == "boom" else np.sin(curve[:, 1])
+        assert np.abs(gap).max() < 1e-12
+    # where a family is singular all over the map, it is no curve inside it
+    everywhere = joint_map(arm, ("theta_1", "d_3"), q * [1, 1, 1, 1, 0, 1], cells=10)
+    on_edges = [c for i, c in zip(everywhere.family, everywhere.singular, strict=True) if i == 2]
+    assert len(on_edges) == 4
+
+
+def test_an_arm_without_known_factors_has_no_families():
+    space = found("planar_3link")
+    assert space.families == () and all(curve.family is None for curve in space.singular)
+
+
 # Files and messages ---------------------------------------------------------------------------------
 
 
@@ -388,6 +437,9 @@ def test_a_file_has_every_array_with_its_meaning(tmp_path):
         np.testing.assert_array_equal(file["free_reached"], space.free.reached)
         np.testing.assert_array_equal(file["limited_q"], space.limited.q)
         assert len(file["singular_q"]) == len(file["singular_curve"]) == len(file["singular_within"])
+        assert set(file["singular_family"]) == {"elbow"} and len(file["singular_family"]) == len(
+            file["singular_q"]
+        )
         assert len(file["limit_points"]) == len(file["limit_label"])
         assert set(file["limit_label"]) == {f"theta_{j} {end}" for j in (2, 3) for end in ("lower", "upper")}
         assert about["slice"] == "rz" and about["joints"] == ["theta_1", "theta_2", "theta_3"]

@@ -43,8 +43,8 @@ def styles(figure):
 def test_the_arm_of_6_and_3_shows_both_sets_circles_limits_and_the_arm():
     figure, axes = drawn(found("planar_6_3"))
     assert words(figure) == [
-        "reached without joint limits", "reached within the limits", "singular, beyond the limits", "singular",
-        "q1 at a limit", "q2 at a limit", "the arm",
+        "reached without joint limits", "reached within the limits",
+        "singular: elbow, boundary, beyond the limits", "singular: elbow, boundary", "q1 at a limit", "q2 at a limit", "the arm",
     ]  # fmt: skip
     kinds = styles(figure)
     assert len(set(kinds)) == len(kinds)
@@ -62,6 +62,16 @@ def test_the_arm_of_6_and_3_shows_both_sets_circles_limits_and_the_arm():
     assert_allclose(
         [x[-1], y[-1]], found("planar_6_3").task.arm.pose(found("planar_6_3").home)[:2], atol=1e-12
     )
+
+
+def test_families_differ_without_colors_too():
+    arm = arms.load(ROOT / "models/anthropomorphic.xml")
+    across = workspace(arm, "xz", through=[0.0, 0.0, 1.0], cells=40, samples=5000)
+    for space in (found("anthropomorphic"), across):
+        figure, _ = drawn(space)
+        kinds = styles(figure)
+        assert len(set(kinds)) == len(kinds)
+        assert {"singular: shoulder, interior", "singular: elbow, boundary"} <= set(words(figure))
 
 
 @pytest.mark.parametrize("measure", ["sigma_min", "manipulability", "condition", "postures"])
@@ -107,7 +117,7 @@ def test_a_map_over_two_joints_has_degrees_and_meters_and_the_determinant(tmp_pa
     figure = workspace_figure._joint_map(space, "sigma_min")
     axes = figure.axes[0]
     assert (axes.get_xlabel(), axes.get_ylabel()) == ("d_3 [m]", "theta_5 [°]")
-    line = next(line for line in axes.lines if line.get_label() == r"singular: det $J$ = 0")
+    line = next(line for line in axes.lines if line.get_label() == "singular: wrist, interior")
     assert_allclose(line.get_ydata(), 0.0, atol=1e-9)
     draw(space, tmp_path / "map.png", "condition")
     assert imread(tmp_path / "map.png").shape[1] > 800

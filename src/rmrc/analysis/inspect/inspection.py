@@ -7,8 +7,8 @@ from math import comb
 import numpy as np
 from numpy.typing import ArrayLike
 
+from rmrc.analysis.factors import Factor, factors
 from rmrc.analysis.inspect.directions import LOST, SLOW, Lost, Motion, Slow, examine, rank_of
-from rmrc.analysis.inspect.factors import Factor, factors
 from rmrc.analysis.inspect.routes import Array, jacobians
 from rmrc.analysis.inspect.words import amount, direction, listed
 from rmrc.analysis.statics.balance import Balance, balance

@@ -1,7 +1,7 @@
 """Pictures of a workspace: what is reached, with and without limits, and how well the arm moves there."""
 
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from matplotlib import colormaps
@@ -10,8 +10,10 @@ from matplotlib.colors import BoundaryNorm, Colormap, ListedColormap, LogNorm, N
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
+from matplotlib.patheffects import Normal, Stroke
 from numpy.typing import NDArray
 
+from rmrc.analysis.factors import Rule
 from rmrc.analysis.workspace.joint_map import JointMap
 from rmrc.analysis.workspace.reach import Workspace
 from rmrc.law.task import Array
@@ -29,6 +31,27 @@ WORST_CONDITION = 100.0
 # Joints at their limits differ by these where there are no colors.
 DASHES = ((0, (1, 1.2)), (0, (6, 1.5, 1.2, 1.5)))
 MARKERS = "^sD+vP*<"
+
+
+class Look(NamedTuple):
+    """How a family of singularities is drawn: its color, and its markers on lines, and of points."""
+
+    color: str = "black"
+    on_line: str = ""
+    within: str = "o"
+    beyond: str = "x"
+
+
+# By the name of the factor; others, and singularities of no known family, have the default.
+FAMILIES = {
+    "shoulder": Look("#e06c00", "o", ">", "1"),
+    "elbow": Look("#8c1d40"),
+    "wrist": Look("#5b2fd0", "D", "h", "2"),
+    "boom": Look("#00809c", "s", "d", "3"),
+    "pivot": Look("#8c1d40"),
+}
+# Curves stand out from maps and from gray.
+CASING = [Stroke(linewidth=4.2, foreground="white"), Normal()]
 PALE, DARK = "0.88", "0.70"
 _LEGEND = {"markersize": 6.0}
 
@@ -119,24 +142,48 @@ def _region(axes: Axes, found: Workspace, reached: NDArray[np.bool_], color: str
 
 
 def _singular(axes: Axes, found: Workspace) -> list[Line2D]:
-    """Draw singular curves: solid within the limits, dashed beyond; or points, filled and crosses."""
-    handles = []
-    for within, word in ((False, "singular, beyond the limits"), (True, "singular")):
-        style: dict[str, Any] = {"color": "black", "linewidth": 2.8, "linestyle": "-"}
+    """Draw singular curves: solid within the limits, dashed beyond; or points, filled and crosses.
+
+    Each family has its color; black are those of no known family.
+    """
+    handles: dict[tuple[str, str], Line2D] = {}
+    for within, word in ((False, ", beyond the limits"), (True, "")):
+        style: dict[str, Any] = {"linewidth": 2.8, "linestyle": "-"}
         if not within:
-            style = {"color": "black", "linewidth": 1.4, "linestyle": (0, (7, 4))}
+            style = {"linewidth": 1.4, "linestyle": (0, (7, 4))}
         if not found.part.is_surface:
-            style = {"linestyle": "", "marker": "o" if within else "x", "markersize": 2.2 if within else 2.8}
-            style["color"] = "black" if within else "0.35"
-        curves = [curve for curve in found.singular if (curve.within == within).any()]
-        for curve in curves:
-            shown = curve.within == within
-            if found.part.is_surface and not within:  # up to the limit
-                shown = shown | np.roll(shown, 1) | np.roll(shown, -1)
-            axes.plot(*np.where(shown[:, None], curve.points, np.nan).T, zorder=4, **style)
-        if curves:
-            handles.append(Line2D([], [], **style | _LEGEND, label=word))
-    return handles
+            style = {"linestyle": "", "markersize": 2.2 if within else 2.8}
+        for curve in found.singular:
+            for i, rule in enumerate(found.families or [None]):
+                shown = curve.within == within
+                if found.part.is_surface and not within:  # up to the limit
+                    shown = shown | np.roll(shown, 1) | np.roll(shown, -1)
+                if curve.family is not None:
+                    shown = shown & (curve.family == i)
+                if not shown.any():
+                    continue
+                style |= _look(rule, found.part.is_surface, within)
+                points = np.where(shown[:, None], curve.points, np.nan)
+                axes.plot(*points.T, zorder=4, path_effects=CASING, **style)
+                label = _family(rule) + word
+                handles[label, style["color"]] = Line2D([], [], **style | _LEGEND, label=label)
+    return list(handles.values())
+
+
+def _family(rule: Rule | None) -> str:
+    """Return what a family of singular curves is called."""
+    if rule is None:
+        return "singular"
+    return f"singular: {rule.name}" + (f", {rule.family}" if rule.family else "")
+
+
+def _look(rule: Rule | None, is_line: bool, within: bool = True) -> dict[str, Any]:
+    """Return color and markers of a family of singularities."""
+    look = FAMILIES.get(rule.name, Look()) if rule is not None else Look()
+    if not is_line:
+        return {"color": look.color, "marker": look.within if within else look.beyond}
+    marks = {"markevery": 0.12, "markersize": 5.0, "markerfacecolor": "white", "markeredgewidth": 1.2}
+    return {"color": look.color, "marker": look.on_line, **marks}
 
 
 def _limits(axes: Axes, found: Workspace) -> list[Line2D]:
@@ -228,10 +275,15 @@ def _joint_map(found: JointMap, measure: str) -> Figure:
     degrees = [1.0 if arm.is_slide[joint] else 180.0 / np.pi for joint in found.joints]
     first, second = found.first * degrees[0], found.second * degrees[1]
     _colored(figure, axes, first, second, found.values[measure], measure, "")
+    drawn: set[str] = set()
     for i, curve in enumerate(found.singular):
+        rule = found.families[found.family[i]] if found.family else None
+        label = r"singular: det $J$ = 0" if rule is None else _family(rule)
         axes.plot(
-            *(curve * degrees).T, color="black", linewidth=2.6, label="" if i else r"singular: det $J$ = 0"
-        )
+            *(curve * degrees).T, linewidth=2.6, path_effects=CASING, label="" if label in drawn else label,
+            **_look(rule, is_line=True),
+        )  # fmt: skip
+        drawn.add(label)
     names = [f"{plain(arm.joints[joint])} [{'m' if arm.is_slide[joint] else '°'}]" for joint in found.joints]
     axes.set_xlabel(names[0])
     axes.set_ylabel(names[1])

@@ -31,6 +31,7 @@ ARRAYS = {
     "singular_q": "singular configurations, (K, n) [rad or m]",
     "singular_points": "where they put the site in the slice, (K, 2) [m]",
     "singular_curve": "number of the curve that each belongs to, (K,)",
+    "singular_family": "factor of det J that vanishes at each, such as elbow; empty: not known, (K,)",
     "singular_within": "whether each is within the joint limits, (K,)",
     "limit_q": "configurations at a joint limit, (L, n) [rad or m]",
     "limit_points": "where they put the site in the slice, (L, 2) [m]",
@@ -66,6 +67,7 @@ def _workspace(found: Workspace) -> tuple[dict[str, Any], dict[str, str], dict[s
         arrays[f"{word}_points"] = np.concatenate([np.empty((0, 2)), *(curve.points for curve in curves)])
     sizes = [len(curve.q) for curve in found.singular]
     arrays["singular_curve"] = np.repeat(np.arange(len(sizes)), sizes)
+    arrays["singular_family"] = np.concatenate([np.empty(0, "<U1"), *map(found.names, found.singular)])
     arrays["singular_within"] = np.concatenate(
         [np.empty(0, bool), *(curve.within for curve in found.singular)]
     )
@@ -94,6 +96,7 @@ def _joint_map(found: JointMap) -> tuple[dict[str, Any], dict[str, str], dict[st
         "condition": "sigma_1/sigma_min, (A, B)",
         "singular": "positions of both joints where det J = 0, (K, 2) [rad or m]; only of a square task",
         "singular_curve": "number of the curve that each belongs to, (K,)",
+        "singular_family": ARRAYS["singular_family"],
     }
     about = {
         "model": arm.path.name, "site": arm.site, "joints": arm.joints,
@@ -102,5 +105,8 @@ def _joint_map(found: JointMap) -> tuple[dict[str, Any], dict[str, str], dict[st
     }  # fmt: skip
     arrays: dict[str, Any] = {"first": found.first, "second": found.second, "q": found.q, **found.values}
     arrays["singular"] = np.concatenate([np.empty((0, 2)), *found.singular])
-    arrays["singular_curve"] = np.repeat(np.arange(len(found.singular)), [len(c) for c in found.singular])
+    sizes = [len(curve) for curve in found.singular]
+    arrays["singular_curve"] = np.repeat(np.arange(len(sizes)), sizes)
+    names = [found.families[i].name for i in found.family] or [""] * len(sizes)
+    arrays["singular_family"] = np.repeat(np.array(names, str), sizes)
     return arrays, meaning, about

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from rmrc.analysis.factors import Rule, product
 from rmrc.analysis.subject import Model, Packages, subject
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.workspace.folds import zero_curves
@@ -39,6 +40,8 @@ class JointMap:
         ends: Least and largest of each over both ranges, also between the positions; 0, 0 and infinite where
             the arm is singular.
         singular: Where det A = 0 of a square task, as polylines (k, 2) of both positions; none of another.
+        families: Families of singularities, one for each factor of det A; none if no factors are known.
+        family: Number of the family of each curve; none if no factors are known.
     """
 
     task: Task
@@ -49,6 +52,8 @@ class JointMap:
     values: dict[str, Array]
     ends: dict[str, tuple[float, float]]
     singular: tuple[Array, ...]
+    families: tuple[Rule, ...]
+    family: tuple[int, ...]
 
 
 def joint_map(
@@ -106,33 +111,42 @@ def joint_map(
     one, other = joints
     steps = [_positions(task, joint, cells) for joint in joints]
     shape, is_square = (len(steps[0]), len(steps[1])), len(task.rows) == arm.n
-    sigma, value = np.empty((*shape, k)), np.empty(shape)
+    known = product(task)
+    rules = () if known is None else known.rules
+    # det A, or each of its factors as a share of its largest
+    sigma, value = np.empty((*shape, k)), np.empty((*shape, max(len(rules), 1)))
     rows = max(1, BLOCK // shape[1])
     for begin in range(0, shape[0], rows):
         some = slice(begin, begin + rows)
-        every = np.tile(positions, (*value[some].shape, 1))
+        every = np.tile(positions, (*value[some].shape[:2], 1))
         every[..., one], every[..., other] = steps[0][some, None], steps[1]
         flat = every.reshape(-1, arm.n)
         seen = survey(task, flat)
-        sigma[some] = seen.sigma.reshape(*value[some].shape, k)
+        sigma[some] = seen.sigma.reshape(*every.shape[:2], k)
         if is_square:
-            J = task.turned(jacobians(task, flat)[1], seen.pose)
-            value[some] = np.linalg.det(task.matrix(J)).reshape(value[some].shape)
+            _, J = jacobians(task, flat)
+            value[some] = (
+                np.linalg.det(task.matrix(task.turned(J, seen.pose))).reshape(*every.shape[:2], 1)
+                if known is None
+                else (known.values(J) / known.largest).reshape(value[some].shape)
+            )
         if on_samples is not None:
             on_samples(len(flat))
-    known = Survey(every, every, sigma.reshape(-1, k))
+    seen = Survey(every, every, sigma.reshape(-1, k))
     values = {
         "sigma_min": sigma[..., -1],
-        "manipulability": known.manipulability.reshape(shape),
-        "condition": known.condition.reshape(shape),
+        "manipulability": seen.manipulability.reshape(shape),
+        "condition": seen.condition.reshape(shape),
     }
-    curves = _singular_curves(value) if is_square else []
+    layers = [value[..., i] for i in range(value.shape[-1])] if is_square else []
+    curves = [(i, curve) for i, layer in enumerate(layers) for curve in _singular_curves(layer, bool(rules))]
     grid = [np.arange(len(step)) for step in steps]
     singular = tuple(
-        np.stack([np.interp(curve[:, c], grid[c], steps[c]) for c in range(2)], axis=1) for curve in curves
+        np.stack([np.interp(curve[:, c], grid[c], steps[c]) for c in range(2)], axis=1) for _, curve in curves
     )
+    family = tuple(i for i, _ in curves) if rules else ()
     ends = _ends(task, joints, positions, steps, values)
-    return JointMap(task, joints, steps[0], steps[1], positions, values, ends, singular)
+    return JointMap(task, joints, steps[0], steps[1], positions, values, ends, singular, rules, family)
 
 
 def _joints(arm: Arm, names: Sequence[str]) -> tuple[int, int]:
@@ -153,9 +167,15 @@ def _joints(arm: Arm, names: Sequence[str]) -> tuple[int, int]:
     return arm.joints.index(names[0]), arm.joints.index(names[1])
 
 
-def _singular_curves(value: Array) -> list[Array]:
-    """Return the curves on a grid where a determinant changes its sign, and the sides where it is 0."""
-    value = np.where(np.abs(value) <= ROUNDING * np.abs(value).max(), 0.0, value)
+def _singular_curves(value: Array, is_share: bool) -> list[Array]:
+    """Return the curves on a grid where a value changes its sign, and the sides where it is 0.
+
+    Args:
+        value: A determinant, or one of its factors as a share of its largest, (A, B).
+        is_share: Whether it is such a share: a factor may be rounding on the whole grid.
+    """
+    largest = 1.0 if is_share else np.abs(value).max()
+    value = np.where(np.abs(value) <= ROUNDING * largest, 0.0, value)
     last = np.array(value.shape) - 1.0
     sides = ((value[0], 0, 0.0), (value[-1], 0, last[0]), (value[:, 0], 1, 0.0), (value[:, -1], 1, last[1]))
     curves = []

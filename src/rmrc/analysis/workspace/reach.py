@@ -6,6 +6,7 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.analysis.factors import Rule
 from rmrc.analysis.survey import Survey
 from rmrc.analysis.workspace.extents import Extent
 from rmrc.analysis.workspace.slices import Slice
@@ -25,12 +26,14 @@ class Curve:
         q: (k, n) [rad or m].
         points: In the slice, (k, 2) [m].
         within: Which of them are within the joint limits, (k,).
+        family: Number of the family of singularities of each, (k,); None where no families are known.
     """
 
     label: str
     q: Array
     points: Array
     within: NDArray[np.bool_]
+    family: NDArray[np.intp] | None = None
 
 
 @dataclass(frozen=True)
@@ -87,6 +90,7 @@ class Workspace:
         free: Without joint limits: each hinge turns fully; slides keep theirs.
         limited: With them.
         singular: Singular curves, on a surface; else one "curve" of points without an order.
+        families: Families of singularities, one for each factor of det J_v; none if no factors are known.
         limits: Where joints at their limits bound, by limit: curves on a surface, else points.
         home: The configuration that the arm is drawn at, (n,).
         links: Points of the drawn arm in the slice, (k, 2) [m].
@@ -101,11 +105,18 @@ class Workspace:
     free: Reach
     limited: Reach
     singular: tuple[Curve, ...]
+    families: tuple[Rule, ...]
     limits: tuple[Curve, ...]
     home: Array
     links: Array
     worst: bool
     samples: int
+
+    def names(self, curve: Curve) -> NDArray[np.str_]:
+        """Return the name of the family of each configuration of a singular curve, (k,)."""
+        if curve.family is None:
+            return np.full(len(curve.q), "")
+        return np.array([rule.name for rule in self.families])[curve.family]
 
     def volume(self, reach: Reach) -> float | None:
         """Return the volume that a slice about the first axis sweeps, 2π ∫ r dA [m³]; None for a plane."""

@@ -22,9 +22,10 @@ def report(found: Workspace | JointMap, measure: str | None = None) -> Report:
     The JSON of a workspace has slice and cells; of both reachable sets area (and volume, of a slice about an
     axis), how far they can be off, extents with their accuracy, the extremes of σ_min, w and κ, and in
     `worst_from` where the worse of both was found: on `singular` curves, on those of `limits`, or in the
-    middles of `cells`, as the better always are; counts of singular configurations. Of samples an extent is
-    reached to its accuracy, but is only the largest that was found: `extent_is_at_least`. Over two joints the
-    extremes are searched between the positions of the map, to 1e-9 and less; an infinite κ is null.
+    middles of `cells`, as the better always are; counts of singular configurations, in all and of each
+    family. Of samples an extent is reached to its accuracy, but is only the largest that was found:
+    `extent_is_at_least`. Over two joints the extremes are searched between the positions of the map, to 1e-9
+    and less; an infinite κ is null.
 
     Args:
         found: What `workspace` or `joint_map` found.
@@ -68,9 +69,24 @@ def _values(found: Workspace) -> dict[str, Any]:
             "curves": len(found.singular) if part.is_surface else None,
             "configurations": sum(len(curve.q) for curve in found.singular),
             "within_limits": sum(int(curve.within.sum()) for curve in found.singular),
+            "families": _family_values(found),
         },
         "limit_curves": [curve.label for curve in found.limits],
     }  # fmt: skip
+
+
+def _family_values(found: Workspace) -> list[dict[str, Any]]:
+    """Return the families of singularities that were found, each with its counts."""
+    values = []
+    for i, rule in enumerate(found.families):
+        own = [curve.within[curve.family == i] for curve in found.singular]
+        values.append(
+            {
+                "name": rule.name, "family": rule.family, "where": rule.where,
+                "configurations": sum(map(len, own)), "within_limits": sum(int(some.sum()) for some in own),
+            }
+        )  # fmt: skip
+    return values
 
 
 def _reach_values(found: Workspace, reach: Reach) -> dict[str, Any]:
@@ -96,6 +112,10 @@ def _joint_values(found: JointMap) -> dict[str, Any]:
         "configurations": found.values["sigma_min"].size,
         # det J is of as many rows as joints
         "singular_curves": len(found.singular) if len(found.task.rows) == arm.n else None,
+        "families": [
+            {"name": rule.name, "family": rule.family, "where": rule.where, "curves": found.family.count(i)}
+            for i, rule in enumerate(found.families)
+        ],
         **{measure: found.ends[measure] for measure in MEASURES},
     }  # fmt: skip
 
@@ -129,6 +149,10 @@ def _table(values: dict[str, Any]) -> Sheet:
     rows.append(
         ("singular configurations found", str(singular["configurations"]), str(singular["within_limits"]))
     )
+    rows += [
+        (f"  {_called(one)}", str(one["configurations"]), str(one["within_limits"]))
+        for one in singular["families"]
+    ]
     title = (
         f"{values['model']}, site {values['site']}, slice {values['slice']}, rows {' '.join(values['axes'])}"
     )
@@ -140,9 +164,14 @@ def _joint_table(values: dict[str, Any]) -> Sheet:
     title = f"{values['model']}, site {values['site']}, over {over}, rows {counted}"
     rows = [(word, _range(values[key])) for key, word in WORDS.items()]
     rows.append(("  searched between steps of a grid", " x ".join(map(str, values["cells"]))))
-    return Sheet(
-        title, ("", "from least to most"), [*rows, ("curves of det J = 0", _count(values["singular_curves"]))]
-    )
+    rows.append(("curves of det J = 0", _count(values["singular_curves"])))
+    rows += [(f"  {_called(one)}: {one['where']}", str(one["curves"])) for one in values["families"]]
+    return Sheet(title, ("", "from least to most"), rows)
+
+
+def _called(one: dict[str, Any]) -> str:
+    """Return the name of a family of singularities and its kind."""
+    return f"{one['name']}{', ' * bool(one['family'])}{one['family']}"
 
 
 def _count(count: int | None) -> str:

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from rmrc.analysis.factors import Product, product
 from rmrc.analysis.survey import BLOCK, Survey, jacobians, survey
 from rmrc.analysis.workspace.extents import OUTERMOST, find_extents
 from rmrc.analysis.workspace.folds import covering, zero_curves
@@ -341,6 +342,9 @@ class Search:
     ) -> Workspace:  # fmt: skip
         """Return all that was found."""
         a, b = (origin[i] + size * np.arange(shape[i] + 1) for i in range(2))
+        known = product(Task(self.arm, self.part.rows), self.part.movers.tolist())
+        if known is not None:
+            singular = tuple(replace(curve, family=self.families(known, curve.q)) for curve in singular)
         links = self.part.coordinates(_links(self.arm, self.home))
         return Workspace(
             self.task,
@@ -350,12 +354,17 @@ class Search:
             reaches[0],
             reaches[1],
             singular,
+            () if known is None else known.rules,
             limits,
             self.home,
             links,
             self.worst,
             self.total,
         )
+
+    def families(self, known: Product, q: Array) -> NDArray[np.intp]:
+        """Return the number of the factor that vanishes at each of some singular configurations, (k,)."""
+        return known.nearest(jacobians(self.task, q)[1][:, :, self.part.movers])
 
 
 def _links(arm: Arm, q: Array) -> Array:

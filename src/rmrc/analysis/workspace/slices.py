@@ -46,6 +46,12 @@ class Slice:
         return self.movers[1:] if self.is_round else self.movers
 
     @property
+    def rows(self) -> NDArray[np.intp]:
+        """Rows of the position in which the site can move: all, or of a planar arm the two that show most."""
+        every = np.arange(3)
+        return np.delete(every, np.argmax(np.abs(self.normal))) if len(self.basis) == 2 else every
+
+    @property
     def is_round(self) -> bool:
         """Whether it is a half-plane about the first axis, which stands for all of them."""
         return self.name == "rz"

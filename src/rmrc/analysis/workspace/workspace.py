@@ -102,9 +102,7 @@ def _task(arm: Arm, part: Slice, asked: Subject) -> Task:
     """Return the task of some axes, or of the linear ones: of a planar arm the two that show most of it."""
     if asked.axes is not None:
         return asked.task
-    rows = np.arange(3)
-    if len(part.basis) == 2 and asked.frame == "world":
-        rows = np.delete(rows, np.argmax(np.abs(part.normal)))
+    rows = part.rows if asked.frame == "world" else np.arange(3)
     return Task(arm, rows, asked.length, frame=asked.frame)
 
 
