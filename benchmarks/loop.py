@@ -1,22 +1,22 @@
 """How much the closed loop costs over the physics alone, as ratios measured in one run.
 
-    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|methods|robots|way]
+    python benchmarks/loop.py [--rounds 7] [--json] [--only arms|methods|robots|way|blocks]
 
 The floor is MuJoCo's own C loop: the same batch, from the same state, fed with the very controls that the
 closed loop sent, so that both step the same motion. The closed loop adds the law (decomposition, scheduled
-damping, null space, rate limits), every column of every tick, and one Python call of each per tick. Machines
+damping, null space, rate limits) and every column of every tick. Machines
 are noisy: what is compared takes turns, time is that of the thread and not of the clock, and each ratio is
 given as min, median and max over the rounds, beside that of the least times of all rounds.
 """
 
 import argparse
+import itertools
 import json
 import statistics
 import sys
 import time
 from pathlib import Path
 
-import mujoco
 import numpy as np
 from mujoco.batch import Batch
 
@@ -24,10 +24,12 @@ ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "tests"))  # the plain numpy loop is the tests' oracle
 
 from oracles import NumpyLoop  # noqa: E402
-from rmrc.law.jit import Record, entry, machine_code  # noqa: E402
+from rmrc.law.jit import Record, entry  # noqa: E402
 from rmrc.law.kinematics import chain_jacobian, follow_chain  # noqa: E402
-from rmrc.law.law import resolve, take_error  # noqa: E402
-from rmrc.law.record import records, tick_type  # noqa: E402
+from rmrc.law.law import take_error  # noqa: E402
+from rmrc.law.record import tick_type  # noqa: E402
+from rmrc.plants import native  # noqa: E402
+from rmrc.plants.blocks import BEFORE  # noqa: E402
 from rmrc.plants.chance import normals  # noqa: E402
 from rmrc.results.columns import COLUMNS  # noqa: E402
 from rmrc.scenario import loads  # noqa: E402
@@ -137,6 +139,43 @@ def arm_rows(rounds: int) -> dict[str, dict[str, float]]:
         for arm in ARMS
         for worlds in (1, 64)
     }
+
+
+# Of a planar arm and of another: some 700 ticks, so that many of all ways take turns.
+SHORT = "target.path=[{line: {by: [0.05, 0.05, %s]}}]"
+
+
+def block_rows(rounds: int) -> dict[str, dict[str, float]]:
+    """Return blocks of ticks and single ticks over the floor; all three take turns."""
+    rows: dict[str, dict[str, float]] = {}
+    for arm, worlds in itertools.product(ARMS, (1, 64)):
+        prepared = [world(arm, SHORT % (0.05 if arm == "stanford" else 0))] * worlds
+        runs = closed_loop(prepared)[1].runs()
+        controls = controls_of(prepared[0], np.array([run["qdot_cmd"] for run in runs]))
+        found: dict[str, list[tuple[float, float]]] = {"single ticks": [], "blocks": []}
+        for _ in range(rounds):
+            of_floor, *others = zip(
+                *(_turn(prepared, controls) for _ in range(12 // worlds or 1)), strict=True
+            )
+            for name, times in zip(found, others, strict=True):
+                found[name].append((min(times), min(of_floor)))
+        for name, pairs in found.items():
+            row = rows[f"{name} / C floor, {arm}, {worlds} world{'s' * (worlds > 1)}"] = spread(pairs)
+            row["floor_us"] = min(least for _, least in pairs) / controls[..., 0].size * 1e6
+    return rows
+
+
+def _turn(prepared: list[Prepared], controls: np.ndarray) -> tuple[float, float, float]:
+    return floor(prepared[0], controls), in_single_ticks(prepared), closed_loop(prepared)[0]
+
+
+def in_single_ticks(prepared: list[Prepared]) -> float:
+    """Return seconds of stepping where each tick is a call of its own, as for arms that may touch."""
+    serves, native.serves = native.serves, lambda _: False
+    try:
+        return closed_loop(prepared)[0]
+    finally:
+        native.serves = serves
 
 
 def robot_rows(rounds: int) -> dict[str, dict[str, float]]:
@@ -264,43 +303,24 @@ def pieces(arm: str) -> dict[str, float]:
     prepared = world(arm)
     seconds, simulation = closed_loop([prepared])
     (run,) = simulation.runs()
-    model = prepared.plant.model([prepared.plant])
-    batch = Batch(model, 1, 1, persistent=True)
-    batch.bind("qpos")[:] = prepared.qpos
-    for field in ("site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force"):
-        batch.bind(field)
-    batch.forward()
-    calls = 20_000
-    started = time.thread_time()
-    for _ in range(calls):
-        batch.step(None, 1, int(mujoco.mjtStage.mjSTAGE_VEL))
-    step = (time.thread_time() - started) / calls * 1e6
-    floor_us = floor(prepared, run["qdot_cmd"][None].copy()) / len(run) * 1e6
-    record = records(prepared.arm.n, [prepared.task, prepared.law])
-    law_args = record, np.zeros(1, tick_type(prepared.arm.n))
-    record["J"][0, :, : prepared.arm.n] = prepared.arm.jacobian(run["q"][0])
-    law = machine_code(law_many, *law_args, calls)
-    started = time.thread_time()
-    law(*law_args, calls)
-    resolve_us = (time.thread_time() - started) / calls * 1e6
-    loop = seconds / len(run) * 1e6
+    floor_us = min(floor(prepared, run["qdot_cmd"][None].copy()) for _ in range(5)) / len(run) * 1e6
+    tick_us = min(ticks_alone(prepared, len(run) - 1) for _ in range(5)) / (len(run) - 1) * 1e6
+    loop = min(seconds, *(closed_loop([prepared])[0] for _ in range(5))) / len(run) * 1e6
     return {
         "physics in C (the floor)": floor_us,
-        "Batch.step from Python, beyond the floor": step - floor_us,
-        "the law, from twist to rates and measures": resolve_us,
-        "calling the law, measuring, columns, loop": loop - step - resolve_us,
+        "ticks of an arm that stands still, with columns": tick_us,
+        "that it moves, and law and physics in turn": loop - floor_us - tick_us,
         "closed loop": loop,
     }
 
 
-@entry
-def law_many(records: Record, outs: Record, calls: int) -> None:
-    """Resolve the same twist again and again, with a Jacobian that turns a little each time."""
-    record = records[0]
-    for call in range(calls):
-        for j in range(record.n):
-            record.J[0, j] += 1e-4 * (1.0 if (call >> 6) % 2 else -1.0)
-        resolve(records, outs)
+def ticks_alone(prepared: Prepared, count: int) -> float:
+    """Seconds of some ticks with nothing of MuJoCo's between them."""
+    blocks = Simulation([prepared])._shards[0].batch._blocks
+    blocks._fill({BEFORE: native.function_at("mju_isBad")})  # does nothing
+    started = time.thread_time()
+    blocks.run(np.array([0]), 0, count, steps=False)
+    return time.thread_time() - started
 
 
 @entry
@@ -333,15 +353,19 @@ def main() -> None:
     parser.add_argument("--rounds", type=int, default=7)
     parser.add_argument("--json", action="store_true")
     parser.add_argument(
-        "--only", choices=["arms", "methods", "robots", "way"], help="measure these rows alone"
+        "--only", choices=["arms", "methods", "robots", "way", "blocks"], help="measure these rows alone"
     )
     arguments = parser.parse_args()
     rounds = arguments.rounds
     if arguments.only:
-        rows = {"arms": arm_rows, "methods": method_rows, "robots": robot_rows, "way": way_rows}[
-            arguments.only
-        ]
-        show(rows(rounds), {"stanford": way_parts()} if arguments.only == "way" else {}, arguments.json)
+        rows = {
+            "arms": arm_rows, "methods": method_rows, "robots": robot_rows, "way": way_rows,
+            "blocks": block_rows,
+        }[arguments.only]  # fmt: skip
+        parts = {"stanford": way_parts()} if arguments.only == "way" else {}
+        if arguments.only == "blocks":
+            parts = {arm: pieces(arm) for arm in ARMS}
+        show(rows(rounds), parts, arguments.json)
         return
     table = arm_rows(rounds) | robot_rows(rounds) | way_rows(rounds) | method_rows(rounds)
     table["1 thread / 2 threads, stanford, 128 worlds"] = two_threads(rounds)

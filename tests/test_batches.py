@@ -42,13 +42,17 @@ def worlds(scenario):
 @pytest.fixture
 def made(monkeypatch):
     """Return a list of the batches that are made."""
-    found, fresh = [], module.Batch
+    found = []
 
-    def noted(*arguments, **options):
-        found.append(fresh(*arguments, **options))
-        return found[-1]
+    def noted(fresh):
+        def make(*arguments, **options):
+            found.append(fresh(*arguments, **options))
+            return found[-1]
 
-    monkeypatch.setattr(module, "Batch", noted)
+        return make
+
+    for name in ("Batch", "Native"):
+        monkeypatch.setattr(module, name, noted(getattr(module, name)))
     return found
 
 
@@ -80,7 +84,7 @@ def test_worlds_of_a_batch_that_is_used_again_have_the_bits_of_a_fresh_one(world
 def test_a_batch_that_is_not_reset_is_caught(worlds, monkeypatch):
     before, after = worlds("servo")
     fresh = Simulation(after).run()
-    monkeypatch.setattr(module.Batch, "reset", lambda *_, **__: None)
+    monkeypatch.setattr(module.Native, "reset", lambda *_, **__: None)
     with pytest.raises(AssertionError):
         assert_same_bits(run_after(before, after), fresh)
 

@@ -9,6 +9,8 @@ from mujoco.batch import Batch, SimulationError
 from numpy.testing import assert_array_equal
 
 from project import mostly_long
+from rmrc.plants import native
+from rmrc.plants.native import Native
 from rmrc.results.columns import COLUMNS
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
@@ -57,13 +59,14 @@ class Watched(threading.Event):
 @pytest.mark.parametrize("kind", ["servo", "torque"])
 def test_no_more_steps_than_the_bound_are_done_between_two_looks(scenario, monkeypatch, kind, worlds):
     monkeypatch.setattr(pace, "MOST", 30)
-    step, stop, done = Batch.step, Watched(), Counter()
+    engine = Native if kind == "servo" else Batch  # what steps it
+    step, stop, done = engine.step, Watched(), Counter()
 
     def counted(self, ids, steps, stage):
-        done[stop.looks] += steps * self.nsim
+        done[stop.looks] += steps * len(self.state)
         step(self, ids, steps, stage)
 
-    monkeypatch.setattr(Batch, "step", counted)
+    monkeypatch.setattr(engine, "step", counted)
     prepared = prepare(scenario(SHORT, *MANY, f"plant.kind={kind}"))
     Simulation([prepared] * worlds).step(stop=stop)
     assert sum(done.values()) == 40 * worlds * (prepared.reference.ticks - 1)  # all were done
@@ -97,7 +100,7 @@ def test_a_stop_within_a_tick_can_be_gone_on_from(scenario, monkeypatch):
     prepared = prepare(scenario(SHORT, *MANY))
     (want,) = Simulation([prepared]).run()
     monkeypatch.setattr(pace, "MOST", 7)
-    simulation, step, parts = Simulation([prepared]), Batch.step, []
+    simulation, step, parts = Simulation([prepared]), Native.step, []
     stop = threading.Event()
 
     def stopping(self, ids, steps, stage):
@@ -106,7 +109,7 @@ def test_a_stop_within_a_tick_can_be_gone_on_from(scenario, monkeypatch):
         if len(parts) % 10 == 0:  # 6 parts a tick
             stop.set()
 
-    monkeypatch.setattr(Batch, "step", stopping)
+    monkeypatch.setattr(Native, "step", stopping)
     while not simulation.runs()[0].is_complete:
         stop.clear()
         before = len(parts)
@@ -117,11 +120,13 @@ def test_a_stop_within_a_tick_can_be_gone_on_from(scenario, monkeypatch):
         assert_array_equal(run[name], want[name])
 
 
-def test_an_engine_error_within_a_tick_stops_only_its_own_world(scenario, monkeypatch):
+@pytest.mark.parametrize("engine", [Batch, Native], ids=["single ticks", "blocks"])
+def test_an_engine_error_within_a_tick_stops_only_its_own_world(scenario, monkeypatch, engine):
+    monkeypatch.setattr(native, "serves", lambda _: engine is Native)
     prepared = prepare(scenario(SHORT, *MANY))
     (alone,) = Simulation([prepared]).run()
     monkeypatch.setattr(pace, "MOST", 3 * 13)  # parts of 13, 13, 13 and 1 step, but for the first ones
-    step, calls = Batch.step, []
+    step, calls = engine.step, []
 
     def failing(self, ids, steps, stage):
         calls.append((ids, steps))
@@ -131,7 +136,7 @@ def test_an_engine_error_within_a_tick_stops_only_its_own_world(scenario, monkey
             raise SimulationError(np.array([1]), "mj_stackAlloc: out of memory", 3)
         step(self, ids, steps, stage)
 
-    monkeypatch.setattr(Batch, "step", failing)
+    monkeypatch.setattr(engine, "step", failing)
     runs = Simulation([prepared] * 3).run()
     assert runs[1].divergence.tick == len(runs[1]) == 6
     assert "mj_stackAlloc: out of memory" in runs[1].divergence.reason

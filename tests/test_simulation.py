@@ -17,6 +17,7 @@ from chains import random_chain, seeds
 from oracles import AXES, NumpyLoop
 from project import examples, mostly_long
 from rmrc.arm import load
+from rmrc.plants import native
 from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario.choices import (
@@ -674,6 +675,7 @@ def test_a_screw_arm_is_where_its_joints_put_it(scenario, tmp_path, kind, tolera
 def test_an_engine_error_stops_only_its_own_world(scenario, monkeypatch, call):
     prepared = prepare(scenario(REACH))
     (alone,) = Simulation([prepared]).run()
+    monkeypatch.setattr(native, "serves", lambda _: False)  # each tick is a call of its own
     step, calls = Batch.step, []
 
     def failing(self, ids, substeps, stage):
@@ -821,6 +823,7 @@ def test_without_columns_an_interrupt_within_a_tick_keeps_the_ticks_that_were_wr
     monkeypatch.setattr(footprint_module, "HELD", 64)
     prepared = [prepare(scenario(REACH))]
     (full,) = Simulation(prepared).run()
+    monkeypatch.setattr(native, "serves", lambda _: False)  # each tick is a call of its own
     simulation = Simulation(prepared, keep_columns=False)
     batch = simulation._shards[0].batch
     tick = batch._tick

@@ -361,6 +361,21 @@ def machine_code(function: Function, *arguments: object) -> Function:
     return cast(Function, _codes[key])
 
 
+def address(function: Callable[..., object], *arguments: object, is_c: bool = False) -> int:
+    """Return where the machine code of an `entry` is, for arguments of these types.
+
+    Args:
+        function: The entry.
+        *arguments: As `machine_code` has them.
+        is_c: Whether C code calls it, and not compiled code of ours.
+    """
+    machine_code(function, *arguments)
+    typeof, dispatcher = cast(Any, numba.typeof), cast(Any, function)
+    made = dispatcher.overloads[tuple(typeof(one) for one in arguments)]
+    name = made.fndesc.llvm_cfunc_wrapper_name if is_c else made.fndesc.llvm_func_name
+    return int(made.library.get_pointer_to_function(name))
+
+
 # Asked for with each batch of a sweep, and numba takes milliseconds to tell the type of a record.
 _codes: dict[tuple[object, ...], object] = {}
 
@@ -427,7 +442,7 @@ def _digest_sources() -> str:
     marks = b"@compiled", b"@inlined", b"@entry", b"@apart"
     sources = [text for text in own if any(mark in text for mark in marks)]
     sources.append((package / "law/record.py").read_bytes())
-    sources += [(package / "law" / name).read_bytes() for name in ("jit.py", "linking.py")]
+    sources += [(package / "law" / name).read_bytes() for name in ("jit.py", "linking.py", "addresses.py")]
     sources.append((package / "scenario/choices.py").read_bytes())
     others = (
         text

@@ -5,6 +5,7 @@ To make one takes memory for each of its worlds, which every batch of a sweep wo
 
 import threading
 from collections.abc import Sequence
+from typing import Literal, TypeAlias, overload
 from weakref import WeakKeyDictionary
 
 import mujoco
@@ -12,9 +13,11 @@ import numpy as np
 from mujoco.batch import Batch
 
 from rmrc.arm.differences import NEED_CONSTANTS
+from rmrc.plants.native import Native
 from rmrc.plants.plant import Difference
 
-_Kind = tuple[mujoco.MjModel, int, frozenset[str]]
+_Made: TypeAlias = Batch | Native
+_Kind = tuple[mujoco.MjModel, int, bool, frozenset[str]]
 
 
 class Batches:
@@ -22,11 +25,19 @@ class Batches:
 
     def __init__(self) -> None:
         """Begin without any."""
-        self._kinds: WeakKeyDictionary[Batch, _Kind] = WeakKeyDictionary()
-        self._idle: list[Batch] = []
+        self._kinds: WeakKeyDictionary[_Made, _Kind] = WeakKeyDictionary()
+        self._idle: list[_Made] = []
         self._lock = threading.Lock()
 
-    def take(self, model: mujoco.MjModel, worlds: Sequence[Difference]) -> Batch:
+    @overload
+    def take(self, model: mujoco.MjModel, worlds: Sequence[Difference]) -> Batch: ...
+
+    @overload
+    def take(
+        self, model: mujoco.MjModel, worlds: Sequence[Difference], in_blocks: Literal[True]
+    ) -> Native: ...
+
+    def take(self, model: mujoco.MjModel, worlds: Sequence[Difference], in_blocks: bool = False) -> _Made:
         """Return a batch of worlds as they are before their first step, of one thread.
 
         What MuJoCo cannot keep for each world, such as the mean inertia that its solver takes for a scale, is
@@ -35,6 +46,7 @@ class Batches:
         Args:
             model: As `Arm.adapted` compiled it.
             worlds: What each has different, one or more.
+            in_blocks: Whether they run many ticks in one call.
         """
         different = {}
         for name in sorted({name for fields in worlds for name in fields}):
@@ -42,10 +54,10 @@ class Batches:
             values = np.array([fields.get(name, own) for fields in worlds])
             if (values != own).any():
                 different[name] = values
-        kind = model, len(worlds), frozenset(different)
+        kind = model, len(worlds), in_blocks, frozenset(different)
         batch = self._waiting(kind)
         if batch is None:
-            batch = _allocated(model, len(worlds))
+            batch = _allocated(model, len(worlds), in_blocks)
             self._kinds[batch] = kind
         else:
             batch.reset(stage=mujoco.mjtStage.mjSTAGE_NONE)
@@ -55,7 +67,7 @@ class Batches:
             batch.set_const()
         return batch
 
-    def _waiting(self, kind: _Kind) -> Batch | None:
+    def _waiting(self, kind: _Kind) -> _Made | None:
         """Return a batch of a kind; where none waits, the one that waits longest makes room for another."""
         with self._lock:
             for i, batch in enumerate(self._idle):
@@ -64,15 +76,15 @@ class Batches:
             del self._idle[:1]
         return None
 
-    def give_back(self, batch: Batch) -> None:
+    def give_back(self, batch: _Made) -> None:
         """Keep a batch for other worlds; its own have ended, and nothing of it is read any more."""
         with self._lock:
             self._idle.append(batch)
 
 
-def _allocated(model: mujoco.MjModel, count: int) -> Batch:
+def _allocated(model: mujoco.MjModel, count: int, in_blocks: bool) -> _Made:
     try:
-        return Batch(model, count, 1, persistent=True)
+        return Native(model, count) if in_blocks else Batch(model, count, 1, persistent=True)
     except ValueError as error:
         if "allocate" in str(error):
             raise MemoryError(f"MuJoCo cannot allocate {count} worlds") from None

@@ -342,7 +342,7 @@ class Model(Physical):
     forces = "qfrc_actuator"
     fields = (*Physical.fields, Field("bandwidth"))
     memory = (*Torque.memory, Field("clamped", np.int64))
-    batches = 2
+    batches, works_between = 2, True
 
     @property
     def timestep(self) -> float:

@@ -76,6 +76,7 @@ class Plant(ABC):
         forces: The field of MjData that `sense` gets for the forces of the last step.
         stage: How far MuJoCo computes what follows from a new state: all that `sense` reads is fresh.
         batches: How many of MuJoCo's it takes at most.
+        works_between: Whether `before_steps` returns anything: then MuJoCo's loop is left at each tick.
     """
 
     name: ClassVar[str]
@@ -86,6 +87,7 @@ class Plant(ABC):
     forces: ClassVar[str] = "actuator_force"
     stage: ClassVar[mujoco.mjtStage]
     batches: ClassVar[int] = 1
+    works_between: ClassVar[bool] = False
 
     def __init__(self, section: PlantSection, arm: Arm, period: float) -> None:
         """Bind it to a world.

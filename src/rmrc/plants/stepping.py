@@ -1,9 +1,13 @@
-"""Worlds of one arm under one plant, stepped together: the compiled tick, and MuJoCo's batch."""
+"""Worlds of one arm under one plant, stepped together: the compiled tick, and MuJoCo's batch.
+
+Where nothing of ours in Python is needed between two ticks, many of them are one call: a block. Else each
+tick is one call, and each step of MuJoCo's another. Both have the same bits.
+"""
 
 import time
 from collections.abc import Callable, Sequence
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -12,11 +16,14 @@ from numpy.typing import NDArray
 
 from rmrc.arm import Wiring
 from rmrc.law.jit import Array, machine_code
+from rmrc.plants import native
 from rmrc.plants.batches import Batches
+from rmrc.plants.blocks import Blocks
 from rmrc.plants.contacts import Contacts, can_touch
 from rmrc.plants.lockstep import tick
+from rmrc.plants.native import Native
 from rmrc.plants.plant import Difference, Plant, Wired
-from rmrc.plants.wiring import write_wiring
+from rmrc.plants.wiring import column, write_wiring
 from rmrc.support.pace import Pace
 
 
@@ -87,43 +94,62 @@ class Stepper:
         self._pace = Pace(len(worlds))
         self._left: _Left | None = None
         self._errors: dict[int, str] = {}
-        self._batches, self._lent = batches, list[Batch]()
+        self._batches, self._lent = batches, list[Batch | Native]()
         model = kind.model(plants)
         wiring = plants[0].arm.wire(model)
-
-        def take(differences: Sequence[Difference]) -> Batch:
-            self._lent.append(batches.take(model, differences))
-            return self._lent[-1]
-
-        self._batch = take([plant.difference(model, wiring) for plant in plants])
-        positions = self._batch.bind("qpos")
-        positions[:] = qpos
-        for name, values in zip(("ctrl", "act"), held, strict=True):
-            if values.size:
-                self._batch.bind(name)[:, : values.shape[1]] = values
-        if model.nmocap:
-            poses = np.array([plant.arm.mocap_now for plant in plants])
-            self._batch.bind("mocap_pos")[:] = poses[..., :3]
-            self._batch.bind("mocap_quat")[:] = poses[..., 3:]
-        write_wiring(worlds, model, wiring, plants)
-        # bound before the first forward, so that it fills them
-        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
-        seen = [self._batch.bind(field) for field in fields]
-        is_compensated = plants[0].has_physics and model.ngravcomp > 0
-        seen.append(self._batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds)))
-        arrays: tuple[Any, ...] = (worlds, ticks, reference, self._batch.state, self._batch.warning, *seen)
-        self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
         self.contacts: Contacts | None = None
-        if plants[0].has_physics and can_touch(model, wiring):
-            self.contacts = Contacts(model, wiring, self._batch, worlds, ticks)
-            self._tick = self.contacts.after(self._tick)
         self.positions: Array | None = None
         if has_others(wiring, model.nq):
-            self.positions = np.empty((len(ticks), *positions.shape))
-            self._tick = partial(_keep_and, self._tick, positions, self.positions)
-        self._before = kind.before_steps(plants, Wired(model, wiring, worlds, self._batch, take))
-        self._stage = int(kind.stage)
-        self._batch.forward(stage=self._stage)
+            self.positions = np.empty((*ticks.shape, model.nq))
+        self._blocks, self._before, self._stage = None, None, int(kind.stage)
+        touches = plants[0].has_physics and can_touch(model, wiring)
+        differences = [plant.difference(model, wiring) for plant in plants]
+        is_compensated = plants[0].has_physics and model.ngravcomp > 0
+        if not touches and not kind.works_between and native.serves(model):
+            own = batches.take(model, differences, in_blocks=True)
+            self._begin(own, plants, qpos, held)
+            write_wiring(worlds, model, wiring, plants, own.place)
+            given = worlds, ticks, reference
+            self._blocks = Blocks(own, kind.forces, self._substeps, given, is_compensated, self.positions)
+            return
+
+        def take(differences: Sequence[Difference]) -> Batch:
+            batch = batches.take(model, differences)
+            self._lent.append(batch)
+            return batch
+
+        batch = batches.take(model, differences)
+        self._begin(batch, plants, qpos, held)
+        write_wiring(worlds, model, wiring, plants, partial(column, model))
+        # bound before the first forward, so that it fills them
+        fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
+        seen = [batch.bind(field) for field in fields]
+        seen.append(batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds)))
+        arrays: tuple[Any, ...] = (worlds, ticks, reference, batch.state, batch.warning, *seen)
+        self._tick: Callable[[int], int] = partial(machine_code(tick, *arrays, 0), *arrays)
+        if touches:
+            self.contacts = Contacts(model, wiring, batch, worlds, ticks)
+            self._tick = self.contacts.after(self._tick)
+        if self.positions is not None:
+            self._tick = partial(_keep_and, self._tick, batch.bind("qpos"), self.positions)
+        self._before = kind.before_steps(plants, Wired(model, wiring, worlds, batch, take))
+        self._forward: Callable[..., None] = batch.forward
+        self._forward(None, self._stage)
+
+    def _begin(
+        self, batch: Batch | Native, plants: Sequence[Plant], qpos: Array, held: tuple[Array, Array]
+    ) -> None:
+        """Have a batch begin where its worlds do."""
+        self._batch = batch
+        self._lent.append(batch)
+        batch.bind("qpos")[:] = qpos
+        for name, values in zip(("ctrl", "act"), held, strict=True):
+            if values.size:
+                batch.bind(name)[:, : values.shape[1]] = values
+        poses = np.array([plant.arm.mocap_now for plant in plants])
+        if poses.size:
+            batch.bind("mocap_pos")[:] = poses[..., :3]
+            batch.bind("mocap_quat")[:] = poses[..., 3:]
 
     def whole(self, w: int, row: int, q: Array) -> Array:
         """Return qpos of world w, (T, nq), from a row of `ticks` on, where the arm is at q, (T, n)."""
@@ -148,15 +174,39 @@ class Stepper:
             return len(self._running(self.done - 1))
         steps = max(1, self._substeps)
         in_parts = steps > self._pace.steps
-        proceed = self._proceed(None, in_parts, is_stopped)
         first, before = self.done % len(self.ticks), self.done
         count = min(count, len(self.ticks) - first, self._longest - before)
         count = min(count, max(1, self._pace.steps // steps))
         self.ticks["time"][first : first + count] = -1.0  # not yet written
-        control = self._tick
-        running, expected, t, started = 0, len(self.worlds), before, time.perf_counter()
+        started, do = time.perf_counter(), self._do_block if self._blocks else self._do_ticks
+        running = do(before + count, in_parts, is_stopped)
+        if not in_parts:
+            self._pace.took(time.perf_counter() - started, (self.done - before) * steps)
+        return running if self.done < self._longest else 0
+
+    def _do_block(self, last: int, in_parts: bool, is_stopped: Callable[[], bool]) -> int:
+        """Run ticks to the one before `last` in one call; return how many worlds still run."""
+        if native.has_callbacks():
+            raise RuntimeError("a callback of MuJoCo's (mjcb_...) must be set before worlds are wired to it")
+        before, ids, blocks = self.done, self._running(self.done - 1), cast(Blocks, self._blocks)
         try:
-            for t in range(before, before + count):  # `finally` reads t
+            blocks.run(ids, before, last, steps=not in_parts)
+        except SimulationError as error:
+            self._stop(error, blocks.finished(error.ids))
+        finally:
+            self._note(max(before, int(blocks.finished(ids).max()) - 1))
+        running = self._running(self.done - 1)
+        if in_parts and len(running):
+            self._step_on(_Left(running, self._substeps, self.done), is_stopped)
+            running = self._running(self.done - 1)
+        return len(running)
+
+    def _do_ticks(self, last: int, in_parts: bool, is_stopped: Callable[[], bool]) -> int:
+        """Run ticks to the one before `last`, each in calls of its own; return how many worlds still run."""
+        control, proceed = self._tick, self._proceed(None, in_parts, is_stopped)
+        running, expected, t = 0, len(self.worlds), self.done
+        try:
+            for t in range(self.done, last):  # `finally` reads t
                 running = control(t)
                 if running != expected:
                     expected, proceed = running, self._proceed(self._running(t), in_parts, is_stopped)
@@ -165,22 +215,22 @@ class Stepper:
                 try:
                     proceed()
                 except SimulationError as error:
-                    self._stop(error, t + 1)
+                    self._stop(error, np.full(len(error.ids), t + 1))
                     expected = -1  # so that the next tick looks again
-        finally:  # an interrupt may come before the row was written
-            self.done = t + bool((self.ticks["time"][t % len(self.ticks)] >= 0.0).any())
-        if not in_parts:
-            self._pace.took(time.perf_counter() - started, (self.done - before) * steps)
-        if expected < 0 or in_parts:
-            running = len(self._running(t))
-        return running if self.done < self._longest else 0
+        finally:
+            self._note(t)
+        return len(self._running(t)) if expected < 0 or in_parts else running
+
+    def _note(self, t: int) -> None:
+        """Note that tick t was the last; an interrupt may have come before its row was written."""
+        self.done = t + bool((self.ticks["time"][t % len(self.ticks)] >= 0.0).any())
 
     def _proceed(
         self, ids: NDArray[np.intp] | None, in_parts: bool, is_stopped: Callable[[], bool]
     ) -> Callable[[], None]:
         """Return what brings some worlds, or all of them, to their next tick."""
         if not self._substeps:
-            return partial(self._batch.forward, ids, self._stage)
+            return partial(self._forward, ids, self._stage)
         step = partial(self._batch.step, ids, self._substeps, self._stage)
         if in_parts:
             chosen = np.arange(len(self.worlds)) if ids is None else ids
@@ -208,7 +258,7 @@ class Stepper:
             try:
                 self._batch.step(ids, part, stage)
             except SimulationError as error:
-                self._stop(error, tick)
+                self._stop(error, np.full(len(error.ids), tick))
                 ids = np.setdiff1d(ids, error.ids)
             self._pace.took(time.perf_counter() - started, part)
             self._left = _Left(ids, steps - part, tick) if part < steps and len(ids) else None
@@ -217,8 +267,9 @@ class Stepper:
         worlds = self.worlds
         return np.flatnonzero((worlds["diverged"] < 0) & (t + 1 < worlds["ticks"]))
 
-    def _stop(self, error: SimulationError, t: int) -> None:
-        for i in error.ids:
+    def _stop(self, error: SimulationError, ticks: NDArray[np.int64]) -> None:
+        """End the worlds of an error, each at a tick of its own."""
+        for i, t in zip(error.ids, ticks, strict=True):
             self.worlds["diverged"][i], self.worlds["diverged_joint"][i] = t, -1
             self._errors[int(i)] = self._batch.error(int(i)) or str(error)
 

@@ -167,7 +167,7 @@ class Torque(Physical):
     fields = (*Physical.fields, Field("bandwidth"), Field("substeps", np.int64))
     # the acceleration that the joints shall have, and the rates that were sent before
     memory = (Field("qddot", size=(JOINTS,)), Field("sent_before", size=(JOINTS,)))
-    batches = 2
+    batches, works_between = 2, True
 
     @property
     def compensates(self) -> bool:

@@ -1,6 +1,6 @@
 """Where the worlds of a batch find their numbers in MuJoCo's arrays: ids, and columns of its state rows."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import mujoco
 import numpy as np
@@ -42,6 +42,7 @@ def write_wiring(
     model: mujoco.MjModel,
     wiring: Wiring,
     plants: Sequence[Plant],
+    place: Callable[[str], int],
 ) -> None:
     """Write these fields of the records of a batch.
 
@@ -50,6 +51,7 @@ def write_wiring(
         model: That the worlds share.
         wiring: Of the arm in it.
         plants: Of each world: of one arm, but for how it is stretched.
+        place: Returns where a component begins in a state row, by its name in mjtState.
     """
     arm = plants[0].arm
     n = arm.n
@@ -57,15 +59,15 @@ def write_wiring(
     worlds["joint"][:, : len(wiring.axis)], worlds["dof"][:, :n] = wiring.axis, wiring.dof
     worlds["force"][:, :n] = model.actuator_outadr[wiring.actuator] if has_drives else -1
     worlds["site"], worlds["body"] = wiring.site, wiring.body
-    worlds["qpos_column"][:, :n] = column(model, "QPOS") + wiring.qpos
-    worlds["qvel_column"][:, :n] = column(model, "QVEL") + wiring.dof
+    worlds["qpos_column"][:, :n] = place("QPOS") + wiring.qpos
+    worlds["qvel_column"][:, :n] = place("QVEL") + wiring.dof
     controls = model.actuator_ctrladr[wiring.actuator] if has_drives else -1
-    worlds["ctrl_column"][:, :n] = column(model, "CTRL") + controls
-    worlds["wrench_column"] = column(model, "XFRC_APPLIED") + 6 * wiring.body
+    worlds["ctrl_column"][:, :n] = place("CTRL") + controls
+    worlds["wrench_column"] = place("XFRC_APPLIED") + 6 * wiring.body
     followers = worlds["followers"] = len(arm.followers)
     worlds["follows"][:, :followers] = [one.leader for one in arm.followers]
     worlds["follower_ratio"][:, :followers] = [one.ratio for one in arm.followers]
-    worlds["follower_column"][:, :followers] = column(model, "QPOS") + wiring.follower_qpos
+    worlds["follower_column"][:, :followers] = place("QPOS") + wiring.follower_qpos
     worlds["follower_dof"][:, :followers] = wiring.follower_dof
     carrier = model.body(wiring.body).name
     stretch = np.array([plant.stretch.get(carrier, 1.0) for plant in plants])

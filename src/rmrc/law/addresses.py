@@ -1,0 +1,72 @@
+"""Machine code that is called at an address, and numbers that are read at one: what a C library needs."""
+
+from collections.abc import Callable
+from typing import Any, cast
+
+import numba
+import numpy as np
+from llvmlite import ir  # type: ignore[import-untyped]
+from numba.core import types
+from numba.extending import intrinsic
+from numpy.typing import NDArray
+
+from rmrc.law.jit import inlined
+
+_WORD = ir.IntType(64)
+
+
+def _typed_pointer(_: Any, address: Any) -> Any:
+    def generate(context: Any, builder: Any, _: Any, given: Any) -> Any:
+        return builder.inttoptr(given[0], context.get_value_type(types.voidptr))
+
+    return types.voidptr(address), generate
+
+
+def _typed_call(_: Any, address: Any, first: Any, second: Any) -> Any:
+    def generate(context: Any, builder: Any, _: Any, given: Any) -> Any:
+        kind = ir.FunctionType(ir.VoidType(), [_WORD, _WORD])
+        builder.call(builder.inttoptr(given[0], kind.as_pointer()), given[1:])
+        return context.get_dummy_value()
+
+    return types.none(address, first, second), generate
+
+
+_make: Any = intrinsic
+_carray: Any = cast(Any, numba).carray
+_pointer: Callable[[int], int] = _make(_typed_pointer)
+# Calls a C function of two pointers that returns nothing.
+call_c: Callable[[int, int, int], None] = _make(_typed_call)
+
+
+@inlined
+def words_at(address: int, count: int) -> NDArray[np.int64]:
+    """Return the words of 64 bits that begin at an address, (count,)."""
+    return _carray(_pointer(address), count, np.int64)  # type: ignore[no-any-return]
+
+
+def caller_of(count: int) -> Callable[[int, int, int], int]:
+    """Return what calls an entry at its address, compiled: (address, words, last) -> its int.
+
+    The entry takes so many words of 64 bits, which begin at the address `words`, as `words_of` makes them of
+    arrays; and one int after them.
+    """
+    taken = [types.int64] * (count + 1)
+
+    def typed(_: Any, address: Any, words: Any, last: Any) -> Any:
+        def generate(context: Any, builder: Any, _: Any, given: Any) -> Any:
+            convention, start = context.call_conv, builder.inttoptr(given[1], _WORD.as_pointer())
+            values = [builder.load(builder.gep(start, [_WORD(i)])) for i in range(count)]
+            called = builder.inttoptr(given[0], convention.get_function_type(types.int64, taken).as_pointer())
+            status, value = convention.call_function(builder, called, types.int64, taken, [*values, given[2]])
+            with builder.if_then(status.is_error, likely=False):
+                convention.return_status_propagate(builder, status)
+            return value
+
+        return types.int64(address, words, last), generate
+
+    return cast(Callable[[int, int, int], int], _make(typed))
+
+
+def words_of(array: NDArray[Any]) -> list[int]:
+    """Return an array as numba hands it over: no owner, how many, how large, where, its shape and strides."""
+    return [0, 0, array.size, array.itemsize, array.ctypes.data, *array.shape, *array.strides]
