@@ -157,19 +157,20 @@ def case(name: str, what: str, one: Arm, q: np.ndarray, screw: np.ndarray, durat
     x = np.arange(leg + 1) / leg
     out = x**3 * (10 - 15 * x + 6 * x**2)
     s = np.concatenate([out[:-1], np.ones(rest), 1 - out, np.zeros(rest)])
-    poses, twists = [], []
+    poses = []
     v, w = screw[:3], screw[3:]
-    for part, speed in zip(s, np.diff(s, append=0.0) / PERIOD, strict=True):
+    # A screw is a turn about a line, or a translation: no case here is both.
+    center, way = (np.cross(w, v) / (w @ w), np.zeros(3)) if w.any() else (np.zeros(3), v)
+    for part in s:
         R = rotation(part * w)
-        # A screw is a turn about a line, or a translation: no case here is both.
-        center = np.cross(w, v) / (w @ w) if w.any() else np.zeros(3)
-        p = center + R @ (p0 - center) + (0 if w.any() else part) * v
+        p = center + R @ (p0 - center) + part * way
         T, quat = np.eye(4), np.zeros(4)
         T[:3, :3], T[:3, 3] = R @ R0, p
         mujoco.mju_mat2Quat(quat, T[:3, :3].ravel())
         poses.append(Pose(p, quat, T, np.concatenate([p, quat])))
-        twists.append(speed * np.concatenate([v + np.cross(w, p), w]))
-    return Case(name, what, one, q, tuple(poses), np.array(twists[:-1]))
+    here = [pose.p for pose in poses[:-1]]
+    twists = np.diff(s)[:, None] / PERIOD * np.hstack([v + np.cross(w, here), np.tile(w, (len(here), 1))])
+    return Case(name, what, one, q, tuple(poses), twists)
 
 
 def turning(point: np.ndarray, axis: np.ndarray, angle: float) -> np.ndarray:

@@ -20,6 +20,9 @@ from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
+# Modules and items, which are most of what collecting makes, stay: looking for garbage among them takes a fifth of it.
+gc.disable()
+
 # A shell starts what runs in the background deaf to Ctrl-C, and `nohup` what it runs to SIGHUP; so would be the
 # processes that tests start.
 signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -30,7 +33,7 @@ if os.name == "posix":
 os.environ.pop("COLUMNS", None)
 
 # Compiling on the first example, and two busy cores, must not count as a slow test.
-settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=10)
+settings.register_profile("rmrc", deadline=None, derandomize=True, print_blob=True, max_examples=6)
 # `--hypothesis-profile=many` has more.
 settings.register_profile("many", settings.get_profile("rmrc"), max_examples=200)
 settings.load_profile("rmrc")
@@ -58,10 +61,12 @@ typer.main.get_command = functools.cache(typer.main.get_command)
 # In the name of each test of clusters, and of each with a browser.
 CLUSTER, BROWSER = "/test_cluster", "/test_browser"
 # Files whose tests share what takes seconds to make, and which each of two processes would else make for itself.
-SHARING = tuple(
-    f"/test_{name}.py"
-    for name in ("report_page", "comparison", "sweep", "resuming", "workspace", "film", "architecture")
-)
+SHARING = (
+    "/test_report_page.py", "/test_comparison.py", "/test_sweep.py", "/test_resuming.py", "/test_workspace.py",
+    "/test_film.py", "/test_architecture.py", "/test_peers_page.py", "/test_scenarios.py",
+)  # fmt: skip
+# The file whose tests share the runs of shipped scenarios with those of another.
+LIKEWISE = {"/test_docs.py": "/test_scenarios.py"}
 
 
 def pytest_collection_modifyitems(items):
@@ -83,6 +88,7 @@ def pytest_collection_finish():
 
     It is not frozen, as each pool of threads counts what is frozen, one by one.
     """
+    gc.enable()
     gc.collect()
     gc.set_threshold(700, 10, 1000)
 
@@ -94,8 +100,8 @@ class OneCluster(LoadGroupScheduling):
     """
 
     def _split_scope(self, nodeid):
-        groups = [group for group in (CLUSTER, BROWSER, *SHARING) if group in nodeid]
-        return groups[0] if groups else super()._split_scope(nodeid)
+        groups = [group for group in (CLUSTER, BROWSER, *SHARING, *LIKEWISE) if group in nodeid]
+        return LIKEWISE.get(groups[0], groups[0]) if groups else super()._split_scope(nodeid)
 
 
 def pytest_xdist_make_scheduler(config, log):
@@ -129,9 +135,10 @@ def simulate(scenario):
 
 
 @pytest.fixture
-def undrawn(monkeypatch):
+def undrawn():
     """Leave pictures empty, each of which takes longer than most verbs: for tests of something else."""
-    monkeypatch.setattr("matplotlib.figure.Figure.savefig", lambda *_, **__: None)
+    with project.undrawn():
+        yield
 
 
 @pytest.fixture

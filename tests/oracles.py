@@ -79,8 +79,7 @@ class Kinematics:
         full = np.zeros((6, self.model.nv))
         mujoco.mj_jacSite(self.model, self.data, full[:3], full[3:], site)
         turn = self.data.site_xmat[site].reshape(3, 3).copy()
-        along = np.kron(np.eye(2), self.axes(frame, turn)).T
-        return self.data.site_xpos[site].copy(), turn, along @ full[:, self.dof]
+        return self.data.site_xpos[site].copy(), turn, along(self.axes(frame, turn), full[:, self.dof])
 
     def structural_rank(self, site, rows, frame="world", samples=20):
         """Return the rank of a task almost everywhere: the largest that is found at random."""
@@ -110,6 +109,11 @@ class Kinematics:
         return slopes if size else slopes[:, 0]
 
 
+def along(axes, rows):
+    """Return rows [v; ω], (6, …), that are along the world's axes, along others, given as columns."""
+    return np.concatenate([axes.T @ rows[:3], axes.T @ rows[3:]])
+
+
 class NumpyLoop:
     """The closed loop of one scenario, written as one would in a notebook.
 
@@ -123,6 +127,7 @@ class NumpyLoop:
             prepared.reference,
         )
         self.known = prepared.plant.model([prepared.plant])
+        self.known_data = mujoco.MjData(self.known)
         dofs = [int(self.known.joint(name).dofadr[0]) for name in self.arm.joints]
         self.model = true_model(self.known, self.scenario.plant, dofs)
         self.data = mujoco.MjData(self.model)
@@ -249,7 +254,7 @@ class NumpyLoop:
         self.data.xfrc_applied[body] = [*wrench[:3], *(wrench[3:] + np.cross(arm, wrench[:3]))]
 
     def torque(self, cmd, qdot):
-        known = mujoco.MjData(self.known)
+        known = self.known_data
         known.qpos[:], known.qvel[:] = self.data.qpos, self.data.qvel
         mujoco.mj_forward(self.known, known)
         M = np.zeros((self.model.nv, self.model.nv))
@@ -315,7 +320,7 @@ class NumpyLoop:
         point, turn, full = self.kinematics.at(q, self.site, self.frame)
         J, error = full[self.rows], self.error(point, turn)
         pose_ref, recorded_twist, _ = self.wanted()
-        twist_ref = np.kron(np.eye(2), self.kinematics.axes(self.frame, turn)).T @ recorded_twist
+        twist_ref = along(self.kinematics.axes(self.frame, turn), recorded_twist)
         u, sigma, vt = np.linalg.svd(scaled_jacobian(J, self.wx, self.wq), full_matrices=False)
         forward = control.feedforward * twist_ref[self.rows]
         v = self.pace * forward + control.feedback * error[self.rows]
@@ -742,7 +747,7 @@ def framed_error(error, axes, left, rows):
         left: Rotation matrix that is left, as the site sees it.
         rows: Of a task along the site's axes, else none.
     """
-    own = np.kron(np.eye(2), axes).T @ error
+    own = along(axes, error)
     free = {3, 4, 5} - set(rows)
     if len(free) == 1:
         k = np.eye(3)[free.pop() - 3]

@@ -179,6 +179,7 @@ def test_a_file_that_will_not_do_is_one_line(rmrc, arguments, message):
 VARY = ("--vary", "control.inverse.method=inverse,damped")
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_compare_leaves_recording_facts_and_pictures_and_prints_a_row_for_each_variant(rmrc, tmp_path):
     code, out, err = rmrc(
         "compare", "quick.yaml", *VARY, "--set", "control.inverse.damping={maximum: 0.5, below: 2}"
@@ -337,6 +338,7 @@ def test_ctrl_c_exits_130_and_leaves_readable_files(tmp_path):
     ]
 
 
+@pytest.mark.long  # the one after this, and test_verbs.py, are quicker
 def test_ctrl_c_in_a_comparison_exits_130_and_keeps_every_variant(tmp_path):
     from rmrc.recording.single import read_columns
 

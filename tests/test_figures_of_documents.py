@@ -6,7 +6,7 @@ import shlex
 import pytest
 from matplotlib.image import imread
 
-from project import ROOT
+from project import ROOT, mostly_long
 
 PICTURE = re.compile(r"docs/figures/(\w+\.png)")
 LINES = re.findall(r"^\t\$\(PYTHON\) (.+)$", (ROOT / "Makefile").read_text("utf-8"), re.MULTILINE)
@@ -36,7 +36,7 @@ COARSE = {
 
 
 @pytest.mark.usefixtures("unmargined")
-@pytest.mark.parametrize("command", COMMANDS, ids=lambda command: PICTURE.search(command)[1])
+@pytest.mark.parametrize("command", mostly_long(COMMANDS, 3), ids=lambda command: PICTURE.search(command)[1])
 def test_commands_of_the_makefile_run(rmrc, tmp_path, command):
     """Coarser than for the page, and into another folder."""
     arguments = [

@@ -353,7 +353,7 @@ def test_a_model_that_is_attached_to_itself_is_refused(tmp_path, named):
         arms.load(path)
     line, last = (1, "arm.xml") if named == "other.xml" else (2, named)
     assert str(caught.value) == (
-        f'{tmp_path / place}:{line}: model must name a file that it is no part of, got "{last}"'
+        f'{tmp_path / place}:{line}: model must name another file than itself, got "{last}"'
     )
 
 

@@ -156,10 +156,8 @@ def test_what_a_verb_that_is_interrupted_elsewhere_exits_with(rmrc, monkeypatch,
     assert rmrc("run", "hard.yaml") == (code, "", "rmrc: interrupted\n")
 
 
-# Ctrl-C is tried in tests/test_cli.py.
-@pytest.mark.parametrize(
-    ("number", "code"), [(signal.SIGTERM, 143), pytest.param(signal.SIGHUP, 129, marks=pytest.mark.long)]
-)
+@pytest.mark.long  # Ctrl-C is tried in tests/test_cli.py, and the other signals end a verb as it does, above
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
 def test_a_run_within_a_long_tick_answers_and_keeps_what_it_has(hard, number, code):
     process = start(hard, "run", "hard.yaml", env={**os.environ, "COLUMNS": "200"})
     wait_for_ticks(process, hard)

@@ -7,13 +7,13 @@ import operator
 import numba
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 
 import rmrc
 from codes import Method, OnExcess
 from oracle_limits import least_way, ticks_to_rate
-from project import ROOT, mostly_long
+from project import ROOT, examples, mostly_long
 from records import blank, put
 from rmrc.law import braking as stops
 from rmrc.law.jit import machine_code
@@ -54,7 +54,7 @@ def next_gentle_rate(rate, distance):
 brakings, rates, changes = st.floats(0.3, 8.0), st.floats(0.01, 30.0), st.floats(-1.0, 4.0)
 
 
-@settings(max_examples=30)
+@examples(10, 30)
 @given(brakings, rates, changes, st.floats(1e-6, 10.0))
 def test_the_way_to_rest_is_the_least_that_jerk_and_deceleration_allow(braking, rate, change, step):
     change = max(change, -braking)
@@ -64,7 +64,7 @@ def test_the_way_to_rest_is_the_least_that_jerk_and_deceleration_allow(braking, 
     assert way(rate * step, change * step, braking * step, step) == pytest.approx(wanted * step, rel=1e-6)
 
 
-@settings(max_examples=20)
+@examples(6, 20)
 @given(brakings, rates, changes, st.floats(0.02, 0.98))
 def test_the_bound_before_a_position_limit_is_sharp(braking, rate, last, part):
     # Within one step of jerk, a little more than the largest change leads beyond.
@@ -181,7 +181,7 @@ def greedy(seed, n, ticks=400):
     return wishes
 
 
-@settings(max_examples=15)
+@examples(5, 15)
 @given(
     st.integers(0, 10_000), st.sampled_from(LIMITING), st.sampled_from([50.0, 500.0, 5000.0]),
     st.sampled_from([np.inf, 30.0, 3.0]),
@@ -240,7 +240,7 @@ def test_the_same_wishes_break_a_jerk_limit_that_is_not_set():
     assert joints.holds(sent, q) == ALL - {"jerk"}
 
 
-@settings(max_examples=30)
+@examples(10, 30)
 @given(
     st.floats(-1.0, 1.0), st.floats(-2.0, 2.0), st.floats(-30.0, 30.0), st.sampled_from([50.0, 500.0, 5000.0]),
     st.sampled_from([np.inf, 10.0]), st.sampled_from(LIMITING),
@@ -272,7 +272,7 @@ def test_acceleration_and_jerk_give_way_to_a_limit_that_is_too_near():
     assert status & EXCEEDED == Status.JERK_EXCEEDED and q.max() <= 1.0 + 1e-12
 
 
-@settings(max_examples=15)
+@examples(5, 15)
 @given(
     st.floats(1e-5, 3.0),
     st.sampled_from([50.0, 500.0, 5000.0]),
@@ -333,7 +333,7 @@ def shipped(name, *overrides):
                 case[0] in ("selig_211", "start_by_pose", "whitney_1972") and POLICIES[case[1]].slows
             )  # which is refused
         ],
-        67,
+        131,
     ),
 )
 def test_shipped_scenarios_stay_below_a_jerk_limit_at_every_tick(name, policy, on_excess, jerk):

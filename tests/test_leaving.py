@@ -98,8 +98,8 @@ def test_a_disk_without_room_for_the_arrays_is_told_before_anything_moves(rmrc, 
     assert (code, out) == (2, "") and left(quick) == []
     size = f"{arrays / 1e6:.3g} MB"
     assert err == (
-        f"rmrc: error: recordings/quick.rrd: takes {size} at least, and the disk has {size} left; make room, "
-        "give another folder with --out, or shorten target.path\n"
+        f"rmrc: error: recordings/quick.rrd: takes {size} at least, and the disk has {size} free; free some space, give another folder with --out"
+        ", or shorten target.path\n"
     )
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - arrays, arrays))
     assert rmrc("run", "quick.yaml", "-q") == (0, "", "")
@@ -169,6 +169,7 @@ def test_arrays_that_cannot_be_written_do_not_take_scorecard_and_recording_along
     assert left(quick) == ["quick.json", "quick.rrd"]
 
 
+@pytest.mark.usefixtures("undrawn")
 def test_a_comparison_whose_recording_fails_midway_leaves_the_rest(rmrc, quick, monkeypatch):
     fails_from(3, monkeypatch)
     code, out, err = rmrc("compare", "quick.yaml", "--vary", "control.feedback=1,2")

@@ -13,7 +13,7 @@ from scipy.optimize import linprog
 from chains import random_chain, seeds
 from codes import Method, OnExcess
 from oracle_limits import brake
-from project import mostly_long
+from project import examples, mostly_long
 from records import blank, put
 from rmrc.arm import load
 from rmrc.law.jit import machine_code
@@ -80,7 +80,7 @@ def greedy(scenario, folder, seed, **chosen):
 
 
 @given(seeds)
-@settings(any_fixture, max_examples=12)
+@examples(3, 12, suppress_health_check=any_fixture.suppress_health_check)
 def test_any_arm_keeps_all_its_limits_at_every_tick(scenario, tmp_path_factory, seed):
     folder = tmp_path_factory.mktemp("chain")
     worlds = [greedy(scenario, folder, seed, limits={"on_excess": on_excess}) for on_excess in LIMITING]
@@ -96,7 +96,7 @@ def test_any_arm_keeps_all_its_limits_at_every_tick(scenario, tmp_path_factory, 
 @pytest.mark.parametrize("on_excess", LIMITING)
 def test_limits_are_reached_and_not_only_kept(scenario, tmp_path, on_excess):
     # Else the test above would praise an arm that does not move.
-    worlds = [greedy(scenario, tmp_path, seed, limits={"on_excess": on_excess}) for seed in range(10)]
+    worlds = [greedy(scenario, tmp_path, seed, limits={"on_excess": on_excess}) for seed in range(6)]
     at_rate, at_acceleration, at_position = 0, 0, 0
     for prepared, run in zip(worlds, Simulation(worlds).run(), strict=True):
         limits = prepared.scenario.control.limits
@@ -104,21 +104,21 @@ def test_limits_are_reached_and_not_only_kept(scenario, tmp_path, on_excess):
         if limits.acceleration is not None:
             at_acceleration += abs(excess_of(differences(run), limits.acceleration)) < 1e-9
         at_position += abs(outside(prepared, run)) < 1e-4
-    assert min(at_rate, at_acceleration, at_position) >= 2
+    assert min(at_rate, at_acceleration, at_position) >= 1
 
 
 def test_what_nothing_limits_goes_beyond_the_limits(scenario, tmp_path):
-    unlimited = [greedy(scenario, tmp_path, seed, limits={"on_excess": "none"}) for seed in range(10)]
+    unlimited = [greedy(scenario, tmp_path, seed, limits={"on_excess": "none"}) for seed in range(5)]
     free = 0
     for prepared, run in zip(unlimited, Simulation(unlimited).run(), strict=True):
         limits = prepared.scenario.control.limits
         acceleration = np.inf if limits.acceleration is None else limits.acceleration
         free += max(excess_of(run["qdot_cmd"], limits.rate), excess_of(differences(run), acceleration)) > 0.1
-    assert free >= 5
+    assert free >= 3
 
 
 @given(seeds)
-@settings(any_fixture, max_examples=5)
+@examples(2, 5, suppress_health_check=any_fixture.suppress_health_check)
 def test_commands_to_servos_keep_the_same_limits(scenario, tmp_path_factory, seed):
     # What is sent is bounded whatever comes back. A chain's servos may be pushed away by one another, so that what
     # is measured is a matter of the plant; see the shipped arms below for that.
@@ -388,7 +388,7 @@ def test_redistribution_does_what_is_possible_nearly_always():
     # So not all that is possible is promised. Of these tasks 85 of 86 are done whole, and the shares add up to all but
     # a thousandth of the best ones.
     possible, done, more, gap = 0, 0, 0, []
-    for seed in range(300):
+    for seed in range(120):
         J, twist, limit = random_task(seed)
         best = best_share(J, twist, limit)
         share, scaled = (
@@ -400,8 +400,8 @@ def test_redistribution_does_what_is_possible_nearly_always():
             possible += 1
             done += share > 1 - 1e-9
         more += share > scaled + 1e-6
-    assert possible > 50 and done >= 0.95 * possible
-    assert more > 250 and np.mean(gap) < 0.01
+    assert possible > 20 and done >= 0.95 * possible
+    assert more > 100 and np.mean(gap) < 0.01
 
 
 @given(seeds)

@@ -42,8 +42,8 @@ def test_a_base_that_floats_stands_where_its_keyframe_has_it():
     assert_allclose(arm.model.key("near").ctrl, [0.5])
     assert arm.notes[1:] == (
         'joints without a name are called "palm_joint"',
-        'body "base" floats in the file; it is fixed where keyframe "near" has it',
-        'there is no keyframe home; "near" is taken for it, the first within limits',
+        'body "base" has a free joint in the file; it is fixed where keyframe "near" has it',
+        'there is no keyframe home; "near" replaces it, the first within limits',
     )
 
 
@@ -70,7 +70,7 @@ def test_a_free_base_is_refused_in_one_line():
 @pytest.mark.parametrize(
     ("changes", "home", "note"),
     [
-        ({}, [0.5, 0.1], '"near" is taken for it, the first within limits'),
+        ({}, [0.5, 0.1], '"near" replaces it, the first within limits'),
         ({'"near"': '"home"'}, [0.5, 0.1], ""),
         ({'"far"': '"home"'}, [3.0, 0.0], ""),  # as its author wants it
         (None, [0.5, 0.1], "number 0, which has no name"),  # the only one
@@ -94,13 +94,13 @@ def test_home_is_within_limits_where_no_keyframe_says_what_it_is(tmp_path):
     path = replaced(tmp_path, MODELS / "gripper.xml", {'name="j1"': 'name="j1" range="20 60"'})
     arm = arms.load(path)
     assert_allclose(arm.configuration("home")[:3], [np.radians(40), 0, 0])
-    assert 'beyond the limits of joint "j1"; home is their middle' in arm.notes[-1]
+    assert 'beyond the limits of joint "j1"; home is the middle of their range' in arm.notes[-1]
 
 
 def test_joints_may_be_named_in_any_order_and_go_outward():
     arm = arms.load(MODELS / "gripper.xml", body="palm", joints=["j3", "j1"])
     assert arm.joints == ("j1", "j3")
-    assert arm.notes == ("joints go from the world outward, and so do values for each of them: j1, j3",)
+    assert arm.notes == ("list joints, and values for them, from the base outward: j1, j3",)
     with pytest.raises(ModelError, match='must be listed once each, got "j1" more often'):
         arms.load(MODELS / "gripper.xml", body="palm", joints=["j1", "j1"])
 

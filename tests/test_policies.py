@@ -226,7 +226,7 @@ ROBUST = {
 ROBUST |= {name: (f"control.inverse.method={name}",) for name in ("filtered", "jparse")}
 
 
-@pytest.mark.parametrize("law", mostly_long(ROBUST, 2))
+@pytest.mark.parametrize("law", mostly_long(ROBUST, 4))
 def test_a_robust_arm_comes_back_from_full_reach_and_from_beyond(scenario, law):
     known, worlds, names = Cache(), [], []
     for path in (REACH, BEYOND):

@@ -472,7 +472,7 @@ def test_a_profile_of_ones_own_is_a_file_beside_the_scenario(tmp_path):
     [
         (OWN.replace("joints: 7\n", ""), "… mine.yaml… joints … required"),
         (OWN.replace("source: measured}\nloop", "speed: 1}\nloop"), "… mine.yaml:4… jerk.source … required …"),
-        (OWN + "colour: red\n", "… mine.yaml:6… colour … unknown key …"),
+        (OWN + "paint: red\n", "… mine.yaml:6… paint … unknown key …"),
         (OWN.replace("[1, 1, 1, 1, 1, 1, 1]", "[1, 1]"), "… mine.yaml:3… rate.value … 2 … 7 joints"),
         (OWN.replace("[1, 1, 1, 1, 1, 1, 1]", "[1, 1, 1, -1, 1, 1, 1]"), "… mine.yaml:3… rate.value[3] … -1"),
         (OWN.replace("[1, 1, 1, 1, 1, 1, 1]", "[1, 1, 1, 0.001, 1, 1, 1]"), "… rate.value … margin 0.001 … 0.001"),

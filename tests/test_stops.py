@@ -15,7 +15,7 @@ from numpy.testing import assert_allclose
 from chains import seeds
 from codes import Method, OnExcess, Schedule, field
 from oracle_limits import brake
-from project import mostly_long
+from project import examples, mostly_long
 from records import blank
 from rmrc.law.jit import machine_code
 from rmrc.law.law import resolve
@@ -91,7 +91,7 @@ def share_given(rates, lower, upper, limit):
 
 
 @given(seeds)
-@settings(max_examples=300)
+@examples(60, 300)
 def test_scaled_rates_at_stops_are_the_best_within_the_bounds(seed):
     J, twist, room, limit = random_task(seed)
     rates, status = answer(J, twist, room, limit)
@@ -112,7 +112,7 @@ def test_scaled_rates_at_stops_are_the_best_within_the_bounds(seed):
 
 
 @given(seeds)
-@settings(max_examples=300)
+@examples(60, 300)
 def test_an_arm_stands_only_where_every_motion_that_helps_leads_beyond_a_stop(seed):
     J, twist, room, limit = random_task(seed)
     rates, _ = answer(J, twist, room, limit)
@@ -147,7 +147,7 @@ METHODS = (*Method,)
     st.sampled_from([*Schedule]),
     st.sampled_from([OnExcess.SCALE, OnExcess.REDISTRIBUTE]),
 )
-@settings(max_examples=300)
+@examples(60, 300)
 def test_no_inverse_leaves_the_bounds_at_stops(seed, method, schedule, on_excess):
     J, twist, room, limit = random_task(seed)
     last = np.zeros(8)

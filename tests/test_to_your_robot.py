@@ -30,7 +30,9 @@ def words(line):
 
 
 @pytest.mark.parametrize(
-    "verbs", [["identify", "run", "margins"], pytest.param(["tune"], marks=pytest.mark.long)], ids="-".join
+    "verbs",
+    [["identify", "run"], *(pytest.param([one], marks=pytest.mark.long) for one in ("margins", "tune"))],
+    ids="-".join,
 )
 def test_the_commands_in_their_order_print_what_the_page_says(rmrc, tmp_path, verbs):
     for folder in ("models", "scenarios"):

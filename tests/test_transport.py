@@ -367,9 +367,9 @@ def test_worlds_of_all_kinds_have_the_same_bits_side_by_side(scenario, keeps):
                 assert run[name].tobytes() == want[name].tobytes(), name
         return
     # few rows for each, and more than a delay of 200 ticks
-    simulation = Simulation(prepared * 20, keep_columns=False)
+    simulation = Simulation(prepared * 4, keep_columns=False)
     simulation.step()
-    assert [figures(one) for one in simulation.scorecards()] == [figures(run.scorecard) for run in alone] * 20
+    assert [figures(one) for one in simulation.scorecards()] == [figures(run.scorecard) for run in alone] * 4
 
 
 def figures(scorecard):

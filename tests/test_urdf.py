@@ -72,7 +72,7 @@ def test_meshes_are_found_in_packages_and_those_that_cannot_be_read_are_left_out
     assert arm.model.ngeom == 2
     assert (
         arm.notes[0]
-        == "body base is drawn without a mesh that is missing, or of a kind that MuJoCo cannot read"
+        == "body base is drawn without a missing mesh, or one in a format that MuJoCo cannot read"
     )
 
 
@@ -90,7 +90,7 @@ def test_links_without_mass_get_the_least_and_others_keep_theirs(arm):
     assert_allclose(sorted(arm.model.body("upper").inertia), [0.1, 0.2, 0.2])
     assert (
         arm.notes[1]
-        == "link lower moves without mass or inertia in the file; it has 0.001 kg and 1e-06 kg m^2 at least"
+        == "link lower has no mass or inertia in the file, and gets 0.001 kg and 1e-06 kg m^2 at least"
     )
 
 
@@ -106,7 +106,7 @@ def test_an_inertia_that_no_body_can_have_is_mended_and_said(folder, moments, ke
     arm = arms.load(replaced(folder, ARM, {'ixx="0.1" iyy="0.2" izz="0.2"': moments}))
     found = np.sort(arm.model.body("upper").inertia)
     assert found[0] > 0 and found[0] + found[1] >= found[2] * (1 - 1e-12)
-    said = [note for note in arm.notes if "no body can have the inertia of link upper" in note]
+    said = [note for note in arm.notes if "physically impossible inertia of link upper" in note]
     assert bool(said) == (kept is None)
     if kept is not None:
         assert_allclose(found, kept, atol=1e-15)
@@ -125,7 +125,7 @@ def test_a_package_can_be_a_folder_of_its_name_or_be_given(tmp_path):
     lost = arms.load(path)
     assert lost.model.nmesh == 0
     assert lost.notes[0] == (
-        "package arm_description is nowhere above the file; give --package arm_description=FOLDER, or arm.packages"
+        "package arm_description was not found above the file; give --package arm_description=FOLDER, or arm.packages"
     )
     given = arms.load(path, packages={"arm_description": tmp_path / "ws/arm_description"})
     assert given.model.nmesh == 1 and given.variant != lost.variant
@@ -133,10 +133,10 @@ def test_a_package_can_be_a_folder_of_its_name_or_be_given(tmp_path):
 
 def test_shapes_for_contact_that_cannot_be_read_are_left_out_and_said(folder):
     arm = arms.load(replaced(folder, ARM, {'<box size="0.3 0.1 0.1"/>': '<mesh filename="none.stl"/>'}))
-    missing = "a mesh that is missing, or of a kind that MuJoCo cannot read"
+    missing = "a missing mesh, or one in a format that MuJoCo cannot read"
     assert arm.notes[:2] == (
         f"body base is drawn without {missing}",
-        f"body upper makes contact without {missing}",
+        f"body upper collides without {missing}",
     )
 
 
@@ -163,7 +163,7 @@ def test_a_visual_mesh_of_mjcf_that_is_missing_is_left_out_only_if_nothing_else_
 def test_joints_that_float_are_fixed_and_a_base_called_world_is_the_world(folder):
     changes = {'type="fixed"': 'type="floating"', '"base"': '"world"'}
     arm = arms.load(replaced(folder, ARM, changes))
-    assert arm.site == "tool0" and "joint flange, which floats in the file, is fixed" in arm.notes
+    assert arm.site == "tool0" and "joint flange, which is floating in the file, is fixed" in arm.notes
     assert [arm.model.body(i).name for i in range(2)] == ["world", "upper"]
 
 

@@ -17,7 +17,7 @@ KEEPERS = {
 TIMES = {
     "stuck": Status.STUCK, "in contact": Status.CONTACT, "stopping or stopped": Status.STOPPED,
     "slowed": Status.SLOWED, "held back by joint limits": Status.POSITION_LIMITED,
-    "with a drive at its torque limit": Status.TORQUE_LIMITED,
+    "with an actuator at its torque limit": Status.TORQUE_LIMITED,
 }  # fmt: skip
 AMOUNT = r"(less than 0\.001|infinite|unknown|[\d,.]+(?:e[+-]\d+)?)"
 SENTENCE = re.compile(

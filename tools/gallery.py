@@ -109,10 +109,10 @@ def page() -> str:
 
 
 def main() -> int:
-    """Write the page, or say what is missing; return 1 if anything is."""
+    """Write the page, or report missing and stale parts; return 1 if there are any."""
     parser = argparse.ArgumentParser(description="The page of all scenarios and their pictures.")
     parser.add_argument(
-        "--write", action="store_true", help="draw what is missing or stale, and write the page"
+        "--write", action="store_true", help="draw missing and stale pictures, and write the page"
     )
     is_writing = parser.parse_args().write
     scenarios = sorted(SCENARIOS.glob("*.yaml"))

@@ -518,7 +518,7 @@ def main() -> None:
     parser.add_argument("--jobs", type=int, default=2, metavar="N", help="how many at a time (default: 2)")
     parser.add_argument("--quick", action="store_true", help=f"one in {EVERY} only")
     parser.add_argument("--only", default="", metavar="TEXT", help="lines whose name contains it")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="write what is hashed")
+    parser.add_argument("--keep", type=Path, metavar="DIR", help="write the hashed results")
     options = parser.parse_args()
     root = options.root.resolve()
     # In the background of a script it may be ignored, and would be by what is started here.

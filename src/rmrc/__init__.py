@@ -18,10 +18,9 @@ thousands of them, or have its law chosen:
 
 Or ask about an arm, by its MJCF file or the name of a shipped one:
 
-    rmrc.inspect("puma560")
-    rmrc.ik("planar_2link", [1.0, 1.0]).q
-    rmrc.check("my.xml").findings                  # what must be mended, is missing, or is assumed
-    rmrc.new("my.xml", out="my.yaml")              # a first scenario for it, which runs as it is
+    rmrc.inspect("puma560") rmrc.ik("planar_2link", [1.0, 1.0]).q rmrc.check("my.xml").findings
+    # what must be fixed, is missing, or is assumed rmrc.new("my.xml", out="my.yaml")              # a first
+    scenario for it, which runs as it is
 
 Or have a log of a real one tell its delay, lag and noise:
 

@@ -414,7 +414,7 @@ def test_what_bears_a_part_of_the_wrench_is_named(made):
     text = RUBBING.format("", "")
     lying = hold(made(text), [0.0, 0.3], [0, 0, -1, 0, 0, 0])  # 0.2 m of lower are 6 cm below the table
     assert not lying.agrees and verdict(lying).endswith(
-        "lower touches table, which bears a part: give other positions by --q or --keyframe."
+        "lower touches table, which carries part of the load: give other positions by --q or --keyframe."
     ), verdict(lying)
     ended = RUBBING.format("", 'range="-1 0.3" limited="true"')
     at_end = hold(made(ended), [-0.6, 0.3], [0, 0, -1, 0, 0, 0])
@@ -437,8 +437,8 @@ HELD = [-0.6, 0.3], [0, 0, -1, 0, 0, 0]
 @pytest.mark.parametrize(
     ("at", "instead", "said"),
     [
-        ("</worldbody>", SLACK, 'tendon "belt" is at the end of its range, which bears a part'),
-        ("</worldbody>", PULL, 'actuator "pull" pulls at the arm, which statics leaves out'),
+        ("</worldbody>", SLACK, 'tendon "belt" is at the end of its range, which carries part of the load'),
+        ("</worldbody>", PULL, 'actuator "pull" pulls at the arm, which statics ignores'),
         ('<site name="hand"', FINGER.format(""), 'joint "finger"'),
     ],
 )

@@ -141,7 +141,7 @@ def test_what_was_assumed_is_told_by_findings_alone(rmrc, tmp_path):
     code, out, err = rmrc("check", "floating.xml", "--json")
     found = {finding["code"]: finding["text"] for finding in json.loads(out)["findings"]}
     assert code == 0 and "note" not in err
-    assert 'body "base" floats' in found["base-fixed"] and '"two_joint"' in found["assumed"]
+    assert 'body "base" has a free joint' in found["base-fixed"] and '"two_joint"' in found["assumed"]
     assert 'body "three" is controlled' in found["frame"] and "no-home" in found
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
-from project import ROOT
+from project import ROOT, examples
 from rmrc import arm as arms
 from rmrc.analysis.workspace.joint_map import joint_map
 from rmrc.analysis.workspace.workspace import workspace
@@ -138,7 +138,7 @@ starts, spans = st.floats(-3.0, 2.0), st.floats(0.3, 3.0)
 
 
 @given(lengths_of_links, starts, spans, starts, spans)
-@settings(max_examples=6)
+@examples(3, 6)
 def test_extents_and_worst_points_of_any_two_links_within_any_limits(tmp_path_factory, lengths, c, d, e, f):
     ranges = ((c, min(c + d, np.pi)), (e, min(e + f, np.pi)))
     space = workspace(two_links(tmp_path_factory, lengths, ranges), q=np.array([c, e]), cells=20)

@@ -305,7 +305,7 @@ def test_joints_that_hardly_move_are_left_out_and_that_is_said():
 def test_no_row_moves_at_all():
     found = inspect(model("planar_2link"), [0.3, 0.5], axes=["z"])
     assert (found.rank, found.rank_by_minors, found.condition) == (0, 0, np.inf)
-    assert found.lost[0].words == "cannot move along z; a force along z asks for no torque"
+    assert found.lost[0].words == "cannot move along z; a force along z needs no torque"
     assert [one.words for one in found.standing] == [
         "shoulder turns alone without moving z of the site, which moves along (-0.52, 0.85, 0) and turns about z",
         "elbow turns alone without moving z of the site, which moves along (-0.72, 0.7, 0) and turns about z",
@@ -340,13 +340,13 @@ def test_the_frame_of_the_base_is_that_of_the_body_which_carries_the_arm(tmp_pat
     [
         (
             "planar_2link",
-            "these the arm can move independently of each other; z, rx and ry stay as they are, rz follows from these",
+            "those that the arm can move independently; z, rx and ry stay as they are, rz follows from these",
         ),
-        ("planar_3link", "these the arm can move independently of each other; z, rx and ry stay as they are"),
-        ("stanford", "the arm can move all six independently of each other"),
+        ("planar_3link", "those that the arm can move independently; z, rx and ry stay as they are"),
+        ("stanford", "the arm can move all six independently"),
         (
             "anthropomorphic",
-            "these the arm can move independently of each other; rx, ry and rz follow from these",
+            "those that the arm can move independently; rx, ry and rz follow from these",
         ),
     ],
 )
@@ -354,7 +354,7 @@ def test_why_these_rows(name, why):
     arm = model(name)
     q = arm.sampled(1)[0]
     assert inspect(arm, q).why == why
-    assert inspect(arm, q, axes=["x"]).why == "as asked for"
+    assert inspect(arm, q, axes=["x"]).why == "as requested"
 
 
 def test_too_many_minors_are_not_counted(monkeypatch):
@@ -405,12 +405,12 @@ def test_analytic_jacobian_is_the_derivative_of_position_and_angles():
         (
             0.005,
             "the angles are nearly singular here: to turn about (0.92, 0.39, 0) at 1 rad/s they change at up to 283 rad/s; "
-            "that is the fault of the angles, not of the arm",
+            "the singularity belongs to the angles, not to the arm",
         ),
         (
             0.0,
             "the angles are singular here: no rates of theirs turn the site about x, and the analytic Jacobian has no value; "
-            "that is the fault of the angles, not of the arm",
+            "the singularity belongs to the angles, not to the arm",
         ),
     ],
 )

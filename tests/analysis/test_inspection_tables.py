@@ -35,7 +35,7 @@ def test_ranks_that_disagree_are_told(stanford):
 
 def test_a_fault_in_a_route_is_printed(stanford):
     faulty = replace(stanford, disagreement={**stanford.disagreement, "screws": 0.08})
-    assert table(faulty, "J by other routes")["screws of the joint axes, product of exponentials"] == (
+    assert table(faulty, "J by other methods")["screws of the joint axes, product of exponentials"] == (
         "0.08000",
     )
 

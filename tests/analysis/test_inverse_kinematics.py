@@ -389,6 +389,28 @@ def test_damped_steps_never_make_the_error_larger():
         assert len(path.damping) == len(path.step) == len(path.error) - 1 and (path.damping > 0.0).all()
 
 
+@pytest.mark.parametrize(("name", "axes", "wrong"), [
+    ("fr3", "x y z", 1.0), ("planar_3link", "x y", 1.0), ("planar_2link", "x y rz", 1.0), ("ur5e", "x y z", 1.5),
+])  # fmt: skip
+def test_a_damped_step_minimizes_the_damped_error(name, axes, wrong):
+    """|e − J z|² + λ²|z|², by numpy's least squares of the stacked equations; wrong: λ is not what was used."""
+    arm = load(name)
+    task, agree, seen = choose(arm, axes.split()), True, 0
+    for q in arm.sampled(5, 18):
+        goal = arm.pose(q)
+        path = solve_ik(task, goal, 0.5 * q, limits=False).iterates
+        for at, step, damping in zip(path.q, path.step, wrong * path.damping, strict=False):
+            J, e = arm.jacobian(at)[task.rows], errors(task, goal, arm.pose(at))
+            if np.linalg.norm(e) < 1e-6:
+                continue  # the two ways to measure e differ by rounding
+            stacked = np.vstack([J, damping * np.eye(arm.n)])
+            best = np.linalg.lstsq(stacked, np.concatenate([e, np.zeros(arm.n)]))[0]
+            # 1e-8: of pivots down to 1e-8 of the largest entry
+            agree &= np.allclose(-step, best, rtol=0.0, atol=1e-7 * np.linalg.norm(best))
+            seen += 1
+    assert seen > 15 and agree == (wrong == 1.0)
+
+
 # Goals ------------------------------------------------------------------------------------------
 
 

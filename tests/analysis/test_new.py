@@ -206,8 +206,8 @@ def test_an_arm_without_a_singularity_goes_aside(tmp_path):
     assert found.move.how == "aside" and not found.move.nearest.is_singular
     run = rmrc.run(found.scenario)
     assert not (run["status"] & Status.DAMPED).any() and run.is_complete
-    assert "No singularity" in found.text
-    assert found.faults == ("no singularity takes part",) and found.faults[0] in found.text
+    assert "no reachable singularity" in found.text
+    assert found.faults == ("it meets no singularity",) and found.faults[0] in found.text
 
 
 def test_a_move_without_a_fault_says_nothing_of_any(made):
@@ -230,7 +230,7 @@ def test_the_same_model_gives_the_same_file():
 def test_limits_that_the_model_lacks_are_stated_and_said_to_be_assumed(tmp_path):
     told, missing = rmrc.new(gantry(tmp_path)), rmrc.new(gantry(tmp_path, rates=False))
     assert "ASSUMED" not in told.text and told.scenario.control.limits.rate == (0.5, 0.5)
-    assert "ASSUMED: the model tells none" in missing.text
+    assert "ASSUMED: the model has none" in missing.text
     assert missing.scenario.control.limits.rate == (ASSUMED_RATE,) * 2  # times a length of 1 m
 
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from project import ROOT, mostly_long
+from project import ROOT, examples, mostly_long
 from rmrc import arm as arms
 from rmrc.analysis.ik.postures import find_postures
 from rmrc.analysis.ik.solve import goal_pose
@@ -279,7 +279,7 @@ sides = st.floats(0.3, 1.5)
 
 
 @given(sides, sides, sides, sides)
-@settings(max_examples=5)
+@examples(2, 5)
 def test_three_links_have_the_continua_of_a_four_bar_linkage(tmp_path_factory, a, b, c, reach):
     """Grashof's law: two circuits if the shortest and the longest bar are together shorter than the others."""
     shortest, *middle, longest = sorted([a, b, c, reach])
@@ -352,7 +352,7 @@ def circuits(lengths, reach, second, third, steps=6001):
 
 
 @given(sides, sides, sides, sides, st.floats(0.5, 3.0), st.floats(0.5, 3.0))
-@settings(max_examples=5)
+@examples(2, 5)
 def test_limits_leave_the_pieces_of_a_linkage_that_a_grid_shows(
     tmp_path_factory, a, b, c, reach, second, third
 ):

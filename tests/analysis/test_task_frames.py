@@ -113,3 +113,23 @@ def test_verbs_take_the_frame_by_an_option(rmrc, puma):
     for verb, more in (("inspect", ()), ("workspace", ("--cells", "10")), ("ik", ("--to-q", q))):
         code, _, err = rmrc(verb, str(puma.path), *more, "--task-frame", "hand")
         assert code == 2 and err.splitlines()[-1] == says('… task frame … "hand" … world base site')
+
+
+FACING = """<mujoco><worldbody><body euler="0 0 {turn}">
+<joint name="pan" axis="0 0 1"/><geom size="0.03"/>
+<body pos="0 0 0.1"><joint name="lift" axis="0 1 0"/><geom size="0.03"/>
+<body pos="0.03 0 0.2"><joint name="elbow" axis="0 1 0"/><geom size="0.03"/>
+<body pos="0.2 0 0"><joint name="pitch" axis="0 1 0"/><geom size="0.03"/><site name="tool" pos="0.1 0 0"/>
+</body></body></body></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(("turn", "axes"), [(0, "x y z ry"), (90, "x y z rx"), (180, "x y z ry")])
+def test_a_pan_and_three_pitches_get_the_rotation_that_they_have_at_home(tmp_path, turn, axes):
+    """Of a hand at home, J of the rows that are taken has full rank; with the other rotation it has not."""
+    (tmp_path / "arm.xml").write_text(FACING.format(turn=turn))
+    arm = load(tmp_path / "arm.xml")
+    assert choose(arm).axes == tuple(axes.split())
+    J = arm.jacobian(np.array([0.0, 0.1, 0.2, 0.3]))
+    other = {"rx": "ry", "ry": "rx"}[axes.split()[-1]]
+    assert np.linalg.cond(J[choose(arm, axes.split()).rows]) < 1e3
+    assert np.linalg.cond(J[choose(arm, ["x", "y", "z", other]).rows]) > 1e12

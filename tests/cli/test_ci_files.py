@@ -141,7 +141,7 @@ def test_a_refusal_is_an_error_with_all_its_lines(rmrc, quick):
     lines = [line.removeprefix("rmrc: error: ") for line in err.splitlines()]
     assert code == 2 and len(lines) == 2
     assert told(read("ci/a.xml")) == {"run": ("error", "\n".join(lines))}
-    assert "❌ quick: no run to its end" in (quick / "ci/a.md").read_text("utf-8")
+    assert "❌ quick: run incomplete" in (quick / "ci/a.md").read_text("utf-8")
 
 
 @pytest.mark.usefixtures("quick")
@@ -151,7 +151,7 @@ def test_ctrl_c_before_the_first_tick_is_an_error(rmrc, monkeypatch):
 
     monkeypatch.setattr(Batch, "compile", interrupted)
     assert rmrc("run", "quick.yaml", *ASKED)[0] == 130
-    assert told(read("ci/a.xml")) == {"run": ("error", "ended before there was a result")}
+    assert told(read("ci/a.xml")) == {"run": ("error", "ended before the first result")}
 
 
 @pytest.mark.usefixtures("undrawn")
@@ -221,7 +221,16 @@ def test_check_of_what_is_no_model_leaves_an_error(rmrc, quick):
 @pytest.mark.usefixtures("quick")
 def test_margins_leave_a_case_that_fails_where_the_loop_is_unstable(rmrc):
     asked = ("--accuracy", "0.5", "--quiet", "--junit", "ci/a.xml", "--summary", "ci/a.md")
-    motion = ("--set", "target.path=[{hold: {for: 0.4}}]", "--set", "plant.kind=ideal", "--set", "expect={}")
+    motion = (
+        "--set",
+        "target.path=[{hold: {for: 0.4}}]",
+        "--set",
+        "control.period=0.01",
+        "--set",
+        "plant.kind=ideal",
+        "--set",
+        "expect={}",
+    )
     for late, code in (("0", 0), ("0.2", 1)):
         assert rmrc("margins", "quick.yaml", *motion, "--set", f"plant.delay={late}", *asked)[0] == code
         failed = {name for name, what in told(read("ci/a.xml")).items() if what is not None}

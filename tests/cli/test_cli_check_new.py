@@ -29,7 +29,7 @@ def rmrc(rmrc):
 def test_check_tells_that_nothing_must_be_mended(rmrc):
     code, out, err = rmrc("check", TWO)
     assert (code, err) == (0, "")
-    for words in ("planar_2link.xml: 2 joints", "Findings: none must be mended", "elbow 0 rad", "torque ok"):
+    for words in ("planar_2link.xml: 2 joints", "Findings: none with errors", "elbow 0 rad", "torque ok"):
         assert words in " ".join(out.split())
     assert max(map(len, out.splitlines())) <= 100
 
@@ -38,7 +38,7 @@ def test_check_exits_with_1_where_something_must_be_mended(rmrc, tmp_path):
     (tmp_path / "x.xml").write_text(BEYOND)
     code, out, err = rmrc("check", "x.xml")
     said = " ".join(out.split())
-    assert (code, err) == (1, "") and "Findings: 1 must be mended" in said
+    assert (code, err) == (1, "") and "Findings: 1 with errors" in said
     assert "joint a is at 0 rad at home, outside its range [1, 2]" in said
     code, out, _ = rmrc("check", "x.xml", "--json")
     assert code == 1 and json.loads(out)["ready"] is False
@@ -71,7 +71,7 @@ def test_new_writes_a_scenario_in_this_folder_and_says_how_to_run_it(rmrc, tmp_p
 def test_nothing_is_overwritten_unless_forced(rmrc, tmp_path):
     (tmp_path / "mine.yaml").write_text("mine")
     code, out, err = rmrc("new", TWO, "-o", "mine.yaml")
-    told = "mine.yaml: is there already; give another file with -o, or overwrite it with --force"
+    told = "mine.yaml: already exists; give another file with -o, or overwrite it with --force"
     assert (code, out, err) == (2, "", f"rmrc: error: {told}\n")
     assert (tmp_path / "mine.yaml").read_text() == "mine"
     assert rmrc("new", TWO, "-o", "mine.yaml", "--force", "-q")[:2] == (0, "")

@@ -23,8 +23,8 @@ def test_the_example_of_the_notes_is_printed_with_both_signs_in_words(rmrc):
     code, out, err = rmrc("statics", TWO, "--q", "0,60 deg", "--wrench", "0,-1,0")
     assert (code, err) == (0, "")
     assert "The wrench acts on the arm: force (0, -1, 0) N, moment (0, 0, 0) N·m, world axes." in out
-    assert "Equivalent, Jᵀ F: what they give for the site to press on the world with this wrench." in out
-    assert "Balancing, −Jᵀ F: what they give to hold still while this wrench acts on the arm." in out
+    assert "Equivalent, Jᵀ F: torques with which the site presses on the world with this wrench." in out
+    assert "Balancing, −Jᵀ F: torques that hold the arm still while this wrench acts on it." in out
     cells = [line.split() for line in out.splitlines()]
     assert ["shoulder", "[N·m]", "-1.500", "1.500", "100.0", "98.50", "ok"] in cells
     assert ["elbow", "[N·m]", "-0.5000", "0.5000", "50.00", "49.50", "ok"] in cells
@@ -43,7 +43,7 @@ def test_stretched_it_says_what_costs_nothing_here_and_what_anywhere_and_holds_i
         in out
     )
     assert (
-        "met: still, and the actuators give what statics says; no drive came to its torque limit."
+        "met: still, and the actuator torques agree with statics; no actuator reached its torque limit."
         in " ".join(out.split())
     )
 
@@ -55,8 +55,8 @@ def test_what_is_too_much_is_said_and_is_not_held(rmrc):
     assert next(line for line in out.splitlines() if line.startswith("elbow [")).endswith("EXCEEDED")
     code, out, _ = rmrc("statics", TWO, "--q", "0,60 deg", "--wrench", "0,-120,0", "--hold", "0.5")
     assert code == 1
-    assert "MISSED: not still, the fastest joint does" in out
-    assert "shoulder, elbow came to the torque limit." in " ".join(out.split())
+    assert "MISSED: not still, the fastest joint moves at" in out
+    assert "shoulder, elbow reached its torque limit." in " ".join(out.split())
 
 
 @pytest.mark.parametrize("every", [3, pytest.param(1, marks=pytest.mark.long)])

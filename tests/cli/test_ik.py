@@ -147,7 +147,7 @@ def test_newton_that_fails_says_so(rmrc):
     code, out, err = rmrc("ik", TWO, "--to", "-1.999,0", "--q", "2.9,0.4", "--method", "newton")
     assert code == 1
     assert err == says("rmrc: not reached: Newton's … limits … shoulder; … --method damped … --no-limits\n")
-    assert "Not reached; where the steps ended: planar_2link, tip" in out and "beyond" in out
+    assert "Not reached; the end of the steps: planar_2link, tip" in out and "beyond" in out
     code, out, err = rmrc("ik", TWO, "--to", "0,3", "--method", "newton")
     assert code == 1 and lines_are_short(out)
     assert err == says("rmrc: not reached: … rad … 50 … Newton's … --method damped\n")
@@ -178,7 +178,7 @@ def test_a_continuum_is_not_listed(rmrc):
     code, out, _ = rmrc("ik", TORUS, "--to", "0,0,0.7", "--all")
     assert code == 0
     assert out.splitlines()[0] == (
-        "torus_3r_short, tip: a continuum, its nearest to the start shown; 2000 starts"
+        "torus_3r_short, tip: a continuum; the table shows its point nearest to the start; 2000 starts"
     )
     assert lines_are_short(out)
     facts = json.loads(rmrc("ik", TORUS, "--to", "0,0,0.7", "--all", "--json")[1])
@@ -195,7 +195,7 @@ def test_each_continuum_is_listed_once_with_its_starts(rmrc):
     code, out, _ = rmrc(*ask)
     assert code == 0
     assert out.splitlines()[0] == (
-        "torus_3r_short, tip: 2 continua, of each its nearest to the start shown; 2000 starts"
+        "torus_3r_short, tip: 2 continua; the table shows the point of each nearest to the start; 2000 starts"
     )
     assert "starts that led there" in out and "apart from others" not in out
     facts = json.loads(rmrc(*ask, "--json")[1])

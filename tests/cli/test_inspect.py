@@ -28,7 +28,7 @@ def test_it_tells_what_is_lost_at_full_reach(rmrc):
     assert (code, err) == (0, "")
     for words in (
         "planar_2link.xml, site tip",
-        "cannot move along x; a force along x asks for no torque",
+        "cannot move along x; a force along x needs no torque",
         "shoulder and elbow turn against each other, 1 : -2, without moving x and y of the site",
         "rank by sigma; by minors 1 of 2; 1",
         "velocities propagated outward, link to link",

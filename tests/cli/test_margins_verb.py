@@ -35,10 +35,10 @@ def test_it_prints_what_the_loop_bears_beside_the_rule_and_the_ideal_plant(rmrc)
     code, out, err = rmrc("margins", "quick.yaml", *COARSE)
     assert (code, err) == (0, "")
     lines = lines_of(out)
-    assert lines[0] == says("quick: the margins of its loop, … runs")
+    assert lines[0] == says("quick: stability margins, … runs")
     assert "as written stable" in lines
     assert "rule: K up to 1/(delay + T/2 + lag) 100.0 1/s" in lines
-    assert "edge of the ideal plant, K 100.0 1/s" in lines
+    assert "limit of the ideal plant, K 100.0 1/s" in lines
     rows = {line.split(",")[0]: line for line in lines}
     assert rows["gain"].endswith(" 20.00 20.00 1")
     assert float(rows["delay"].split()[2]) == pytest.approx(edge_delay(5.0, 0.02), rel=0.1)
@@ -74,9 +74,9 @@ def test_the_picture_is_of_the_kind_that_its_name_says(rmrc, tmp_path):
     assert code == 0 and lines_of(out)[-1] == "wrote m.svg"
     text = (tmp_path / "m.svg").read_text()
     for words in (
-        "fades: stable", "rings on: unstable", "edge, by runs", "edge of the ideal plant",
-        "times control.feedback as written [1]", "dead time beside that as written [ms]",
-        "lag beside that as written [ms]", "quick: the margins of its loop",
+        "fades: stable", "keeps ringing: unstable", "limit by simulation", "limit of the ideal plant",
+        "times control.feedback as written [1]", "dead time added to that as written [ms]",
+        "lag added to that as written [ms]", "quick: the margins of its loop",
     ):  # fmt: skip
         assert words in text
     before = (tmp_path / "m.svg").read_bytes()
@@ -137,5 +137,5 @@ def test_interrupted_it_shows_what_was_found(rmrc, monkeypatch):
     monkeypatch.setattr(Asking, "run", stopped)
     code, out, err = rmrc("margins", "quick.yaml", "--accuracy", "0.005")
     assert (code, err) == (130, says("rmrc: interrupted after … runs\n"))
-    assert "Interrupted: the edges are as near as they were found until then." in " ".join(out.split())
+    assert "Interrupted: the limits have the precision reached until then." in " ".join(out.split())
     assert len(rounds) == 2 and any(line.startswith("gain, times") for line in lines_of(out))

@@ -62,7 +62,7 @@ def test_a_package_is_found_by_its_option_and_by_its_key(rmrc, tmp_path):
     (tmp_path / "arm.urdf").write_bytes((MODELS / "arm.urdf").read_bytes())
     _, _, err = rmrc("inspect", "arm.urdf")
     assert (
-        "note: package arm_description is nowhere above the file; give --package arm_description=FOLDER"
+        "note: package arm_description was not found above the file; give --package arm_description=FOLDER"
         in err
     )
     code, _, err = rmrc("inspect", "arm.urdf", "--package", "arm_description=parts")
@@ -86,7 +86,7 @@ def test_a_scenario_without_a_frame_runs_and_names_it(rmrc, tmp_path, plant):
     code, _, err = rmrc("run", "own.yaml", "--quiet", "--no-record")
     assert code == 0
     assert 'note: body "palm" is controlled, chosen by its name' in err
-    assert 'note: body "base" floats in the file; it is fixed where keyframe "near" has it' in err
+    assert 'note: body "base" has a free joint in the file; it is fixed where keyframe "near" has it' in err
 
 
 @pytest.mark.usefixtures("undrawn")

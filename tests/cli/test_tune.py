@@ -41,7 +41,7 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
     assert (code, err) == (0, "")
     lines = lines_of(out)
     assert re.fullmatch(
-        r"quick: \d+ settings in [5-7]\d runs; \d+ were tried on every copy and keep what is allowed",
+        r"quick: \d+ settings in [5-7]\d runs; \d+ were tried on every perturbed scenario and keep the limits",
         lines[0],
     )
     text = " ".join(lines)
@@ -62,7 +62,7 @@ def test_it_prints_the_front_a_block_to_paste_and_what_that_costs(rmrc, tmp_path
     assert any(line.startswith("Pareto front, ") for line in lines)
     assert any("recommended" in line for line in lines)
     assert any(line.startswith(("second best x ", "as written x ")) for line in lines)
-    assert re.search(r"As written it is (on the front: nothing that was tried dominates it|dominated: .+ has "
+    assert re.search(r"The setting as written is (on the Pareto front: no tried setting dominates it|dominated: .+ has "
                      r"\S+ times its error at \S+ times its peak rate)\. ", text)  # fmt: skip
     assert lines[-3:] == [f"wrote recordings/quick.tune.{kind}" for kind in ("yaml", "png", "parquet")]
     # what is printed is the scenario's section, and is in the file as well
@@ -116,7 +116,7 @@ def test_nothing_feasible_is_exit_1_and_says_what_is_missed(rmrc, tmp_path):
         (["--only", "control.inverse.method=dampd"],
          f'--only control.inverse.method: … {", ".join(INVERSES.names)} … dampd … "damped"…'),
         (["--set", "control.feedback=-1"], "--set control.feedback: … 0 … -1"),
-        (["--delay", "12ms..6ms"], "--delay: … least first … 12ms..6ms"),
+        (["--delay", "12ms..6ms"], "--delay: … smallest first … 12ms..6ms"),
         (["--lag", "5 mm"], "--lag: … 8ms or 6ms..12ms … 5 mm … s"),
         (["--ideal", "--noise", "1e-5"], "--ideal: … --noise …"),
         (["--set", "tune.delay=[0.01, 0.002]"], "--set tune.delay: … least … first … [0.01, 0.002]"),

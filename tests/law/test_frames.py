@@ -5,12 +5,12 @@ import itertools
 import mujoco
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 from chains import random_chain, seeds
-from project import ROOT, mostly_long
+from project import ROOT, examples, mostly_long
 from rmrc.arm import load
 from rmrc.law.bare import resolve_rates
 from rmrc.law.controller import Controller
@@ -80,7 +80,7 @@ def stand(tmp_path_factory, seed, n=6):
     return load(path)
 
 
-@settings(max_examples=15)
+@examples(5, 15)
 @given(seeds)
 def test_the_law_sees_the_jacobian_error_and_twist_along_the_axes_of_its_frame(tmp_path_factory, seed):
     rng = np.random.default_rng(seed)
@@ -175,7 +175,7 @@ def test_a_rotation_vector_would_feed_back_beside_the_tilt():
     assert cosine < 0.2
 
 
-@settings(max_examples=15)
+@examples(5, 15)
 @given(seeds)
 def test_the_rates_of_an_objective_are_not_felt_along_any_frame(tmp_path_factory, seed):
     rng = np.random.default_rng(seed)

@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear
 
 from chains import random_chain, seeds
 from oracle_limits import bounds
-from project import ROOT
+from project import ROOT, examples
 from rmrc.arm import load
 from rmrc.scenario import loads
 from rmrc.simulation.prepare import prepare
@@ -57,6 +57,7 @@ def first_tick(*overrides):
 
 
 @given(seeds)
+@examples(4, 200)
 def test_any_chain_has_the_singular_values_and_rates_that_mujocos_inertia_gives(tmp_path_factory, seed):
     rng, path = np.random.default_rng(seed), tmp_path_factory.mktemp("metric") / "model.xml"
     path.write_text(random_chain(seed, 1 + seed % 7, followers=bool(seed & 8)))

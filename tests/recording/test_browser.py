@@ -22,7 +22,7 @@ import pytest
 
 from processes import descendants, started, wait_for
 from project import ROOT
-from rmrc.recording.viewer import _page_files
+from rmrc.recording.viewer import _free_port, _page_files
 from rmrc.recording.viewer_page import PageServer, seek
 from rmrc.recording.viewer_process import Events
 
@@ -322,6 +322,32 @@ def display():
     command = ["Xvfb", "-displayfd", "1", "-screen", "0", "1000x700x24", "-nolisten", "tcp"]
     with started(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True) as server:
         yield f":{server.stdout.readline().strip()}"
+
+
+def test_a_window_stands_still_at_the_time_that_it_is_told(recordings, display, tmp_path, monkeypatch):
+    from rerun.experimental import ViewerClient
+
+    monkeypatch.setenv("DISPLAY", display)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    port, states = str(_free_port()), []
+
+    def has_come():
+        try:
+            client = ViewerClient.connect(f"rerun+http://127.0.0.1:{port}/proxy")
+            states.extend((one.current_timeline, one.current_time) for one in client.get_state().recordings)
+        except (OSError, RuntimeError):  # it does not listen yet
+            return process.poll() is not None
+        return states[-1:] == [("sim_time", 1_250_000_000)]
+
+    command = [sys.executable, "-m", "rmrc", "replay", "--at", "1.25", "--port", port, str(recordings[0])]
+    with started(command, stderr=subprocess.PIPE, text=True) as process:
+        wait_for(has_come, 60)
+        if process.poll() == 2:
+            pytest.skip(f"the viewer opens no window here: {process.stderr.read().splitlines()[-1]}")
+        time.sleep(1.0)
+        assert has_come()  # it does not play on
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(20) == 143
 
 
 def test_the_window_connects_to_this_machine_only(recordings, display, tmp_path, monkeypatch):

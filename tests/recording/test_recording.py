@@ -287,6 +287,13 @@ def test_rerun_verifies_the_recording(recorded):
     assert "1 file verified without error." in done.stderr
 
 
+def test_a_viewer_that_is_open_takes_arms_of_different_joints(recorded):
+    """It merges the columns of all recordings of one application, and refuses a second width of `q`."""
+    path = recorded[2]
+    (entry,) = RrdReader(path).recordings()
+    assert entry.application_id == f"rmrc {path.stem}"
+
+
 def test_a_folder_in_the_way_is_one_clear_line(planar, tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(RecordingError) as caught:

@@ -59,7 +59,7 @@ def test_another_file_is_refused(tmp_path):
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="other systems have a display")
 @pytest.mark.usefixtures("no_display")
 def test_without_a_display_the_message_names_web(recording):
-    expected = f"there is no display to open the viewer on; use: rmrc replay --web {recording}"
+    expected = f"no display is available for the viewer; use: rmrc replay --web {recording}"
     assert message(recording) == expected
 
 

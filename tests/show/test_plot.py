@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.linalg import null_space
 
-from project import ROOT
+from project import ROOT, mostly_long
 from rmrc.results.run import Run, read_runs
 from rmrc.scenario import load
 from rmrc.show.panels import GRAY, NAMES, OVER_TIME, SPANS, thinned
@@ -88,7 +88,9 @@ def test_thinning_keeps_the_ends_and_the_peaks(count, seed):
     assert (at[0], at[-1] >= time[-1] - 5e-3) == (0.0, True)
 
 
-@pytest.mark.parametrize(("width", "inches"), [("3.5in", 3.5), ("88mm", 88 / 25.4), ("7.16in", 7.16)])
+@pytest.mark.parametrize(
+    ("width", "inches"), mostly_long([("88mm", 88 / 25.4), ("3.5in", 3.5), ("7.16in", 7.16)], 3)
+)
 def test_a_picture_has_the_width_asked_and_letters_that_can_be_read(rmrc, left, width, inches):
     folder, _ = left
     code, out, err = rmrc("plot", str(folder / "blow_up.npz"), "-o", str(folder / "x.svg"), "--width", width)
@@ -352,7 +354,7 @@ def test_an_arm_that_locks_within_its_limits_is_drawn_to_scale(compared):
     assert rates_of(run, columns=locked, rate_limit=())[0].get_yscale() == "symlog"  # without limits, by peak
 
 
-@pytest.mark.parametrize("width", [3.5, 7.16])
+@pytest.mark.parametrize("width", mostly_long([3.5, 7.16], 2))
 def test_nothing_in_a_figure_covers_anything_else_or_is_cut(compared, width):
     run = compared[1]["damped"]
     long = dataclasses.replace(run, joints=("a_rather_long_name_of_a_joint", "another_one_that_is_long"))

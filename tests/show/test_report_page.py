@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 from test_palette import SIGHTS, contrast, distance
 
 import rmrc
-from project import ROOT
+from project import ROOT, undrawn
 from rmrc.results.run import Run, save_runs
 from rmrc.scenario import load, loads
 from rmrc.show import traces
@@ -63,11 +63,12 @@ def unpacked(text):
 def left(tmp_path_factory):
     """Return the folder with what run, compare, sweep and tune left."""
     folder = tmp_path_factory.mktemp("left")
-    rmrc.run(BLOW_UP, out=folder, record=False)
-    rmrc.compare(BLOW_UP, {"control.inverse.method": ["inverse", "damped"]}, out=folder, record=False)
     short = load(ROOT / "scenarios/approach_singularity.yaml").set({"control.period": 0.01})
-    rmrc.sweep(short, {"control.feedback": [5.0, 10.0, 20.0]}, out=folder, threads=1)
-    rmrc.tune(short, runs=12, copies=0, ideal=True, out=folder, threads=1)
+    with undrawn():
+        rmrc.run(BLOW_UP, out=folder, record=False)
+        rmrc.compare(BLOW_UP, {"control.inverse.method": ["inverse", "damped"]}, out=folder, record=False)
+        rmrc.sweep(short, {"control.feedback": [5.0, 10.0, 20.0]}, out=folder, threads=1)
+        rmrc.tune(short, runs=12, copies=0, ideal=True, out=folder, threads=1)
     return folder
 
 

@@ -187,10 +187,8 @@ def test_a_worker_with_another_version_is_refused_by_name(path, workers, tmp_pat
     finally:
         cluster._likeness.cache_clear()
     refused = f"--cluster {workers.scheduler_address}: worker tcp://127.0.0.1:"
-    what = (
-        f" has mujoco {real['mujoco']}, here 3.9.9: its rows would not have the same bits; install the same"
-    )
-    line = str(caught.value).removesuffix("; the rows so far are kept, and the same command goes on")
+    what = f" has mujoco {real['mujoco']}, here 3.9.9: its rows would differ in their bits; install the same version"
+    line = str(caught.value).removesuffix("; the rows so far are kept; rerun the command to resume")
     assert line.startswith(refused)
     assert re.sub(r"^\d+", "", line.removeprefix(refused)) == what
 
@@ -208,8 +206,8 @@ def test_runs_that_end_every_worker_end_the_sweep_with_a_line(path, tmp_path, mo
         with pytest.raises(ClusterError) as caught:
             sweep.run()
     assert re.fullmatch(
-        r"--cluster local:1: runs \d+ to \d+ ended each worker that began with them; "
-        "look whether its memory is enough; the rows so far are kept, and the same command goes on",
+        r"--cluster local:1: runs \d+ to \d+ ended every worker that started them; check whether it has enough memory"
+        "; the rows so far are kept; rerun the command to resume",
         str(caught.value),
     )
 
@@ -225,7 +223,7 @@ def test_a_worker_whose_disk_is_full_is_not_called_a_lost_scheduler(path, worker
         sweep.check()
     assert re.fullmatch(
         rf"--cluster {workers.scheduler_address}: a worker could not do runs \d+ to \d+ "
-        r"\(\[Errno 28\] No space left on device\); the rows so far are kept, and the same command goes on",
+        r"\(\[Errno 28\] No space left on device\); the rows so far are kept; rerun the command to resume",
         str(caught.value),
     )
 

@@ -149,8 +149,8 @@ def test_a_scheduler_that_goes_away_ends_the_sweep_with_a_line_and_its_rows(path
         code, out, err = ended(process)
         assert (code, out) == (2, "")
         assert err == (
-            f"rmrc: error: --cluster {address}: the scheduler is lost; the rows so far are kept, "
-            "and the same command goes on\n"
+            f"rmrc: error: --cluster {address}: the scheduler is lost; the rows so far are kept; rerun the command to resume"
+            "\n"
         )
         assert 0 < ds.dataset(folder).count_rows() < 1600
     finally:

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from project import ROOT
+from project import ROOT, undrawn
 from rmrc.recording.single import read_columns
 from rmrc.results.columns import COLUMNS
 from rmrc.results.scorecard import scorecard
@@ -35,7 +35,8 @@ def compared(tmp_path_factory):
     (folder / "quick.yaml").write_text(TEXT)
     counted = []
     comparison = Comparison(folder / "quick.yaml", variants(GRID), SET, folder / "new" / "out")
-    left = comparison.run(counted.append)
+    with undrawn():
+        left = comparison.run(counted.append)
     assert sum(counted) == comparison.ticks
     return folder / "quick.yaml", left
 

@@ -85,7 +85,7 @@ def test_the_words_name_scenario_axes_units_and_variants():
     axes = axes_of([("inverse", curve(0.1)), ("$x$", curve(0.2))])
     assert axes.get_title() == "case: the inverses as filters"
     assert axes.get_xlabel().startswith(r"$\sigma$ of the direction that is lost first [1]")
-    assert axes.get_ylabel() == r"$g(\sigma)$, joint rate for a unit of task velocity [1]"
+    assert axes.get_ylabel() == r"$g(\sigma)$, joint rate per unit task velocity [1]"
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
     labels = [text.get_text() for text in axes.figure.legends[0].get_texts()]
     assert labels == [

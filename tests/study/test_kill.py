@@ -39,7 +39,8 @@ def wait_for(process, folder, parts):
         time.sleep(0.005)
 
 
-@pytest.mark.parametrize("interrupted", [False, pytest.param(True, marks=pytest.mark.long)])
+@pytest.mark.long  # test_resuming.py goes on with what is there, in one process
+@pytest.mark.parametrize("interrupted", [False, True])
 @pytest.mark.skipif(os.name != "posix", reason="signals")
 def test_killed_interrupted_and_gone_on_with_it_gives_the_file_of_one_go(tmp_path, interrupted):
     path = tmp_path / "quick.yaml"

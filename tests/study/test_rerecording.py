@@ -12,7 +12,7 @@ import pytest
 from rerun.chunk import RrdReader
 
 from processes import started
-from project import ROOT
+from project import ROOT, undrawn
 from rmrc.recording.single import read_columns
 from rmrc.results.run import read_runs
 from rmrc.study.rerecording import rerecord
@@ -36,8 +36,9 @@ def left(tmp_path_factory):
     """The folder of what a run and a comparison left."""
     folder = tmp_path_factory.mktemp("left")
     (folder / "quick.yaml").write_text(TEXT)
-    run(folder / "quick.yaml", out=folder)
-    compare(folder / "quick.yaml", {"control.inverse.method": ["damped", "pseudoinverse"]}, out=folder)
+    with undrawn():
+        run(folder / "quick.yaml", out=folder)
+        compare(folder / "quick.yaml", {"control.inverse.method": ["damped", "pseudoinverse"]}, out=folder)
     return folder
 
 

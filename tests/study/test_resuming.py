@@ -108,7 +108,7 @@ def test_a_part_that_was_changed_is_named(whole, begun, tmp_path, case):
 def test_the_way_out_that_the_line_names_leads_out(whole, begun, tmp_path):
     part = begun[1] / "part-00000001.parquet"
     rewritten(part, lambda table: table.take([1, 0]))
-    assert again(whole, tmp_path) == says(f"{part}: has rows of other runs than 2 to 3{REMOVE}")
+    assert again(whole, tmp_path) == says(f"{part}: has rows of runs outside 2 to 3{REMOVE}")
     part.unlink()
     Sweep(whole[0], folder=tmp_path, threads=1).run()
     assert (tmp_path / "quick.sweep.parquet").read_bytes() == whole[1].read_bytes()

@@ -140,7 +140,7 @@ def test_only_rows_that_can_move_have_a_right_inverse():
 
 def test_rank_loss_is_said_in_words():
     stretched = planar_jacobian([1, 1, 1], [0.3, 0.0, 0.0])[:2]
-    message = "the normal equations have no solution; damp, or drop what cannot move"
+    message = "the normal equations have no solution; use damping, or drop rows that cannot move"
     for function, J, which in (
         (weighted_right_inverse, stretched, "J of 2 rows and 3 columns has dependent rows"),
         (null_space_projector, np.zeros((1, 2)), "J of 1 rows and 2 columns has dependent rows"),

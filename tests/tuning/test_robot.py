@@ -59,7 +59,7 @@ def test_a_range_is_read_with_its_unit(given, unit, wanted):
 @pytest.mark.parametrize(
     ("given", "line"),
     [
-        ({"delay": "12ms..6ms"}, "--delay: … >= 0 … least first … 12ms..6ms"),
+        ({"delay": "12ms..6ms"}, "--delay: … >= 0 … smallest first … 12ms..6ms"),
         ({"delay": "-1ms"}, "--delay: … >= 0 … -1ms"),
         ({"delay": "8"}, "--delay: … less than 1 s … 8: write 8ms or 8s"),
         ({"lag": "5 mm"}, "--lag: … 8ms or 6ms..12ms … 5 mm … s"),

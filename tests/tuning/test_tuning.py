@@ -329,7 +329,7 @@ def test_an_arm_that_holds_still_has_a_picture_without_warnings(path, tmp_path):
     titles = [
         sheet.title for sheet in tuning_table.sheets("", [], report.front(found), report.named(found)[:1])
     ]
-    assert titles[-1] == "What is recommended, and others"  # a table of no costs is none
+    assert titles[-1] == "Recommendations, and others"  # a table of no costs is none
 
 
 def test_times_are_those_of_the_path_where_the_setting_as_written_does_not_complete_it(path):
@@ -337,12 +337,12 @@ def test_times_are_those_of_the_path_where_the_setting_as_written_does_not_compl
     found = work.run()
     assert (
         dict(report.facts(work, found))["time"]
-        == "at most 1.1 times that of the setting as written, copy by copy"
+        == "at most 1.1 times that of the setting as written, for each perturbed scenario"
     )
     found.own.outcomes[0] = found.own.outcomes[0]._replace(completed=0.5)
     own = Tried(found.own.setting, found.own.outcomes)
     assert dict(report.facts(work, dataclasses.replace(found, own=own)))["time"] == (
-        "at most 1.1 times that of the setting as written, or of the path where that does not complete it, copy by copy"
+        "at most 1.1 times that of the setting as written, or of the path if that does not complete it, for each perturbed scenario"
     )
 
 
@@ -421,7 +421,7 @@ def test_what_is_drawn_is_within_its_bounds_and_moves_the_target(path):
     turning = Tuning(path, ["task.axes=[rz]"])
     assert all("target.offset" not in text for copy in turning.copies for text in texts(copy))
     assert turning.spread_in_words == (
-        "joints start within 1 deg; no target is off, as no axis of the task has an absolute point"
+        "joints start within 1 deg; no target offset, because the task has no absolute point"
     )
     further = Tuning(path, ["target.offset=[0.5, 0.25]"], copies=2, spread=spread).copies[1:]
     offsets = [load(path, texts(copy)).target.offset for copy in further]
@@ -645,18 +645,18 @@ def test_the_setting_as_written_is_told_to_be_what_it_is(path):
         verdict = judge([one for one in some if one.keeps_limits], some, own)
         return report.as_written(dataclasses.replace(found, own=own, feasible=tuple(some), verdict=verdict))
 
-    assert said(own) == "As written it is on the front: nothing that was tried dominates it."
-    recommended = "As written it is dominated: the recommended setting has 0.5 times its error at 0.5 times its peak rate."
+    assert said(own) == "The setting as written is on the Pareto front: no tried setting dominates it."
+    recommended = "The setting as written is dominated: the recommended setting has 0.5 times its error at 0.5 times its peak rate."
     assert said(own, half) == recommended
     costly = tried(Structure("inverse", "", "damp"), 1.0, 9.0)
     assert said(own, half, costly) == recommended.replace("the recommended setting", "filtered")
     hair = tried(Structure("filtered", "", "damp"), 4.0, 1.9999)
     assert said(own, hair) == (
-        "As written it is dominated, but in no digit that counts: the recommended setting is better by less than 0.1%."
+        "The setting as written is dominated, but not significantly: the recommended setting is better by less than 0.1%."
     )
     shorter = tried(Structure("filtered", "", "damp"), 4.0, 2.0, time=0.5)
     assert said(own, shorter) == (
-        "As written it is dominated: the recommended setting has its error and its peak rate in 0.5 s and not in 1 s."
+        "The setting as written is dominated: the recommended setting has its error and its peak rate in 0.5 s and not in 1 s."
     )
     still, moving = (
         tried(Structure(name, "", "damp"), 0.0, rate) for name, rate in (("jparse", 1.0), ("inverse", 2.0))
@@ -666,14 +666,14 @@ def test_the_setting_as_written_is_told_to_be_what_it_is(path):
     )
     verdict = judge([half], [costly, half], costly)
     assert report.as_written(dataclasses.replace(found, own=costly, feasible=(half,), verdict=verdict)) == (
-        "As written it is not what --only allows; nothing that it allows dominates it."
+        "The setting as written is outside --only; no setting within --only dominates it."
     )
     limited = tried(own.setting.structure, 1.0, 1.0, excess=0.1)
     limited.outcomes[0] = limited.outcomes[0]._replace(
         missed="the rate of elbow is 2 rad/s, and 1 is allowed"
     )
     assert said(limited, half) == (
-        "As written it does not keep what is allowed: the rate of elbow is 2 rad/s, and 1 is allowed."
+        "The setting as written violates a limit: the rate of elbow is 2 rad/s, and 1 is allowed."
     )
 
 

@@ -146,7 +146,7 @@ def read_arm(
     for name, (wanted, has) in own.items():
         if wanted not in (None, has):
             told, known = (f'"{one}"' if isinstance(one, str) else one for one in (wanted, has))
-            raise QuestionError(f"the arm has {name} {known}, got {told}; load it with what is wanted")
+            raise QuestionError(f"the arm has {name} {known}, got {told}; load it with these settings")
     return arm
 
 

@@ -26,11 +26,11 @@ BLOCK = 1 << 16
 
 @dataclass(frozen=True)
 class Survey:
-    """What was found at N configurations.
+    """Data of N configurations.
 
     Attributes:
         q: Joint positions, (N, n).
-        pose: Of the site, [p, quat w x y z], (N, 7).
+        pose: Pose of the site, [p, quat w x y z], (N, 7).
         sigma: Singular values of A = S_x J S_q, falling, (N, k).
     """
 

@@ -31,7 +31,7 @@ class Adaptations:
     """Models for plants, each compiled once for all who ask for the same: see `Arm.adapted`.
 
     Attributes:
-        path: Of the author's file.
+        path: Path of the author's file.
         model: As its author wrote it.
         spec: The same, without textures; it is copied.
         others: What of it is not the arm.

@@ -48,12 +48,12 @@ class Arm:
         rate_limit: (n,) [rad/s or m/s]; infinite where the model has none.
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
         keyframes: Configurations by name, each (nq,).
-        model: The model as its author wrote it, but for what is stretched.
+        model: The model as its author wrote it, except what is stretched.
         variant: What else than the file makes the model: a tool, folders of packages.
         frame: Key of a scenario's `arm` that names what is controlled, and its value; None where only default
             names it.
         packages: Names and folders of a URDF's packages that were given.
-        notes: What was assumed where the file does not say it, a line each.
+        notes: What was assumed where the file does not say it, one line each.
         home: Number of the keyframe that is `home`; None where none is.
         obvious: Which of them tells a choice of the site that hardly anybody would doubt; "" if none does.
         stretch: Factor on all lengths of a body, by its name.
@@ -94,7 +94,7 @@ class Arm:
 
     @cached_property
     def _data(self) -> mujoco.MjData:
-        """State of the author's model, at rest but for the arm's joints."""
+        """State of the author's model, at rest except the arm's joints."""
         data = mujoco.MjData(self.model)
         data.qpos[:] = self._rest
         self.place_mocap(data)
@@ -136,7 +136,7 @@ class Arm:
     def at(self, qpos: Array, frees_others: bool = False, mocap: Array | None = None) -> "Arm":
         """Return the arm where the joints that are not its own stand elsewhere; itself where nothing changes.
 
-        Kinematics, statics and inertias are those of the arm that stands there. What was compiled is shared.
+        Kinematics, statics and inertias are those of the arm that stands there. The compiled model is shared.
 
         Args:
             qpos: A configuration of the model, (nq,); of the arm's own joints nothing is taken.
@@ -279,8 +279,8 @@ class Arm:
             start: A keyframe's name, or positions of the arm's joints; these go with the keyframe `home` if
                 the others stand where it has them, and with none if not.
             qpos: Where the model starts, (nq,).
-            own: Whether the arm's own drives are among them. They have the keyframe's if the arm stands where
-                it does, and NaN if not: `rmrc.plants.model` finds what holds the arm.
+            own: Whether the arm's own actuators are among them. They have the keyframe's if the arm stands
+                where it does, and NaN if not: `rmrc.plants.model` finds what holds the arm.
         """
         if not (self.others.kept or own):
             return np.empty(0), np.empty(0)
@@ -364,7 +364,7 @@ class Arm:
         if self.ties:
             raise ModelError(
                 f"{self.path}: {listed(self.ties)} {'ties' if len(self.ties) == 1 else 'tie'} the arm, which "
-                'is then no open chain; set active="false" there in a copy of the model, or take it out',
+                'is then no open chain; set active="false" there in a copy of the model, or remove it',
                 "model",
             )
 
@@ -421,7 +421,7 @@ class Arm:
         return self._followed(full)
 
     def rest_torques(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
-        """Return what the drives give at rest against gravity, and against springs, (n,) each [N·m or N].
+        """Return what the actuators give at rest against gravity, and against springs, (n,) each [N·m or N].
 
         What the model itself compensates of gravity is taken off. Joints not of the arm are at rest.
         """
@@ -441,7 +441,7 @@ class Arm:
 
     @property
     def friction(self) -> Array:
-        """Dry friction that can bear a part of a drive's load at rest, (n,) [N·m or N]."""
+        """Dry friction that can bear a part of an actuator's load at rest, (n,) [N·m or N]."""
         loss = np.array(self.model.dof_frictionloss[self.wiring.dof])
         for address, one in zip(self.wiring.follower_dof, self.followers, strict=True):
             loss[one.leader] += abs(one.ratio) * self.model.dof_frictionloss[address]
@@ -499,7 +499,7 @@ class Arm:
         """
         if self._spec is None:
             raise ModelError(
-                f"{self.path}: a plant cannot be made of a compiled model; give its file, or an MjSpec"
+                f"{self.path}: a plant needs the model's file or an MjSpec, not a compiled model"
             )
         return self._spec
 

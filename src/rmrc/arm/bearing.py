@@ -1,4 +1,4 @@
-"""What else than its drives acts on an arm at rest: ends of ranges, other actuators, what hangs there."""
+"""What else than its actuators acts on an arm at rest: ends of ranges, other actuators, what hangs there."""
 
 from collections.abc import Iterator
 

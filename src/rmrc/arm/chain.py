@@ -18,7 +18,7 @@ class Chain:
     It has an axis for each joint, and for each joint that follows one; both halves of a screw have one axis.
 
     Attributes:
-        names: Of the joint on each axis, outward, ℓ of them.
+        names: Names of the joint on each axis, outward, ℓ of them.
         leader: Which joint of the arm moves it, (ℓ,).
         ratio: How far, for each rad or m of that joint, (ℓ,).
         pitch: As `Arm.pitch`, (ℓ,).

@@ -17,8 +17,8 @@ from rmrc.support.errors import ModelError, ModelWarning
 _NO_MEMORY = ("allocate", "unknown exception")
 # Ways out of what MuJoCo says without one.
 _WAYS_OUT = {
-    "opening file": "put it there, or mend meshdir, texturedir or assetdir of <compiler>",
-    "'mujocoinclude'": "it is a part; give the file that includes it",
+    "opening file": "put it there, or correct meshdir, texturedir or assetdir of <compiler>",
+    "'mujocoinclude'": "it is a fragment; give the file that includes it",
 }
 
 
@@ -29,7 +29,7 @@ class Read(NamedTuple):
         spec: As it is written.
         model: As it is compiled.
         velocity: The largest rate of each joint that has one, by its name: a URDF's.
-        notes: What was assumed.
+        notes: Assumptions.
     """
 
     spec: mujoco.MjSpec
@@ -77,7 +77,7 @@ def parsed(
 
     Args:
         path: The file.
-        text: Of a URDF; None for MJCF.
+        text: Text of a URDF; None for MJCF.
         only_readable: Whether to leave out meshes that MuJoCo cannot read, as far as the arm moves alike.
     """
     spec = mujoco.MjSpec.from_string(text.text) if text else mujoco.MjSpec.from_file(str(path))
@@ -93,7 +93,7 @@ def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
     """Return the model of a specification that was changed.
 
     Args:
-        path: Of the file that it was.
+        path: Path of the file that it was.
         spec: As it is now.
 
     Raises:

@@ -131,7 +131,7 @@ def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float
             )
     if stretch and np.isin(model.eq_type, _HOLDS_POINTS).any():
         raise ModelError(
-            f"{path}: cannot be stretched: an equality connects or welds points of its bodies; take it out, "
+            f"{path}: cannot be stretched: an equality connects or welds points of its bodies; remove it, "
             "or write the lengths into the model",
             "stretch",
         )

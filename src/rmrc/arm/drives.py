@@ -46,7 +46,7 @@ class OwnDrives:
     other kinds.
 
     Attributes:
-        kinds: What each drive is told, by its id.
+        kinds: What each actuator is told, by its id.
         idle: Ids of those that pull at the arm's joints and are told nothing.
     """
 
@@ -58,7 +58,7 @@ class OwnDrives:
         Args:
             model: As its author wrote it.
             others: What of it is not the arm.
-            wiring: Of the arm.
+            wiring: Wiring of the arm.
             followers: Joints that follow those of the arm.
         """
         self._model, self._others, self._wiring, self._followers = model, others, wiring, followers
@@ -81,7 +81,7 @@ class OwnDrives:
         return joint, ratio
 
     def moments(self, data: mujoco.MjData) -> Array:
-        """Return how fast each drive shortens or lengthens at a rate of 1 of each joint, (d, n)."""
+        """Return how fast each actuator shortens or lengthens at a rate of 1 of each joint, (d, n)."""
         joint, ratio = self.joint_of
         moments = np.zeros((len(self.kinds), len(self._wiring.dof)))
         for row, i in zip(moments, self.kinds, strict=True):
@@ -94,7 +94,7 @@ class OwnDrives:
         return moments
 
     def undriven(self, qpos: Array) -> list[int]:
-        """Return the joints of the arm that the drives cannot move one by one, by their positions in it.
+        """Return the joints of the arm that the actuators cannot move one by one, by their positions in it.
 
         Args:
             qpos: A configuration of the model, (nq,).
@@ -110,7 +110,7 @@ class OwnDrives:
         return [j for j in range(moments.shape[1]) if np.abs(free[:, j]).max(initial=0.0) > _RANK]
 
     def forget(self, ctrl: Array, act: Array, has_ctrl: bool, has_act: bool) -> None:
-        """Write NaN over what no keyframe says of the drives, and 0 over the same of the idle ones.
+        """Write NaN over what no keyframe says of the actuators, and 0 over the same of the idle ones.
 
         Args:
             ctrl: Controls of the model, (nu,).

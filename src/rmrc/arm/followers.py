@@ -26,11 +26,11 @@ class Follower:
     position = offset + ratio · (position of its leader)
 
     Attributes:
-        name: Of the joint.
+        name: Name of the joint.
         leader: Which joint of the arm it follows.
         ratio: How far it moves for each rad or m of its leader [m or rad].
         offset: [m or rad]
-        pitch: Of the screw that it makes with its leader, a hinge beside it on the same axis: ± ratio, as it
+        pitch: Pitch of the screw formed with its leader, an adjacent hinge on the same axis: ± ratio, as it
             slides along that axis or back [m/rad]; 0 where it makes none.
     """
 
@@ -106,7 +106,7 @@ def _followed(
         (leader, polynomial), more = rules[at][0], rules[at][1:]
         says = f'{path}: joint "{_name(model, at)}" follows "{_name(model, leader)}"'
         if more:
-            raise ModelError(f'{says} and "{_name(model, more[0][0])}" by equalities; take one of them out')
+            raise ModelError(f'{says} and "{_name(model, more[0][0])}" by equalities; remove one of them')
         if polynomial[2:].any():
             given = " ".join(f"{value:g}" for value in polynomial)
             raise ModelError(
@@ -116,7 +116,7 @@ def _followed(
         offset += ratio * (float(polynomial[0]) + _zero(model, at))
         ratio *= float(polynomial[1]) if leader >= 0 else 0.0
         if leader in passed:
-            raise ModelError(f"{says} by equalities in a circle; take one of them out")
+            raise ModelError(f"{says} by equalities in a circle; remove one of them")
         offset -= ratio * _zero(model, leader)
         at = leader
         passed.add(at)

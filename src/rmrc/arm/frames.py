@@ -166,7 +166,7 @@ def _joints(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def _is_finger(model: mujoco.MjModel, body: int) -> bool:
-    """Say whether a body, or a joint that moves it, is called a finger or a gripper."""
+    """Return whether a body, or a joint that moves it, is called a finger or a gripper."""
     joints = [_words(model.joint(i).name) for i in _own(model, body)]
     if any(_has(words, _FINGERS) for words in (_words(model.body(body).name), *joints)):
         return True

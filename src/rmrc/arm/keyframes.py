@@ -43,9 +43,9 @@ def keyframes(
     Args:
         model: Any.
         joints: Ids of the arm's joints, n of them.
-        limit: Of their positions, (n, 2).
+        limit: Limit of their positions, (n, 2).
         prefix: How the names of keyframes begin that are a tool's, if one is attached.
-        notes: What was assumed is added.
+        notes: Assumptions are added.
     """
     found = {name: np.array(model.key(i).qpos) for i in range(model.nkey) if (name := model.key(i).name)}
     if "home" in found:
@@ -54,7 +54,7 @@ def keyframes(
     if key is not None:
         called = f'"{name}"' if (name := model.key(key).name) else f"number {key}, which has no name,"
         why = "the only one" if len(_own(model, prefix)) == 1 else "the first within limits"
-        notes.append(Note("no-home", f"there is no keyframe home; {called} is taken for it, {why}"))
+        notes.append(Note("no-home", f"there is no keyframe home; {called} replaces it, {why}"))
         return {**found, "home": np.array(model.key(key).qpos)}
     address, home = model.jnt_qposadr[joints], np.array(model.qpos0)
     beyond = np.flatnonzero((home[address] < limit[:, 0]) | (home[address] > limit[:, 1])).tolist()
@@ -64,7 +64,10 @@ def keyframes(
         ends = limit[j]
         home[address[j]] = ends.mean() if np.isfinite(ends).all() else np.clip(home[address[j]], *ends)
     names = ", ".join(f'"{model.joint(joints[j]).name}"' for j in beyond)
-    told = f"there is no keyframe home, and 0 is beyond the limits of joint {names}; home is their middle"
+    told = (
+        f"there is no keyframe home, and 0 is beyond the limits of joint {names}; home is the middle of "
+        "their range"
+    )
     notes.append(Note("no-home", told))
     return {**found, "home": home}
 

@@ -47,8 +47,8 @@ def leading_limit(
         model: As its author wrote it.
         joints: Names of the arm's joints, n of them.
         followers: Joints that follow them.
-        limit: Of a joint, by its id.
-        power: Of the ratio, by which the limit of a follower becomes one of its leader: −1 for rates, 1 for
+        limit: Limit of a joint, by its id.
+        power: Power of the ratio that turns a follower's limit into one of its leader: −1 for rates, 1 for
             torques, which do the same work.
     """
     limits = np.array([limit(model.joint(name).id) for name in joints])

@@ -59,7 +59,7 @@ def load(
 
 
 def is_model(given: object) -> bool:
-    """Say whether `load_model` takes something."""
+    """Return whether `load_model` takes something."""
     return isinstance(given, mujoco.MjModel | mujoco.MjSpec)
 
 
@@ -171,7 +171,7 @@ def _with_ties(arm: Arm) -> Arm:
     if not ties:
         return arm
     verbs = ("tie", "are") if len(ties) > 1 else ("ties", "is")
-    note = f"{listed(ties)} {verbs[0]} the arm, and {verbs[1]} left out of its kinematics"
+    note = f"{listed(ties)} {verbs[0]} the arm, and {verbs[1]} ignored in its kinematics"
     return replace(arm, ties=ties, notes=(*arm.notes, note))
 
 
@@ -196,9 +196,7 @@ def _driven(
             raise ModelError(f'{path}: joints must be listed once each, got "{name}" more often', "joints")
     outward = tuple(name for name in own if name in joints)
     if outward != tuple(joints):
-        notes.append(
-            f"joints go from the world outward, and so do values for each of them: {', '.join(outward)}"
-        )
+        notes.append(f"list joints, and values for them, from the base outward: {', '.join(outward)}")
     return outward
 
 

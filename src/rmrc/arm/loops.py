@@ -1,4 +1,4 @@
-"""A mechanism that is closed in loops: what its drives make of the site."""
+"""A mechanism that is closed in loops: what its actuators make of the site."""
 
 from dataclasses import dataclass
 
@@ -30,8 +30,10 @@ class Mechanism:
         lengths: Their positions, (m,) [rad or m].
         gap: How far the loops are open, whatever the other joints do [m or rad].
         rows: What the site can move along and about independently, the first f of x y z rx ry rz.
-        inverse: K: rates of the drives for a unit of each row, (m, f); None if the site does not tell them.
-        freedom: Motions that are left while all drives are locked; more than 0 is a singularity of the loops.
+        inverse: K: rates of the actuators for a unit of each row, (m, f); None if the site does not tell
+            them.
+        freedom: Motions that are left while all actuators are locked; more than 0 is a singularity of the
+            loops.
     """
 
     drives: tuple[str, ...]
@@ -43,7 +45,7 @@ class Mechanism:
 
     @property
     def jacobian(self) -> Array | None:
-        """K⁻¹: the twist of the site for a unit rate of each drive, (f, m); None where there is none."""
+        """K⁻¹: the twist of the site for a unit rate of each actuator, (f, m); None where there is none."""
         K = self.inverse
         if K is None or len(K) != len(self.rows) or self.freedom:
             return None

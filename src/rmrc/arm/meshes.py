@@ -9,7 +9,7 @@ def drop_unreadable(spec: mujoco.MjSpec, contacts: bool) -> list[str]:
     """Take out meshes whose file is missing or cannot be decoded, with the shapes that they have.
 
     Args:
-        spec: Of the model, parsed and not compiled.
+        spec: Spec of the model, parsed and not compiled.
         contacts: Whether shapes that make contact go as well; else only those that are seen and weigh
             nothing.
 
@@ -29,10 +29,10 @@ def drop_unreadable(spec: mujoco.MjSpec, contacts: bool) -> list[str]:
         for geom in shapes:
             spec.delete(geom)
         spec.delete(mesh)
-    why = "a mesh that is missing, or of a kind that MuJoCo cannot read"
+    why = "a missing mesh, or one in a format that MuJoCo cannot read"
     notes = [f"body {listed(dict.fromkeys(seen))} is drawn without {why}"] if seen else []
     if touched:
-        notes.append(f"body {listed(dict.fromkeys(touched))} makes contact without {why}")
+        notes.append(f"body {listed(dict.fromkeys(touched))} collides without {why}")
     return notes
 
 
@@ -41,7 +41,7 @@ def _weighs_nothing(geom: mujoco.MjsGeom) -> bool:
 
 
 def _is_readable(spec: mujoco.MjSpec, mesh: mujoco.MjsMesh) -> bool:
-    """Say whether MuJoCo can compile a mesh by itself."""
+    """Return whether MuJoCo can compile a mesh by itself."""
     alone = mujoco.MjSpec()
     alone.modelfiledir, alone.meshdir = spec.modelfiledir, mesh.compiler.meshdir
     alone.add_mesh(name="mesh", file=mesh.file, scale=mesh.scale, content_type=mesh.content_type)

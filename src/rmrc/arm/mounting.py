@@ -39,7 +39,7 @@ class Asked:
         body: Whose frame is to be controlled.
         tool: Whose frame is to be controlled.
         base: `fixed` or `free`.
-        packages: Of a URDF, names and folders.
+        packages: Packages of a URDF, names and folders.
     """
 
     site: str | None
@@ -81,7 +81,7 @@ def mounted(
     """Return the model with a fixed base and a site that is the frame to be controlled.
 
     Args:
-        path: Of the model.
+        path: Path of the model.
         spec: As it was parsed and compiled; it is changed if the model is. None: the model cannot be changed.
         model: That it gave.
         asked: Which frame, and which base.
@@ -152,7 +152,7 @@ def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) ->
         return "body", find_body(path, model, asked.tool.body, "tool.body"), ""
     frame = default_frame(model)
     if frame is None:
-        raise ModelError(f"{path}: has no hinge or slide joint that moves a body; it needs one to be an arm")
+        raise ModelError(f"{path}: has no hinge or slide joint that moves a body; an arm needs at least one")
     if frame.others or frame.kind == "body":
         named = getattr(model, frame.kind)(frame.id).name
         called = f'{frame.kind} "{named}"' if named else f"{frame.kind} {frame.id}"
@@ -201,8 +201,8 @@ def _fix(
     called = f'body "{body.name}"' if body.name else f"body {body.id}"
     if asked.base == "free":
         raise ModelError(
-            f"{path}: the base, {called}, must be fixed, got free: nothing drives a joint that floats, so no "
-            "rates of the arm hold its site; write base: fixed",
+            f"{path}: the base, {called}, must be fixed, got free: a free joint has no actuator, so the "
+            "arm cannot hold its site; write base: fixed",
             "base",
         )
     key = starting_key(model, [i for i in joints if i != free])
@@ -213,7 +213,7 @@ def _fix(
     body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     body.pos, body.quat = pose[:3], pose[3:]
     at = "the file" if key is None else f'keyframe "{model.key(key).name}"'
-    notes.append(Note("base-fixed", f"{called} floats in the file; it is fixed where {at} has it"))
+    notes.append(Note("base-fixed", f"{called} has a free joint in the file; it is fixed where {at} has it"))
     return True
 
 

@@ -14,7 +14,7 @@ class Note(str):
         """Return a line.
 
         Args:
-            code: Of the finding.
+            code: Code of the finding.
             text: What was assumed.
         """
         note = super().__new__(cls, text)

@@ -59,7 +59,7 @@ class Others:
 
         Args:
             model: As its author wrote it.
-            joints: Of the arm, and those that follow them.
+            joints: Joints of the arm, and those that follow them.
             site: That they move.
         """
         self.model, self._own, self._site = model, frozenset(int(joint) for joint in joints), site
@@ -168,7 +168,7 @@ class Others:
 
         Args:
             spec: Changed.
-            path: Of the model's file.
+            path: Path of the model's file.
 
         Raises:
             ModelError: Too many bodies could touch.
@@ -205,7 +205,8 @@ class Others:
         if sum(sum(counts) ** 2 - sum(n * n for n in counts) for counts in alike) > 2 * MOST_PAIRS:
             raise ModelError(
                 f"{path}: has {len(self.locked)} joints to lock, with more than {MOST_PAIRS} pairs of "
-                "bodies that could touch; take arm.others: free, or take away what is no part of the robot"
+                "bodies that could touch; use arm.others: free, or remove bodies that are not part of the "
+                "robot"
             )
         names = {body.id: _named(body) for body in spec.bodies}
         for group in groups.values():

@@ -41,7 +41,7 @@ class Tag(NamedTuple):
 
     Attributes:
         closes: Whether an element ends with it.
-        name: Of the element.
+        name: Name of the element.
         attributes: Their texts by name.
         line: In the file.
         is_alone: Whether the element ends where it begins.
@@ -81,7 +81,7 @@ class _Scan:
         """Count the elements of one file.
 
         Args:
-            path: Of it.
+            path: Its path.
             times: How often its elements are there.
         """
         if not path.is_file() or path.resolve() in self._read:  # which MuJoCo refuses
@@ -116,7 +116,7 @@ class _Scan:
         for folder in dict.fromkeys((self._path.parent, path.parent)):
             named = folder / tag.attributes["file"]
             if tag.name == "model" and named.resolve() in self._open:  # MuJoCo would read it without end
-                what = f'model must name a file that it is no part of, got "{brief(tag.attributes["file"])}"'
+                what = f'model must name another file than itself, got "{brief(tag.attributes["file"])}"'
                 raise ModelError(f"{path}:{tag.line}: {what}")
             self.read(named, times)
         if tag.name == "model":
@@ -144,8 +144,8 @@ class _Scan:
         ):
             if number > most:
                 raise ModelError(
-                    f"{place}: a model must have {most} {what} at most, those of a replicate as often as it "
-                    f"says, got {number} by here; take away what is no part of the arm"
+                    f"{place}: a model must have {most} {what} at most, counting each copy of a replicate, "
+                    f"got {number} by here; remove parts outside the arm"
                 )
 
 
@@ -177,7 +177,7 @@ def _check_finite(place: str, tag: Tag, parent: Tag | None) -> None:
             in_named = parent is not None and "name" in parent.attributes and "name" not in tag.attributes
             of = f" of {_called(parent)}" if in_named and parent else ""
             what = f'{key} must be finite, got "{brief(value)}"'
-            raise ModelError(f"{place}: {_called(tag)}{of}: {what}; leave out what has no limit")
+            raise ModelError(f"{place}: {_called(tag)}{of}: {what}; omit it for no limit")
 
 
 def _check_class(place: str, tag: Tag) -> None:

@@ -31,8 +31,8 @@ class Shape:
         size: MuJoCo's half sizes, (3,) [m].
         pose: In the body's frame, [p, quat w x y z], (7,).
         rgba: Color, (4,), 0 to 1.
-        vertices: Of a mesh, (v, 3) [m].
-        faces: Of a mesh, (f, 3).
+        vertices: Vertices of a mesh, (v, 3) [m].
+        faces: Faces of a mesh, (f, 3).
     """
 
     name: str

@@ -39,7 +39,7 @@ class Urdf(NamedTuple):
 
 
 def is_urdf(path: Path) -> bool:
-    """Say whether the first element of a file is a robot's."""
+    """Return whether the first element of a file is a robot's."""
     with path.open(encoding="utf-8", errors="replace") as file:
         first = next(tags(file.read(100_000)), None)
     return first is not None and first.name == "robot"
@@ -182,15 +182,15 @@ class _Reading:
     def _notes(self) -> list[str]:
         notes = []
         if self._floating:
-            notes.append(f"joint {listed(self._floating)}, which floats in the file, is fixed")
+            notes.append(f"joint {listed(self._floating)}, which is floating in the file, is fixed")
         if self._colors:
             notes.append(
-                f"a color must be four numbers from 0 to 1; that of line {listed(self._colors)} is gray"
+                f"a color must be four numbers from 0 to 1; the one in line {listed(self._colors)} is gray"
             )
         if self._unknown:
             ways = " ".join(f"--package {name}=FOLDER" for name in self._unknown)
             notes.append(
-                f"package {listed(self._unknown)} is nowhere above the file; give {ways}, or arm.packages"
+                f"package {listed(self._unknown)} was not found above the file; give {ways}, or arm.packages"
             )
         return notes
 
@@ -249,10 +249,10 @@ def mend(spec: mujoco.MjSpec) -> list[str]:
     notes = []
     if massless:
         least = f"{LEAST_MASS:g} kg and {LEAST_INERTIA:g} kg m^2 at least"
-        notes.append(f"link {listed(massless)} moves without mass or inertia in the file; it has {least}")
+        notes.append(f"link {listed(massless)} has no mass or inertia in the file, and gets {least}")
     if unphysical:
-        nearest = "the nearest that one can have is taken"
-        notes.append(f"no body can have the inertia of link {listed(unphysical)} in the file; {nearest}")
+        nearest = "the nearest valid one is used"
+        notes.append(f"physically impossible inertia of link {listed(unphysical)} in the file; {nearest}")
     return notes
 
 
@@ -276,7 +276,7 @@ def _has_moments(body: mujoco.MjsBody) -> bool:
 
 
 def _has_mass(body: mujoco.MjsBody) -> bool:
-    """Say whether a body, or one that is fixed to it, has mass and inertia."""
+    """Return whether a body, or one that is fixed to it, has mass and inertia."""
     if body.explicitinertial:
         own = body.mass > 0.0 and (not np.isnan(body.fullinertia[0]) or np.any(body.inertia))
     else:
@@ -315,4 +315,4 @@ def keep_apart(spec: mujoco.MjSpec, model: mujoco.MjModel, qpos: NDArray[np.floa
     if not named:
         return []
     told = listed(f"{first} and {second}" for first, second in named)
-    return [f"bodies that are within each other at home do not touch: {told}"]
+    return [f"ignoring contacts between bodies that overlap at home: {told}"]

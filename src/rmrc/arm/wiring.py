@@ -87,7 +87,7 @@ def find_body(path: Path, model: mujoco.MjModel, wanted: str, about: str = "body
     """Return the id of the body that is wanted.
 
     Args:
-        path: Of the model.
+        path: Path of the model.
         model: Compiled.
         wanted: Its name.
         about: What the error is about.

@@ -14,7 +14,7 @@ class Kind(NamedTuple):
 
     Attributes:
         name: In words.
-        suffixes: Of its files.
+        suffixes: Suffixes of its files.
         begins: How such a file begins, or nothing if that tells little.
         verb: That takes it, or "".
         library: That reads it in Python, where there is no verb.

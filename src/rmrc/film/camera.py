@@ -20,7 +20,7 @@ class Camera:
     """A pinhole camera, upright.
 
     Attributes:
-        position: Of the pinhole, (3,) [m].
+        position: Position of the pinhole, (3,) [m].
         axes: Rows: to the right, up, and back, out of the picture, (3, 3).
         distance: From the pinhole to the middle of what is seen [m].
         aspect: Width over height of the picture.

@@ -13,7 +13,7 @@ from rmrc.support.files import written_whole
 
 Frame = NDArray[np.uint8]
 
-FILM = "MP4 is written by ffmpeg, which comes with `pip install 'rmrc[film]'`; GIF needs nothing"
+FILM = "MP4 is written by ffmpeg, which comes with `pip install 'rmrc[film]'`; GIF needs no extra"
 # A GIF tells delays in this unit [s], and viewers slow down those under two of them.
 TICK = 0.01
 # How long the last frame of a GIF stays before it begins again [s].
@@ -43,7 +43,7 @@ def write_gif(path: Path, frames: Iterator[Frame], samples: Sequence[Frame], del
     """Write frames, with colors that suit all of them.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         frames: In order, two at least.
         samples: Frames that have all colors that matter.
         delay: Between frames [s].
@@ -64,7 +64,7 @@ def few_colors(image: Image.Image, count: int) -> Image.Image:
 
     Args:
         image: In red, green and blue.
-        count: Of the colors.
+        count: Count of the colors.
     """
     found = image.quantize(count, dither=Image.Dither.NONE)
     palette = np.array(found.getpalette(), np.uint8).reshape(-1, 3)
@@ -77,7 +77,7 @@ def write_mp4(path: Path, frames: Iterator[Frame], size: tuple[int, int], fps: f
     """Write frames in H.264.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         frames: In order.
         size: Width and height [pixels], both even.
         fps: Frames a second.
@@ -98,7 +98,7 @@ def write_mp4(path: Path, frames: Iterator[Frame], size: tuple[int, int], fps: f
             for frame in frames:
                 out.send(np.ascontiguousarray(frame))
         except OSError as error:
-            raise PictureError(f"{path}: ffmpeg gave up: {' '.join(str(error).split())[:200]}") from None
+            raise PictureError(f"{path}: ffmpeg failed: {' '.join(str(error).split())[:200]}") from None
         finally:
             out.close()
 

@@ -45,8 +45,8 @@ class Cut(NamedTuple):
 
     Attributes:
         at: Of a picture [s]; None: where the first run is nearest to a singularity.
-        begin: Of a film [s].
-        end: Of a film [s]; None: of the longest run.
+        begin: Start of a film [s].
+        end: End of a film [s]; None: of the longest run.
         speed: Simulated seconds in one second of the film.
         fps: Frames a second.
     """
@@ -65,7 +65,7 @@ def render(
     size: tuple[int, int] | None = None,
     watch: Watch = lambda _: nullcontext(lambda _: None),
 ) -> None:
-    """Draw runs into a file, whole or not at all.
+    """Draw runs into a file, atomically.
 
     Args:
         worlds: World and run of each, by label; each run has one tick at least.
@@ -106,7 +106,7 @@ class Film:
 
     Attributes:
         size: Width and height of a frame [pixels].
-        columns: Of runs.
+        columns: Columns of runs.
     """
 
     def __init__(self, worlds: Worlds, size: tuple[int, int] | None, even: bool = False) -> None:
@@ -114,7 +114,7 @@ class Film:
 
         Args:
             worlds: World and run of each, by label.
-            size: Of a frame; None: 480 × 480 for each run.
+            size: Size of a frame; None: 480 × 480 for each run.
             even: Whether width and height must be even.
 
         Raises:
@@ -122,7 +122,8 @@ class Film:
         """
         if len(worlds) > MOST_RUNS:
             raise PictureError(
-                f"{len(worlds)} runs are too many for one picture, {MOST_RUNS} fit; compare fewer variants"
+                f"{len(worlds)} runs do not fit into one picture, which takes {MOST_RUNS} ; compare fewer "
+                "variants"
             )
         self._labels = list(worlds)
         self.columns = len(worlds) if len(worlds) <= 3 else math.ceil(math.sqrt(len(worlds)))
@@ -166,20 +167,20 @@ class Film:
             run = self._shots[0].run
             at = float(run["time"][int(np.argmin(run["sigma"][:, -1]))]) if cut.at is None else cut.at
             if not 0.0 <= at <= self.end:
-                raise PictureError(f"--at must be from 0 to {self.end:g} s, where the run ends, got {at:g}")
+                raise PictureError(f"--at must be from 0 to {self.end:g} s, the end of the run, got {at:g}")
             return [at]
         end = self.end if cut.end is None else min(cut.end, self.end)
         if not 0.0 <= cut.begin < end:
             raise PictureError(
-                f"--from and --to must be in this order between 0 and {self.end:g} s, where the run ends, "
+                f"--from and --to must be in this order between 0 and {self.end:g} s, the end of the run, "
                 f"got {cut.begin:g} and {end:g}"
             )
         step = cut.speed * encode.delay_of(kind, cut.fps)
         count = math.ceil((end - cut.begin) / step - 1e-9)
         if count >= MOST_FRAMES:
             raise PictureError(
-                f"{count} frames are too many, {MOST_FRAMES} are the most; give a lower --fps, a higher "
-                "--speed, or --from and --to"
+                f"{count} frames exceed the limit of {MOST_FRAMES} ; give a lower --fps, a higher --speed, "
+                "or --from and --to"
             )
         return [cut.begin + i * step for i in range(count)] + [end]
 

@@ -23,7 +23,7 @@ class Mark:
 
     Attributes:
         color: 0 to 1, (4,).
-        center: Of the ellipsoid, or an end of the rod, (3,) [m].
+        center: Center of the ellipsoid, or an end of the rod, (3,) [m].
         size: Half axes of the ellipsoid, or three times the radius of the rod, (3,) [m].
         axes: Columns: those of the ellipsoid, (3, 3).
         end: The other end of the rod, (3,) [m]; None: an ellipsoid.

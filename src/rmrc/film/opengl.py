@@ -13,7 +13,7 @@ from rmrc.support.legible import line
 
 # By the names of MUJOCO_GL.
 LIBRARIES = {"egl": "EGL", "osmesa": "OSMesa"}
-WAY_OUT = "Debian and Ubuntu have it in libegl1 and libgl1-mesa-dri, or in libosmesa6 for MUJOCO_GL=osmesa"
+WAY_OUT = "on Debian and Ubuntu install libegl1 and libgl1-mesa-dri, or in libosmesa6 for MUJOCO_GL=osmesa"
 
 
 class PictureError(QuestionError):
@@ -39,8 +39,8 @@ def opened(width: int, height: int) -> Any:
     a display.
 
     Args:
-        width: Of the pictures [pixels].
-        height: Of the pictures [pixels].
+        width: Width of the pictures [pixels].
+        height: Height of the pictures [pixels].
 
     Raises:
         PictureError: There is none.
@@ -69,4 +69,4 @@ def quietly() -> AbstractContextManager[Any]:
 def no_picture(error: Exception) -> PictureError:
     """Return what a user is told for an error of OpenGL, whichever it is."""
     reason = line(str(error).strip().partition("\n")[0].rstrip(".")) or type(error).__name__
-    return PictureError(f"this machine has no OpenGL to draw with ({reason}); {WAY_OUT}")
+    return PictureError(f"this machine has no OpenGL for rendering ({reason}); {WAY_OUT}")

@@ -31,17 +31,17 @@ class Renderer:
     """Draws one model; a context manager, for one thread.
 
     Attributes:
-        width: Of the pictures [pixels].
-        height: Of the pictures [pixels].
+        width: Width of the pictures [pixels].
+        height: Height of the pictures [pixels].
     """
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int) -> None:
         """Open what draws.
 
         Args:
-            model: Of the arm; it stays as it is.
-            width: Of the pictures [pixels].
-            height: Of the pictures [pixels].
+            model: Model of the arm; it stays as it is.
+            width: Width of the pictures [pixels].
+            height: Height of the pictures [pixels].
 
         Raises:
             PictureError: There is no OpenGL here.
@@ -88,7 +88,7 @@ class Renderer:
         """Return the picture of a configuration, (height, width, 3).
 
         Args:
-            qpos: Of the model, (nq,).
+            qpos: Qpos of the model, (nq,).
             camera: From where.
             marks: What is drawn beside the arm.
             mocap: Poses of the bodies that motion capture places, (nmocap, 7).
@@ -108,7 +108,7 @@ class Renderer:
         """Return the corners of boxes around all that is seen of the model, (8 a geometry, 3) [m].
 
         Args:
-            qpos: Of the model, (nq,).
+            qpos: Qpos of the model, (nq,).
             mocap: Poses of the bodies that motion capture places, (nmocap, 7).
         """
         self._place(qpos, mocap)

@@ -40,7 +40,7 @@ class Shot:
         Args:
             label: What messages call it.
             prepared: Its world.
-            run: Of one tick at least.
+            run: The run, with at least one tick.
 
         Raises:
             PictureError: The model is not the one that ran.
@@ -49,10 +49,12 @@ class Shot:
         self.model = self._arm.model
         path, model = visible(str(self._arm.path)), self._arm.model
         if "qpos" not in run.columns:
-            raise PictureError(f"{label}: its file is from before qpos was kept; run it again")
+            raise PictureError(
+                f"{label}: its file lacks qpos, which older versions did not write; run it again"
+            )
         if run["qpos"].shape[1] != model.nq or run.joints != self._arm.joints:
             raise PictureError(
-                f"{label}: {path} is no longer the model that ran: it has other joints; run again"
+                f"{label}: {path} is no longer the model of the run: its joints differ; run again"
             )
         self.rows = np.unique(np.linspace(0, len(run) - 1, SAMPLES).round().astype(np.int64))
         self.frames = self.scene.frames(run, self.rows)
@@ -62,8 +64,8 @@ class Shot:
         off = float(np.linalg.norm(tip - run["pose"][self.rows[::60], :3], axis=1).max())
         if not off <= SAME * self.scene.reach:
             raise PictureError(
-                f"{label}: {path} is no longer the model that ran: it puts the tip {1e3 * off:.3g} mm away; "
-                "run again"
+                f"{label}: {path} is no longer the model of the run: it puts the tip {1e3 * off:.3g} mm "
+                "away; run again"
             )
 
     def points(self, renderer: Renderer) -> Array:

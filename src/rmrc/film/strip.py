@@ -32,10 +32,10 @@ class Strip:
         """Draw the rates.
 
         Args:
-            run: Of one tick at least.
-            end: Of the time axis [s].
-            width: Of the picture [pixels].
-            height: Of the picture [pixels].
+            run: The run, with at least one tick.
+            end: End of the time axis [s].
+            width: Width of the picture [pixels].
+            height: Height of the picture [pixels].
         """
         with mpl.rc_context({"font.size": LETTERS, "legend.fontsize": LETTERS}):
             figure = Figure(figsize=(width / DPI, height / DPI), dpi=DPI)

@@ -89,13 +89,22 @@ class _Apart(NamedTuple):
     function: Callable[..., object]
     needs: Mapping[str, tuple[int, ...]]
 
-    def is_used(self, worlds: Any) -> NDArray[np.bool_]:
-        """Return which of some worlds need it, (w,)."""
-        used = np.zeros(len(worlds), np.bool_)
+    def users(self, worlds: Any, present: Mapping[str, set[Any]]) -> slice | NDArray[np.bool_] | None:
+        """Return which of some worlds need it, all or a mask (w,), or None if none does.
+
+        Args:
+            worlds: Their records, (w,).
+            present: Values that these worlds have of the fields in `needs`; of a field that they lack, none.
+        """
+        used = None
         for name, values in self.needs.items():
-            if self.field in worlds.dtype.names and name in worlds.dtype.names:
-                found = worlds[name]
-                used |= np.any([found == one for one in values], axis=0) if values else found != 0
+            found = present.get(name, set())
+            needed = found.intersection(values) if values else found - {0}
+            if needed and needed == found:
+                return np.s_[:]
+            for value in needed:
+                mask = worlds[name] == value
+                used = mask if used is None else used | mask
         return used
 
 
@@ -179,10 +188,13 @@ def _link(function: Callable[..., object], worlds: Any, *others: Any) -> None:
         worlds: Their records, (w,).
         *others: The other arguments of the entry, of which the first are the ticks.
     """
-    for one in _APARTS:
-        used = one.is_used(worlds)
-        if used.any():
-            key = (one.function, *map(_kind, (worlds, *others)))
+    asked, read = _asked(worlds.dtype, len(_APARTS))
+    present = {name: set(worlds[name].tolist()) for name in read}
+    kinds = tuple(map(_kind, (worlds, *others)))
+    for one in asked:
+        used = one.users(worlds, present)
+        if used is not None:
+            key = (one.function, *kinds)
             if key not in _addresses:
                 names = inspect.signature(cast(Any, function).py_func).parameters
                 _addresses[key] = _address(one.function, dict(zip(names, (worlds, *others), strict=True)))
@@ -190,6 +202,14 @@ def _link(function: Callable[..., object], worlds: Any, *others: Any) -> None:
 
 
 _addresses: dict[tuple[object, ...], int] = {}
+
+
+@cache
+def _asked(kind: np.dtype[np.void], count: int) -> tuple[list[_Apart], list[str]]:
+    """Return which of the first functions that are `apart` worlds of a type may need, and what tells it."""
+    has = kind.names or ()
+    asked = [one for one in _APARTS[:count] if one.field in has]
+    return asked, sorted({name for one in asked for name in one.needs if name in has})
 
 
 @cache

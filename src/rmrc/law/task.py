@@ -196,8 +196,11 @@ class Task:
 
 
 def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
-    """Return Jacobians (s, 6, n) along world axes, and poses (s, 7) of the site if its frame needs them."""
-    q = arm.sampled(SAMPLES)
+    """Return Jacobians (s, 6, n) along world axes, and poses (s, 7) of the site if its frame needs them.
+
+    The last of them are those at home.
+    """
+    q = [*arm.sampled(SAMPLES), arm.configuration("home")[arm.wiring.qpos]]
     poses = [arm.pose(one) if frame == "site" else ORIGIN for one in q]
     return np.array([arm.jacobian(one) for one in q]), np.array(poses)
 
@@ -334,6 +337,8 @@ def choose(
     x, y, z and rz, an arm with six joints or more usually all. What moves a row by a few thousandths of what
     others do is rounding of the file. The rotations come first if they alone can
     tell all joints and the translations cannot: a spherical wrist gets rx, ry and rz at any of its points.
+    Of rotations that would do as well, those come first that the arm has at home: a pan and three pitches
+    that face along x get ry, not rx.
 
     Args:
         arm: The arm.
@@ -353,12 +358,15 @@ def choose(
     # each row in its own unit, as a small arm is no worse than a large one
     J = np.where((size > RANK_TOLERANCE * size.max())[:, None], J / np.maximum(size, 1e-300)[:, None], 0.0)
 
-    def rank(rows: Sequence[int]) -> int:
-        return int((np.linalg.svd(J[:, rows], compute_uv=False) > INDEPENDENT).sum(axis=1).max())
+    def rank(rows: Sequence[int], some: Array = J) -> int:
+        return int((np.linalg.svd(some[:, rows], compute_uv=False) > INDEPENDENT).sum(axis=1).max(initial=0))
 
     turns_first = rank([3, 4, 5]) == arm.n > rank([0, 1, 2])
     rows: list[int] = []
-    for row in (3, 4, 5, 0, 1, 2) if turns_first else range(6):
-        if rank([*rows, row]) > len(rows):
-            rows.append(row)
+    at_home = J[-1:]
+    for some, order in ((J, range(0 if turns_first else 3)), (at_home, range(3, 6)), (J, (3, 4, 5, 0, 1, 2))):
+        for row in order:
+            more = [*rows, row]
+            if row not in rows and rank(more) > len(rows) and rank(more, some) > rank(rows, some):
+                rows = more
     return Task(arm, np.sort(rows), length, frame=frame)

@@ -1,4 +1,4 @@
-"""Recordings for rerun: what is written while a run goes on, and who opens it afterwards."""
+"""Recordings for rerun, written during a run, and their viewer."""
 
 import os
 from collections.abc import Iterator

@@ -93,11 +93,11 @@ Each variant has its color, in the picture and in the plots, whose legends name 
 
 | in the picture | is |
 |---|---|
-| **white line** | the path that the tips shall follow |
-| **trail**, **ball** | where a tip has been, and is |
+| **white line** | path of the target |
+| **trail**, **ball** | past path and position of an end effector (tip) |
 | **solid arm** | the first variant |
 | **outlines**, **ghosts** | the others, each a little thicker than the one before |
-| **ellipsoids** | velocities that take little joint motion, as wires in the color of the variant |
+| **ellipsoids** | tip velocities reachable with unit-norm joint rates, as wires in the color of the variant |
 {pale}
 Thin curves are commanded.
 """
@@ -117,8 +117,8 @@ class Overlay:
         """Open the file, and write all that is known before the runs.
 
         Args:
-            path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
-            name: Of what is compared.
+            path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
+            name: Name of what is compared.
             variants: Label and world of each; no two labels are equal.
 
         Raises:
@@ -207,7 +207,7 @@ def _times(strips: Sequence[tuple[str, Strip]], end: float) -> str:
         f"| {label} | " + " | ".join(f"{times[flag]:.3f}" if flag in times else "" for flag in flags) + " |\n"
         for label, times in held.items()
     )
-    return head + rule + "".join(rows) if flags else "Nothing limits any variant at any time."
+    return head + rule + "".join(rows) if flags else "No limit acts in any variant."
 
 
 @dataclass(frozen=True)
@@ -313,8 +313,8 @@ class _Arm(Track):
         """Write what is known when the run is over: its events in words, and what there is to look at.
 
         Args:
-            span: Of the plots.
-            range_: Of the plot that is looked at; None: none is.
+            span: Span of the plots.
+            range_: Range of the plot that is looked at; None: none is.
             is_first: Whether it is the variant that says when.
         """
         labels = self.strip.labels(self.seen.end, span.letters)

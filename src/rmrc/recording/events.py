@@ -21,7 +21,7 @@ class Label(NamedTuple):
     Attributes:
         time: Where it begins [s].
         text: On it.
-        color: Of it, 0xRRGGBBAA.
+        color: 0xRRGGBBAA.
     """
 
     time: float
@@ -62,7 +62,7 @@ class Strip:
         """Return how long each status holds that ever does [s].
 
         Args:
-            end: Of the run [s].
+            end: End of the run [s].
         """
         found: dict[Status, float] = {}
         for begin, until, one in self._spans(end):
@@ -81,7 +81,7 @@ class Strip:
         States too short for a label share one, which names the gravest of them and says how long it lasts.
 
         Args:
-            end: Of the run [s].
+            end: End of the run [s].
             letters: That the strip has room for.
         """
         found, spans, i, begin = list[Label](), self._spans(end), 0, 0.0
@@ -112,7 +112,7 @@ def room(text: str, letters: float = LETTERS) -> float:
 
 
 def _fits(spans: Sequence[tuple[float, float, int]], begin: float, end: float, letters: float) -> bool:
-    """Say whether the label of some states has the room for it until the last of them ends."""
+    """Return whether the label of some states has the room for it until the last of them ends."""
     until = spans[-1][1]
     return until - begin >= room(_shared(spans, begin, until).text, letters) * end
 

@@ -39,30 +39,30 @@ PINK, YELLOW, CYAN, GHOSTLY = 0xE77BCBFF, 0xFFD60AFF, 0x3DC9FFFF, 0xB8B8B8FF
 LEGEND = f"""\
 | in the picture | is |
 |---|---|
-| **white line** | the path that the tip shall follow; a white ball, seen if the tip is late, is the target |
-| **trail**, **ball** | where the tip has been, and is; **red** near a singularity |
-{{pale}}| **green ellipsoid** | velocities that take little joint motion: long is easy, **flat is lost** |
-| **pink wires** | forces that take little joint torque: long where the green one is flat |
-| **thick double arrow** | the motion that dies first (u_min); it turns **red** as σ_min goes to 0 |
-| **thin double arrow** | the same of the rotation, as an axis; cyan turns red |
+| **white line** | path of the target; a white ball marks the target if the end effector (tip) lags |
+| **trail**, **ball** | past path and position of the tip; **red** near a singularity |
+{{pale}}| **green ellipsoid** | tip velocities for unit-norm joint rates; a **flat** direction is lost |
+| **pink wires** | forces that unit-norm joint torques balance; long where the green one is flat |
+| **thick double arrow** | direction that is lost first (u_min); turns **red** as σ_min goes to 0 |
+| **thin double arrow** | its rotational part, as an axis; turns from cyan to red |
 
 Green half axes: {VELOCITY_SECONDS:g} s · σ_i. Pink: c/σ_i, as long as the green ones at \
 σ = {FORCE_EQUAL:g} of the reach, at most {FORCE_LONGEST:g} of the reach.
 σ_i here are those of the translations that the task has, with its rotations held; joint rates and \
 torques have norm 1.
-Plots: bold and pale are the same joint, measured and commanded{{arriving}}; links and axes have the \
+Plots: bold is measured, pale is commanded{{arriving}}, in the color of the joint; links and axes have the \
 joints' colors.
 """
 
 
-PALE_ARM = "| **pale arm** | where the law takes the arm to be |\n"
+PALE_ARM = "| **pale arm** | the arm as the controller sees it |\n"
 
 
 def legend(prepared: Prepared, has_baseline: bool = False) -> str:
     """Return the texts of the picture and of its plots."""
     changes = ", ".join(f"{key} {value}" for key, value in prepared.scenario.baseline.items())
     ghostly = f"| **gray ghost**, **thin gray trail** | the baseline: {changes} |\n" * has_baseline
-    arriving = "" if prepared.hardware.is_direct else "; dark is what of that arrives at the plant"
+    arriving = "" if prepared.hardware.is_direct else ", dark is received by the plant"
     return LEGEND.format(arriving=arriving, pale=PALE_ARM * prepared.hardware.is_misled + ghostly)
 
 
@@ -206,10 +206,10 @@ def page(
 
     Args:
         pictures: The 3-D view, and perhaps one of the instant to look at, in a tab behind it.
-        titles: Of the texts, by the name of their entity.
+        titles: Titles of the texts, by the name of their entity.
         plots: Below each other.
         now: Entity of the line of numbers, if there is one.
-        texts_share: Of the height, where all has 10.
+        texts_share: Share of the height, of 10 in all.
     """
     left: list[rrb.View | rrb.Container] = [rrb.Tabs(*pictures) if len(pictures) > 1 else pictures[0]]
     if now:

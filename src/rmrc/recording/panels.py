@@ -341,9 +341,9 @@ def heights(
     Args:
         has_pace: Whether the pace is among them.
         is_looked_at: Whether a tab is.
-        lines: Of the legend that the rates have room for, up to `MOST_LINES`.
+        lines: Lines of the legend that the rates have room for, up to `MOST_LINES`.
         tabs: Whether there are any.
-        lanes: Of the strip.
+        lanes: Lanes of the strip.
     """
     strip = TIMES + LANE * min(max(lanes, 1.2), MOST_LANES)
     shares = {name: share for name, share in SHARES.items() if has_pace or name != "pace"}
@@ -365,7 +365,7 @@ def stacked(
 
     Args:
         panels: By name.
-        end: Of the run [s].
+        end: End of the run [s].
         status: Entity of the strip.
         lanes: That it has.
         first: Which of the tabs is open; "": the first.

@@ -50,7 +50,7 @@ class Curve:
         source: Component, and field of it: `columns.qdot[]` are all numbers of the field `qdot`.
         names: In the legend, which has each once, in the color that comes first.
         colors: 0xRRGGBBAA.
-        width: Of the lines [points].
+        width: Width of the lines [points].
         marker: Instead of lines, points of this shape.
         spare: Names instead of them where the legend has no room; one is that of all.
     """
@@ -93,7 +93,7 @@ class Panel:
     Attributes:
         title: What it shows, with its unit.
         curves: In the order in which they are drawn.
-        range: Of its axis; None: all that there is.
+        range: Range of its axis; None: all that there is.
         is_key: Whether its legend is that of the other plots, too, and stays where it is too long.
     """
 
@@ -157,7 +157,7 @@ class Span:
     """The time that all plots have in common: their cursors are in line.
 
     Attributes:
-        end: Of the run [s].
+        end: End of the run [s].
         last: At the right of the plots, which have the legend there, and three numbers at least [s].
         numbers: How wide the numbers beside an axis are, at most [points].
     """
@@ -256,7 +256,7 @@ class Seen:
         """Take a block.
 
         Args:
-            time: Of its ticks, (T,) [s].
+            time: Time of its ticks, (T,) [s].
             values: By name, (T,) or (T, width).
         """
         self.end = max(self.end, float(time[-1]))
@@ -286,7 +286,7 @@ def rounded(largest: float, steps: float = 4.7) -> float:
 
     Args:
         largest: That is shown.
-        steps: Of which the axis has room for numbers.
+        steps: Steps of which the axis has room for numbers.
 
     >>> [round(rounded(x), 3) for x in (0.004, 1.5, 3.0, 4.3, 4.6, 7.0, 0.0)]
     [0.004, 2.05, 3.15, 4.515, 4.7, 20.5, 2.05]
@@ -304,7 +304,7 @@ def both_ways(largest: float, steps: float = 4.7) -> tuple[float, float]:
 
     Args:
         largest: That is shown.
-        steps: Of which the axis has room for numbers.
+        steps: Steps of which the axis has room for numbers.
 
     >>> both_ways(1.0), both_ways(3.0)
     ((-1.05, 1.05), (-10.5, 10.5))
@@ -343,12 +343,12 @@ def logarithm(values: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def dashes(time: NDArray[np.float64], values: NDArray[np.float64], duration: float) -> NDArray[np.float64]:
-    """Return a curve as dashes: with gaps, but for where it is largest in a block.
+    """Return a curve as dashes: with gaps, except where it is largest in a block.
 
     Args:
-        time: Of a block, (T,) [s].
+        time: Time of a block, (T,) [s].
         values: (T, n).
-        duration: Of the run [s].
+        duration: Duration of the run [s].
     """
     dash = np.floor(time / (duration / DASHES)).astype(np.int64)
     size = np.nan_to_num(np.abs(values), nan=0.0, posinf=np.inf).max(axis=1)
@@ -362,7 +362,7 @@ def limit_lines(
     """Return the limits that a plot shows, both ways, with names and colors: one line if all are the same.
 
     Args:
-        limits: Of each joint, infinite where it has none.
+        limits: Limits of each joint, infinite where it has none.
         joints: Their names.
         hues: Their colors.
     """

@@ -84,7 +84,7 @@ class Scene:
 
     Attributes:
         shapes: Visible geometries.
-        body_names: Of all bodies; a body without a name is called by its number.
+        body_names: Body names of all bodies; a body without a name is called by its number.
         is_fixed: Which bodies never move, (nbody,).
         reach: Largest distance from the first moving body to the tip, over start and target; of a wrist that
             turns about the tip itself the farthest corner of its shapes from there [m].
@@ -203,7 +203,7 @@ def half_axes(sigma: Array, rows: int, reach: float) -> tuple[Array, Array]:
     Args:
         sigma: Singular values, falling; only the first `rows` are of the task, (F, 3) [m].
         rows: Translations that the task has; along the others the ellipsoids are flat.
-        reach: Of the arm [m].
+        reach: Reach of the arm [m].
     """
     thin, longest = THICKNESS * reach, FORCE_LONGEST * reach
     velocity = np.full_like(sigma, thin)
@@ -223,8 +223,8 @@ def principal(J: Array, rows: NDArray[np.int64], held: NDArray[np.int64]) -> tup
 
     Args:
         J: Jacobians, (F, 6, n).
-        rows: Of the translations that count, 0 to 2.
-        held: Of the rotations that are held, 3 to 5.
+        rows: Rows of the translations that count, 0 to 2.
+        held: Rotation rows that are held, 3 to 5.
     """
     frames, a = len(J), len(rows)
     axes, sigma = np.zeros((frames, 3, 3)), np.zeros((frames, 3))

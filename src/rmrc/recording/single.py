@@ -81,7 +81,7 @@ class Recorder:
         """Open the file, and write all that is known before the run.
 
         Args:
-            path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
+            path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
             prepared: The world that will run.
             baseline: Its baseline, if that runs beside it.
 

@@ -49,9 +49,9 @@ class Stream:
         """Open the file.
 
         Args:
-            path: Of the finished recording, ending in `.rrd`; its folder is made if needed.
-            name: Of the recording, as the viewer shows it.
-            opening: That a page has while it loads the rest, if `open` writes it.
+            path: Path of the finished recording, ending in `.rrd`; its folder is created if missing.
+            name: Name of the recording, as the viewer shows it.
+            opening: Blocks that a page shows while it loads the rest, if `open` writes it.
             layout: That the viewer opens it with if it is never finished; written with block `PATIENT`.
 
         Raises:
@@ -68,7 +68,8 @@ class Stream:
         try:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.part_path.unlink(missing_ok=True)
-            self._stream = rr.RecordingStream("rmrc", recording_id=f"{name}-{uuid4().hex[:8]}")
+            # The viewer takes no two recordings of one application whose arms have different joints.
+            self._stream = rr.RecordingStream(f"rmrc {path.stem}", recording_id=f"{name}-{uuid4().hex[:8]}")
             self._stream.set_log_time_enabled(False)
             self._stream.save(self.part_path)
         except (OSError, RuntimeError, ValueError) as error:
@@ -89,7 +90,7 @@ class Stream:
     def open(self) -> None:
         """Write the layout that a page has while it loads the rest, once: 50 kB, of no use to a short run."""
         if self._opening is not None:
-            self._stream.send_blueprint(self._opening, make_active=True, make_default=True)
+            self._stream.send_blueprint(self._opening, make_active=False, make_default=True)
             self._opening = None
 
     def lay_out(self, layout: rrb.Blueprint) -> None:
@@ -242,7 +243,7 @@ class Table:
         """Lay the fields out as arrow does.
 
         Args:
-            name: Of the component.
+            name: Name of the component.
             fields: By name, (T,) or (T, width) each.
         """
         self._name = name

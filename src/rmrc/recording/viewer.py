@@ -38,7 +38,7 @@ def recording_of(path: Path) -> Path:
     if path.is_dir():
         found = [one for pattern in ("*.rrd", "*.rrd.part") for one in path.glob(pattern)]
         if not found:
-            raise ViewerError(f"{path}: has no recordings; `{command('run', 'SCENARIO')}` leaves them")
+            raise ViewerError(f"{path}: has no recordings; `{command('run', 'SCENARIO')}` writes them")
         return max(found, key=lambda one: one.stat().st_mtime_ns)
     beside = path.with_suffix(".rrd")
     return beside if path.suffix == ".npz" and beside.is_file() else path
@@ -60,7 +60,7 @@ def replay(
         path: A `.rrd`, the `.rrd.part` of a run that was killed, or what `recording_of` takes.
         web: Serve the viewer to a browser instead of opening a window, and print its address.
         at: Where the cursor begins, at rest [s]; None: it plays from the start.
-        port: Of 127.0.0.1, on which the page is served, or the window listens; None: a free one.
+        port: Port of 127.0.0.1, on which the page is served, or the window listens; None: a free one.
         named: What messages call it; None: its path.
 
     Returns:
@@ -75,7 +75,7 @@ def replay(
         _check_port(port)
     if not web and not _has_display():
         way = command("replay", "--web", named or path)
-        raise ViewerError(f"there is no display to open the viewer on; use: {way}")
+        raise ViewerError(f"no display is available for the viewer; use: {way}")
     try:
         with listening_to_signals() as events, tempfile.TemporaryDirectory(prefix="rmrc-") as folder:
             shown = path
@@ -109,9 +109,7 @@ def repair(part: Path, whole: Path, events: Events | None = None) -> None:
         with Program(merge, events or Events(), stderr=said) as program:
             code = program.wait()
         if not code and whole.is_file() and whole.stat().st_size <= EMPTY:
-            raise ViewerError(
-                f"{part}: cannot be repaired: nothing in it can be read; run its scenario again"
-            )
+            raise ViewerError(f"{part}: cannot be repaired: it is unreadable; run its scenario again")
         if code or not whole.is_file():
             said.seek(0)
             reason = " ".join(said.read().decode(errors="replace").split()) or "nothing in it"
@@ -186,7 +184,7 @@ def _page_files(events: Events) -> dict[str, bytes]:
             if not program.has_ended:  # else somebody else has taken the port
                 return files
         said.seek(0)
-        reason = " ".join(said.read().decode(errors="replace").split()) or "it gives no reason"
+        reason = " ".join(said.read().decode(errors="replace").split()) or "without giving a reason"
         raise ViewerError(f"rerun does not serve its viewer: {reason}")
 
 

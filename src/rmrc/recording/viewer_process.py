@@ -108,7 +108,7 @@ class Program:
     """The program of rerun, which runs until the end of the `with` block at the latest.
 
     Args:
-        arguments: Of its command line.
+        arguments: Arguments of its command line.
         events: Where its end is noted, and where signals come.
         stderr: A file for what it says, instead of the terminal.
     """

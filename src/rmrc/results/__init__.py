@@ -1,1 +1,1 @@
-"""What a run gave: its columns, the running sums of them, the scorecard, and what goes into files."""
+"""Results of a run: columns, running sums, the scorecard, and files."""

@@ -29,36 +29,30 @@ class Column:
 
 COLUMNS: Mapping[str, Column] = {
     "time": Column("s", "simulated time of the control tick"),
-    "q": Column("joint", "joint positions, the true ones", "n"),
-    "q_believed": Column("joint", "joint positions that the law took for these", "n"),
-    "qpos": Column(
-        "rad, m or quat w x y z", "positions of all joints of the model, as MuJoCo orders them", "nq"
-    ),
-    "qdot": Column("joint/s", "joint rates, the true ones", "n"),
-    "qdot_cmd": Column("joint/s", "joint rates, sent", "n"),
-    "qdot_arrived": Column("joint/s", "joint rates that reach the plant, on the mean of the tick", "n"),
-    "qdot_plain": Column(
-        "joint/s", "joint rates that the plain inverse would command, without damping and limits", "n"
-    ),
-    "pose": Column("m, quat w x y z", "pose of the site in the world, the true one", "7"),
+    "q": Column("joint", "true joint positions", "n"),
+    "q_believed": Column("joint", "joint positions used by the law", "n"),
+    "qpos": Column("rad, m or quat w x y z", "positions of all joints of the model, in MuJoCo's order", "nq"),
+    "qdot": Column("joint/s", "true joint rates", "n"),
+    "qdot_cmd": Column("joint/s", "commanded joint rates", "n"),
+    "qdot_arrived": Column("joint/s", "joint rates received by the plant, averaged over the tick", "n"),
+    "qdot_plain": Column("joint/s", "joint rates of the plain inverse, without damping and limits", "n"),
+    "pose": Column("m, quat w x y z", "true pose of the site in the world", "7"),
     "pose_ref": Column("m, quat w x y z", "pose wanted", "7"),
-    "twist_ref": Column("m/s, rad/s", "twist wanted, [v; ω] along world axes", "6"),
+    "twist_ref": Column("m/s, rad/s", "reference twist, [v; ω] along world axes", "6"),
     "pose_error": Column("m, rad", "[p_ref − p; log(R_ref Rᵀ)] of the true pose, along task.frame", "6"),
     "sigma": Column("1", "singular values of the scaled task Jacobian, falling", "k"),
-    "gain": Column("1", "filter g(σ) that the inverse used", "k"),
+    "gain": Column("1", "filter g(σ) of the inverse", "k"),
     "damping": Column("1", "λ, in the units of σ"),
     "manipulability": Column("1", "w, the product of the singular values"),
     "condition": Column("1", "κ, the largest over the smallest singular value"),
     "u_min": Column("1", "task direction of the smallest singular value, scaled, along task.frame", "6"),
     "v_min": Column("1", "joint motion of the smallest singular value, scaled", "n"),
     "tau": Column("N·m or N", "actuator torques of the last step; 0 for the ideal plant", "n"),
-    "tau_gravity": Column("N·m or N", "what gravity compensation bears at each joint", "n"),
+    "tau_gravity": Column("N·m or N", "torque or force of gravity compensation at each joint", "n"),
     "path_time": Column("s", "time along the path; behind `time` where it is slowed"),
     "path_rate": Column("1", "ṡ, the pace along the path"),
     "secondary_error": Column("m, rad", "norm of the second task's error; NaN without one"),
-    "secondary_sigma": Column(
-        "1", "smallest singular value that the first task leaves to the second; or NaN"
-    ),
+    "secondary_sigma": Column("1", "smallest singular value left to the second task by the first; or NaN"),
     "status": Column("bits", ", ".join(f"{s.value} {s.name}" for s in IN_RUNS)),
 }
 
@@ -105,7 +99,7 @@ class Recorded:
     """What of a run is known beside its figures.
 
     Attributes:
-        name: Of the scenario.
+        name: Name of the scenario.
         joints: Names, n of them.
         is_slide: Which joints slide, (n,).
         axes: Task axes that counted.
@@ -116,14 +110,14 @@ class Recorded:
         divergence: Where it diverged, or None.
         wall_time: Seconds that the stepping took; worlds stepped together share it equally.
         weights: Task weights, one an axis; none: all 1.
-        torque_limit: Of each joint [N·m or N], infinite where it has none; none: no joint has one.
+        torque_limit: Torque limit of each joint [N·m or N], infinite without one; none: no joint has one.
         view: Along whose axes the task axes are.
         touching: The two bodies of the first contact; none: there was none.
         resting: Pairs of bodies that touch from the start, which is no contact while they stay.
         chatter_floor: Acceleration of each joint above which a change of sign counts as chatter [rad/s² or
             m/s²]; none: `rmrc.results.tally.CHATTER_FLOOR` for all.
         profile: What the commands are held against, or None.
-        rate_limit: Of each joint [rad/s or m/s], infinite where it has none; none: not known.
+        rate_limit: Rate limit of each joint [rad/s or m/s], infinite where it has none; none: not known.
         damping_below: ε, below which damping begins, in the units of σ; 0 where it follows something else.
         shoulder: The point on the first axis from which `reach` is, in the world [m]; none: not known.
         reach: How far the site can be from there at most, whatever the limits [m]; 0: not known.
@@ -172,7 +166,7 @@ class Recorded:
         return self.share(float(self["path_time"][-1])) if len(self) else 0.0
 
     def share(self, path_time: float) -> float:
-        """Return the share of the path that a tick at a time along it ends."""
+        """Return the completed share of the path at a tick with this path time."""
         return (round(path_time / self.period, 6) + 1.0) / self.planned
 
     @property

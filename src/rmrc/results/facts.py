@@ -23,10 +23,10 @@ def versions(*more: str) -> dict[str, str]:
 
 
 def save(path: Path, facts: Mapping[str, Any], *more: str) -> None:
-    """Write facts and the versions of the libraries that decide them, whole or not at all.
+    """Write facts and the versions of the libraries that decide them, atomically.
 
     Args:
-        path: Of the file; its folder is made if needed.
+        path: Path of the file; its folder is created if missing.
         facts: Strict JSON.
         more: Libraries beside those that decide every run.
     """

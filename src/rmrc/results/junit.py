@@ -22,7 +22,7 @@ class Case:
     Attributes:
         name: It stays the same from one version to the next.
         ok: Whether it is as it should be.
-        text: What was found.
+        text: The result.
     """
 
     name: str
@@ -39,8 +39,8 @@ class Suite:
     """A run, as CI counts it.
 
     Attributes:
-        name: Of the scenario, with the label of a variant.
-        outcomes: Of the expectations that count, or of what was checked.
+        name: Name of the scenario, with the label of a variant.
+        outcomes: Outcomes of the expectations that count, or of what was checked.
         error: Why there was no run, or none to its end; "": it came to its end.
         told: What it comes to, in a sentence.
         seconds: That it took.
@@ -59,14 +59,14 @@ class Suite:
 
 
 def save(path: Path, name: str, suites: Sequence[Suite]) -> None:
-    """Write runs as JUnit XML, whole or not at all.
+    """Write runs as JUnit XML, atomically.
 
     The elements and attributes are those that the schema of Jenkins' xUnit plugin (`junit-10.xsd`) has, and
     that GitLab and the actions of GitHub read as well.
 
     Args:
-        path: Of the file; its folder is made if needed.
-        name: Of all of them together.
+        path: Path of the file; its folder is created if missing.
+        name: Name of all of them together.
         suites: One for each run.
     """
     root = ElementTree.Element("testsuites", _counts(name, suites))

@@ -23,10 +23,10 @@ def array_size(ticks: int, joints: int, values: int, positions: int) -> int:
     """Return the size of all columns of a run [B], which are not compressed.
 
     Args:
-        ticks: Of the run.
-        joints: Of the arm.
+        ticks: Ticks of the run.
+        joints: Joints of the arm.
         values: Singular values of its task.
-        positions: Of all joints of the model.
+        positions: Positions of all joints of the model.
     """
     widths = {"n": joints, "k": values, "nq": positions, "": 1}
     return 8 * ticks * sum(widths.get(one.width) or int(one.width) for one in COLUMNS.values())
@@ -36,7 +36,7 @@ def refuse_unwritable(paths: Iterable[Path], size: int = 0, way_out: str = "") -
     """Try whether files can be written, before a run; nothing of that stays.
 
     Args:
-        paths: Of the files.
+        paths: Paths of the files.
         size: What they take together, at least [B].
         way_out: How they take less.
 
@@ -61,8 +61,8 @@ def refuse_unwritable(paths: Iterable[Path], size: int = 0, way_out: str = "") -
             free = shutil.disk_usage(path.parent).free
         if size > free:
             raise OutputError(
-                f"{path}: takes {shown(size)} at least, and the disk has {shown(free)} left; make room, give "
-                f"another folder with --out{way_out}"
+                f"{path}: takes {shown(size)} at least, and the disk has {shown(free)} free; free some "
+                f"space, give another folder with --out{way_out}"
             )
 
 
@@ -84,7 +84,7 @@ class Leaving:
 
     Attributes:
         files: What was written.
-        failures: Why others were not, a line each.
+        failures: Why others were not, one line each.
     """
 
     def __init__(self) -> None:
@@ -111,7 +111,7 @@ class Leaving:
         """Write a file, or several at once, and keep their paths or why there are none.
 
         Args:
-            paths: Of the files.
+            paths: Paths of the files.
             write: Takes the paths, and writes the files or raises an OSError.
             instead_of: What makes room for it if there is none, and is given up then.
         """

@@ -6,21 +6,21 @@ from rmrc.results.scorecard import Scorecard
 
 
 def told(card: Scorecard, expected: Collection[str]) -> Iterator[str]:
-    """Yield how long and since when the arm touched something, and a drive was at its limit.
+    """Yield how long and since when the arm touched something, and an actuator was at its limit.
 
     Args:
-        card: Of the run.
+        card: Scorecard of the run.
         expected: Names of figures that the scenario expects: what they are about is not told.
     """
     if not _is_about(expected, "contact."):
         yield from _line(
             card, "CONTACT", f"first {card['contact.first_bodies'].value}",
-            "move the path or arm.start, exclude the pair in the model if its shapes are only drawn so",
+            "move the path or arm.start, exclude the pair in the model if its shapes are inexact",
         )  # fmt: skip
     if not _is_about(expected, "torque_limited.", "tau.share_of_limit"):
         yield from _line(
             card, "TORQUE_LIMITED", f'first joint "{card["torque_limited.first_joint"].value}"',
-            "ask for less by target.limits or control.limits",
+            "lower target.limits or control.limits",
         )  # fmt: skip
 
 
@@ -29,8 +29,8 @@ def _line(card: Scorecard, status: str, which: str, cure: str) -> Iterator[str]:
     seconds, first = card[f"{group}.time"].value, card[f"{group}.first_time"].value
     if seconds:
         yield (
-            f"{card.name}: {status} for {seconds:.3g} s from {first:.4g} s on, {which}; {cure}, or say what "
-            f"is wanted: expect: {{{group}.time: {{below: ...}}}}"
+            f"{card.name}: {status} for {seconds:.3g} s from {first:.4g} s on, {which}; {cure}, or state "
+            f"an expectation: expect: {{{group}.time: {{below: ...}}}}"
         )
 
 

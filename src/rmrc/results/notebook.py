@@ -8,7 +8,7 @@ from typing import Any
 from rmrc.results.columns import COLUMNS, Recorded
 from rmrc.support.errors import QuestionError
 
-PANDAS = "to_pandas needs pandas, which rmrc does without: `pip install pandas`"
+PANDAS = "to_pandas needs pandas, which rmrc does not require: `pip install pandas`"
 
 
 def pandas() -> Any:
@@ -29,8 +29,8 @@ def table(caption: str, headings: Sequence[str], rows: Sequence[Sequence[object]
 
     Args:
         caption: Above it.
-        headings: Of the columns.
-        rows: Of them; None and NaN are dashes.
+        headings: Headings of the columns.
+        rows: Rows of values; None and NaN print as dashes.
     """
     head = "".join(f"<th>{escape(text)}</th>" for text in headings)
     body = "".join(f"<tr>{''.join(map(_cell, row))}</tr>" for row in rows)
@@ -68,7 +68,7 @@ def beside(cards: Mapping[str, Mapping[str, Any]]) -> str:
         values = [card[name].value if name in card else None for card in cards.values()]
         if any(value != values[0] for value in values):
             rows.append((name, one.unit, *values))
-    return table("figures that differ", ("figure", "unit", *cards), rows)
+    return table("metrics that differ", ("figure", "unit", *cards), rows)
 
 
 def frame(run: Recorded) -> Any:

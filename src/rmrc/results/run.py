@@ -78,7 +78,7 @@ class Run(Recorded):
         return self.scorecard._repr_html_()
 
     def save(self, path: Path) -> None:
-        """Write all columns and the facts about them to an npz file, whole or not at all."""
+        """Write all columns and the facts about them to an npz file, atomically."""
         beside = self.baseline.columns if self.baseline else {}
         columns = {**self.columns, **{f"{BASELINE}{name}": column for name, column in beside.items()}}
         _write(path, {**columns, "facts": np.array(json.dumps(self._facts()))})
@@ -89,7 +89,7 @@ class Run(Recorded):
 
         Raises:
             OSError: It cannot be opened.
-            QuestionError: It is something else, or damaged.
+            QuestionError: It is another kind of file, or damaged.
         """
         (run, *others) = read_runs(path).values()
         if others:
@@ -170,7 +170,7 @@ class Runs(dict[str, Run]):
         return notebook.beside({label: run.scorecard for label, run in self.items()})
 
     def to_pandas(self) -> Any:
-        """Return all figures as a DataFrame, a row a run.
+        """Return all figures as a DataFrame, one row per run.
 
         Raises:
             QuestionError: pandas is not installed.
@@ -183,10 +183,10 @@ class Runs(dict[str, Run]):
 
 
 def save_runs(path: Path, runs: Mapping[str, Run]) -> None:
-    """Write several runs to an npz file, whole or not at all: `0/q` is column q of the first.
+    """Write several runs to an npz file, atomically: `0/q` is column q of the first.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         runs: By label.
     """
     arrays = {
@@ -201,7 +201,7 @@ def read_runs(path: Path) -> Runs:
 
     Raises:
         OSError: It cannot be opened.
-        QuestionError: It is something else, or damaged.
+        QuestionError: It is another kind of file, or damaged.
     """
     try:
         with path.open("rb") as opened, np.load(opened, allow_pickle=False) as file:

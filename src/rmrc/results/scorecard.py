@@ -61,7 +61,7 @@ class Scorecard(Mapping[str, Figure]):
     """The figures of one run by name, in the order in which they are shown.
 
     Attributes:
-        name: Of the scenario.
+        name: Name of the scenario.
         joints: Names of the joints that figures are named after.
         figures: By flat name.
     """
@@ -119,8 +119,8 @@ class Outcome:
     """How one expectation was met.
 
     Attributes:
-        name: Of the figure.
-        value: Of the figure.
+        name: Name of the figure.
+        value: Value of the figure.
         wanted: In words, with the unit: `below 3 rad/s`.
         missed_by: Distance to the nearest value allowed: positive if the value is too high,
             negative if too low, 0 if it is allowed or exactly at a strict bound, NaN if undefined.
@@ -220,7 +220,7 @@ def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorec
         _joints(arm, tallies, "joint_rate", "measured rate", rate_units, is_rate=True),
         _joints(arm, tallies, "joint_rate_cmd", "commanded rate", rate_units, is_rate=True),
         _peak(
-            arm, tallies, "joint_rate_plain", "rate that the plain inverse would command", rate_units
+            arm, tallies, "joint_rate_plain", "rate of the plain inverse", rate_units
         ),
         _joints(
             arm, tallies, "joint_acceleration", "difference quotient of the measured rate", acceleration_units
@@ -264,10 +264,10 @@ def figure_names(joints: Sequence[str], axes: Sequence[str]) -> list[str]:
 
 
 def refused(names: Iterable[str], joints: Sequence[str], axes: Sequence[str]) -> dict[str, str]:
-    """Return why some figures cannot be expected, before anything moves.
+    """Return why some figures cannot be expected, before the run starts.
 
     Args:
-        names: Of figures, as a scenario's `expect` has them.
+        names: Names of figures, as a scenario's `expect` has them.
         joints: Names of the joints.
         axes: Task axes that count.
 
@@ -299,7 +299,7 @@ def check(card: Scorecard, expect: Mapping[str, Check | str]) -> list[Outcome]:
     sides, the ends included. An undefined figure (NaN) meets nothing.
 
     Args:
-        card: The figures.
+        card: The scorecard.
         expect: Checks by name of figure; for `profile` what the card's run was held against.
 
     Returns:
@@ -386,7 +386,7 @@ def _peak(
     when = times[where].tolist()
     yield f"{group}.peak", peaks[where].tolist(), _either(units), f"largest {what}, of all joints and ticks"
     yield f"{group}.peak_time", when, "s", f"when the largest {what} was reached first"
-    yield f"{group}.peak_joint", _named(arm, where[1], when), "", f"which joint had the largest {what}"
+    yield f"{group}.peak_joint", _named(arm, where[1], when), "", f"joint with the largest {what}"
 
 
 def _largest_rms(tallies: NDArray[np.void], group: str, what: str, units: tuple[str, ...]) -> _Figures:
@@ -411,10 +411,10 @@ def _chatter(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
     seconds = np.where(ticks, ticks, math.nan) * tallies["period"]
     counts = tallies["chatter"][:, :n]
     most = (counts.max(axis=1) / seconds).tolist()
-    what = "changes of sign of the commanded acceleration a second, each soon after the one before"
+    what = "sign changes of the commanded acceleration per second, counting those in quick succession"
     yield "chatter", most, "1/s", f"{what}; of the joint with the most"
     joints = _named(arm, counts.argmax(axis=1), np.where(counts.any(axis=1), most, math.nan).tolist())
-    yield "chatter_joint", joints, "", "which joint has the most chatter"
+    yield "chatter_joint", joints, "", "joint with the most chatter"
 
 
 def _share(runs: Sequence[Recorded], tallies: NDArray[np.void], group: str, what: str) -> _Figures:
@@ -436,7 +436,10 @@ def _errors(arm: Recorded, tallies: NDArray[np.void]) -> _Figures:
     controlled rows, e_along = S_x⁻¹ u_min (u_minᵀ S_x e), and the rest is across: `docs/theory.md`.
     """
     units = {"position": "m", "orientation": "rad"}
-    what = {"position": "distance to the wanted position", "orientation": "angle to the wanted orientation"}
+    what = {
+        "position": "distance to the reference position",
+        "orientation": "angle to the reference orientation",
+    }
     kinds = [
         kind
         for kind, axes in (("position", AXES[:3]), ("orientation", AXES[3:]))
@@ -472,10 +475,10 @@ def _return(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     changes = _changes(arm, complete, q, pose_ref)
     largest = changes.max(axis=1).tolist()
     unit = " or ".join(dict.fromkeys(arm.joint_unit(j) for j in range(n)))
-    what = "from the first tick to the last, of a path that ends where it began"
+    what = "from the first tick to the last, of a closed path"
     yield "return.joint_change", largest, unit, f"largest change of a joint {what}"
     joints = _named(arm, changes.argmax(axis=1), largest)
-    yield "return.change_joint", joints, "", f"which joint changed most {what}"
+    yield "return.change_joint", joints, "", f"joint with the largest change {what}"
 
 
 def _singularity(tallies: NDArray[np.void]) -> _Figures:
@@ -489,24 +492,29 @@ def _singularity(tallies: NDArray[np.void]) -> _Figures:
     yield "manipulability.min", lowest["manipulability"], "1", "smallest w = ∏σ"
     yield "damping.max", value["damping"], "1", "largest λ"
     yield "path_rate.min", lowest["path_rate"], "1", "smallest pace along the path"
-    what = "least that the first task left to the second"
+    what = "smallest singular value left to the second task"
     yield "secondary_sigma.min", lowest["secondary_sigma"], "1", what
 
 
 def _status_times(tallies: NDArray[np.void]) -> _Figures:
     for one in (Status.OK, *IN_RUNS):
         times = tallies["status"][:, one.bit_length()] * tallies["period"]
-        what = f"time with status {one.name}" if one else "time with no status at all"
+        what = f"time with status {one.name}" if one else "time without any status"
         yield f"status_time.{one.name}", times.tolist(), "s", what
     stuck, longest = tallies["status"][:, Status.STUCK.bit_length()], tallies["stuck_longest"]
-    yield "stuck.longest", (longest * tallies["period"]).tolist(), "s", "longest time stuck at a stretch"
+    yield (
+        "stuck.longest",
+        (longest * tallies["period"]).tolist(),
+        "s",
+        "longest time stuck without interruption",
+    )
     yield "stuck.longest_time", tallies["stuck_time"].tolist(), "s", "when that began"
     share = stuck / np.where(tallies["ticks"], tallies["ticks"], math.nan)
-    yield "stuck.share", share.tolist(), "1", "share of the ticks in which it is stuck"
+    yield "stuck.share", share.tolist(), "1", "fraction of the ticks in which it is stuck"
 
 
 def _loads(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
-    """Yield how long and since when the arm touches something, or a drive is at its limit, and which."""
+    """Yield how long and since when the arm touches something, or an actuator is at its limit, and which."""
 
     def times(one: Status) -> tuple[list[float], list[float]]:
         seconds = tallies["status"][:, one.bit_length()] * tallies["period"]
@@ -514,14 +522,14 @@ def _loads(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
 
     seconds, first = times(Status.CONTACT)
     bodies = [" – ".join(run.touching) for run in runs]
-    yield "contact.time", seconds, "s", "time in which the arm touches something"
-    yield "contact.first_time", first, "s", "when the arm touched something first"
-    yield "contact.first_bodies", bodies, "", "which two bodies touched first"
+    yield "contact.time", seconds, "s", "time in contact"
+    yield "contact.first_time", first, "s", "time of the first contact"
+    yield "contact.first_bodies", bodies, "", "bodies of the first contact"
     seconds, first = times(Status.TORQUE_LIMITED)
     joints = _named(runs[0], tallies["limited"], first)
-    yield "torque_limited.time", seconds, "s", "time in which a drive is at its limit"
-    yield "torque_limited.first_time", first, "s", "when a drive was at its limit first"
-    yield "torque_limited.first_joint", joints, "", "whose drive was at its limit first"
+    yield "torque_limited.time", seconds, "s", "time with an actuator at its limit"
+    yield "torque_limited.first_time", first, "s", "first time with an actuator at its limit"
+    yield "torque_limited.first_joint", joints, "", "joint whose actuator was at its limit first"
 
 
 def _profile(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
@@ -532,9 +540,14 @@ def _profile(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     joints = [arm.joints[j] if j >= 0 else "" for arm, j in zip(runs, where, strict=True)]
     conditions = [CONDITIONS[one] if one >= 0 else "" for one in what]
     first = "the first command that the profile refuses"
-    yield "profile.refused", counts.tolist(), "1", "commands that the profile refuses; undefined without one"
+    yield (
+        "profile.refused",
+        counts.tolist(),
+        "1",
+        "number of commands that the profile refuses; undefined without a profile",
+    )
     yield "profile.first_time", tallies["broken_time"].tolist(), "s", f"when {first} was sent"
-    yield "profile.first_joint", joints, "", f"which joint {first} is for"
+    yield "profile.first_joint", joints, "", f"joint of {first} is for"
     yield "profile.first_condition", conditions, "", f"what {first} breaks: {', '.join(CONDITIONS)}"
     yield "profile.first_value", tallies["broken_value"].tolist(), "SI", f"{first}, its value there"
     yield "profile.first_bound", tallies["broken_bound"].tolist(), "SI", f"{first}, the bound there"
@@ -544,10 +557,10 @@ def _effort(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> _Figures:
     durations = (tallies["ticks"] * tallies["period"]).tolist()
     walls = [run.wall_time for run in runs]
     speeds = [time / wall if wall > 0.0 else math.nan for time, wall in zip(durations, walls, strict=True)]
-    yield "duration", durations, "s", "simulated time, one period a tick"
+    yield "duration", durations, "s", "simulated time, one period per tick"
     yield "ticks", tallies["ticks"].tolist(), "1", "control ticks recorded"
-    yield "completed", _completed(runs, tallies), "1", "share of the path that was run; 1: all"
-    yield "wall_time", walls, "s", "time that the stepping took"
+    yield "completed", _completed(runs, tallies), "1", "completed fraction of the path; 1: all"
+    yield "wall_time", walls, "s", "wall time of the stepping"
     yield "speed", speeds, "1", "simulated time over wall time"
 
 
@@ -600,7 +613,7 @@ def _refused(names: Iterable[str], card: Scorecard) -> dict[str, str]:
             number = _NUMBERS.get(name, name.removesuffix("_joint"))
             kinds = {"_joint": "a joint", "_condition": "a condition", "_bodies": "bodies"}
             what = next(words for end, words in kinds.items() if name.endswith(end))
-            reasons[name] = f"names {what}, and only numbers can be expected, such as {number}"
+            reasons[name] = f"names {what}; an expectation needs a number, such as {number}"
     return reasons
 
 
@@ -611,14 +624,14 @@ def _unknown(name: str, card: Scorecard) -> str:
         if name.startswith(error) and name.replace(error, other) in card:
             return f"needs one of {', '.join(rows)} in task.axes"
     if name in _BEFORE:
-        return f"is called {_BEFORE[name]} now"
+        return f"is now called {_BEFORE[name]} now"
     # the names of before, when meters and radians were added up
     split = [f"{kind.removesuffix('error')}{name}" for kind in kinds]
     parts = [f'"{part}"' for part in split if part in card]
     if parts:
-        return f"no such figure; did you mean {' or '.join(parts)}?"
+        return f"no such metric; did you mean {' or '.join(parts)}?"
     groups = ", ".join(dict.fromkeys(known.partition(".")[0] for known in card))
-    return "no such figure" + (did_you_mean(name, card) or f"; figures begin with {groups}")
+    return "no such metric" + (did_you_mean(name, card) or f"; metrics begin with {groups}")
 
 
 def _accepted(card: Scorecard, profile: str) -> Outcome:

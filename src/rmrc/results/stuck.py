@@ -49,7 +49,7 @@ def told(run: Run, arm: Arm) -> str | None:
     return (
         f"{run.name} was STUCK for {(end - first) * run.period:.3g} s from {run['time'][first]:.3g} s on, "
         f"of {total * run.period:.3g} s in all, {why}; {cure}: "
-        f"`{command('inspect', arm.path, f'--q={positions}')}` tells what it lacks there"
+        f"`{command('inspect', arm.path, f'--q={positions}')}` shows the lost directions there"
     )
 
 

@@ -127,8 +127,8 @@ def begin(
         length: Characteristic length of each task [m].
         weights: Task weights of each world, one an axis; none: all 1.
         period: Control periods [s].
-        torque_limit: Of the joints of each world, infinite where there is none; none: no joint has one.
-        chatter_floor: Of the joints of each world; none: CHATTER_FLOOR.
+        torque_limit: Torque limits of the joints of each world, infinite without one; none: no joint has one.
+        chatter_floor: Chatter floor of the joints of each world; none: CHATTER_FLOOR.
         profiles: What the commands of each world are held against, if anything.
 
     >>> begin(2, [["x", "rz"]], [0.5], [[1.0, 4.0]], [0.001])["scale"]

@@ -43,7 +43,7 @@ _TIMES = {
     Status.STOPPED: "stopping or stopped",
     Status.SLOWED: "slowed",
     Status.POSITION_LIMITED: "held back by joint limits",
-    Status.TORQUE_LIMITED: "with a drive at its torque limit",
+    Status.TORQUE_LIMITED: "with an actuator at its torque limit",
 }
 
 
@@ -75,7 +75,7 @@ def _place(run: Recorded) -> str:
     singular = (status & Status.SINGULAR) != 0
     if singular.any():
         where = "full reach" if _stretched(run)[singular].all() else "a singularity"
-        place = f"Stayed at {where}" if singular.all() else f"Came to {where} (κ {_amount(condition)})"
+        place = f"Stayed at {where}" if singular.all() else f"Reached {where} (κ {_amount(condition)})"
     elif condition >= NEAR:
         place = f"Came near a singularity (κ {_amount(condition)})"
     else:
@@ -83,7 +83,11 @@ def _place(run: Recorded) -> str:
     if run.divergence:
         joint = f" at {_name(run.divergence.joint)}" if run.divergence.joint else ""
         return f"{place} and diverged at {_amount(run.divergence.time)} s{joint}"
-    return place if run.is_complete else f"{place} and went {math.floor(100.0 * run.completed)}% of its path"
+    return (
+        place
+        if run.is_complete
+        else f"{place} and completed {math.floor(100.0 * run.completed)}% of its path"
+    )
 
 
 def _stretched(run: Recorded) -> NDArray[np.bool_]:
@@ -148,7 +152,7 @@ def _times(card: "Scorecard") -> list[str]:
 def _plainly(run: Recorded, card: "Scorecard") -> str:
     """Return what the plain inverse would have asked for, if that is more than was commanded."""
     plain, sent = (float(card[f"joint_rate_{kind}.peak"].value) for kind in ("plain", "cmd"))
-    return f"; the plain inverse would ask for {_peak(run, card, 'plain')}" if plain > MORE * sent else ""
+    return f"; the plain inverse would command {_peak(run, card, 'plain')}" if plain > MORE * sent else ""
 
 
 def _other(run: Recorded, card: "Scorecard") -> str:

@@ -88,7 +88,7 @@ KEYS = {
     "target.limits.angular_velocity": "omega rotation_velocity",
     "target.path.line.to": "end goal point position target",
     "target.path.line.by": "delta offset relative distance",
-    "target.path.arc.center": "centre middle c",
+    "target.path.arc.center": "centre middle c",  # codespell:ignore centre
     "target.path.arc.angle": "degrees sweep",
     "target.path.hold.for": "duration time seconds t",
     "plant": "simulation sim physics dynamics",

@@ -66,7 +66,7 @@ def changes_of(values: Mapping[str, object], option: str = "") -> tuple[Change, 
 
     Args:
         values: By dotted key, such as `control.feedback` or `arm.start[1]`.
-        option: Of the command line that messages name with the key, if they come of one.
+        option: Command-line option behind the problems, which messages then name with the key.
 
     Raises:
         ValueError: What should be a key is none.

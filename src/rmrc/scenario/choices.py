@@ -1,4 +1,4 @@
-"""What a control law can choose: each choice with its source and its parameters, declared once.
+"""The choices of a control law, each with its source and its parameters, declared once.
 
 Sections and schema, fields of the world's record, the dispatch of the compiled law, the space that `tune`
 searches and the tables of `docs/choices.md` follow from the lists below. A choice is done by the compiled
@@ -130,95 +130,98 @@ PARAMETERS = (
     ),
     DAMPING_BELOW := Parameter(
         "inverse.damping.below",
-        "ε: smallest_singular_value starts to damp when σ_min is below it, filtered each σ that is",
+        "ε: threshold of σ_min below which smallest_singular_value damps; filtered: threshold of each σ",
         0.3, "as σ",
         # Damping that begins at σ₁ never ends.
         range=lambda seen: (5e-3 * seen.sigma, seen.sigma),
     ),
     MANIPULABILITY_BELOW := Parameter(
         "inverse.damping.manipulability_below",
-        "w₀: manipulability starts to damp when w is below it", 0.3, "as w",
+        "w₀: threshold of w below which manipulability damps", 0.3, "as w",
         range=lambda seen: (1e-3 * seen.manipulability, seen.manipulability),
     ),
     ERROR_GAIN := Parameter(
         "inverse.damping.error_gain",
-        "error: λ for a given task error, linear rows over task.length", 1.0, "as σ",
+        "error: λ per unit task error, linear rows divided by task.length", 1.0, "as σ",
         # λ = σ₁/10 at a task error from 1 mm to 1 (m over the length, or rad).
         range=lambda seen: (0.1 * seen.sigma, 100.0 * seen.sigma),
     ),
     TOLERANCE := Parameter(  # `truncated` is the same with a threshold that is searched
         "inverse.tolerance",
-        "pseudoinverse: singular values up to this share of the largest are dropped", 1e-6, "1", SHARE,
+        "pseudoinverse: threshold relative to the largest singular value, up to which singular values are "
+        "dropped", 1e-6, "1", SHARE,
     ),
     CUTOFF := Parameter(
-        "inverse.cutoff", "truncated: singular values up to it are dropped", 0.01, "as σ",
+        "inverse.cutoff", "truncated: threshold up to which singular values are dropped", 0.01, "as σ",
         range=lambda seen: (1e-3 * seen.sigma, 0.5 * seen.sigma),
     ),
     GAMMA := Parameter(
         "inverse.gamma",
-        "jparse: directions fade whose σ is below this share of the largest", 0.1, "1", SHARE,
+        "jparse: threshold relative to the largest σ, below which directions fade", 0.1, "1", SHARE,
         range=lambda seen: (1e-3, 0.5),  # noqa: ARG005 - as the others are called
     ),
     PUSH_POSITION := Parameter(
         "inverse.push.position",
-        "jparse: how much of what the linear rows ask of a fading direction is let in", 1.0, "1",
+        "jparse: gain of the linear rows in a fading direction", 1.0, "1",
         NOT_NEGATIVE,
     ),
     PUSH_ROTATION := Parameter(
-        "inverse.push.rotation", "jparse: the same of the angular rows", 1.0, "1", NOT_NEGATIVE,
+        "inverse.push.rotation",
+        "jparse: gain of the angular rows in a fading direction", 1.0, "1", NOT_NEGATIVE,
     ),
     RATE_BOUND := Parameter(
         "inverse.rate_bound",
         "selectively_damped: largest rate of a joint; schedule rate_bound: largest norm of the rates; "
-        "sliding joints over task.length", 2.0, "rad/s",
+        "sliding joints divided by task.length", 2.0, "rad/s",
         range=lambda seen: (seen.slowest, seen.fastest),
     ),
     GAIN := Parameter(
         "nullspace.gain",
-        "posture: rate for a given distance; joint_limits, manipulability: rate for a given slope",
+        "posture: rate per unit distance; joint_limits, manipulability: rate per unit slope",
         1.0, "1/s", NOT_NEGATIVE,
     ),
     POSTURE := Parameter(
         "nullspace.posture",
-        "posture: the joint positions aimed for; null: those of the start", None, "rad or m",
+        "posture: desired joint positions; null: the start", None, "rad or m",
         null=math.nan, kind="positions",  # the start is known to the arm alone
     ),
     RATES := Parameter(
-        "nullspace.rates", "rates: the joint rates wished for, one a joint", None, "rad/s or m/s",
+        "nullspace.rates", "rates: desired joint rates, one per joint", None, "rad/s or m/s",
         null=0.0, kind="rates",
     ),
     SECONDARY_DAMPING := Parameter(
         "nullspace.secondary.damping", "λ of the second task's inverse, constant", 0.05, "as σ", NOT_NEGATIVE,
     ),
     SLOW_CHANGE := Parameter(
-        "slow.change", "largest change of the pace, which is 1 where nothing is slowed", 10.0, "1/s",
+        "slow.change", "largest rate of change of the pace, which is 1 at full speed", 10.0, "1/s",
     ),
     SLOW_PATIENCE := Parameter(
         "slow.patience",
-        "how long to wait where the arm cannot follow at any pace before the path goes on all the same",
+        "longest wait where the arm cannot follow at any pace, before the path continues regardless",
         1.0, "s",
     ),
     SLOW_LONGEST := Parameter(
-        "slow.longest", "times the planned duration after which the run ends, wherever it is on the path",
+        "slow.longest", "time limit of the run, relative to the planned duration",
         10.0, "1", Bounds(ge=1, le=1000),
     ),
     STOP_SIGMA := Parameter(
-        "stop.sigma", "hold where σ_min is at or below it", 0.1, "as σ",
+        "stop.sigma", "hold if σ_min is at or below this", 0.1, "as σ",
         # An arm that is held where it starts, or soon after, does nothing wrong and nothing right.
         range=lambda seen: (min(1e-3 * seen.sigma, 0.1 * seen.start), 0.5 * seen.start),
     ),
     STOP_CONDITION := Parameter(
-        "stop.condition", "hold where κ is at or above it as well; null: whatever κ is", None, "1",
+        "stop.condition", "hold also if κ is at or above this; null: ignore κ", None, "1",
         Bounds(gt=1), null=math.inf,
     ),
     STOP_CHANGE := Parameter(
-        "stop.change", "share of the rates that is taken away, or given back, in a second", 20.0, "1/s",
+        "stop.change", "fraction of the rates removed or restored per second", 20.0, "1/s",
     ),
     KEEP_OUT_SIGMA := Parameter(
-        "keep_out.sigma", "the floor, below which σ_min shall not fall", 0.1, "as σ",
+        "keep_out.sigma", "lower bound of σ_min", 0.1, "as σ",
     ),
     KEEP_OUT_APPROACH := Parameter(
-        "keep_out.approach", "α: σ_min may fall by so much of its distance to the floor in a second", 5.0,
+        "keep_out.approach", "α: largest rate of decrease of σ_min, relative to its distance from the "
+        "bound", 5.0,
         "1/s",
     ),
 )  # fmt: skip
@@ -338,7 +341,7 @@ class Choices(Keyed, Generic[C_co]):
 
 
 INVERSES = Choices(
-    "inverse.method", "the filter g(σ) that stands for 1/σ", "damped",
+    "inverse.method", "method of inversion: the filter g(σ) in place of 1/σ", "damped",
     (
         Inverse("inverse", "1/σ", needs_square=True, preference=7,
             others="inv jinv exact plain newton newton_raphson nr ik_nr ikine_nr ordinary"),
@@ -367,7 +370,7 @@ INVERSES = Choices(
 
 METRICS = Choices(
     "inverse.metric",
-    "what makes joint rates small: their scaled norm, or the kinetic energy of the arm", "joints",
+    "measure of the joint rates to minimize: their scaled norm, or the kinetic energy of the arm", "joints",
     (
         Choice("joints", "‖W_q^½ qdot‖, sliding joints over task.length", "Whitney69", acts=False,
             others="euclidean rates weights kinematic"),
@@ -402,8 +405,8 @@ SCHEDULES = Choices(
 
 OBJECTIVES = Choices(
     "nullspace.objective",
-    "what to aim for with the motion that is left over: nothing, a posture, the middle of the joints' "
-    "ranges, a larger w, constant rates, or a second task",
+    "objective of the null-space motion: none, a posture, the middle of the joints' ranges, a larger w, "
+    "constant rates, or a second task",
     "none",
     (
         Choice("none", "0", acts=False, others="off false zero nothing null disabled no"),
@@ -423,7 +426,7 @@ OBJECTIVES = Choices(
 
 PRIORITIES = Choices(
     "nullspace.secondary.priority",
-    "classical: solved in what the first task leaves; robust: solved alone, then projected",
+    "classical: solved within the null space of the first task; robust: solved separately, then projected",
     "robust",
     (
         Choice("classical", "solved in what the first task leaves", "Nakamura87", (SECONDARY_DAMPING,),
@@ -436,8 +439,8 @@ PRIORITIES = Choices(
 LIMITS = Choices(
     "limits.on_excess",
     "beyond a limit: scale all joints alike (keeps direction, unless a joint is at its position limit), "
-    "clamp each, let the others take over what a saturated joint cannot do, take the rates within all "
-    "bounds that are best for the task, do the largest share of it that fits, put limits before the task, or "
+    "clamp each joint, redistribute the motion of saturated joints to the others, choose the best rates "
+    "within all bounds, do the largest feasible share of the task, give limits priority over the task, or "
     "limit nothing",
     "scale",
     (
@@ -521,8 +524,8 @@ GROUPS = (
     ),
     Group(
         "inverse.push",
-        "jparse: what is left of a fading direction",
-        "How much of what is asked of a fading direction the method `jparse` lets in.",
+        "jparse: gains in a fading direction",
+        "Gains of the method `jparse` in a fading direction.",
     ),
     Group("nullspace.secondary", "secondary: the second task"),
     Group(
@@ -633,8 +636,8 @@ SERVO = Plant(
     (
         Parameter(
             "kv",
-            "servo: torque or force for a given rate error, of all joints or of each; "
-            "null: each joint's inertia at home over the timestep, and its damping",
+            "servo: torque or force per unit rate error, one for all joints or one per joint; null: each "
+            "joint's inertia at home divided by the timestep, plus its damping",
             None, "N·m·s/rad or N·s/m", null=math.nan, kind="each",
         ),
     ),
@@ -642,7 +645,7 @@ SERVO = Plant(
     others="velocity velocity_servo rate_servo dynamics dynamic actuator pd p mujoco physics",
 )  # fmt: skip
 BANDWIDTH = Parameter(
-    "bandwidth", "torque, and motors of the model: acceleration for a given rate error", 500.0, "1/s"
+    "bandwidth", "torque, and motors of the model: acceleration per unit rate error", 500.0, "1/s"
 )
 TORQUE = Plant(
     "torque", "computed torques", "Luh80", (BANDWIDTH,),

@@ -50,7 +50,7 @@ def read_controls(source: ControlSource, period: float | None = None) -> Control
         period: Takes the place of `period` [s]; None: as it is.
 
     Raises:
-        ScenarioError: With all that is wrong at once.
+        ScenarioError: Lists all problems at once.
         QuestionError: The period is no positive time.
     """
     found = _read(source)
@@ -65,7 +65,7 @@ def read_task(source: TaskSection | Mapping[str, Any]) -> TaskSection:
     """Return a task of its keys, checked.
 
     Raises:
-        ScenarioError: With all that is wrong at once.
+        ScenarioError: Lists all problems at once.
     """
     if isinstance(source, TaskSection):
         return source

@@ -97,7 +97,7 @@ class Scenario(Sections):
         """Return the scenario with other values; later changes win.
 
         Raises:
-            ScenarioError: With all that is wrong at once.
+            ScenarioError: Lists all problems at once.
         """
         draft = self.draft.changed(*changes)
         try:
@@ -114,7 +114,7 @@ class Scenario(Sections):
             values: By dotted key, such as `arm.start[1]`, each as a file would have it.
 
         Raises:
-            ScenarioError: With all that is wrong at once.
+            ScenarioError: Lists all problems at once.
             ValueError: What should be a key is none.
         """
         return self.changed(*changes_of(values))
@@ -204,7 +204,7 @@ class Draft:
         self._written, self.files, self._changes = document, files, tuple(changes)
 
     def __eq__(self, other: object) -> bool:
-        """Say whether the other is a draft as well."""
+        """Return whether the other is a draft as well."""
         return isinstance(other, Draft)
 
     __hash__ = None  # type: ignore[assignment]
@@ -315,7 +315,7 @@ class Draft:
         """Return the scenario.
 
         Raises:
-            ScenarioError: With all that is wrong at once.
+            ScenarioError: Lists all problems at once.
         """
         document = self.document
         problems = document.problems

@@ -81,7 +81,7 @@ def _write(text: str) -> str:
 
 
 def _has_texts(key: Key) -> bool:
-    """Say whether the items of a list are texts."""
+    """Return whether the items of a list are texts."""
     return aliases.dotted(key) in ("task.axes", "arm.joints", "control.nullspace.secondary.axes")
 
 

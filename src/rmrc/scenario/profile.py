@@ -54,15 +54,15 @@ class Each(Sourced):
 class Ends(Sourced):
     """Lower and upper position limit per joint."""
 
-    lower: Positions = key("one a joint", unit="rad or m")
-    upper: Positions = key("one a joint", unit="rad or m")
+    lower: Positions = key("one per joint", unit="rad or m")
+    upper: Positions = key("one per joint", unit="rad or m")
 
 
 class Taper(Ends):
     """Rate limits near the ends: toward `upper` at most √(2 · deceleration · (upper − q)) − offset."""
 
-    offset: Annotated[tuple[NotNegative, ...], Count(1)] = key("one a joint", unit="rad/s or m/s")
-    deceleration: Weights = key("one a joint", unit="rad/s² or m/s²")
+    offset: Annotated[tuple[NotNegative, ...], Count(1)] = key("one per joint", unit="rad/s or m/s")
+    deceleration: Weights = key("one per joint", unit="rad/s² or m/s²")
 
 
 class Span(Sourced):
@@ -172,7 +172,7 @@ def load_profile(name: str) -> Profile:
     """Return a profile.
 
     Args:
-        name: Of a shipped one, such as `franka_fr3`, or the path of a YAML file.
+        name: Name of a shipped one, such as `franka_fr3`, or the path of a YAML file.
 
     Raises:
         ScenarioError: It cannot be read or is not a profile; lists all problems.

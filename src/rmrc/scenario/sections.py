@@ -282,7 +282,7 @@ class Derived(_Computed):
     """A section with the choices and parameters declared in `rmrc.scenario.choices`."""
 
 
-# By their keys below `control`, but for `control` itself.
+# By their keys below `control`, except `control` itself.
 DERIVED: dict[str, type[Derived]] = {}
 
 

@@ -32,7 +32,7 @@ def instead(text: str, unit: str) -> str:
 
     Args:
         text: As it stands in the file.
-        unit: Of the key, such as `m/s` or `rad or m`.
+        unit: Unit of the key, such as `m/s` or `rad or m`.
 
     >>> instead("250 mm/s", "m/s")
     ': write 0.25, in m/s; only an angle may have a unit, deg or rad'

@@ -76,7 +76,7 @@ def choice(tag_of: Callable[[Any], str | None], want: str) -> Discriminator:
 
 
 def is_spelled_as_number(text: str) -> bool:
-    """Say whether Python would read a text as a finite number."""
+    """Return whether Python would read a text as a finite number."""
     try:
         return math.isfinite(float(text))
     except ValueError:

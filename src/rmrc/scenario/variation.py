@@ -75,7 +75,7 @@ def grid(values: Mapping[str, Iterable[object]]) -> tuple[Variant, ...]:
 def _combined(
     axes: Mapping[Key, _Axis], problems: list[Problem], option: str, example: str
 ) -> tuple[Variant, ...]:
-    """Return all combinations of values; raise what is wrong with them, and what was found before."""
+    """Return all combinations of values; raise what is wrong with them, and the results before."""
 
     def add(text: str) -> None:
         problems.append(Problem((), text, Origin(option)))

@@ -1,1 +1,1 @@
-"""How answers look: tables in a terminal and in Markdown, pictures, colors."""
+"""Presentation of results: tables in a terminal and in Markdown, pictures, colors."""

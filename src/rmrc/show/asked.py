@@ -10,7 +10,7 @@ class Asked(NamedTuple):
     """What is asked of pictures.
 
     Attributes:
-        width: Of the picture [in]; None: its own.
+        width: Width of the picture [in]; None: its own.
         font: Size of the letters [pt]; None: its own.
     """
 

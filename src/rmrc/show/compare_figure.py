@@ -44,8 +44,8 @@ def figure(runs: Runs, names: Sequence[str], width: float) -> Figure:
 
     Args:
         runs: By label, each of one tick at least.
-        names: Of the panels, from the top; none: all that any run has something for.
-        width: Of the figure [in].
+        names: Names of the panels, from the top; none: all that any run has something for.
+        width: Width of the figure [in].
     """
     chosen = names or [name for name in NAMES if any(applies(name, run) for run in runs.values())]
     lanes = [f"{plain(label)}: {in_words(flag)}" for label, run in runs.items() for flag in statuses(run)]

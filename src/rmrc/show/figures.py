@@ -87,7 +87,7 @@ def is_narrow() -> bool:
 
 
 def save(figure: Figure, paths: Sequence[Path]) -> None:
-    """Write a picture, whole or not at all.
+    """Write a picture, atomically.
 
     Args:
         figure: The picture.

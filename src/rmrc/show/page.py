@@ -100,7 +100,7 @@ class Page:
         self._traces = f'<script type="application/json" id="traces">{data}</script>'
 
     def write(self, path: Path) -> None:
-        """Write the page, whole or not at all."""
+        """Write the page, atomically."""
         with written_whole(path) as temporary:
             temporary.write_text(self._html(), "utf-8")
 

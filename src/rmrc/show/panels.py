@@ -1,4 +1,4 @@
-"""What the figures of runs are made of: panels and how they are arranged, curves, axes, legends."""
+"""What the plots of runs are made of: panels and how they are arranged, curves, axes, legends."""
 
 import math
 import re
@@ -81,8 +81,8 @@ def arranged(panels: Sequence[Panel], end: float, width: float) -> Picture:
 
     Args:
         panels: One at least.
-        end: Of the time axis, which begins at 0 [s].
-        width: Of the figure [in].
+        end: End of the time axis, which begins at 0 [s].
+        width: Width of the figure [in].
     """
     timed, others = (
         [one for one in panels if (one.name in OVER_TIME) is is_timed] for is_timed in (True, False)
@@ -132,9 +132,9 @@ def _name_side(axes: Axes, height: float, place: float, size: float) -> None:
 
     Args:
         axes: The panel.
-        height: Of its frame [pt].
-        place: Of its middle, in widths of the frame.
-        size: Of its letters [pt].
+        height: Height of its frame [pt].
+        place: Its center, in widths of the frame.
+        size: Size of its letters [pt].
     """
     name = axes.get_ylabel()
     if _width(name, size) > height:
@@ -149,7 +149,7 @@ def path_plane(positions: Sequence[Array]) -> tuple[int, int, Array, Array]:
     A straight path, and a tip that only turns, still need a plane to be drawn in.
 
     Args:
-        positions: Of all that is drawn, (T, 3) each [m].
+        positions: Positions of all that is drawn, (T, 3) each [m].
     """
     both = np.vstack(positions)
     extent = np.ptp(both, axis=0)
@@ -341,7 +341,7 @@ def torque_unit(run: Run) -> str:
 
 
 def applies(name: str, run: Run) -> bool:
-    """Say whether a run has something for a panel."""
+    """Return whether a run has something for a panel."""
     if name == "path":  # of a tip that only turns it is a point
         return not {"x", "y", "z"}.isdisjoint(run.axes) or bool(np.ptp(run["pose"], axis=0)[:3].max() > POINT)
     if name == "torque":

@@ -1,4 +1,4 @@
-"""Figures of runs for a paper or a lecture: of one, or of several side by side."""
+"""Plots of runs for a paper or a lecture: of one, or of several side by side."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,11 +22,11 @@ def plot(
 
     Args:
         runs: A run; or runs by label, as `compare` returns them. Each has one tick at least.
-        path: File to write, whole or not at all: `.png`, `.svg` or `.pdf`; None: no file.
-        panels: Of path, rates, sigma, error, torque, pace, status and g, in this order from the top; none:
-            all that a run has something for.
-        width: Of the figure [in]: 3.5 and 7.16 are one and two columns of a journal.
-        font: Size of the letters [pt].
+        path: File to write atomically: `.png`, `.svg` or `.pdf`; None: no file.
+        panels: Panels among path, rates, sigma, error, torque, pace, status and g, in this order from the
+            top; none: all that have data.
+        width: Width of the figure [in]: 3.5 and 7.16 are one and two columns of a journal.
+        font: Font size [pt].
 
     Returns:
         The figure, which a notebook shows.

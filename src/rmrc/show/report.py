@@ -19,9 +19,9 @@ class Report:
     Attributes:
         sheets: Tables without a form, the most general first.
         json: The same for strict JSON, as `plain` returns it.
-        draw: Writes the picture to a file, whole or not at all, whose suffix says how: `.png`, `.svg` or
-            `.pdf`; None if there is none.
-        met: Whether what was asked for holds.
+        draw: Writes the picture to a file, atomically, whose suffix says how: `.png`, `.svg` or `.pdf`; None
+            if there is none.
+        met: Whether the requested condition is met.
         problem: Why it does not, in one line; "" if the sheets say it.
         block: Lines of a scenario to paste, which are not wrapped; "" for none.
         cases: What was checked, as CI counts it.

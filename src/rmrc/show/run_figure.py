@@ -54,12 +54,12 @@ LINE = 0.25
 
 
 def figure(run: Run, names: Sequence[str], width: float) -> Figure:
-    """Return the figure of a run, in the sizes of letters of the context.
+    """Return the plot of a run, in the sizes of letters of the context.
 
     Args:
-        run: Of one tick at least.
-        names: Of the panels, from the top; none: all that the run has something for.
-        width: Of the figure [in].
+        run: The run, with at least one tick.
+        names: Names of the panels, from the top; none: all that the run has something for.
+        width: Width of the figure [in].
     """
     chosen = names or [name for name in NAMES if applies(name, run)]
     lanes = [in_words(flag) for flag in statuses(run)]

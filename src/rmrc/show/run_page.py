@@ -37,13 +37,13 @@ def page(columns: Path) -> Page:
     runs, facts = read_runs(columns), _facts(columns.with_suffix(".json"))
     for label, run in runs.items():
         if not len(run):
-            raise QuestionError(f"{columns}: {label} has no tick, so there is nothing to report")
+            raise QuestionError(f"{columns}: {label} has no ticks to report")
     try:
         made = _of_one(runs, facts) if len(runs) == 1 and "scorecard" in facts else _of_several(runs, facts)
-        made.section("Made with", "Equal versions give equal bits on one machine.")
+        made.section("Made with", "The same versions give the same bits on one machine.")
         made.table(versions(facts.get("versions", {})))
     except (KeyError, TypeError, AttributeError, IndexError):  # the columns were found to be sound
-        told = f"{columns.with_suffix('.json')}: does not hold the figures of this run, or is damaged"
+        told = f"{columns.with_suffix('.json')}: does not contain the scorecard of this run, or is damaged"
         raise QuestionError(told) from None
     made.table(_hashes([columns, columns.with_suffix(".json")]))
     return made
@@ -66,22 +66,24 @@ def _facts(path: Path) -> dict[str, Any]:
         if isinstance(facts, dict) and ("scorecard" in facts or "variants" in facts):
             return facts
     except FileNotFoundError:
-        raise QuestionError(f"{path}: is not beside the columns; `run` and `compare` leave both") from None
+        raise QuestionError(
+            f"{path}: is missing next to the columns; `run` and `compare` write both"
+        ) from None
     except ValueError:
         pass
-    raise QuestionError(f"{path}: does not hold the figures of a run, or is damaged")
+    raise QuestionError(f"{path}: does not contain the scorecard of a run, or is damaged")
 
 
 def _of_one(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
     (run,) = runs.values()
     made = Page(facts["name"], facts.get("verdict", ""))
     _outcomes(made, facts)
-    made.section("What was asked")
+    made.section("Inputs")
     made.table(_asked(facts["scenario"]))
     if facts["assumed"]:
-        made.section("What was assumed", "The scenario and the model do not say these.")
+        made.section("Assumptions", "These are in neither the scenario nor the model.")
         made.items(facts["assumed"])
-    made.section("What happened")
+    made.section("Results")
     made.figure(
         plot(run), f"{run.name}: path, rates against their limits, singular values, errors and status"
     )
@@ -101,15 +103,15 @@ def _of_several(runs: Mapping[str, Run], facts: Mapping[str, Any]) -> Page:
     made.table(_beside(runs, variants))
     for one in variants:
         _outcomes(made, one, f" of {one['label']}")
-    made.section("What happened")
+    made.section("Results")
     made.figure(plot(runs), f"{facts['name']}: paths, rates, singular values, errors and status")
     made.section("Over time")
     made.plots(traces.of_runs(runs))
-    made.section("What was asked", "The first variant; the others differ in the keys that name them.")
+    made.section("Inputs", "The first variant; the others differ in the keys that name them.")
     made.table(_asked(variants[0]["scenario"]))
     assumed = dict.fromkeys(line for one in variants for line in one["assumed"])
     if assumed:
-        made.section("What was assumed", "The scenario and the model do not say these.")
+        made.section("Assumptions", "These are in neither the scenario nor the model.")
         made.items(list(assumed))
     _scenario(made, variants[0]["scenario"])
     return made
@@ -175,6 +177,8 @@ def _scenario(made: Page, scenario: Mapping[str, Any]) -> None:
     except ScenarioError:  # its model is gone, or it is of another version: all of it, then
         named = {**scenario, "arm": dict(scenario["arm"])}
     named["arm"]["model"] = Path(scenario["arm"]["model"]).name
-    note = "Keys with default values are left out. The model is the file of this name beside the scenario."
+    note = (
+        "Keys with default values are left out. The model is the file of this name in the scenario's folder."
+    )
     made.section("The scenario", note)
     made.code(block(named), "Copy the scenario")

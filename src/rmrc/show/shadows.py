@@ -25,7 +25,7 @@ def shadows(run: Run, first: int, second: int) -> tuple[float, list[Array], bool
     The shadow of {M q̇ : ‖q̇‖ = 1} is that of its two rows M_p, an ellipse of the matrix M_p M_pᵀ.
 
     Args:
-        run: Of one tick at least.
+        run: The run, with at least one tick.
         first: World axis of the plane.
         second: The other one.
 

@@ -47,8 +47,8 @@ def render(
     """Return the figures that say something, and what was expected of them, for a terminal.
 
     Args:
-        card: The figures.
-        outcomes: Of the scenario's expectations; none: no such table.
+        card: The scorecard.
+        outcomes: Outcomes of the scenario's expectations; none: no such table.
         baseline: The figures that stand beside them, if any.
     """
     *others, rest, status = sheets(card, outcomes, baseline)
@@ -79,8 +79,8 @@ def markdown(
     """Return what `render` shows as a markdown document.
 
     Args:
-        card: The figures.
-        outcomes: Of the scenario's expectations; none: no such table.
+        card: The scorecard.
+        outcomes: Outcomes of the scenario's expectations; none: no such table.
         baseline: The figures that stand beside them, if any.
     """
     blocks = [f"# {escaped(card.name)}", *map(as_markdown, sheets(card, outcomes, baseline))]
@@ -136,7 +136,7 @@ class _Figures:
 
     What says nothing is not shown, of the card and of what stands beside it: what is undefined, torques of a
     plant without any, those with gravity compensation where there is none, a jerk that nothing limits, and
-    what did not happen of contacts, of drives at their limits, of commands that a profile refuses, of
+    what did not happen of contacts, of actuators at their limits, of commands that a profile refuses, of
     damping, slowing and standing still.
     """
 
@@ -195,8 +195,8 @@ def sheets(
     """Return the tables without a form.
 
     Args:
-        card: The figures.
-        outcomes: Of the scenario's expectations; none: no such table.
+        card: The scorecard.
+        outcomes: Outcomes of the scenario's expectations; none: no such table.
         baseline: The figures that stand beside them, if any.
     """
     figures = _Figures(card, baseline, [one.name for one in outcomes])

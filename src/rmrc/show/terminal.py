@@ -46,7 +46,7 @@ class Fitted:
 
     @property
     def width(self) -> int:
-        """Columns of a terminal that it takes on one line a row."""
+        """Columns of a terminal that it takes on one line per row."""
         return self._total(self._widest)
 
     def _total(self, widths: Sequence[int]) -> int:

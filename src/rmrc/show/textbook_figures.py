@@ -30,7 +30,7 @@ def small_displacements(paths: Sequence[Path]) -> None:
     a millimeter outwards has none for θ₂ < 0.06, where it is out of reach.
 
     Args:
-        paths: Files to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
+        paths: Files to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
     """
     save(figure(), paths)
 

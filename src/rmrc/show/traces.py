@@ -53,7 +53,7 @@ class Trace:
         values: (T,); what is not finite is not drawn.
         color: Which of the colors of joints or runs it has; of `paint`, none of these.
         dash: Which of the dashes.
-        width: Of the line [px].
+        width: Width of the line [px].
         is_shown: Whether it is drawn before somebody clicks its name.
         is_gray: Whether it is gray, whatever its color: it is of a baseline.
         paint: Its color in place of these, 0xRRGGBBAA: what is neither a joint nor a run has its own.
@@ -83,7 +83,7 @@ class Panel:
 
     Attributes:
         title: Above it.
-        unit: Of its vertical axis, with its quantity.
+        unit: Unit of its vertical axis, with its quantity.
         time: (T,) [s].
         traces: Its curves.
         lines: Values at which horizontal lines are drawn.
@@ -208,7 +208,7 @@ def _rates(run: Run) -> Panel:
         if bounds and float(np.abs(other["qdot_cmd"]).max()) > bounds[1]:
             told.append(f"baseline {_peak(other)}")
     lines = [side * limit for limit in limits for side in (1.0, -1.0)]
-    title = "Joint rates, and their limits dotted" if lines else "Joint rates"
+    title = "Joint rates; dotted: limits" if lines else "Joint rates"
     beyond = f"{', '.join(told)}, beyond the plot" if told else ""
     return Panel(title, f"rate [{rate_unit(run)}/s]", time, traces, lines, bounds, beyond)
 
@@ -235,7 +235,7 @@ def _room(own: Sequence[Array], beside: Sequence[Array], low: float) -> tuple[fl
 
     Args:
         own: The curves.
-        beside: Of the baseline.
+        beside: Scorecard of the baseline.
         low: The lower end of the axis as a part of the upper one.
     """
     peak, most = (max(float(np.abs(one).max()) for one in some) for some in (own, beside))

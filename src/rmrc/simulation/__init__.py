@@ -1,1 +1,1 @@
-"""From a scenario to ticks: its path is timed, it is checked and prepared, and its worlds are stepped."""
+"""From a scenario to ticks: timing of the path, checks, preparation, and stepping of the worlds."""

@@ -1,4 +1,4 @@
-"""What runs will take of memory: refused before anything moves where it does not fit."""
+"""Memory of runs: too large runs are refused before they start."""
 
 from collections.abc import Sequence
 from typing import NamedTuple

@@ -46,7 +46,7 @@ class Motion:
     """Poses over time.
 
     Attributes:
-        time: Of each row, from 0, rising, (R,) [s].
+        time: Time of each row, from 0, rising, (R,) [s].
         pose: (R, 7) [m, 1]; neighboring quaternions have a positive product.
     """
 
@@ -218,7 +218,7 @@ def needed(motion: Motion, limits: TargetLimitsSection) -> tuple[float, str]:
 
     Args:
         motion: As it is.
-        limits: Of the target.
+        limits: Limits of the target.
     """
     (factor, said), slower = excess(motion, limits), 1.0
     while factor > 1.0:  # the time that jerk is seen over does not stretch with the motion

@@ -1,4 +1,4 @@
-"""A scenario, checked against its arm and turned into arrays, before anything moves."""
+"""A scenario, checked against its arm and turned into arrays, before the run starts."""
 
 import math
 from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
@@ -56,7 +56,7 @@ class _Recent(Generic[T]):
 
 
 class Cache:
-    """What was found out about scenarios, for others that ask the same: arms, references, tasks.
+    """Cache of prepared parts of scenarios: arms, references, tasks.
 
     Only what was asked for last is kept. For one thread at a time.
     """
@@ -161,7 +161,7 @@ class Prepared:
 
     @cached_property
     def hardware(self) -> Hardware:
-        """What obeys the law, and what is between them."""
+        """The plant, and the stages between it and the law."""
         return Hardware(self.scenario, self.arm)
 
     @property
@@ -229,7 +229,7 @@ class Prepared:
                 which = "all joints" if len(joints) == arm.n else listed(joints)
                 missing.append(Assumed(f"no {name} limit: {which}", False))
         if arm.moves_at(self.scenario.arm.start):
-            missing.append(Assumed("a start at rest: velocities of the keyframe are not taken", True))
+            missing.append(Assumed("a start at rest: the keyframe's velocities are ignored", True))
         return (*self.plant.assumed(), *self._by_profile(), *self._unseen(), *missing)
 
     def _unseen(self) -> Iterator[Assumed]:
@@ -243,12 +243,12 @@ class Prepared:
         }  # fmt: skip
         end = self.most_ticks * self.scenario.control.period
         if not has.get(look.quantity, True):
-            yield Assumed(f"nothing to look at: the run has no {look.quantity}", True)
+            yield Assumed(f"cannot be shown: the run has no {look.quantity}", True)
         elif look.at is not None and look.at > end:
-            yield Assumed(f"nothing to look at: the run ends before look.at, {look.at:g} s", True)
+            yield Assumed(f"cannot be shown: the run ends before look.at, {look.at:g} s", True)
 
     def _by_profile(self) -> Iterator[Assumed]:
-        """Yield what the profile of `control.limits` sets, but for what is written otherwise."""
+        """Yield what the profile of `control.limits` sets, except what is written otherwise."""
         control = self.scenario.control
         if control.limits.profile is None:
             return
@@ -275,10 +275,10 @@ def prepare(scenario: Scenario, cache: Cache | None = None) -> Prepared:
 
     Args:
         scenario: A scenario.
-        cache: What was found out before; what is found out here is added.
+        cache: Cache of earlier results, extended here.
 
     Raises:
-        ScenarioError: All that is wrong, with file, line and key.
+        ScenarioError: Lists all problems, with file, line and key.
     """
     cache = cache or Cache()
     try:

@@ -46,7 +46,7 @@ class Reference:
     Attributes:
         ticks: Number of control ticks, T.
         period: The control period [s].
-        pieces: Of the segments of the path, (p,) of `PIECE`.
+        pieces: Pieces of the segments of the path, (p,) of `PIECE`.
         recorded: Motions that are no pieces: the first tick of each, and pose, twist and its derivative from
             there on, (t, 19). The piece in its place stands still.
     """
@@ -133,7 +133,7 @@ def sample(pieces: Record, period: float, out: Array) -> None:
     """Write where a path is at each tick, see `PIECE`.
 
     Args:
-        pieces: Of the path, (p,).
+        pieces: Pieces of the path, (p,).
         period: The control period [s].
         out: Pose and twist, (T, 13), or the acceleration as well, (T, 19); written.
     """

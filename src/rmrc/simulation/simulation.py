@@ -211,7 +211,7 @@ class Simulation:
             prepared: At least one.
             threads: Number of threads; each steps its share of the worlds.
             keep_columns: Whether to keep every tick, for `run` and `runs`.
-            batches: Of simulations before this one, to be used again; see `release`.
+            batches: Batches of simulations before this one, to be used again; see `release`.
             is_shown: Whether blocks will be shown to a watcher; without columns they are longer then.
 
         Raises:

@@ -24,7 +24,7 @@ class Table:
 
     Attributes:
         numbers: Columns of numbers by name, all (R,); a cell that is empty is NaN.
-        texts: Of other columns the first cell that is no number, by name.
+        texts: First non-numeric cell of each other column, by name.
         skipped: Rows that were left out because they have too few cells or too many.
     """
 
@@ -41,7 +41,7 @@ def read_table(path: Path, is_log: bool = False) -> Table:
     decimal point.
 
     Args:
-        path: Of the file; what is not `.parquet` is CSV.
+        path: Path of the file; any suffix but `.parquet` means CSV.
         is_log: Whether rows of another number of cells are skipped, and not refused, as a logger that is
             ended leaves half a row; and dates with times are numbers as well, in ns.
 

@@ -66,7 +66,7 @@ _SMALLEST = 1e-9
 # Ten million ticks are 2.8 h at 1 kHz, and 1.7 GB: more is a slip of a unit.
 _MOST_TICKS = 10_000_000
 
-# A duration that is a whole number of periods, but for rounding, gets no tick more. The sums of
+# A duration that is a whole number of periods, except rounding, gets no tick more. The sums of
 # durations of `_MOST_TICKS` periods are rounded to 1e-9 of a period.
 _TICK_ROUNDING = 1e-6
 
@@ -98,12 +98,12 @@ def make_reference(
 
     Args:
         segments: The path, `scenario.target.path`; each piece starts where the one before ends.
-        limits: Of the norms of velocity, acceleration and jerk, linear and angular.
-        start_pose: Of the site, [p, quat w x y z], (7,) [m, 1]; the first sample, to the bit, unless the path
-            starts with a step.
+        limits: Limits of the norms of velocity, acceleration and jerk, linear and angular.
+        start_pose: Pose of the site at the start, [p, quat w x y z], (7,) [m, 1]; the first sample, to the
+            bit, unless the path starts with a step.
         period: The control period [s].
-        offset: Of the absolute points of the path, `scenario.target.offset`, (2,) or (3,) [m].
-        frame: Of the segments that have none of their own, `scenario.target.frame`.
+        offset: Offset of the absolute points of the path, `scenario.target.offset`, (2,) or (3,) [m].
+        frame: Frame of the segments that have none of their own, `scenario.target.frame`.
         places: What else they refer to.
 
     Returns:
@@ -169,9 +169,8 @@ def _intervals(duration: float, period: float) -> int:
     count = duration / period
     if not count <= _MOST_TICKS:
         raise TargetError(
-            f"target.path: takes {duration:g} s, which is {count:.9g} control periods of "
-            f"{period:g} s and more than {_MOST_TICKS}; raise target.limits or control.period, "
-            "or shorten the path"
+            f"target.path: takes {duration:g} s, which is {count:.9g} control periods of {period:g} s "
+            f"and more than {_MOST_TICKS}; raise target.limits or control.period, or shorten the path"
         )
     return max(1, math.ceil(count - _TICK_ROUNDING))
 
@@ -184,9 +183,9 @@ class _Curve(NamedTuple):
 
     Attributes:
         place: The segment's key.
-        length: Of the curve [m].
+        length: Length of the curve [m].
         radius: Infinite unless it is an arc [m].
-        angle: Of the turn [rad].
+        angle: Angle of the turn [rad].
         end: Pose at u = 1, (7,).
     """
 
@@ -315,7 +314,7 @@ class _Path:
                 raise TargetError(f"{place}[{i}]: {error}") from None
             self._go(place, pose)
         if len(self.pieces) == before:
-            raise TargetError(f"{place}: has length 0, the site is there already; to pause write hold")
+            raise TargetError(f"{place}: has length 0, the site is already there; to pause write hold")
 
     def _step(self, place: str, step: Set) -> None:
         nothing, straight = np.zeros(3), self._straight(step.to, step.by, step.frame)
@@ -395,7 +394,7 @@ def _curve(place: str, way: _Way, start: Array, on_the_spot: bool | None) -> tup
     if on_the_spot is False and curve.length < _SMALLEST:
         raise TargetError(
             f"{place}: has length 0, from {_show(start[:3])} to the same point; to pause write "
-            "hold, to turn on the spot write turn"
+            "hold, to rotate in place write turn"
         )
     if on_the_spot and abs(way.angle) < _SMALLEST:
         raise TargetError(f"{place}: has angle 0; remove it, or write hold to pause")
@@ -409,7 +408,7 @@ def _spoke(place: str, center: Array, normal: Array, start: Array) -> Array:
     if np.linalg.norm(spoke) < _SMALLEST:
         raise TargetError(
             f"{place}: starts at {_show(start[:3])}, on the axis of the circle: radius 0; move "
-            "the center, or write turn to turn on the spot"
+            "the center, or write turn to rotate in place"
         )
     return spoke
 

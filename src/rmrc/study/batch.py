@@ -1,4 +1,4 @@
-"""A few scenarios, run as one batch in this process: recorded while they run, and files in the end."""
+"""Run a few scenarios as one batch in this process, record them, and write files at the end."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
@@ -21,7 +21,7 @@ R = TypeVar("R")
 
 
 class Recording(Protocol):
-    """A recording that grows while scenarios run; a context manager."""
+    """A recording that grows during the run; a context manager."""
 
     part_path: Path
 
@@ -32,18 +32,18 @@ class Recording(Protocol):
         """Close it."""
 
     def finish(self, markdown: str) -> None:
-        """Add the figures, and make it whole."""
+        """Add the metrics, and complete the recording."""
 
 
 @dataclass(frozen=True)
 class Left(Generic[R]):
-    """What a batch left.
+    """The output of a batch.
 
     Attributes:
-        results: Of each scenario, as far as it came.
-        files: Written, the recording first.
-        interrupted: Whether Ctrl-C ended it.
-        failures: Why other files could not be written, a line each.
+        results: Results of each scenario, as far as it came.
+        files: Written files, the recording first.
+        interrupted: Whether Ctrl-C ended the batch.
+        failures: Reasons why other files could not be written, one line each.
     """
 
     results: tuple[R, ...]
@@ -52,10 +52,10 @@ class Left(Generic[R]):
     failures: tuple[str, ...] = ()
 
     def raise_any(self) -> None:
-        """Raise what a verb says on stderr.
+        """Raise the errors that a verb prints on stderr.
 
         Raises:
-            KeyboardInterrupt: There was one.
+            KeyboardInterrupt: Ctrl-C ended the batch.
             OutputError: Files could not be written.
         """
         if self.interrupted:
@@ -65,16 +65,16 @@ class Left(Generic[R]):
 
 
 def size_of(one: Prepared) -> int:
-    """Return what the columns of a scenario take [B]."""
+    """Return the memory for the columns of a scenario [B]."""
     n = one.arm.n
     return array_size(one.reference.ticks, n, min(n, len(one.task.rows)), len(one.qpos))
 
 
 class Batch(ABC, Generic[R]):
-    """Scenarios that were checked and are ready to run.
+    """Validated scenarios, ready to run.
 
     Attributes:
-        name: Of what is run.
+        name: Name of the batch.
         worlds: The scenarios.
         folder: Where the files go.
     """
@@ -86,15 +86,15 @@ class Batch(ABC, Generic[R]):
     def __init__(
         self, study: Study, name: str, worlds: Sequence[Prepared], folder: Path, record: bool, size: int = 0
     ) -> None:
-        """Refuse what does not fit into memory, and files that cannot be written.
+        """Refuse scenarios that do not fit into memory, and files that cannot be written.
 
         Args:
-            study: That prepared the scenarios.
-            name: Of what is run.
+            study: Study that prepared the scenarios.
+            name: Name of the batch.
             worlds: The scenarios.
-            folder: Where the files go; made if it is missing.
+            folder: Folder for the files; created if missing.
             record: Whether to write a recording.
-            size: What the files take together, at least [B].
+            size: Lower bound of the total file size [B].
 
         Raises:
             ScenarioError: The scenarios do not fit into memory.
@@ -106,7 +106,7 @@ class Batch(ABC, Generic[R]):
 
     @property
     def files(self) -> list[Path]:
-        """What is left in the end."""
+        """Return the output of the batch."""
         return [self.file(kind) for kind in self.kinds if kind != ".rrd" or self._record]
 
     def file(self, kind: str) -> Path:
@@ -115,21 +115,21 @@ class Batch(ABC, Generic[R]):
 
     @property
     def ticks(self) -> int:
-        """How many control ticks the scenarios take together."""
+        """Total number of control ticks of the scenarios."""
         return sum(one.reference.ticks for one in self.worlds)
 
     def compile(self) -> None:
-        """Load the compiled law, or compile it the first time, which takes seconds."""
+        """Load the compiled law, or compile it on first use, which takes seconds."""
         self._study.compile(self.worlds)
 
     def run(self, on_ticks: OnTicks | None = None) -> Left[R]:
-        """Run all of it, to the end, to divergence or to Ctrl-C, and write the files whichever it was.
+        """Run to the end, to divergence or to Ctrl-C, and write the files in each case.
 
-        A recording that can no longer be written, as on a full disk, does not end the run, and is given up
-        where that makes room for the other files.
+        A failing recording, as on a full disk, does not end the run; it is deleted if the other files need
+        the space.
 
         Args:
-            on_ticks: Called with the number of ticks of each block that was finished.
+            on_ticks: Called after each block with its number of ticks.
         """
         leaving, spare = Leaving(), list[Path]()
         watchers: list[Watcher] = [lambda _, part: on_ticks(len(part))] if on_ticks else []
@@ -155,16 +155,16 @@ class Batch(ABC, Generic[R]):
 
     @abstractmethod
     def _recording(self) -> tuple[Recording, Watcher]:
-        """Return a new recording, and what writes a block of ticks to it."""
+        """Return a new recording, and the function that writes a block of ticks to it."""
 
     @abstractmethod
     def _scored(self, results: Sequence[Ran]) -> tuple[R, ...]:
-        """Return what is left of the results of the worlds."""
+        """Return the output for the results of the worlds."""
 
     @abstractmethod
     def _writers(self, results: Sequence[R]) -> Iterator[tuple[Sequence[str], Callable[..., None]]]:
-        """Yield which other files are written together, and what takes their paths and does it."""
+        """Yield groups of other files, each with the function that writes them."""
 
     @abstractmethod
     def _markdown(self, results: Sequence[R]) -> str:
-        """Return the figures that a recording shows."""
+        """Return the metrics that a recording shows."""

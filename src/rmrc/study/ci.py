@@ -1,4 +1,4 @@
-"""What runs leave for CI: JUnit XML, and a summary in Markdown; also where nothing could be run."""
+"""CI files of runs: JUnit XML and a Markdown summary, also for failed runs."""
 
 import os
 import time
@@ -24,12 +24,12 @@ EXPECTATION, CHECK = ("expectation", "met"), ("check", "passed")
 
 
 def suite(name: str, one: Ran, failures: Sequence[str]) -> Suite:
-    """Return a run as CI counts it.
+    """Return a run as a JUnit suite.
 
     Args:
-        name: Of the run.
-        one: What came of it.
-        failures: Why files of it could not be written, a line each.
+        name: Name of the run.
+        one: Its result.
+        failures: Reasons why its files could not be written, one line each.
     """
     run, error = one.run, "\n".join(failures)
     if run.divergence:
@@ -40,23 +40,22 @@ def suite(name: str, one: Ran, failures: Sequence[str]) -> Suite:
 
 
 class Files:
-    """The files for CI of a verb, as a context: without `write`, they say why it came to nothing.
+    """The CI files of a verb, as a context manager; without a call of `write`, they report the failure.
 
     Attributes:
-        paths: Of those that are asked for.
+        paths: Paths of those that are asked for.
     """
 
     def __init__(self, name: str, xml: Path | None, summary: Path | None) -> None:
-        """Refuse files that cannot be written, or that are something else.
+        """Refuse files that cannot be written, or of another kind.
 
         Args:
-            name: Of the scenario.
-            xml: JUnit XML; None: none.
-            summary: In Markdown, and added to the end of the file if it is that of a step of GitHub Actions;
-                None: none.
+            name: Name of the scenario.
+            xml: File of JUnit XML; None: none.
+            summary: Markdown file; appended to if it is the step summary of GitHub Actions; None: none.
 
         Raises:
-            QuestionError: A file has another suffix, or is there and no such file.
+            QuestionError: A file has another suffix, or exists with other contents.
             OSError: It cannot be written.
         """
         self._name, self._xml, self._summary, self._is_written = name, xml, summary, False
@@ -66,7 +65,7 @@ class Files:
             raise QuestionError(f"--junit {visible(str(xml))}: must end in .xml")
         if xml is not None and xml.is_file() and b"<testsuites" not in xml.read_bytes()[:200]:
             raise QuestionError(
-                f"--junit {visible(str(xml))}: is there, and is no JUnit XML; give another file"
+                f"--junit {visible(str(xml))}: exists and is not JUnit XML; give another file"
             )
         if summary is not None and summary.suffix != ".md" and not self._adds:
             raise QuestionError(f"--summary {visible(str(summary))}: must end in .md, or be ${STEP}")
@@ -80,9 +79,9 @@ class Files:
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
     ) -> None:
-        """Write why there was no run."""
+        """Write the reason of a failed run."""
         if error is not None and not self._is_written:
-            told = "ended before there was a result"
+            told = "ended before the first result"
             if isinstance(error, ScenarioError):
                 told = "\n".join(map(str, error.problems))
             elif isinstance(error, RmrcError | OSError):
@@ -90,12 +89,12 @@ class Files:
             self.write(self._name, [Suite(self._name, error=told)])
 
     def write_answer(self, name: str, report: Report, error: str = "") -> None:
-        """Write the files of an answer that is no run: what was checked, and its tables.
+        """Write the files of an answer without a run: its checks and tables.
 
         Args:
-            name: Of what was asked about.
+            name: Name of the subject.
             report: The answer.
-            error: Why it is not whole; "": it is.
+            error: Reason why it is incomplete; "": it is complete.
 
         Raises:
             OSError: A file cannot be written.
@@ -109,10 +108,10 @@ class Files:
         """Write the files.
 
         Args:
-            name: Of all runs together.
-            suites: One for each run.
-            figures: Their figures, in Markdown.
-            counted: What their outcomes are, and what those that are well are.
+            name: Common name of all runs.
+            suites: One suite per run.
+            figures: Their metrics, in Markdown.
+            counted: Nouns for the outcomes, and for the good ones.
 
         Raises:
             OSError: A file cannot be written.
@@ -132,23 +131,23 @@ class Files:
 
 
 def markdown(name: str, suites: Sequence[Suite], figures: str, counted: tuple[str, str] = EXPECTATION) -> str:
-    """Return the summary: how it went in a line, what each run comes to, its expectations, its figures.
+    """Return the summary: a result line, then each run with its expectations and metrics.
 
     Args:
-        name: Of all runs together.
-        suites: One for each run.
-        figures: Their figures, in Markdown; "": none.
-        counted: What their outcomes are, and what those that are well are.
+        name: Common name of all runs.
+        suites: One suite per run.
+        figures: Their metrics, in Markdown; "": none.
+        counted: Nouns for the outcomes, and for the good ones.
     """
     what, well = counted
     outcomes = [outcome for one in suites for outcome in one.outcomes]
     met, errors = sum(one.ok for one in outcomes), sum(bool(one.error) for one in suites)
     words = [f"{met} of {len(outcomes)} {what}s {well}"] if outcomes else []
-    words += [f"{errors} of {len(suites)} runs without an end"] if errors and len(suites) > 1 else []
-    words += ["no run to its end"] if errors and len(suites) == 1 else []
+    words += [f"{errors} of {len(suites)} runs incomplete"] if errors and len(suites) > 1 else []
+    words += ["run incomplete"] if errors and len(suites) == 1 else []
     passed = not errors and met == len(outcomes)
     blocks = [
-        f"### {'✅' if passed else '❌'} {escaped(visible(name))}: {', '.join(words) or 'ran to its end'}"
+        f"### {'✅' if passed else '❌'} {escaped(visible(name))}: {', '.join(words) or 'run complete'}"
     ]
     for one in suites:
         blocks += [f"#### {escaped(visible(one.name))}"] if len(suites) > 1 else []
@@ -157,5 +156,5 @@ def markdown(name: str, suites: Sequence[Suite], figures: str, counted: tuple[st
         rows += [("ok" if outcome.ok else "MISSED", visible(str(outcome))) for outcome in one.outcomes]
         blocks += [as_markdown(Sheet("", ("", what), rows, frozenset({0, 1})))] if rows else []
     if figures:
-        blocks.append(f"<details><summary>Figures</summary>\n\n{figures.strip()}\n\n</details>")
+        blocks.append(f"<details><summary>Metrics</summary>\n\n{figures.strip()}\n\n</details>")
     return "\n\n".join(blocks) + "\n"

@@ -1,4 +1,4 @@
-"""Variants of a scenario from file to files: run as one batch, scored, and shown in one picture each way."""
+"""Compare variants of a scenario: run them as one batch, score them, and draw them together."""
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import reduce
@@ -22,7 +22,7 @@ CHOICES = tuple(f"control.{one.key}" for one in choices.CHOICES)
 
 
 class Comparison(Batch[Compared]):
-    """Variants of a scenario that were checked and are ready to run."""
+    """Validated variants of a scenario, ready to run."""
 
     kinds = (".rrd", ".npz", ".json", ".png", ".svg")
     suffix = ".compare"
@@ -35,18 +35,18 @@ class Comparison(Batch[Compared]):
         folder: Path = Path("recordings"),
         record: bool = True,
     ) -> None:
-        """Check all that can be checked of all variants before anything moves.
+        """Validate all variants before the run starts.
 
         Args:
             source: The scenario, or its file.
-            variants: What is compared, such as `rmrc.scenario.variants(["control.feedback=5,10"])`.
-            overrides: `KEY=VALUE` texts that hold for all.
-            folder: Where the files go; made if it is missing.
+            variants: Variants to compare, such as `rmrc.scenario.variants(["control.feedback=5,10"])`.
+            overrides: `KEY=VALUE` texts for all variants.
+            folder: Folder for the files; created if missing.
             record: Whether to write a recording.
 
         Raises:
-            ScenarioError: All that is wrong with all variants, a line each, which names the variant; what is
-                wrong with every one of them is said once.
+            ScenarioError: Lists the problems of all variants, one line each with the variant; a problem of
+                every variant appears once.
             OSError: The files cannot be written.
         """
         self._overrides = tuple(overrides)
@@ -58,7 +58,7 @@ class Comparison(Batch[Compared]):
         super().__init__(study, worlds[0].scenario.name, worlds, folder, record, sum(map(size_of, worlds)))
 
     def compile(self) -> None:
-        """Load the compiled law, or compile it the first time, which takes seconds."""
+        """Load the compiled law, or compile it on first use, which takes seconds."""
         for one in self.worlds:
             compile_for(one)
         super().compile()
@@ -83,7 +83,7 @@ class Comparison(Batch[Compared]):
         return markdown(results)
 
     def _draw(self, results: Sequence[Compared], paths: Sequence[Path]) -> None:
-        """Draw the filters of those that have a tick."""
+        """Draw the filters of the variants with at least one tick."""
         from rmrc.study.filter_figure import filter_factors  # with matplotlib, half a second
 
         ran = [one for one in results if len(one.run)]
@@ -122,7 +122,7 @@ class Comparison(Batch[Compared]):
 
 
 def _sound(written: Draft, base: Draft) -> Scenario:
-    """Return the scenario as its file has it; of a file that is not whole, what `--set` makes of it."""
+    """Return the scenario of the file, or with `--set` if the file alone is incomplete."""
     try:
         return written.scenario()
     except ScenarioError:
@@ -130,5 +130,5 @@ def _sound(written: Draft, base: Draft) -> Scenario:
 
 
 def _choices(one: Scenario) -> dict[str, str]:
-    """Return what a scenario chooses by name for its law."""
+    """Return the named choices of a scenario's control law."""
     return {key: str(reduce(getattr, key.split("."), one)) for key in CHOICES}

@@ -1,4 +1,4 @@
-"""Variants beside each other: one row per variant, for a terminal and as markdown."""
+"""Table of variants: one row per variant, for a terminal and as Markdown."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -42,12 +42,12 @@ _TIMES = "status_time."
 
 @dataclass(frozen=True, eq=False)
 class Compared(Ran):
-    """What one variant gave.
+    """The result of one variant.
 
     Attributes:
         variant: Its label and changes.
-        stated_for: If some expectations of the scenario do not count: the choices in which the variant
-            differs, and what the scenario has there.
+        stated_for: If some expectations do not apply: the choices in which the variant differs, with the
+            scenario's values.
     """
 
     variant: Variant
@@ -55,10 +55,10 @@ class Compared(Ran):
 
 
 def sheets(name: str, rows: Sequence[Compared]) -> list[Sheet]:
-    """Return the table for a terminal, below the name and above what there is to note.
+    """Return the table for a terminal, with the name above and notes below.
 
     Args:
-        name: Of the scenario.
+        name: Name of the scenario.
         rows: One or more.
     """
     variants, groups = _columns(rows)
@@ -70,12 +70,12 @@ def sheets(name: str, rows: Sequence[Compared]) -> list[Sheet]:
 
 
 def _over(column: "_Column") -> str:
-    """Return a heading, in which each unit of an arm with joints of both kinds has a line of its own."""
+    """Return a heading, with one line per unit for an arm with both kinds of joints."""
     return "\n".join([column.title, "\nor ".join(column.units)]) if column.units else column.title
 
 
 def markdown(rows: Sequence[Compared]) -> str:
-    """Return the same as markdown, one table for each group: the recording has little room.
+    """Return the same as Markdown, one narrow table per group, to fit the recording.
 
     Args:
         rows: One or more.
@@ -97,11 +97,11 @@ def _sheet(columns: Sequence["_Column"], headings: tuple[str, ...], groups: tupl
 
 
 def flipped(run: Run) -> str:
-    """Return which joints came back to another posture after a path that ends where it began.
+    """Return the joints that ended in another posture after a closed path.
 
     Returns:
-        `no`, or the names of the joints that flipped; the largest change with its unit for a redundant
-        arm, whose posture may drift without a flip; `-` where the path does not lead back.
+        `no`, or the names of the flipped joints; for a redundant arm, whose posture may drift, the largest
+        change with its unit; `-` for an open path.
     """
     changes = joint_changes(run)
     if math.isnan(changes[0]):
@@ -121,7 +121,7 @@ class _Column(NamedTuple):
 
 
 def _columns(rows: Sequence[Compared]) -> tuple[_Column, list[list[_Column]]]:
-    """Return the names of the variants, and the columns in groups: what any row has, and what any row did."""
+    """Return the names of the variants, and the columns in groups: settings, then results."""
     groups = []
     for titles in _FIGURES:
         group = []
@@ -142,10 +142,14 @@ def _columns(rows: Sequence[Compared]) -> tuple[_Column, list[list[_Column]]]:
 
 
 def _notes(rows: Sequence[Compared]) -> list[str]:
-    """Return why some expectations are not counted, if so."""
+    """Return the note about expectations that do not apply, if any."""
     wanted = dict.fromkeys(pair for row in rows for pair in row.stated_for.items())
     law = " and ".join(f"{key}={value}" for key, value in wanted)
-    return [f'"-": what the scenario expects is for {law} and is not counted for others.'] if wanted else []
+    return (
+        [f'"-": the scenario states its expectations for {law} and they do not apply to other choices.']
+        if wanted
+        else []
+    )
 
 
 def _figure(row: Compared, figure: str) -> str:
@@ -153,7 +157,7 @@ def _figure(row: Compared, figure: str) -> str:
 
 
 def _label(row: Compared) -> str:
-    """Return the label, and below it how far the run came if that was not to the end."""
+    """Return the label, and below it the progress of an incomplete run."""
     if row.run.divergence:
         return f"{row.variant.label}\ndiverged at {row.run.divergence.time:.3f} s"
     return row.variant.label if row.run.is_complete else f"{row.variant.label}\nunfinished"

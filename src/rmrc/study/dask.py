@@ -1,7 +1,7 @@
 """The pieces of a study on Dask distributed: `--cluster tcp://HOST:PORT`, or `local:N` worker processes here.
 
-What travels to each worker once is the parcel, with every piece a few hundred bytes, and back come the rows
-as Parquet. Scheduling, and running again what a lost worker had, is Dask's part.
+Each worker receives the parcel once and a few hundred bytes per piece, and returns rows as Parquet. Dask
+schedules the pieces, and reruns those of a lost worker.
 """
 
 import asyncio
@@ -40,18 +40,18 @@ _LOOK = 0.2
 _AT_ONCE = 100
 # Parcels that a worker keeps, with their models: of this sweep and of the one before.
 _KEPT = 2
-_GOES_ON = "the rows so far are kept, and the same command goes on"
+_GOES_ON = "the rows so far are kept; rerun the command to resume"
 _LOST = f"the scheduler is lost; {_GOES_ON}"
 # Who speaks on stderr of what we tell in a line.
 _TALKERS = ("distributed", "distributed.client", "tornado.application", "asyncio")
 
 
 class Address(NamedTuple):
-    """Where the workers are.
+    """Address of the workers.
 
     Attributes:
-        text: As it was given.
-        here: How many processes are started here; 0: a scheduler is reached.
+        text: The address as given.
+        here: Number of processes to start here; 0: connect to a scheduler.
     """
 
     text: str
@@ -59,10 +59,10 @@ class Address(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> "Address":
-        """Return what a text says.
+        """Return the address of a text.
 
         Raises:
-            ClusterError: It is no address, or Dask is not installed.
+            ClusterError: The text is not an address, or Dask is not installed.
         """
         local = re.fullmatch(r"local:([1-9]\d{0,3})", text)
         if not (local or re.fullmatch(r"(tcp|tls)://[^\s/]+:\d{1,5}", text)):
@@ -76,7 +76,7 @@ class Address(NamedTuple):
 
 
 class _Sent(NamedTuple):
-    """What every worker has: what it works on, and what it must be like."""
+    """Data and requirements of every worker."""
 
     parcel: Parcel
     like: Mapping[str, str]
@@ -84,14 +84,14 @@ class _Sent(NamedTuple):
 
 @contextmanager
 def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
-    """Yield the workers of a cluster; in the end let them go, or end those that were started here.
+    """Yield the workers of a cluster; at the end release them, or end those started here.
 
     Args:
-        address: Where they are.
-        parcel: What they work on.
+        address: Their address.
+        parcel: Their work.
 
     Raises:
-        ClusterError: It does not answer, has no workers, or they are not as this process is.
+        ClusterError: It does not respond, has no workers, or they differ from this process.
     """
     from distributed import Client
     from distributed.utils import sync
@@ -110,8 +110,8 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
             told = "needs certificates; set distributed.comm.tls in Dask's configuration"
             raise _refused(address, told) from None
         except (OSError, ValueError, asyncio.CancelledError) as error:
-            told = f"no Dask scheduler answers there ({_brief(error)}); start one with `dask scheduler`, "
-            raise _refused(address, f"{told}or look whether a firewall is between") from None
+            told = f"no Dask scheduler responds there ({_brief(error)}); start one with `dask scheduler`, "
+            raise _refused(address, f"{told}or check for a firewall") from None
         crew = _Cluster(client, address)
         crew.wait_for_workers()
         crew.refuse_unlike()
@@ -120,7 +120,7 @@ def opened(address: Address, parcel: Parcel) -> Iterator[Crew]:
 
 
 async def _greet(address: str) -> None:
-    """Say hello to a scheduler: the client itself would wait forever for one that is silent."""
+    """Connect to a scheduler with a timeout: the client itself would wait forever for a silent one."""
     from distributed import Security
     from distributed.comm.core import connect
 
@@ -137,7 +137,7 @@ class _Cluster:
 
     @contextmanager
     def _reaching(self) -> Iterator[None]:
-        """Say of a scheduler that does not answer any more that it is lost."""
+        """Report a scheduler that no longer responds as lost."""
         try:
             yield
         except RmrcError:
@@ -156,7 +156,7 @@ class _Cluster:
             raise _refused(self._address, _LOST) from None
 
     def refuse_unlike(self) -> None:
-        """Refuse workers that lack something, or have it in another version, and a scheduler without rmrc."""
+        """Refuse workers with missing or different versions, and a scheduler without rmrc."""
         with self._reaching():
             try:
                 self._client.run_on_scheduler(metadata.version, "rmrc")
@@ -174,7 +174,7 @@ class _Cluster:
 
     @property
     def room(self) -> int:
-        """How many pieces may be under way: two for each thread, one to do and one to begin with at once."""
+        """Number of pieces in progress: two per thread, one running and one ready."""
         now = time.monotonic()
         if now - self._looked > 1.0:
             self._looked = now
@@ -212,9 +212,9 @@ class _Cluster:
             yield from zip(some, found, strict=True)
 
     def _gathered(self, some: Sequence[Any]) -> Iterable[Any] | None:
-        """Return what came out of pieces that ended, or None if a worker went and took some of it with it.
+        """Return the results of finished pieces, or None if a worker disappeared with some of them.
 
-        Dask itself would wait here until others have done that again, and there may be none.
+        Dask itself would wait here until other workers have repeated them, and there may be none.
         """
 
         async def gather() -> Any:
@@ -238,7 +238,7 @@ class _Cluster:
         except RmrcError:
             raise
         except KilledWorker:
-            told = f"{which} ended each worker that began with them; look whether its memory is enough"
+            told = f"{which} ended every worker that started them; check whether it has enough memory"
         except (ImportError, AttributeError) as error:  # on a worker that came later
             self.refuse_unlike()
             told = f"a worker cannot load rmrc ({_brief(error)})"
@@ -261,11 +261,11 @@ def _brief(error: BaseException) -> str:
 
 def _nothing(who: str) -> str:
     package = f"rmrc[cluster]=={metadata.version('rmrc')}"
-    return f"{who} has no rmrc; install there what is here: pip install '{package}'"
+    return f"{who} has no rmrc; install the same version there: pip install '{package}'"
 
 
 def _unlike(name: str, theirs: Mapping[str, str], ours: Mapping[str, str]) -> str:
-    """Return in what a worker is not as the client is, or nothing."""
+    """Return the differences of a worker from the client, or ""."""
     differ = [
         f"{what} {theirs.get(what, 'none')}, here {own}"
         for what, own in ours.items()
@@ -274,13 +274,14 @@ def _unlike(name: str, theirs: Mapping[str, str], ours: Mapping[str, str]) -> st
     if not differ:
         return ""
     return (
-        f"worker {name} has {' and '.join(differ)}: its rows would not have the same bits; install the same"
+        f"worker {name} has {' and '.join(differ)}: its rows would differ in their bits; install the same "
+        "version"
     )
 
 
 @cache
 def _likeness() -> dict[str, str]:
-    """Return what must be the same for rows to have the same bits, of this process."""
+    """Return the properties of this process that determine the bits of a row."""
     folder = Path(__file__).parents[1]
     sources = hashlib.sha256()
     for file in sorted(folder.rglob("*.py")):
@@ -303,7 +304,7 @@ def _same(value: object) -> object:
 
 
 def _work(indices: range, sent: _Sent, work: Work[Any]) -> Any:
-    """Do a piece, with the models that this process has compiled before."""
+    """Run a piece, with the models already compiled in this process."""
     from distributed import get_worker
 
     with _unpacking:
@@ -331,10 +332,10 @@ def _work(indices: range, sent: _Sent, work: Work[Any]) -> Any:
 
 @contextmanager
 def _loop() -> Iterator[Any]:
-    """Yield the loop of a thread that has Ctrl-C and SIGHUP blocked.
+    """Yield the event loop of a thread with Ctrl-C and SIGHUP blocked.
 
-    These go to all processes of a terminal. The workers are started by this thread, and so have them
-    blocked from their first moment on; it is this process that ends them.
+    A terminal sends these signals to all its processes. This thread starts the workers, which inherit the
+    blocked signals; this process then ends them.
     """
     from distributed.utils import LoopRunner
 
@@ -371,10 +372,10 @@ def _processes(count: int, loop: Any) -> Iterator[Any]:
 
 @contextmanager
 def _deaf(*more: int) -> Iterator[None]:
-    """Block Ctrl-C and SIGHUP in this thread until the end, and for good in those that it starts.
+    """Block Ctrl-C and SIGHUP in this thread until the end, and permanently in processes that it starts.
 
     Args:
-        more: Other signals that are blocked.
+        more: Other signals to block.
     """
     if not hasattr(signal, "pthread_sigmask"):  # Windows
         yield
@@ -388,7 +389,7 @@ def _deaf(*more: int) -> Iterator[None]:
 
 @contextmanager
 def _silence() -> Iterator[None]:
-    """Keep Dask from writing about what we tell in a line, or what does not matter."""
+    """Keep Dask from logging errors that we report in one line, and harmless events."""
     loggers = [logging.getLogger(name) for name in _TALKERS]
     before = [logger.level for logger in loggers]
     with warnings.catch_warnings():
@@ -404,6 +405,6 @@ def _silence() -> Iterator[None]:
 
 
 def _closed(close: Callable[..., object], *arguments: object) -> None:
-    """Close what may be lost already."""
+    """Close an object that may already be lost."""
     with suppress(OSError, RuntimeError, asyncio.CancelledError):
         close(*arguments)

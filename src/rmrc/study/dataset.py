@@ -1,15 +1,15 @@
-"""The rows of a sweep on disk: a folder of finished batches while it runs, one Parquet file in the end.
+"""The rows of a sweep on disk: a folder of finished batches during the run, one Parquet file at the end.
 
-    NAME.sweep/_plan.json             what is run, and which columns a row has; written before the first run
+    NAME.sweep/_plan.json             runs and columns of the sweep; written before the first run
     NAME.sweep/part-00000017.parquet  the rows of one batch; appears whole, or not at all
     NAME.sweep.parquet                all rows by index; then the folder goes
 
-Either has all that is needed to go on, or to say that nothing is missing. Readers of Parquet skip what begins
+Either is enough to resume the sweep, or to find that it is complete. Readers of Parquet skip names that begin
 with `_` or `.`.
 
-What is there is not trusted. The plan and each part carry a SHA-256 of themselves, that of a part with the
-plan and its number: what was torn, changed, swapped or copied from elsewhere is found before it counts. This
-is meant for accidents; who may write to the folder can make files that pass.
+Existing files are not trusted. The plan and each part carry a SHA-256 of themselves, that of a part with the
+plan and its number. This detects truncated, changed, swapped or foreign files before their use. It guards
+against accidents, not against an attacker with write access.
 """
 
 import hashlib
@@ -44,10 +44,10 @@ Table: TypeAlias = pa.Table
 
 
 class Column(NamedTuple):
-    """What a column of the dataset holds.
+    """A column of the dataset.
 
     Attributes:
-        name: A key of the scenario, a figure of the scorecard, or one of our own.
+        name: A key of the scenario, a metric of the scorecard, or a name of our own.
         kind: `number`, `count`, `text` or `switch`.
         unit: SI, `1` for a plain number, "" for none.
         meaning: In a few words.
@@ -60,13 +60,13 @@ class Column(NamedTuple):
 
 
 class Contents(NamedTuple):
-    """What a dataset holds, ready for JSON.
+    """Description of a dataset, ready for JSON.
 
     Attributes:
-        identity: What decides the rows, by name: two sweeps are the same if all of it is equal.
-        runs: How many rows there are in the end.
-        batch: How many of them a part has; the last one may have fewer.
-        columns: Of a row.
+        identity: All inputs of the rows, by name: sweeps with equal identities are the same.
+        runs: Final number of rows.
+        batch: Rows per part; the last part may have fewer.
+        columns: Columns of a row.
     """
 
     identity: Mapping[str, Any]
@@ -76,30 +76,30 @@ class Contents(NamedTuple):
 
     @property
     def parts(self) -> int:
-        """How many parts there are in the end."""
+        """Final number of parts."""
         return -(-self.runs // self.batch)
 
     def indices(self, part: int) -> range:
-        """Return which runs a part has."""
+        """Return the runs of a part."""
         return range(part * self.batch, min((part + 1) * self.batch, self.runs))
 
     @property
     def schema(self) -> pa.Schema:
-        """Types of the columns, with their units and meanings, and the contents themselves as JSON."""
+        """Types of the columns, with units and meanings, and the contents as JSON."""
         contents = json.dumps(self._asdict(), ensure_ascii=False)
         return _described(self.columns).with_metadata({"rmrc": contents})
 
     @property
     def digest(self) -> str:
-        """Tells one plan from another, in hexadecimal."""
+        """Digest of the plan, in hexadecimal."""
         return hashlib.sha256(json.dumps(self._asdict(), sort_keys=True).encode()).hexdigest()
 
     @classmethod
     def read(cls, text: str | bytes) -> "Contents":
-        """Return the contents that were written as JSON.
+        """Return the contents from JSON.
 
         Raises:
-            ValueError: They are not what was written.
+            ValueError: They were altered.
         """
         facts = json.loads(text)
         digest = facts.pop("digest", None)
@@ -110,10 +110,10 @@ class Contents(NamedTuple):
 
 
 def as_parquet(columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> bytes:
-    """Return rows as the bytes of a Parquet file: of a part, which is small and travels.
+    """Return rows as the bytes of a Parquet file for a part, which is small and sent over the network.
 
-    So it has no units and meanings, which `_plan.json` and the one file have, and values without dictionaries
-    or statistics, which would be larger than so few of them. `Dataset.keep` fills in its digest.
+    It omits units and meanings, which `_plan.json` and the final file have, and dictionaries and statistics,
+    which would be larger than its few values. `Dataset.keep` fills in its digest.
     """
     bare = _bare(columns).with_metadata({_DIGEST: _NONE})
     stream = pa.BufferOutputStream()
@@ -125,34 +125,34 @@ class Dataset:
     """Rows of a sweep on disk.
 
     Attributes:
-        folder: Of the parts.
-        file: With all rows, in the end.
+        folder: Folder of the parts.
+        file: Final file with all rows.
     """
 
     def __init__(self, folder: Path, name: str) -> None:
-        """Name the files; nothing is read or written yet.
+        """Set the file names, without reading or writing.
 
         Args:
-            folder: Where they go.
-            name: Of the scenario.
+            folder: Folder of the files.
+            name: Name of the scenario.
         """
         self.folder, self.file = folder / f"{name}.sweep", folder / f"{name}.sweep.parquet"
         self._plan = self.folder / "_plan.json"
 
     @property
     def is_whole(self) -> bool:
-        """Whether all rows are in one file."""
+        """Whether one file has all rows."""
         return self.file.exists()
 
     def contents(self, identity: Mapping[str, Any], runs: int) -> Contents | None:
-        """Return the contents of what is there, or None.
+        """Return the contents of an existing dataset, or None.
 
         Args:
-            identity: Of the sweep that wants to go on with it.
-            runs: How many it has.
+            identity: Identity of the sweep to resume.
+            runs: Number of its runs.
 
         Raises:
-            ScenarioError: It is another sweep's, or no sweep's, or not what was written.
+            ScenarioError: It belongs to another sweep or to none, or was altered.
         """
         place = self.file if self.is_whole else self.folder
         try:
@@ -167,41 +167,41 @@ class Dataset:
         except (*_UNREADABLE, AttributeError, KeyError, TypeError, ValueError, RecursionError) as error:
             if isinstance(error, OSError) and error.filename and not isinstance(error, IsADirectoryError):
                 raise
-            what = "was altered" if str(error) == "was altered" else "is no sweep's"
-            raise ScenarioError.about(place, f"{what}; move it, or take another --out") from None
+            what = "was altered" if str(error) == "was altered" else "does not belong to a sweep"
+            raise ScenarioError.about(place, f"{what}; move it, or choose another --out") from None
         if differs:
-            what = f"is of another sweep ({', '.join(differs)} differ)"
+            what = f"belongs to another sweep ({', '.join(differs)} differ)"
         elif found.runs != runs:
-            what = f"is of {found.runs} runs, and not of {runs}"
+            what = f"has {found.runs} runs, and not of {runs}"
         elif self.is_whole:
             what = self._lack(found)
         else:
             return found
         if what:
-            raise ScenarioError.about(place, f"{what}; move it, or take another --out")
+            raise ScenarioError.about(place, f"{what}; move it, or choose another --out")
         return found
 
     def _lack(self, contents: Contents) -> str:
-        """Return what is wrong with the one file, or nothing: it must have all rows, in order."""
+        """Return the problem of the final file, or "": it must have all rows, in order."""
         with _opened(self.file) as file:
             if not file.schema_arrow.equals(contents.schema):
-                return "has other columns than it should"
+                return "has unexpected columns"
             first = 0
             for batch in file.iter_batches(columns=["index"]):
                 if batch["index"].to_pylist() != list(range(first, first + len(batch))):
-                    return "has not the rows that it should, each once and in order"
+                    return "does not have every row once and in order"
                 first += len(batch)
         return "" if first == contents.runs else f"has {first} of {contents.runs} rows"
 
     def begin(self, contents: Contents) -> None:
-        """Write what will be there."""
+        """Write the plan."""
         facts = {**contents._asdict(), "digest": contents.digest}
         text = json.dumps(facts, indent=1, ensure_ascii=False)
         with written_whole(self._plan) as temporary:
             temporary.write_text(f"{text}\n", "utf-8")
 
     def missing(self, contents: Contents) -> list[int]:
-        """Return the parts that are not there yet."""
+        """Return the missing parts."""
         if self.is_whole:
             return []
         # one without a byte is what a power failure may leave
@@ -209,11 +209,11 @@ class Dataset:
         return [part for part in range(contents.parts) if self._part(part).name not in there]
 
     def verify(self, contents: Contents) -> None:
-        """Check that what is there is what was written, before anything is added to it.
+        """Check existing files for alterations, before adding to them.
 
         Raises:
-            ScenarioError: A part is damaged, was altered or is of another sweep; or there is another file,
-                which would be lost with the folder.
+            ScenarioError: A part is damaged, altered or from another sweep; or the folder has a foreign file,
+                which would be lost.
         """
         if self.is_whole or not self.folder.is_dir():
             return
@@ -223,15 +223,15 @@ class Dataset:
                 if path.lstat().st_size:
                     self._table(parts[path.name], contents)
             elif not (path == self._plan or path.name.startswith(".")):
-                raise ScenarioError.about(path, "is no part of this sweep; move it, or take another --out")
+                raise ScenarioError.about(path, "is no part of this sweep; move it, or choose another --out")
 
     def keep(self, part: int, data: bytes, contents: Contents) -> None:
-        """Write one part, whole or not at all.
+        """Write one part atomically.
 
         Args:
-            part: Which.
-            data: Its rows, by `as_parquet`.
-            contents: Of the dataset.
+            part: Its number.
+            data: Its rows, as `as_parquet` returns them.
+            contents: Contents of the dataset.
         """
         digest = _digest(part, data, contents)
         at = data.rindex(_NONE)
@@ -239,14 +239,14 @@ class Dataset:
             temporary.write_bytes(data[:at] + digest + data[at + len(_NONE) :])
 
     def _table(self, part: int, contents: Contents) -> pa.Table:
-        """Return the rows of a part, after a look whether they are what was written.
+        """Return the rows of a part, checked for alterations.
 
         Raises:
-            ScenarioError: They are not.
+            ScenarioError: They were altered.
         """
         path = self._part(part)
         if not stat.S_ISREG(path.lstat().st_mode):
-            raise _spoiled(path, "is no file of its own")
+            raise _spoiled(path, "is not a regular file")
         data = path.read_bytes()
         try:
             with pq.ParquetFile(pa.BufferReader(data)) as file:
@@ -255,19 +255,19 @@ class Dataset:
             raise _spoiled(path, "is damaged") from None
         indices = contents.indices(part)
         if not table.schema.equals(_bare(contents.columns)):
-            raise _spoiled(path, "has other columns than the sweep")
+            raise _spoiled(path, "has columns that differ from the sweep's")
         if len(table) != len(indices):
             raise _spoiled(path, f"has {len(table)} rows instead of {len(indices)}")
         if table["index"].to_pylist() != list(indices):
-            raise _spoiled(path, f"has rows of other runs than {indices[0]} to {indices[-1]}")
+            raise _spoiled(path, f"has rows of runs outside {indices[0]} to {indices[-1]}")
         at = data.rfind(written) if len(written) == len(_NONE) else -1
         bare = data[:at] + _NONE + data[at + len(_NONE) :]
         if at < 0 or _digest(part, bare, contents) != written:
-            raise _spoiled(path, "was altered, or is of another sweep")
+            raise _spoiled(path, "was altered, or belongs to another sweep")
         return table.replace_schema_metadata(None)
 
     def merge(self, contents: Contents) -> None:
-        """Make one file of all parts, in order, and remove them; they are read one after another."""
+        """Merge all parts into one file, in order, reading one at a time, and remove them."""
         schema = contents.schema
         with (
             written_whole(self.file) as temporary,
@@ -282,7 +282,7 @@ class Dataset:
         self.clear()
 
     def clear(self) -> None:
-        """Remove the parts, where one file has them all; what is no part stays, and the folder with it."""
+        """Remove the parts once one file has them all; keep other files and their folder."""
         if not (self.is_whole and self.folder.is_dir()):
             return
         with suppress(OSError):
@@ -291,15 +291,15 @@ class Dataset:
             self.folder.rmdir()
 
     def table(self) -> Table:
-        """Return all rows, where one file has them all."""
+        """Return all rows of the final file."""
         with _opened(self.file) as file:
             return file.read()
 
     def batches(self, columns: Sequence[str]) -> Iterator[Mapping[str, list[Any]]]:
-        """Iterate over the rows of what is there, some thousands at a time: values by column.
+        """Iterate over the existing rows, some thousands at a time: values by column.
 
         Args:
-            columns: That are wanted.
+            columns: Names of the columns to read.
         """
         paths = [self.file] if self.is_whole else sorted(self.folder.glob("part-*.parquet"))
         for path in paths:
@@ -313,10 +313,10 @@ class Dataset:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[pq.ParquetFile]:
-    """Yield a file of rows to be read.
+    """Yield an open file of rows.
 
     Raises:
-        ScenarioError: It is not what was written.
+        ScenarioError: It was altered.
     """
     with path.open("rb") as data:
         try:
@@ -327,22 +327,22 @@ def _opened(path: Path) -> Iterator[pq.ParquetFile]:
 
 
 def _spoiled(path: Path, what: str) -> ScenarioError:
-    return ScenarioError.about(path, f"{what}; remove it, and the same command makes it again")
+    return ScenarioError.about(path, f"{what}; remove it and rerun the command to create it again")
 
 
 def _digest(part: int, data: bytes, contents: Contents) -> bytes:
-    """Return what tells that a part is as it was written, and of this plan; its own place holds zeros."""
+    """Return the digest of a part and its plan; the place of the digest itself holds zeros."""
     found = hashlib.sha256(f"{contents.digest} {part} ".encode())
     found.update(data)
     return found.hexdigest().encode()
 
 
 class Left(NamedTuple):
-    """What a file of rows holds that `sweep` or `tune` left.
+    """Contents of a file of rows from `sweep` or `tune`.
 
     Attributes:
         rows: Its columns, by name.
-        about: What is told of them, as JSON; "": nothing.
+        about: Metadata as JSON; "": none.
     """
 
     rows: Mapping[str, list[Any]]
@@ -350,22 +350,22 @@ class Left(NamedTuple):
 
 
 def read_left(path: Path) -> Left:
-    """Return what a file of rows holds.
+    """Return the contents of a file of rows.
 
     Raises:
         OSError: It cannot be opened.
-        QuestionError: It is something else, or damaged.
+        QuestionError: It is another kind of file, or damaged.
     """
     path.stat()  # of a file that is not there Arrow tells no more than of a damaged one
     try:
         table = pq.read_table(path)
     except _UNREADABLE:
-        raise QuestionError(f"{path}: is no Parquet file, or is damaged") from None
+        raise QuestionError(f"{path}: is not a Parquet file, or is damaged") from None
     return left_of(table)
 
 
 def left_of(table: Table) -> Left:
-    """Return what a table of rows holds."""
+    """Return the contents of a table of rows."""
     return Left(table.to_pydict(), (table.schema.metadata or {}).get(b"rmrc", b"").decode())
 
 
@@ -375,13 +375,13 @@ def write_table(
     rows: Sequence[Mapping[str, Any]],
     about: Mapping[str, Any] | None = None,
 ) -> None:
-    """Write a file of its own, whole or not at all; a number that a row lacks is NaN, anything else null.
+    """Write a file of rows atomically; a missing number is NaN, any other missing value null.
 
     Args:
-        path: Of the file.
-        columns: Of a row.
-        rows: All of them.
-        about: What else is told of them, as strict JSON, by the name `rmrc` in the file's metadata.
+        path: Path of the file.
+        columns: Columns of a row.
+        rows: All rows.
+        about: Metadata as strict JSON, stored under the name `rmrc` in the file.
     """
     schema = _described(columns)
     if about is not None:
@@ -391,7 +391,7 @@ def write_table(
 
 
 def _bare(columns: Sequence[Column]) -> pa.Schema:
-    """Return the types of columns alone."""
+    """Return the types of columns, without units and meanings."""
     return pa.schema([(column.name, _TYPES[column.kind]) for column in columns])
 
 
@@ -403,6 +403,6 @@ def _described(columns: Sequence[Column]) -> pa.Schema:
 
 
 def _table(schema: pa.Schema, columns: Sequence[Column], rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    """Return rows as a table; a number that a row lacks is NaN, like an undefined one, and else null."""
+    """Return rows as a table; a missing or undefined number is NaN, any other missing value null."""
     blanks = [(column.name, math.nan if column.kind == "number" else None) for column in columns]
     return pa.table({name: [row.get(name, blank) for row in rows] for name, blank in blanks}, schema)

@@ -1,4 +1,4 @@
-"""Who works on the pieces of a study: threads of this process here, or a cluster in `rmrc.study.dask`."""
+"""Workers for the pieces of a study: threads of this process, or a cluster by `rmrc.study.dask`."""
 
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
@@ -19,31 +19,31 @@ _LOOK = 0.2
 
 
 class Crew(Protocol):
-    """Who works on the pieces of one study; each that is under way has a future, of threads or of Dask."""
+    """Workers for the pieces of one study; each piece in progress has a future, of threads or of Dask."""
 
     @property
     def room(self) -> int:
-        """How many pieces may be under way now, so that nobody waits."""
+        """Number of pieces in progress at which no worker idles."""
 
     def shared(self, work: Work[Any]) -> object:
-        """Return what to give to `submit` for a work that is done with many pieces."""
+        """Return the argument of `submit` for a function that is applied to many pieces."""
 
     def submit(self, work: object, pieces: Sequence[range], stop: threading.Event) -> Iterable[Any]:
-        """Have pieces done, and return the future of each.
+        """Submit pieces, and return the future of each.
 
         Args:
-            work: As `shared` returned it.
+            work: The result of `shared`.
             pieces: Indices of the variants of each.
-            stop: Once it is set, nobody waits for the results.
+            stop: Event that cancels waiting for the results.
         """
 
     def ended(self, running: Mapping[Any, range]) -> Iterator[tuple[Any, Any]]:
-        """Wait a moment; iterate over the futures of some that ended by then, and what came out of each.
+        """Wait briefly; iterate over the finished futures and their results.
 
-        Where nothing came out of one, raise why, after those of which something did.
+        Raise the error of a failed one, after yielding the successful ones.
 
         Args:
-            running: The pieces that are under way, by their futures.
+            running: The pieces in progress, by their futures.
         """
 
 
@@ -51,12 +51,12 @@ class Threads:
     """Threads of this process: each runs its own batch."""
 
     def __init__(self, pool: ThreadPoolExecutor, count: int, study: object) -> None:
-        """Keep what they work with.
+        """Store the pool and the study.
 
         Args:
-            pool: Of the threads.
-            count: How many there are.
-            study: What they work on.
+            pool: Pool of the threads.
+            count: Number of threads.
+            study: The study.
         """
         self._pool, self._study = pool, study
         self.room = count + 1  # so that none waits while a part is written
@@ -66,11 +66,11 @@ class Threads:
         return work
 
     def submit(self, work: Any, pieces: Sequence[range], stop: threading.Event) -> list[Future[Any]]:
-        """Have pieces done by the next threads that are free."""
+        """Submit pieces to the next free threads."""
         return [self._pool.submit(work, self._study, piece, stop) for piece in pieces]
 
     def ended(self, running: Mapping[Future[Any], range]) -> Iterator[tuple[Future[Any], Any]]:
-        """Wait until a piece has ended, but not for long."""
+        """Wait for a piece to finish, with a short timeout."""
         ended = wait(running, _LOOK, FIRST_COMPLETED).done
         for future in sorted(ended, key=lambda one: one.exception() is not None):
             yield future, future.result()
@@ -78,11 +78,11 @@ class Threads:
 
 @contextmanager
 def threads(count: int, study: object) -> Iterator[Crew]:
-    """Yield so many threads; in the end, wait for what they are at.
+    """Yield a pool of threads; at the end, wait for their work.
 
     Args:
-        count: How many.
-        study: What they work on.
+        count: Number of threads.
+        study: The study.
     """
     with side_by_side(count) as pool:
         yield Threads(pool, count, study)
@@ -91,13 +91,13 @@ def threads(count: int, study: object) -> Iterator[Crew]:
 def done(
     crew: Crew, work: Work[P], pieces: Iterator[range], stop: threading.Event
 ) -> Generator[tuple[range, P], None, None]:
-    """Iterate over pieces and what came out of them, as they end; no more are begun than have room.
+    """Iterate over pieces and their results as they finish; start only as many as there is room for.
 
     Args:
-        crew: Who does it.
-        work: What is done.
-        pieces: Indices of variants, asked for as there is room.
-        stop: Once it is set, what has ended is all; set here when whoever iterates does not go on.
+        crew: The workers.
+        work: The function to apply.
+        pieces: Indices of variants, taken as there is room.
+        stop: Event that ends the iteration; set here if the caller stops iterating.
     """
     running: dict[Any, range] = {}
     shared = crew.shared(work)

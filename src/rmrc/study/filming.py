@@ -1,4 +1,4 @@
-"""`rmrc.render`: a picture or a film of runs, from the files that they left, or from a scenario."""
+"""`rmrc.render`: a picture or a film of runs, from their files or from a scenario."""
 
 import json
 import os
@@ -35,32 +35,32 @@ def render(
     fps: float = 20.0,
     size: tuple[int, int] | None = None,
 ) -> None:
-    """Draw a run, or several side by side: the arm by MuJoCo's renderer, its rates below it.
+    """Draw one run, or several side by side: the arm by MuJoCo's renderer, and its rates below.
 
     Off screen, by EGL or OSMesa; the function behind `rmrc render`.
 
     Args:
-        source: What `run` or `compare` left: NAME.npz or a file beside it; or a scenario, which is run first.
-        path: File to write, whole or not at all: `.png`, `.gif` or `.mp4`, which needs the extra `film`.
-        vary: Of a scenario: values of keys; their combinations are shown side by side.
-        at: Time of a picture [s]; None: where the first run is nearest to a singularity.
-        begin: Of a film [s].
-        end: Of a film [s]; None: of the longest run.
-        speed: Simulated seconds in one second of the film.
-        fps: Frames a second; of a GIF, the nearest that it can tell.
+        source: Output of `run` or `compare`: NAME.npz or its .rrd or .json; or a scenario, which is run
+            first.
+        path: File to write atomically: `.png`, `.gif` or `.mp4`, which needs the extra `film`.
+        vary: For a scenario: values of keys; draws their combinations side by side.
+        at: Time of a picture [s]; None: when the first run is nearest to a singularity.
+        begin: Start of a film [s].
+        end: End of a film [s]; None: end of the longest run.
+        speed: Simulated seconds per second of film.
+        fps: Frames per second; for a GIF, the nearest rate that the format supports.
         size: Width and height [pixels]; None: 480 × 480 for each run.
 
     Raises:
-        QuestionError: This machine cannot draw, the files do not have what is needed, or the model has
-            changed since the run.
-        ScenarioError: All that is wrong with the scenario, before anything moves.
+        QuestionError: This machine cannot draw, the files lack data, or the model has changed since the run.
+        ScenarioError: Lists the problems of the scenario, before the run starts.
         OSError: The file cannot be written.
     """
     from rmrc.film.film import Cut
 
     is_left = isinstance(source, str | os.PathLike) and Path(source).suffix in SUFFIXES
     if is_left and vary:
-        raise QuestionError(f"{source}: has been run, so that nothing can be varied; give the scenario")
+        raise QuestionError(f"{source}: is a finished run whose keys cannot vary; give the scenario")
     worlds = left(Path(source)) if is_left else ran(source, grid(vary) if vary else ())  # type: ignore[arg-type]
     draw(worlds, Path(path), Cut(at, begin, end, speed, fps), size)
 
@@ -75,7 +75,7 @@ def draw(
         raise QuestionError(f"--out {visible(str(path))}: must end in {', '.join(KINDS[:-1])} or {KINDS[-1]}")
     for label, (_, run) in worlds.items():
         if not len(run):
-            raise QuestionError(f"{quoted(label)} has no tick, so there is nothing to draw")
+            raise QuestionError(f"{quoted(label)} has no ticks to draw")
     render(worlds, path, cut, size, watch or (lambda _: nullcontext(lambda _: None)))
 
 
@@ -84,11 +84,11 @@ def ran(source: Source, variants: Sequence[Variant], overrides: Sequence[str] = 
 
     Args:
         source: The scenario, its file, or the name of a shipped one.
-        variants: None: it alone, by its name.
+        variants: Variants to run; None: the scenario alone, by its name.
         overrides: `KEY=VALUE` texts that hold for all.
 
     Raises:
-        ScenarioError: All that is wrong, before anything moves.
+        ScenarioError: Lists all problems, before the run starts.
     """
     study = Study(draft_of(source).overridden(overrides))
     worlds = study.prepare_all(variants) if variants else [study.prepare()]
@@ -99,20 +99,20 @@ def ran(source: Source, variants: Sequence[Variant], overrides: Sequence[str] = 
 
 
 def left(path: Path) -> Worlds:
-    """Return the runs of a file with the worlds that they ran in, which the JSON beside it tells, by label.
+    """Return the runs of a file with their worlds, rebuilt from its JSON, by label.
 
     Args:
-        path: NAME.npz, or a file beside it.
+        path: NAME.npz, or its .rrd or .json.
 
     Raises:
-        QuestionError: One of the two files is not there, or does not have what is needed; or the scenario can
-            no longer be prepared, as where its model is gone.
+        QuestionError: One of the two files is missing or lacks data; or the scenario can no longer be
+            prepared, as without its model.
     """
     runs, beside = read_runs(path.with_suffix(".npz")), path.with_suffix(".json")
     scenarios = _scenarios(beside)
     if list(scenarios) != list(runs):
         raise QuestionError(
-            f"{visible(str(beside))}: is of another run than {visible(path.stem)}.npz beside it"
+            f"{visible(str(beside))}: belongs to another run than {visible(path.stem)}.npz next to it"
         )
     worlds = {}
     for label, run in runs.items():
@@ -120,15 +120,15 @@ def left(path: Path) -> Worlds:
             worlds[label] = Study(loads(block(scenarios[label]))).prepare(), run
         except ScenarioError as error:
             (first, *_) = error.problems
-            raise QuestionError(f"{visible(str(beside))}: cannot be drawn any more: {first}") from None
+            raise QuestionError(f"{visible(str(beside))}: can no longer be drawn: {first}") from None
     return worlds
 
 
 def _scenarios(path: Path) -> Mapping[str, dict[str, Any]]:
-    """Return the scenarios that a JSON of `run` or `compare` has, by label."""
+    """Return the scenarios in a JSON file of `run` or `compare`, by label."""
     if not path.exists():
         raise QuestionError(
-            f"{visible(str(path))}: is not there; `run` and `compare` leave it, and it says which model ran"
+            f"{visible(str(path))}: is missing; `run` and `compare` write it, and it names the model"
         )
     try:
         facts = json.loads(path.read_text("utf-8"))
@@ -136,4 +136,6 @@ def _scenarios(path: Path) -> Mapping[str, dict[str, Any]]:
             return {one["label"]: one["scenario"] for one in facts["variants"]}
         return {facts["name"]: facts["scenario"]}
     except (ValueError, KeyError, TypeError):
-        raise QuestionError(f"{visible(str(path))}: has no scenario of a run, or is damaged") from None
+        raise QuestionError(
+            f"{visible(str(path))}: does not contain the scenario of a run, or is damaged"
+        ) from None

@@ -19,9 +19,9 @@ def filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]], paths:
     """Draw g(σ) of each variant, with the smallest σ of its run marked on it.
 
     Args:
-        name: Of the scenario.
+        name: Name of the scenario.
         curves: Label and curve of each variant, one or more.
-        paths: Files to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
+        paths: Files to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
     """
     with lettering():
         save(_filter_factors(name, curves), paths)
@@ -58,16 +58,16 @@ def _filter_factors(name: str, curves: Sequence[tuple[str, FilterFactor]]) -> Fi
 
 
 def _frame(axes: Axes, curves: Sequence[tuple[str, FilterFactor]]) -> None:
-    """Set ranges, in which a gain of 0 leaves at the bottom, and name the axes."""
+    """Set the ranges, with a gain of 0 below the lower edge, and label the axes."""
     positive = np.concatenate([curve.gain[curve.gain > 0.0] for _, curve in curves])
     sigma = np.concatenate([curve.sigma for _, curve in curves])
     axes.set_xlim(0.9 * sigma.min(), sigma.max())
     if len(positive):
         axes.set_ylim(0.5 * positive.min(), 2.0 * positive.max())
     axes.set_yscale("log", nonpositive="clip")
-    more = "" if is_narrow() else "\nmarks: the smallest of each run, at the edge if beyond"
+    more = "" if is_narrow() else "\nmarks: smallest value of each run, at the edge if outside"
     axes.set_xlabel(rf"$\sigma$ of the direction that is lost first [1]{more}")
     gain = r"$g(\sigma)$"
-    told = f"gain {gain} [1]" if is_narrow() else f"{gain}, joint rate for a unit of task velocity [1]"
+    told = f"gain {gain} [1]" if is_narrow() else f"{gain}, joint rate per unit task velocity [1]"
     axes.set_ylabel(told)
     axes.grid(which="major", color="0.85", linewidth=0.8)

@@ -1,7 +1,7 @@
-"""The filter g(σ) of a run's inverse over all σ: what the law would do nearer to a singularity.
+"""The filter g(σ) of a run's inverse over all σ: the response of the law nearer to a singularity.
 
-The compiled law itself is asked, so that no method needs its formula written twice: once for every σ, about
-the tick at which the arm was nearest, with nothing changed but σ of the direction that is lost first.
+It calls the compiled law, so that no method needs its formula twice: once per σ, at the tick nearest to the
+singularity, changing only σ of the direction that is lost first.
 """
 
 from dataclasses import dataclass
@@ -43,15 +43,15 @@ class FilterFactor:
 
 
 def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
-    """Return the gain of the direction that is lost first, as it would be for other σ of that direction.
+    """Return the gain of the direction that is lost first as a function of its σ.
 
-    All else is as it was at the tick of the smallest σ: the other singular values, all directions, and what
-    the command asks for, on which some methods depend. σ ends where the direction would not be the last any
-    more, or, if there is no other, at 1.2 times the largest of the run.
+    Everything else stays as at the tick of the smallest σ: the other singular values, all directions, and the
+    command, on which some methods depend. σ ends where the direction would no longer be the last, or, for a
+    single direction, at 1.2 times the largest of the run.
 
     Args:
         prepared: The world.
-        run: What it did, one tick or more.
+        run: Its run, with at least one tick.
     """
     tick = int(np.argmin(run["sigma"][:, -1]))
     task, n = prepared.task, prepared.arm.n
@@ -61,10 +61,12 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
     largest = float(sigmas[0] if k > 1 else run["sigma"].max())
     end = float(sigmas[-2]) if k > 1 else 1.2 * largest
 
+    law = machine_code(resolve, at, np.zeros(1, tick_type(n)))  # which fills in `at`, the same for every σ
+
     def gain(sigma: float) -> float:
         world, out = at.copy(), np.zeros(1, tick_type(n))
         world["J"][0, task.rows, :n] = (u * [*sigmas[:-1], sigma]) @ v / scale
-        machine_code(resolve, world, out)(world, out)
+        law(world, out)
         return float(out["gain"][0, k - 1])
 
     sigma = np.geomspace(min(NEAREST * largest, 0.1 * end), end, POINTS)
@@ -73,7 +75,7 @@ def filter_factor(prepared: Prepared, run: Run) -> FilterFactor:
 
 
 def compile_for(prepared: Prepared) -> None:
-    """Load the compiled law for one problem alone, or compile it the first time, which takes seconds."""
+    """Load the compiled law for a single problem, or compile it on first use, which takes seconds."""
     n = prepared.arm.n
     machine_code(resolve, _record(prepared), np.zeros(1, tick_type(n)))
 
@@ -91,7 +93,7 @@ def _record(prepared: Prepared) -> NDArray[np.void]:
 
 
 def _world_at(prepared: Prepared, run: Run, tick: int) -> NDArray[np.void]:
-    """Return the record of a world, (1,), as the law finds it at a tick."""
+    """Return the record of a world, (1,), as input of the law at a tick."""
     control, arm, task, world = prepared.scenario.control, prepared.arm, prepared.task, _record(prepared)
     q = run["q_believed"][tick]
     pose = arm.pose(q)

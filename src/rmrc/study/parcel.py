@@ -1,4 +1,4 @@
-"""A parcel: all that a study is made of, as bytes, for where its files are not; and its way out of it."""
+"""A parcel: all inputs of a study as bytes, for machines without its files; packing and unpacking."""
 
 import hashlib
 import os
@@ -22,7 +22,7 @@ class Model:
 
     Attributes:
         file: Its place in the parcel.
-        digest: Of it and of all that it depends on, wherever they lie.
+        digest: Digest of the file and its dependencies, independent of their location.
     """
 
     file: str
@@ -34,13 +34,12 @@ class Parcel:
     """A scenario with its models.
 
     Attributes:
-        draft: Of the scenario.
-        folder: Where the scenario was.
-        root: Where all files of models were.
-        models: And recorded motions and profiles, by the names that the scenario has for them; those that are
-            no files are not here.
-        files: Of models and what they depend on, by their paths from the root.
-        folders: Of packages, by the names that the scenario has for them, as paths from the root.
+        draft: Draft of the scenario.
+        folder: Original folder of the scenario.
+        root: Original common folder of all model files.
+        models: Models, recorded motions and profiles that are files, by their names in the scenario.
+        files: Files of models and their dependencies, by their paths from the root.
+        folders: Folders of packages, by their names in the scenario, as paths from the root.
     """
 
     draft: Draft
@@ -52,16 +51,16 @@ class Parcel:
 
     @cached_property
     def digest(self) -> str:
-        """Tells one parcel from another."""
+        """Identifier of the parcel."""
         facts = [self.draft.document, self.folder, self.root, sorted(self.models.items())]
         return hashlib.sha256(repr(facts).encode()).hexdigest()
 
 
 def pack(draft: Draft) -> Parcel:
-    """Return the parcel of a scenario without mistakes.
+    """Return the parcel of a valid scenario.
 
     Args:
-        draft: Of the scenario.
+        draft: Draft of the scenario.
 
     Raises:
         OSError: A file cannot be read.
@@ -88,20 +87,20 @@ def pack(draft: Draft) -> Parcel:
 
 
 def _digest(model: Path, some: Sequence[Path], contents: Mapping[Path, bytes]) -> str:
-    """Return a hash of some files and of where they lie as seen from the model."""
+    """Return a hash of files and of their locations relative to the model."""
     facts = [(os.path.relpath(file, model.parent), hashlib.sha256(contents[file]).digest()) for file in some]
     return hashlib.sha256(repr(sorted(facts)).encode()).hexdigest()
 
 
 class Unpacked:
-    """A parcel in a folder of its own, which is removed with it."""
+    """A parcel unpacked into a temporary folder of its own."""
 
     def __init__(self, parcel: Parcel, parent: str | None = None) -> None:
         """Write the files.
 
         Args:
-            parcel: What came.
-            parent: Where the folder is made; None: among temporary files.
+            parcel: The parcel.
+            parent: Parent of the new folder; None: the folder of temporary files.
 
         Raises:
             ValueError: A file would leave the folder.
@@ -126,5 +125,5 @@ class Unpacked:
         return file
 
     def told(self, problem: Problem) -> Problem:
-        """Return a problem with the paths that the files had where they come from."""
+        """Return a problem with the original paths of the files."""
         return problem._replace(text=problem.text.replace(str(self.folder), self._root.rstrip(os.sep)))

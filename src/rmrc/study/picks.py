@@ -1,4 +1,4 @@
-"""Full recordings of chosen rows: `--record worst:3`. Those runs are run again, with the same bits."""
+"""Full recordings of chosen rows: `--record worst:3`. The chosen runs are repeated, with the same bits."""
 
 import heapq
 import math
@@ -16,17 +16,17 @@ USUAL = "position_error.max"
 
 
 def figures_of(expect: Iterable[str]) -> tuple[str, ...]:
-    """Return the figures that expectations are about: of a profile, how many commands it refuses."""
+    """Return the metrics of expectations: for a profile, the number of refused commands."""
     return tuple(f"{PROFILE}.refused" if name == PROFILE else name for name in expect)
 
 
 class Choice(NamedTuple):
-    """Which rows are recorded.
+    """A choice of rows to record.
 
     Attributes:
-        worst: Whether those with the worst figure, else with the best.
-        most: How many.
-        figure: Its name; "": that of the first expectation, or the largest position error.
+        worst: Whether to record the worst rows, otherwise the best.
+        most: Number of rows.
+        figure: Name of the metric; "": that of the first expectation, or the largest position error.
     """
 
     worst: bool
@@ -35,10 +35,10 @@ class Choice(NamedTuple):
 
     @classmethod
     def read(cls, text: str) -> "Choice":
-        """Return the choice in a text: `worst:3`, `best:1` or `worst:3:joint_rate.peak`.
+        """Return the choice written in a text: `worst:3`, `best:1` or `worst:3:joint_rate.peak`.
 
         Raises:
-            ScenarioError: The text is none.
+            ScenarioError: The text is invalid.
         """
         which, _, rest = text.partition(":")
         count, _, figure = rest.partition(":")
@@ -48,31 +48,31 @@ class Choice(NamedTuple):
         return cls(which == "worst", int(count), figure)
 
     def settled(self, one: Scenario, columns: Sequence[Column]) -> "Choice":
-        """Return the choice with its figure.
+        """Return the choice with its metric.
 
         Args:
             one: The scenario.
-            columns: Of its rows.
+            columns: Columns of its rows.
 
         Raises:
-            ScenarioError: No row has such a number.
+            ScenarioError: No row has this metric.
         """
         figure = self.figure or next(iter(figures_of(one.expect)), USUAL)
         numbers = [c.name for c in columns if c.kind == "number"]
         if figure not in numbers:
-            near = did_you_mean(figure, numbers) or "; take one such as joint_rate.peak"
-            raise ScenarioError.about("--record", f"no row has a number {scenario.inline(figure)}{near}")
+            near = did_you_mean(figure, numbers) or "; choose one such as joint_rate.peak"
+            raise ScenarioError.about("--record", f"no row has the metric {scenario.inline(figure)}{near}")
         return self._replace(figure=figure)
 
 
 def chosen(dataset: Dataset, choice: Choice, expect: Mapping[str, Check | str]) -> list[int]:
-    """Return the indices of the chosen rows, the most extreme first; of equal ones, the first.
+    """Return the indices of the chosen rows, the most extreme first; the first of equal ones.
 
     Args:
-        dataset: The rows; those without the figure are never chosen.
-        choice: With its figure.
-        expect: Says what is bad: to be above, below or far off; else `.min` and `completed` are bad where
-            they are small, and everything else where it is large.
+        dataset: The rows; those without the metric are never chosen.
+        choice: The choice, with its metric.
+        expect: Expectation that defines the bad direction; without one, small values of `.min` and
+            `completed` are bad, and large values of all others.
     """
     wanted = expect.get(choice.figure)
     bad = _badness(choice.figure, wanted if isinstance(wanted, Check) else None)

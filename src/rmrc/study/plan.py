@@ -1,9 +1,9 @@
-"""The plan of a sweep: which runs there are, each known by its index and by nothing else.
+"""The plan of a sweep: its runs, each identified by its index alone.
 
     index = (cell · samples + sample) · repeats + repeat
 
 A cell is one combination of the values that vary, the last key changing fastest. Every cell has the same
-samples and the same seeds: what differs between cells is what varies, and not chance.
+samples and the same seeds, so that cells differ by the varied keys and not by chance.
 """
 
 import math
@@ -28,17 +28,17 @@ Value = object  # of YAML: a number, a text, a switch, nothing, or a list or a m
 
 @dataclass(frozen=True)
 class Plan:
-    """Which runs there are.
+    """The runs of a sweep.
 
     Attributes:
         vary: Keys and their values; their combinations are the cells.
-        draw: Keys that are drawn, with their bounds.
+        draw: Drawn keys, with their bounds.
         sampler: `random` or `sobol`.
-        samples: Of each cell.
-        repeat: How often each sample is run.
-        seed: Of the samples, and of the first run's encoders.
-        plant_seed: Of the first run's plant.
-        origins: Where the values or bounds of a key were given, for messages.
+        samples: Samples of each cell.
+        repeat: Runs per sample.
+        seed: Seed of the samples, and of the first run's encoders.
+        plant_seed: Seed of the first run's plant.
+        origins: Origins of the values or bounds of each key, for messages.
     """
 
     vary: tuple[tuple[str, tuple[Value, ...]], ...] = ()
@@ -56,19 +56,19 @@ class Plan:
 
     @property
     def count(self) -> int:
-        """Number of runs, as large as it may be."""
+        """Number of runs, of any size."""
         return math.prod(len(values) for _, values in self.vary) * self.samples * self.repeat
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """What varies or is drawn, in the order of the columns."""
+        """The varied and drawn keys, in the order of the columns."""
         return (*(key for key, _ in self.vary), *(key for key, _, _ in self.draw))
 
     def values(self, index: int) -> dict[str, Value]:
         """Return the value of each key in one run.
 
         Args:
-            index: Of the run, from 0 on.
+            index: Index of the run, from 0 on.
 
         Example:
             >>> plan = Plan(vary=(("a", (1, 2)), ("b", ("x", "y", "z"))), repeat=2)
@@ -99,13 +99,13 @@ class Plan:
 
     @cached_property
     def _steps(self) -> list[tuple[str, Key, Origin | None]]:
-        """The keys, their steps and origins; what is deeper comes later."""
+        """The keys, their steps and origins, deeper keys later."""
         return sorted(
             ((key, parse_key(key), self.origins.get(key)) for key in self.keys), key=lambda one: len(one[1])
         )
 
     def changes(self, index: int) -> tuple[Change, ...]:
-        """Return what makes one run of the scenario; what is deeper comes later."""
+        """Return the changes that make one run of the scenario, deeper keys later."""
         values = self.values(index)
         varied = [Change(steps, values[key], origin) for key, steps, origin in self._steps]
         seed = self.run_seed(index)
@@ -119,11 +119,11 @@ class Plan:
 
     @property
     def most_told(self) -> int:
-        """How many problems are told, of all that a sweep may have."""
+        """Number of problems to report of a sweep."""
         return _TOLD
 
     def named(self, indices: Sequence[int], count: int) -> list[str]:
-        """Return how messages call the runs that have a problem in common: how many, and the first."""
+        """Return the words for the runs with a common problem: their number, and the first."""
         return [f"{count} runs, the first " * (count > 1) + self.label(indices[0])]
 
 
@@ -139,9 +139,9 @@ def _short(value: Value) -> str:
 
 
 def plan_of(scenario: Scenario) -> Plan:
-    """Return the plan that the `sweep` section of a scenario asks for.
+    """Return the plan of a scenario's `sweep` section.
 
-    Without a seed of its own, the sweep takes those of the arm's encoders and of the plant.
+    Without its own seed, the sweep uses those of the arm's encoders and of the plant.
     """
     sweep = scenario.sweep
     places = {key: f"sweep.vary.{key}" for key in sweep.vary} | {

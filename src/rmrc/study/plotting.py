@@ -1,4 +1,4 @@
-"""The picture of whatever a verb left or returned: `rmrc.plot`."""
+"""`rmrc.plot`: the picture of a verb's output or result."""
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -26,18 +26,18 @@ def plot(
     Args:
         result: A run; runs by label, as `compare` returns them; the rows that `sweep` returns; or the file of
             either, `NAME.npz` or `NAME.sweep.parquet`.
-        path: File to write, whole or not at all: `.png`, `.svg` or `.pdf`; None: no file.
-        panels: Of path, rates, sigma, error, torque, pace, status and g, in this order from the top; of a
-            sweep, of distributions and parallel; none: all that there is something for.
-        width: Of the figure [in]: 3.5 and 7.16 are one and two columns of a journal.
-        font: Size of the letters [pt].
+        path: File to write atomically: `.png`, `.svg` or `.pdf`; None: no file.
+        panels: Panels among path, rates, sigma, error, torque, pace, status and g, in this order from the
+            top; for a sweep, distributions and parallel; none: all that have data.
+        width: Width of the figure [in]: 3.5 and 7.16 are one and two columns of a journal.
+        font: Font size [pt].
 
     Returns:
         The figure, which a notebook shows.
 
     Raises:
         OSError: A file cannot be read or written.
-        QuestionError: The file is something else, or damaged; or there is nothing to draw.
+        QuestionError: The file is of another kind, or damaged; or it has no data to draw.
     """
     to = None if path is None else Path(path)
     swept, runs = None, dict[str, Run]()
@@ -56,5 +56,5 @@ def plot(
         return sweep_figure.plot(swept, to, panels, width, font)
     for label, run in runs.items():
         if not len(run):
-            raise QuestionError(f"{label} has no tick, so there is nothing to draw")
+            raise QuestionError(f"{label} has no ticks to draw")
     return plot_runs(runs, to, panels, width, font)

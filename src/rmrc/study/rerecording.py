@@ -1,4 +1,4 @@
-"""Recordings made anew: from the columns that a run left, and the scenario in the JSON beside them."""
+"""Recordings rebuilt from the columns of a run and the scenario in its JSON file."""
 
 import json
 from collections.abc import Iterator, Sequence
@@ -22,15 +22,14 @@ BLOCK = 1000
 
 
 def rerecord(path: Path, recording: Path) -> None:
-    """Write the recording of a run or a comparison from what else it left.
+    """Write the recording of a run or a comparison from its other files.
 
     Args:
-        path: NAME.npz, with NAME.json beside it.
-        recording: To be written, ending in `.rrd`.
+        path: NAME.npz, with NAME.json in the same folder.
+        recording: File to write, ending in `.rrd`.
 
     Raises:
-        QuestionError: One of the two is not there, damaged, or does not have what is needed, as where the
-            model of the scenario is gone.
+        QuestionError: One of the two is missing, damaged or lacks data; or the model no longer exists.
         OSError: The recording cannot be written.
     """
     worlds = left(path)
@@ -80,7 +79,7 @@ def _write_all(worlds: Worlds, facts: Sequence[dict[str, Any]], recording: Path)
 
 
 def _blocks(run: Run) -> Iterator[Run]:
-    """Yield a run in parts; where it diverged, the last one tells."""
+    """Yield a run in parts; after a divergence, the last part has it."""
     for first in range(0, max(len(run), 1), BLOCK):
         last = first + BLOCK >= len(run)
         columns = {name: values[first : first + BLOCK] for name, values in run.columns.items()}

@@ -1,4 +1,4 @@
-"""Result -> row of a sweep: the keys that vary, every figure of the scorecard, and how the run ended."""
+"""Rows of a sweep: the varied keys, every metric of the scorecard, and the end of the run."""
 
 import hashlib
 import json
@@ -33,9 +33,9 @@ NOT_KEPT = frozenset({"wall_time", "speed"})
 
 
 def own_columns(plan: Plan) -> list[Column]:
-    """Return the columns before the figures: index, keys, seed, and how the run ended."""
+    """Return the columns before the metrics: index, keys, seed, and the end of the run."""
     known = {row.key: row for row in schema_rows()}
-    columns = [Column("index", "count", "1", "number of the run in the sweep, from 0 on")]
+    columns = [Column("index", "count", "1", "number of the run in the sweep, from 0")]
     for key in plan.keys:
         general = re.sub(r"\[\d+\]", "[]", key)
         row = known.get(general) or known.get(general.removesuffix("[]"))
@@ -44,23 +44,23 @@ def own_columns(plan: Plan) -> list[Column]:
         columns.append(Column(key, kind, *about))
     return [
         *columns,
-        Column("seed", "count", "1", "arm.encoder.seed of the run; plant.seed counts along"),
-        Column("status", "text", "", "how the run ended: complete, unfinished (its time was up) or diverged"),
-        Column("divergence", "text", "", "where it diverged and why; null if it did not"),
-        Column("met", "switch", "", "whether all that is expected was met; null if nothing is expected"),
+        Column("seed", "count", "1", "arm.encoder.seed of the run; plant.seed counts in step"),
+        Column("status", "text", "", "end of the run: complete, unfinished (time limit reached) or diverged"),
+        Column("divergence", "text", "", "time and cause of divergence; null if none"),
+        Column("met", "switch", "", "whether all expectations were met; null without expectations"),
     ]
 
 
 def last_columns() -> list[Column]:
-    """Return the columns behind the figures: what a row was made of."""
+    """Return the columns after the metrics: the inputs of a row."""
     return [
         Column("scenario", "text", "", "hash of the scenario and its model, without name and expectations"),
-        Column("versions", "text", "", "of what decides the bits, as JSON"),
+        Column("versions", "text", "", "of everything that determines the bits, as JSON"),
     ]
 
 
 def figure_columns(runs: Iterable[Prepared]) -> list[Column]:
-    """Return the figures of all runs; which there are depends on joints and axes alone, so on few of them."""
+    """Return the metrics of all runs; they depend only on joints and axes, so a few runs suffice."""
     units: dict[str, dict[str, None]] = {}
     figures: dict[str, Figure] = {}
     for one in runs:
@@ -76,7 +76,7 @@ def figure_columns(runs: Iterable[Prepared]) -> list[Column]:
 
 
 def _kind(values: Sequence[Value]) -> str:
-    """Return the type of a column that holds these values and perhaps nothing."""
+    """Return the type of a column with these values, some possibly missing."""
     given = [value for value in values if value is not None]
     if all(isinstance(value, bool) for value in given):
         return "switch"
@@ -86,7 +86,7 @@ def _kind(values: Sequence[Value]) -> str:
 
 
 def _number(value: Value) -> float | None:
-    """Return a number, or an angle in radians; None for what is neither."""
+    """Return a number, or an angle in radians; None for any other value."""
     if isinstance(value, int | float) and not isinstance(value, bool):
         return float(value)
     try:
@@ -96,15 +96,15 @@ def _number(value: Value) -> float | None:
 
 
 class AsRows:
-    """Makes the rows of some results, as the Parquet file of a part."""
+    """Make the rows of some results, as the Parquet file of a part."""
 
     def __init__(self, plan: Plan, base: Scenario, columns: Sequence[Column]) -> None:
-        """Keep what all rows share.
+        """Store the data common to all rows.
 
         Args:
-            plan: Of the sweep.
+            plan: Plan of the sweep.
             base: Its scenario.
-            columns: Of a row.
+            columns: Columns of a row.
         """
         self._plan, self._columns, self._versions = plan, columns, json.dumps(facts.versions())
         self._own = [column for column in columns if column.name in plan.keys]  # others have their type
@@ -116,7 +116,7 @@ class AsRows:
         return as_parquet(self._columns, [typed(self.row(one), self._own) for one in results])
 
     def row(self, one: Result) -> dict[str, Any]:
-        """Return the row of a result, with the values of its keys as they were given."""
+        """Return the row of a result, with the values of its keys as given."""
         values = {name: figure.value for name, figure in one.scorecard.figures.items()}
         met = all(outcome.ok for outcome in one.outcomes) if one.outcomes else None
         return {
@@ -134,7 +134,7 @@ class AsRows:
 
 
 def fingerprint(arm: Arm) -> str:
-    """Return what tells one compiled model from another, wherever its files lie."""
+    """Return a digest of a compiled model, independent of the location of its files."""
     if arm not in _prints:
         found = hashlib.sha256()
         for name, data in _numbers(arm.model):
@@ -144,7 +144,7 @@ def fingerprint(arm: Arm) -> str:
 
 
 def _numbers(model: Any) -> Iterator[tuple[str, bytes]]:
-    """Iterate over all that a compiled model holds, but for the paths of its files and how long these are."""
+    """Iterate over the contents of a compiled model, without the paths of its files and their lengths."""
     for name in dir(model):
         hidden = name.startswith("_") or "path" in name or name == "nbuffer"
         value = None if hidden else getattr(model, name)
@@ -157,12 +157,12 @@ def _numbers(model: Any) -> Iterator[tuple[str, bytes]]:
 
 
 def digest(one: Scenario, model: str, same: Mapping[str, str] = MappingProxyType({})) -> str:
-    """Return a hash of what a run depends on: of its scenario but for name, expectations and sweep.
+    """Return a hash of a run's inputs: its scenario without name, expectations and sweep.
 
     Args:
         one: The scenario.
-        model: Stands for the model's file, which may lie anywhere.
-        same: Sections as JSON that are known to be these.
+        model: Replacement for the path of the model's file.
+        same: Known JSON of sections.
     """
     texts = {name: same[name] if name in same else _as_json(one, name, model) for name in _SECTIONS}
     text = ", ".join(f'"{name}": {section}' for name, section in texts.items())
@@ -170,13 +170,13 @@ def digest(one: Scenario, model: str, same: Mapping[str, str] = MappingProxyType
 
 
 def _as_json(one: Scenario, name: str, model: str = "") -> str:
-    """Return a section of a scenario as JSON, with something for the model's file."""
+    """Return a section of a scenario as JSON, with a replacement for the model's file."""
     data: dict[str, Any] = getattr(one, name).model_dump(mode="json")
     return _SORTED.encode(data | {"model": model} if name == "arm" else data)
 
 
 def typed(row: dict[str, Any], columns: Sequence[Column]) -> dict[str, Any]:
-    """Return a row with its values as the columns have them: angles as numbers, lists as YAML."""
+    """Return a row with values converted for the columns: angles to numbers, lists to YAML."""
     result = dict(row)
     for name, kind, _, _ in columns:
         value = result.get(name)

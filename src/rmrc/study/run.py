@@ -1,4 +1,4 @@
-"""One scenario from file to files: run it, score it, leave a recording, the arrays and a scorecard."""
+"""Run one scenario: score it, and write a recording, the arrays and a scorecard."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -16,21 +16,21 @@ from rmrc.study.study import Ran, Study
 
 @dataclass(frozen=True, eq=False)
 class Scored(Ran):
-    """What came of a scenario, beside its baseline.
+    """Result of a scenario, with its baseline.
 
     Attributes:
-        baseline: What came of that, if it has one.
+        baseline: Result of the baseline, if there is one.
     """
 
     baseline: Ran | None
 
     @property
     def beside(self) -> Scorecard | None:
-        """The figures of its baseline."""
+        """The metrics of its baseline."""
         return None if self.baseline is None else self.baseline.scorecard
 
     def facts(self) -> dict[str, Any]:
-        """Return what is known about both, ready for strict JSON."""
+        """Return the facts about both, ready for strict JSON."""
         found = {"verdict": self.run.verdict, **super().facts()}
         if self.baseline is None:
             return found
@@ -39,7 +39,7 @@ class Scored(Ran):
 
 
 def beside(results: Sequence[Ran]) -> tuple[Scored, ...]:
-    """Return the result of a scenario as one that has its baseline's, if there is one."""
+    """Return the result of a scenario, with that of its baseline if there is one."""
     one, baseline = (*results, None)[:2]
     assert one is not None
     run = one.run if baseline is None else replace(one.run, baseline=baseline.run)
@@ -47,7 +47,7 @@ def beside(results: Sequence[Ran]) -> tuple[Scored, ...]:
 
 
 class Job(Batch[Scored]):
-    """A scenario that was checked and is ready to run."""
+    """A validated scenario, ready to run."""
 
     kinds = (".rrd", ".npz", ".json")
 
@@ -56,11 +56,11 @@ class Job(Batch[Scored]):
 
         Args:
             source: The scenario, its file, or the name of a shipped one.
-            folder: Where its files go; made if it is missing.
+            folder: Folder for its files; created if missing.
             record: Whether to write a recording.
 
         Raises:
-            ScenarioError: All that is wrong, a line each.
+            ScenarioError: Lists all problems, one line each.
             OSError: The files cannot be written.
         """
         study = Study(source)

@@ -1,4 +1,4 @@
-"""Sobol's sequence: points that fill a unit cube more evenly than chance does, each known by its index."""
+"""The Sobol sequence: points that fill a unit cube more evenly than random points, by index."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,7 @@ _V = _direction_numbers()
 
 
 def sobol_point(index: int, dimensions: int, seed: int | None = None) -> NDArray[np.float64]:
-    """Return one point of Sobol's sequence in the unit cube.
+    """Return one point of the Sobol sequence in the unit cube.
 
     x = ⊕ v_j over the digits j of Gray's code i ⊕ ⌊i/2⌋ that are 1 [JoeKuo08]. A seed shifts all points by
     one random point, digit by digit, which keeps every box as evenly filled and the origin out.
@@ -65,7 +65,7 @@ def sobol_point(index: int, dimensions: int, seed: int | None = None) -> NDArray
     Args:
         index: From 0 on, below 2³².
         dimensions: 1 to 20.
-        seed: Of the digital shift; None: no shift.
+        seed: Seed of the digital shift; None: no shift.
 
     Returns:
         A point in [0, 1), (dimensions,).

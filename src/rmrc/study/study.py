@@ -1,12 +1,12 @@
-"""A study: variants of one scenario, checked and run in pieces; each is to the bit what it is alone.
+"""A study: variants of one scenario, checked and run in pieces; each has the bits of a separate run.
 
     variants --prepare_all--> worlds --compile--> --step, watched--> Result, one each       a few, here
     variants --check--> Checked, and in pieces --step--> Result, one each --reduce, where they ran-->
         payload --Sink, here                                                              many, by a crew
 
-`run` and `statics --hold` are a study of one, `compare` of a few, `sweep` of thousands, and `tune` asks one
-for what it tries next. Watchers see the ticks of a few: progress, a recording, a rule that ends them. Who
-works on the pieces of many is a crew of `rmrc.study.executors`, of threads or of other machines.
+`run` and `statics --hold` are a study of one variant, `compare` of a few, `sweep` of thousands, and `tune`
+uses one for its trials. Watchers receive the ticks of a few variants: progress, a recording, a stopping rule.
+A crew of `rmrc.study.executors` works on the pieces of many, in threads or on other machines.
 """
 
 import math
@@ -46,34 +46,34 @@ OnRuns = Callable[[int], None]
 
 
 class Variants(Protocol):
-    """Which variants there are, each known by its index and by nothing else."""
+    """The variants, each identified by its index alone."""
 
     @property
     def most_told(self) -> int:
-        """How many problems are told."""
+        """Number of problems to report."""
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of variants."""
 
     def changes(self, index: int) -> tuple[Change, ...]:
-        """Return what makes one of them."""
+        """Return the changes that make one of them."""
 
     def named(self, indices: Sequence[int], count: int) -> list[str]:
-        """Return how messages call those that have a problem in common.
+        """Return the words for variants with a common problem.
 
         Args:
-            indices: The first of them.
-            count: How many they are.
+            indices: Indices of the first of them.
+            count: Their number.
         """
 
 
 @dataclass(frozen=True)
 class Listed:
-    """A few variants, each of them named in messages.
+    """A few variants, each with a label for messages.
 
     Attributes:
         variants: All of them.
-        kind: What stands before the label, such as `variant`.
+        kind: Word before the label, such as `variant`.
     """
 
     variants: Sequence[Variant]
@@ -81,35 +81,35 @@ class Listed:
 
     @property
     def most_told(self) -> int:
-        """As many as there are."""
+        """The number of variants."""
         return sys.maxsize
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of variants."""
         return len(self.variants)
 
     def changes(self, index: int) -> tuple[Change, ...]:
-        """Return what makes one of them."""
+        """Return the changes that make one of them."""
         return self.variants[index].changes
 
     def named(self, indices: Sequence[int], count: int) -> list[str]:  # noqa: ARG002 - all are named
-        """Return the label of each that has a problem."""
+        """Return the label of each variant with a problem."""
         labels = (self.variants[index].label for index in indices)
         return [f'{self.kind} "{label}"' if self.kind else label for label in labels]
 
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What came of one variant.
+    """The result of one variant.
 
     Attributes:
-        index: Of the variant.
-        prepared: What was run.
-        scorecard: Its figures.
-        outcomes: Of the expectations that count: all that its scenario has.
-        divergence: Where it diverged.
-        interrupted: Whether the runs were ended from outside.
-        ended: Whether a rule ended it before its time.
+        index: Index of the variant.
+        prepared: The world of the run.
+        scorecard: Its metrics.
+        outcomes: Outcomes of the expectations that count: all that its scenario has.
+        divergence: Time and cause of its divergence.
+        interrupted: Whether the runs were interrupted.
+        ended: Whether a rule ended it early.
     """
 
     index: int
@@ -122,7 +122,7 @@ class Result:
 
     @property
     def status(self) -> str:
-        """How it ended: `complete`, `diverged`, `interrupted`, or `unfinished` where its time was up."""
+        """Its end: `complete`, `diverged`, `interrupted`, or `unfinished` at the time limit."""
         if self.divergence:
             return "diverged"
         if self.scorecard["completed"].value == 1.0:
@@ -130,7 +130,7 @@ class Result:
         return "interrupted" if self.interrupted else "unfinished"
 
     def facts(self) -> dict[str, Any]:
-        """Return what is known about it, ready for strict JSON."""
+        """Return the facts about it, ready for strict JSON."""
         return {
             "status": self.status,
             "divergence": self.divergence and asdict(self.divergence),
@@ -146,48 +146,48 @@ class Ran(Result):
     """A result with all its ticks.
 
     Attributes:
-        run: They, as far as it came.
+        run: The ticks so far.
     """
 
     run: Run
 
     def facts(self) -> dict[str, Any]:
-        """Return what is known about it, and who touches from the start, ready for strict JSON."""
+        """Return the facts about it, including contacts at the start, ready for strict JSON."""
         return super().facts() | {"resting": [list(pair) for pair in self.run.resting]}
 
 
 class Reduce(Protocol[P_co]):
-    """Makes what is kept of the results of a piece, where they were run: it is pickled, and what it makes."""
+    """Reduces the results of a piece on the worker; it and its result must be picklable."""
 
     def __call__(self, results: Sequence[Result]) -> P_co:
-        """Return what is kept."""
+        """Return the reduced results."""
 
 
 class Sink(Protocol[P]):
-    """What is kept of a study, here."""
+    """Destination for the results of a study, in this process."""
 
     @property
     def reduce(self) -> Reduce[P]:
-        """What makes it of the results of a piece."""
+        """The function that reduces the results of a piece."""
 
     def missing(self) -> Iterable[range]:
-        """Return the pieces that are not there yet."""
+        """Return the missing pieces."""
 
     def keep(self, piece: range, payload: P) -> None:
-        """Keep what came of a piece."""
+        """Store the result of a piece."""
 
 
 @dataclass
 class Checked:
-    """What is known of some variants before they start.
+    """Facts about variants before they start.
 
     Attributes:
-        runs: How many they are.
-        problems: Who has it, the first of them, and how many have it, by what is wrong.
-        kinds: The first of those that have the same figures, by what decides these.
-        ticks: Of the references of all.
-        longest: Of the longest of them.
-        world: What a world takes of memory, at most.
+        runs: Their number.
+        problems: For each problem, the first variants with it, and their number.
+        kinds: The first variant of each kind with equal metrics, by the kind's key.
+        ticks: Ticks of the references of all.
+        longest: Ticks of the longest reference.
+        world: Largest memory of a world [B].
     """
 
     runs: int = 0
@@ -199,7 +199,7 @@ class Checked:
     untold: int = 0
 
     def refuse(self, problem: Problem, indices: tuple[int, ...], count: int, most: int) -> None:
-        """Keep what is wrong with some variants; beyond so many problems, only that there are more."""
+        """Add a problem of some variants; beyond the reported number, only count."""
         known, before = self.problems.get(problem, ((), 0))
         if before or len(self.problems) < most:
             self.problems[problem] = (*known, *indices)[:_NAMED], before + count
@@ -207,7 +207,7 @@ class Checked:
             self.untold += count
 
     def add(self, index: int, one: Prepared) -> None:
-        """Take a variant into account that can be run."""
+        """Add a valid variant."""
         self.kinds.setdefault(
             (one.arm.joints, tuple(one.arm.is_slide.tolist()), one.scenario.task.axes), index
         )
@@ -216,7 +216,7 @@ class Checked:
         self.world = self.world.or_more(footprint([one], keep_columns=False))
 
     def extend(self, other: "Checked", most: int) -> None:
-        """Take the variants into account that follow."""
+        """Add the facts of the following variants."""
         self.runs += other.runs
         for problem, (indices, count) in other.problems.items():
             self.refuse(problem, indices, count, most)
@@ -226,10 +226,10 @@ class Checked:
         self.world = self.world.or_more(other.world)
 
     def raise_any(self, variants: Variants) -> None:
-        """Raise what is wrong; what is wrong with every variant is told once.
+        """Raise the problems; a problem of every variant appears once.
 
         Raises:
-            ScenarioError: If anything is.
+            ScenarioError: There is a problem.
         """
         told = list[Problem]()
         for problem, (indices, count) in self.problems.items():
@@ -242,18 +242,18 @@ class Checked:
 
 
 class Study:
-    """A scenario of which variants are prepared and run; threads may share it.
+    """A scenario whose variants are prepared and run; threads may share it.
 
-    The law runs without the interpreter's lock. Preparation does not, and asks arms that are shared, so that
-    one thread prepares at a time.
+    The law releases the interpreter's lock. Preparation holds it and uses shared arms, so one thread prepares
+    at a time.
     """
 
     def __init__(self, base: Source, cache: Cache | None = None) -> None:
-        """Keep what all variants share.
+        """Store the data common to all variants.
 
         Args:
-            base: The scenario, its file, or a draft, which may be wrong as long as the variants are not.
-            cache: What was found out before, such as the arm.
+            base: The scenario, its file, or a draft, which may be invalid as long as the variants are valid.
+            cache: Earlier results, such as the arm.
         """
         self._base = base if isinstance(base, Scenario) else draft_of(base)
         self._cache, self._batches = cache or Cache(), Batches()
@@ -264,13 +264,13 @@ class Study:
                 self._base = self._base.scenario()
 
     def prepare(self, changes: Sequence[Change] = ()) -> Prepared:
-        """Return a variant, with everything checked; for one thread at a time.
+        """Return a validated variant; for one thread at a time.
 
         Args:
-            changes: That make it.
+            changes: Changes that make it.
 
         Raises:
-            ScenarioError: All that is wrong with it.
+            ScenarioError: Lists its problems.
         """
         base = self._base.changed(*changes) if changes else self._base
         prepared = prepare(base.scenario() if isinstance(base, Draft) else base, self._cache)
@@ -278,10 +278,10 @@ class Study:
         return prepared
 
     def prepare_beside(self) -> list[Prepared]:
-        """Return the scenario, and its baseline if it has one, with everything checked.
+        """Return the validated scenario, and its baseline if it has one.
 
         Raises:
-            ScenarioError: All that is wrong with either.
+            ScenarioError: Lists the problems of both.
         """
         one = self.prepare()
         if not one.scenario.baseline:
@@ -293,18 +293,18 @@ class Study:
             raise ScenarioError(told) from None
 
     def of(self, changes: Sequence[Change]) -> "Study":
-        """Return the study of a variant, which shares what was found out.
+        """Return the study of a variant, which shares earlier results.
 
         Args:
-            changes: That make it.
+            changes: Changes that make it.
 
         Raises:
-            ScenarioError: All that is wrong with it.
+            ScenarioError: Lists its problems.
         """
         return Study(self.prepare(changes).scenario, self._cache)
 
     def _sound(self, index: int, changes: Sequence[Change], found: "Checked") -> Prepared | None:
-        """Return a variant, or None: what is wrong with it is among what was found then."""
+        """Return a variant, or None if it has a problem, which `check` has already reported."""
         try:
             return self.prepare(changes)
         except ScenarioError as error:
@@ -315,14 +315,14 @@ class Study:
     # A few variants, here --------------------------------------------------------------------
 
     def prepare_all(self, variants: Sequence[Variant], kind: str = "variant") -> list[Prepared]:
-        """Return a few variants, checked and ready to run.
+        """Return a few variants, validated and ready to run.
 
         Args:
             variants: All of them.
-            kind: What messages say before a label.
+            kind: Word before a label in messages.
 
         Raises:
-            ScenarioError: All that is wrong with all of them; what is wrong with each is told once.
+            ScenarioError: Lists the problems of all variants; a problem of every variant appears once.
         """
         found = Checked()
         worlds = [self._sound(index, variant.changes, found) for index, variant in enumerate(variants)]
@@ -330,10 +330,10 @@ class Study:
         return [one for one in worlds if one is not None]
 
     def compile(self, worlds: Sequence[Prepared]) -> None:
-        """Load the compiled law, or compile it the first time, which takes seconds.
+        """Load the compiled law, or compile it on first use, which takes seconds.
 
         Args:
-            worlds: That will be run, or one for each kind of them.
+            worlds: Worlds to run, or one of each kind.
         """
         Simulation(worlds, keep_columns=False, batches=self._batches).release()
 
@@ -343,11 +343,11 @@ class Study:
         stop: threading.Event | None = None,
         watchers: Sequence[Watcher] = (),
     ) -> list[Ran]:
-        """Return what comes of a few variants, stepped as one batch on this thread, with all their ticks.
+        """Return the results of a few variants, stepped as one batch on this thread, with all ticks.
 
         Args:
             worlds: The variants.
-            stop: Once it is set, the runs end.
+            stop: Event that ends the runs.
             watchers: Called with each block of ticks, one after another.
 
         Raises:
@@ -371,14 +371,14 @@ class Study:
         threads: int = 1,
         columns: Collection[str] | None = None,
     ) -> list[Result]:
-        """Return what comes of a few variants, stepped together; their ticks are for a watcher alone.
+        """Return the results of a few variants, stepped together; only a watcher sees their ticks.
 
         Args:
             worlds: The variants.
             watcher: Called with each block of ticks, from any thread, one call at a time.
-            stop: Once it is set, the runs end.
-            threads: How many step their share of the variants.
-            columns: That the watcher sees beside `time`; None: all, which takes longer.
+            stop: Event that ends the runs.
+            threads: Number of threads.
+            columns: Columns for the watcher besides `time`; None: all, which takes longer.
 
         Raises:
             ScenarioError: They do not fit into memory.
@@ -391,15 +391,15 @@ class Study:
     # Many variants, by a crew ----------------------------------------------------------------
 
     def check(self, variants: Variants, crew: Crew, on_runs: OnRuns | None = None) -> Checked:
-        """Check every variant before the first one starts.
+        """Validate every variant before the first one starts.
 
         Args:
-            variants: All of them. Each study has one such plan; `results` finds what is prepared of it.
+            variants: All of them. Each study has one plan; `results` uses its prepared parts.
             crew: Who does it.
-            on_runs: Called with the number of variants that were checked.
+            on_runs: Called with the number of newly validated variants.
 
         Raises:
-            ScenarioError: All that is wrong, with the variants that it is wrong with.
+            ScenarioError: Lists all problems, with the affected variants.
         """
         size = check_size(len(variants))
         pieces = (range(first, min(first + size, len(variants))) for first in range(0, len(variants), size))
@@ -415,12 +415,12 @@ class Study:
         return whole
 
     def checked(self, variants: Variants, piece: range, stop: threading.Event) -> Checked | None:
-        """Return what is known of some variants before they start, or None if that was interrupted.
+        """Return the facts about some variants before they start, or None if interrupted.
 
         Args:
             variants: All of them.
-            piece: Which.
-            stop: Once it is set, this ends.
+            piece: Indices of the variants.
+            stop: Event that ends this.
         """
         found = Checked(len(piece))
         with self._lock:
@@ -438,13 +438,13 @@ class Study:
     def results(
         self, variants: Variants, piece: range, stop: threading.Event, rule: Rule | None = None
     ) -> list[Result]:
-        """Return what comes of some variants, stepped as one batch on this thread; nothing if interrupted.
+        """Return the results of some variants, stepped as one batch on this thread; none if interrupted.
 
         Args:
             variants: All of them.
-            piece: Which.
-            stop: Once it is set, the runs end.
-            rule: Ends runs before their time, by the indices of their variants.
+            piece: Indices of the variants.
+            stop: Event that ends the runs.
+            rule: Rule that ends runs early, by the indices of their variants.
         """
         with self._lock:
             prepared = [
@@ -467,14 +467,14 @@ class Study:
         stop: threading.Event,
         rule: Rule | None = None,
     ) -> None:
-        """Run what is missing in a sink; when it is stopped, what has ended is kept.
+        """Run the missing pieces of a sink; after a stop, finished pieces are kept.
 
         Args:
             variants: All of them.
             crew: Who does it.
-            into: What is kept.
-            stop: Once it is set, the runs end.
-            rule: Ends runs before their time, by the indices of their variants.
+            into: Destination of the results.
+            stop: Event that ends the runs.
+            rule: Rule that ends runs early, by the indices of their variants.
         """
         work = Runs(variants, into.reduce, rule)
         with closing(done(crew, work, iter(into.missing()), stop)) as found:
@@ -485,7 +485,7 @@ class Study:
 def _results(
     simulation: Simulation, indices: Iterable[int], worlds: Sequence[Prepared], stop: threading.Event
 ) -> list[Result]:
-    """Return what a simulation came to, which lets go of what it was lent."""
+    """Return the results of a simulation, which releases its batch."""
     simulation.release()
     cards, ends, ended = simulation.scorecards(), simulation.divergences(), simulation.ended()
     return [
@@ -517,15 +517,15 @@ class Runs(Generic[P]):
     rule: Rule | None = None
 
     def __call__(self, study: Study, piece: range, stop: threading.Event) -> P | None:
-        """Return what is kept of it, or None if it was interrupted."""
+        """Return its reduced results, or None if it was interrupted."""
         results = study.results(self.variants, piece, stop, self.rule)
         return self.reduce(results) if results else None
 
 
 def check_size(runs: int) -> int:
-    """Return how many variants are checked as one piece.
+    """Return the number of variants to validate per piece.
 
     Args:
-        runs: How many there are.
+        runs: Number of variants.
     """
     return min(max(_CHECKED, runs // _MANY), _MOST_CHECKED, math.ceil(runs / _PARTS))

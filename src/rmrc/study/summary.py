@@ -1,4 +1,4 @@
-"""What the rows of a sweep say at a glance: how the runs ended, and the extremes of the main figures."""
+"""Summary of a sweep: the ends of its runs, and the extremes of the main metrics."""
 
 import math
 from collections import Counter
@@ -15,10 +15,10 @@ MAIN = (
 
 @dataclass
 class Extremes:
-    """The least and the most of a figure, and which runs have them; of equal ones, the first.
+    """The smallest and largest value of a metric, and their runs, the first of equal ones.
 
     Attributes:
-        column: The figure.
+        column: The metric.
         least: Smallest value and its run; NaN and -1 where no run has one.
         most: Largest value and its run.
     """
@@ -28,7 +28,7 @@ class Extremes:
     most: tuple[float, int] = (math.nan, -1)
 
     def add(self, value: float | None, index: int) -> None:
-        """Take one more row into account."""
+        """Add a row."""
         if value is None or math.isnan(value):
             return
         if self.least[1] < 0 or (value, index) < self.least:
@@ -39,12 +39,12 @@ class Extremes:
 
 @dataclass(frozen=True)
 class Summary:
-    """What the rows say.
+    """A summary of rows.
 
     Attributes:
-        statuses: How many runs ended how.
-        met: How many met all that is expected, or None where nothing is.
-        extremes: Of the main figures.
+        statuses: Number of runs by their end.
+        met: Number of runs that met all expectations, or None without expectations.
+        extremes: Extremes of the main metrics.
     """
 
     statuses: Mapping[str, int]
@@ -53,12 +53,12 @@ class Summary:
 
 
 def summarize(dataset: Dataset, columns: Sequence[Column], more: Sequence[str] = ()) -> Summary:
-    """Return a summary of the rows that are there, read some thousands at a time.
+    """Return a summary of the existing rows, read some thousands at a time.
 
     Args:
         dataset: The rows.
-        columns: That they have.
-        more: Figures beside the main ones.
+        columns: Their columns.
+        more: Metrics in addition to the main ones.
     """
     known = {column.name: column for column in columns}
     names = [name for name in dict.fromkeys((*MAIN, *more)) if name in known]

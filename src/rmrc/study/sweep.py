@@ -1,4 +1,4 @@
-"""A sweep from file to file: checked whole, run in batches here or on a cluster, each kept once done."""
+"""A sweep: validated as a whole, run in batches here or on a cluster, with each finished batch stored."""
 
 import hashlib
 import json
@@ -56,10 +56,10 @@ _MOST_SEED = 2**63 - 1
 
 @dataclass(frozen=True)
 class Swept:
-    """What a sweep left.
+    """The output of a sweep.
 
     Attributes:
-        done: Runs that have their rows, from before as well.
+        done: Number of finished runs, including earlier ones.
         interrupted: Whether Ctrl-C ended it.
     """
 
@@ -86,11 +86,11 @@ class _Parts:
 
 
 class Sweep:
-    """Variants of a scenario, known by index, that are run in batches.
+    """Variants of a scenario, identified by index and run in batches.
 
     Attributes:
-        scenario: With the overrides that hold for all runs.
-        plan: Which runs there are.
+        scenario: The scenario, with the overrides of all runs.
+        plan: The runs.
         dataset: Their rows.
     """
 
@@ -102,20 +102,20 @@ class Sweep:
         threads: int | None = None,
         cluster: str | None = None,
     ) -> None:
-        """Check the scenario and its plan, and whether the folder has rows of just this sweep.
+        """Validate the scenario and its plan, and check that existing rows belong to this sweep.
 
         Args:
-            source: The scenario, or its file; its `sweep` section says what is run.
-            overrides: `KEY=VALUE` texts that hold for all runs, of the section `sweep` as well, such as
+            source: The scenario, or its file; its `sweep` section defines the runs.
+            overrides: `KEY=VALUE` texts for all runs, including the section `sweep`, such as
                 `sweep.vary.control.feedback=[5, 10, 20]`.
-            folder: Where the rows go; made if it is missing.
-            threads: How many batches are run at a time in this process; None: one a core.
-            cluster: Who runs the batches instead: `tcp://HOST:PORT` or `tls://HOST:PORT` of a Dask scheduler,
-                or `local:N` for N worker processes here.
+            folder: Folder for the rows; created if missing.
+            threads: Number of threads in this process, one batch each; None: one per core.
+            cluster: Cluster that runs the batches instead: `tcp://HOST:PORT` or `tls://HOST:PORT` of a Dask
+                scheduler, or `local:N` for N worker processes here.
 
         Raises:
-            ScenarioError: All that is wrong with the scenario itself, or the folder has another sweep's rows.
-            ClusterError: The text of the cluster is none, or Dask is not installed.
+            ScenarioError: Lists the problems of the scenario itself; or the folder has another sweep's rows.
+            ClusterError: The cluster's address is invalid, or Dask is not installed.
             OSError: The folder cannot be written.
         """
         self.scenario = draft_of(source, overrides).scenario()
@@ -133,7 +133,7 @@ class Sweep:
         refuse_unwritable([self.dataset.file])
 
     def _refuse_nothing(self) -> None:
-        """Refuse a plan of one run, repeats that all give the same, and seeds that no column holds."""
+        """Refuse a plan of one run, identical repeats, and seeds that fit no column."""
         problems = Problems(self.scenario)
         if self.plan.count > _MOST_RUNS:
             problems.add(
@@ -159,13 +159,13 @@ class Sweep:
         if self.plan.repeat > 1 and not has_chance:
             problems.add(
                 "sweep.repeat",
-                f"must be 1 where nothing is left to chance, got {self.plan.repeat}; "
+                f"must be 1 without random effects, got {self.plan.repeat}; "
                 "give arm.encoder.deviation, arm.encoder.noise, plant.jitter or plant.loss",
             )
         problems.raise_any()
 
     def _identify(self) -> dict[str, Any]:
-        """Return what decides the rows. What differs names itself in a message."""
+        """Return all inputs of the rows; a message names those that differ."""
         try:
             arm = self._prepare(0).arm
         except ScenarioError:  # tell what is wrong with the others as well
@@ -197,19 +197,19 @@ class Sweep:
         return pack(self.scenario.draft)
 
     def __enter__(self) -> Self:
-        """Keep the threads or the cluster from one call of `check` or `run` to the next."""
+        """Keep the threads or the cluster between calls of `check` and `run`."""
         self._users += 1
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Let them go."""
+        """Release them."""
         self._users -= 1
         if not self._users:
             self._opened = None
             self._working.close()
 
     def _crew(self) -> Crew:
-        """Return who works, who is asked for when there is work for the first time."""
+        """Return the workers, started on first use."""
         if self._opened is None:
             if self._cluster:
                 with suppress(ScenarioError):  # which the check tells
@@ -226,12 +226,12 @@ class Sweep:
 
     @property
     def is_checked(self) -> bool:
-        """Whether all runs were checked, now or when the sweep was first started."""
+        """Whether all runs were validated, now or at the first start of the sweep."""
         return self._contents is not None
 
     @property
     def done(self) -> int:
-        """How many runs have their rows."""
+        """Number of finished runs."""
         if self._contents is None:
             return 0
         lost = sum(len(self._contents.indices(part)) for part in self.dataset.missing(self._contents))
@@ -241,21 +241,21 @@ class Sweep:
         return self._study.prepare(self.plan.changes(index))
 
     def compile(self) -> None:
-        """Load the compiled law, or compile it the first time, which takes seconds."""
+        """Load the compiled law, or compile it on first use, which takes seconds."""
         self._study.compile([self._prepare(0)])
 
     def check(self, on_runs: OnRuns | None = None) -> Contents:
-        """Check every run before the first one starts, unless that was done before.
+        """Validate every run before the first one starts, unless already done.
 
         Args:
-            on_runs: Called with the number of runs that were checked.
+            on_runs: Called with the number of newly validated runs.
 
         Returns:
-            What the dataset will hold.
+            The contents of the dataset.
 
         Raises:
-            ScenarioError: All that is wrong, a line each, with the runs that it is wrong with.
-            ClusterError: The cluster does not answer, has no workers, or they are not as this machine is.
+            ScenarioError: Lists all problems, one line each, with the affected runs.
+            ClusterError: The cluster does not respond, has no workers, or they differ from this machine.
         """
         if self._contents is not None:
             return self._contents
@@ -270,28 +270,28 @@ class Sweep:
         return self._contents
 
     def _refuse_excess(self, batch: Footprint, longest: int, batches: int) -> None:
-        """Refuse batches that do not fit into memory, as many as are run at a time on this machine."""
+        """Refuse batches that do not fit into this machine's memory together."""
         here = self._cluster.here or 1 if self._cluster else self._threads
         at_once = min(here, batches)
         excess = batch.times(at_once).excess
         if excess:
             fewer = " or lower --threads" if at_once > 1 else ""
             wrong = (
-                f"has up to {longest} ticks, and the batches that are run at a time, {at_once}, need "
-                f"{excess}; shorten it, raise control.period{fewer}"
+                f"has up to {longest} ticks, and its {at_once} simultaneous batches need {excess}; "
+                f"shorten it, raise control.period{fewer}"
             )
             raise ScenarioError([self.scenario.problem("target.path", wrong)])
 
     def run(self, on_runs: OnRuns | None = None) -> Swept:
-        """Run what is missing, and make one file when nothing is; Ctrl-C leaves what is done.
+        """Run the missing batches, and make one file of all; Ctrl-C keeps finished batches.
 
         Args:
-            on_runs: Called with the number of runs of each batch that was written.
+            on_runs: Called after each written batch with its number of runs.
 
         Raises:
-            ScenarioError: As in `check`, or rows that are there are not those that were written.
-            ClusterError: As in `check`, or the cluster is lost; rows that are there are kept.
-            KeyboardInterrupt: Ctrl-C came before there was anyone who works.
+            ScenarioError: As in `check`; or existing rows were altered.
+            ClusterError: As in `check`, or the cluster is lost; existing rows are kept.
+            KeyboardInterrupt: Ctrl-C arrived before the workers started.
         """
         contents = self.check()
         self.dataset.verify(contents)
@@ -308,35 +308,35 @@ class Sweep:
         return Swept(self.done, stop.is_set())
 
     def summary(self) -> Summary:
-        """Return what the rows say that are there."""
+        """Return a summary of the existing rows."""
         return summarize(self.dataset, self.check().columns, figures_of(self.scenario.expect))
 
     def chosen(self, choice: Choice) -> list[int]:
-        """Return the indices of the worst or the best rows, those first; of equal ones, the first.
+        """Return the indices of the worst or best rows, most extreme first; the first of equal ones.
 
         Raises:
-            ScenarioError: No row has such a figure.
+            ScenarioError: No row has this metric.
         """
         settled = choice.settled(self.scenario, self.check().columns)
         return chosen(self.dataset, settled, self.scenario.expect)
 
     def job(self, index: int) -> Job:
-        """Return one run, ready to leave `NAME-INDEX.rrd`, `.npz` and `.json`; with the bits of its row.
+        """Return one run, ready to write `NAME-INDEX.rrd`, `.npz` and `.json`, with the bits of its row.
 
         Args:
-            index: Of the run.
+            index: Index of the run.
         """
         alone = Change(("name",), f"{self.scenario.name}-{index}"), Change(("baseline",), {})
         return Job(self._study.prepare((*self.plan.changes(index), *alone)).scenario, self.folder)
 
 
 def batch_size(runs: int, ticks: int, longest: int) -> int:
-    """Return how many runs a batch has.
+    """Return the number of runs per batch.
 
     Args:
-        runs: Of the sweep.
-        ticks: Of all targets.
-        longest: Of the longest target.
+        runs: Runs of the sweep.
+        ticks: Ticks of all targets.
+        longest: Ticks of the longest target.
 
     Example: 4 s at 1 kHz, few, a thousand and a billion times.
         >>> [batch_size(runs, 4001 * runs, 4001) for runs in (32, 10**3, 10**9)]

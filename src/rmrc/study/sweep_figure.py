@@ -1,4 +1,4 @@
-"""The pictures of a sweep: how figures are distributed, and how they go with what was varied."""
+"""Plots of a sweep: distributions of metrics, and their relation to the varied keys."""
 
 import math
 from collections.abc import Sequence
@@ -27,31 +27,31 @@ BINS, WIDE = 20, 30.0
 
 
 def _is_wide(values: Array) -> bool:
-    """Say whether positive values are spread over decades, so that a logarithmic scale shows them."""
+    """Return whether positive values span decades, which call for a logarithmic scale."""
     return len(values) > 0 and bool((values > 0.0).all()) and bool(values.max() > WIDE * values.min())
 
 
 def plot(
     swept: Swept, path: Path | None, panels: Sequence[str] = (), width: float = 7.16, font: float = 8.0
 ) -> Figure:
-    """Draw a sweep: how its figures are distributed, and parallel coordinates below.
+    """Draw a sweep: distributions of its metrics, and parallel coordinates below.
 
     Args:
         swept: Its rows.
-        path: File to write, whole or not at all: `.png`, `.svg` or `.pdf`; None: no file.
-        panels: Of distributions and parallel; none: those for which there are numbers.
-        width: Of the figure [in].
-        font: Size of the letters [pt].
+        path: File to write atomically: `.png`, `.svg` or `.pdf`; None: no file.
+        panels: Panels among distributions and parallel; none: all that have data.
+        width: Width of the figure [in].
+        font: Font size [pt].
 
     Raises:
-        QuestionError: There are no numbers for what is to be drawn.
+        QuestionError: There are no numbers to draw.
     """
     has = {"distributions": bool(swept.figures), "parallel": bool(swept.coordinates)}
     names = [name for name in PANELS if (name in panels if panels else has[name])]
     lacking = [name for name in names if not has[name]]
     if lacking or not names:
         which = f" for {lacking[0]}" if lacking else ""
-        raise QuestionError(f"{swept.name}: no run has numbers{which}, so there is nothing to draw")
+        raise QuestionError(f"{swept.name}: no run has numbers{which}to draw")
     heights = [_height(name, swept, width, font) for name in names]
     with mpl.rc_context({"font.size": font}):
         picture = Picture(figsize=(width, sum(heights)), layout="constrained")
@@ -64,12 +64,12 @@ def plot(
 
 
 def histograms(swept: Swept) -> Figure:
-    """Return the histograms for the page of a report: one for each figure, with its median."""
+    """Return the histograms for a report page: one per metric, with its median."""
     return _alone("distributions", swept, PAGE * min(3, len(swept.figures) or 1) / 3)
 
 
 def parallel(swept: Swept) -> Figure:
-    """Return the parallel coordinates for the page of a report: a line for each run that has all of them."""
+    """Return the parallel coordinates for a report page: one line per run with all values."""
     return _alone("parallel", swept, max(6.0, 1.5 * len(swept.coordinates)))
 
 
@@ -81,7 +81,7 @@ def _alone(name: str, swept: Swept, width: float) -> Figure:
 
 
 def _height(name: str, swept: Swept, width: float, font: float) -> float:
-    """Return how high a panel is [in]."""
+    """Return the height of a panel [in]."""
     if name == "distributions":
         return -(-len(swept.figures) // _abreast(swept, width, font) or 1) * (1.55 + 0.07 * font)
     longest = max(map(len, swept.coordinates)) * LETTER * font / 72.0
@@ -89,18 +89,18 @@ def _height(name: str, swept: Swept, width: float, font: float) -> float:
 
 
 def _abreast(swept: Swept, width: float, font: float) -> int:
-    """Return how many histograms stand beside each other: as many as their names have room."""
+    """Return the number of histograms per row, limited by the room for their names."""
     longest = max((len(f"{name} [{swept.units[name]}]") for name in swept.figures), default=1)
     return max(1, min(3, len(swept.figures), int(width / (LETTER * font / 72.0 * (longest + 6)))))
 
 
 def _tilt(count: int, width: float, font: float) -> float:
-    """Return by what angle the names of axes are turned: upright where they have little room [rad]."""
+    """Return the rotation of the axis names: vertical where room is short [rad]."""
     return math.radians(20.0 if width / count >= 9.0 * font / 72.0 else 90.0)
 
 
 def _draw_histograms(into: FigureBase, swept: Swept, width: float, font: float) -> None:
-    """Draw a histogram for each figure, with its median."""
+    """Draw one histogram per metric, with its median."""
     columns = _abreast(swept, width, font)
     lines = -(-len(swept.figures) // columns) or 1
     for i, (name, values) in enumerate(swept.figures.items()):
@@ -122,7 +122,7 @@ def _draw_histograms(into: FigureBase, swept: Swept, width: float, font: float) 
 
 
 def _draw_parallel(into: FigureBase, swept: Swept, width: float, font: float) -> None:
-    """Draw an axis for each column, and a line for each run: dark where the first figure is high."""
+    """Draw one axis per column and one line per run: dark where the first metric is large."""
     columns, by = swept.coordinates, next(iter(swept.figures))
     rows = np.flatnonzero(np.all([np.isfinite(values) for values in columns.values()], axis=0))
     if len(rows) > LINES:

@@ -1,4 +1,4 @@
-"""The page of a sweep: how its runs ended, how figures are distributed, and which runs have the extremes."""
+"""The report page of a sweep: ends of its runs, distributions of metrics, and runs with extremes."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -24,38 +24,38 @@ def page(path: Path, left: Left) -> Page:
     """Return the page of a sweep.
 
     Args:
-        path: The `.parquet` that `sweep` left.
-        left: What it holds.
+        path: The `.parquet` file of `sweep`.
+        left: Its contents.
 
     Raises:
-        QuestionError: It is something else, or has no row.
+        QuestionError: It is another kind of file, or has no rows.
     """
     swept = Swept.of(path, left)
     rows, units, varied, figures = swept.rows, swept.units, swept.varied, swept.figures
     made = Page(f"{swept.name}: {len(rows['index'])} runs", _verdict(rows, figures, units))
-    made.section("How the runs ended")
+    made.section("End of the runs")
     made.table(_endings(rows))
-    made.section("What was varied")
+    made.section("Varied keys")
     made.table(_varied(rows, varied, units))
-    made.section("How the figures are distributed")
-    made.figure(histograms(swept), "How many runs have which value")
+    made.section("Distributions of the metrics")
+    made.figure(histograms(swept), "Number of runs by value")
     made.section("Extremes", "`rmrc sweep` with --record worst:1:METRIC or best:1:METRIC records such a run.")
     made.table(_extremes(rows, varied, figures, units))
     if swept.coordinates:
         first = next(iter(figures))
-        made.section("From what was varied to the figures", f"One line per run, dark where {first} is large.")
+        made.section("From the varied keys to the metrics", f"One line per run, dark where {first} is large.")
         made.figure(parallel(swept), "Parallel coordinates: one line per run")
-    made.section("Made with", "Equal versions give equal bits on one machine.")
+    made.section("Made with", "The same versions give the same bits on one machine.")
     made.table(versions(json.loads(rows["versions"][0])))
     return made
 
 
 def _verdict(rows: _Rows, figures: Mapping[str, Array], units: Mapping[str, str]) -> str:
-    """Return how many runs completed the path, and how far the first figure spreads, in a sentence."""
+    """Return a sentence with the number of complete runs, and the range of the first metric."""
     count = len(rows["status"])
     complete = sum(one == "complete" for one in rows["status"])
     known = [one for one in rows["met"] if one is not None]
-    met = f", {sum(known)} met what is expected" if known else ""
+    met = f", {sum(known)} met all expectations" if known else ""
     spread = ""
     if figures:
         name, values = next(iter(figures.items()))
@@ -86,7 +86,7 @@ def _varied(rows: _Rows, varied: Sequence[str], units: Mapping[str, str]) -> She
 def _extremes(
     rows: _Rows, varied: Sequence[str], figures: Mapping[str, Array], units: Mapping[str, str]
 ) -> Sheet:
-    """Return which runs have the least and the largest of each figure, with what was varied there."""
+    """Return the runs with the smallest and largest value of each metric, with their varied keys."""
     told = []
     for name, values in figures.items():
         unit = units[name] if units[name] != "1" else ""

@@ -10,9 +10,9 @@ def sheets(name: str, found: Summary, label: Callable[[int], str]) -> list[Sheet
     """Return the tables.
 
     Args:
-        name: Of the scenario.
-        found: What the rows say.
-        label: What was varied in a run, in words.
+        name: Name of the scenario.
+        found: Summary of the rows.
+        label: Function from a run to its varied keys in words.
     """
     counts = [(status, str(count)) for status, count in sorted(found.statuses.items())]
     counts += [] if found.met is None else [("all expectations met", str(found.met))]

@@ -1,4 +1,4 @@
-"""What a sweep left, ready to be shown: its rows, the keys that were varied, and the main figures."""
+"""The output of a sweep, ready to show: its rows, the varied keys, and the main metrics."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -17,14 +17,14 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True, eq=False)
 class Swept:
-    """The rows of a sweep, one at least.
+    """The rows of a sweep, at least one.
 
     Attributes:
-        name: Of the sweep.
+        name: Name of the sweep.
         rows: All columns, by name.
-        units: Of each.
-        varied: Keys that have several values.
-        figures: The main figures that any run has, (runs,) each; NaN where a run has none.
+        units: Units of each.
+        varied: Keys with several values.
+        figures: The main metrics of any run, (runs,) each; NaN where a run has none.
     """
 
     name: str
@@ -35,15 +35,15 @@ class Swept:
 
     @classmethod
     def of(cls, path: Path, left: Left | None = None) -> "Swept":
-        """Return what is in a file.
+        """Return the contents of a file.
 
         Args:
             path: The `.parquet` that `sweep` left.
-            left: What it holds, if that was read.
+            left: Its contents, if already read.
 
         Raises:
             OSError: It cannot be opened.
-            QuestionError: It is something else, or has no row.
+            QuestionError: It is another kind of file, or has no rows.
         """
         left = left or read_left(path)
         rows = left.rows
@@ -54,7 +54,7 @@ class Swept:
         except (KeyError, ValueError, TypeError):
             raise QuestionError(f"{path}: does not hold the rows of a sweep") from None
         if not rows["index"]:
-            raise QuestionError(f"{path}: has no row, so there is nothing to show")
+            raise QuestionError(f"{path}: has no rows to show")
         units = {column.name: column.unit for column in contents.columns}
         names = list(units)
         keys = [name for name in names[1 : names.index("status")] if name != "seed"]
@@ -66,12 +66,12 @@ class Swept:
 
     @property
     def coordinates(self) -> dict[str, Array]:
-        """What was varied in numbers, and the figures; empty if either is."""
+        """The numeric varied keys, and the metrics; empty if either is."""
         values = {name: numbers(self.rows[name]) for name in self.varied}
         numeric = {name: one for name, one in values.items() if np.isfinite(one).sum() > 1}
         return numeric | dict(self.figures) if numeric and self.figures else {}
 
 
 def numbers(values: Sequence[Any]) -> Array:
-    """Return numbers; NaN for what is none."""
+    """Return numbers; NaN for other values."""
     return np.array([float(v) if isinstance(v, int | float) else np.nan for v in values])

@@ -1,4 +1,4 @@
-"""`rmrc.run`, `rmrc.compare` and `rmrc.sweep`: the verbs for Python, which write nothing unless asked to."""
+"""`rmrc.run`, `rmrc.compare` and `rmrc.sweep`: the verbs in Python, which write files only on request."""
 
 import os
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -16,7 +16,7 @@ from rmrc.study.sweep import Sweep
 from rmrc.support.errors import ScenarioError
 
 Values: TypeAlias = Mapping[str, Iterable[object]]
-"""Values of keys, such as `{"control.feedback": [5, 10]}`, each as a file would have it."""
+"""Values of keys, such as `{"control.feedback": [5, 10]}`, each as in a file."""
 
 
 def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: bool = True) -> Run:
@@ -24,17 +24,17 @@ def run(scenario: Source, *, out: str | os.PathLike[str] | None = None, record: 
 
     Args:
         scenario: The scenario, its file, or the name of a shipped one.
-        out: Folder for NAME.rrd, NAME.npz and NAME.json; made if it is missing. None: nothing is written.
-        record: Whether the recording NAME.rrd is among them.
+        out: Folder for NAME.rrd, NAME.npz and NAME.json; created if missing. None: writes nothing.
+        record: Whether to write the recording NAME.rrd.
 
     Returns:
-        The run as far as it came: `run.divergence` says whether it diverged, and `run.baseline` is that of
-        its baseline, if the scenario has one.
+        The run, up to a possible divergence in `run.divergence`; `run.baseline` is the run of its baseline,
+        if there is one.
 
     Raises:
-        ScenarioError: All that is wrong, before anything moves.
+        ScenarioError: Lists all problems, before the run starts.
         OSError: A file cannot be written.
-        KeyboardInterrupt: Ctrl-C; the files hold what was run until then.
+        KeyboardInterrupt: Ctrl-C; the files hold the ticks until then.
 
     Example:
         >>> found = run("line_tracking")
@@ -59,17 +59,17 @@ def compare(
     Args:
         scenario: The scenario, its file, or the name of a shipped one.
         vary: Values of keys; their combinations are the variants, 2 to 50.
-        out: Folder for NAME.compare.rrd, .npz, .json, .png and .svg; made if it is missing. None: nothing
-            is written.
-        record: Whether the recording is among them.
+        out: Folder for NAME.compare.rrd, .npz, .json, .png and .svg; created if missing. None: writes
+            nothing.
+        record: Whether to write the recording.
 
     Returns:
-        The runs, by the labels of the variants, in order: the last key changes fastest.
+        The runs by the labels of the variants; the last key changes fastest.
 
     Raises:
-        ScenarioError: All that is wrong with all variants, before anything moves.
+        ScenarioError: Lists the problems of all variants, before the run starts.
         OSError: A file cannot be written.
-        KeyboardInterrupt: Ctrl-C; the files hold what was run until then.
+        KeyboardInterrupt: Ctrl-C; the files hold the ticks until then.
 
     Example:
         >>> runs = compare("line_tracking", {"control.inverse.method": ["inverse", "damped"]})
@@ -105,27 +105,27 @@ def sweep(
     """Run thousands of variants of a scenario, on all cores or a cluster; the function behind `rmrc sweep`.
 
     Args:
-        scenario: The scenario, its file, or the name of a shipped one; perhaps with a `sweep` section.
+        scenario: The scenario, its file, or the name of a shipped one; with or without a `sweep` section.
         vary: Values of keys; their combinations are a grid.
-        random: Keys that are drawn by chance for each point of the grid, each from a range.
-        sobol: Keys that are drawn evenly, instead.
-        samples: How many are drawn for each point of the grid.
-        repeat: How often each is run, with other encoder offsets.
-        seed: What is drawn.
-        out: Folder for NAME.sweep.parquet, where a sweep that was interrupted goes on; made if it is missing.
-            None: nothing is kept.
-        threads: How many batches are run at a time; None: one a core.
-        cluster: Who runs the batches instead: `local:N` worker processes, or the `tcp://HOST:PORT` of a Dask
-            scheduler.
-        on_runs: Called with the number of runs of each batch that is done.
+        random: Keys to draw at random for each grid point, each from a range.
+        sobol: Keys to draw from the Sobol sequence instead.
+        samples: Samples per grid point.
+        repeat: Runs per sample, each with different encoder offsets and noise.
+        seed: Seed of the samples.
+        out: Folder for NAME.sweep.parquet, where an interrupted sweep resumes; created if missing. None:
+            stores nothing.
+        threads: Number of threads, one batch each; None: one per core.
+        cluster: Cluster that runs the batches instead: `local:N` worker processes, or the `tcp://HOST:PORT`
+            of a Dask scheduler.
+        on_runs: Called after each batch with its number of runs.
 
     Returns:
-        A row a run, as a table of pyarrow: what was varied, how it ended, every figure of its scorecard. Its
-        schema has the unit and the meaning of each column.
+        One row per run, as a table of pyarrow: varied keys, end of the run, every metric of its scorecard.
+        Its schema has the unit and the meaning of each column.
 
     Raises:
-        ScenarioError: All that is wrong with any run, before anything moves.
-        ClusterError: The cluster cannot be used, or is lost; rows that are there are kept.
+        ScenarioError: Lists the problems of any run, before the run starts.
+        ClusterError: The cluster is unusable or lost; existing rows are kept.
         OSError: The folder cannot be written.
         KeyboardInterrupt: Ctrl-C; the rows in the folder stay.
 
@@ -135,7 +135,7 @@ def sweep(
         ([5.0, 10.0, 20.0], {'complete'})
     """
     if random and sobol:
-        raise ScenarioError.about("sobol", "must not be given with random: all keys are drawn alike")
+        raise ScenarioError.about("sobol", "must not be combined with random: one method draws all keys")
     drawn = random or sobol
     section = {
         **{

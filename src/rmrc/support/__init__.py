@@ -1,1 +1,1 @@
-"""What every room needs: rotations, errors, files, threads, signals, and what a machine allows."""
+"""Shared basics: rotations, errors, files, threads, signals, and the machine's limits."""

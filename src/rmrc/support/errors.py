@@ -1,4 +1,4 @@
-"""What can go wrong, as a tree; every branch is also the builtin that fits it.
+"""The tree of errors; every branch is also the matching builtin exception.
 
     RmrcError
     ├── ScenarioError    (ValueError)       a scenario is wrong; all its problems at once
@@ -56,7 +56,7 @@ class ModelError(RmrcError, ValueError):
     """A model cannot be loaded, or lacks what the scenario names.
 
     Attributes:
-        about: What was asked for in vain: `model`, `site`, `joints` or `start`.
+        about: Unknown names: `model`, `site`, `joints` or `start`.
     """
 
     def __init__(self, message: str, about: str = "model") -> None:
@@ -74,11 +74,11 @@ class TargetError(RmrcError, ValueError):
 
 
 class QuestionError(RmrcError, ValueError):
-    """What is asked about a model does not fit it: a number too many, a name that it has not."""
+    """A question does not fit its model: a wrong number of values, an unknown name."""
 
 
 class ClusterError(RmrcError, ConnectionError):
-    """The machines that should run a sweep cannot, or are lost; rows that are there are kept."""
+    """The machines that should run a sweep cannot, or are lost; existing rows are kept."""
 
 
 class DivergenceError(RmrcError, ArithmeticError):
@@ -89,8 +89,8 @@ def did_you_mean(name: str, options: Iterable[str]) -> str:
     """Return a suggestion to append to a message, or nothing when no option is near.
 
     Args:
-        name: What was written.
-        options: What could have been meant.
+        name: The text as written.
+        options: Possible intentions.
 
     Returns:
         `'; did you mean "velocity"?'` for the nearest option, else `''`.

@@ -77,7 +77,7 @@ def interruptible() -> Iterator[threading.Event]:
 
 @contextmanager
 def _handled(handler: _Handler, is_chosen: Callable[[int], bool]) -> Iterator[None]:
-    """Handle the signals that are chosen, but for those that are ignored."""
+    """Handle the signals that are chosen, except those that are ignored."""
     if threading.current_thread() is not threading.main_thread():  # signals are not ours to handle
         yield
         return

@@ -16,7 +16,7 @@ SHARE = 0.8
 
 
 class Room(NamedTuple):
-    """What is left of something that bounds memory.
+    """The remainder of a memory limit.
 
     Attributes:
         size: How much [B]; infinite where nothing is known.
@@ -31,7 +31,7 @@ def room(root: Path = Path("/")) -> Room:
     """Return the least of what is left: of the machine's memory and of the limits of its cgroups.
 
     Args:
-        root: Of the file system that tells it.
+        root: Root of the file system with its data.
     """
     return min((_machine(root), *_cgroups(root)), key=lambda one: one.size)
 

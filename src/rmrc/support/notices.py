@@ -27,7 +27,7 @@ def tell(text: str, once: str = "") -> None:
 
 
 def tell_assumed(notes: Iterable[str]) -> None:
-    """Say what was assumed where nobody said it, each once."""
+    """Say assumptions, each once."""
     for note in notes:
         tell(f"note: {note}")
 

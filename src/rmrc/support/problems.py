@@ -1,4 +1,4 @@
-"""What is wrong with a value: at which key, what, where the value was given, and who has it."""
+"""The problem of a value: its key, text, origin and owner."""
 
 from typing import NamedTuple
 
@@ -12,8 +12,8 @@ class Origin(NamedTuple):
 
     Attributes:
         source: A file, or an option such as `--set control.feedback`.
-        line: Of the file, from 1; 0 for none.
-        column: Of the line, from 1.
+        line: Line of the file, from 1; 0 for none.
+        column: Column of the line, from 1.
         key: The key that the source stands for, which messages do not repeat.
     """
 
@@ -54,7 +54,7 @@ class Problem(NamedTuple):
 
     Attributes:
         key: Of the value; () for what is wrong with all of it.
-        text: What it must be, what it is and the way out.
+        text: The requirement, the value and the way out.
         origin: Where the value was given, if that is known.
         who: Which of several scenarios has it; "" for the only one, or all.
     """

@@ -109,7 +109,7 @@ def quat_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
     It is continuous in the angle: a full turn more changes the sign.
 
     Args:
-        axis: Of any length but 0, (..., 3).
+        axis: Axis of any length but 0, (..., 3).
         angle: (...) [rad].
 
     Returns:
@@ -216,9 +216,8 @@ def exp_rotation(rotvec: ArrayLike) -> Array:
 def log_rotation(quat: ArrayLike) -> Array:
     """Return the shortest rotation vector of a quaternion: the inverse of `exp_rotation`.
 
-    The angle comes from atan2, which is accurate from the smallest angles up to π, where the
-    arc cosine of the trace is not. q and −q give the same, but for a half turn (w = 0), whose
-    two vectors are equally short.
+    The angle comes from atan2, which is accurate from the smallest angles up to π, where the arc cosine of
+    the trace is not. q and −q give the same, except a half turn (w = 0), whose two vectors are equally short.
 
     Args:
         quat: [w, x, y, z], unit, (..., 4).

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
-# A thread that steps comes back to the interpreter thousands of times a second, for microseconds each: by
+# A thread that steps comes back to the interpreter thousands of times per second, for microseconds each: by
 # itself it would wait for 5 ms for one that prepares runs.
 _SWITCH = 5e-5
 

@@ -140,7 +140,7 @@ class DHChain:
             T_i-1_i for i = 1..n, (..., n, 4, 4).
 
         Raises:
-            ModelError: If q does not hold one value a joint.
+            ModelError: If q does not hold one value per joint.
         """
         q = np.asarray(q, dtype=np.float64)
         n = len(self.table)
@@ -161,7 +161,7 @@ class DHChain:
             T_0_i for i = 0..n, the first being the identity, (..., n + 1, 4, 4).
 
         Raises:
-            ModelError: If q does not hold one value a joint.
+            ModelError: If q does not hold one value per joint.
         """
         links = self.link_transforms(q)
         frames = [np.broadcast_to(np.eye(4), (*links.shape[:-3], 4, 4))]
@@ -188,7 +188,7 @@ class DHChain:
             Rows [v; ω], (..., 6, n) [m/s and rad/s per unit of joint rate].
 
         Raises:
-            ModelError: If q does not hold one value a joint, or there is no such frame.
+            ModelError: If q does not hold one value per joint, or there is no such frame.
         """
         n = len(self.table)
         frame = n if frame is None else frame

@@ -54,11 +54,11 @@ def taylor_order(
         jacobian: J, from joint positions (n,) to (m, n).
         q: Joint positions, (n,) [rad or m].
         direction: Δ, (n,) [rad or m].
-        largest: Of the factors h. With 1e-2 the remainder is some 1e-6 to 1e-4, far above rounding
+        largest: Largest of the factors h. With 1e-2 the remainder is some 1e-6 to 1e-4, far above rounding
             and far below the distance at which higher orders show.
 
     Returns:
-        The slope, or infinity if k is linear along Δ but for rounding.
+        The slope, or infinity if k is linear along Δ except rounding.
 
     Example:
         >>> from rmrc.textbook.two_link import two_link_jacobian, two_link_position

@@ -104,7 +104,7 @@ def ellipsoid_points(ellipsoid: Ellipsoid, count: int = 64) -> NDArray[np.float6
     x = Σ a_i e_i w_i for w on the unit circle or sphere, a_i the half axes and e_i the axes.
 
     Args:
-        ellipsoid: Of m = 2 or 3, without leading axes, finite.
+        ellipsoid: Ellipsoid of m = 2 or 3, without leading axes, finite.
         count: Points around; the last is the first again. From pole to pole there are as many.
 
     Returns:

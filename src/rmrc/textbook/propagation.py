@@ -68,7 +68,7 @@ def outward_velocities(
     n = links.shape[-3]
     own = _unit_twists(pitch, n)
     if qdot.shape[-1:] != (n,):
-        raise ModelError(f"chain: {n} joints but rates of shape {qdot.shape}; give one a joint")
+        raise ModelError(f"chain: {n} joints but rates of shape {qdot.shape}; give one per joint")
     twist = np.zeros((*np.broadcast_shapes(links.shape[:-3], qdot.shape[:-1]), 6))
     twists = []
     for i in range(n):
@@ -162,7 +162,7 @@ def inward_wrenches(links: ArrayLike, wrench: ArrayLike, tip: ArrayLike | None =
 
 
 def actuator_torques(wrenches: ArrayLike, pitch: ArrayLike) -> Array:
-    """Return what each drive gives of its link's reaction, the bearings giving the rest.
+    """Return what each actuator gives of its link's reaction, the bearings giving the rest.
 
     τ_i = ᶦn_i · Ẑ of a revolute, ᶦf_i · Ẑ of a prismatic joint [Craig05, §5.9] [Khatib08], and
     ᶦn_i · Ẑ + h ᶦf_i · Ẑ of a helical one: the reaction's power in the joint's own motion, as the
@@ -192,7 +192,7 @@ def _unit_twists(pitch: ArrayLike, n: int) -> Array:
     """Return [v; ω] of each joint per unit rate, in its own frame: (0, 0, h, 0, 0, 1), (0, 0, 1, 0, 0, 0)."""
     pitch = np.asarray(pitch, dtype=np.float64)
     if pitch.shape != (n,):
-        raise ModelError(f"chain: {n} joints but pitches of shape {pitch.shape}; give one a joint")
+        raise ModelError(f"chain: {n} joints but pitches of shape {pitch.shape}; give one per joint")
     return np.roll(joint_screw((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), pitch), 3, axis=-1)
 
 

@@ -162,8 +162,8 @@ def _weights(weights: ArrayLike | None, size: int) -> NDArray[np.float64]:
 def _check_rank(normal: NDArray[np.float64], shape: tuple[int, ...], which: str) -> None:
     if np.any(_least_pivot(normal) <= DEPENDENT):
         raise np.linalg.LinAlgError(
-            f"J of {shape[-2]} rows and {shape[-1]} columns has dependent {which}: "
-            "the normal equations have no solution; damp, or drop what cannot move"
+            f"J of {shape[-2]} rows and {shape[-1]} columns has dependent {which}: the normal equations "
+            "have no solution; use damping, or drop rows that cannot move"
         )
 
 

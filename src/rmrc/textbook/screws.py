@@ -205,7 +205,7 @@ def geometric_from_screws(jacobian: ArrayLike, tip: ArrayLike) -> Array:
 def _motions(screws: ArrayLike, q: ArrayLike) -> list[Array]:
     screws, q = np.asarray(screws, dtype=np.float64), np.asarray(q, dtype=np.float64)
     if screws.shape[-2] != q.shape[-1]:
-        raise ModelError(f"screws: {screws.shape[-2]} joints but {q.shape[-1]} positions; give one a joint")
+        raise ModelError(f"screws: {screws.shape[-2]} joints but {q.shape[-1]} positions; give one per joint")
     return list(np.moveaxis(exp_screw(screws, q), -3, 0))
 
 

@@ -21,7 +21,7 @@ def minors(jacobian: ArrayLike, size: int) -> NDArray[np.float64]:
 
     Args:
         jacobian: J, (..., m, n).
-        size: Of the submatrices, 1..min(m, n).
+        size: Size of the submatrices, 1..min(m, n).
 
     Returns:
         One row for each choice of rows of J, one column for each choice of its columns, both in

@@ -1,4 +1,4 @@
-"""The sampled loop around joints that do what they are told, late: which feedback it bears.
+"""The sampled loop around joints that do what they are told, late: which feedback it tolerates.
 
 The law sends K times the error every T seconds. The command arrives after a dead time τ, rates follow it with
 the time constant T₁, and the joint integrates them. Without a lag and with τ = d T this is the difference
@@ -32,7 +32,7 @@ def rule_gain(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
     about π/2 without a lag, and more with one.
 
     Args:
-        period: Of the law, T [s].
+        period: Period of the law, T [s].
         delay: Dead time τ of a command [s].
         lag: Time constant T₁ of the rates [s].
 
@@ -53,7 +53,7 @@ def edge_gain(period: float, delay: float = 0.0, lag: float = 0.0) -> float:
     For d ticks of dead time and no lag, K T = 2 sin(π/(2 (2 d + 1))): 2, 1, 0.618, 0.445, ...
 
     Args:
-        period: Of the law, T [s].
+        period: Period of the law, T [s].
         delay: Dead time τ of a command [s]; any part of a period.
         lag: Time constant T₁ of the rates [s].
 
@@ -78,7 +78,7 @@ def edge_frequency(period: float, delay: float = 0.0, lag: float = 0.0) -> float
     of it, and the joint moves by the mean of the lagging rate.
 
     Args:
-        period: Of the law, T [s].
+        period: Period of the law, T [s].
         delay: Dead time τ of a command [s].
         lag: Time constant T₁ of the rates [s].
 
@@ -110,11 +110,11 @@ def edge_delay(feedback: float, period: float, lag: float = 0.0) -> float:
 
     Args:
         feedback: K [1/s], positive.
-        period: Of the law, T [s].
+        period: Period of the law, T [s].
         lag: Time constant T₁ of the rates [s].
 
     Returns:
-        τ [s]; 0 where the loop bears none.
+        τ [s]; 0 where the loop tolerates none.
 
     Example:
         >>> edge_delay(1000.0, 0.001)  # doctest: +ELLIPSIS
@@ -127,15 +127,15 @@ def edge_delay(feedback: float, period: float, lag: float = 0.0) -> float:
 def edge_lag(feedback: float, period: float, delay: float = 0.0) -> float:
     """Return the shortest time constant with which the loop around an ideal joint is about to be unstable.
 
-    An endless lag leaves the edge at K = 1/(τ + T/2): below that, the loop bears any.
+    An endless lag leaves the edge at K = 1/(τ + T/2): below that, the loop tolerates any.
 
     Args:
         feedback: K [1/s], positive.
-        period: Of the law, T [s].
+        period: Period of the law, T [s].
         delay: Dead time τ of a command [s].
 
     Returns:
-        T₁ [s]; 0 where the loop bears none, infinite where it bears any.
+        T₁ [s]; 0 where the loop tolerates none, infinite where it tolerates any.
 
     Example:
         >>> edge_lag(20.0, 0.001, delay=0.008)

@@ -1,8 +1,8 @@
 """Static forces: joint torques for a wrench at the tip, by virtual work.
 
-The sign is the whole difficulty. τ = Jᵀ F is *equivalent* to the wrench F: what the drives must
-give for the tip to press on the world with F. −Jᵀ F *balances* it: what the drives must give to
-hold still when F acts on the tip.
+The sign is the whole difficulty. τ = Jᵀ F is *equivalent* to the wrench F: what the actuators must give for
+the tip to press on the world with F. −Jᵀ F *balances* it: what the actuators must give to hold still when F
+acts on the tip.
 """
 
 from __future__ import annotations

@@ -78,8 +78,8 @@ def two_link_boundary(
         spacing: Between the points of an arc, at most, in the joint that moves [rad].
 
     Returns:
-        The arcs; together they are closed, but for pieces shorter than spacing/16. With l₁ = l₂ there
-        is no inner circle, only a point.
+        The arcs; together they are closed, except pieces shorter than spacing/16. With l₁ = l₂ there is no
+        inner circle, only a point.
 
     Raises:
         ModelError: If a length is not positive, or a lower limit is not below the upper one.

@@ -1,6 +1,6 @@
-"""Which inverse and which damping: settings of a control law, tried on a scenario and on copies of it.
+"""Search for an inverse and a damping: settings of a control law, tried on perturbed scenarios.
 
-`space` says what can be chosen and between which bounds, `copies` draws the perturbed copies, `trials` has a
-study run settings on them and measures what comes, `front` sorts what was measured, `search` decides what is
-tried next, `verdict` says what is best, and `tune` is all of it from file to answer.
+`space` defines the tunable keys and their bounds, `copies` draws the perturbed scenarios, `trials` runs
+settings on them and measures the results, `front` sorts the results, `search` decides what to try next,
+`verdict` picks the best, and `tune` combines all of this.
 """

@@ -1,4 +1,4 @@
-"""What a run must still be able to come to: one that cannot ends, and gets no more copies."""
+"""Stopping rule: a run ends, without further perturbed scenarios, once its setting cannot count any more."""
 
 import math
 from collections.abc import Iterable, Sequence
@@ -40,7 +40,7 @@ class Bar:
         """Return what settings ask of others; None where there are none.
 
         Args:
-            points: Of those that keep what is allowed on all copies.
+            points: Settings that keep all limits on all perturbed scenarios.
             own: Of the setting as written, if it does; errors up to its are wanted.
         """
         if not points:
@@ -50,7 +50,7 @@ class Bar:
         return cls(rates, errors, max(FAR * float(errors[-1]), *(one.error for one in own), 0.0))
 
     def beats(self, rate: _Array, error: _Array, rival: _Array, alike: float = 0.0) -> NDArray[np.bool_]:
-        """Say whether settings of which this much is known can be left, (w,): the rest only makes them worse.
+        """Return whether settings can be abandoned, (w,), because further runs cannot improve them.
 
         One cannot that may have the least error of its inverse, so that the comparison of inverses is fair.
 

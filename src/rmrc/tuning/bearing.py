@@ -1,4 +1,4 @@
-"""How much feedback loops were seen to bear: nothing is tried with more than its inverse bore."""
+"""Stable feedback found so far: no setting is tried with more than its inverse tolerated."""
 
 import math
 from collections.abc import Hashable, Sequence
@@ -18,14 +18,14 @@ NEAR, _SAFE, _ABOVE_1 = 1.01, 0.995, ("transpose", "jparse")
 
 @dataclass
 class Bearing:
-    """Feedback that was asked of loops, and whether they bore it.
+    """Tested feedback of loops, and its stability.
 
-    What a loop bears is decided by its delays, which all inverses have in common. So an inverse of which
-    nothing is known is taken to bear what another one did.
+    Delays determine the stable feedback of a loop, and all inverses share them. An untested inverse is
+    therefore assumed to tolerate as much as a tested one.
 
     Attributes:
-        probed: Of the setting that was asked first, by feedback.
-        asked: Of each inverse, by feedback.
+        probed: Results of the setting that was tested first, by feedback.
+        asked: Results of each inverse, by feedback.
     """
 
     probed: dict[float, bool] = field(default_factory=dict)
@@ -33,16 +33,16 @@ class Bearing:
 
     @property
     def edge(self) -> tuple[float, float]:
-        """The most that was borne of what was probed, or 0, and the least above it that was not."""
+        """Largest stable feedback of the probed setting, or 0, and the smallest unstable one above it."""
         return _edge(self.probed)
 
     def add(self, setting: Setting, bears: bool) -> None:
-        """Take into account what a setting bore."""
+        """Add the result of a setting."""
         of_inverse = self.asked.setdefault(setting.structure.inverse, {})
         of_inverse[setting.feedback] = bears
 
     def implies(self, setting: Setting) -> bool:
-        """Say whether a setting bears what is asked, because its inverse has borne as much feedback."""
+        """Return whether a setting is stable because its inverse was stable with as much feedback."""
         own = self.asked.get(setting.structure.inverse, {})
         borne = max((value for value, bears in own.items() if bears), default=0.0)
         failed = min((value for value, bears in own.items() if not bears), default=math.inf)
@@ -50,26 +50,26 @@ class Bearing:
         return is_within and setting.structure.method not in _ABOVE_1
 
     def to_ask(self, settings: Sequence[Setting]) -> list[Setting]:
-        """Return which of several settings to ask first: that of each inverse with the highest feedback."""
+        """Return the settings to test first: the one with the highest feedback of each inverse."""
         by_feedback = sorted(settings, key=lambda one: -one.feedback)  # as they are, where it is equal
         return list({one.structure.inverse: one for one in reversed(by_feedback)}.values())
 
     @property
     def _safe(self) -> float:
-        """What may be tried with any inverse after what was probed; 0: nothing was borne."""
+        """Feedback to try with any inverse after the probe; 0: none was stable."""
         return rounded(_SAFE * self.edge[0])
 
     @property
     def expected(self) -> float:
-        """What a loop may be at its edge with, as a feedback; 0: nothing is known."""
+        """Estimated feedback at the stability limit; 0: unknown."""
         low, high = self.edge
         return math.sqrt(low * high) if low > 0.0 and high < math.inf else low
 
     def within(self, setting: Setting, space: Space) -> Setting:
-        """Return a setting with no more feedback than its inverse may bear, as far as is known.
+        """Return a setting with no more feedback than its inverse is known to tolerate.
 
-        Where it has too much, it gets what is between the most that was borne and the least that was not, so
-        that one closes in on the edge.
+        Excessive feedback is replaced by a value between the largest stable and the smallest unstable one,
+        which closes in on the limit.
         """
         own = self.asked.get(setting.structure.inverse, {})
         low, high = _edge(self.probed | own if all(own.values()) else own)
@@ -90,6 +90,6 @@ def with_feedback(setting: Setting, feedback: float, space: Space) -> Setting:
 
 
 def _edge(asked: dict[float, bool]) -> tuple[float, float]:
-    """Return the most that was borne, 0 if nothing was, and the least above it that was not."""
+    """Return the largest stable value, 0 without one, and the smallest unstable one above it."""
     low = max((value for value, bears in asked.items() if bears), default=0.0)
     return low, min((value for value in asked if value > low), default=math.inf)

@@ -1,4 +1,4 @@
-"""Copies of a scenario that are a little off: start, target, what is carried, and the loop of the robot."""
+"""Perturbed scenarios: small errors of start, target, payload, and the robot's loop."""
 
 from dataclasses import dataclass
 
@@ -17,11 +17,11 @@ LOOPS = 6
 
 @dataclass(frozen=True)
 class Spread:
-    """How far copies are off.
+    """Sizes of the perturbations.
 
     Attributes:
-        start: Of each joint, to either side [rad]; of one that slides, times the task's length [m].
-        offset: Of the target along each translational task axis, to either side [m].
+        start: Start of each joint, to either side [rad]; of one that slides, times the task's length [m].
+        offset: Offset of the target along each translational task axis, to either side [m].
         payload: From nothing to so much more at the site [kg].
     """
 
@@ -33,14 +33,14 @@ class Spread:
 def draw_copies(
     nominal: Prepared, count: int, seed: int, spread: Spread, robot: Robot
 ) -> tuple[Variant, ...]:
-    """Return the scenario itself and copies of it, drawn evenly by Sobol's sequence.
+    """Return the scenario itself and perturbed scenarios, drawn from the Sobol sequence.
 
-    The scenario itself is on the slowest and noisiest loop, and so is every second copy: what is hard is
-    hardest there. The first copy is on the quickest loop, and every second one after it on one that is drawn.
+    The scenario itself has the slowest and noisiest loop, the hardest case, and so has every second perturbed
+    scenario. The first perturbed scenario has the fastest loop, and every second one after it a drawn loop.
 
     Args:
         nominal: The scenario.
-        count: Of copies.
+        count: Count of copies.
         seed: What is drawn.
         spread: How far they are off; a start stays within the joints' position limits, and an offset is drawn
             only where the path has an absolute point for it to move.
@@ -53,7 +53,7 @@ def draw_copies(
     if spread.payload and not nominal.plant.has_physics:
         name = scenario.plant.kind
         raise ScenarioError.about(
-            "--payload", f"must be 0 in an {name} plant, which carries nothing; take another plant.kind"
+            "--payload", f"must be 0 in an {name} plant, which has no loads; use another plant.kind"
         )
     axes = [i for i, axis in enumerate("xyz") if axis in scenario.task.axes] if has_points(scenario) else []
     joints = arm.n if spread.start else 0
@@ -62,7 +62,7 @@ def draw_copies(
     drawn = joints + len(axes) + len(loops) + bool(spread.payload)
     if drawn > MOST_DRAWN:
         raise ScenarioError.about(
-            "--copies", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; take --start 0"
+            "--copies", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; use --start 0"
         )
     # positions place the joints that are not driven as in `home`, which must be where the keyframe has them
     placed = arm.at(arm.configuration("home")).configuration(nominal.qpos[arm.wiring.qpos])
@@ -95,7 +95,7 @@ def draw_copies(
             values["plant.payload"] = scenario.plant.payload + spread.payload * float(point[-1])
         values |= robot.misfit(nominal, np.random.default_rng((seed, index)).uniform(-1.0, 1.0, 2 * arm.n))
         changes = changes_of(values, "--vary")
-        copies.append(Variant(f"copy {index + 1}{_told(changes)}", changes))
+        copies.append(Variant(f"perturbed scenario {index + 1}{_told(changes)}", changes))
     return tuple(copies)
 
 
@@ -116,7 +116,7 @@ def _told(changes: tuple[Change, ...]) -> str:
 
 
 def has_points(scenario: Scenario) -> bool:
-    """Say whether a path has an absolute point, which `target.offset` moves, and the task an axis for it."""
+    """Return whether a path has an absolute point for `target.offset`, and the task an axis for it."""
     return not set("xyz").isdisjoint(scenario.task.axes) and any(
         isinstance(one, ArcSegment) or (isinstance(one, LineSegment) and one.line.to is not None)
         for one in scenario.target.path

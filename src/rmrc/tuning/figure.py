@@ -1,4 +1,4 @@
-"""The picture of a search: error against peak rate, with the front and what is recommended."""
+"""The plot of a search: error against peak rate, with the Pareto front and the recommendations."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -26,17 +26,17 @@ def draw_front(
     limits: Sequence[float],
     path: Path,
 ) -> None:
-    """Write `front_figure` to a file, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`."""
+    """Write `front_figure` to a file, atomically; the suffix says how: `.png`, `.svg` or `.pdf`."""
     save(front_figure(name, points, front, marks, limits), [path])
 
 
 def front_figure(
     name: str, points: Sequence[Row], front: Sequence[Row], marks: Sequence[Row], limits: Sequence[float]
 ) -> Figure:
-    """Return the picture of what was found.
+    """Return the picture of the results.
 
     Args:
-        name: Of the scenario.
+        name: Name of the scenario.
         points: Each feasible setting, in words its method.
         front: Those that none dominates, by rising peak rate.
         marks: Those that have a name, the most important first.
@@ -69,7 +69,7 @@ def _front(
             label=f"{mark.name}: {plain(mark.words)}",
         )  # fmt: skip
     _frame(axes, points, marks, limits)
-    entitle(figure, f"{plain(name)}: settings that keep the limits on every copy")
+    entitle(figure, f"{plain(name)}: settings that keep the limits on every perturbed scenario")
     explain(figure, loc="outside right upper")
     return figure
 

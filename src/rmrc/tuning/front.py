@@ -1,11 +1,11 @@
-"""Pareto's front of peak rate against error: what nothing beats in both, and the ranks behind it."""
+"""The Pareto front of peak rate and error, and nondominated sorting."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
 
 
 class Point(NamedTuple):
-    """What a setting comes to: less is better.
+    """Objectives of a setting: less is better.
 
     Attributes:
         peak_rate: [rad/s].
@@ -19,7 +19,7 @@ class Point(NamedTuple):
 
 
 def dominates(a: Point, b: Point) -> bool:
-    """Say whether a is better than b in one and worse in none; of equals, the shorter is better.
+    """Return whether a is better than b in one and worse in none; of equals, the shorter is better.
 
     Example:
         >>> dominates(Point(1.0, 2.0, 9.0), Point(1.0, 3.0, 5.0)), dominates(Point(1, 2, 9), Point(2, 1, 9))

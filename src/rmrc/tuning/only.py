@@ -1,4 +1,4 @@
-"""`--only KEY=V1,V2,...`: what a search is restricted to."""
+"""`--only KEY=V1,V2,...`: restrictions of a search."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
@@ -26,7 +26,7 @@ def read_only(only: Only) -> tuple[dict[str, tuple[str, ...]], dict[str, Values]
         only: The values of some keys.
 
     Raises:
-        ScenarioError: All that is wrong with them.
+        ScenarioError: Lists their problems.
     """
     words, numbers, problems = dict[str, tuple[str, ...]](), dict[str, Values](), list[Problem]()
     for one in only.items() if isinstance(only, Mapping) else only:
@@ -34,7 +34,7 @@ def read_only(only: Only) -> tuple[dict[str, tuple[str, ...]], dict[str, Values]
             key, values = _split(one) if isinstance(one, str) else one
             if key not in (*WORDS, *NUMBERS):
                 known = ", ".join((*WORDS, *NUMBERS))
-                raise _RefusedError(key, f"is nothing that is chosen; take one of {known}")
+                raise _RefusedError(key, f"is not a tunable key; choose from {known}")
             if key in words or key in numbers:
                 raise _RefusedError(key, "is given twice")
             if key in WORDS:
@@ -60,7 +60,7 @@ def _split(text: str) -> tuple[str, Sequence[str]]:
 def _word(key: str, value: str | float) -> str:
     if value not in WORDS[key]:
         near = did_you_mean(str(value), WORDS[key])
-        raise _RefusedError(key, f"must be of {', '.join(WORDS[key])}, got {value}{near}")
+        raise _RefusedError(key, f"must be among {', '.join(WORDS[key])}, got {value}{near}")
     return str(value)
 
 

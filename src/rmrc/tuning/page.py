@@ -1,4 +1,4 @@
-"""The page of whatever a verb left: `rmrc.report`."""
+"""`rmrc.report`: the report page of a verb's output."""
 
 from os import PathLike
 from pathlib import Path
@@ -18,7 +18,7 @@ def page(path: Path) -> Page:
 
     Raises:
         OSError: It cannot be read.
-        QuestionError: It is something else, or damaged.
+        QuestionError: It is another kind of file, or damaged.
     """
     if path.suffix != ".parquet":
         return run_page.page(path)
@@ -27,19 +27,19 @@ def page(path: Path) -> Page:
 
 
 def report(result: str | PathLike[str], path: str | PathLike[str] | None = None) -> Path:
-    """Write one self-contained HTML page of what a verb left: verdict, figures, plots, what to paste.
+    """Write one self-contained HTML page of a verb's output: verdict, metrics, plots, blocks to copy.
 
     Args:
-        result: `NAME.npz` of `run` or `compare` with its `.json` beside it, `NAME.sweep.parquet` or
+        result: `NAME.npz` of `run` or `compare`, with its `.json`, `NAME.sweep.parquet` or
             `NAME.tune.parquet`.
-        path: The page; None: beside the result, ending in `.html`.
+        path: The page; None: the path of the result with the suffix `.html`.
 
     Returns:
         The page.
 
     Raises:
         OSError: A file cannot be read or written.
-        QuestionError: The result is something else, or damaged.
+        QuestionError: The result is another kind of file, or damaged.
     """
     written = Path(result).with_suffix(".html") if path is None else Path(path)
     page(Path(result)).write(written)

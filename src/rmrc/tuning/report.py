@@ -1,4 +1,4 @@
-"""What a search found, in words and as rows of its tables."""
+"""The result of a search, in words and as rows of tables."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -48,35 +48,35 @@ def _short(key: str) -> str:
 
 
 def title(work: Tuning, found: Tuned) -> str:
-    """Return what was done."""
-    kept = f"{len(found.feasible)} were tried on every copy and keep what is allowed"
+    """Return the title of the tables."""
+    kept = f"{len(found.feasible)} were tried on every perturbed scenario and keep the limits"
     return f"{work.scenario.name}: {len(found.tried)} settings in {found.runs} runs; {kept}"
 
 
 def facts(work: Tuning, found: Tuned) -> list[tuple[str, str]]:
-    """Return what was allowed and what was tried."""
+    """Return the limits and the trials."""
     limits, copies = found.limits, len(found.copies) - 1
     whose = "the setting as written"
     if found.own.worst.completed < 1.0:
-        whose += ", or of the path where that does not complete it"
+        whose += ", or of the path if that does not complete it"
     off = f"and {copies} cop{'y' if copies == 1 else 'ies'} of it: {work.spread_in_words}"
     lines = [
         ("tried on", f"the scenario {off if copies else 'alone'}"),
         ("robot", _robot(work)),
         ("rates", _allowed(limits.rate, "rate", limits, "/s")),
         ("accelerations", _allowed(limits.acceleration, "acceleration", limits, "/s²")),
-        ("time", f"at most {work.slower:g} times that of {whose}, copy by copy"),
-        ("chatter", f"at most {CHATTER:g} changes of sign of a joint's commanded acceleration a second"),
+        ("time", f"at most {work.slower:g} times that of {whose}, for each perturbed scenario"),
+        ("chatter", f"at most {CHATTER:g} sign changes of a joint's commanded acceleration per second"),
         ("torque", f"at its limit for at most {SATURATED:.0%} of the time"),
     ]
     if found.looks:
         late = 1e3 * sum(work.robot.slowest(work.scenario))
         coarse = f"dead time of {late:.4g} ms, in ticks of {1e3 * found.tick:.4g} ms"
         first = f"{found.looks} settings on an ideal plant with a {coarse}"
-        lines.append(("first looks", first))
+        lines.append(("first checks", first))
     if work.loops:
-        every = f"on {len(work.loops)} more loops, evenly from the quickest to the slowest"
-        lines.append(("last looks", f"what is recommended and second best, {every}"))
+        every = f"on {len(work.loops)} more loops, evenly spaced from the fastest to the slowest"
+        lines.append(("final checks", f"the recommended and the second best setting, {every}"))
     return lines + [("not possible", reason) for reason in work.left_out]
 
 
@@ -112,7 +112,7 @@ def front(found: Tuned) -> list[Row]:
 
 
 def named(found: Tuned) -> list[Row]:
-    """Return what is recommended, second best, as written, and what dominates that if it is another."""
+    """Return the recommended and the second best setting, the one as written, and one that dominates it."""
     verdict = found.verdict
     chosen: Sequence[Tried | None] = (verdict.recommended, verdict.second, found.own, verdict.better)
     unique = {id(one): one for one in chosen if one is not None}
@@ -124,22 +124,26 @@ def as_written(found: Tuned) -> str:
     """Return whether the setting as written is any good."""
     own, better = found.own, found.verdict.better
     if not own.keeps_limits:
-        return f"As written it does not keep what is allowed: {own.worst.missed}."
+        return f"The setting as written violates a limit: {own.worst.missed}."
     if better is None and not any(one is own for one in found.feasible):
-        return "As written it is not what --only allows; nothing that it allows dominates it."
+        return "The setting as written is outside --only; no setting within --only dominates it."
     if better is None:
-        return "As written it is on the front: nothing that was tried dominates it."
+        return "The setting as written is on the Pareto front: no tried setting dominates it."
     which = "the recommended setting" if better is found.verdict.recommended else words(better.setting)
     if better.worst.point[:2] == own.worst.point[:2]:
         took = f"in {better.worst.time:.6g} s and not in {own.worst.time:.6g} s"
-        return f"As written it is dominated: {which} has its error and its peak rate {took}."
+        return f"The setting as written is dominated: {which} has its error and its peak rate {took}."
     # what is dominated has the larger error or peak rate; the one that is 0 is 0 in both
     error, rate = (_share(*pair) for pair in zip(better.worst[:2], own.worst[:2], strict=True))
     if error == rate == "1":
         return (
-            f"As written it is dominated, but in no digit that counts: {which} is better by less than 0.1%."
+            f"The setting as written is dominated, but not significantly: {which} is better by less than "
+            "0.1%."
         )
-    return f"As written it is dominated: {which} has {error} times its error at {rate} times its peak rate."
+    return (
+        f"The setting as written is dominated: {which} has {error} times its error at {rate} times its "
+        "peak rate."
+    )
 
 
 def _share(its: float, own: float) -> str:
@@ -153,7 +157,7 @@ def alike(found: Tuned) -> list[str]:
 
 
 def margins(found: Tuned) -> list[tuple[str, ...]]:
-    """Return what the loop of each recommendation bears: gain, and more delay and lag [ms]."""
+    """Return the margins of each recommendation: gain, and additional delay and lag [ms]."""
     return [
         (name, _bears(one.gain, 1.0), _bears(one.delay, 1e3), _bears(one.lag, 1e3))
         for name, one in found.margins.items()
@@ -168,22 +172,22 @@ def _bears(margin: Margin | None, scale: float) -> str:
 
 
 def doubts(found: Tuned) -> list[str]:
-    """Return what is to be known before a recommendation goes to a robot."""
+    """Return the warnings about a recommendation for a robot."""
     best, lines = found.verdict.recommended, []
     if best is None:
         return []
     margin = found.margins.get("recommended")
     if margin and margin.gain.edge.high <= GAIN_MARGIN:
         lines.append(
-            f"Warning: its gain margin is {margin.gain.value:.3g}, below {GAIN_MARGIN:g}: if your robot may "
-            f"be slower than was told, take less feedback, by --gain-margin {GAIN_MARGIN:g}."
+            f"Warning: its gain margin is {margin.gain.value:.3g}, below {GAIN_MARGIN:g}: if your robot "
+            f"may be slower than assumed here, use less feedback, by --gain-margin {GAIN_MARGIN:g}."
         )
     pairs = zip(best.setting.structure.keys, best.setting.numbers, strict=True)
     for key, value in () if best.setting.is_written else pairs:
         if value in map(rounded, found.bounds.get(key, ())):
             lines.append(
-                f"Warning: {key} stands at its search bound, {value:.6g}: what lies beyond was not "
-                f"tried; --only {key}=V1,V2 tries what you name."
+                f"Warning: {key} is at its search bound, {value:.6g}: values beyond were not tried; --only "
+                f"{key}=V1,V2 tries values of your choice."
             )
     return lines
 
@@ -193,4 +197,4 @@ def nothing(found: Tuned) -> str:
     nearest = found.verdict.nearest
     assert nearest is not None  # nothing is feasible
     which = f"{words(nearest.setting)} ({numbers(nearest.setting)})"
-    return f"nothing that was tried keeps what is allowed; nearest is {which}: {nearest.worst.missed}"
+    return f"no tried setting keeps the limits; the nearest is {which}: {nearest.worst.missed}"

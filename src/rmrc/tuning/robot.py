@@ -1,4 +1,4 @@
-"""What is not known of a robot: how late, slowly and noisily its loop answers, and its calibration."""
+"""Uncertainty about a robot: delay, lag and noise of its loop, and its calibration."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -36,7 +36,7 @@ class Robot:
 
     Attributes:
         delay: Dead time of its commands [s].
-        lag: Time constant with which its drives follow [s].
+        lag: Time constant of its actuators [s].
         noise: Standard deviation of its encoders' noise [rad]; of slides, times task.length [m].
         calibration: How far lengths of its links and zeros of its joints are off, to either side: share of
             a length, and angle [1, rad]; of slides, times task.length [m].
@@ -56,18 +56,18 @@ class Robot:
         """Return the modest robot that is assumed where nothing is told.
 
         Args:
-            period: Of control [s].
+            period: Period of control [s].
         """
         return cls((0.0, max(PERIODS * period, DELAY)), (0.0, LAG), (NOISE, NOISE), is_assumed=True)
 
     @property
     def ranges(self) -> dict[str, Range]:
-        """What is given of the loop, by name."""
+        """The given properties of the loop, by name."""
         return {name: getattr(self, name) for name in _KEYS if getattr(self, name) is not None}
 
     @property
     def varied(self) -> tuple[str, ...]:
-        """What differs from copy to copy."""
+        """The varied properties."""
         return tuple(name for name, (low, high) in self.ranges.items() if low < high)
 
     def only(self, name: str) -> "Robot":
@@ -85,7 +85,7 @@ class Robot:
 
         Args:
             nominal: The scenario.
-            shares: Of what is varied, where between its least and largest value.
+            shares: Shares of what is varied, where between its least and largest value.
         """
         found: dict[str, object] = {}
         for name, (low, high) in self.ranges.items():
@@ -125,7 +125,7 @@ class Robot:
 
     @property
     def words(self) -> str:
-        """What is given, in words: `delay 0 to 8 ms, lag 5 ms, encoder noise 1e-05 rad`."""
+        """The given properties in words: `delay 0 to 8 ms, lag 5 ms, encoder noise 1e-05 rad`."""
         parts = []
         for name, (low, high) in self.ranges.items():
             scale, unit = (1e3, "ms") if _UNITS[name] == "s" else (1.0, "rad")
@@ -137,7 +137,7 @@ class Robot:
 
 
 def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> Robot:
-    """Return what is not known of a scenario's robot, and assume it where nobody told any of it.
+    """Return the uncertainty about a scenario's robot, assumed if neither options nor scenario describe it.
 
     Args:
         scenario: Its `tune` has what is not given; where its plant or its encoders have a loop of their own,
@@ -146,12 +146,12 @@ def robot_of(scenario: Scenario, given: Mapping[str, Given], *, ideal: bool) -> 
         ideal: Whether the loop shall be as the scenario has it.
 
     Raises:
-        ScenarioError: All that is wrong with the ranges.
+        ScenarioError: Lists the problems of the ranges.
     """
     told, problems = {name: value for name, value in given.items() if value is not None}, list[Problem]()
     if ideal and told:
         names = " and ".join(f"--{name}" for name in told)
-        raise ScenarioError.about("--ideal", f"takes the loop as the scenario has it, got {names} as well")
+        raise ScenarioError.about("--ideal", f"uses the loop of the scenario, got {names} as well")
     if ideal:
         return Robot()
     ranges = dict[str, Any]()
@@ -192,7 +192,7 @@ def read_range(given: str | float | Sequence[float], unit: str) -> Range:
 
     Args:
         given: A number, two of them, or a text: `8ms`, `6ms..12ms`, `0..1e-5`.
-        unit: Of numbers without one; the unit of a text's last number is that of all.
+        unit: Unit of numbers without one; the unit of a text's last number is that of all.
 
     Raises:
         ValueError: It is none, negative, or the largest comes first.
@@ -205,7 +205,7 @@ def read_range(given: str | float | Sequence[float], unit: str) -> Range:
     else:
         low, high = (given, given) if isinstance(given, int | float) else map(float, given)
     if not 0.0 <= low <= high < math.inf:
-        raise ValueError(f"must be >= 0 and finite, the least first, got {given}")
+        raise ValueError(f"must be >= 0 and finite, smallest first, got {given}")
     return float(low), float(high)
 
 
@@ -226,7 +226,7 @@ def _read(text: str, unit: str) -> Range:
 
 
 def _has_loop(scenario: Scenario) -> bool:
-    """Say whether a scenario tells how its loop answers."""
+    """Return whether a scenario tells how its loop answers."""
     plant, encoder = scenario.plant, scenario.arm.encoder
     numbers = (
         plant.delay,

@@ -1,4 +1,4 @@
-"""What is tried next: on a model that costs little first, then on the hardest copy, then on the others.
+"""Choose the next settings: tried on a cheap model, on the hardest perturbed scenario, then on all.
 
 The scenario's own setting comes first, on all copies, and tells which of them is the hardest. All structures
 are looked at on the model, and neighbors of the best of them; what is best there goes on to the copies. From
@@ -49,8 +49,8 @@ _SHRINK, _NEXT_SHRINK = (0.7, 0.5), (0.8, 0.6)
 _RIVALS = 4
 # Where nothing keeps the limits, so many of a round that are nearest to it are run on the other copies.
 _NEAREST = 2
-# Shares of the largest feedback of which it is asked first whether a loop bears it, within what share of the
-# runs that are left.
+# Shares of the largest feedback of which it is asked first whether a loop tolerates it, within what share of
+# the runs that are left.
 _PROBED, _PROBES = (1.0, 0.94, 0.88, 0.8), 0.1
 
 
@@ -64,7 +64,7 @@ class Search:
             space: What can be chosen.
             trials: Runs settings.
             budget: Runs in all.
-            seed: Of what is drawn.
+            seed: Seed of what is drawn.
         """
         self._space, self._trials, self._seed = space, trials, seed
         self._left = self._budget = float(budget)

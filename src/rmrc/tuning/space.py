@@ -1,4 +1,4 @@
-"""What can be chosen in a control law, and between which bounds."""
+"""The tunable keys of a control law, and their bounds."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping
@@ -40,7 +40,7 @@ Values = tuple[float, ...]
 
 
 class Structure(NamedTuple):
-    """What is not a number in a setting.
+    """The discrete choices of a setting.
 
     Attributes:
         method: `control.inverse.method`.
@@ -100,7 +100,7 @@ def all_structures(policies: Iterable[str] = TRIED) -> Iterator[Structure]:
 
 
 def meets_limits(run: Run) -> bool:
-    """Say whether a limit acts in a run: only then it matters what is made of rates beyond."""
+    """Return whether a limit acts in a run: only then it matters what is made of rates beyond."""
     limits = Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED
     return bool(np.any(run["status"].astype(np.int64) & int(limits)))
 
@@ -109,7 +109,7 @@ class Setting(NamedTuple):
     """A structure and its numbers.
 
     Attributes:
-        structure: What is no number.
+        structure: Its discrete choices.
         numbers: A value for each of the structure's keys.
         is_written: Whether it is the scenario's own, which nothing overrides.
     """
@@ -130,7 +130,7 @@ class Setting(NamedTuple):
 
     @property
     def changes(self) -> tuple[Change, ...]:
-        """What makes it of the scenario."""
+        """Changes of the scenario that make it."""
         return () if self.is_written else changes_of(self.values)
 
 
@@ -146,13 +146,13 @@ def scales(nominal: Prepared, run: Run) -> Scales:
     """Return what a run tells about the sizes of numbers.
 
     Args:
-        nominal: What was run.
+        nominal: The scenario of the run.
         run: As far as it came.
     """
     task, reference = nominal.task, nominal.reference
     wanted: NDArray[np.float64] = task.turned(reference.twist, reference.pose)[:, task.rows] * task.row_scale
     sigma = _largest(run["sigma"]) or 1.0
-    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no drive's rates, and what the limits
+    # Below speed/σ₁ no joint rates can follow; 300 times that bounds no actuator's rates, and what the limits
     # allow is enough.
     slowest = float(np.linalg.norm(wanted, axis=1).max()) / sigma or 0.01
     lengths = np.where(nominal.arm.is_slide, nominal.task.length, 1.0)
@@ -249,7 +249,7 @@ class Space:
         return Setting(structure, tuple(numbers))
 
     def allows(self, setting: Setting) -> bool:
-        """Say whether a setting keeps to what is restricted."""
+        """Return whether a setting keeps to what is restricted."""
         numbers = zip(setting.structure.keys, setting.numbers, strict=True)
         return setting.structure in self.structures and all(
             value in self.only.get(key, (value,)) for key, value in numbers

@@ -1,4 +1,4 @@
-"""What a search for a control law found: the front, what is recommended, and what it costs against others."""
+"""Tables of a search: the Pareto front, the recommendations, and their cost relative to others."""
 
 from collections.abc import Sequence
 from typing import NamedTuple
@@ -30,7 +30,7 @@ class Row(NamedTuple):
 
 
 def heading(title: str, facts: Sequence[tuple[str, str]]) -> Sheet:
-    """Return the first table: what was tried and what was allowed."""
+    """Return the first table: trials and limits."""
     return Sheet(title, ("", ""), facts, frozenset({0, 1}))
 
 
@@ -40,8 +40,8 @@ def sheets(
     """Return the tables.
 
     Args:
-        title: Of it all.
-        facts: What was tried and what was allowed: what, and in words.
+        title: Title of the tables.
+        facts: Trials and limits: names and values in words.
         front: Settings that no other dominates, by rising peak rate.
         named: Recommended, second best if there is one, and as written.
     """
@@ -58,14 +58,14 @@ def sheets(
     return [
         heading(title, facts),
         Sheet(title_of_front, headings, [units, *map(_cells, rows)], left),
-        Sheet("What is recommended, and others", headings, [units, *map(_cells, named)], left),
+        Sheet("Recommendations, and others", headings, [units, *map(_cells, named)], left),
         *([costs] if others else []),
     ]
 
 
 def margins(rows: Sequence[tuple[str, ...]]) -> Sheet:
-    """Return the table of what loops bear: name, and by how much more gain, delay and lag they are stable."""
-    headings, units = ("its loop bears", "gain", "more delay", "more lag"), ("", "times", "ms", "ms")
+    """Return the table of stability margins: name, and margins of gain, delay and lag."""
+    headings, units = ("gain margin", "gain", "more delay", "more lag"), ("", "times", "ms", "ms")
     return Sheet("Margins, on the slowest of the robots", headings, [units, *rows], frozenset({0}))
 
 

@@ -1,4 +1,4 @@
-"""Settings on copies -> what they come to: prepared, stepped in batches on all cores, measured."""
+"""Run settings on perturbed scenarios, in batches on all cores, and measure the results."""
 
 import math
 import threading
@@ -38,7 +38,7 @@ _PARTS, _WIDE = 2, 16
 
 
 class Outcome(NamedTuple):
-    """What a run came to.
+    """The result of a run.
 
     Attributes:
         error: The larger of position_error.max and task.length · orientation_error.max [m].
@@ -46,8 +46,8 @@ class Outcome(NamedTuple):
         time: duration [s].
         roughness: The largest of the joints' rms commanded accelerations [rad/s² or m/s²].
         completed: Share of the path.
-        excess: Share by which what is allowed is exceeded most; not positive: it is kept.
-        missed: What that is, in words.
+        excess: Largest relative excess over a limit; not positive: all limits are kept.
+        missed: The limit with the largest excess, in words.
         ended: Whether it was ended because it could no longer count: all of this is as far as it came.
         condition: Largest κ.
     """
@@ -64,7 +64,7 @@ class Outcome(NamedTuple):
 
     @property
     def point(self) -> Point:
-        """What counts on a front."""
+        """The objectives on a Pareto front."""
         return Point(self.peak_rate, self.error, self.time)
 
 
@@ -98,7 +98,7 @@ def scaled(one: Outcome, by: Outcome, to: Outcome) -> Outcome:
 
 @dataclass(frozen=True)
 class Limits:
-    """What is allowed.
+    """The limits of a run.
 
     Attributes:
         joints: Names.
@@ -131,7 +131,7 @@ class Limits:
         """Return what a run came to.
 
         Args:
-            result: Of it.
+            result: Its result.
             longest: Time that it may take [s].
         """
         card = result.scorecard
@@ -146,7 +146,7 @@ class Limits:
         found.append((time / longest - 1.0 - 1e-9, f"it takes {time:.4g} s, and {longest:.4g} is allowed"))
         if completed != 1.0 and not result.ended:
             over = 1.0 / completed - 1.0 if completed > 0.0 else math.inf
-            found.append((over, f"{completed:.0%} of the path is done in {time:.4g} s"))
+            found.append((over, f"{completed:.0%} of the path is completed in {time:.4g} s"))
         if result.divergence is not None:
             found.append((math.inf, f"it {result.divergence}"))
         excess, missed = max(found, key=lambda pair: pair[0])
@@ -194,12 +194,14 @@ def _smooth(card: Scorecard, time: float) -> Iterator[tuple[float, str]]:
     refused, most = float(card["profile.refused"].value), SATURATED * time
     if chatter > 0.0:
         said = (
-            f"the acceleration of {card['chatter_joint'].value} changes its sign {chatter:.4g} times a second"
+            f"the acceleration of {card['chatter_joint'].value} changes its sign {chatter:.4g} times per "
+            "second"
         )
         yield chatter / CHATTER - 1.0, f"{said}, and {CHATTER:g} is allowed"
     if saturated > 0.0:
         said = (
-            f"the drive of {card['torque_limited.first_joint'].value} is at its limit for {saturated:.4g} s"
+            f"the actuator of {card['torque_limited.first_joint'].value} is at its limit for "
+            f"{saturated:.4g} s"
         )
         yield saturated / most - 1.0, f"{said}, and {most:.4g} is allowed"
     if refused > 0.0:
@@ -212,9 +214,9 @@ class Ending:
     """Ends runs that can no longer count.
 
     Attributes:
-        bar: What they can be left for.
+        bar: Stopping rule.
         limits: What is allowed; nothing that exceeds them counts where something else keeps them.
-        rivals: Of each run, the least error that its inverse is known to come to.
+        rivals: Least known error of each run's inverse.
     """
 
     bar: Bar
@@ -234,8 +236,8 @@ class _Outcomes:
     """What runs of a study come to.
 
     Attributes:
-        pieces: Of the runs.
-        limits: What is allowed.
+        pieces: Pieces of the runs.
+        limits: The limits of a run.
         longest: Time that each may take [s].
         on_runs: Called with the number of runs of each piece that was done.
         found: By index; None for a run that was interrupted.
@@ -278,10 +280,10 @@ class Trials:
         what a run of it counts.
 
         Args:
-            study: Of the scenario.
+            study: Study of the scenario.
             copies: The scenario itself first; all can be prepared.
             threads: How many batches are run at a time.
-            stop: Once it is set, the runs end.
+            stop: Event that ends the runs.
             on_runs: Called with the number of runs of each batch that was done.
             margin: Times its feedback that a setting is to bear on the scenario itself; 1: it need not.
             model: What is cheap to run and comes near to the hardest copy; None: there is none.
@@ -331,7 +333,7 @@ class Trials:
         Args:
             jobs: Setting, and index of the copy.
             bar: Ends runs that it can leave; None: all run to their end.
-            rivals: Of each job, the least error that its inverse is known to come to.
+            rivals: Least known error of each job's inverse.
         """
         longest = [self._longest[copy] for _, copy in jobs]
         is_model = all(copy == self.model for _, copy in jobs)
@@ -373,9 +375,7 @@ class Trials:
         changes = [(*one.changes, *self._copies[0].changes) for one in fed_back]  # that is the slowest loop
         known = bears(self._study, changes, self.margin, threads=self._threads, stop=self._stop)
         self._count(2 * len(fed_back))
-        missed = (
-            f"with {self.margin:g} times its feedback its loop is not stable on the slowest of the robots"
-        )
+        missed = f"with {self.margin:g} times its feedback its loop is unstable on the slowest robot"
         outcomes = {None: None, True: STABLE, False: STABLE._replace(excess=1.0, missed=missed)}
         found = dict(zip(fed_back, known, strict=True))
         return [outcomes[found.get(one, True)] for one in settings]

@@ -64,7 +64,7 @@ class Tried:
 
 
 def is_same(one: Tried, other: Tried) -> bool:
-    """Say whether two settings come to the same, as inverses do that differ only where the arm never is."""
+    """Return whether two settings have equal results, as inverses that differ only in unvisited states."""
     share = np.array([ALIKE, SAME, SAME])
     a, b = np.array(one.worst[:3]), np.array(other.worst[:3])
     return bool((np.abs(a - b) <= share * np.minimum(a, b)).all())

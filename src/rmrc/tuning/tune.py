@@ -64,13 +64,13 @@ class Tuned:
         tried: All settings.
         feasible: Those that keep what is allowed on all copies.
         verdict: What is best of them.
-        control: The control section with what is recommended, ready for YAML; None where nothing is feasible.
+        control: The recommended control section, ready for YAML; None if no setting is feasible.
         copies: The scenario itself, and what it was tried on beside.
         limits: What was allowed.
         bounds: Least and largest value of each number that was tried, where `--only` does not say which.
-        margins: Of what is recommended and second best, by its role, on the slowest loop.
+        margins: Margins of the recommended and the second best setting, by role, on the slowest loop.
         looks: How many settings were looked at on a model.
-        tick: Of that model [s].
+        tick: Tick of that model [s].
         runs: How many were made on copies.
         interrupted: Whether Ctrl-C ended it.
     """
@@ -91,7 +91,7 @@ class Tuned:
 
     @property
     def roles(self) -> dict[str, Tried | None]:
-        """What has a name, the most important first."""
+        """The settings with names, the most important first."""
         verdict = self.verdict
         return {"recommended": verdict.recommended, "second best": verdict.second, "as written": self.own}
 
@@ -111,11 +111,11 @@ class Tuning:
     Attributes:
         scenario: With the overrides.
         copies: The scenario itself, and the copies.
-        loops: The scenario itself, on which what is recommended is run beside; none without copies.
+        loops: The scenario on further loops for the final checks; none without perturbed scenarios.
         left_out: Why some structures cannot be chosen here.
         slower: Times the duration as written that another setting may take.
-        robot: Of the loops that the copies have.
-        margin: Times its feedback that what is recommended bears on the slowest of them; 1: any is fine.
+        robot: Robot with the loops of the perturbed scenarios.
+        margin: Gain margin that a recommendation must have on the slowest loop; 1: any.
     """
 
     def __init__(
@@ -140,19 +140,19 @@ class Tuning:
             source: The scenario, or its file.
             overrides: `KEY=VALUE` texts.
             only: What keys are restricted to.
-            copies: How many perturbed copies there are.
-            seed: Of the copies and of the search.
+            copies: How many perturbed scenarios there are.
+            seed: Seed of the copies and of the search.
             spread: How far copies are off; None: by the defaults.
             robot: Ranges by name, `delay`, `lag` and `noise` of its loop, and its `calibration`.
             ideal: Whether the loop is as the scenario has it, and nothing is assumed.
-            gain_margin: Times its feedback that what is recommended bears on the slowest of the robots; None:
-                2, or 1 with `ideal`.
+            gain_margin: Gain margin that a recommendation must have on the slowest robot; None: 2, or 1 with
+                `ideal`.
             slower: Times the duration with the scenario's own setting that another may take.
             runs: How many runs are made at most, last looks beside; first looks count by their ticks.
-            threads: How many batches are run at a time; None: one a core.
+            threads: Number of threads, one batch each; None: one per core.
 
         Raises:
-            ScenarioError: All that is wrong.
+            ScenarioError: Lists all problems.
         """
         spread = spread or Spread()
         self.margin = gain_margin if gain_margin is not None else 1.0 if ideal else GAIN_MARGIN
@@ -189,13 +189,13 @@ class Tuning:
         slides = f" (slides: {spread.start:.3g} task.length)" if self._nominal.arm.is_slide.any() else ""
         target = f"target within {spread.offset:g} m along each axis"
         if not has_points(self.scenario):
-            target = "no target is off, as no axis of the task has an absolute point"
+            target = "no target offset, because the task has no absolute point"
         parts = (degrees + slides, target, f"payload up to {spread.payload:g} kg more")
         used = (spread.start, spread.offset, spread.payload)
-        return "; ".join(part for part, size in zip(parts, used, strict=True) if size) or "nothing is off"
+        return "; ".join(part for part, size in zip(parts, used, strict=True) if size) or "no perturbation"
 
     def compile(self) -> None:
-        """Load the compiled law, or compile it the first time, which takes seconds."""
+        """Load the compiled law, or compile it on first use, which takes seconds."""
         self._study.compile([self._nominal])
 
     def begin(self) -> float:
@@ -215,13 +215,13 @@ class Tuning:
         """Return how long so many runs take at most [s]; a search often ends sooner.
 
         Args:
-            seconds: Of one.
+            seconds: Duration of one.
             runs: How many.
         """
         return seconds * runs / min(self._threads, os.cpu_count() or 1)
 
     def run(self, on_runs: OnRuns | None = None) -> Tuned:
-        """Search; Ctrl-C ends it with what was found so far.
+        """Search; Ctrl-C ends it with the results so far.
 
         Args:
             on_runs: Called with the number of runs of each batch that was done.
@@ -262,9 +262,9 @@ class Tuning:
         """Return what the loops of recommendations bear on the slowest of the robots; nothing if interrupted.
 
         Args:
-            verdict: What is recommended.
+            verdict: The recommendations.
             expected: Feedback with which they may be about to be unstable [1/s]; 0: it is not known.
-            stop: Once it is set, the runs end.
+            stop: Event that ends the runs.
         """
         chosen = {"recommended": verdict.recommended, "second best": verdict.second}
         loops = {
@@ -284,7 +284,7 @@ class Tuning:
         """Write NAME.tune.parquet with all settings, NAME.tune.yaml with the best one, and a picture.
 
         Args:
-            tuned: What was found; the last two are of what is feasible.
+            tuned: The result; the last two files need a feasible setting.
             folder: Made if it is missing.
             picture: Where the picture goes; None: NAME.tune.png.
             told: What `rmrc.tuning.report.told` says of it, which the page of a search needs.
@@ -449,30 +449,36 @@ def _remove(data: dict[str, Any], steps: Sequence[str]) -> None:
 
 
 def _columns() -> list[Column]:
-    words = [Column(key, "text", "", "null where the setting has none") for key in WORDS]
-    numbers = [
-        Column(key, "number", "as the key", "NaN where the setting does not read it") for key in NUMBERS
-    ]
+    words = [Column(key, "text", "", "null if the setting has none") for key in WORDS]
+    numbers = [Column(key, "number", "as the key", "NaN if the setting does not use it") for key in NUMBERS]
     return [
-        Column("index", "count", "1", "number of the setting, in the order in which they were tried"),
+        Column("index", "count", "1", "number of the setting, in the order of trial"),
         *words,
         *numbers,
         Column("role", "text", "", "as written, recommended or second best; null for the others"),
-        Column("copies", "count", "1", "on how many copies it was run, the scenario itself counted"),
-        Column("error", "number", "m", "largest error of all its runs, angles times task.length"),
+        Column("copies", "count", "1", "number of perturbed scenarios run, including the scenario itself"),
+        Column("error", "number", "m", "largest error of all its runs; angles times task.length"),
         Column(
-            "peak_rate", "number", "rad/s", "largest rate of a joint of all its runs, slides over task.length"
+            "peak_rate",
+            "number",
+            "rad/s",
+            "largest joint rate of all its runs; slides divided by task.length",
         ),
         Column("time", "number", "s", "longest duration of its runs"),
-        Column("completed", "number", "1", "least share of the path that was run"),
-        Column("excess", "number", "1", "share by which what is allowed is exceeded most; kept where <= 0"),
-        Column("tightest", "text", "", "what that is"),
-        Column("feasible", "switch", "", "whether all is kept on all copies; null if it was not run on all"),
+        Column("completed", "number", "1", "smallest completed fraction of the path"),
+        Column("excess", "number", "1", "largest relative excess over a limit; <= 0: all limits are kept"),
+        Column("tightest", "text", "", "the limit with the largest excess"),
+        Column(
+            "feasible",
+            "switch",
+            "",
+            "whether it keeps all limits on all perturbed scenarios; null if not run on all",
+        ),
         Column(
             "on_front",
             "switch",
             "",
-            "whether it is feasible, --only allows it, and no such setting dominates it",
+            "whether it is on the Pareto front: feasible, within --only, and not dominated",
         ),
     ]
 

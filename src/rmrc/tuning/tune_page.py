@@ -30,19 +30,19 @@ def page(path: Path, left: Left) -> Page:
         told: dict[str, Any] = json.loads(left.about)
         front, named = ([Row(*one) for one in told[name]] for name in ("front", "named"))
     except (KeyError, ValueError, TypeError):
-        raise QuestionError(f"{path}: does not hold what `rmrc tune` found; run it again") from None
+        raise QuestionError(f"{path}: does not contain the result of `rmrc tune`; run it again") from None
     rows = [dict(zip(left.rows, row, strict=True)) for row in zip(*left.rows.values(), strict=True)]
     made = Page(f"Tuning of {told['name']}", _verdict(named, told))
     if told["block"]:
-        made.section("To paste", "The control section that is recommended.")
+        made.section("To paste", "The recommended control section.")
         made.code(told["block"], "Copy the block")
-    made.section("What was tried", told["title"].partition(": ")[2])
+    made.section("Trials", told["title"].partition(": ")[2])
     made.table(tables.heading("", [tuple(one) for one in told["facts"]]))
     if named:
         _found(made, front, named, told, rows)
-    made.section("What to know")
+    made.section("Notes")
     made.items(told["lines"])
-    made.section("Made with", "Equal versions give equal bits on one machine.")
+    made.section("Made with", "The same versions give the same bits on one machine.")
     made.table(versions(told["versions"]))
     return made
 
@@ -60,7 +60,11 @@ def _found(
     marks = [row(one) for role in roles for one in rows if one["role"] == role]
     made.section("Error against peak rate")
     picture = front_figure(told["name"], points, front, marks, told["limits"])
-    made.figure(picture, "Settings that keep the limits on every copy, the front, and what is recommended")
+    made.figure(
+        picture,
+        "Settings that keep the limits on every perturbed scenario, the Pareto front, "
+        "and the recommendations",
+    )
     _, *sheets = tables.sheets("", [], front, named)
     for sheet in sheets:
         made.table(sheet)
@@ -69,12 +73,12 @@ def _found(
 
 
 def _verdict(named: list[Row], told: Mapping[str, Any]) -> str:
-    """Return what is recommended, in a sentence."""
+    """Return the recommendation in a sentence."""
     if not named:
-        return "Nothing that was tried keeps what is allowed."
+        return "No tried setting keeps the limits."
     best = named[0]
     bears = {name: gain for name, gain, *_ in told["margins"]}.get("recommended")
-    margin = f"; its loop bears {bears} times its gain" if bears and bears != "none" else ""
+    margin = f"; its gain margin is {bears}" if bears and bears != "none" else ""
     return (
         f"Recommended: {best.words} ({best.numbers}), with an error of {1e3 * best.error:.3g} mm "
         f"at a peak rate of {best.peak_rate:.3g} rad/s{margin}."

@@ -41,14 +41,14 @@ def tune(
     Args:
         scenario: The scenario, its file, or the name of a shipped one.
         only: What keys are restricted to, such as `{"control.inverse.method": ["damped", "filtered"]}`.
-        copies: How many perturbed copies of the scenario there are; the worst of all counts.
+        copies: How many perturbed scenarios there are; the worst of all counts.
         start: How far the joints of a copy start off, to either side [rad]; slides: times `task.length` [m].
         offset: How far the target of a copy is off along each axis, to either side [m].
         payload: Most that a copy carries beside [kg].
         delay: Dead time of the robot's commands [s]: a number, the least and the largest, or a text such as
             `6ms..12ms`. Where neither this nor `lag` or `noise` is given, nor the scenario tells any of it, a
             modest robot is assumed.
-        lag: Time constant with which its drives follow [s].
+        lag: Time constant with which its actuators follow [s].
         noise: Standard deviation of its encoders' noise [rad]; of slides, times `task.length` [m].
         calibration: How far lengths of its links and zeros of its joints are off, to either side [1, rad].
         ideal: Whether the loop is as the scenario has it, and nothing is assumed.
@@ -56,17 +56,17 @@ def tune(
             margin is asked for; None: 2, or 1 with `ideal`.
         slower: Times the duration with the scenario's own setting that another may take.
         runs: How many runs are made at most, last looks beside; first looks count by their ticks.
-        seed: Of the copies and of the search.
-        out: Folder for NAME.tune.yaml, .png and .parquet; made if it is missing. None: nothing is written.
-        threads: How many batches are run at a time; None: one a core.
+        seed: Seed of the copies and of the search.
+        out: Folder for NAME.tune.yaml, .png and .parquet; created if missing. None: writes nothing.
+        threads: Number of threads, one batch each; None: one per core.
         on_runs: Called with the number of runs of each batch that was done.
 
     Returns:
-        What was found, with `tuned.block`, the control section to paste; Ctrl-C ends the search with what was
-        found so far.
+        What was found, with `tuned.block`, the control section to paste; Ctrl-C ends the search and keeps the
+        results so far.
 
     Raises:
-        ScenarioError: All that is wrong, before the first run.
+        ScenarioError: Lists all problems, before the first run.
         OSError: A file cannot be written.
         KeyboardInterrupt: Ctrl-C, before anything was found.
     """

@@ -1,4 +1,4 @@
-"""What is best of all that was tried, and what it is held against."""
+"""The verdict of a search: the best settings, and the ones for comparison."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from rmrc.tuning.tried import Tried, best, is_same, preference
 
 @dataclass(frozen=True)
 class Verdict:
-    """What is best.
+    """The verdict.
 
     Attributes:
         front: Feasible settings that no other dominates, by rising peak rate; of those that come to the same

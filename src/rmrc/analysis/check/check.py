@@ -22,17 +22,17 @@ from rmrc.support.legible import quoted
 @brief
 @dataclass(frozen=True, eq=False)
 class Checked(Facts):
-    """What was found out about a model.
+    """Result of a check.
 
     Attributes:
-        findings: What is wrong, missing or assumed: errors first.
+        findings: Errors, missing data and assumptions, errors first.
     """
 
     findings: tuple[Finding, ...]
 
     @property
     def is_ready(self) -> bool:
-        """Whether nothing must be mended before the arm is driven."""
+        """Whether nothing must be fixed before the arm is driven."""
         return not any(finding.level == "error" for finding in self.findings)
 
 
@@ -45,7 +45,7 @@ def check(
     joints: Sequence[str] | None = None,
     seed: int = 0,
 ) -> Checked:
-    """Check whether a model is ready to be driven, and tell what must be mended.
+    """Check whether a model is ready to be driven, and tell what must be fixed.
 
     Args:
         model: An arm, an MJCF file, the name of a shipped one, or a scenario, whose arm is checked.
@@ -54,7 +54,7 @@ def check(
         body: The body whose frame is controlled, instead of a site.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         joints: That are driven; None for those of the arm or scenario, else all on the chain.
-        seed: Of the second of motion.
+        seed: Seed of the second of motion.
 
     Raises:
         ModelError: The file cannot be read, or lacks the site or a joint.

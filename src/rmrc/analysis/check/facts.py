@@ -1,4 +1,4 @@
-"""What is known of a model before it is judged."""
+"""Facts about a model, before its findings."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ from rmrc.law.task import Array
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """What is known of a model.
+    """Facts about a model.
 
     Attributes:
         arm: The arm.
@@ -24,12 +24,12 @@ class Facts:
         sigma: Singular values of A at home, falling, (k,).
         lost: Directions that are lost or nearly lost there, in words.
         nearest: The nearest singularity that was found from home, within the limits.
-        actuators: Of the author's model.
+        actuators: Actuators of the author's model.
         others: Joints that are not driven.
         contacts: What touches at home.
         routes: Largest difference of J from MuJoCo's by each other route.
         motions: A second of motion on each plant.
-        seed: Of that motion.
+        seed: Seed of that motion.
     """
 
     arm: Arm

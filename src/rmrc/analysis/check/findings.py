@@ -1,4 +1,4 @@
-"""What is wrong with a model, missing in it or assumed of it: a code, a line, and the way out."""
+"""Findings of a check: errors, missing data and assumptions, each with a code, a line, and the way out."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -21,38 +21,38 @@ Level = Literal["error", "warning", "note"]
 CODES: dict[str, tuple[Level, str]] = {
     "home-outside-limits": (
         "error",
-        "a joint is at home where its range ends before: a run is refused",
+        "home is outside a joint's range: a run is refused",
     ),
-    "home-contact": ("error", "bodies that the arm moves against each other are within each other at home"),
-    "jacobian-routes": ("error", "J by another route is not that of MuJoCo"),
+    "home-contact": ("error", "bodies of the arm penetrate each other at home"),
+    "jacobian-routes": ("error", "J by another method differs from MuJoCo's"),
     "plant-refused": ("warning", "a plant cannot run this arm"),
-    "diverged": ("error", "a second of motion did not stay finite"),
-    "rank-deficient": ("warning", "the joints move fewer directions than there are joints, everywhere"),
-    "range-suspicious": ("warning", "a range looks as if it were written in the other unit of angles"),
-    "home-singular": ("warning", "the arm has lost a direction at home, or nearly so"),
-    "home-touch": ("warning", "bodies that the arm moves against each other touch at home"),
+    "diverged": ("error", "one second of motion diverged"),
+    "rank-deficient": ("warning", "the Jacobian is rank-deficient in every configuration"),
+    "range-suspicious": ("warning", "a range seems to be in the other unit of angles"),
+    "home-singular": ("warning", "the arm is singular at home, or nearly so"),
+    "home-touch": ("warning", "bodies of the arm touch each other at home"),
     "rate-limit-missing": (
         "warning",
-        "the model tells no rate limit of a joint; MJCF has them of servos",
+        "a joint has no rate limit; MJCF has rate limits only in servos",
     ),
     "torque-limit-missing": (
         "warning",
-        "the model tells no torque limit of a joint: its drive is ideal",
+        "a joint has no torque limit: its actuator is ideal",
     ),
-    "motion-contact": ("warning", "a second of motion brought bodies together"),
-    "torque-saturated": ("warning", "a drive was at its limit in a second of motion"),
-    "mujoco-warning": ("warning", "MuJoCo warned in a second of motion"),
+    "motion-contact": ("warning", "bodies touched during one second of motion"),
+    "torque-saturated": ("warning", "an actuator saturated during one second of motion"),
+    "mujoco-warning": ("warning", "MuJoCo issued a warning during one second of motion"),
     "range-missing": ("note", "a joint has no range"),
-    "acceleration-limit": ("note", "MJCF has no place for acceleration limits"),
-    "no-home": ("note", "there is no keyframe home: what stands for it is told"),
-    "frame": ("note", "there are other frames that could be controlled"),
-    "base-fixed": ("note", "the base floats in the file, and is fixed"),
-    "assumed": ("note", "something else was assumed where the file does not say it, or cannot be read"),
-    "axes": ("note", "the arm moves fewer than six directions"),
-    "actuator-replaced": ("note", "a plant puts its own drive where the model has one"),
-    "actuator-other": ("note", "an actuator of the model does not drive a joint of the arm"),
-    "joint-idle": ("note", "a joint moves the site and is not driven"),
-    "joint-other": ("note", "the model has joints that are not the arm's"),
+    "acceleration-limit": ("note", "MJCF cannot express acceleration limits"),
+    "no-home": ("note", "there is no keyframe home; another configuration replaces it"),
+    "frame": ("note", "other frames could be controlled instead"),
+    "base-fixed": ("note", "the base has a free joint in the file, and is fixed"),
+    "assumed": ("note", "another assumption was made where the file has no data or is unreadable"),
+    "axes": ("note", "the arm has fewer than six degrees of freedom"),
+    "actuator-replaced": ("note", "a plant replaces an actuator of the model by its own"),
+    "actuator-other": ("note", "an actuator of the model acts on no joint of the arm"),
+    "joint-idle": ("note", "a joint moves the site and is not actuated"),
+    "joint-other": ("note", "the model has joints outside the arm"),
 }
 ORDER: tuple[Level, ...] = ("error", "warning", "note")
 
@@ -120,14 +120,15 @@ def _geometry(facts: Facts) -> _Findings:
             yield (
                 "jacobian-routes",
                 f"J by {route} differs from MuJoCo's by {difference:.2g}",
-                "this is a bug: report it with the model",
+                "this is a bug; report it with the model",
             )
     missing = min(arm.n, 6) - task.rank
     if missing > 0:
         yield (
             "rank-deficient",
-            f"{arm.n} joints move {task.rank} directions of the site, wherever they are: some axes coincide",
-            "mend axis and pos of the joints that `rmrc inspect` finds to turn against each other",
+            f"{arm.n} joints move {task.rank} directions of the site in every configuration: some axes "
+            "coincide",
+            "correct axis and pos of the joints that `rmrc inspect` reports as turning against each other",
         )
     if task.rank < 6:
         yield "axes", f"the arm moves {' '.join(task.axes)} of the site independently", "set task.axes"
@@ -139,7 +140,7 @@ def _limits(facts: Facts) -> _Findings:
     hinges, limited = ~arm.is_slide, np.isfinite(width)
     angles = width[hinges & limited]
     if angles.size and (angles < NARROW).all():
-        text = f"the ranges of all hinges are below {NARROW:g} rad, as radians are that are read as degrees"
+        text = f"the ranges of all hinges are below {NARROW:g} rad, as if radians had been read as degrees"
         yield "range-suspicious", text, 'set <compiler angle="radian"/>'
     for name in _named(facts, hinges & limited & (width > WIDE)):
         yield (
@@ -164,7 +165,7 @@ def _limits(facts: Facts) -> _Findings:
         yield "torque-limit-missing", f"no torque limit of {', '.join(missing)}", way
     yield (
         "acceleration-limit",
-        "no acceleration limits, which MJCF cannot tell",
+        "no acceleration limits, which MJCF cannot express",
         "set control.limits.acceleration, or .profile",
     )
 
@@ -180,17 +181,21 @@ def _model(facts: Facts) -> _Findings:
         )
     named = [(one.is_replaced, f"{one.name} ({one.kind}, {one.drives})") for one in facts.actuators]
     if replaced := [name for is_replaced, name in named if is_replaced]:
-        yield "actuator-replaced", f"plants replace the actuators {listed(replaced)} by their own drives", ""
+        yield (
+            "actuator-replaced",
+            f"plants replace the actuators {listed(replaced)} by their own actuators",
+            "",
+        )
     if kept := [name for is_replaced, name in named if not is_replaced]:
-        yield "actuator-other", f"no drives of the arm: {listed(kept)}", ""
+        yield "actuator-other", f"not actuators of the arm: {listed(kept)}", ""
     for one in (one for one in facts.others if one.moves_site):
         yield (
             "joint-idle",
-            f"joint {one.name} ({one.kind}) moves the site and is not driven",
+            f"joint {one.name} ({one.kind}) moves the site and is not actuated",
             "list it in arm.joints",
         )
     if rest := [f"{one.name} ({one.kind}, body {one.body})" for one in facts.others if not one.moves_site]:
-        yield "joint-other", f"joints that are not the arm's: {listed(rest)}", ""
+        yield "joint-other", f"joints outside the arm: {listed(rest)}", ""
 
 
 def _touching(facts: Facts) -> _Findings:
@@ -202,7 +207,9 @@ def _touching(facts: Facts) -> _Findings:
 
 def _moving(facts: Facts) -> _Findings:
     for motion in facts.motions:
-        how = f"a second of motion on the {motion.plant} plant (seed {facts.seed}, {BOUND:g} rad about home)"
+        how = (
+            f"one second of motion on the {motion.plant} plant (seed {facts.seed}, {BOUND:g} rad about home)"
+        )
         if motion.refused:
             yield (
                 "plant-refused",
@@ -211,7 +218,7 @@ def _moving(facts: Facts) -> _Findings:
             )
             continue
         if motion.diverged:
-            way = "mend masses, armature or damping, or lower plant.timestep"
+            way = "correct masses, armature or damping, or lower plant.timestep"
             yield "diverged", f"{how} diverged {motion.diverged}", way
         if motion.contacts:
             yield "motion-contact", f"{how}: {_pairs(motion.contacts)}", "set arm.start, or exclude the pair"
@@ -219,7 +226,7 @@ def _moving(facts: Facts) -> _Findings:
         if share >= 1.0 - 1e-9:
             yield (
                 "torque-saturated",
-                f"{how}: a drive was at its limit",
+                f"{how}: an actuator was at its limit",
                 "lower plant.kv, or the speeds of a scenario",
             )
         for name, count in (motion.warnings or {}).items():
@@ -238,4 +245,4 @@ def _pairs(contacts: Sequence[Contact]) -> str:
     (one, other), (first, second) = contacts[0].geoms, contacts[0].bodies
     more = f", and {len(contacts) - 1} more pairs" if len(contacts) > 1 else ""
     depth = f"{1e3 * contacts[0].depth:.2g} mm"
-    return f"{one} of body {first} and {other} of body {second} are {depth} within each other{more}"
+    return f"{one} of body {first} and {other} of body {second} penetrate by {depth}{more}"

@@ -33,7 +33,7 @@ Touching: TypeAlias = frozenset[tuple[str, str]]
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What came of the motion on one plant.
+    """Result of the motion on one plant.
 
     Attributes:
         plant: Its kind.
@@ -61,7 +61,7 @@ def motions(
     law and within the rate limits; the motion asked for is the same on all plants.
 
     Args:
-        scales: Of the arm.
+        scales: Scales of the arm.
         start: Joint positions within the limits, (n,).
         touching: Geometries that touch at the start.
         seed: Which positions.

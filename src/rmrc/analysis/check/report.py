@@ -84,11 +84,11 @@ def _what(found: Checked) -> Sheet:
     routes = ", ".join(f"{name} {number(value)}" for name, value in found.routes.items())
     rows = [
         ("site", arm.site),
-        ("task", f"{' '.join(task.axes)}, a radian is worth {number(task.length)} m"),
+        ("task", f"{' '.join(task.axes)}, 1 rad counts as {number(task.length)} m"),
         ("sigma at home", "  ".join(map(number, found.sigma))),
         ("sigma_min, kappa", f"{number(found.sigma[-1])}, {number(found.condition)}"),
         ("nearest singularity", f"{where}, {number(far)} rad away" if near.is_singular else where),
-        ("J by other routes", f"off by {routes}"),
+        ("J by other methods", f"off by {routes}"),
     ]
     return Sheet(f"{arm.path.name}: {arm.n} joints", ("", ""), rows, frozenset({0, 1}))
 
@@ -137,5 +137,5 @@ def _motions(found: Checked) -> Sheet:
 def _findings(found: Checked) -> Sheet:
     rows = [(one.level, one.code, f"{one.text}{f'; {one.way}' if one.way else ''}") for one in found.findings]
     count = sum(one.level == "error" for one in found.findings)
-    title = f"Findings: {count} must be mended" if count else "Findings: none must be mended"
+    title = f"Findings: {count} with errors" if count else "Findings: none with errors"
     return Sheet(title, ("", "code", "what"), rows, frozenset({0, 1, 2}))

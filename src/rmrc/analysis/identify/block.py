@@ -28,10 +28,10 @@ def block(found: Identified) -> str:
     low, high = (max(one, 0.0) for one in found.delay[1:])
     texts = [f"From {found.log.name} by rmrc identify, in SI units. Joints: {', '.join(names)}."]
     if lacking:
-        texts.append(f"Not told by the log, and taken from the others: {', '.join(lacking)}.")
+        texts.append(f"Not identified from the log, and taken from the others: {', '.join(lacking)}.")
     texts.append(
-        "The delay is that of command and measurement together: a log does not tell them apart, and a loop "
-        f"feels their sum. With 95 % it is from {_time(low)} to {_time(high)} s."
+        "The delay is the sum of command and measurement delay: a log cannot separate them, and only "
+        f"their sum affects a loop. With 95 % it is from {_time(low)} to {_time(high)} s."
     )
     values = np.array([
         np.median(told, axis=0) if one.trouble or one.noise is None else (one.noise.value, one.resolution)

@@ -40,7 +40,7 @@ class Named(NamedTuple):
 
     Attributes:
         name: In the file.
-        size: Of its unit in SI; None where the name does not say it.
+        size: Size of its unit in SI; None where the name does not say it.
     """
 
     name: str
@@ -52,10 +52,10 @@ class Columns:
     """Which columns are what.
 
     Attributes:
-        time: Of the time.
+        time: Column of the time.
         joints: Names or numbers of the joints, in the order of the file.
-        q: Of the positions, one a joint.
-        qdot_cmd: Of the commanded rates, one a joint.
+        q: Of the positions, one per joint.
+        qdot_cmd: Columns of the commanded rates, one per joint.
         unpaired: Columns of joints that lack the other.
     """
 
@@ -70,7 +70,7 @@ def choose(names: Sequence[str], given: Mapping[str, str]) -> Columns:
     """Return which columns are what.
 
     Args:
-        names: Of all columns of numbers.
+        names: Names of all numeric columns.
         given: Columns by t, q and qdot_cmd: a name; names with commas between them; or a name with * where
             the joint stands; a unit may follow after a blank.
 
@@ -105,8 +105,8 @@ def choose(names: Sequence[str], given: Mapping[str, str]) -> Columns:
     joints = tuple(joint for joint in places if joint in rates)
     if not joints:
         raise QuestionError(
-            f"positions are of joints {listed(places, 8)}, commands of {listed(rates, 8)}: name what belongs "
-            "together, as by --columns q=A,B --columns qdot_cmd=C,D"
+            f"positions are of joints {listed(places, 8)}, commands of {listed(rates, 8)}: name matching "
+            "columns, as by --columns q=A,B --columns qdot_cmd=C,D"
         )
     lone = [one.name for group in (places, rates) for joint, one in group.items() if joint not in joints]
     time_ = next(iter(found["t"].values()))
@@ -134,7 +134,7 @@ def _mapped(names: Sequence[str], kind: str, text: str) -> dict[str, Named]:
         if kind == "t" or len(found) == 1:
             found = {"": next(iter(found.values()))}
     if not found:
-        raise QuestionError(f"--columns {kind}={text}: no column is named so; {_has(names)}")
+        raise QuestionError(f"--columns {kind}={text}: no column has this name; {_has(names)}")
     return {
         joint: one if one.size else Named(one.name, _parts(one.name, UNITS[kind])[1])
         for joint, one in found.items()

@@ -24,7 +24,7 @@ def draw_fits(found: Identified, path: Path) -> None:
 
     Args:
         found: What `identify` found.
-        path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
+        path: File to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
     """
     save(figure(found), [path])
 
@@ -41,7 +41,7 @@ def figure(found: Identified) -> Figure:
         if row == len(joints) - 1:
             left.set_xlabel("time [s]")
             right.set_xlabel("time [s]")
-    picture.suptitle(plain(f"{found.log.name}: positions, and what delay and lag make of the commands"))
+    picture.suptitle(plain(f"{found.log.name}: positions, and commands after delay and lag"))
     picture.legend(
         *picture.axes[0].get_legend_handles_labels(), loc="outside lower left", ncols=3, frameon=False
     )
@@ -69,7 +69,9 @@ def _draw_answer(axes: Axes, joint: Joint, fit: Fitted, period: float) -> None:
         label="logged positions",
     )  # fmt: skip
     told = f"delay {1e3 * best.delay:.4g} ms, lag {1e3 * best.lag:.4g} ms"
-    axes.set_title(plain(f"{joint.name}: {'not told' if joint.trouble else told}"), loc="left", fontsize=10)
+    axes.set_title(
+        plain(f"{joint.name}: {'not identified' if joint.trouble else told}"), loc="left", fontsize=10
+    )
     axes.set_ylabel("position [rad or m]")
     axes.grid(color="0.9", linewidth=0.8)
 
@@ -82,7 +84,7 @@ def _draw_rest(axes: Axes, joint: Joint, fit: Fitted) -> None:
         spread = 2.0 * float(np.hypot(joint.noise.value, joint.resolution / np.sqrt(12.0)))
         for side in (-spread, spread):
             axes.axhline(side, color="0.35", linestyle=(0, (5, 2)), linewidth=1.0)
-        title = f"left by the fit; dashed: twice the noise, {spread:.2g}"
+        title = f"residual of the fit; dashed: twice the noise, {spread:.2g}"
         axes.set_title(title, loc="left", fontsize=10)
     axes.set_ylabel("residual [rad or m]")
     # 50 µ: the exponent of an axis has no place beside the title

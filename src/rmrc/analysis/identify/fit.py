@@ -63,7 +63,7 @@ class Point(NamedTuple):
         lag: L [s].
         delay: That is best with it [s].
         cost: S, the sum of squares that it leaves.
-        curvature: Of S over the delay: S + curvature · (d − delay)².
+        curvature: Curvature of S over the delay: S + curvature · (d − delay)².
         gain: g.
     """
 
@@ -79,8 +79,8 @@ class Samples:
     """Positions of a joint, and the commands that they answer.
 
     Attributes:
-        commands: Of the joint.
-        time: Of the positions, rising, (N,) [s].
+        commands: Commands of the joint.
+        time: Time of the positions, rising, (N,) [s].
         position: (N,) [rad or m].
         parts: Which part between two gaps a position belongs to, (N,), rising.
         begins: When each part begins [s].
@@ -138,9 +138,9 @@ def fit(samples: Samples, longest: float, resolution: float) -> Fitted | None:
     """Fit delay, lag, gain, drift and offset; None where too few rows are left behind the first answers.
 
     Args:
-        samples: Of a joint that moves, with commands that change.
+        samples: Samples of a joint that moves, with commands that change.
         longest: Delay and lag that are looked for at most [s].
-        resolution: Of the positions; 0: none is visible.
+        resolution: Resolution of the positions; 0: none is visible.
     """
     first = _Search(samples, longest).scan()
     rows = samples.since >= SKIPPED * max(first, 0.0)

@@ -26,7 +26,7 @@ class Joint:
         name: Or number.
         fit: None where there is nothing to fit.
         noise: Standard deviation of its positions' white noise; None without a fit [rad or m].
-        resolution: Of its positions; 0: none is visible [rad or m].
+        resolution: Resolution of its positions; 0: none is visible [rad or m].
         trouble: Why delay and lag are not told, and what to log instead; "" if they are.
         notes: What else is odd about it.
     """
@@ -47,7 +47,7 @@ class Identified:
     Attributes:
         log: As it was read.
         joints: One for each joint of the log.
-        delay: Of all joints together; None where no joint tells it [s].
+        delay: Delay of all joints together; None where no joint tells it [s].
         lag: Of each joint, with that delay; of one that tells none, the median of the others, (n,) [s].
         notes: What else is odd about the whole.
     """
@@ -81,8 +81,7 @@ def identify(
         degrees: Whether angles are in degrees where the names of columns do not say it.
         longest: Delay, and lag, that is looked for at most [s].
 
-    Returns:
-        What was found. A joint that tells nothing is no error: it says why, and what to log.
+    Returns: The estimates. A joint that tells nothing is no error: it says why, and what to log.
 
     Raises:
         QuestionError: The log is none, or lacks columns or rows.
@@ -120,7 +119,9 @@ def identify(
         if abs(one.delay.value - delay.value) > one.delay.half + read.period
     ]
     notes = (
-        (f"one delay is written for all joints; of their own are off {', '.join(apart)}",) if apart else ()
+        (f"one delay is written for all joints; their own delays differ: {', '.join(apart)}",)
+        if apart
+        else ()
     )
     return Identified(read, joints, delay, tuple(lags.get(name, middle) for name in read.joints), notes)
 
@@ -133,9 +134,7 @@ def _joint(name: str, samples: Samples | None, period: float, longest: float) ->
     step = resolution(samples.position)
     found = fit(samples, longest, step)
     if found is None:
-        return Joint(
-            name, None, None, step, "its log is shorter than what it takes to answer: log 10 s or more", ()
-        )
+        return Joint(name, None, None, step, "its log is shorter than its response: log 10 s or more", ())
     noise = white_noise(found.residual, step)
     trouble = untold(found, noise, step, period, longest)
     return Joint(name, found, noise, step, trouble, () if trouble else tuple(odd(found, noise, step, period)))

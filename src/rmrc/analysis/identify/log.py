@@ -48,9 +48,9 @@ class Log:
     """What was logged, in SI units.
 
     Attributes:
-        name: Of the log.
+        name: Name of the log.
         joints: Names or numbers.
-        samples: Of each joint; None where it has too few rows.
+        samples: Samples of each joint; None where it has too few rows.
         period: Median step of the commands' time [s].
         duration: [s].
         facts: What was read, and what was assumed, by what it is about.
@@ -102,7 +102,7 @@ def _log(
     begins = np.concatenate([time[:1], time[1:][np.diff(time) > max(GAP * period, GAP_TIME)]])
     sent_at, rates, filled = _filled(time, rates, period)
     samples = tuple(_samples(time, q[:, j], sent_at, rates[:, j], begins) for j in range(q.shape[1]))
-    notes += [*stale, *filled] + [f"{len(begins) - 1} gaps, each a new beginning"] * (len(begins) > 1)
+    notes += [*stale, *filled] + [f"{len(begins) - 1} gaps, each starting a new stretch"] * (len(begins) > 1)
     if notes:
         facts["rows"] = "; ".join(notes)
     return Log(name, chosen.joints, samples, period, float(time[-1] - time[0]), facts)
@@ -119,18 +119,18 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
         if path.suffix == ".npz":
             with path.open("rb") as opened:
                 if not is_zipfile(opened):  # which numpy would take for a pickle
-                    raise BadZipFile("it is no zip file")
+                    raise BadZipFile("it is not a zip file")
             with np.load(path, allow_pickle=False) as file:
                 facts = json.loads(str(file["facts"])) if "facts" in file else {}
                 own = {name: file[name] for name in file.files if not name.startswith(BASELINE)}
                 return path.name, *_of_run(own, facts.get("joints", ()))
         table = read_table(path, is_log=True)
     except (ValueError, KeyError, EOFError, BadZipFile) as error:
-        raise QuestionError(f"{path}: is no log, give CSV, Parquet or npz: {line(str(error))}") from None
+        raise QuestionError(f"{path}: is not a log; give CSV, Parquet or npz: {line(str(error))}") from None
     texts = listed((f"{name} ({quoted(text)})" for name, text in table.texts.items()), 8)
     if not table.numbers:
-        raise QuestionError(f"{path}: has no column of numbers; its columns are {texts or 'none'}")
-    facts = {"texts": f"not read: {texts}"} if texts else {}
+        raise QuestionError(f"{path}: has no numeric column; its columns are {texts or 'none'}")
+    facts = {"texts": f"ignored: {texts}"} if texts else {}
     if table.skipped:
         facts["skipped"] = f"{table.skipped:,} rows with too few cells or too many"
     return path.name, table.numbers, facts
@@ -154,7 +154,7 @@ def _of_run(
             found |= {f"{name}[{label}]": values[:, i] for i, label in enumerate(labels)}
     if "q_believed" not in arrays or np.array_equal(arrays["q_believed"], arrays["q"], equal_nan=True):
         return found, {}
-    way = 'what its encoders say is taken by --columns "q=q_believed[*]"'
+    way = 'select the encoder readings by --columns "q=q_believed[*]"'
     return found, {"truth": f"q of a simulation has neither noise nor resolution: {way}"}
 
 
@@ -164,9 +164,7 @@ def _seconds(values: Array, column: Named) -> tuple[Array, str]:
     steps = np.abs(np.diff(known))
     steps = steps[steps > 0.0]
     if not len(steps):
-        raise QuestionError(
-            f'column "{column.name}" must have times that rise, got {len(known):,} of one value'
-        )
+        raise QuestionError(f'column "{column.name}" must have rising times, got {len(known):,} of one value')
     if column.size:
         return (values - known[0]) * column.size, f'"{column.name}", in {_unit(column.size)} as it says'
     # of stamps that repeat, as of a coarse clock, the mean step tells more than the median
@@ -176,8 +174,8 @@ def _seconds(values: Array, column: Named) -> tuple[Array, str]:
             told = f'"{column.name}", taken to be in {unit}: a step is {step * size * 1e3:.4g} ms'
             return (values - known[0]) * size, told
     raise QuestionError(
-        f'column "{column.name}" has steps of {step:g}, which no unit makes {1e3 * STEPS[0]:g} to '
-        f'{1e3 * STEPS[1]:g} ms; say it by --columns "t={column.name} s"'
+        f'column "{column.name}" has steps of {step:g}, which in no unit are {1e3 * STEPS[0]:g} to '
+        f'{1e3 * STEPS[1]:g} ms; give it by --columns "t={column.name} s"'
     )
 
 
@@ -195,9 +193,9 @@ def _in_si(
     wrong = np.abs(values) > FARTHEST
     values[wrong | ~np.isfinite(values)] = np.nan
     if all(one.size for one in chosen):
-        said = "in the units that they name"
+        said = "in their named units"
     elif degrees:
-        said = f"in {unit.replace('rad', 'deg')}, as asked for"
+        said = f"in {unit.replace('rad', 'deg')}, as requested"
     else:
         said = f"taken to be in {unit}, or {unit.replace('rad', 'm')} of slides"
         if unit == "rad" and np.nanmax(np.abs(values), initial=0.0) > LARGEST_TURN:
@@ -212,7 +210,7 @@ def _in_order(time: Array, values: Array) -> tuple[Array, list[str]]:
     notes, rows = [], np.column_stack([time, values])
     lacking = ~np.isfinite(time)
     if lacking.any():
-        notes.append(f"{lacking.sum():,} without a time left out")
+        notes.append(f"{lacking.sum():,} without a time ignored")
         rows = rows[~lacking]
     back = np.diff(rows[:, 0])
     if (back < -SWAPPED).any():
@@ -226,7 +224,7 @@ def _in_order(time: Array, values: Array) -> tuple[Array, list[str]]:
     again = np.concatenate([[False], (np.diff(rows[:, 0]) == 0.0)])
     twice = again & np.concatenate([[False], ((rows[1:] == rows[:-1]) | np.isnan(rows[1:])).all(axis=1)])
     if twice.any():
-        notes.append(f"{twice.sum():,} written twice left out")
+        notes.append(f"{twice.sum():,} duplicates ignored")
         rows, again = rows[~twice], again[~twice]
     if again.any():
         notes.append(f"{again.sum():,} with the time of the row before spread up to the next")
@@ -299,7 +297,7 @@ def _filled(time: Array, rates: Array, period: float) -> tuple[Array, Array, lis
     told = [f"{count:,} that are missing"] * bool(count) + [f"{lacking:,} cells of commands that are"] * bool(
         lacking
     )
-    notes = [f"{' and '.join(told)}: commands in between are taken from a straight line"] if told else []
+    notes = [f"{' and '.join(told)}: commands in between are interpolated linearly"] if told else []
     return whole, np.column_stack(columns), notes
 
 

@@ -35,7 +35,9 @@ def report(found: Identified) -> Report:
     sheets.append(Sheet(title, heads, rows, groups=(2, 2, 2, 1, 2), notes=(*lines, *found.notes)))
     drawn = any(one.fit is not None for one in found.joints)
     problem = (
-        "" if found.is_told else f"{log.name}: no joint tells its delay; what to log instead stands beside it"
+        ""
+        if found.is_told
+        else f"{log.name}: the log identifies no joint's delay; the table says what to log instead"
     )
     draw = partial(draw_fits, found) if drawn else None
     return Report(sheets, plain(_values(found)), draw, found.is_told, problem, block(found))

@@ -25,7 +25,7 @@ def unfit(samples: Samples | None) -> str:
         return "fewer than 30 rows have its position and command: log 10 s or more"
     rate = samples.commands.rate
     if not np.ptp(rate):
-        driven = "is not driven" if not rate[0] else f"is driven at {rate[0]:.4g} throughout"
+        driven = "gets no commands" if not rate[0] else f"moves at {rate[0]:.4g} throughout"
         return f"it {driven}: command starts and stops"
     if not np.ptp(samples.position):
         return f"it {_still(samples)}"
@@ -37,9 +37,9 @@ def untold(fitted: Fitted, noise: Interval, step: float, period: float, longest:
 
     Args:
         fitted: Its fit.
-        noise: Of its positions.
+        noise: Noise of its positions.
         step: Their resolution.
-        period: Of its commands [s].
+        period: Period of its commands [s].
         longest: Delay that was looked for [s].
     """
     moved, total = float(np.ptp(fitted.samples.position)), fitted.total
@@ -49,12 +49,11 @@ def untold(fitted: Fitted, noise: Interval, step: float, period: float, longest:
     if fitted.explained < EXPLAINED and moved > MOVED * floor:
         return f"the fit explains {100 * fitted.explained:.0f} % of its motion: {_cause(fitted, floor)}"
     if not -EARLIEST < total.value < 2.0 * longest or fitted.best.delay >= longest - period:
-        return f"it answers later than {longest:g} s, or not at all: give --longest, or check the columns"
+        return f"it responds later than {longest:g} s, or not at all: give --longest, or check the columns"
     if total.half > max(period, SHARE * abs(total.value)) or fitted.explained < EXPLAINED:
         return (
-            f"delay and lag together are not told better than {1e3 * total.half:.2g} ms: it moves "
-            f"{moved:.2g} with a noise of {floor:.2g}; move it farther, with sharper starts and stops, or "
-            "for longer"
+            f"the sum of delay and lag is uncertain by {1e3 * total.half:.2g} ms: it moves {moved:.2g} with "
+            f"a noise of {floor:.2g}; move it farther, with sharper starts and stops, or for longer"
         )
     return ""
 
@@ -63,40 +62,40 @@ def odd(fitted: Fitted, noise: Interval, step: float, period: float) -> Iterator
     """Yield what is odd about a joint whose delay and lag are told."""
     gain, lag, total = fitted.gain, fitted.lag, fitted.total
     if gain.value < 0.0:
-        yield "moves against its commands: the sign of one of the columns is turned"
+        yield "moves against its commands: the sign of one of the columns is inverted"
     for size, first, second in ((DEGREES, "positions", "commands"), (1.0 / DEGREES, "commands", "positions")):
         if abs(abs(gain.value) / size - 1.0) < 0.05:
             yield f"moves {gain.value:.4g} times its commands: {first} are in degrees and {second} are not?"
             break
     else:
         if abs(abs(gain.value) - 1.0) > OFF and not gain.low <= 1.0 <= gain.high:
-            yield f"does {gain.value:.4g} times its commanded rates: a scenario knows no such gain"
+            yield f"does {gain.value:.4g} times its commanded rates: a scenario has no such gain"
     if total.high < -period / 2.0:
         yield (
-            f"answers {-1e3 * total.value:.3g} ms before its commands: stamp position and command "
+            f"responds {-1e3 * total.value:.3g} ms before its commands: stamp position and command "
             "by one clock; a delay of 0 is written"
         )
     elif lag.low == 0.0 and lag.high > 0.1 * abs(total.value) and lag.high > 0.1 * period:
         yield (
-            f"delay and lag are hard to tell apart, together they are {1e3 * total.value:.4g} ± "
-            f"{1e3 * total.half:.2g} ms: sharper starts and stops would"
+            f"delay and lag are hard to separate; their sum is {1e3 * total.value:.4g} ± "
+            f"{1e3 * total.half:.2g} ms: sharper starts and stops would separate them"
         )
     rms = float(np.sqrt(np.mean(fitted.residual**2)))
     floor = float(np.hypot(noise.value, step / np.sqrt(12.0)))
     if rms > POOR * floor and rms > 1e-6 * np.ptp(fitted.samples.position):
         yield (
-            f"is {rms:.2g} rms off the fit, where its noise is {floor:.2g}: delay and lag are not "
-            "all that it has, as resonance, friction or the drive's own loop"
+            f"is {rms:.2g} rms off the fit, where its noise is {floor:.2g}: delay and lag do not explain "
+            "all of its motion; resonance, friction or the actuator's own loop may"
         )
     if fitted.outliers:
-        yield f"{fitted.outliers:,} positions left out that no arm jumps to and back from"
+        yield f"{fitted.outliers:,} isolated outliers of the position ignored"
 
 
 def _still(samples: Samples) -> str:
     asked = float(np.ptp(samples.commands.travel))
     return (
-        f"moves {np.ptp(samples.position):.2g} where its commands ask for {asked:.2g}: switch its drive on, "
-        "leave its stop, or check which column is whose"
+        f"moves {np.ptp(samples.position):.2g} where its commands ask for {asked:.2g}: switch its actuator "
+        "on, move it off its stop, or check its columns"
     )
 
 
@@ -111,9 +110,7 @@ def _cause(fitted: Fitted, floor: float) -> str:
             f"it stands at {found.position[first]:.4g} from {found.time[first]:.4g} s to "
             f"{found.time[last]:.4g} s while commanded on by {way:.2g}; log it away from that limit"
         )
-    return (
-        "something else moves or holds it; log it alone, away from its limits, in the mode that takes rates"
-    )
+    return "something else moves or holds it; log it alone, away from its limits, in rate mode"
 
 
 def _longest_stand(position: Array, room: float) -> tuple[int, int]:

@@ -36,7 +36,7 @@ class IkResult:
         goal: Pose of the site that was asked for, (7,).
         start: Joint positions at which the search began, (n,).
         limits: Whether the model's position limits were kept to.
-        tolerance: Of |e|: orientation in rad, position over L.
+        tolerance: Tolerance of |e|: orientation in rad, position over L.
         solution: Joint positions at the goal, or the nearest that were found; of all postures the nearest to
             the start.
         postures: All of them; None if one was asked for.
@@ -106,10 +106,10 @@ def ik(
         method: `damped` steps from several starts, or `newton`'s from one.
         limits: Whether the model's position limits are kept to.
         every: Whether all postures are looked for, from many starts, by damped steps.
-        tolerance: Of |e|: orientation in rad, position over L.
+        tolerance: Tolerance of |e|: orientation in rad, position over L.
 
     Returns:
-        What was found. A goal that is not reached is no error: `found` is False then, and `q` is where |e| is
+        The result. A goal that is not reached is no error: `found` is False then, and `q` is where |e| is
         least.
 
     Raises:

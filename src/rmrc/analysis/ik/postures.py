@@ -79,7 +79,7 @@ def find_postures(
         start: Joint positions, (n,), to begin at, and to which that of each continuum is the nearest;
             None for `home`.
         limits: Whether the model's position limits are kept to.
-        tolerance: Of |e|: orientation in rad, position over L.
+        tolerance: Tolerance of |e|: orientation in rad, position over L.
         starts: How many starts.
         threads: None for one on each core; the result does not depend on it.
 

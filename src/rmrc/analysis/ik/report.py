@@ -24,10 +24,9 @@ def report(found: IkResult, iterates: bool = False) -> Report:
         iterates: Whether to show every step; those of Newton's method are shown anyway.
 
     Example:
-        >>> from rmrc.analysis.ik.ik import ik
-        >>> shown = report(ik("models/planar_2link.xml", [3.0, 0.0]))
-        >>> shown.met, shown.problem
-        (False, 'not reached: 1 m and 0 rad are left at the nearest of 201 starts')
+        >>> from rmrc.analysis.ik.ik import ik >>> shown = report(ik("models/planar_2link.xml", [3.0, 0.0]))
+        >>> shown.met, shown.problem (False, 'not reached: 1 m and 0 rad are left at the nearest of 201
+        starts')
     """
     task, solution, postures = found.task, found.solution, found.postures
     values: dict[str, Any] = {
@@ -102,7 +101,7 @@ def _solution_sheets(task: Task, solution: Solution, limits: bool, iterates: boo
                 _at(solution, j),
             )
         )
-    nearest = "the nearest" if solution.method == "damped" else "where the steps ended"
+    nearest = "the nearest" if solution.method == "damped" else "the end of the steps"
     title = "Reached" if solution.found else f"Not reached; {nearest}"
     joints = Sheet(
         f"{title}: {arm.path.stem}, {arm.site}",
@@ -117,7 +116,7 @@ def _solution_sheets(task: Task, solution: Solution, limits: bool, iterates: boo
     rest = Sheet("", ("", "value", "unit"), left, frozenset({0, 2}))
     poses = (("goal", solution.goal), ("reached", solution.pose))
     site = Sheet(
-        f"Site; what counts: {', '.join(task.axes)}",
+        f"Site; task rows: {', '.join(task.axes)}",
         ("", "x", "y", "z", "qw", "qx", "qy", "qz"), [(name, *_decimals(pose)) for name, pose in poses],
     )  # fmt: skip
     steps = _iterates(solution) if iterates else []
@@ -133,8 +132,12 @@ def _posture_sheets(task: Task, postures: Postures) -> list[Sheet]:
     isolated = count - continua
     found = [f"{isolated} posture{'s' * (isolated != 1)}"] if isolated or not continua else []
     if continua:
-        one = "a continuum, its nearest to the start shown"
-        found.append(one if continua == 1 else f"{continua} continua, of each its nearest to the start shown")
+        one = "a continuum; the table shows its point nearest to the start"
+        found.append(
+            one
+            if continua == 1
+            else f"{continua} continua; the table shows the point of each nearest to the start"
+        )
     title = f"{task.arm.path.stem}, {task.arm.site}: {' and '.join(found)}; {postures.starts} starts"
     sheets = []
     for first in range(0, count, BESIDE):
@@ -145,7 +148,7 @@ def _posture_sheets(task: Task, postures: Postures) -> list[Sheet]:
         ]
         rows.append(("starts that led there", "", *(str(postures.hits[p]) for p in part)))
         if postures.is_continuum:
-            rows.append(("ways to move on", "", *(str(postures.freedom[p]) for p in part)))
+            rows.append(("directions of self-motion", "", *(str(postures.freedom[p]) for p in part)))
         if not postures.decided.all():
             words = {True: "yes", False: "unknown"}
             rows.append(("apart from others", "", *(words[bool(postures.decided[p])] for p in part)))
@@ -219,8 +222,8 @@ def _failure(task: Task, solution: Solution) -> str:
         )
     active = [f"{joint} at its {_side(side)} limit" for joint, side in _active(task, solution)]
     return (
-        f"not reached: {_distance(solution)} left at the nearest of {solution.tries} starts"
-        f"{'; ' * bool(active)}{', '.join(active)}"
+        f"not reached: {_distance(solution)} left at the nearest of {solution.tries} "
+        f"starts{'; ' * bool(active)}{', '.join(active)}"
     )
 
 

@@ -61,7 +61,7 @@ class Solution:
         found: Whether the error is within the tolerance and no limit is violated.
         method: "damped" or "newton".
         q: Joint positions, (n,).
-        pose: Of the site there, by MuJoCo, (7,).
+        pose: Pose of the site there, by MuJoCo, (7,).
         goal: What it was to be, (7,).
         error: |e| = √(|Δp|²/L² + |Δφ|²) of the rows that count; the nearest are where this is least.
         position_error: |Δp| [m].
@@ -90,13 +90,13 @@ class Solution:
 
 @dataclass(frozen=True, eq=False)
 class Solutions:
-    """What was found for N goals.
+    """Solutions for N goals.
 
     Attributes:
         q: Joint positions, reached or nearest, (N, n).
         error: |e| there, as in `Solution`, (N,).
         found: Whether it is within the tolerance, (N,).
-        steps: Of all tries together, (N,).
+        steps: Steps of all tries together, (N,).
         tries: Starts that were tried, (N,).
     """
 
@@ -173,7 +173,7 @@ def solve_ik(
         start: Joint positions, (n,); None for `home`. The damped method begins at the nearest within limits.
         method: "damped" or "newton".
         limits: Whether the model's position limits are kept to.
-        tolerance: Of |e|: orientation in rad, position over L.
+        tolerance: Tolerance of |e|: orientation in rad, position over L.
         restarts: Other starts to try.
 
     Returns:
@@ -228,7 +228,7 @@ def solve_many(
         goals: Poses of the site, (N, 7).
         starts: Joint positions to begin at, (n,) or one for each goal, (N, n); None for `home`.
         limits: Whether the model's position limits are kept to.
-        tolerance: Of |e|: orientation in rad, position over L.
+        tolerance: Tolerance of |e|: orientation in rad, position over L.
         restarts: Other starts to try for a goal.
         threads: None for one on each core; the result does not depend on it.
 
@@ -281,7 +281,7 @@ def judge(task: Task, limit: Array, q: Array, goal: Array, tolerance: float) -> 
         limit: Position limits that are kept to, (n, 2); see `kept_limit`.
         q: Joint positions, (n,).
         goal: Pose of the site, (7,).
-        tolerance: Of |e|: orientation in rad, position over L.
+        tolerance: Tolerance of |e|: orientation in rad, position over L.
     """
     pose = task.arm.pose(q)
     scaled = np.zeros(6)

@@ -81,7 +81,7 @@ def examine(
     Args:
         task: The rows that count.
         J: Rows [v; ω] of the site along world axes, (6, n).
-        pose: Of the site, (7,).
+        pose: Pose of the site, (7,).
         R_world_frame: Of the frame along whose axes the words are, (3, 3).
         frame: Its name.
 

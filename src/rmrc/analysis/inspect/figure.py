@@ -37,7 +37,7 @@ def draw_arm(found: Sequence[Inspection], path: Path) -> None:
 
     Args:
         found: Inspections of one arm, one or more.
-        path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
+        path: File to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
     """
     with lettering():
         save(figure(found), [path])

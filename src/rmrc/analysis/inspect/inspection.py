@@ -80,23 +80,23 @@ class TipError:
 @brief
 @dataclass(frozen=True, eq=False)
 class Inspection:
-    """An arm at one configuration. Vectors are along world axes but for `jacobian`.
+    """An arm at one configuration. Vectors are along world axes except `jacobian`.
 
     Attributes:
         arm: The arm, and which of its sites.
         q: Joint positions, (n,) [rad or m].
-        pose: Of the site in the world, [p, quat w x y z], (7,).
+        pose: Pose of the site in the world, [p, quat w x y z], (7,).
         angles: Its orientation as Z-Y-Z angles, (3,) [rad].
         frame: `world`, `site` or `base`: what `jacobian` and the words are along.
         R_world_frame: Its rotation, (3, 3).
         jacobian: J of the site's origin, rows [v; ω] along the axes of the frame, (6, n).
-        disagreement: Of the other routes to J with MuJoCo's, the largest entry, by `routes.ROUTES` [m or 1].
+        disagreement: Largest entry of the difference from MuJoCo's J, by route of `routes.ROUTES` [m or 1].
         task: The rows that count.
         why: These rows and no others, in words.
-        determinant: Of these rows of J along the axes of the task; None if they are not square.
+        determinant: Determinant of these rows of J along the axes of the task; None if they are not square.
         factors: Its factors, one for each family of singularities; none where no structure is known.
         sigma: Singular values of A = S_x J S_q, falling, (k,).
-        rank: Of A, by its singular values.
+        rank: Rank of A, by its singular values.
         rank_by_minors: By its determinants; None where they are too many.
         lost: Task directions that cannot move.
         slow: Task directions that nearly cannot: κ of them is at least the 100 that the law calls SINGULAR.
@@ -107,7 +107,7 @@ class Inspection:
         angles_in_words: Whether the angles are singular here, and what they cannot do.
         tip_error: None if no joint errors were given.
         balance: What holds it against the wrench, without gravity; None if no wrench was given.
-        mechanism: What the drives make of the site where loops close the arm; None if none do.
+        mechanism: What the actuators make of the site where loops close the arm; None if none do.
         warnings: What is wrong with the question, but can be answered.
     """
 
@@ -250,9 +250,9 @@ def _frame_rotation(arm: Arm, q: Array, pose: Array, frame: str) -> Array:
 def _why(task: Task, asked: bool) -> str:
     """Return why these rows count."""
     if asked:
-        return "as asked for"
+        return "as requested"
     if len(task.rows) == 6:
-        return "the arm can move all six independently of each other"
+        return "the arm can move all six independently"
     largest = np.max([np.abs(task.arm.jacobian(q)).max(axis=1) for q in task.arm.sampled(SAMPLES)], axis=0)
     still = [axis for axis, most in zip(AXES, largest, strict=True) if most <= LOST * largest.max()]
     tied = [axis for axis in AXES if axis not in still and axis not in task.axes]
@@ -262,7 +262,7 @@ def _why(task: Task, asked: bool) -> str:
                                   (tied, "follow", "from these"))
         if names
     ]  # fmt: skip
-    return f"these the arm can move independently of each other; {', '.join(reasons)}"
+    return f"those that the arm can move independently; {', '.join(reasons)}"
 
 
 def _ellipsoids(task: Task, J: Array) -> tuple[Ellipsoids, ...]:
@@ -281,13 +281,13 @@ def _angles_in_words(angles: Array) -> str:
     hard = direction(u[:, -1] * np.sign(u[np.argmax(np.abs(u[:, -1])), -1]))
     if zyz_is_singular(angles):
         return (
-            f"the angles are singular here: no rates of theirs turn the site about {hard}, and the analytic "
-            "Jacobian has no value; that is the fault of the angles, not of the arm"
+            f"the angles are singular here: no rates of theirs turn the site about {hard}, and the "
+            "analytic Jacobian has no value; the singularity belongs to the angles, not to the arm"
         )
     if sigma[-1] <= SLOW * sigma[0]:
         return (
             f"the angles are nearly singular here: to turn about {hard} at 1 rad/s they change at up to "
-            f"{amount(1.0 / sigma[-1])} rad/s; that is the fault of the angles, not of the arm"
+            f"{amount(1.0 / sigma[-1])} rad/s; the singularity belongs to the angles, not to the arm"
         )
     return "the angles are regular here: the analytic Jacobian is singular where J is, and nowhere else"
 

@@ -26,14 +26,14 @@ ROUTE_NAMES = {
 
 KEYS = {
     "model": "the file",
-    "site": "the point in question",
-    "assumed": "where the file does not say it, in words: why this site, which start, what was left out",
+    "site": "the end effector",
+    "assumed": "assumptions in words: choice of the site, start, ignored parts of the file",
     "joints": "name, kind, unit, q, limits [lower, upper], room to the nearer one; null where there is none",
     "pose": "position [m] in the world; quaternion w x y z; zyz: Z-Y-Z angles [rad]",
-    "frame": "along whose axes jacobian is: world, site or base; its rotation in the world",
+    "frame": "frame of the axes of jacobian: world, site or base; its rotation in the world",
     "jacobian": "6 x n, rows v_x v_y v_z w_x w_y w_z of the site's origin",
-    "disagreement": "largest entry of the difference from MuJoCo's J, by route",
-    "task": "rows, why these, length [m]",
+    "disagreement": "largest entry of the difference from MuJoCo's J, by method",
+    "task": "rows, reason, length [m]",
     "determinant": "of the task's rows of J along its axes; null if they are not square",
     "factors": "of the determinant: name, family, where, value, power, vanishes; empty if not known",
     "sigma": "singular values of the task's rows, falling",
@@ -50,7 +50,7 @@ KEYS = {
     "mechanism": "drives, their positions, gap, rows, inverse K with rates = K twist, freedom; or null",
     "warnings": "in words",
 }
-"""What each key holds: SI, radians; vectors along world axes but for `jacobian`; all numbers are finite."""
+"""Meaning of each key: SI units and radians; vectors along world axes except `jacobian`; finite numbers."""
 
 
 def report(*found: Inspection) -> Report:
@@ -205,7 +205,7 @@ def _jacobian(found: Inspection) -> Sheet:
 
 def _routes(found: Inspection) -> Sheet:
     rows = [(ROUTE_NAMES[name], number(most)) for name, most in found.disagreement.items()]
-    return Sheet("J by other routes, the largest difference from MuJoCo's", ("route", "differs by"), rows)
+    return Sheet("J by other methods, the largest difference from MuJoCo's", ("method", "differs by"), rows)
 
 
 def _task(found: Inspection) -> Sheet:
@@ -249,7 +249,7 @@ def _words(found: Inspection) -> Sheet:
         rows = [("lost", "nothing: the arm can move and turn in all directions of the task")]
     rows += [("self-motion", motion.words) for motion in found.standing]
     rows.append(("Z-Y-Z angles", found.angles_in_words))
-    return Sheet("What it cannot do, and what moves nothing", ("", ""), rows, frozenset({0, 1}))
+    return Sheet("Lost directions and self-motions", ("", ""), rows, frozenset({0, 1}))
 
 
 def _ellipsoids(found: Inspection) -> Sheet:
@@ -337,20 +337,20 @@ def _mechanism(found: Mechanism) -> Sheet:
     title, headings = "The mechanism, its loops closed", ("drive", "at", *found.rows)
     rows: list[tuple[str, ...]] = []
     if found.gap > OPEN:
-        title = f"The mechanism: its loops do not close here, {number(found.gap)} m are left"
+        title = f"The mechanism: its loops do not close here, with {number(found.gap)} m left"
     elif found.inverse is None:
-        title += ": the rates of its drives do not follow from the twist of the site"
+        title += ": the twist of the site does not determine the rates of its actuators"
     else:
         rows = [
             (drive, number(length), *(number(_clean(value)) for value in row))
             for drive, length, row in zip(found.drives, found.lengths, found.inverse, strict=True)
         ]
-        title += ": rates of the drives for a unit of each row, K"
+        title += ": actuator rates per unit of each row, K"
         if len(found.drives) == len(found.rows):
             title += f"; det K {number(_clean(float(np.linalg.det(found.inverse))))}"
     if found.freedom:
         ways = "one way" if found.freedom == 1 else f"{found.freedom} ways"
-        title += f"; singular: with all drives locked it can still move, {ways}"
+        title += f"; singular: with all actuators locked it can still move, {ways}"
     return Sheet(title, headings, rows)
 
 

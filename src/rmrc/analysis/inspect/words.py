@@ -12,7 +12,7 @@ SAID = 0.005
 # Joints that move less than this share of the one that moves most are left out, and the motion said to be
 # mainly that of the others.
 MAIN_SHARE = 0.1
-# Of a joint motion of norm 1: what moves less than this stands still, but for rounding.
+# Of a joint motion of norm 1: what moves less than this stands still, except rounding.
 STANDS_STILL = 1e-9
 
 
@@ -20,7 +20,7 @@ def direction(vector: Array) -> str:
     """Return a direction in words.
 
     Args:
-        vector: Of any length but 0, (3,).
+        vector: Vector of any length but 0, (3,).
 
     >>> direction(np.array([0.0, -2.0, 0.0])), direction(np.array([1.0, 1.0, 0.0]))
     ('-y', '(0.71, 0.71, 0)')
@@ -60,8 +60,7 @@ def lost(twist: Array, wrench: Array) -> str:
         twist: The motion that is lost, [v; ω] (6,) [m, rad].
         wrench: The wrench with Jᵀ F = 0, likewise, (6,) [N, N·m].
 
-    >>> lost(np.eye(6)[0], np.eye(6)[0])
-    'cannot move along x; a force along x asks for no torque'
+    >>> lost(np.eye(6)[0], np.eye(6)[0]) 'cannot move along x; a force along x needs no torque'
     """
     moves, turns = _parts(twist)
     if moves and turns:
@@ -70,13 +69,13 @@ def lost(twist: Array, wrench: Array) -> str:
         cannot = (
             f"turn about {_line(wrench[3:])} in place, nor move along {_line(wrench[:3])} without turning"
         )
-        free = f"a force along {along} with a moment about {about}, {sizes}, asks for no torque"
+        free = f"a force along {along} with a moment about {about}, {sizes}, needs no torque"
         return f"cannot {cannot}; {free}"
     if moves:
         along = direction(twist[:3])
-        return f"cannot move along {along}; a force along {along} asks for no torque"
+        return f"cannot move along {along}; a force along {along} needs no torque"
     about = direction(twist[3:])
-    return f"cannot turn about {about}; a moment about {about} asks for no torque"
+    return f"cannot turn about {about}; a moment about {about} needs no torque"
 
 
 def nearly_lost(twist: Array, motion: Array, joints: Sequence[str], units: Sequence[str]) -> str:
@@ -84,7 +83,7 @@ def nearly_lost(twist: Array, motion: Array, joints: Sequence[str], units: Seque
 
     Args:
         twist: What the joint motion does, [v; ω] (6,) [m, rad].
-        motion: Of the joints, of norm 1, (n,) [rad or m].
+        motion: Motion of the joints, of norm 1, (n,) [rad or m].
         joints: Their names.
         units: `rad` or `m` of each.
     """
@@ -112,8 +111,8 @@ def standing_still(
     """Return a joint motion that does not move the task, and what it does besides.
 
     Args:
-        motion: Of the joints, (n,) [rad or m].
-        twist: Of the site, 0 in the rows of the task, (6,) [m, rad].
+        motion: Motion of the joints, (n,) [rad or m].
+        twist: Twist of the site, 0 in the rows of the task, (6,) [m, rad].
         task: What of the site does not move, in words.
         joints: Names of the joints.
         units: `rad` or `m` of each.

@@ -22,7 +22,7 @@ SHARE, SHORTEST, FINEST = 0.01, 1e-6, 1e-9
 
 @dataclass(frozen=True, eq=False)
 class Nearest:
-    """What was found.
+    """Result of the search.
 
     Attributes:
         q: Joint positions, (n,) [rad or m].
@@ -43,7 +43,7 @@ def nearest_singularity(scales: Scales, start: Array) -> Nearest:
     """Return the singular configuration nearest to a start that is found, or that of the least σ_min.
 
     Args:
-        scales: Of the arm.
+        scales: Scales of the arm.
         start: Joint positions, (n,).
     """
     task, unit = scales.task, scales.task.joint_scale

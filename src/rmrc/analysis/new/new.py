@@ -70,10 +70,10 @@ class New:
 
 # What can be wrong with a move on the ideal plant, the worst first.
 FAULTS = (
-    "it cannot be run", "a joint comes to its position limit", "the arm touches something",
+    "it cannot run", "a joint reaches its position limit", "the arm touches something",
     "the arm stands still", "the error is large", "rates are limited for a while",
-    "sigma_min stays above half of `below`", "no singularity takes part", "it lasts long",
-    "bodies are within each other at the start",
+    "sigma_min stays above half of `below`", "it meets no singularity", "it takes long",
+    "bodies penetrate each other at the start",
 )  # fmt: skip
 
 
@@ -113,7 +113,7 @@ def new(
         joints: That are driven; None for those of the arm or scenario, else all on the chain.
         length: Characteristic length [m]; None for the rms distance of the site from the hinges' axes.
         plant: Kind of the plant.
-        out: File to write, whole or not at all; None: nothing is written.
+        out: File to write, atomically; None: writes nothing.
         force: Whether it may be overwritten.
 
     Raises:
@@ -147,7 +147,7 @@ def new(
     expect, said = _expected(suits, move, cards)
     said += comment(" ".join(left))
     if best.words:
-        told = f"No move without a fault was found; of this one: {', '.join(best.words)}."
+        told = f"The search found no move without a fault; the fault of this one: {', '.join(best.words)}."
         said = [*comment(told), *said]
     folder = Path() if path is None else path.parent
 
@@ -174,7 +174,7 @@ def refuse_there(path: Path, force: bool) -> None:
         raise QuestionError(f"{path}: is a folder, give a file")
     if os.path.lexists(path) and not force:
         raise QuestionError(
-            f"{path}: is there already; give another file with -o, or overwrite it with --force"
+            f"{path}: already exists; give another file with -o, or overwrite it with --force"
         )
 
 
@@ -195,8 +195,8 @@ def _best(suits: Scales, cache: Cache) -> _Trial:
             break
     if best is None or best.faults[0]:
         raise QuestionError(
-            f"{suits.task.arm.path}: no move from near home could be run{best.why if best else ''}; give "
-            "another --site or --body, and see what `rmrc check` tells"
+            f"{suits.task.arm.path}: no move from near home can run{best.why if best else ''}; give "
+            "another --site or --body, and run `rmrc check` for details"
         )
     return best
 
@@ -258,12 +258,13 @@ def _tried(
             cards[name] = scorecard(run)
         elif name != plant:
             left.append(
-                f"On the plant {name} it diverges, at {run.divergence.time:g} s; see what `rmrc check` tells."
+                f"On the plant {name} it diverges, at {run.divergence.time:g} s; run `rmrc check` for "
+                "details."
             )
         else:
             raise QuestionError(
                 f"{suits.task.arm.path}: the {name} plant diverges at {run.divergence.time:g} s: "
-                f"{run.divergence.reason}; give another --plant, or mend what `rmrc check` tells"
+                f"{run.divergence.reason}; give another --plant, or fix the errors found by `rmrc check`"
             )
     return cards, tuple(left)
 
@@ -292,8 +293,8 @@ def _expected(suits: Scales, move: Move, cards: Mapping[str, Scorecard]) -> tupl
             expect[figure] = {"below": tidy(max(SLACK * value, LEAST * size), up=True)}
             seen.append((figure, unit))
     said = comment(
-        f"What came of it on each plant when it was made. The bounds are {SLACK:g} times the worst, for "
-        "other machines and versions; for the plant that you use alone, take closer ones."
+        f"Results on each plant at the time of writing. The bounds are {SLACK:g} times the worst, to allow "
+        "for other machines and versions; use closer ones if you run one plant only."
     )
     lines = [("", *cards)] + [
         (f"{figure} [{unit}]", *(f"{_value(card, figure):.3g}" for card in cards.values()))

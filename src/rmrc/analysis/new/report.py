@@ -54,7 +54,7 @@ def report(made: New) -> Report:
             else "aside; no singularity found",
         ),
         ("start", "home" if move.is_home else listed_positions(scales, move.start)),
-        ("task", f"{' '.join(scales.task.axes)}, a radian is worth {number(scales.task.length)} m"),
+        ("task", f"{' '.join(scales.task.axes)}, 1 rad counts as {number(scales.task.length)} m"),
         ("damping", f"up to {number(damping.maximum)} where sigma_min is below {number(damping.below)}"),
         ("speed", f"{number(target.velocity)} m/s, {number(target.angular_velocity)} rad/s"),
         ("rate limits", f"assumed: {', '.join(assumed)}" if assumed else "the model's"),
@@ -66,4 +66,4 @@ def report(made: New) -> Report:
         (word, *(number(float(one[name])) if name in one else UNDEFINED for one in figures.values()))
         for name, word in FIGURES.items()
     ]
-    return Report([what, Sheet("What came of it on each plant", ("", *figures), table)], plain(values))
+    return Report([what, Sheet("Results on each plant", ("", *figures), table)], plain(values))

@@ -48,14 +48,14 @@ def text(
         scales: What suits the arm.
         move: What it does.
         seen: What the scenario has for a path.
-        name: Of the scenario.
+        name: Name of the scenario.
         plant: Its kind.
         expect: Checks by name of figure.
         said: The comment on `expect`, its lines.
     """
     parts = (
         _head(scales, move, name), _arm(scales, move, seen), _task(scales), _control(scales, move),
-        _target(move), f"plant: {{kind: {plant}}}   # ideal has no physics, model the robot's own drives",
+        _target(move), f"plant: {{kind: {plant}}}   # ideal has no physics, model the robot's own actuators",
         _expect(expect, said),
     )  # fmt: skip
     return "\n".join(parts) + "\n"
@@ -64,19 +64,17 @@ def text(
 def _head(scales: Scales, move: Move, name: str) -> str:
     arm, near = scales.task.arm, move.nearest
     lines = [
-        f"# A first scenario for {visible(arm.path.name)}, by `rmrc new`: "
-        "change what you like, and `rmrc run` it."
+        f"# A first scenario for {visible(arm.path.name)}, by `rmrc new`: edit it, and run it by `rmrc run`."
     ]
     if move.how == "aside":
         lines += comment(
-            "No singularity that a move could reach was found within the limits: it goes aside and back."
+            "The search found no reachable singularity within the limits: the path goes aside and back."
         )
     else:
         what = "through" if move.how == "through" else "towards"
         lines += comment(
-            f"The site moves {what} the nearest singularity that was found, at "
-            f"{listed_positions(scales, near.q)}, and back. "
-            f"There the arm {words.lost(near.twist, near.wrench)}. Watch sigma, damping and qdot."
+            f"The site moves {what} the nearest singularity found, at {listed_positions(scales, near.q)}, "
+            f"and back. There the arm {words.lost(near.twist, near.wrench)}. Watch sigma, damping and qdot."
         )
     return "\n".join([*lines, f"name: {name}"])
 
@@ -106,10 +104,10 @@ def _tool(tool: ToolSection, seen: Seen) -> dict[str, Any]:
 def _arm(scales: Scales, move: Move, seen: Seen) -> str:
     arm = scales.task.arm
     told = {
-        "site": f"the point that is controlled; this model has {len(arm.sites)}",
-        "body": "whose frame is controlled; arm.site names a site instead",
-        "tool": "whose frame is controlled",
-        "packages": "where those lie that the file names",
+        "site": f"end effector (TCP); this model has {len(arm.sites)}",
+        "body": "body whose frame is controlled; arm.site names a site instead",
+        "tool": "body whose frame is controlled",
+        "packages": "folders of the packages named in the file",
         "stretch": "factor on all lengths of a body",
     }
     lines = ["arm:"]
@@ -131,19 +129,19 @@ def _home(arm: Arm) -> str:
     if name != "home":
         return f"keyframe {quoted(name) if name else arm.home}, as none is called home"
     if arm.home is None and "home" in arm.keyframes:
-        return "no keyframe, so all joints at 0, or in the middle of their range where 0 is beyond it"
-    return "the keyframe of that name, or all joints at 0 where there is none"
+        return "no keyframe: all joints at 0, or in the middle of their range if 0 is outside"
+    return "the keyframe of this name, or all joints at 0 without one"
 
 
 def _task(scales: Scales) -> str:
     task = scales.task
     rows = ", ".join(task.axes)
-    why = "all six" if len(task.axes) == 6 else "those that the joints can move independently of each other"
+    why = "all six" if len(task.axes) == 6 else "those that the joints can move independently"
     return "\n".join(
         [
             "task:",
-            f"  axes: [{rows}]   # rows of the twist that count: {why}",
-            *comment(f"m; what is worth a radian in sigma{'' if scales.is_length_given else RMS}", 2),
+            f"  axes: [{rows}]   # controlled rows of the twist: {why}",
+            *comment(f"m; length equivalent to 1 rad in sigma{'' if scales.is_length_given else RMS}", 2),
             f"  length: {inline(task.length)}",
         ]
     )
@@ -163,17 +161,15 @@ def _control(scales: Scales, move: Move) -> str:
         "below/sqrt(2), the least with which the gain sigma/(sigma^2 + lambda^2) never passes 1/below.", 4,
     )  # fmt: skip
     lines.append(f"    damping: {flow(damping)}")
-    lines.append(f"  feedback: {inline(FEEDBACK)}   # 1/s; an error is gone to a third after 1/feedback")
+    lines.append(f"  feedback: {inline(FEEDBACK)}   # 1/s; an error falls to a third in 1/feedback")
     if arm.n > len(scales.task.rows):
-        lines += comment(
-            "joints that the task leaves free pull back to where they started, at this rate in 1/s", 2
-        )
+        lines += comment("the null-space motion returns the joints to their start, at this rate in 1/s", 2)
         lines.append(f"  nullspace: {{objective: posture, gain: {inline(POSTURE_GAIN)}}}")
     lines.append("  limits:")
     lines += comment(_rates_said(scales), 4)
     lines.append(f"    rate: {inline([float(value) for value in scales.rate])}")
     lines += comment(
-        "no limit on accelerations: MJCF has no place for one; state it as `acceleration`, in rad/s^2", 4
+        "no limit on accelerations, which MJCF cannot express; set it as `acceleration`, in rad/s^2", 4
     )
     lines.append(
         "    on_excess: scale   # beyond a limit all joints are scaled alike: the site keeps its direction"
@@ -187,13 +183,11 @@ def _rates_said(scales: Scales) -> str:
     assumed = [name for name, is_assumed in zip(arm.joints, scales.is_assumed, strict=True) if is_assumed]
     unit = " or ".join(dict.fromkeys(f"{one}/s" for one in arm.units))
     if not assumed:
-        return f"{unit}, one a joint; those of the model"
-    which = (
-        "the model tells none" if len(assumed) == arm.n else f"the model tells none of {', '.join(assumed)}"
-    )
+        return f"{unit}, one per joint; those of the model"
+    which = "the model has none" if len(assumed) == arm.n else f"the model has none for {', '.join(assumed)}"
     slides = f", and {tidy(ASSUMED_RATE * scales.task.length):g} m/s of slides" if arm.is_slide.any() else ""
-    stands = f"so {ASSUMED_RATE:g} rad/s{slides} stand here; take those of your drives"
-    return f"{unit}, one a joint. ASSUMED: {which}, {stands}"
+    stands = f"so {ASSUMED_RATE:g} rad/s{slides} are assumed; use those of your actuators"
+    return f"{unit}, one per joint. ASSUMED: {which}, {stands}"
 
 
 def _target(move: Move) -> str:
@@ -212,8 +206,8 @@ def _target(move: Move) -> str:
     for sign in (1.0, -1.0):
         lines += [f"    - {flow(_segment(sign * move.by, sign * move.turn))}", f"    - hold: {{for: {HOLD}}}"]
     lines += comment(
-        f"m/s, rad/s and so on: {100 * PATH_SHARE:.0f} % of the speed at which a gain of 1/below asks the "
-        f"slowest joint for its limit; the rest is for the feedback. Speed is reached in {RISE:g} s.", 2,
+        f"m/s, rad/s and so on: {100 * PATH_SHARE:.0f} % of the speed at which a gain of 1/below takes the "
+        f"slowest joint to its limit; the rest is left for feedback. Speed is reached in {RISE:g} s.", 2,
     )  # fmt: skip
     return "\n".join([*lines, f"  limits: {flow(limits)}"])
 
@@ -255,7 +249,7 @@ def listed_positions(scales: Scales, q: Array) -> str:
     """Return joint positions in words.
 
     Args:
-        scales: Of the arm.
+        scales: Scales of the arm.
         q: Joint positions, (n,).
     """
     arm = scales.task.arm

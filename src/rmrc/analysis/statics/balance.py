@@ -37,15 +37,16 @@ class Balance:
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
         equivalent: Jᵀ F, (n,): with it the site presses on the world with F [N·m or N].
         equilibrium: −Jᵀ F, (n,): with it the arm holds still while F acts on it.
-        bears_weight: Whether the drives bear the arm's weight; else it is compensated.
-        gravity: What the drives give against gravity, (n,); 0 if gravity is compensated.
-        springs: What the drives give against springs of the joints, (n,).
+        bears_weight: Whether the actuators support the arm's weight; else it is compensated.
+        gravity: What the actuators give against gravity, (n,); 0 if gravity is compensated.
+        springs: What the actuators give against springs of the joints, (n,).
         frames: T_0_i of the link behind each axis of the chain, (ℓ, 4, 4), as `link_frames` has them.
         reaction: [f; n] of the wrench alone that each link takes from the one before, at the origin and
             along the axes of its frame, (ℓ, 6) [N, N·m].
         driven: The component of it that moves each axis, (ℓ,): the drive gives it, or what makes a joint
             follow another.
-        propagated: What each drive gives of all axes that it moves, (n,): `equilibrium` by the other route.
+        propagated: What each actuator gives of all axes that it moves, (n,): `equilibrium` by the other
+            route.
     """
 
     arm: Arm
@@ -63,12 +64,12 @@ class Balance:
 
     @property
     def torque(self) -> Array:
-        """What the drives give in all, (n,) [N·m or N]: against the wrench, gravity and springs."""
+        """What the actuators give in all, (n,) [N·m or N]: against the wrench, gravity and springs."""
         return self.equilibrium + self.gravity + self.springs
 
     @property
     def margin(self) -> Array:
-        """What is left of each torque limit, (n,) [N·m or N]: negative where it is exceeded."""
+        """Margin to each torque limit, (n,) [N·m or N]: negative where it is exceeded."""
         return np.asarray(self.arm.torque_limit - np.abs(self.torque))
 
     @property
@@ -86,7 +87,7 @@ class Balance:
 
     @property
     def structure(self) -> Array:
-        """The reactions without what the drives give: what bearings and links take, own frames, (ℓ, 6).
+        """The reactions without what the actuators give: what bearings and links take, own frames, (ℓ, 6).
 
         It does no work in the joint's own motion: a screw's nut takes its share of a thrust as a moment.
         """
@@ -118,7 +119,7 @@ def balance(arm: Arm, q: ArrayLike, wrench: ArrayLike, gravity: bool = False) ->
         arm: The arm.
         q: Joint positions, (n,) [rad or m].
         wrench: [f; n] that acts on the arm at the site, along world axes, (6,) [N, N·m].
-        gravity: Whether the drives bear the arm's weight; else it is compensated.
+        gravity: Whether the actuators support the arm's weight; else it is compensated.
 
     Raises:
         QuestionError: The wrench has not 6 values, or q not n.
@@ -181,7 +182,9 @@ def elsewhere(arm: Arm, q: ArrayLike, wrench: ArrayLike, site: str) -> Elsewhere
     alike = [name for name in arm.sites if body[name] == body[arm.site]]
     if site not in alike:
         what = (
-            "is on another body" if site in body else f"is no site of {arm.path}{did_you_mean(site, alike)}"
+            "is on another body"
+            if site in body
+            else f"is not a site of {arm.path}{did_you_mean(site, alike)}"
         )
         raise QuestionError(f'--at: "{site}" {what}; sites that move with "{arm.site}": {", ".join(alike)}')
     here, there = arm.pose(np.asarray(q, dtype=np.float64)), arm.pose(np.asarray(q, dtype=np.float64), site)
@@ -230,7 +233,7 @@ def _turn_to(axis: Array) -> Array:
 
 
 class Cost(StrEnum):
-    """What a wrench costs the drives, and whether that is so at other configurations."""
+    """What a wrench costs the actuators, and whether that is so at other configurations."""
 
     ALWAYS = "nothing, anywhere"
     OTHERS = "nothing; elsewhere another"
@@ -262,7 +265,7 @@ class Direction:
 
 @dataclass(frozen=True, eq=False)
 class Costs:
-    """What wrenches of one kind cost the drives at a configuration.
+    """What wrenches of one kind cost the actuators at a configuration.
 
     Attributes:
         kind: `wrench`, `force` or `moment`.
@@ -290,7 +293,7 @@ KINDS = {"wrench": range(6), "force": range(3), "moment": range(3, 6)}
 
 
 def wrench_costs(arm: Arm, q: ArrayLike, length: float = 1.0) -> tuple[Costs, ...]:
-    """Return what wrenches, forces alone and moments alone cost the drives, and which cost nothing.
+    """Return what wrenches, forces alone and moments alone cost the actuators, and which cost nothing.
 
     |S_q Jᵀ F| = σ_i for S_x⁻¹ F = u_i, the left singular vectors of A = S_x J S_q: a force along a direction
     that is lost is borne by the links alone, and one along a direction that is nearly lost 1/σ times as well

@@ -1,4 +1,4 @@
-"""Why the drives do not give what statics says: what else bears a part of a wrench, and the way out."""
+"""Why the actuators do not give what statics says: what else bears a part of a wrench, and the way out."""
 
 import numpy as np
 
@@ -18,11 +18,14 @@ def borne(held: HoldResult) -> str:
     bears = [*ends(arm, qpos[-1]), *[f"{one} touches {other}" for one, other in touching][:1]]
     said = []
     if bears:
-        said.append(f"{' and '.join(bears)}, which bears a part: give other positions by --q or --keyframe")
+        said.append(
+            f"{' and '.join(bears)}, which carries part of the load: give other positions by --q "
+            "or --keyframe"
+        )
     if unknown := list(pulls(arm, qpos[0], qpos[-1])):
-        said.append(f"{' and '.join(unknown)}, which statics leaves out: take it out of a copy of the model")
+        said.append(f"{' and '.join(unknown)}, which statics ignores: remove it in a copy of the model")
     if not said and (moves := _moves(held)):
-        said.append(f"{moves} still moves beside the arm: hold it for longer")
+        said.append(f"{moves} still moves apart from the arm: hold it for longer")
     return "".join(f"; {one}" for one in said)
 
 

@@ -41,8 +41,8 @@ STILL, LAST = 1e-8, 0.1
 # small a share of the friction it is still.
 CREEP = 1e-2
 # What the actuators give may differ by this share of what the torques would be if nothing canceled: far
-# above rounding, far below what a drive knows. The constraint that makes a screw of a hinge and a slide is
-# soft, and gives by some hundredths of a millimeter under a load.
+# above rounding, far below what an actuator knows. The constraint that makes a screw of a hinge and a slide
+# is soft, and gives by some hundredths of a millimeter under a load.
 SHARE, SHARE_OF_SCREWS = 1e-6, 1e-3
 
 
@@ -161,8 +161,8 @@ def _check(wanted: Balance) -> None:
     for name, inertia in zip(arm.joints, arm.inertia, strict=True):
         if not inertia > 0.0:  # of which the servos' gains are made
             raise QuestionError(
-                f'cannot hold: joint "{name}" must feel an inertia > 0 at home, got {inertia:.6g}; '
-                "mend masses, inertias and armature of the model"
+                f'cannot hold: joint "{name}" must have an inertia > 0 at home, got {inertia:.6g}; '
+                "correct masses, inertias and armature of the model"
             )
 
 

@@ -1,4 +1,4 @@
-"""What drives and links bear, which wrenches cost nothing, and what the physics says: tables and JSON."""
+"""What actuators and links carry, which wrenches cost nothing, and what the physics says: tables and JSON."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -121,7 +121,7 @@ def _place(balance: Balance) -> Sheet:
     place = ", ".join(f"{name} {number(at)}" for name, at in zip(arm.joints, balance.q, strict=True))
     title = f"{arm.path.name}: site {arm.site} at {_vector(arm.pose(balance.q)[:3])} m; {place}"
     wrench = f"force {_vector(force)} N, moment {_vector(moment)} N·m"
-    weight = "The drives bear the arm's weight as well."
+    weight = "The actuators also support the arm's weight."
     return Sheet(
         title,
         notes=(
@@ -146,7 +146,7 @@ def _elsewhere(other: Elsewhere, site: str) -> list[Sheet]:
             for row, values, value in zip(inputs, transform, result, strict=True)
         ]
         sheets.append(Sheet(title, (name, *(f"{one} of B" for one in inputs), last), rows))
-    note = "The force transform is the inverse transpose of the velocity transform: power is the same."
+    note = "The force transform is the inverse transpose of the velocity transform, which preserves power."
     return [*sheets, Sheet("", notes=(note,))]
 
 
@@ -171,8 +171,8 @@ def _drives(balance: Balance) -> Sheet:
     ]
     headings = ("drive", *columns, "limit", "margin", "")
     notes = [
-        "Equivalent, Jᵀ F: what they give for the site to press on the world with this wrench.",
-        "Balancing, −Jᵀ F: what they give to hold still while this wrench acts on the arm.",
+        "Equivalent, Jᵀ F: torques with which the site presses on the world with this wrench.",
+        "Balancing, −Jᵀ F: torques that hold the arm still while this wrench acts on it.",
     ]
     for name in balance.exceeded:
         j = arm.joints.index(name)
@@ -193,17 +193,17 @@ def _links(balance: Balance) -> list[Sheet]:
         ("along world axes", balance.reaction_world),
     ):
         rows = [(name, *map(shown, row)) for name, row in zip(arm.axis_names, table, strict=True)]
-        title = f"What each link takes from the one before, at its joint; {axes}"
+        title = f"Load on each link from the previous one, at its joint; {axes}"
         sheets.append(Sheet(title, ("joint", *units), rows))
     rows = []
     for j, (fx, fy, fz, nx, ny, nz) in enumerate(balance.structure):
         taken = (fz, np.hypot(fx, fy), nz, np.hypot(nx, ny))
         unit = "N" if np.isinf(arm.chain.pitch[j]) else "N·m"
         rows.append((f"{arm.axis_names[j]} [{unit}]", shown(balance.driven[j]), *map(shown, taken)))
-    title = "Of that the drive gives one component, and bearings and links the rest"
+    title = "The actuator carries one component of the load, bearings and links the rest"
     headings = ("joint", "drive", "thrust [N]", "radial force [N]", "moment about [N·m]", "bending [N·m]")
     note = (
-        f"Of the wrench alone. From link to link and by −Jᵀ F the drives give the same, to "
+        "For the wrench alone. Link by link and by −Jᵀ F the actuator torques agree to "
         f"{number(balance.disagreement)}."
     )
     return [*sheets, Sheet(title, headings, rows, notes=(note,))]
@@ -222,7 +222,7 @@ def _free(costs: Sequence[Costs]) -> Sheet:
         for group in costs
         if group.free_only_here
     )
-    title = "What a wrench, a force or a moment of size 1 costs the drives"
+    title = "Actuator torques for a wrench, a force or a moment of size 1"
     headings = ("of all", "", "torque σ", "1/σ", "costs")
     return Sheet(title, headings, rows, frozenset({0, 1, 4}), notes=notes)
 
@@ -243,7 +243,7 @@ def _held(held: HoldResult) -> Sheet:
     way, turn = map(float, np.linalg.norm(held.drift.reshape(2, 3), axis=1))
     where = (
         f"After {number(len(held.run) * held.run.period)} s the site is {number(1e3 * way)} mm and "
-        f"{number(np.degrees(turn))} deg from where it should stay."
+        f"{number(np.degrees(turn))} deg from its target."
     )
     return Sheet("Held in the physics", headings, rows, frozenset({0, 6}), notes=(where, verdict(held)))
 
@@ -254,17 +254,19 @@ def _held(held: HoldResult) -> Sheet:
 def verdict(held: HoldResult) -> str:
     """Say how the holding went."""
     names = [name for name, is_there in zip(held.wanted.arm.joints, held.at_limit, strict=True) if is_there]
-    reached = f"{', '.join(names)} came to the torque limit" if names else "no drive came to its torque limit"
+    reached = (
+        f"{', '.join(names)} reached its torque limit" if names else "no actuator reached its torque limit"
+    )
     if held.run.divergence:
         return f"MISSED: {held.run.divergence}; {reached}."
     if not held.is_still:
         longer = "" if names else "; hold it for longer"
-        rate = f"the fastest joint does {number(held.rate)} rad/s or m/s"
+        rate = f"the fastest joint moves at {number(held.rate)} rad/s or m/s"
         return f"MISSED: not still, {rate}; {reached}{borne(held) or longer}."
     if not held.agrees:
-        why = borne(held) or "; nothing was found that bears a part: see what `rmrc check` tells"
-        return f"MISSED: still, but the actuators give something else; {reached}{why}."
-    return f"met: still, and the actuators give what statics says; {reached}."
+        why = borne(held) or "; found no other support: run `rmrc check` for details"
+        return f"MISSED: still, but the actuator torques differ; {reached}{why}."
+    return f"met: still, and the actuator torques agree with statics; {reached}."
 
 
 def in_words(wrench: Array) -> str:

@@ -23,8 +23,8 @@ class Statics:
     """What `statics` found.
 
     Attributes:
-        balance: What drives and links bear.
-        costs: What wrenches, forces alone and moments alone cost the drives.
+        balance: What actuators and links carry.
+        costs: What wrenches, forces alone and moments alone cost the actuators.
         length: Characteristic length, which makes meters and radians comparable in `costs` [m].
         elsewhere: The wrench at another site; None if no other was named.
         held: What it took to hold the wrench in the physics; None if that was not asked.
@@ -53,7 +53,7 @@ def statics(
     length: float | None = None,
     on_ticks: Callable[[int], None] | None = None,
 ) -> Statics:
-    """Return what drives and links bear while a wrench acts on an arm; the function behind `rmrc statics`.
+    """Return actuator torques and link loads under a wrench on an arm; the function behind `rmrc statics`.
 
     Args:
         model: An arm, an MJCF file, or a scenario.
@@ -67,7 +67,7 @@ def statics(
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
         frame: Along whose axes the wrench is given: `world` or `site`.
         at: Another site of the same body, at which the wrench is to be told as well.
-        gravity: Whether the drives bear the arm's weight; else it is compensated.
+        gravity: Whether the actuators support the arm's weight; else it is compensated.
         hold: For how long at most the wrench is held in the physics, until all is still [s]; None: not at
             all.
         length: Characteristic length, which makes meters and radians comparable [m]; None for that of a

@@ -61,7 +61,7 @@ def draw(found: Workspace | JointMap, path: Path, measure: str | None = None) ->
 
     Args:
         found: What to draw.
-        path: File to write, whole or not at all; the suffix says how: `.png`, `.svg` or `.pdf`.
+        path: File to write atomically, in the format of the suffix: `.png`, `.svg` or `.pdf`.
         measure: `sigma_min`, `manipulability`, `condition`, or of a slice `postures`, as a map of what is
             reached within the limits; None for none, and over two joints for `sigma_min`.
     """
@@ -290,7 +290,7 @@ def _joint_map(found: JointMap, measure: str) -> Figure:
     entitle(figure, f"{plain(arm.path.stem)}: {plain(arm.site)}, rows {' '.join(found.task.axes)}")
     axes.plot(
         found.q[found.joints[0]] * degrees[0], found.q[found.joints[1]] * degrees[1], "*", markersize=14.0,
-        color="white", markeredgecolor="black", label="the arm as asked",
+        color="white", markeredgecolor="black", label="the arm at --q or --keyframe",
     )  # fmt: skip
     explain(figure, loc="outside lower center", ncols=2, handlelength=3.5)
     return figure

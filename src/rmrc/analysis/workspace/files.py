@@ -41,7 +41,7 @@ ARRAYS = {
 
 
 def save(found: Workspace | JointMap, path: Path) -> None:
-    """Write everything that was found as arrays, whole or not at all; `meaning` says what each is.
+    """Write everything that was found as arrays, atomically; `meaning` says what each is.
 
     Args:
         found: What `workspace` or `joint_map` found.

@@ -1,4 +1,4 @@
-"""What is known of a workspace: cells that are reached, by which postures, and the curves that bound them."""
+"""A workspace: reached cells, their postures, and the curves that bound them."""
 
 from dataclasses import dataclass, field
 from typing import Literal
@@ -47,7 +47,7 @@ class Reach:
             has infinitely many, or the slice is not a surface.
         values: σ_min, w and κ of the best, or the worst, of the postures found, each (A, B); nan elsewhere.
         q: The posture of the best, or the worst, σ_min, (A, B, n); nan elsewhere.
-        extents: Of both coordinates; none if nothing is reached.
+        extents: Extents of both coordinates; none if nothing is reached.
         ends: Least and largest σ_min, w and κ of all points; none if nothing is reached.
         source: Where the worse end of each was found: `singular`, `limits`, or `cells`.
     """
@@ -128,7 +128,7 @@ class Workspace:
 
 @dataclass
 class Found:
-    """The best, or the worst, of what was found in each cell."""
+    """The best, or the worst, of the results in each cell."""
 
     task: Task
     shape: tuple[int, int]
@@ -145,7 +145,7 @@ class Found:
         self.count = np.zeros(cells, np.int64)
 
     def add(self, cells: NDArray[np.int64], found: Survey) -> None:
-        """Take what was found at configurations, of which each belongs to a cell."""
+        """Take the results at configurations, of which each belongs to a cell."""
         self.seen += len(cells)
         self.count += np.bincount(cells, minlength=len(self.count))
         of = {
@@ -171,7 +171,7 @@ class Found:
             self._keep(measure, hit, other.values[measure][hit], other.q[hit])
 
     def _keep(self, measure: Measure, cells: NDArray[np.int64], new: Array, q: Array) -> None:
-        """Take the value of each of some cells, all different, if it is better than what was found before."""
+        """Take the value of each of some cells, all different, if it is better than the results before."""
         old = self.values[measure][cells]
         high = (measure == "condition") == self.worst
         better = np.isnan(old) | ((new > old) if high else (new < old))

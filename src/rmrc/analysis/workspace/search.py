@@ -1,8 +1,8 @@
 """The search for a workspace, of arms that are a surface in their slice, and of any others.
 
-A planar arm of two joints, or an arm of three in a half-plane about its first axis, is a surface: two
-joint positions give two coordinates, and the image of a grid is followed exactly, folds and all. Any other
-arm is sampled, and the cells at the edge of what was found are sampled more until no cell is added.
+A planar arm of two joints, or an arm of three in a half-plane about its first axis, is a surface: two joint
+positions give two coordinates, and the image of a grid is followed exactly, folds and all. Any other arm is
+sampled, and the cells at the edge of the results are sampled more until no cell is added.
 """
 
 from collections.abc import Callable, Iterator
@@ -123,7 +123,7 @@ class Search:
 
         Args:
             reach: The cells.
-            ranges: Of the joints, (n, 2).
+            ranges: Ranges of the joints, (n, 2).
             has_limits: 1 if they are the joints' own, else 0.
             singular: Singular curves.
             limits: Curves at the limits.
@@ -298,7 +298,7 @@ class Search:
             known.add(places[fits, 0] * known.shape[1] + places[fits, 1], kept)
 
     def grow(self, known: Found, ranges: Array, origin: Array, size: float, rng: np.random.Generator) -> None:
-        """Look near the configurations at the edge of what was found, until no cell is added."""
+        """Look near the configurations at the edge of the results, until no cell is added."""
         joints, without = self.part.joints, 0
         for turn in range(ROUNDS):
             before = int(np.count_nonzero(known.count))

@@ -25,7 +25,7 @@ class Slice:
         origin: A point of the plane; of `rz` a point on the axis, (3,) [m].
         axes: Directions of the coordinates, (2, 3); of `rz` the second is that of the axis, and the first
             that in which the site is moved by the joints after the first, nan if that is no plane.
-        normal: Of the plane, (3,).
+        normal: Normal of the plane, (3,).
         cuts: Whether the arm leaves the plane, so that only some of its postures are in it.
         movers: Joints that move the site, rising.
         basis: Directions in which the site can move at all, (m, 3): 2 for a planar arm, else 3.
@@ -42,7 +42,7 @@ class Slice:
 
     @property
     def joints(self) -> NDArray[np.intp]:
-        """Those that move the site in the slice: the movers, but for the first of `rz`."""
+        """Those that move the site in the slice: the movers, except the first of `rz`."""
         return self.movers[1:] if self.is_round else self.movers
 
     @property

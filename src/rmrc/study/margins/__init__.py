@@ -1,6 +1,6 @@
-"""How much more delay, lag and gain the loop of a scenario bears before it is unstable.
+"""Stability margins: how much more delay, lag and gain the loop of a scenario tolerates.
 
-`kicks` makes a twin of a world, whose reference is moved for moments; `ringing` runs both and says whether
-the difference rings on; `search` does so for many settings and finds the edge; `margins` asks for a scenario,
-and `report` and `figure` show what was found.
+`kicks` makes a twin of a world with a briefly displaced reference; `ringing` runs both and judges whether
+their difference keeps ringing; `search` does so for many settings and finds the stability limit; `margins`
+does so for a scenario, and `report` and `figure` show the results.
 """

@@ -1,4 +1,4 @@
-"""A world and its twin: the same in all, but the reference of the twin is moved a little, for moments."""
+"""A world and its twin, which differs only by a small, brief displacement of the reference."""
 
 import math
 from dataclasses import dataclass, replace
@@ -17,12 +17,12 @@ KICK = 1e-6
 
 @dataclass(frozen=True)
 class Kick:
-    """Where a reference is moved.
+    """A displacement of a reference.
 
     Attributes:
         first: Its first tick.
         last: One past the last.
-        offset: [p; φ] by which poses are moved meanwhile, along world axes, (6,) [m, rad].
+        offset: [p; φ] added to poses meanwhile, along world axes, (6,) [m, rad].
     """
 
     first: int
@@ -32,11 +32,11 @@ class Kick:
 
 @dataclass(frozen=True, eq=False)
 class Kicked(Reference):
-    """A path that is moved for moments, its twists not, and behind whose end the target rests.
+    """A path with brief displacements of its poses, not of its twists, and with a rest at its end.
 
     Attributes:
-        path_ticks: Of the path; `ticks` are those with the rest.
-        kicks: When and how far it is moved.
+        path_ticks: Ticks of the path; `ticks` includes the rest after it.
+        kicks: Times and sizes of the displacements.
     """
 
     path_ticks: int = 0
@@ -54,7 +54,7 @@ class Kicked(Reference):
 
 
 def resting(prepared: Prepared, least: int) -> Prepared:
-    """Return a world that goes on for so many ticks at least: the target rests where its path ends."""
+    """Return a world of at least this many ticks, with the target at rest after the end of its path."""
     path = prepared.reference
     ticks = max(path.ticks, least)
     longer = Kicked(ticks, path.period, path.pieces, path.recorded, path.ticks)
@@ -65,12 +65,12 @@ def twin_of(prepared: Prepared, starts: tuple[int, ...], size: float) -> Prepare
     """Return the twin of a world.
 
     A kick lasts 1/K, in which a loop follows most of it, and goes to a corner of a box: to either side along
-    each axis, those that do not count as well.
+    each axis, including axes outside the task.
 
     Args:
-        prepared: The world, as `resting` returned it.
+        prepared: The world returned by `resting`.
         starts: First tick of each kick, on the path.
-        size: How far each goes along each axis [rad]; of lengths, times `task.length`.
+        size: Displacement along each axis [rad]; for lengths, times `task.length`.
     """
     scenario, path = prepared.scenario, prepared.reference
     assert isinstance(path, Kicked)
@@ -84,5 +84,5 @@ def twin_of(prepared: Prepared, starts: tuple[int, ...], size: float) -> Prepare
 
 
 def _corner(index: int) -> Array:
-    """Return a corner of the box from −1 to 1 in six dimensions, another for each of 64 indices."""
+    """Return a corner of the box from −1 to 1 in six dimensions, a different one for each of 64 indices."""
     return np.array([1.0 - 2.0 * (index * 11 >> bit & 1) for bit in range(6)])

@@ -1,4 +1,4 @@
-"""A scenario -> its margins: how much more delay, lag and gain its loop bears before it is unstable."""
+"""Margins of a scenario: how much more delay, lag and gain its loop tolerates before it is unstable."""
 
 import math
 import os
@@ -27,15 +27,15 @@ _FINEST, _COARSEST = 0.005, 0.5
 
 @dataclass(frozen=True)
 class Margin:
-    """How much more of something a loop bears.
+    """One stability margin of a loop.
 
     Attributes:
-        name: `gain`, a factor on control.feedback; `delay` or `lag`, what can be added [s].
-        edge: Between which two of its values the loop becomes unstable; infinite above: no edge was found.
-        bound: The largest value that would be tried.
-        ideal: The edge of the ideal plant, by equation; infinite where any is borne.
-        rule: What the rule of thumb allows; below 1, or negative, where it allows less than there is.
-        tried: Value and judgment of each that was tried, by rising value.
+        name: `gain`, a factor on control.feedback; `delay` or `lag`, an additional time [s].
+        edge: Interval in which the loop becomes unstable; infinite above: no limit was found.
+        bound: Largest value of the search.
+        ideal: Limit of the ideal plant, by equation; infinite if any value is stable.
+        rule: Value by the rule of thumb; below 1, or negative, if it allows less than the scenario has.
+        tried: Each tried value with its judgment, by rising value.
     """
 
     name: str
@@ -47,7 +47,7 @@ class Margin:
 
     @property
     def value(self) -> float:
-        """The margin: the edge, or what the loop was still stable with where none was found."""
+        """The margin: the limit, or the largest stable value if none was found."""
         return self.edge.value
 
 
@@ -59,13 +59,13 @@ class Margins:
     Attributes:
         scenario: The scenario.
         late: Dead time of its commands, and the longest lag [s].
-        written: How the loop is as written; None: interrupted before.
-        gain: The factor on control.feedback at the edge; below 1 where the loop is unstable as written.
-        delay: The dead time that can be added [s]; None where the loop is unstable as written.
-        lag: The lag that can be added to that of every joint [s]; None as well.
+        written: Judgment of the loop as written; None: interrupted before.
+        gain: Factor on control.feedback at the limit; below 1 if the loop is unstable as written.
+        delay: Dead time that can be added [s]; None if the loop is unstable as written.
+        lag: Lag that can be added at every joint [s]; None as for `delay`.
         rule: The feedback by the rule of thumb [1/s].
-        ideal: The feedback at the edge of the ideal plant [1/s].
-        runs: How many were made.
+        ideal: The feedback at the limit of the ideal plant [1/s].
+        runs: Number of runs.
         interrupted: Whether Ctrl-C ended the search.
     """
 
@@ -87,12 +87,12 @@ class Margins:
 
     @property
     def all(self) -> tuple[Margin, ...]:
-        """The margins that there are."""
+        """All margins of the loop."""
         return tuple(one for one in (self.gain, self.delay, self.lag) if one is not None)
 
 
 class Asking:
-    """A scenario whose margins are asked for, checked."""
+    """A validated scenario and the search for its margins."""
 
     def __init__(
         self,
@@ -107,11 +107,11 @@ class Asking:
         Args:
             source: The scenario, or its file.
             overrides: `KEY=VALUE` texts.
-            accuracy: Of the edges, relative: of the gain, and of how late commands are in all.
-            threads: How many step their share of the runs; None: one a core.
+            accuracy: Relative accuracy of the limits: of the gain, and of the total lateness of commands.
+            threads: Number of threads; None: one per core.
 
         Raises:
-            ScenarioError: All that is wrong.
+            ScenarioError: Lists all problems.
         """
         if not _FINEST <= accuracy <= _COARSEST:
             wrong = f"must be between {_FINEST:g} and {_COARSEST:g}, got {accuracy:g}"
@@ -121,18 +121,18 @@ class Asking:
         self._prepared: Prepared = self._study.prepare()
         self.scenario = self._prepared.scenario
         if self.scenario.control.feedback == 0.0:
-            wrong = "must be > 0, got 0: without feedback there is no loop that could be unstable"
+            wrong = "must be > 0, got 0: a loop without feedback cannot be unstable"
             raise ScenarioError([self.scenario.problem("control.feedback", wrong)])
 
     def compile(self) -> None:
-        """Load the compiled law, or compile it the first time, which takes seconds."""
+        """Load the compiled law, or compile it on first use, which takes seconds."""
         self._study.compile([self._prepared])
 
     def run(self, on_runs: OnRuns | None = None) -> Margins:
-        """Find the margins; Ctrl-C ends the search with what was found so far.
+        """Find the margins; Ctrl-C ends the search and keeps the results so far.
 
         Args:
-            on_runs: Called with the number of runs of each round.
+            on_runs: Called after each round with its number of runs.
 
         Raises:
             ScenarioError: The runs do not fit into memory.
@@ -155,18 +155,17 @@ def margins_of(
     is_sparing: bool = False,
     expected: float = 0.0,
 ) -> list[Margins]:
-    """Return the margins of several settings of a scenario, which are found side by side.
+    """Return the margins of several settings of a scenario, searched in parallel.
 
     Args:
-        study: Of the scenario.
-        settings: What makes each of it; with a positive feedback.
-        stop: Once it is set, the runs end.
-        accuracy: Of the edges, relative.
-        threads: How many step their share of the runs.
-        on_runs: Called with the number of runs of each round.
-        is_sparing: Whether it takes more rounds of fewer runs, and makes commands ten times as late at most.
-        expected: The feedback with which their loops may be about to be unstable [1/s], where a sparing
-            search begins; 0: it is not known.
+        study: Study of the scenario.
+        settings: Changes that make each setting, with a positive feedback.
+        stop: Event that ends the runs.
+        accuracy: Relative accuracy of the limits.
+        threads: Number of threads.
+        on_runs: Called after each round with its number of runs.
+        is_sparing: Whether to take more rounds of fewer runs, with commands at most ten times as late.
+        expected: Expected feedback at the limit [1/s], where a sparing search begins; 0: unknown.
 
     Raises:
         ScenarioError: A setting is wrong, or they do not fit into memory.
@@ -190,7 +189,7 @@ def margins_of(
 
 
 def _imply(study: Study, searches: Sequence[Search], stop: threading.Event, threads: int) -> None:
-    """End searches for more time where a loop with more feedback bears the most that is asked."""
+    """End searches for more time where a loop with more feedback tolerates the largest value."""
     raised = list[tuple[Search, Prepared]]()
     for search in searches:
         search.most = min(search.most, _ENOUGH)
@@ -206,7 +205,7 @@ def _imply(study: Study, searches: Sequence[Search], stop: threading.Event, thre
 
 
 class _Loop:
-    """A loop, and what is asked of it."""
+    """A loop and its searches."""
 
     def __init__(self, prepared: Prepared, base: Sequence[Change], accuracy: float, is_sparing: bool) -> None:
         self._prepared, self._base, self.scenario = prepared, base, prepared.scenario
@@ -218,7 +217,7 @@ class _Loop:
         return replace(search, accuracy=self._accuracy, is_sparing=self._is_sparing)
 
     def is_implied(self) -> bool:
-        """Say whether the loop is known to be stable, as one with more feedback is, and take that over."""
+        """Return whether the loop is stable because one with more feedback is, and adopt that result."""
         low, known = self.searches["gain"].edge.low, self.searches["gain"].known
         if low >= 1.0:
             self.nominal.known[1.0] = known[low]
@@ -229,7 +228,7 @@ class _Loop:
         return self.nominal.known.get(1.0)
 
     def rest(self) -> list[Search]:
-        """Return what is to be asked once the loop as it is was judged; nothing if that was interrupted."""
+        """Return the searches that follow the judgment of the loop as written; none if interrupted."""
         if self._written is None:
             return []
         if not self._written.is_unstable:
@@ -241,7 +240,7 @@ class _Loop:
         return list(self.searches.values())
 
     def margins(self, *, is_interrupted: bool) -> Margins:
-        """Return what was found."""
+        """Return the result."""
         one = self.scenario
         late, period = lateness(one), one.control.period
         found = {name: self._margin(name, search) for name, search in self.searches.items()}
@@ -253,7 +252,7 @@ class _Loop:
         )  # fmt: skip
 
     def _margin(self, name: str, search: Search) -> Margin:
-        """Return what a search found, with what the ideal plant would bear."""
+        """Return the result of a search, with the limit of the ideal plant."""
         feedback, period = self.scenario.control.feedback, self.scenario.control.period
         tau, slowest = lateness(self.scenario)
         rule = 1.0 / feedback - 1.0 / rule_gain(period, tau, slowest)  # of what makes commands late
@@ -276,20 +275,20 @@ def margins(
     threads: int | None = None,
     on_runs: OnRuns | None = None,
 ) -> Margins:
-    """Find how much more gain, delay and lag a loop bears before it is unstable, by runs.
+    """Find by simulation how much more gain, delay and lag a loop tolerates before it is unstable.
 
     The function behind `rmrc margins`.
 
     Args:
         scenario: The scenario, its file, or the name of a shipped one.
-        accuracy: Of the edges, relative: of the gain, and of how late commands are in all.
-        threads: How many step their share of the runs; None: one a core.
-        on_runs: Called with the number of runs of each round.
+        accuracy: Relative accuracy of the limits: of the gain, and of the total lateness of commands.
+        threads: Number of threads; None: one per core.
+        on_runs: Called after each round with its number of runs.
 
     Returns:
-        The margins; Ctrl-C ends the search with what was found so far.
+        The margins; Ctrl-C ends the search and keeps the results so far.
 
     Raises:
-        ScenarioError: All that is wrong, before the first run; or the runs do not fit into memory.
+        ScenarioError: Lists all problems, before the first run; or the runs do not fit into memory.
     """
     return Asking(scenario, accuracy=accuracy, threads=threads).run(on_runs)

@@ -16,7 +16,7 @@ _WHAT = {
 
 
 def report(found: Margins) -> Report:
-    """Return what there is to show of margins; it holds where the loop is stable as written."""
+    """Return the report of margins; its condition is met if the loop is stable as written."""
     sheets = [_loop(found), _edges(found)]
     return Report(
         sheets, plain(_values(found)), lambda path: _draw(found, path), _holds(found), _problem(found),
@@ -29,10 +29,10 @@ def _holds(found: Margins) -> bool:
 
 
 def in_words(one: Judged) -> str:
-    """Return how a loop is: `stable`, or what it does from when on."""
+    """Return the state of a loop: `stable`, or its fault with the time."""
     if one.reason == "diverged":
         return f"diverges at {one.time:.4g} s"
-    what = {"rings": "keeps ringing", "reverses": "reverses from limit to limit"}
+    what = {"rings": "keeps ringing", "reverses": "oscillates from limit to limit"}
     return f"{what[one.reason]} after the kick at {one.time:.4g} s" if one.is_unstable else "stable"
 
 
@@ -46,7 +46,7 @@ def _problem(found: Margins) -> str:
         return f"{told}; it is stable with control.feedback up to {most}"
     if found.interrupted:
         return told
-    return f"{told}, and so it is with {high:.2g} times its feedback: it is not the feedback that makes it so"
+    return f"{told}, and remains so with {high:.2g} times its feedback: feedback is not the cause"
 
 
 def _loop(found: Margins) -> Sheet:
@@ -55,29 +55,29 @@ def _loop(found: Margins) -> Sheet:
         ("plant", found.scenario.plant.kind),
         ("control.period T", f"{control.period:g} s"),
         ("control.feedback K", f"{control.feedback:g} 1/s"),
-        ("commands are late by", f"{delay:g} s of dead time, {lag:g} s of lag, T/2"),
+        ("lateness of commands", f"{delay:g} s of dead time, {lag:g} s of lag, T/2"),
         ("as written", UNDEFINED if found.written is None else in_words(found.written)),
         ("rule: K up to 1/(delay + T/2 + lag)", f"{number(found.rule)} 1/s"),
-        ("edge of the ideal plant, K", f"{number(found.ideal)} 1/s"),
+        ("limit of the ideal plant, K", f"{number(found.ideal)} 1/s"),
     ]
-    title = f"{found.scenario.name}: the margins of its loop, {found.runs} runs"
+    title = f"{found.scenario.name}: stability margins, {found.runs} runs"
     return Sheet(title, ("", ""), rows, frozenset({0, 1}))
 
 
 def _edges(found: Margins) -> Sheet:
-    headings = ("what the loop bears", "by runs", "stable at", "unstable at", "ideal plant", "rule", "unit")
+    headings = ("margin", "by simulation", "stable at", "unstable at", "ideal plant", "rule", "unit")
     rows = [_row(one) for one in found.all]
     notes = []
     if found.scenario.control.state == "integrated":
         notes.append(
-            "control.state: integrated: the law never looks at the plant, and nothing late comes back to it. "
-            'What "ideal plant" and "rule" say is for a measured state.'
+            "control.state: integrated: the law gets no feedback from the plant, so delays cannot make it "
+            'unstable. "ideal plant" and "rule" apply to a measured state.'
         )
     if open_ := [one for one in found.all if one.edge.high == math.inf]:
         what = ", ".join(f"{one.name} {number(one.bound)}" for one in open_)
-        notes.append(f'">": stable with all that was tried; no more is tried than {what}.')
+        notes.append(f'">": stable in all runs; the search ends at {what}.')
     if found.interrupted:
-        notes.append("Interrupted: the edges are as near as they were found until then.")
+        notes.append("Interrupted: the limits have the precision reached until then.")
     return Sheet("", headings, rows, frozenset({0, 6}), notes=tuple(notes))
 
 

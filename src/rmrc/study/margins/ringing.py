@@ -1,8 +1,8 @@
-"""Whether a loop is unstable: a world and its twin are run, and what a kick did to it rings on or fades.
+"""Judge the stability of a loop: run a world and its kicked twin, and test whether their difference decays.
 
-What the worlds have in common (path, noise, friction, where the arm sticks) is in neither's favor: it is the
-difference of the two that is judged. What is slow in it (damped directions, motion in the null space, another
-way out of a singularity) is no oscillation, and is taken away.
+Common effects of both worlds (path, noise, friction, a stuck arm) cancel in the difference. Slow parts of it
+(damped directions, null-space motion, another way out of a singularity) are not oscillations, and are
+subtracted.
 """
 
 import math
@@ -47,7 +47,7 @@ _LIMITED = int(
     Status.RATE_LIMITED | Status.ACCELERATION_LIMITED | Status.POSITION_LIMITED | Status.TORQUE_LIMITED
 )
 
-# Of a run, what is judged.
+# The judged columns of a run.
 _COLUMNS = ("q", "qdot_cmd", "path_time", "status")
 
 Reason = Literal["", "diverged", "rings", "reverses"]
@@ -55,13 +55,13 @@ Reason = Literal["", "diverged", "rings", "reverses"]
 
 @dataclass(frozen=True)
 class Judged:
-    """What a world and its twin showed.
+    """Judgment of a world and its twin.
 
     Attributes:
-        reason: Why the loop is unstable: it diverged, rings on after a kick, or reverses from limit to limit;
-            "": it is not.
-        time: When: of the end, or of the start of the stretch [s]; NaN where it is stable.
-        left: Of the response to a kick, what still rings at the end of the stretch where most of it does [1].
+        reason: Why the loop is unstable: it diverged, keeps ringing after a kick, or oscillates from limit to
+            limit; "": it is stable.
+        time: Time of the divergence, or start of the stretch [s]; NaN if stable.
+        left: Remaining fraction of the response to a kick at the end of the worst stretch [1].
     """
 
     reason: Reason
@@ -75,7 +75,7 @@ class Judged:
 
 
 class _Track:
-    """Of a run, what is judged."""
+    """The judged columns of a run."""
 
     def __init__(self) -> None:
         self._parts: list[tuple[Array, ...]] = []
@@ -90,13 +90,13 @@ class _Track:
 def judged(
     study: Study, worlds: Sequence[Prepared], stop: threading.Event, threads: int = 1
 ) -> list[Judged | None]:
-    """Return whether the loops of worlds are unstable, None of those that were interrupted; two runs each.
+    """Return the judgment of each world's loop, from two runs each; None if interrupted.
 
     Args:
-        study: That prepared them.
-        worlds: Whose control.feedback is positive.
-        stop: Once it is set, the runs end.
-        threads: How many step their share of the worlds.
+        study: Study that prepared them.
+        worlds: Worlds with a positive control.feedback.
+        stop: Event that ends the runs.
+        threads: Number of threads.
 
     Raises:
         ScenarioError: They do not fit into memory.
@@ -117,7 +117,7 @@ def judged(
 def _judged(
     study: Study, worlds: Sequence[Prepared], stop: threading.Event, threads: int
 ) -> Sequence[Judged | None]:
-    """Judge worlds that are stepped at once."""
+    """Judge worlds that are stepped together."""
     if stop.is_set():
         return [None] * len(worlds)
     pairs = [one for world in worlds for one in (world, twin_of(world, _starts(world), kick_of(world)))]
@@ -129,16 +129,16 @@ def _judged(
 
 
 def lateness(scenario: Scenario) -> tuple[float, float]:
-    """Return how late a loop is beside T/2: dead time there and back, and the longest lag [s]."""
+    """Return the lateness of a loop without T/2: dead time of the round trip, and the longest lag [s]."""
     plant = scenario.plant
     # of jitter, uniform from 0 on, its mean
     return plant.delay + 0.5 * plant.jitter + scenario.arm.encoder.delay, float(np.max(plant.lag))
 
 
 def window(scenario: Scenario) -> int:
-    """Return the ticks of a period of an oscillation, the longest that a loop may ring with; odd.
+    """Return the longest period of ringing of a loop, as an odd number of ticks.
 
-    At its edge a loop of dead times rings with K, or more slowly where rates lag; beyond it, faster.
+    At its limit a loop with dead time rings at K, or more slowly with lag; beyond it, faster.
     """
     period, feedback = scenario.control.period, scenario.control.feedback
     slowest = min(feedback, edge_frequency(period, *lateness(scenario)))
@@ -146,17 +146,17 @@ def window(scenario: Scenario) -> int:
 
 
 def kick_of(world: Prepared) -> float:
-    """Return how far a kick moves the reference of a world's twin [rad], of lengths times `task.length`."""
+    """Return the size of a kick of a world's twin [rad]; for lengths, times `task.length`."""
     return max(KICK, _STEPS * _step(world))
 
 
 def _step(world: Prepared) -> float:
-    """Return the largest step of its encoders, as its task scales joints [1]."""
+    """Return the largest step of its encoders, scaled as the joints of its task [1]."""
     return float(np.max(world.scenario.arm.encoder.resolution / world.task.joint_scale))
 
 
 def _starts(world: Prepared) -> tuple[int, ...]:
-    """Return where on the path the stretches start, in ticks."""
+    """Return the start of each stretch of the path, in ticks."""
     ticks = world.reference.ticks
     count = min(_STRETCHES, max(1, ticks // (_WINDOWS * window(world.scenario))))
     return tuple(i * ticks // count for i in range(count))
@@ -188,9 +188,9 @@ def _judge(results: Sequence[Result], tracks: Sequence[_Track]) -> Judged:
 
 
 def without_trend(values: Array, width: int) -> Array:
-    """Return what is left of values (T, n) without their mean over `width` ticks around each.
+    """Return values (T, n) minus their moving mean over `width` ticks.
 
-    Before the first they are 0; of the last, half a width has no mean and is left out.
+    Values before the first count as 0; the last half width has no mean and is omitted.
     """
     half = width // 2
     total = np.concatenate([np.zeros((half + 1, values.shape[1])), values]).cumsum(axis=0)
@@ -199,7 +199,7 @@ def without_trend(values: Array, width: int) -> Array:
 
 
 def still_ringing(swings: Array, first: int, last: int, least: float = _LEAST) -> float:
-    """Return how much of a kick still rings at the end of a stretch [1]; 1: it neither fades nor grows.
+    """Return the fraction of a kick's response at the end of a stretch [1]; 1: it neither decays nor grows.
 
     It is the least amplitude of the parts of the last third over the largest of the middle third. Where it
     grows all through the last third, it is the amplitude of its last part over that of its first, if that is
@@ -207,13 +207,13 @@ def still_ringing(swings: Array, first: int, last: int, least: float = _LEAST) -
     as well. And it is 1 where they swing each on its own, as far as limits let them, and not by much less in
     the end.
 
-    Only joints count that swing to either side in each part, and by enough to be told.
+    Only joints count that oscillate to both sides in each part, by a detectable amplitude.
 
     Args:
         swings: In units of the kick, (T, n).
         first: First tick of the stretch, that of the kick.
         last: One past its last.
-        least: Amplitude that can be told.
+        least: Detectable amplitude.
     """
     third = (last - first) // 3
     middle, end = swings[last - 2 * third : last - third], swings[last - third : last]
@@ -231,13 +231,13 @@ def still_ringing(swings: Array, first: int, last: int, least: float = _LEAST) -
 
 
 def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int) -> bool:
-    """Say whether a joint is sent to and fro at a limit, in each part of the last third of a stretch.
+    """Return whether a joint oscillates between limits in each part of the last third of a stretch.
 
-    Such an oscillation may swallow a kick: where limits act, the rates are no question of where the arm is.
+    Such an oscillation may hide a kick: where limits act, the rates do not depend on the arm's position.
 
     Args:
         sent: Commanded rates, (T, n).
-        is_limited: Where a limit acts, (T,).
+        is_limited: Whether a limit acts, (T,).
         first: First tick of the stretch.
         last: One past its last.
     """
@@ -251,5 +251,5 @@ def reverses(sent: Array, is_limited: NDArray[np.bool_], first: int, last: int) 
 
 
 def _both_ways(values: Array, least: ArrayLike) -> NDArray[np.bool_]:
-    """Say which columns of values (t, n) go beyond ±least, to either side."""
+    """Return the columns of values (t, n) that exceed ±least on both sides."""
     return np.asarray((values.max(axis=0) > least) & (values.min(axis=0) < -np.asarray(least)))

@@ -1,4 +1,4 @@
-"""Where a loop becomes unstable: settings are tried side by side, on a grid that closes in on the edge."""
+"""Find the stability limit of a loop: run settings in parallel, on a grid that closes in on the limit."""
 
 import math
 import threading
@@ -33,12 +33,11 @@ _QUICK = 0.25
 
 
 class Edge(NamedTuple):
-    """Between which two the edge is.
+    """Interval that contains the limit.
 
     Attributes:
-        low: Of those that are stable, the next to the edge; of all tried, the loop is stable up to it.
-            0: none is.
-        high: Of those that are not, the next to it; infinite: none was found.
+        low: Highest value up to which the loop is stable; 0: none.
+        high: Lowest unstable value; infinite: none was found.
     """
 
     low: float
@@ -46,29 +45,29 @@ class Edge(NamedTuple):
 
     @property
     def value(self) -> float:
-        """The edge: the geometric mean of both, or the one that there is."""
+        """The limit: the geometric mean of both bounds, or the only bound."""
         return math.sqrt(self.low * self.high) if self.is_found else max(self.low, 0.0) or self.high
 
     @property
     def is_found(self) -> bool:
-        """Whether there is one on either side."""
+        """Whether both bounds exist."""
         return self.low > 0.0 and self.high < math.inf
 
 
 @dataclass
 class Search:
-    """The search for one edge, along one direction.
+    """The search for one limit, along one direction.
 
     Attributes:
-        changes: What makes the setting with a factor.
-        guess: Where the edge may be.
-        most: The largest factor that is tried.
-        least: The smallest one.
-        value: What is asked for, by factor: the factor itself, or a time [s].
+        changes: Function from a factor to the changes of its setting.
+        guess: Guess of the limit.
+        most: Largest factor of the search.
+        least: Smallest factor.
+        value: Function from a factor to the reported value: the factor itself, or a time [s].
         accuracy: Relative, of the factor.
-        is_sparing: Whether it takes more rounds of fewer runs.
-        first: Shares of the guess that a sparing search begins with.
-        known: What was found, by factor.
+        is_sparing: Whether to take more rounds of fewer runs.
+        first: First factors of a sparing search, relative to the guess.
+        known: Judgments, by factor.
     """
 
     changes: Callable[[float], tuple[Change, ...]]
@@ -83,17 +82,17 @@ class Search:
 
     @property
     def edge(self) -> Edge:
-        """What is known of it."""
+        """The present interval."""
         high = min((one for one, found in self.known.items() if found.is_unstable), default=math.inf)
         return Edge(max((one for one in self.known if one < high), default=0.0), high)
 
     @property
     def tried(self) -> list[tuple[float, Judged]]:
-        """Value and judgment of each that was tried, by rising value."""
+        """Each tried value with its judgment, by rising value."""
         return [(self.value(factor), self.known[factor]) for factor in sorted(self.known)]
 
     def next(self) -> list[float]:
-        """Return the factors to try next; none: the edge is known, or there is none within bounds."""
+        """Return the factors to try next; none: the limit is known, or is out of bounds."""
         low, high = self.edge
         steps = _FEW_STEPS if self.is_sparing else _STEPS
         if self.known.keys() <= {1.0} and not high <= 1.0 <= self.guess:
@@ -124,12 +123,12 @@ def gain(scenario: Scenario, base: Sequence[Change] = ()) -> Search:
 
 
 def delay(scenario: Scenario, longest: float, base: Sequence[Change] = ()) -> Search:
-    """Return the search for a longer dead time, by the factor on how late commands are in all.
+    """Return the search for a longer dead time, by the factor on the total lateness of commands.
 
     Args:
         scenario: The scenario.
-        longest: Time of its path [s]: no command of the whole run arrives if each takes as long.
-        base: What makes the scenario of that of the study.
+        longest: Duration of its path [s]: with this dead time, no command arrives during the run.
+        base: Changes from the study's scenario.
     """
     ideal, own = edge_delay(*_loop(scenario)[:2], lateness(scenario)[1]), scenario.plant.delay
 
@@ -142,7 +141,7 @@ def delay(scenario: Scenario, longest: float, base: Sequence[Change] = ()) -> Se
 
 
 def lag(scenario: Scenario, base: Sequence[Change] = ()) -> Search:
-    """Return the search for a longer lag of all joints, by the factor on how late commands are in all."""
+    """Return the search for a longer lag of all joints, by the factor on the total lateness of commands."""
     longest = edge_lag(*_loop(scenario)[:2], lateness(scenario)[0])
     own = np.atleast_1d(scenario.plant.lag)
 
@@ -163,14 +162,14 @@ def close_in(
     threads: int = 1,
     on_runs: OnRuns | None = None,
 ) -> None:
-    """Go on with searches until each has its edge, or until they are interrupted; all side by side.
+    """Continue searches in parallel until each has its limit, or until interrupted.
 
     Args:
-        study: Of the scenario.
-        searches: Written: what is known of them grows.
-        stop: Once it is set, the runs end.
-        threads: How many step their share of the runs.
-        on_runs: Called with the number of runs of each round.
+        study: Study of the scenario.
+        searches: Searches, updated in place.
+        stop: Event that ends the runs.
+        threads: Number of threads.
+        on_runs: Called after each round with its number of runs.
 
     Raises:
         ScenarioError: A setting is wrong, or they do not fit into memory.
@@ -195,17 +194,17 @@ def bears(
     threads: int = 1,
     stop: threading.Event | None = None,
 ) -> list[bool | None]:
-    """Return whether loops stay stable with so many times their feedback; None if interrupted.
+    """Return whether loops stay stable with their feedback times a factor; None if interrupted.
 
-    Two runs each. What rings slowly takes long to show it: a loop of little feedback is judged with more
-    first, as what bears more bears less, and only where it does not, as it is asked for.
+    Takes two runs each. Slow ringing takes long to detect, so a loop with little feedback is judged with more
+    feedback first, which implies stability with less; only if that fails is it judged as given.
 
     Args:
-        study: Of the scenario.
-        settings: What makes each of it; with a positive feedback.
+        study: Study of the scenario.
+        settings: Changes that make each setting; with a positive feedback.
         factor: On `control.feedback`.
-        threads: How many step their share of the runs.
-        stop: Once it is set, the runs end.
+        threads: Number of threads.
+        stop: Event that ends the runs.
 
     Raises:
         ScenarioError: A setting is wrong, or they do not fit into memory.
@@ -232,13 +231,13 @@ def gain_margins(
     threads: int = 1,
     stop: threading.Event | None = None,
 ) -> list[Edge]:
-    """Return the gain margins of settings as far as they were found: factors on their feedback at the edge.
+    """Return the gain margins of settings found so far: factors on their feedback at the limit.
 
     Args:
-        study: Of the scenario.
-        settings: What makes each of it; with a positive feedback.
-        threads: How many step their share of the runs.
-        stop: Once it is set, the runs end.
+        study: Study of the scenario.
+        settings: Changes that make each setting; with a positive feedback.
+        threads: Number of threads.
+        stop: Event that ends the runs.
 
     Raises:
         ScenarioError: A setting is wrong, or they do not fit into memory.
@@ -249,18 +248,18 @@ def gain_margins(
 
 
 def _loop(scenario: Scenario) -> tuple[float, float, float]:
-    """Return feedback, period, and how late commands are in all."""
+    """Return feedback, period, and the total lateness of commands."""
     period = scenario.control.period
     return scenario.control.feedback, period, sum(lateness(scenario)) + 0.5 * period
 
 
 def added(scenario: Scenario, factor: float) -> float:
-    """Return what makes commands so many times as late as they are [s]."""
+    """Return the additional time that makes commands later by a factor [s]."""
     return (factor - 1.0) * _loop(scenario)[2]
 
 
 def _later(scenario: Scenario, guess: float, changes: Callable[[float], tuple[Change, ...]]) -> Search:
-    """Return a search for more time that commands may take."""
+    """Return a search for an additional time of commands."""
     late = _loop(scenario)[2]
     factor = 1.0 + max(guess, 0.0) / late
     if not factor < math.inf:

@@ -1,0 +1,204 @@
+"""Check the English of texts: documents, scenarios, help, messages, docstrings and comments.
+
+proselint is the engine. It runs its own checks and the project's rules in `tools/prose.toml` on passages:
+paragraphs of Markdown without code, comments of scenarios, and docstrings, texts and comments of Python
+files. Prints the count of each kind of finding per place. Where `tools/prose.toml` allows fewer, it prints
+these findings and exits with 1. With files or folders as arguments, it prints all their findings.
+"""
+
+import argparse
+import ast
+import io
+import re
+import sys
+import tokenize
+import tomllib
+from collections import Counter
+from collections.abc import Iterator
+from itertools import pairwise
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import proselint.checks
+from markdown_it import MarkdownIt
+from proselint.registry import CheckRegistry
+from proselint.registry.checks import Check, types
+from proselint.registry.checks.engine import Fancy
+from proselint.tools import LintFile
+
+ROOT = Path(__file__).resolve().parent.parent
+RULES = ROOT / "tools/prose.toml"
+
+# Stands for code and for values that are put into a text: a noun to every rule.
+_CODE = "X"
+
+
+class Passage(NamedTuple):
+    """A text that somebody reads.
+
+    Attributes:
+        place: `markdown`, `scenario`, `text`, `docstring`, `private` (a docstring) or `comment`.
+        line: Its first line in the file, from 1.
+        text: Without markup and code.
+    """
+
+    place: str
+    line: int
+    text: str
+
+
+def of_markdown(source: str) -> Iterator[Passage]:
+    """Yield the paragraphs, headings and cells of Markdown."""
+    line = 1
+    for token in MarkdownIt("commonmark").enable("table").parse(source):
+        line = token.map[0] + 1 if token.map else line
+        if token.type == "inline":
+            parts = (
+                _CODE if one.type == "code_inline" else one.content or " " for one in token.children or ()
+            )
+            yield Passage("markdown", line, "".join(parts))
+
+
+def of_comments(source: str) -> Iterator[Passage]:
+    """Yield the comments of YAML, lines that follow each other as one."""
+    block: list[str] = []
+    for number, row in enumerate([*source.splitlines(), ""], 1):
+        words = re.search(r"(?:^|\s)#\s?(.*)", row)
+        if words:
+            block.append(words[1])
+        if block and not (words and row.startswith("#")):
+            yield Passage("scenario", number - len(block) + bool(words), " ".join(block))
+            block = []
+
+
+def of_python(source: str) -> Iterator[Passage]:
+    """Yield the docstrings, texts and comments of a Python file."""
+    tree, docstrings = ast.parse(source), set()
+    owners = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
+    for node in ast.walk(tree):
+        if isinstance(node, owners) and ast.get_docstring(node):
+            docstring: Any = node.body[0]
+            docstrings.add(docstring.value)
+            is_private = getattr(node, "name", "").startswith("_")
+            text = re.sub(r"(?m)^ *>>>(.*\n?)*?(?= *\n|\Z)", "", ast.get_docstring(node) or "")
+            yield Passage("private" if is_private else "docstring", docstring.lineno, _without_code(text))
+    inner = {part for node in ast.walk(tree) if isinstance(node, ast.JoinedStr) for part in node.values}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.JoinedStr):
+            words = "".join(
+                str(part.value) if isinstance(part, ast.Constant) else _CODE for part in node.values
+            )
+        elif (
+            isinstance(node, ast.Constant) and isinstance(node.value, str) and node not in docstrings | inner
+        ):
+            words = node.value
+        else:
+            continue
+        if len(re.findall(r"[A-Za-z]{2,}", words)) > 1:
+            yield Passage("text", node.lineno, _without_code(words))
+    yield from _comments(source)
+
+
+def _comments(source: str) -> Iterator[Passage]:
+    found = [
+        one for one in tokenize.generate_tokens(io.StringIO(source).readline) if one.type == tokenize.COMMENT
+    ]
+    block: list[tokenize.TokenInfo] = []
+    for one, after in pairwise([*found, None]):
+        assert one is not None
+        block.append(one)
+        follows = (
+            after and after.start == (one.start[0] + 1, one.start[1]) and after.line.strip().startswith("#")
+        )
+        if not follows:
+            words = " ".join(re.sub(r"^#:? ?", "", each.string) for each in block)
+            if not re.match(r"type:|noqa|fmt:|ruff:|mypy:", words):
+                yield Passage("comment", block[0].start[0], _without_code(words))
+            block = []
+
+
+def _without_code(text: str) -> str:
+    return re.sub(r"``?[^`]*``?", _CODE, text)
+
+
+READERS = {".md": of_markdown, ".py": of_python, ".yaml": of_comments}
+
+
+class Finding(NamedTuple):
+    """Words that a rule is about."""
+
+    kind: str
+    place: str
+    line: int
+    words: str
+    advice: str
+
+    @property
+    def name(self) -> str:
+        """Kind and place, as the bounds name them."""
+        return f"{self.kind}.{self.place}"
+
+
+def checks(rules: dict[str, Any]) -> list[Check]:
+    """Return the checks of proselint that the project has switched on, and the project's own."""
+    registry = CheckRegistry()
+    if not registry.checks:
+        registry.register_many(proselint.checks.__register__)
+    without = rules["proselint"]["without"]
+    theirs = [one for one in registry.checks if not any(one.matches_partial(path) for path in without)]
+    ours = [
+        Check(
+            types.ExistenceSimple(pattern),
+            Fancy(),
+            kind,
+            rule["advice"].replace("{", "{{").replace("}", "}}"),
+        )
+        for kind, rule in rules["rules"].items()
+        for pattern in rule["patterns"]
+    ]
+    return theirs + ours
+
+
+def findings(passage: Passage, using: list[Check]) -> Iterator[Finding]:
+    """Yield what the checks find in a passage."""
+    file = LintFile(
+        "passage", re.sub(r"(?<!\n)\n(?!\n)", " ", passage.text)
+    )  # phrases go over the ends of lines
+    if not file.content.strip():
+        return
+    for check in using:
+        for found in check.check_with_flags(file.content):
+            start, end = found.span
+            line = passage.line + passage.text.count("\n", 0, max(start - 1, 0))
+            words = " ".join(file.content[start:end].split())
+            yield Finding(found.check_path.split(".")[0], passage.place, line, words, found.message)
+
+
+def main() -> None:
+    """Run the command line."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n\n")[0])
+    parser.add_argument("paths", nargs="*", type=Path, help="files or folders; default: those of prose.toml")
+    asked = parser.parse_args()
+    rules = tomllib.loads(RULES.read_text(encoding="utf-8"))
+    using = checks(rules)
+    roots = asked.paths or [ROOT / path for path in rules["paths"]]
+    files = [file for root in roots for file in (sorted(root.rglob("*")) if root.is_dir() else [root])]
+    found = [
+        (file, one)
+        for file in files
+        if file.suffix in READERS
+        for passage in READERS[file.suffix](file.read_text(encoding="utf-8"))
+        for one in findings(passage, using)
+    ]
+    counts = Counter(one.name for _, one in found)
+    exceeded = {name for name, count in counts.items() if count > rules["most"].get(name, 0)}
+    for file, one in found:
+        if asked.paths or one.name in exceeded:
+            print(f'{file}:{one.line}: {one.name}: "{one.words}": {one.advice}')
+    for name, count in sorted(counts.items()):
+        print(f"{name:28} {count:5}  at most {rules['most'].get(name, 0)}", file=sys.stderr)
+    sys.exit(1 if exceeded else 0)
+
+
+if __name__ == "__main__":
+    main()
