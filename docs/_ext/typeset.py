@@ -21,11 +21,12 @@ SIGNS = {"-": "−", "<=": "≤", ">=": "≥", "..": "…", "Σ": "∑", "Π": "
 FUNCTIONS = set(re.findall(r"\w+", "sin cos tan cot exp log det min max sign argmin clip skew Rot Trans"))
 # Words of two letters; other pairs are products.
 SHORT = set(re.findall(r"\w+", "kv kp rz rx ry Re Im at of so or is by in it no to up as do if be an on"))
+WHOLE = ("pose_error", "error_gain")
 FORMS = ("prefix", "postfix")
 CORNERS = "".join([*RAISED, *LOWERED])
 LETTER = rf"[^\W\d_{CORNERS}½ΣΠ][\u0300-\u036f\u20d0-\u20ff]*"
 TOKEN = re.compile(
-    rf"Δ(?=qdot)|pose_error|(?:qdot\d?|atan2)(?![a-z])|(?:{LETTER})+|\d+(?:\.\d+)?|`[^`]*`|[{''.join(RAISED)}]+|[{''.join(LOWERED)}]+|"
+    rf"Δ(?=qdot)|{'|'.join(WHOLE)}|(?:qdot\d?|atan2)(?![a-z])|(?:{LETTER})+|\d+(?:\.\d+)?|`[^`]*`|[{''.join(RAISED)}]+|[{''.join(LOWERED)}]+|"
     r"\.\.|<=|>=|\s+|."
 )
 INDEX = re.compile(r"[+-]1(?!\d)|,(?=[a-z](?![a-z]))|_(?=\w)")
@@ -47,8 +48,8 @@ def tag(name: str, *inner: str, **given: str) -> str:
 def letters(text: str) -> list[Part]:
     """Return letters that stand together: a function, a word, or a product of letters with their accents."""
     each = re.findall(LETTER, text)
-    if text == "pose_error":
-        return [Part("word", tag("mtext", "pose error"))]
+    if text in WHOLE:
+        return [Part("word", tag("mtext", text.replace("_", " ")))]
     if text.startswith("qdot"):
         return [
             Part(

@@ -113,8 +113,12 @@ def find_postures(
     found, which = _distinct(motion, unwound(arm, limit, q[reached], np.zeros((1, arm.n))))
     freedom = _freedom(motion, found, tolerance, threads)
     shown, freedom, decided, entry = _gathered(motion, found, freedom, start[0], tolerance, threads)
-    # Rounding must not decide between equal first joints.
-    order = np.lexsort(shown.round(6).T[::-1])
+    # Rounding must not decide between equal first joints, nor where on a continuum the nearest point was found:
+    # then the joint comes first that tells them apart most.
+    keys = shown.round(6).T
+    order = np.lexsort(
+        (keys[np.argsort(-np.ptp(keys, axis=1), kind="stable")] if freedom.any() else keys)[::-1]
+    )
     led_to[reached] = np.argsort(order)[entry[which]]
     hits = np.bincount(led_to[reached], minlength=len(shown))
     return Postures(shown[order], hits, freedom[order], decided[order], led_to, starts, None)
