@@ -142,7 +142,8 @@ def test_ci_fails_if_any_of_its_steps_does(fails, tmp_path):
         assert ended.returncode == 0, ended.stderr
         browsers = ["chromium", "chromium-browser", "google-chrome"]
         has_one = any(shutil.which(name, path="/usr/bin:/bin") for name in browsers)
-        assert called == ["python3", "pip", "python", "ruff", "ruff", "python", "mypy", *["python"] * has_one]
+        lint = ["ruff", "ruff", "python", "codespell", "python"]
+        assert called == ["python3", "pip", "python", *lint, "mypy", *["python"] * has_one]
 
 
 LONG_STUB = """#!/usr/bin/env bash
