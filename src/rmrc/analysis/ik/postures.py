@@ -113,7 +113,7 @@ def find_postures(
     found, which = _distinct(motion, unwound(arm, limit, q[reached], np.zeros((1, arm.n))))
     freedom = _freedom(motion, found, tolerance, threads)
     shown, freedom, decided, entry = _gathered(motion, found, freedom, start[0], tolerance, threads)
-    # Rounding must not decide between equal first joints, nor where on a continuum the nearest point was found:
+    # Rounding must not decide between equal first joints, nor where the nearest point of a continuum was found:
     # then the joint comes first that tells them apart most.
     keys = shown.round(6).T
     order = np.lexsort(
