@@ -15,9 +15,9 @@ from rmrc.law.task import Task
 
 Array: TypeAlias = NDArray[np.float64]
 
-# Configurations besides the one in question, at which a product is held against the determinant.
+# Configurations besides the one in question, at which a product is compared with the determinant.
 SAMPLES = 6
-# What is a smaller share of its largest value is rounding.
+# Shares of the largest value below this are rounding.
 ROUNDING = 1e-9
 
 BOUNDARY, INTERIOR = "boundary", "interior"

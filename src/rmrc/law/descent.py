@@ -352,7 +352,7 @@ def solve_by_factor(world: Record, damping: float) -> bool:
     """Write the damped step of the free joints by a Cholesky factor; return whether it serves.
 
     It is that of the smaller of A Aᵀ + λ² and AᵀA + λ². A step is wrong by at most some 1e-8 of it, which the
-    next one mends.
+    next one corrects.
     """
     n, m, root, free = world.n, world.m, world.root_B, 0
     for j in range(n):

@@ -46,7 +46,7 @@ FIELDS = (
 )  # fmt: skip
 _LOOKED_UP = """<mujoco><worldbody><body gravcomp="1"><joint name="j"/><geom size="1"/><site/></body>
 </worldbody><actuator><motor joint="j"/></actuator></mujoco>"""
-# What tells how many bytes were allocated at an address, on Linux and on macOS.
+# Functions that return the number of bytes allocated at an address, on Linux and on macOS.
 _ALLOCATED = ("malloc_usable_size", "malloc_size")
 
 
@@ -96,7 +96,7 @@ def serves(model: mujoco.MjModel) -> bool:
     return all(
         ctypes.c_int64.from_address(data._address + where[name]).value == _address(data, name)
         for name in FIELDS
-        if getattr(data, name).size  # what is empty is nowhere
+        if getattr(data, name).size  # an empty field has no address
     )
 
 
@@ -121,10 +121,10 @@ def offsets() -> dict[str, int]:
 
 
 def _words(data: mujoco.MjData) -> list[int]:
-    """Return all words of an MjData, of which no more is read than was allocated for it.
+    """Return all words of the memory that was allocated for an MjData.
 
     Raises:
-        AttributeError: This system does not tell how much that is.
+        AttributeError: The size of an allocation is unknown on this system.
     """
     system = ctypes.CDLL(None)
     allocated = getattr(system, next((name for name in _ALLOCATED if hasattr(system, name)), _ALLOCATED[0]))
@@ -185,7 +185,7 @@ class Native:
         return self._view(address, own.dtype, *own.shape)
 
     def set_const(self) -> None:
-        """Compute what follows from fields that were expanded."""
+        """Update the derived constants of expanded fields."""
         self._check(None, self._library.mjb_setConst(self._made, None, 0))
 
     def reset(self, stage: int) -> None:

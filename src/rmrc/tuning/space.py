@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cache
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -62,12 +63,7 @@ class Structure(NamedTuple):
     @property
     def keys(self) -> tuple[str, ...]:
         """The numbers that it reads."""
-        inverse: list[Choice] = [
-            INVERSES[self.method],
-            *([SCHEDULES[self.schedule]] if self.schedule else ()),
-        ]
-        read = _searched(parameter for one in inverse for parameter in one.parameters)
-        return tuple(dict.fromkeys((*read, FEEDBACK, *_searched(POLICIES[self.at_singularity].parameters))))
+        return _keys(self)
 
     @property
     def words(self) -> dict[str, str]:
@@ -80,6 +76,17 @@ class Structure(NamedTuple):
         """The keys of `WORDS` and `NUMBERS` that it does not read; rates are limited whatever it is."""
         read = (*self.words, *self.keys, ON_EXCESS)
         return tuple(key for key in (*WORDS, *NUMBERS) if key not in read)
+
+
+@cache  # a search asks for those of each setting again and again
+def _keys(structure: Structure) -> tuple[str, ...]:
+    """Return the numbers that a structure reads."""
+    inverse: list[Choice] = [
+        INVERSES[structure.method],
+        *([SCHEDULES[structure.schedule]] if structure.schedule else ()),
+    ]
+    read = _searched(parameter for one in inverse for parameter in one.parameters)
+    return tuple(dict.fromkeys((*read, FEEDBACK, *_searched(POLICIES[structure.at_singularity].parameters))))
 
 
 TRIED = tuple(one.name for one in POLICIES.options if one.is_tried)
@@ -249,8 +256,8 @@ class Space:
         return Setting(structure, tuple(numbers))
 
     def allows(self, setting: Setting) -> bool:
-        """Return whether a setting keeps to what is restricted."""
-        numbers = zip(setting.structure.keys, setting.numbers, strict=True)
-        return setting.structure in self.structures and all(
-            value in self.only.get(key, (value,)) for key, value in numbers
-        )
+        """Return whether a setting keeps to the restrictions."""
+        if setting.structure not in self.structures:
+            return False
+        numbers = dict(zip(setting.structure.keys, setting.numbers, strict=True)) if self.only else {}
+        return all(value in self.only.get(key, (value,)) for key, value in numbers.items())
