@@ -101,7 +101,7 @@ class Search:
                 the duration of the path.
         """
         trials, done = self._trials, list[Outcome]()
-        for _ in range(1 if trials.model is None else 2):  # the model last, when it is known what is hardest
+        for _ in range(1 if trials.model is None else 2):  # the model last, once the hardest copy is known
             copies = range(len(done), len(trials.planned) if done else trials.copies)
             outcomes = trials.run([(own, copy) for copy in copies])
             self._left -= len(copies)
@@ -397,7 +397,7 @@ class Search:
         known, points = self.feasible, [one.worst.point for one in able]
         bar, rivals = self._bar(known), _rivals(known)
         if bar is None:
-            # where nothing is feasible, what is nearer than before is worth its copies
+            # where nothing is feasible, a setting nearer than before is worth its copies
             least = min((one.worst.excess for one in self._whole()), default=math.inf)
             near = sorted(
                 (one for one in found if one.worst.excess < least), key=lambda one: one.worst.excess

@@ -113,8 +113,8 @@ def find_postures(
     found, which = _distinct(motion, unwound(arm, limit, q[reached], np.zeros((1, arm.n))))
     freedom = _freedom(motion, found, tolerance, threads)
     shown, freedom, decided, entry = _gathered(motion, found, freedom, start[0], tolerance, threads)
-    # Rounding must not decide between equal first joints, nor the search, which ends anywhere near the nearest
-    # point of a continuum: there the joint comes first that differs most between the entries.
+    # Rounding must not decide between equal first joints, nor the search, which ends anywhere near a continuum's
+    # nearest point: there the joint comes first that differs most between the entries.
     keys = shown.round(6).T
     order = np.lexsort(
         (keys[np.argsort(-np.ptp(keys, axis=1), kind="stable")] if freedom.any() else keys)[::-1]
