@@ -113,7 +113,7 @@ def find_postures(
     found, which = _distinct(motion, unwound(arm, limit, q[reached], np.zeros((1, arm.n))))
     freedom = _freedom(motion, found, tolerance, threads)
     shown, freedom, decided, entry = _gathered(motion, found, freedom, start[0], tolerance, threads)
-    # Rounding must not decide between equal first joints, nor the search, which ends anywhere near a continuum's
+    # Rounding must not decide between equal first joints. On a continuum the search ends anywhere near the
     # nearest point: there the joint comes first that differs most between the entries.
     keys = shown.round(6).T
     order = np.lexsort(
