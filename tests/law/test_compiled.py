@@ -17,7 +17,7 @@ from rmrc.arm import load
 from rmrc.law import controller, descent, law, step, svd
 from rmrc.law.jit import _kind
 from rmrc.law.record import records, tick_type
-from rmrc.plants import lockstep, model, torque
+from rmrc.plants import blocks, lockstep, model, torque
 from rmrc.results import tally
 from rmrc.results.scorecard import scorecard
 from rmrc.scenario import Scenario
@@ -25,9 +25,7 @@ from rmrc.simulation import reference
 from rmrc.simulation.prepare import prepare
 from rmrc.simulation.simulation import Simulation
 
-MOVES = (
-    reference.sample, lockstep.tick, torque.computed_torque, tally.add,
-)  # fmt: skip
+MOVES = (reference.sample, lockstep.tick, blocks.block, torque.computed_torque, tally.add)
 EXAMINES = (
     law.resolve,
     step.step,
@@ -50,6 +48,7 @@ def kept(function):
 def test_what_moves_a_world_is_kept_on_disk(simulate):
     _, run = simulate("plant.kind=torque", "target.path=[{line: {by: [0.01, 0]}}]")
     assert scorecard(run)["position_error.end"].value > 0
+    simulate("plant.kind=ideal", "target.path=[{line: {by: [0.01, 0]}}]")  # which runs in blocks
     assert [entry for entry in MOVES if not kept(entry)] == []
 
 

@@ -189,6 +189,8 @@ class Stepper:
         if native.has_callbacks():
             raise RuntimeError("a callback of MuJoCo's (mjcb_...) must be set before worlds are wired to it")
         before, ids, blocks = self.done, self._running(self.done - 1), cast(Blocks, self._blocks)
+        if not len(ids):  # a rule ended the last of them
+            return 0
         try:
             blocks.run(ids, before, last, steps=not in_parts)
         except SimulationError as error:

@@ -6,12 +6,14 @@ that a killed process loses the columns of one block at most. `finish` closes it
 Timelines: `tick` counts control ticks; `sim_time` is `time` rounded to the nearest nanosecond.
 """
 
+import re
 from collections.abc import Callable, Mapping
 from functools import lru_cache
 from pathlib import Path
 from threading import Thread
 from typing import Any
 from uuid import uuid4
+from zlib import crc32
 
 import numpy as np
 import pyarrow.lib as pa
@@ -69,7 +71,9 @@ class Stream:
             path.parent.mkdir(parents=True, exist_ok=True)
             self.part_path.unlink(missing_ok=True)
             # The viewer takes no two recordings of one application whose arms have different joints.
-            self._stream = rr.RecordingStream(f"rmrc {path.stem}", recording_id=f"{name}-{uuid4().hex[:8]}")
+            self._stream = rr.RecordingStream(
+                application(path.stem), recording_id=f"{name}-{uuid4().hex[:8]}"
+            )
             self._stream.set_log_time_enabled(False)
             self._stream.save(self.part_path)
         except (OSError, RuntimeError, ValueError) as error:
@@ -163,6 +167,19 @@ def index(ticks: NDArray[np.int64], time: NDArray[np.float64]) -> list[rr.TimeCo
     """Return both timelines of some ticks, (T,) each; time in seconds."""
     nanoseconds = np.rint(time * 1e9).astype("timedelta64[ns]")
     return [rr.TimeColumn("sim_time", duration=nanoseconds), rr.TimeColumn("tick", sequence=ticks)]
+
+
+def application(stem: str) -> str:
+    """Return the name of the application of a recording, by the name of its file without the suffix.
+
+    Rerun warns of other characters, and of a longer name; what is replaced keeps names apart by a checksum.
+
+    Example:
+        >>> application("reach"), application("reach.compare")
+        ('rmrc reach', 'rmrc reach-compare-e545e625')
+    """
+    plain = re.sub(r"[^A-Za-z0-9 _-]", "-", stem)[:100]
+    return f"rmrc {plain}" if plain == stem else f"rmrc {plain}-{crc32(stem.encode(errors='replace')):08x}"
 
 
 def one_line(error: Exception) -> str:

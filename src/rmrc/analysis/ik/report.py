@@ -24,9 +24,10 @@ def report(found: IkResult, iterates: bool = False) -> Report:
         iterates: Whether to show every step; those of Newton's method are shown anyway.
 
     Example:
-        >>> from rmrc.analysis.ik.ik import ik >>> shown = report(ik("models/planar_2link.xml", [3.0, 0.0]))
-        >>> shown.met, shown.problem (False, 'not reached: 1 m and 0 rad are left at the nearest of 201
-        starts')
+        >>> from rmrc.analysis.ik.ik import ik
+        >>> shown = report(ik("models/planar_2link.xml", [3.0, 0.0]))
+        >>> shown.met, shown.problem
+        (False, 'not reached: 1 m and 0 rad are left at the nearest of 201 starts')
     """
     task, solution, postures = found.task, found.solution, found.postures
     values: dict[str, Any] = {

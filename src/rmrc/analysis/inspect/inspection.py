@@ -199,7 +199,7 @@ def inspect(
     Example:
         >>> found = inspect("models/planar_2link.xml", [0.0, 0.0])
         >>> found.rank, found.lost[0].words
-        (1, 'cannot move along x; a force along x asks for no torque')
+        (1, 'cannot move along x; a force along x needs no torque')
         >>> found.standing[0].words
         'shoulder and elbow turn against each other, 1 : -2, without moving x and y of the site, \
 which turns about -z'

@@ -60,7 +60,8 @@ def lost(twist: Array, wrench: Array) -> str:
         twist: The motion that is lost, [v; ω] (6,) [m, rad].
         wrench: The wrench with Jᵀ F = 0, likewise, (6,) [N, N·m].
 
-    >>> lost(np.eye(6)[0], np.eye(6)[0]) 'cannot move along x; a force along x needs no torque'
+    >>> lost(np.eye(6)[0], np.eye(6)[0])
+    'cannot move along x; a force along x needs no torque'
     """
     moves, turns = _parts(twist)
     if moves and turns:
