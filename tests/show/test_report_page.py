@@ -234,7 +234,7 @@ def test_what_is_no_result_is_refused_in_one_line(rmrc, left, tmp_path):
     for arguments, told in (
         (["x.parquet"], "x.parquet: … damaged"),
         (["x.npz"], "x.npz: … damaged"),
-        (["alone.npz"], "alone.json: … beside"),
+        (["alone.npz"], "alone.json: … missing next to"),
         (["missing.npz"], "missing.npz: no such file"),
         (["missing.parquet"], "missing.parquet: no such file"),
         (["x.json", "-o", "x.pdf"], "x.pdf: must end in .html"),
