@@ -22,6 +22,7 @@ import rmrc
 from rmrc.cli import (
     check,
     examples,
+    explore,
     identify,
     ik,
     inspect,
@@ -86,6 +87,7 @@ for verb in (
     sweep.sweep,
     tune.tune,
     margins.margins,
+    explore.explore,
     scenarios.replay,
     plot.plot,
     report.report,

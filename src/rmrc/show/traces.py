@@ -96,7 +96,7 @@ class Panel:
         Args:
             colors: How many the page has.
         """
-        rows = _kept([one.values for one in self.traces], ROOM)
+        rows = kept([one.values for one in self.traces], ROOM)
         light, dark = paints(colors), [f"#{color >> 8:06x}" for color in distinct(colors)]
         return {
             "place": self.place, "title": self.title, "unit": self.unit, "time": _packed(self.time[rows]),
@@ -323,7 +323,7 @@ def _norms(title: str, unit: str, curves: tuple[Array, list[Trace]]) -> Panel:
     return Panel(title, unit, *curves, bounds=(high * 10.0**-DECADES, high), is_logarithmic=True)
 
 
-def _kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
+def kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
     """Return the rows that are drawn: all, or those with the least and largest value of each span of time."""
     count = len(curves[0])
     if count * (len(curves) + 1) <= room:
