@@ -20,14 +20,16 @@ EXPLORED = Kind(
 )
 
 
-def _explored(path: Path) -> Path:
+def _explored(path: Path | None) -> Path | None:
     """Return the file of a scenario or a model; a bare name is that of a scenario first."""
+    if path is None:
+        return None
     shown = found(path, "scenarios")
     return expect(found(path, "models") if shown == path else shown, EXPLORED)
 
 
 Explored = Annotated[
-    Path,
+    Path | None,
     typer.Argument(
         metavar="SCENARIO|MODEL",
         help="The scenario, or an arm, for which one is made as `new` does; a file, or a shipped one's name.",
@@ -43,16 +45,27 @@ Host = Annotated[
     str,
     typer.Option(help="Address to listen on; one that others reach has a token in its path, and no TLS."),
 ]
+LESSONS = ("reach", "wrist", "null-space", "duality", "algorithmic", "delay")
+Asked = Annotated[
+    str | None,
+    typer.Option(
+        "--lesson",
+        metavar="|".join((*LESSONS, "FILE")),
+        help="Instead: a scenario with questions, and a number to find; or a YAML file of your own.",
+        show_default=False,
+    ),
+]
 Opens = Annotated[bool, typer.Option("--open", help="Open the page in the browser of this machine.")]
 
 
 def explore(
-    scenario: Explored,
+    scenario: Explored = None,
     set_: Overrides = None,
     out: Out = Path("recordings"),
     port: Port = None,
     host: Host = "127.0.0.1",
     opens: Opens = False,
+    lesson: Asked = None,
 ) -> None:
     """Serve a page with sliders: the scenario runs again at each change, and arm, rates and errors answer.
 
@@ -60,15 +73,24 @@ def explore(
     """
     with interruption("interrupted before the page was served"):
         from rmrc.explore.server import refuse_missing, serve
+        from rmrc.scenario.lesson import load_lesson
 
         refuse_missing()
+        asked = None
+        if lesson is not None and scenario is None:
+            asked, file = load_lesson(lesson)
+            beside = file.parent / asked.scenario
+            scenario = beside if beside.is_file() else _explored(Path(asked.scenario))
+        elif lesson is not None or scenario is None:
+            raise QuestionError("give a scenario, a model, or --lesson NAME: one of them")
+        assert scenario is not None
         loaded = _loaded(scenario, set_ or [])
     serve(
         loaded,
         out,
         host,
         port or 0,
-        None,
+        asked,
         lambda url: print_line(output(), f"{url}  ({loaded.name}; Ctrl-C ends it)"),
         _failed,
         opens,

@@ -17,6 +17,7 @@ from rmrc.scenario.choices import (
     PARAMETERS,
     PLANTS,
     POLICIES,
+    PRIORITIES,
     SCHEDULES,
     Parameter,
     Scales,
@@ -28,12 +29,13 @@ Value: TypeAlias = str | bool | float
 Values: TypeAlias = Mapping[str, Value]
 """By dotted key, what differs from the scenario as it is written."""
 
-MENUS = {f"control.{one.key}": one for one in (INVERSES, SCHEDULES, POLICIES, LIMITS, OBJECTIVES)}
-METHOD, SCHEDULE, POLICY, EXCESS, OBJECTIVE = MENUS
+MENUS = {f"control.{one.key}": one for one in (INVERSES, SCHEDULES, POLICIES, LIMITS, OBJECTIVES, PRIORITIES)}
+METHOD, SCHEDULE, POLICY, EXCESS, OBJECTIVE, PRIORITY = MENUS
 PLANT, FEEDBACK, RATE, DELAY, LAG = (
     "plant.kind", "control.feedback", "control.limits.rate", "plant.delay", "plant.lag",
 )  # fmt: skip
 FEEDFORWARD, STOPS = "control.feedforward", "control.limits.position"
+SECONDARY = "secondary"
 # Sections that stand by themselves on the page.
 HEADED = [["control", "inverse"], ["control", "limits"], ["control", "nullspace"]]
 # Steps of a slider: about its pixels; ends at 1, 2 or 5 times a power of ten then have round steps.
@@ -139,7 +141,7 @@ def _highest(parameter: Parameter, written: float, seen: Scales) -> float:
     """Return the largest value that is worth trying, which is not far from what is written."""
     if parameter.bounds.lt == 1:
         return min(BEYOND * written, 0.5)
-    far = BEYOND * max(written, 0.1 * (parameter.default or 0.0)) or 1.0
+    far = BEYOND * (written or parameter.default or 1.0)
     return far if parameter.range is None else min(parameter.range(seen)[1], far)
 
 
@@ -171,10 +173,14 @@ def read_of(written: Values, values: Values) -> frozenset[str]:
     method = INVERSES[now[METHOD]]
     chosen = [method, *([SCHEDULES[now[SCHEDULE]]] if method.is_scheduled else [])]
     chosen += [POLICIES[now[POLICY]], LIMITS[now[EXCESS]], OBJECTIVES[now[OBJECTIVE]]]
+    is_second = now[OBJECTIVE] == SECONDARY
+    chosen += [PRIORITIES[now[PRIORITY]]] if is_second else []
     read = {f"control.{parameter.key}" for one in chosen for parameter in one.parameters}
     unread = {f"control.{one.key}" for one in PARAMETERS} - read
     if not method.is_scheduled:
         unread.add(SCHEDULE)
+    if not is_second:
+        unread.add(PRIORITY)
     if now[EXCESS] == "none":
         unread.add(RATE)
     return frozenset(written) - unread

@@ -1,6 +1,6 @@
 """The arm in the page's 3-D view, its path, trail and ellipsoids, and another run as a ghost."""
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -22,6 +22,8 @@ GHOST, ELLIPSOID = 0.22, 0.35
 GRAY, PATH = 0x909090FF, 0x777777FF
 # Parts of the reach: radii of tip and target; thickness of an arrow's shaft.
 TIP, TARGET, SHAFT = 0.018, 0.014, 0.006
+# Room around arm and path, as a part of the reach.
+ROOM = 0.12
 # Widths of lines [px]; and of how many pieces a path is, every other of which is drawn.
 TRAIL, WANTED, PIECES = 4.0, 2.5, 200
 # Colors of a trail, from far from a singularity to in it.
@@ -62,7 +64,11 @@ def view(answer: Answer, aspect: float) -> View:
         aspect: Width over height of the picture.
     """
     scene, frames = answer.scene, answer.frames
-    points = np.vstack([scene.points, scene.outermost(frames)])
+    seen = np.vstack(
+        [scene.outermost(frames), scene.path[:: max(1, len(scene.path) // 50)], frames.bodies[0, 1:, :3]]
+    )
+    room = ROOM * scene.reach * np.vstack([np.eye(3), -np.eye(3)])
+    points = (seen[:, None] + room).reshape(-1, 3)
     camera = fitted(points, scene.normal, aspect)
     up = camera.axes[1] if scene.normal == 2 else np.array([0.0, 0.0, 1.0])
     return View(camera.position, camera.position - camera.distance * camera.axes[2], up, float(ANGLE))
@@ -73,15 +79,19 @@ class Picture:
 
     Args:
         nodes: The scene of that browser, as viser has it.
+        marks: Of `velocity`, `force` and `lost`, those that are shown.
+
+    Attributes:
+        marks: They.
     """
 
-    def __init__(self, nodes: Any) -> None:
+    def __init__(self, nodes: Any, marks: Iterable[str]) -> None:
         """Draw nothing yet."""
         self._nodes = nodes
         self._bodies: dict[str, list[tuple[int, Any]]] = {}
         self._shapes: dict[str, Any] = {}
         self._marks: dict[str, Any] = {}
-        self.shows_velocity, self.shows_force, self.shows_lost = True, False, True
+        self.marks = frozenset(marks)
 
     def show(self, answer: Answer, other: Answer | None) -> None:
         """Draw the lines of a run, and its arm if that is another one.
@@ -122,11 +132,11 @@ class Picture:
         tip = frames.tip[row]
         self._ball("tip", tip, TIP * reach, HUES[1])
         self._ball("target", frames.target[row], TARGET * reach, PATH)
-        self._ellipsoid("velocity", answer, row, frames.velocity[row], GREEN, self.shows_velocity)
-        self._ellipsoid("force", answer, row, frames.force[row], GOLD, self.shows_force)
+        self._ellipsoid("velocity", answer, row, frames.velocity[row], GREEN, "velocity" in self.marks)
+        self._ellipsoid("force", answer, row, frames.force[row], GOLD, "force" in self.marks)
         for name, way in (("lost", frames.dying_move[row]), ("lost_turn", frames.dying_turn[row])):
             long = float(np.linalg.norm(way)) > 0.05 * reach * 0.22
-            self._arrow(name, tip, way, reach, self.shows_lost and long)
+            self._arrow(name, tip, way, reach, "lost" in self.marks and long)
 
     # The arm ---------------------------------------------------------------------------------
 

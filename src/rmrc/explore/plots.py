@@ -35,7 +35,7 @@ FIGURES = (
     ("sigma.min", "least σ_min", 1.0, ""),
     ("damping.max", "largest λ", 1.0, ""),
     ("position_error.max", "largest position error", 1e3, "mm"),
-    ("rotation_error.max", "largest rotation error", 1e3, "mrad"),
+    ("orientation_error.max", "largest rotation error", 1e3, "mrad"),
     ("duration", "duration", 1.0, ""),
 )  # fmt: skip
 
@@ -89,7 +89,7 @@ def _at(time: Array, run: Run, values: Array) -> Array:
 def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
     """Return a panel as uPlot takes it. What is beyond its axis stays in the data."""
     # what comes first is drawn below: the other run, then what is only asked for
-    drawn = sorted(panel.traces, key=lambda one: (not one.is_gray, one.label.endswith("plain inverse") - 1))
+    drawn = sorted(panel.traces, key=lambda one: (not one.is_gray, not one.label.endswith("plain inverse")))
     rows = kept([one.values for one in drawn], ROOM)
     time = panel.time[rows]
     paint = [f"#{color >> 8:06x}" for color in distinct(colors)] if dark else paints(colors)

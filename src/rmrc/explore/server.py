@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from rmrc.explore.answer import Explored
-from rmrc.explore.lesson import Lesson
 from rmrc.explore.session import Session
 from rmrc.scenario import Scenario
+from rmrc.scenario.lesson import Lesson
 from rmrc.support.errors import RmrcError
 from rmrc.support.interruption import interruptible
 

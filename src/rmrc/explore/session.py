@@ -13,13 +13,14 @@ from typing import Any
 from rmrc.explore import plots, saving
 from rmrc.explore.answer import Answer, Explored
 from rmrc.explore.controls import Control, Value, read_of
-from rmrc.explore.lesson import Lesson
 from rmrc.explore.picture import Picture, view
 from rmrc.results.run import Run
 from rmrc.scenario import Scenario
+from rmrc.scenario.lesson import Lesson
 from rmrc.support.errors import RmrcError
 from rmrc.support.invocation import command
 
+MARKS = {"velocity": "velocity ellipsoid", "force": "force ellipsoid", "lost": "lost direction"}
 BEFORE, WRITTEN, NOTHING = "the setting before", "as written", "nothing"
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1": 1.0, "2": 2.0}
 # Widths of the panels, heights of the plots [px]: beside them a screen of 1280 × 720 has room for the arm.
@@ -206,7 +207,8 @@ class Session:
         """Lay the page out: settings on the left, the arm in the middle, plots on the right."""
         gui, self._as_written, self.controls = self._client.gui, explored.written, explored.controls
         self._written = {one.key: one.written for one in explored.controls}
-        self._picture = Picture(self._client.scene)
+        marks = Lesson.model_fields["shows"].default if self._lesson is None else self._lesson.shows
+        self._picture = Picture(self._client.scene, marks)
         self._client.scene.configure_default_lights(cast_shadow=False)
         gui.main_panel.dock_left()
         gui.main_panel.set_width(SETTINGS)
@@ -215,7 +217,7 @@ class Session:
         tabs = gui.add_tab_group()
         if self._lesson is not None:
             with tabs.add_tab("Lesson"):
-                gui.add_markdown(self._lesson.markdown)
+                self._build_lesson(self._lesson)
         with tabs.add_tab("Settings"):
             self._build_settings()
         with tabs.add_tab("Show"):
@@ -244,6 +246,22 @@ class Session:
         self._plays = plays
         self._player.label = "Pause" if plays else "Play"
         self._wake.set()
+
+    def _build_lesson(self, lesson: Lesson) -> None:
+        gui = self._client.gui
+        asked = [f"{i}. **{one.ask}** {one.do}" for i, one in enumerate(lesson.questions, 1)]
+        sought = lesson.number
+        gui.add_markdown(
+            "\n\n".join([f"**{lesson.title}.** {lesson.about}", *asked, f"**Find.** {sought.ask}"])
+        )
+        found = gui.add_text(f"in {sought.unit}" if sought.unit != "1" else "number", "")
+        told = gui.add_markdown("")
+
+        def check(_: Any) -> None:
+            is_right = sought.is_met(found.value)
+            told.content = "" if is_right is None else "**Right.**" if is_right else "Not yet."
+
+        gui.add_button("Check").on_click(check)
 
     def _build_settings(self) -> None:
         gui = self._client.gui
@@ -289,12 +307,8 @@ class Session:
         self._dark = gui.add_checkbox("dark", False)
         for handle in (self._ghost, self._plain, self._dark):
             handle.on_update(self._look)
-        for name, field in (
-            ("velocity ellipsoid", "shows_velocity"), ("force ellipsoid", "shows_force"),
-            ("lost direction", "shows_lost"),
-        ):  # fmt: skip
-            box = gui.add_checkbox(name, getattr(self._picture, field))
-            box.on_update(partial(self._mark, field))
+        for mark, name in MARKS.items():
+            gui.add_checkbox(name, mark in self._picture.marks).on_update(partial(self._mark, mark))
         loops = gui.add_checkbox("loop", self._loops)
         loops.on_update(lambda event: setattr(self, "_loops", event.target.value))
         speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
@@ -305,8 +319,9 @@ class Session:
         self._is_redrawn = True
         self._wake.set()
 
-    def _mark(self, field: str, event: Any) -> None:
-        setattr(self._picture, field, event.target.value)
+    def _mark(self, mark: str, event: Any) -> None:
+        others = self._picture.marks - {mark}
+        self._picture.marks = others | {mark} if event.target.value else others
         self._wake.set()
 
     def _build_saving(self) -> None:
