@@ -196,6 +196,13 @@ def test_a_session_answers_the_latest_change_as_rmrc_run_does(served):
     assert np_equal(session._charts[0][1].data[0], alone["time"])
     changed(session, "control.inverse.damping.maximum", 0.1)  # as written
     wait_for(lambda: session.answer.values == {})
+    session._ghost.value = "as written"  # which it is: nothing to draw beside it
+    session._look(None)
+    wait_for(lambda: not session._is_redrawn)
+    assert session._other is None
+    changed(session, "control.inverse.damping.maximum", 0.2)
+    wait_for(lambda: session._other is not None)
+    assert session._other.values == {}
     assert served.failures == []
     served._leave(SimpleNamespace(client_id=7))
     session._thread.join(30)

@@ -29,6 +29,8 @@ SETTINGS, PLOTS, HEIGHT = 320, 420, 118
 FRAME, TOLD = 1 / 30, 0.1
 # Changes of one key within this are one gesture, which leaves the setting before it as it was [s].
 GESTURE = 1.5
+# A run that takes longer ends once there is another setting [s].
+LONG = 0.5
 # Canvas beside the panels: width over height, at least.
 ASPECT = 0.3
 
@@ -66,7 +68,7 @@ class Session:
         self._closed = False
         self._values: dict[str, Value] = {}
         self._is_asked = self._is_redrawn = False
-        self._gesture = ("", 0.0)
+        self._gesture, self._began = ("", 0.0), 0.0
         self._time, self._plays, self._loops, self._speed = 0.0, False, True, 1.0
         self._thread = threading.Thread(target=self._live, name="rmrc explore", daemon=True)
 
@@ -109,10 +111,9 @@ class Session:
             if self._is_asked:
                 self._ask(explored)
                 last = time.perf_counter()
-            elif self._is_redrawn:
+            if self._is_redrawn:
                 self._publish()
-            if self.answer is None:  # pragma: no cover - the first one is there
-                continue
+            assert self.answer is not None
             if self._plays:
                 self._advance(passed)
             if not self._plays or now - told > TOLD:
@@ -134,10 +135,9 @@ class Session:
         """Run the scenario with the latest setting; one that cannot be leaves what is shown."""
         with self._lock:
             self._is_asked, values = False, dict(self._values)
-            self._stop = threading.Event()
+            self._stop, self._began = threading.Event(), time.perf_counter()
             if self._closed:
                 self._stop.set()
-        started = time.perf_counter()
         try:
             answer = explored.answer(values, self._stop)
         except RmrcError as error:
@@ -146,7 +146,7 @@ class Session:
         if answer is None:
             return
         self._take(answer)
-        self._say(f"ran again in {1e3 * (time.perf_counter() - started):.0f} ms")
+        self._say(f"ran again in {1e3 * (time.perf_counter() - self._began):.0f} ms")
 
     def _take(self, answer: Answer) -> None:
         """Show an answer, and keep the one before it unless this goes on with the same gesture."""
@@ -164,16 +164,15 @@ class Session:
     @property
     def _other(self) -> Answer | None:
         """The answer that is drawn in gray."""
-        if self._ghost.value == NOTHING:
-            return None
-        return self._before if self._ghost.value == BEFORE else self._as_written
+        found = {BEFORE: self._before, WRITTEN: self._as_written}.get(self._ghost.value)
+        return None if found is None or self.answer is None or found.values == self.answer.values else found
 
     def _publish(self) -> None:
         """Send the answer to the page."""
         assert self.answer is not None
         self._is_redrawn = False
         answer, other = self.answer, self._other
-        beside: Run | None = other.run if other is not None and other is not answer else None
+        beside: Run | None = None if other is None else other.run
         drawn = plots.plots(answer.run, beside, dark=self._dark.value, with_plain=self._plain.value)
         with self._client.atomic():
             for (name, chart), plot in zip(self._charts, drawn, strict=True):
@@ -188,8 +187,8 @@ class Session:
             for key, handle in self._handles.items():
                 _set(handle, "visible", key in read)
             _set(self._clock, "max", answer.end)
-            self._picture.show(answer, None if beside is None else other)
-            self._picture.at(answer, None if beside is None else other, self._time)
+            self._picture.show(answer, other)
+            self._picture.at(answer, other, self._time)
         self._tell_time()
 
     def _tell_time(self) -> None:
@@ -293,11 +292,15 @@ class Session:
 
     @contextmanager
     def _asking(self) -> Iterator[None]:
-        """Have the scenario run with what is changed meanwhile; a run that goes on is of no use any more."""
+        """Have the scenario run with what is changed meanwhile.
+
+        A run that goes on may end, so that a slider that is dragged shows something, unless it takes long.
+        """
         with self._lock:
             yield
             self._is_asked = True
-            self._stop.set()
+            if time.perf_counter() - self._began > LONG:
+                self._stop.set()
         self._wake.set()
 
     def _build_looks(self) -> None:
