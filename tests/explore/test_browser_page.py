@@ -73,10 +73,16 @@ def opened(browser, served):
 def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served, scenario):
     with opened(browser, served) as (page, asked):
         slider = page.get_by_role("slider").nth(1)
-        slider.focus()
-        page.keyboard.press("ArrowRight")
         (session,) = served.sessions.values()
+        page.wait_for_timeout(1000)
+        seen = np.array(session._client.camera.position)
+        slider.focus()
+        page.keyboard.press("ArrowRight", delay=200)
         wait_for(lambda: session.answer is not None and LAMBDA in session.answer.values, 60.0)
+        page.wait_for_timeout(1000)
+        assert np.allclose(
+            session._client.camera.position, seen, atol=1e-6
+        )  # the arrow keys of a slider turn no view
         value = session.answer.values[LAMBDA]
         assert float(slider.get_attribute("aria-valuenow")) == pytest.approx(value)
         alone = rmrc.run(scenario("target.path=[{line: {by: [0.3, 0.2]}}]", f"{LAMBDA}={value}"))
@@ -87,6 +93,10 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
         assert np.array_equal(curves["t [s]"], alone["time"])
         for j, name in enumerate(alone.joints):
             assert np.array_equal(curves[f"{name}, commanded"], alone["qdot_cmd"][:, j])
+        page.get_by_role("tab", name="Take along").click()
+        page.get_by_role("button", name="Save as scenario").click()
+        wait_for(lambda: (served.out / "test.explore.yaml").is_file(), 60.0)
+        page.wait_for_selector("text=test.explore.npz")
         assert {urlsplit(url).hostname for url in asked} - {None} == {"127.0.0.1"}
         assert "share" not in page.inner_text("body").lower()
 

@@ -173,7 +173,12 @@ def browser(served, number):
     whole = served._server
     camera = SimpleNamespace(image_width=1280, image_height=720)
     return SimpleNamespace(
-        gui=whole.gui, scene=Scene(whole.scene, number), atomic=whole.atomic, camera=camera, client_id=number
+        gui=whole.gui,
+        scene=Scene(whole.scene, number),
+        atomic=whole.atomic,
+        flush=whole.flush,
+        camera=camera,
+        client_id=number,
     )
 
 

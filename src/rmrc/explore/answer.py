@@ -2,6 +2,7 @@
 
 import threading
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,16 +26,25 @@ class Answer:
     Attributes:
         values: What differs from the scenario as it is written.
         ran: The run with its figures.
-        scene: The arm and the task.
-        rows: Ticks that are shown, (F,).
-        frames: What is seen at these.
     """
 
     values: Values
     ran: Ran
-    scene: Scene
-    rows: NDArray[np.int64]
-    frames: Frames
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The arm and the task; made when it is drawn, as the plots come first."""
+        return Scene(self.prepared)
+
+    @cached_property
+    def rows(self) -> NDArray[np.int64]:
+        """Ticks that are shown, (F,)."""
+        return np.unique(np.linspace(0, len(self.run) - 1, INSTANTS).round().astype(np.int64))
+
+    @cached_property
+    def frames(self) -> Frames:
+        """What is seen at these."""
+        return self.scene.frames(self.run, self.rows)
 
     @property
     def run(self) -> Run:
@@ -97,9 +107,6 @@ class Explored:
         (ran,) = self._study.step([prepared], stop)
         if stop is not None and stop.is_set():
             return None
-        run = ran.run
-        if not len(run):
-            raise QuestionError(f"{run.name} {run.divergence}")
-        rows = np.unique(np.linspace(0, len(run) - 1, INSTANTS).round().astype(np.int64))
-        scene = Scene(prepared)
-        return Answer(dict(values), ran, scene, rows, scene.frames(run, rows))
+        if not len(ran.run):
+            raise QuestionError(f"{ran.run.name} {ran.run.divergence}")
+        return Answer(dict(values), ran)

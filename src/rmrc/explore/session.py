@@ -21,6 +21,11 @@ from rmrc.support.errors import RmrcError
 from rmrc.support.invocation import command
 
 MARKS = {"velocity": "velocity ellipsoid", "force": "force ellipsoid", "lost": "lost direction"}
+# An arrow key moves the slider that has the focus; viser would turn the view by it as well.
+KEYS = (
+    '<img hidden alt="" src="data:," onerror="document.body.addEventListener(\'keydown\','
+    "e=>{if(e.target.getAttribute('role')==='slider')e.stopPropagation()})\">"
+)
 BEFORE, WRITTEN, NOTHING = "the setting before", "as written", "nothing"
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1": 1.0, "2": 2.0}
 # Widths of the panels, heights of the plots [px]: beside them a screen of 1280 × 720 has room for the arm.
@@ -181,6 +186,8 @@ class Session:
                         setattr(chart, prop, getattr(plot, prop))
                 chart.data = plot.data
                 _set(name, "content", plots.key(plot))
+        self._client.flush()  # the curves are there while the rest is worked out
+        with self._client.atomic():
             self._figures.content = plots.table(answer.run, beside, self._ghost.value)
             self._block.content = _copied(saving.control_block(answer))
             read = read_of(self._written, answer.values)
@@ -223,6 +230,7 @@ class Session:
             self._build_looks()
         with tabs.add_tab("Take along"):
             self._build_saving()
+        gui.add_html(KEYS)
         self._build_plots()
         self._aim(explored.written)
 
