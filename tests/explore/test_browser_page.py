@@ -51,6 +51,7 @@ def served(scenario, tmp_path):
     with Server(
         scenario("target.path=[{line: {by: [0.3, 0.2]}}]"), tmp_path, failed=failures.append
     ) as found:
+        found.out = tmp_path
         yield found
     assert failures == []
 
@@ -95,7 +96,8 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
             assert np.array_equal(curves[f"{name}, commanded"], alone["qdot_cmd"][:, j])
         page.get_by_role("tab", name="Take along").click()
         page.get_by_role("button", name="Save as scenario").click()
-        wait_for(lambda: (served.out / "test.explore.yaml").is_file(), 60.0)
+        saved = served.out / "test.explore.yaml"
+        wait_for(saved.is_file, 60.0)
         page.wait_for_selector("text=test.explore.npz")
         assert {urlsplit(url).hostname for url in asked} - {None} == {"127.0.0.1"}
         assert "share" not in page.inner_text("body").lower()
