@@ -13,7 +13,8 @@ import rmrc
 from processes import wait_for
 from rmrc.explore.server import Server
 
-pytestmark = pytest.mark.browser
+# A tab may close while it is told something; viser then warns, which `Server` ignores outside of tests.
+pytestmark = [pytest.mark.browser, pytest.mark.filterwarnings("ignore:Queued a")]
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 FLAGS = (

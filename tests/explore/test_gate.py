@@ -22,6 +22,9 @@ from rmrc.explore.gate import Gate
 from rmrc.explore.server import ExploreError, Server
 from wording import says
 
+# As a server ends, it may still tell something; viser then warns, which `Server` ignores outside of tests.
+pytestmark = pytest.mark.filterwarnings("ignore:Queued a")
+
 SOCKET = {"Upgrade": "websocket"}
 
 

@@ -4,6 +4,7 @@ import io
 import os
 import socket
 import threading
+import warnings
 import webbrowser
 from collections.abc import Callable
 from contextlib import redirect_stdout
@@ -24,6 +25,8 @@ LOCAL = (LOOPBACK, "localhost")
 # The variable by which viser would take another port than it is told.
 OVERRIDE = "_VISER_PORT_OVERRIDE"
 TITLE = "rmrc explore"
+# What viser warns of where a tab was closed while it was told something.
+GONE = r"Queued a \w+ on a closed connection"
 
 
 class ExploreError(RmrcError, OSError):
@@ -97,6 +100,7 @@ class Server:
         self._make = partial(Session, scenario, out, lesson)
         self._failed = failed
         self._gate = Gate(is_local=host in LOCAL)
+        warnings.filterwarnings("ignore", GONE, UserWarning)
         override = os.environ.pop(OVERRIDE, None)
         try:
             # it prints a table of addresses, and "Server stopped" when it ends
