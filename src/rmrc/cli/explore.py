@@ -50,8 +50,9 @@ Asked = Annotated[
     str | None,
     typer.Option(
         "--lesson",
-        metavar="|".join((*LESSONS, "FILE")),
-        help="Instead: a scenario with questions, and a number to find; or a YAML file of your own.",
+        metavar="NAME|FILE",
+        help=f"Instead: a scenario with questions, and a number to find: {', '.join(LESSONS)}; or a YAML "
+        "file of your own.",
         show_default=False,
     ),
 ]
