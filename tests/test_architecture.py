@@ -16,6 +16,7 @@ SOURCE = ROOT / "src"
 LAYERS = (
     ("rmrc.__main__",),
     ("rmrc.cli",),
+    ("rmrc.explore",),
     ("rmrc.tuning", "rmrc.analysis"),
     ("rmrc.study",),
     ("rmrc.film",),
@@ -75,15 +76,17 @@ OWNERS = {
     "pandas": ("rmrc.results.notebook",),
     "PIL": ("rmrc.film.film", "rmrc.film.encode"),
     "imageio_ffmpeg": ("rmrc.film.encode",),
+    "viser": ("rmrc.explore.server",),
+    "websockets": ("rmrc.explore.gate",),  # comes with viser, whose server it is
 }
 
 # Names that say nothing about what a module does.
 NAMELESS = {"utils", "util", "helpers", "helper", "common", "core", "base", "manager", "misc"}
 
-SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg", "pandas"}
+SLOW = {"rerun", "matplotlib", "dask", "distributed", "pyarrow", "imageio_ffmpeg", "pandas", "viser"}
 
 # Modules of ours that load these, or rich; only who shows something loads them.
-PICTURES = ("rmrc.film", *OWNERS["matplotlib"]) + OWNERS["rich"] + OWNERS["rerun"]
+PICTURES = ("rmrc.film", *OWNERS["matplotlib"]) + OWNERS["rich"] + OWNERS["rerun"] + OWNERS["websockets"]
 
 
 def read_sources():

@@ -218,7 +218,7 @@ def test_runs_of_different_periods_share_an_axis(left):
 @given(st.integers(1, 5000), st.integers(1, 8), st.integers(0, 2**32 - 1))
 def test_thinning_keeps_the_extremes_of_every_curve_and_the_room(count, curves, seed):
     values = [np.random.default_rng([seed, i]).normal(size=count) for i in range(curves)]
-    rows = traces._kept(values, 2000)
+    rows = traces.kept(values, 2000)
     assert (np.diff(rows) > 0).all() and {0, count - 1} <= set(rows.tolist())
     # the last, shorter span is kept whole: at most as many rows again as there are spans
     assert len(rows) * (curves + 1) <= 2000 + (curves + 1) * (2 + -(-count // 10))

@@ -24,6 +24,7 @@ import rmrc
 from rmrc.cli import (
     check,
     examples,
+    explore,
     identify,
     ik,
     inspect,
@@ -88,6 +89,7 @@ for verb in (
     sweep.sweep,
     tune.tune,
     margins.margins,
+    explore.explore,
     scenarios.replay,
     plot.plot,
     report.report,

@@ -6,7 +6,7 @@ A profile is a YAML file, in `profiles/` beside this module or of a user. Every 
 import math
 from functools import cached_property, lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, Self, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationError, ValidationInfo, model_validator
 
@@ -28,6 +28,8 @@ from rmrc.scenario.values import (
 from rmrc.scenario.wording import nearby, show
 from rmrc.support.errors import ScenarioError, did_you_mean
 from rmrc.support.problems import Origin, Problem
+
+S = TypeVar("S", bound=Section)
 
 SUFFIXES = (".yaml", ".yml")
 SHIPPED = {file.stem: file for file in sorted(Path(__file__).with_name("profiles").glob("*.yaml"))}
@@ -188,28 +190,41 @@ def load_profile(name: str) -> Profile:
 
 @lru_cache(maxsize=64)
 def _loaded(path: Path, mtime: int, size: int) -> Profile:  # noqa: ARG001 - read anew where they differ
+    return read_section(Profile, path).model_copy(update={"name": path.stem})
+
+
+def read_section(kind: type[S], path: Path) -> S:
+    """Return the section that a YAML file holds.
+
+    Args:
+        kind: What it should be.
+        path: Of the file.
+
+    Raises:
+        ScenarioError: It cannot be read, or is none; all that is wrong.
+    """
     try:
         document = parse(read(str(path)), str(path))
     except TextError as error:
         raise ScenarioError([Problem((), str(error), Origin(str(path), *error.mark))]) from None
     problems = list(document.problems)
     try:
-        found = Profile.model_validate(document.value)
+        found = kind.model_validate(document.value)
     except ValidationError as error:
         for one in error.errors(include_url=False):
             key = one.get("ctx", {}).get("key") or one["loc"]
-            problems.append(document.sources.problem(key, _told(one)))
+            problems.append(document.sources.problem(key, _told(one, kind)))
     if problems:
         raise ScenarioError(in_order(problems))
-    return found.model_copy(update={"name": path.stem})
+    return found
 
 
-def _told(detail: Any) -> str:
+def _told(detail: Any, kind: type[Section]) -> str:
     if detail["type"] == "rule":
         return str(detail["ctx"]["text"])
     if detail["type"] == "missing":
         return "is required"
     if detail["type"] == "extra_forbidden":
-        names = Profile.model_fields if len(detail["loc"]) == 1 else ()
+        names = kind.model_fields if len(detail["loc"]) == 1 else ()
         return f"unknown key{did_you_mean(str(detail['loc'][-1]), names)}"
     return f"{str(detail['msg']).lower()}, got {show(detail['input'])}"

@@ -111,7 +111,7 @@ class Panel:
         Args:
             colors: How many the page has.
         """
-        rows = _kept([one.values for one in self.traces], ROOM)
+        rows = kept([one.values for one in self.traces], ROOM)
         looks = [one.colors(colors) for one in self.traces]
         return {
             "place": self.place, "title": self.title, "unit": self.unit, "time": _packed(self.time[rows]),
@@ -342,7 +342,7 @@ def _norms(title: str, unit: str, curves: tuple[Array, list[Trace]]) -> Panel:
     return Panel(title, unit, *curves, bounds=(high * 10.0**-DECADES, high), is_logarithmic=True)
 
 
-def _kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
+def kept(curves: Sequence[Array], room: int) -> NDArray[np.intp]:
     """Return the rows that are drawn: all, or those with the least and largest value of each span of time."""
     count = len(curves[0])
     if count * (len(curves) + 1) <= room:

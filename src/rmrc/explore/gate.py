@@ -1,0 +1,144 @@
+"""Who may ask the page's server: this machine, or who knows the token; and what the page may ask for."""
+
+import re
+import secrets
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from http import HTTPStatus
+from typing import Any
+
+import websockets.asyncio.server
+from websockets.datastructures import Headers
+from websockets.http11 import Request, Response
+
+from rmrc.recording.viewer_page import OUR_NAMES
+
+# Of every answer. The browser lets the page talk to nobody but its own server, whatever its address asks for.
+POLICY = "; ".join(
+    (
+        "default-src 'none'",
+        "script-src 'self' 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval' blob: data:",
+        "worker-src 'self' blob: data:",
+        "connect-src 'self' blob: data:",
+        "img-src 'self' data: blob:",
+        "font-src 'self' data:",
+        "style-src 'self' 'unsafe-inline'",
+        "media-src 'self' data: blob:",
+        "base-uri 'none'",
+        "form-action 'none'",
+        "frame-ancestors 'none'",
+    )
+)
+HEADERS = {
+    "Content-Security-Policy": POLICY,
+    "X-Content-Type-Options": "nosniff",
+    "X-DNS-Prefetch-Control": "off",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Opener-Policy": "same-origin",
+    "Cross-Origin-Resource-Policy": "same-origin",
+    "Cache-Control": "no-store",
+}
+
+_Answer = Callable[[Any, Request], Response | None]
+_serving = threading.Lock()
+
+
+class Gate:
+    """Lets requests through to viser's server, or refuses them.
+
+    On 127.0.0.1 a request must name this machine, as a page of somebody whose name leads here (DNS rebinding)
+    does not. On another address it must begin with the token. A socket is opened by our own page alone.
+
+    Args:
+        is_local: Whether only this machine can ask.
+
+    Attributes:
+        token: What the path of the address begins with; "" where there is none.
+        is_used: Whether the server asks it.
+    """
+
+    def __init__(self, is_local: bool) -> None:
+        """Draw a token, where one is needed."""
+        self.token = "" if is_local else secrets.token_urlsafe(24)
+        self.is_used = False
+        self._is_local = is_local
+
+    @property
+    def path(self) -> str:
+        """The path of the page."""
+        return f"/{self.token}/" if self.token else "/"
+
+    def admitted(self, request: Request) -> Request | None:
+        """Return a request as viser's server knows it, or None: it is refused.
+
+        Args:
+            request: As it came.
+        """
+        hosts = request.headers.get_all("Host")
+        if len(hosts) != 1 or (self._is_local and not OUR_NAMES.fullmatch(hosts[0].strip())):
+            return None
+        is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
+        if is_socket and request.headers.get_all("Origin") != [f"http://{hosts[0].strip()}"]:
+            return None
+        path = request.path
+        if self.token:
+            first, slash, rest = path.partition("?")[0].removeprefix("/").partition("/")
+            if not secrets.compare_digest(first.encode(), self.token.encode()) or not (slash or is_socket):
+                return None
+            path = f"/{rest}"
+        return replace(request, path=path)
+
+    def guarding(self, answer: _Answer) -> _Answer:
+        """Return what answers requests that are admitted, and refuses others.
+
+        Args:
+            answer: Viser's own.
+        """
+        self.is_used = True
+
+        def guarded(connection: Any, request: Request) -> Response | None:
+            admitted = self.admitted(request)
+            if admitted is None:
+                found: Response | None = Response(
+                    HTTPStatus.FORBIDDEN, "Forbidden", Headers({"Content-Length": "10"}), b"Forbidden\n"
+                )
+            else:
+                found = answer(connection, admitted)
+            if found is not None:
+                for name, value in HEADERS.items():
+                    found.headers[name] = value
+            return found
+
+        return guarded
+
+
+@contextmanager
+def guarded_by(gate: Gate) -> Iterator[None]:
+    """Have what viser's server starts meanwhile ask a gate: it has no place for one of its own.
+
+    Args:
+        gate: Which. `is_used` says afterwards whether it was asked.
+    """
+    module = websockets.asyncio.server
+    original = module.serve
+
+    def serve(*given: Any, process_request: _Answer, **options: Any) -> Any:
+        return original(*given, process_request=gate.guarding(process_request), **options)
+
+    with _serving:
+        module.serve = serve  # type: ignore[misc, assignment]
+        try:
+            yield
+        finally:
+            module.serve = original  # type: ignore[misc]
+
+
+def host_of(text: str) -> str:
+    """Return a host as an address has it: one of six bytes in brackets.
+
+    >>> host_of("127.0.0.1"), host_of("::1")
+    ('127.0.0.1', '[::1]')
+    """
+    return f"[{text}]" if re.search(":", text) else text

@@ -1,0 +1,229 @@
+"""A run as plots over time, and a strip of what limited it; another run beside it, in gray."""
+
+import html
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from rmrc.results.run import Run
+from rmrc.scenario.choices import Status
+from rmrc.show import traces
+from rmrc.show.figures import DASHES
+from rmrc.show.palette import RED, TEAL, distinct
+from rmrc.show.panels import grouped, in_words, paints, statuses
+from rmrc.show.traces import GRAYS, ROOM, Panel, Trace, kept
+
+Array = NDArray[np.float64]
+
+# Rows of the plots of `rmrc.show.traces` that the page has: rates, singular values, errors.
+SHOWN = 3
+GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
+# Room beyond the largest value of an axis that no limit bounds.
+MARGIN = 1.08
+# Least value of a logarithmic axis: uPlot writes less as 0.
+LEAST = 1e-3
+# Dashes of limits and bounds, and of what the plain inverse asks for [px].
+DOTS, PLAIN = (2.0, 4.0), (7.0, 4.0)
+# Figures of the table: of the scorecard, with the power of ten of their unit.
+FIGURES = (
+    ("joint_rate_cmd.peak", "largest rate commanded", 1.0, ""),
+    ("joint_rate_plain.peak", "… by the plain inverse", 1.0, ""),
+    ("sigma.min", "least σ_min", 1.0, ""),
+    ("damping.max", "largest λ", 1.0, ""),
+    ("position_error.max", "largest position error", 1e3, "mm"),
+    ("orientation_error.max", "largest rotation error", 1e3, "mrad"),
+    ("duration", "duration", 1.0, ""),
+)  # fmt: skip
+
+
+class Plot(NamedTuple):
+    """What uPlot draws.
+
+    Attributes:
+        title: Above it.
+        data: Time, then the values of each curve, (T,) each.
+        series: How each is drawn, time first.
+        scales: Of its axes.
+        axes: How they are labeled.
+    """
+
+    title: str
+    data: tuple[Array, ...]
+    series: tuple[dict[str, Any], ...]
+    scales: dict[str, Any]
+    axes: tuple[dict[str, Any], ...]
+
+
+def plots(run: Run, other: Run | None, *, dark: bool, with_plain: bool) -> list[Plot]:
+    """Return the plots of a run: its rates, singular values and errors.
+
+    Args:
+        run: Of one tick at least.
+        other: What is drawn in gray beside it.
+        dark: Whether they are on a dark page.
+        with_plain: Whether with what the plain inverse asks for.
+    """
+    found = traces.of_run(replace(run, baseline=other))
+    rates, sigma, errors = found.panels[:SHOWN]
+    if other is not None:
+        gray = Trace("before, σ_min", _at(sigma.time, other, other["sigma"][:, -1]), 0, is_gray=True)
+        sigma = replace(sigma, traces=[*sigma.traces, gray])
+    rates = replace(rates, traces=[one for one in rates.traces if _is_drawn(one, with_plain)])
+    return [_plot(panel, found.colors, dark) for panel in (rates, sigma, errors)]
+
+
+def _is_drawn(trace: Trace, with_plain: bool) -> bool:
+    return trace.is_shown or (with_plain and trace.label.endswith("plain inverse"))
+
+
+def _at(time: Array, run: Run, values: Array) -> Array:
+    """Return a curve of a run at other times; NaN after its end."""
+    own = run["time"]
+    return values if np.array_equal(time, own) else np.interp(time, own, values, right=math.nan)
+
+
+def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
+    """Return a panel as uPlot takes it. What is beyond its axis stays in the data."""
+    # what comes first is drawn below: the other run, then what is only asked for
+    drawn = sorted(panel.traces, key=lambda one: (not one.is_gray, not one.label.endswith("plain inverse")))
+    rows = kept([one.values for one in drawn], ROOM)
+    time = panel.time[rows]
+    paint = [f"#{color >> 8:06x}" for color in distinct(colors)] if dark else paints(colors)
+    data, series = [time], [dict[str, Any](label="t [s]")]
+    for one in drawn:
+        values = one.values[rows]
+        data.append(np.where(values > 0.0, values, np.nan) if panel.is_logarithmic else values)
+        is_plain = one.label.endswith("plain inverse")
+        dashes = [2.0 * part for part in DASHES[one.dash % len(DASHES)]] if one.dash else ()
+        dash = PLAIN if is_plain else dashes
+        stroke = GRAYS[dark] if one.is_gray else paint[one.color]
+        width = 2.0 if not (one.is_gray or is_plain) else 1.2
+        series.append(_series(one.label, stroke, width, dash))
+    for value in panel.lines:
+        data.append(np.full(len(time), value))
+        series.append(_series("ε" if panel.is_logarithmic else "limit", GRAYS[dark], 1.5, DOTS))
+    low, high = panel.bounds or _range(data[1:])
+    scale: dict[str, Any] = {"range": (low, high)}
+    if panel.is_logarithmic:
+        scale = {"range": (max(low, min(LEAST, 0.01 * high)), high), "distr": 3, "log": 10}
+    plain = {"grid": {"show": False}, "ticks": {"show": False}} if panel.is_logarithmic else {}
+    axes: tuple[dict[str, Any], ...] = (
+        {"space": 60, "size": 26},
+        {"size": 46, **plain},
+    )
+    title = f"{panel.title.partition('; dotted')[0]} {panel.unit[panel.unit.find('[') :]}"
+    return Plot(title, tuple(data), tuple(series), {"x": {"time": False}, "y": scale}, axes)
+
+
+def _series(label: str, stroke: str, width: float, dash: Sequence[float]) -> dict[str, Any]:
+    found = {"label": label, "stroke": stroke, "width": width, "points": {"show": False}, "spanGaps": True}
+    return found | ({"dash": tuple(dash)} if dash else {})
+
+
+def _range(curves: Sequence[Array]) -> tuple[float, float]:
+    """Return the ends of an axis, rounded, so that a small change does not move it."""
+    values = np.concatenate([one[np.isfinite(one)] for one in curves])
+    high = float(np.abs(values).max(initial=0.0)) * MARGIN or 1.0
+    power = 10.0 ** math.floor(math.log10(high))
+    end = next(part * power for part in (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0) if part * power >= high)
+    return (-end if values.min(initial=0.0) < 0.0 else 0.0, end)
+
+
+def key(plot: Plot) -> str:
+    """Return the names of a plot's curves with their strokes, as HTML: uPlot's own take too much room."""
+    told, seen = list[str](), set[str]()
+    for one in plot.series[1:]:
+        name = _short(one["label"])
+        if name in seen:
+            continue
+        seen.add(name)
+        dash = one.get("dash")
+        style = "dotted" if dash == DOTS else "dashed" if dash else "solid"
+        told.append(
+            '<span style="white-space:nowrap;margin-right:.8em"><span style="display:inline-block;'
+            f'width:1.4em;border-top:3px {style} {one["stroke"]};vertical-align:middle"></span> '
+            f"{html.escape(name)}</span>"
+        )
+    return (
+        f'<div style="font-size:.8em;line-height:1.35;padding:0 .3em"><b>{html.escape(plot.title)}</b><br>'
+        + "".join(told) + "</div>"
+    )  # fmt: skip
+
+
+def _short(label: str) -> str:
+    """Return the name of a curve: that of its joint if it is commanded, else what it is of all joints."""
+    name, _, what = label.rpartition(", ")
+    if what == "plain inverse":
+        return what
+    if what == "baseline" or label.startswith(("baseline", "before")):
+        return "before"
+    return name if what == "commanded" else label
+
+
+def strip(run: Run, at: float, end: float) -> str:
+    """Return what acted in a run as lanes over time, with the instant that is shown, as HTML.
+
+    Args:
+        run: Of one tick at least.
+        at: The instant [s].
+        end: Where the lanes end [s].
+    """
+    lanes = [_lane(in_words(flag), run, flag, end) for flag in statuses(run)]
+    told = "".join(lanes) or '<div style="padding:.2em 0">nothing limited this run</div>'
+    place = 100.0 * min(max(at / end, 0.0), 1.0) if end > 0.0 else 0.0
+    mark = (
+        f'<div style="position:absolute;left:calc(7.5em + (100% - 7.5em)*{place / 100:.4f});top:0;bottom:0;'
+        'border-left:2px solid currentColor"></div>'
+    )
+    return (
+        '<div style="font-size:.8em;padding:.2em .5em;position:relative"><div style="position:relative">'
+        f'{told}{mark}</div><div style="text-align:right">t = {at:.3f} s of {end:.2f} s</div></div>'
+    )
+
+
+def _lane(name: str, run: Run, flag: Status, end: float) -> str:
+    holds = (run["status"].astype(np.int64) & int(flag)) != 0
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
+    color = f"#{(RED if flag & GRAVE else TEAL) >> 8:06x}"
+    time, spans = run["time"], list[str]()
+    for first, last in edges.reshape(-1, 2):
+        left, width = time[first] / end, (time[last - 1] + run.period - time[first]) / end
+        spans.append(f'<rect x="{1e3 * left:.1f}" width="{max(1e3 * width, 2.0):.1f}" height="10"/>')
+    return (
+        f'<div style="display:flex;align-items:center"><span style="width:7.5em">{html.escape(name)}</span>'
+        '<svg viewBox="0 0 1000 10" preserveAspectRatio="none" style="flex:1;height:.9em;'
+        f'background:#8883" fill="{color}" aria-label="{html.escape(name)}">{"".join(spans)}</svg></div>'
+    )
+
+
+def table(run: Run, other: Run | None, beside: str) -> str:
+    """Return the figures of a run, with those of another one, as HTML.
+
+    Args:
+        run: Of one tick at least.
+        other: What it is compared with.
+        beside: What that is called.
+    """
+    rows = [f"<tr><th></th><th>now</th><th>{html.escape(beside) if other else ''}</th></tr>"]
+    for name, said, factor, unit in FIGURES:
+        cells = [_cell(one, name, factor, unit) if one is not None else "" for one in (run, other)]
+        if cells[0]:
+            rows.append(f"<tr><td>{said}</td><td><b>{cells[0]}</b></td><td>{cells[1]}</td></tr>")
+    verdict = html.escape(replace(run, baseline=None).verdict)
+    return (
+        f'<div style="font-size:.85em;padding:.3em .5em"><p style="margin:.2em 0">{verdict}</p>'
+        f'<table style="width:100%;text-align:left">{"".join(rows)}</table></div>'
+    )
+
+
+def _cell(run: Run, name: str, factor: float, unit: str) -> str:
+    """Return a figure with its unit, or nothing where a run has none."""
+    figure = run.scorecard.get(name)
+    if figure is None or not isinstance(figure.value, float) or not math.isfinite(figure.value):
+        return ""
+    told = unit or ("" if figure.unit == "1" else figure.unit)
+    return html.escape(f"{grouped(factor * figure.value)} {told}".strip())

@@ -1,0 +1,213 @@
+"""Serves the page: on this machine alone unless asked otherwise, and without viser's public tunnel."""
+
+import io
+import os
+import socket
+import threading
+import warnings
+import webbrowser
+from collections.abc import Callable
+from contextlib import redirect_stdout
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rmrc.explore.answer import Explored
+from rmrc.explore.session import Session
+from rmrc.scenario import Scenario
+from rmrc.scenario.lesson import Lesson
+from rmrc.support.errors import RmrcError
+from rmrc.support.interruption import interruptible
+
+LOOPBACK = "127.0.0.1"
+# Addresses that need no token: nobody else reaches them, and requests name them.
+LOCAL = (LOOPBACK, "localhost")
+# The variable by which viser would take another port than it is told.
+OVERRIDE = "_VISER_PORT_OVERRIDE"
+TITLE = "rmrc explore"
+# What viser warns of where a tab was closed while it was told something.
+GONE = r"Queued a \w+ on a closed connection"
+
+
+class ExploreError(RmrcError, OSError):
+    """The page cannot be served."""
+
+
+def refuse_missing() -> None:
+    """Refuse where viser is not installed.
+
+    Raises:
+        ExploreError: It is not.
+    """
+    try:
+        import viser  # noqa: F401
+    except ImportError as error:
+        raise ExploreError(f"the page is made with viser: pip install 'rmrc[explore]' ({error})") from None
+
+
+def refuse_taken(host: str, port: int) -> None:
+    """Refuse an address that cannot be listened on; viser would take the next port, or never answer.
+
+    Raises:
+        ExploreError: Why.
+    """
+    try:
+        kind, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
+        with socket.socket(kind) as one:
+            one.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+            one.bind(address)
+    except OSError as error:
+        why = (error.strerror or str(error)).lower()
+        way = "; give another --port, or none" if port else "; --host must be an address of this machine"
+        raise ExploreError(f"{host}:{port} cannot be listened on: {why}{way}") from None
+
+
+class Server:
+    """A page and its sessions; a context manager.
+
+    Args:
+        scenario: What is explored.
+        out: Where files are saved.
+        host: Address to listen on.
+        port: 0: a free one.
+        lesson: What the reader is asked.
+        failed: Told of an error by which a session ended.
+
+    Attributes:
+        sessions: Those that are open, by the number of their browser.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        out: Path,
+        host: str = LOOPBACK,
+        port: int = 0,
+        lesson: Lesson | None = None,
+        failed: Callable[[Exception], None] = lambda _: None,
+    ) -> None:
+        """Listen.
+
+        Raises:
+            ExploreError: Viser is not installed, or the address cannot be listened on.
+        """
+        refuse_missing()
+        refuse_taken(host, port)
+        from rmrc.explore.gate import Gate, guarded_by, host_of
+
+        self.sessions: dict[int, Session] = {}
+        self._lock, self._is_closed = threading.Lock(), False
+        self._make = partial(Session, scenario, out, lesson)
+        self._failed = failed
+        self._gate = Gate(is_local=host in LOCAL)
+        warnings.filterwarnings("ignore", GONE, UserWarning)
+        override = os.environ.pop(OVERRIDE, None)
+        try:
+            # it prints a table of addresses, and "Server stopped" when it ends
+            with guarded_by(self._gate), redirect_stdout(io.StringIO()):
+                self._server = _without_tunnel(host, port)
+        finally:
+            if override is not None:
+                os.environ[OVERRIDE] = override
+        port_taken = self._server.get_port()
+        if not self._gate.is_used or (port and port_taken != port):
+            self.close()
+            raise ExploreError(
+                f"{host}:{port} was taken meanwhile, or this viser serves in another way than 1.1"
+            )
+        self.url = f"http://{host_of(host)}:{port_taken}{self._gate.path}"
+        self._server.on_client_connect(self._open)
+        self._server.on_client_disconnect(self._leave)
+
+    def _open(self, client: Any) -> None:
+        """Give a browser a session."""
+
+        def failed(error: Exception) -> None:
+            self._failed(error)
+            self._leave(client)
+
+        session = self._make(client, failed)
+        with self._lock:
+            if not self._is_closed:
+                self.sessions[client.client_id] = session
+                session.start()
+
+    def _leave(self, client: Any) -> None:
+        """Let go of what a browser had."""
+        with self._lock:
+            session = self.sessions.pop(client.client_id, None)
+        if session is not None:
+            session.close()
+
+    def close(self) -> None:
+        """End all sessions, and listen no more."""
+        with self._lock:
+            self._is_closed = True
+            ended = list(self.sessions.values())
+            self.sessions.clear()
+        for session in ended:
+            session.close()
+        with redirect_stdout(io.StringIO()):
+            self._server.stop()
+
+    def __enter__(self) -> "Server":
+        """Return itself."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close it."""
+        self.close()
+
+
+def _without_tunnel(host: str, port: int) -> Any:
+    """Return viser's server, of which nobody can ask for a public address."""
+    import viser
+    from viser import _messages
+
+    class Quiet(viser.ViserServer):
+        def request_share_url(self, verbose: bool = True) -> None:
+            """Open nothing."""
+
+    server = Quiet(host=host, port=port, label=TITLE, verbose=False)
+    for message in (_messages.ShareUrlRequest, _messages.ShareUrlDisconnect):
+        server._connection.unregister_handler(message)
+    server.gui.configure_theme(show_logo=False, show_share_button=False)
+    return server
+
+
+def serve(
+    scenario: Scenario,
+    out: Path,
+    host: str,
+    port: int,
+    lesson: Lesson | None,
+    say: Callable[[str], None],
+    failed: Callable[[Exception], None],
+    opens: bool = False,
+) -> None:
+    """Serve the page until a signal comes.
+
+    Args:
+        scenario: What is explored.
+        out: Where files are saved.
+        host: Address to listen on.
+        port: 0: a free one.
+        lesson: What the reader is asked.
+        say: Told the address.
+        failed: Told of an error by which a session ended.
+        opens: Whether to open it in a browser.
+
+    Raises:
+        ScenarioError: All that is wrong with the scenario.
+        ExploreError: Viser is not installed, or the address cannot be listened on.
+        KeyboardInterrupt: The signal that ended it.
+    """
+    refuse_missing()
+    refuse_taken(host, port)
+    Explored(scenario)  # what is wrong with it, before anybody comes
+    with interruptible() as stop, Server(scenario, out, host, port, lesson, failed) as server:
+        say(server.url)
+        if opens:
+            webbrowser.open(server.url)
+        stop.wait()
+    raise KeyboardInterrupt

@@ -1,0 +1,414 @@
+"""One browser at the page: its settings, what they came to, and the instant that it sees."""
+
+import html
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import partial
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+from rmrc.explore import plots, saving
+from rmrc.explore.answer import Answer, Explored
+from rmrc.explore.controls import Control, Value, read_of
+from rmrc.explore.picture import Picture, view
+from rmrc.results.run import Run
+from rmrc.scenario import Scenario
+from rmrc.scenario.lesson import Lesson
+from rmrc.support.errors import RmrcError
+from rmrc.support.invocation import command
+
+MARKS = {"velocity": "velocity ellipsoid", "force": "force ellipsoid", "lost": "lost direction"}
+# An arrow key moves the slider that has the focus; viser would turn the view by it as well.
+KEYS = (
+    '<img hidden alt="" src="data:," onerror="document.body.addEventListener(\'keydown\','
+    "e=>{if(e.target.getAttribute('role')==='slider')e.stopPropagation()})\">"
+)
+BEFORE, WRITTEN, NOTHING = "the setting before", "as written", "nothing"
+SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1": 1.0, "2": 2.0}
+# Widths of the panels, heights of the plots [px]: beside them a screen of 1280 × 720 has room for the arm.
+SETTINGS, PLOTS, HEIGHT = 320, 420, 118
+# Between two pictures while it plays, and between two of the time that the page is told [s].
+FRAME, TOLD = 1 / 30, 0.1
+# Changes of one key within this are one gesture, which leaves the setting before it as it was [s].
+GESTURE = 1.5
+# A run that takes longer ends once there is another setting [s].
+LONG = 0.5
+# Canvas beside the panels: width over height, at least.
+ASPECT = 0.3
+
+
+class Session:
+    """What one browser has; its own thread runs the scenario and moves the arm.
+
+    Args:
+        scenario: What is explored.
+        out: Where files are saved.
+        lesson: What the reader is asked.
+        client: The browser, as viser has it.
+        failed: Told of an error that ended the session.
+
+    Attributes:
+        answer: What is shown; None before the first.
+        controls: What can be changed.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        out: Path,
+        lesson: Lesson | None,
+        client: Any,
+        failed: Callable[[Exception], None],
+    ) -> None:
+        """Wait for `start`."""
+        self._scenario, self._out, self._lesson = scenario, out, lesson
+        self._client, self._failed = client, failed
+        self.answer: Answer | None = None
+        self.controls: tuple[Control, ...] = ()
+        self._before: Answer | None = None
+        self._lock, self._wake, self._stop = threading.Lock(), threading.Event(), threading.Event()
+        self._closed = False
+        self._values: dict[str, Value] = {}
+        self._is_asked = self._is_redrawn = False
+        self._gesture, self._began = ("", 0.0), 0.0
+        self._time, self._plays, self._loops, self._speed = 0.0, False, True, 1.0
+        self._thread = threading.Thread(target=self._live, name="rmrc explore", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def close(self) -> None:
+        """End, and let go of what was held."""
+        with self._lock:
+            self._closed = True
+            self._stop.set()
+        self._wake.set()
+
+    # Its thread ------------------------------------------------------------------------------
+
+    def _live(self) -> None:
+        """Show the scenario, and answer until the session is closed, or an error ends it."""
+        try:
+            explored = Explored(self._scenario)
+            self._build(explored)
+            self._take(explored.written)
+            self._go_on(explored)
+        except Exception as error:
+            if not self._closed:
+                with suppress(Exception):  # the browser may have gone
+                    self._client.gui.reset()
+                    self._client.gui.add_markdown("This session ended by an error of rmrc. Reload the page.")
+                self._failed(error)
+        finally:
+            self.answer = self._before = None
+
+    def _go_on(self, explored: Explored) -> None:
+        last = told = time.perf_counter()
+        while not self._closed:
+            self._wake.wait(FRAME if self._plays else None)
+            self._wake.clear()
+            now = time.perf_counter()
+            passed, last = now - last, now
+            if self._is_asked:
+                self._ask(explored)
+                last = time.perf_counter()
+            if self._is_redrawn:
+                self._publish()
+            assert self.answer is not None
+            if self._plays:
+                self._advance(passed)
+            if not self._plays or now - told > TOLD:
+                told = now
+                self._tell_time()
+            with self._client.atomic():
+                self._picture.at(self.answer, self._other, self._time)
+
+    def _advance(self, passed: float) -> None:
+        """Go on by the time that passed; at the end begin again, or stop."""
+        assert self.answer is not None
+        self._time += passed * self._speed
+        if self._time > self.answer.end:
+            self._time = 0.0 if self._loops else self.answer.end
+            if not self._loops:
+                self._play(False)
+
+    def _ask(self, explored: Explored) -> None:
+        """Run the scenario with the latest setting; one that cannot be leaves what is shown."""
+        with self._lock:
+            self._is_asked, values = False, dict(self._values)
+            self._stop, self._began = threading.Event(), time.perf_counter()
+            if self._closed:
+                self._stop.set()
+        try:
+            answer = explored.answer(values, self._stop)
+        except RmrcError as error:
+            self._say(str(error).splitlines()[0], is_wrong=True)
+            return
+        if answer is None:
+            return
+        self._take(answer)
+        self._say(f"ran again in {1e3 * (time.perf_counter() - self._began):.0f} ms")
+
+    def _take(self, answer: Answer) -> None:
+        """Show an answer, and keep the one before it unless this goes on with the same gesture."""
+        key, when = self._gesture
+        changed = "" if self.answer is None else _changed(self.answer, answer)
+        now = time.perf_counter()
+        if self.answer is not None and not (changed == key and now - when < GESTURE):
+            self._before = self.answer
+        self._gesture, self.answer = (changed, now), answer
+        self._time = min(self._time, answer.end)
+        self._publish()
+
+    # What the page shows ---------------------------------------------------------------------
+
+    @property
+    def _other(self) -> Answer | None:
+        """The answer that is drawn in gray."""
+        found = {BEFORE: self._before, WRITTEN: self._as_written}.get(self._ghost.value)
+        return None if found is None or self.answer is None or found.values == self.answer.values else found
+
+    def _publish(self) -> None:
+        """Send the answer to the page."""
+        assert self.answer is not None
+        self._is_redrawn = False
+        answer, other = self.answer, self._other
+        beside: Run | None = None if other is None else other.run
+        drawn = plots.plots(answer.run, beside, dark=self._dark.value, with_plain=self._plain.value)
+        with self._client.atomic():
+            for (name, chart), plot in zip(self._charts, drawn, strict=True):
+                for prop in ("series", "scales", "axes"):
+                    if getattr(chart, prop) != getattr(plot, prop):
+                        setattr(chart, prop, getattr(plot, prop))
+                chart.data = plot.data
+                _set(name, "content", plots.key(plot))
+        self._client.flush()  # the curves are there while the rest is worked out
+        with self._client.atomic():
+            self._figures.content = plots.table(answer.run, beside, self._ghost.value)
+            self._block.content = _copied(saving.control_block(answer))
+            read = read_of(self._written, answer.values)
+            for key, handle in self._handles.items():
+                _set(handle, "visible", key in read)
+            _set(self._clock, "max", answer.end)
+            self._picture.show(answer, other)
+            self._picture.at(answer, other, self._time)
+        self._tell_time()
+
+    def _tell_time(self) -> None:
+        assert self.answer is not None
+        self._clock.value = min(self._time, self.answer.end)
+        _set(self._strip, "content", plots.strip(self.answer.run, self._time, self.answer.end))
+
+    def _say(self, text: str, *, is_wrong: bool = False) -> None:
+        color = ";color:#ff2d2d;font-weight:bold" if is_wrong else ""
+        self._said.content = f'<div style="font-size:.8em;padding:.2em .5em{color}">{html.escape(text)}</div>'
+
+    # How it is built -------------------------------------------------------------------------
+
+    def _build(self, explored: Explored) -> None:
+        """Lay the page out: settings on the left, the arm in the middle, plots on the right."""
+        gui, self._as_written, self.controls = self._client.gui, explored.written, explored.controls
+        self._written = {one.key: one.written for one in explored.controls}
+        marks = Lesson.model_fields["shows"].default if self._lesson is None else self._lesson.shows
+        self._picture = Picture(self._client.scene, marks)
+        self._client.scene.configure_default_lights(cast_shadow=False)
+        gui.main_panel.dock_left()
+        gui.main_panel.set_width(SETTINGS)
+        self._said = gui.add_html("")
+        self._build_clock()
+        tabs = gui.add_tab_group()
+        if self._lesson is not None:
+            with tabs.add_tab("Lesson"):
+                self._build_lesson(self._lesson)
+        with tabs.add_tab("Settings"):
+            self._build_settings()
+        with tabs.add_tab("Show"):
+            self._build_looks()
+        with tabs.add_tab("Take along"):
+            self._build_saving()
+        gui.add_html(KEYS)
+        self._build_plots()
+        self._aim(explored.written)
+
+    def _build_clock(self) -> None:
+        gui, end = self._client.gui, self._as_written.end
+        self._player = gui.add_button("Play", hint="key P")
+        self._player.on_click(lambda _: self._play(not self._plays))
+        gui.add_command("Play or pause", hotkey="P").on_trigger(lambda _: self._play(not self._plays))
+        self._clock = gui.add_slider("time", 0.0, end, 0.001, 0.0, hint="of the run [s]")
+        self._clock.on_update(self._scrub)
+
+    def _scrub(self, event: Any) -> None:
+        if event.client is not None:  # not told by ourselves
+            self._time = self._clock.value
+            self._wake.set()
+
+    def _play(self, plays: bool) -> None:
+        if plays and self.answer is not None and self._time >= self.answer.end:
+            self._time = 0.0
+        self._plays = plays
+        self._player.label = "Pause" if plays else "Play"
+        self._wake.set()
+
+    def _build_lesson(self, lesson: Lesson) -> None:
+        gui = self._client.gui
+        asked = [f"{i}. **{one.ask}** {one.do}" for i, one in enumerate(lesson.questions, 1)]
+        sought = lesson.number
+        gui.add_markdown(
+            "\n\n".join([f"**{lesson.title}.** {lesson.about}", *asked, f"**Find.** {sought.ask}"])
+        )
+        found = gui.add_text(f"in {sought.unit}" if sought.unit != "1" else "number", "")
+        told = gui.add_markdown("")
+
+        def check(_: Any) -> None:
+            is_right = sought.is_met(found.value)
+            told.content = "" if is_right is None else "**Right.**" if is_right else "Not yet."
+
+        gui.add_button("Check").on_click(check)
+
+    def _build_settings(self) -> None:
+        gui = self._client.gui
+        self._handles: dict[str, Any] = {}
+        for section, some in groupby(self.controls, key=lambda one: one.section):
+            with gui.add_folder(section):
+                for one in some:
+                    handle = self._handles[one.key] = _made(gui, one)
+                    handle.on_update(partial(self._change, one))
+        gui.add_button("Back to as written", hint="key W").on_click(self._reset)
+        gui.add_command("Back to as written", hotkey="W").on_trigger(self._reset)
+
+    def _change(self, control: Control, event: Any) -> None:
+        """Take a control's value; what is as it was written is no change."""
+        if event.client is None:
+            return
+        value = control.parsed(self._handles[control.key].value)
+        with self._asking():
+            if value == control.written:
+                self._values.pop(control.key, None)
+            else:
+                self._values[control.key] = value
+
+    def _reset(self, _: Any) -> None:
+        for key, handle in self._handles.items():
+            handle.value = self._written[key]
+        with self._asking():
+            self._values.clear()
+
+    @contextmanager
+    def _asking(self) -> Iterator[None]:
+        """Have the scenario run with what is changed meanwhile.
+
+        A run that goes on may end, so that a slider that is dragged shows something, unless it takes long.
+        """
+        with self._lock:
+            yield
+            self._is_asked = True
+            if time.perf_counter() - self._began > LONG:
+                self._stop.set()
+        self._wake.set()
+
+    def _build_looks(self) -> None:
+        gui = self._client.gui
+        self._ghost = gui.add_dropdown("beside it", (BEFORE, WRITTEN, NOTHING), initial_value=BEFORE)
+        self._plain = gui.add_checkbox("plain inverse", True, hint="what it would command, dashed")
+        self._dark = gui.add_checkbox("dark", False)
+        for handle in (self._ghost, self._plain, self._dark):
+            handle.on_update(self._look)
+        for mark, name in MARKS.items():
+            gui.add_checkbox(name, mark in self._picture.marks).on_update(partial(self._mark, mark))
+        loops = gui.add_checkbox("loop", self._loops)
+        loops.on_update(lambda event: setattr(self, "_loops", event.target.value))
+        speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1")
+        speed.on_update(lambda event: setattr(self, "_speed", SPEEDS[event.target.value]))
+
+    def _look(self, _: Any) -> None:
+        self._client.gui.configure_theme(show_logo=False, show_share_button=False, dark_mode=self._dark.value)
+        self._is_redrawn = True
+        self._wake.set()
+
+    def _mark(self, mark: str, event: Any) -> None:
+        others = self._picture.marks - {mark}
+        self._picture.marks = others | {mark} if event.target.value else others
+        self._wake.set()
+
+    def _build_saving(self) -> None:
+        gui = self._client.gui
+        button = gui.add_button("Save as scenario", hint=f"NAME{saving.SUFFIX}.yaml and .npz in {self._out}")
+        self._saved = gui.add_markdown("")
+        button.on_click(self._save)
+        self._block = gui.add_html("")
+
+    def _save(self, _: Any) -> None:
+        if self.answer is None:
+            return
+        try:
+            scenario, columns = saving.save(self.answer, self._out)
+        except OSError as error:
+            self._say(f"{error.filename}: {(error.strerror or str(error)).lower()}", is_wrong=True)
+            return
+        run, tune = command("run", scenario), command("tune", scenario)
+        self._saved.content = f"Saved `{scenario}` and `{columns.name}`.\n```\n{run}\n{tune}\n```"
+
+    def _build_plots(self) -> None:
+        gui = self._client.gui
+        panel = gui.add_panel()
+        panel.dock_right()
+        panel.set_width(PLOTS)
+        self._charts = []
+        drawn = plots.plots(self._as_written.run, None, dark=False, with_plain=True)
+        with panel.add_tab("Plots"):
+            for plot in drawn:
+                name = gui.add_html(plots.key(plot))
+                chart = gui.add_uplot(
+                    plot.data, plot.series, scales=plot.scales, axes=plot.axes, height=HEIGHT,
+                    legend={"show": False}, cursor={"sync": {"key": "time"}}, padding=(8, 16, 0, 0),
+                )  # fmt: skip
+                self._charts.append((name, chart))
+            self._strip = gui.add_html("")
+        with panel.add_tab("Figures"):
+            self._figures = gui.add_html("")
+
+    def _aim(self, answer: Answer) -> None:
+        camera = self._client.camera
+        width = camera.image_width - SETTINGS - PLOTS
+        seen = view(answer, max(ASPECT, width / max(camera.image_height, 1)))
+        camera.up_direction, camera.fov = seen.up, seen.fov
+        camera.position, camera.look_at = seen.position, seen.look_at
+
+
+def _made(gui: Any, one: Control) -> Any:
+    """Return the handle of a control, named by its key."""
+    if one.options:
+        return gui.add_dropdown(one.label, one.options, initial_value=one.written, hint=one.hint)
+    if isinstance(one.written, bool):
+        return gui.add_checkbox(one.label, one.written, hint=one.hint)
+    return gui.add_slider(one.label, one.low, one.high, one.step, one.written, hint=one.hint)
+
+
+def _set(handle: Any, prop: str, value: object) -> None:
+    """Set a property, unless it is so already: the page need not hear of it."""
+    if getattr(handle, prop) != value:
+        setattr(handle, prop, value)
+
+
+def _changed(old: Answer, new: Answer) -> str:
+    """Return the one key in which two settings differ, or all of them."""
+    keys = {key for key in {*old.values, *new.values} if old.values.get(key) != new.values.get(key)}
+    return " ".join(sorted(keys))
+
+
+def _copied(text: str) -> str:
+    """Return a text with a button that copies it, as HTML; a page without a clipboard selects it."""
+    script = (
+        "const t=this.nextElementSibling;navigator.clipboard?navigator.clipboard.writeText(t.textContent)"
+        ":getSelection().selectAllChildren(t)"
+    )
+    return (
+        f'<div style="padding:.3em .5em"><button style="font:inherit;cursor:pointer" onclick="{script}">'
+        f'Copy control block</button><pre style="font-size:.75em;overflow-x:auto">{html.escape(text)}</pre>'
+        "</div>"
+    )
