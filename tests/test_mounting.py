@@ -61,8 +61,8 @@ def test_a_free_base_is_refused_in_one_line():
         arms.load(FLOATING, base="free")
     assert caught.value.about == "base"
     assert str(caught.value) == (
-        f'{FLOATING}: the base, body "base", must be fixed, got free: nothing drives a joint that floats, so no '
-        "rates of the arm hold its site; write base: fixed"
+        f'{FLOATING}: the base, body "base", must be fixed, got free: a free joint has no '
+        "actuator, so the arm cannot hold its site; write base: fixed"
     )
     assert arms.load(MODELS / "gripper.xml", base="free").n == 3  # nothing floats there
 

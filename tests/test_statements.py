@@ -156,7 +156,7 @@ def test_damping_pays_at_full_reach_the_pseudoinverse_races_and_truncation_locks
 def test_the_same_force_would_need_ten_times_the_elbow_of_a_bent_arm():
     scenario_says(
         "hold_at_singularity",
-        "tau, which stays below a twentieth of the drives' limits, while bent by 60 deg the same force would need "
+        "tau, which stays below a twentieth of the actuators' limits, while bent by 60 deg the same force would need "
         "ten times what the elbow has",
     )
     prepared, _, figures = ran("hold_at_singularity")
@@ -344,7 +344,7 @@ def test_mistakes_of_a_text_come_all_at_once_and_those_of_its_model_after_them()
 def test_a_ur5e_cannot_do_what_its_wrist_singularity_asks_and_damped_it_need_not():
     scenario_says(
         "ur5e_wrist",
-        "the plain inverse without limits asks for more than 30 rad/s, ten times what the drives give",
+        "the plain inverse without limits asks for more than 30 rad/s, ten times the limits of the actuators",
         "there the hand is level, so that it must be at least 1 deg off, and it is less than 2 deg",
         "sin(1.5558 deg) sin(40 deg) = sin(1 deg)",
     )

@@ -76,7 +76,7 @@ def test_the_picture_is_of_the_kind_that_its_name_says(rmrc, tmp_path):
     for words in (
         "decays: stable", "keeps ringing: unstable", "limit by simulation", "limit of the ideal plant",
         "times control.feedback as written [1]", "dead time added to that as written [ms]",
-        "lag added to that as written [ms]", "quick: the margins of its loop",
+        "lag added to that as written [ms]", "quick: stability margins",
     ):  # fmt: skip
         assert words in text
     before = (tmp_path / "m.svg").read_bytes()

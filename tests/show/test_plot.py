@@ -168,7 +168,7 @@ def test_the_verb_draws_a_comparison(rmrc, compared):
 
 WRONG = {
     "another kind": (["{folder}/x.yaml"], "… scenario, …; … `rmrc run {folder}/x.yaml`"),
-    "no columns": (["{folder}/alone.json"], "alone.npz … not beside it; `rmrc run SCENARIO` …"),
+    "no columns": (["{folder}/alone.json"], "alone.npz … missing …; `rmrc run SCENARIO` …"),
     "damaged": (["{folder}/torn.npz"], "… columns of a run, … damaged"),
     "panel": (
         ["{folder}/blow_up.npz", "--panels", "rate"],

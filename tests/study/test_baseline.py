@@ -110,7 +110,7 @@ def test_what_is_wrong_with_a_baseline_is_told_in_one_line_before_anything_moves
     "name", ["name", "expect.ticks", "look.at", "baseline", "sweep.repeat", "tune", "a b", "plant[0"]
 )
 def test_what_no_baseline_changes_is_refused_when_it_is_read(name):
-    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.?\[?.* (cannot be changed|is no key)"):
+    with pytest.raises(rmrc.ScenarioError, match=r"baseline\.?\[?.* (cannot be changed|is not a key)"):
         near(baseline={name: 1})
 
 

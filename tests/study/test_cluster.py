@@ -158,7 +158,7 @@ def test_without_dask_one_line_says_how_to_install_it(path, tmp_path, monkeypatc
 def test_nobody_who_answers_is_a_line(path, tmp_path, monkeypatch):
     monkeypatch.setattr(cluster, "_ANSWER", 0.3)
     with pytest.raises(
-        ClusterError, match=r"^--cluster tcp://127.0.0.1:9: no Dask scheduler answers there \("
+        ClusterError, match=r"^--cluster tcp://127.0.0.1:9: no Dask scheduler responds there \("
     ):
         Sweep(path, folder=tmp_path, cluster="tcp://127.0.0.1:9").check()
 

@@ -183,12 +183,12 @@ def test_expectations_that_are_not_counted_are_a_dash_and_a_line_below_says_why(
     method = {"control.inverse.method": "damped"}
     expect = {"ticks": Check(above=0)}
     rows = [row("damped", expect=expect), row("inverse", stated_for=method), row("jparse", stated_for=method)]
-    why = '"-": what the scenario expects is for control.inverse.method=damped and they do not apply to other choices.'
-    lines = printed(rows)
+    why = '"-": the scenario states its expectations for control.inverse.method=damped and they do not apply to other choices.'
+    lines = printed(rows, width=len(why))
     assert lines[-2:] == ["", why]
     assert [line.split()[-1] for line in lines[-5:-2]] == ["met", "-", "-"]
     assert markdown(rows).endswith(f"\n\n{why}\n")
-    assert why not in "\n".join(printed(rows[:1]))
+    assert why not in "\n".join(printed(rows[:1], width=len(why)))
     more = row("b", stated_for={"control.at_singularity": "damp"})
     wanted = "control.inverse.method=damped and control.at_singularity=damp"
     assert wanted in " ".join(printed([*rows, more]))

@@ -78,7 +78,7 @@ def test_without_what_is_needed_it_is_one_line(left, tmp_path):
     shutil.copy(left / "quick.npz", tmp_path)
     with pytest.raises(QuestionError) as caught:
         rerecord(tmp_path / "quick.npz", tmp_path / "new.rrd")
-    assert str(caught.value) == says(f"{tmp_path}/quick.json: is not there; …")
+    assert str(caught.value) == says(f"{tmp_path}/quick.json: is missing; …")
     facts = json.loads((left / "quick.json").read_text())
     facts["scenario"]["arm"]["model"] = str(tmp_path / "gone.xml")
     (tmp_path / "quick.json").write_text(json.dumps(facts))

@@ -156,7 +156,7 @@ def test_a_link_is_no_part(whole, begun, tmp_path, target):
         shutil.copy(part, tmp_path / "elsewhere")
     part.unlink()
     part.symlink_to(tmp_path / target)
-    assert again(whole, tmp_path) == says(f"{part}: … file …{REMOVE}")
+    assert again(whole, tmp_path) == says(f"{part}: … not … file{REMOVE}")
 
 
 def test_a_file_of_others_in_the_folder_is_named_and_never_deleted(whole, begun, tmp_path):
@@ -205,7 +205,7 @@ def test_a_plan_of_a_version_before_digests_is_refused_by_its_runs_or_its_parts(
 @pytest.mark.parametrize("text", ["", "[" * 100_000, "\xff", '{"runs": ' + "9" * 5000 + "}", "null"])
 def test_a_plan_that_is_none_is_refused(whole, begun, tmp_path, text):
     (begun[1] / "_plan.json").write_text(text, "latin-1")
-    assert again(whole, tmp_path) == says(f"{begun[1]}: … sweep…{MOVE}")
+    assert again(whole, tmp_path) == says(f"{begun[1]}: … not … sweep{MOVE}")
 
 
 def test_parts_without_their_plan_still_count_as_they_are_known_by_their_digest(whole, begun, tmp_path):
@@ -220,9 +220,9 @@ WHOLE = {
     "short": (lambda table: table.slice(0, 20), "… 20 … 32 rows"),
     "doubled": (
         lambda table: pa.concat_tables([table.slice(0, 31), table.slice(0, 1)]),
-        "… rows … once … order",
+        "… row … once … order",
     ),
-    "a column": (lambda table: table.drop_columns(["seed"]), "… columns …"),
+    "a column": (lambda table: table.drop_columns(["seed"]), "… columns"),
 }
 
 

@@ -159,7 +159,7 @@ def test_columns_are_typed_and_tell_unit_and_meaning(swept):
     assert schema.field("arm.start[0]").metadata[b"unit"] == b"rad or m"
     assert schema.field("control.feedback").metadata == {
         b"unit": b"1/s",
-        b"meaning": b"K: twist for a given pose error",
+        b"meaning": b"K: feedback gain from pose error to twist",
     }
     assert schema.field("joint_rate.peak").metadata[b"unit"] == b"rad/s"
     assert str(schema.field("joint_rate.peak_joint").type) == "string"

@@ -203,7 +203,7 @@ def test_a_pitch_that_is_none_is_refused(pitch):
 def test_a_position_too_many_is_refused(function):
     with pytest.raises(ModelError) as caught:
         function(np.ones((2, 6)), [0.1, 0.2, 0.3])
-    assert str(caught.value) == "screws: 2 joints but 3 positions; give one a joint"
+    assert str(caught.value) == "screws: 2 joints but 3 positions; give one per joint"
 
 
 def test_leading_axes_are_configurations():

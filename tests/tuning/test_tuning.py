@@ -467,7 +467,7 @@ def test_what_the_scenario_cannot_have_is_left_out_and_told(path):
 def test_a_copy_that_cannot_be_is_told_by_its_name(path):
     with pytest.raises(ScenarioError) as caught:  # a target that is a million kilometers off
         Tuning(path, copies=2, spread=Spread(0.0, 1e9, 0.0))
-    wanted = "copy {} (target.offset=[…]): {}:…: target.path: … s … 0.02 s … 10000000; … target.limits or control.period …"
+    wanted = "perturbed scenario {} (target.offset=[…]): {}:…: target.path: … s … 0.02 s … 10000000; … target.limits or control.period …"
     assert str(caught.value).splitlines() == [says(wanted.format(i, path)) for i in (1, 2)]
 
 
@@ -492,10 +492,10 @@ GOOD = {"position_error.max": 0.1, "orientation_error.max": 0.3, "joint_rate.arm
         ({"joint_acceleration.rail.peak": 8.08}, None, 1.0,
          "the acceleration of rail is 8.08 m/s², and 4 is allowed"),
         ({"duration": 6.6}, None, 1.0, "it takes 6.6 s, and 3.3 is allowed"),
-        ({"completed": 0.8}, None, 0.25, "80% of the path is done in 3 s"),
+        ({"completed": 0.8}, None, 0.25, "80% of the path is completed in 3 s"),
         ({"joint_jerk_cmd.peak": 202.0}, None, 1.0, "the commanded jerk of arm is 202 rad/s³, and 100 is allowed"),
-        ({"chatter": 15.0}, None, 2.0, f"the acceleration of arm changes its sign 15 times a second, and {CHATTER:g}"),
-        ({"torque_limited.time": 0.06}, None, 1.0, "the drive of arm is at its limit for 0.06 s, and 0.03 is allowed"),
+        ({"chatter": 15.0}, None, 2.0, f"the acceleration of arm changes its sign 15 times per second, and {CHATTER:g}"),
+        ({"torque_limited.time": 0.06}, None, 1.0, "the actuator of arm is at its limit for 0.06 s, and 0.03 is allowed"),
         ({"profile.refused": 2.0}, None, 2.0, "the profile refuses 2 commands, the first for the jerk"),
         ({}, Divergence(1, 0.1, "rail", "not finite"), math.inf, "it diverged"),
     ],
@@ -628,8 +628,8 @@ def test_what_is_recommended_was_asked_itself_whether_it_bears_its_margin(path):
 def test_how_long_a_search_may_take_is_told_before_it_begins(path):
     work = Tuning(path, copies=1, runs=60, threads=1)
     assert work.longest(3.0, 2000) == 6000.0
-    assert _estimate(work, 3.0, 2000).startswith("a run takes 3 s: 2000 runs take 100 minutes at most")
-    assert "--runs 200 take 10 minutes at most; Ctrl-C" in _estimate(work, 3.0, 2000)
+    assert _estimate(work, 3.0, 2000).startswith("a run takes 3 s: 2000 runs take at most 100 minutes")
+    assert "--runs 200 take at most 10 minutes; Ctrl-C" in _estimate(work, 3.0, 2000)
     assert "--runs" not in _estimate(work, 3.0, work.least_runs)  # there is no shorter one
     assert 0.0 < work.begin() < 60.0
     assert work.run().feasible  # by the run that there is
