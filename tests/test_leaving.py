@@ -197,7 +197,7 @@ main()
 def test_a_real_writer_that_can_go_no_further_costs_the_recording_alone(quick):
     # The system refuses to let a file grow further: the recording, which is larger than the arrays. Both are
     # measured first.
-    where = ["run", "quick.yaml", "-q", "--set", "target.path=[{line: {by: [0.3, 0.2]}}]"]
+    where = ["run", "quick.yaml", "-q", "--set", "target.path=[{line: {by: [0.05, 0.05]}}]"]
     command = [sys.executable, "-m", "rmrc", *where, "--out", "whole"]
     subprocess.run(command, cwd=quick, check=True, timeout=120)
     recording, arrays = (
