@@ -186,7 +186,7 @@ def main() -> None:
     found = [
         (file, one)
         for file in files
-        if file.suffix in READERS
+        if file.suffix in READERS and not file.is_relative_to(ROOT / rules["generated"])
         for passage in READERS[file.suffix](file.read_text(encoding="utf-8"))
         for one in findings(passage, using)
     ]

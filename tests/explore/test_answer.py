@@ -1,4 +1,4 @@
-"""What the page shows is what `rmrc run` gives, to the bit; and what is saved runs to the same figures."""
+"""The page shows the results of `rmrc run`, to the bit; and a saved scenario gives them again."""
 
 import json
 import threading
@@ -24,7 +24,7 @@ def explored(scenario):
 
 def test_an_answer_is_the_run_of_the_scenario_with_these_values(scenario, explored):
     alone = rmrc.run(scenario(SHORT, *(f"{key}={value}" for key, value in VALUES.items())))
-    explored.answer({"control.feedback": 5.0})  # what was asked before leaves nothing behind
+    explored.answer({"control.feedback": 5.0})  # an earlier setting has no effect on a later one
     run = explored.answer(VALUES).run
     for name, column in alone.columns.items():
         assert column.tobytes() == run.columns[name].tobytes(), name

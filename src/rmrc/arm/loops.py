@@ -23,7 +23,7 @@ _CLOSED = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Mechanism:
-    """Drives and site of a mechanism with its loops closed, at one configuration [Selig92, exercise 6.2].
+    """Actuators and site of a mechanism with its loops closed, at one configuration [Selig92, exercise 6.2].
 
     Attributes:
         drives: Joints with an actuator of their own, m of them.

@@ -15,7 +15,7 @@ class Note(str):
 
         Args:
             code: Code of the finding.
-            text: What was assumed.
+            text: The assumption.
         """
         note = super().__new__(cls, text)
         note.code = code

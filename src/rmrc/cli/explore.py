@@ -21,7 +21,7 @@ EXPLORED = Kind(
 
 
 def _explored(path: Path | None) -> Path | None:
-    """Return the file of a scenario or a model; a bare name is that of a scenario first."""
+    """Return the file of a scenario or a model; a bare name means a scenario first."""
     if path is None:
         return None
     shown = found(path, "scenarios")
@@ -32,18 +32,18 @@ Explored = Annotated[
     Path | None,
     typer.Argument(
         metavar="SCENARIO|MODEL",
-        help="The scenario, or an arm, for which one is made as `new` does; a file, or a shipped one's name.",
+        help="A scenario, or a model, for which `new` makes one: a file, or the name of a shipped one.",
         show_default=False,
         callback=_explored,
     ),
 ]
 Port = Annotated[
     int | None,
-    typer.Option(min=1, max=65535, help="To listen on; default: a free one.", show_default=False),
+    typer.Option(min=1, max=65535, help="The port of the page; default: a free one.", show_default=False),
 ]
 Host = Annotated[
     str,
-    typer.Option(help="Address to listen on; one that others reach has a token in its path, and no TLS."),
+    typer.Option(help="Address to listen on; for others, the page has a token in its path, and no TLS."),
 ]
 LESSONS = ("reach", "wrist", "null-space", "duality", "algorithmic", "delay")
 Asked = Annotated[
@@ -68,9 +68,9 @@ def explore(
     opens: Opens = False,
     lesson: Asked = None,
 ) -> None:
-    """Serve a page with sliders: the scenario runs again at each change, and arm, rates and errors answer.
+    """Serve a page with sliders: each change runs the scenario again, and shows arm, rates and errors.
 
-    It needs the extra `explore`. It prints its address, answers this machine alone, and ends by Ctrl-C.
+    It needs the extra `explore`. It prints its address, serves this machine alone, and ends with Ctrl-C.
     """
     with interruption("interrupted before the page was served"):
         from rmrc.explore.server import refuse_missing, serve
@@ -99,7 +99,7 @@ def explore(
 
 
 def _loaded(path: Path, settings: list[str]) -> "scenarios.Scenario":
-    """Return the scenario of a file, or that of an arm with its settings."""
+    """Return the scenario of a file, with settings, or a new one for a model."""
     if path.suffix.lower() not in MODEL.suffixes:
         return scenarios.load(path, settings)
     if settings:
@@ -112,6 +112,6 @@ def _loaded(path: Path, settings: list[str]) -> "scenarios.Scenario":
 
 
 def _failed(error: Exception) -> None:
-    """Say on stderr by which error of ours a session ended; the others go on."""
+    """Print the error that ended a session; the other sessions continue."""
     traceback.print_exception(error)
-    complain("internal error: a session of the page ended; the others go on")
+    complain("internal error: a session of the page ended; the others continue")

@@ -1,1 +1,1 @@
-"""A page with sliders: a scenario runs again at each change, and the arm, its rates and its errors answer."""
+"""A page with sliders: each change runs the scenario again and redraws the arm, its rates and its errors."""

@@ -1,4 +1,4 @@
-"""What the page lets its reader change: menus, switches and sliders, as choices and sections declare them."""
+"""The controls of the page: menus, switches and sliders, as choices and sections declare them."""
 
 import math
 from collections.abc import Iterator, Mapping
@@ -27,7 +27,7 @@ from rmrc.tuning.space import scales
 
 Value: TypeAlias = str | bool | float
 Values: TypeAlias = Mapping[str, Value]
-"""By dotted key, what differs from the scenario as it is written."""
+"""The changed values by dotted key; all other keys keep the values as written."""
 
 MENUS = {f"control.{one.key}": one for one in (INVERSES, SCHEDULES, POLICIES, LIMITS, OBJECTIVES, PRIORITIES)}
 METHOD, SCHEDULE, POLICY, EXCESS, OBJECTIVE, PRIORITY = MENUS
@@ -36,27 +36,27 @@ PLANT, FEEDBACK, RATE, DELAY, LAG = (
 )  # fmt: skip
 FEEDFORWARD, STOPS = "control.feedforward", "control.limits.position"
 SECONDARY = "secondary"
-# Sections that stand by themselves on the page.
+# Sections with a folder of their own on the page.
 HEADED = [["control", "inverse"], ["control", "limits"], ["control", "nullspace"]]
-# Steps of a slider: about its pixels; ends at 1, 2 or 5 times a power of ten then have round steps.
+# Steps of a slider, about one per pixel. Ends at 1, 2 or 5 times a power of ten then have round steps.
 STEPS = 200
-# A slider goes up to so many times what is written, or the default; one of a delay or a lag up to this [s].
+# End of a slider, as a multiple of the written value or of the default; end of a delay or a lag [s].
 BEYOND, LATEST = 5.0, 0.05
 
 
 @dataclass(frozen=True)
 class Control:
-    """A key that can be changed.
+    """A key that the page can change.
 
     Attributes:
         key: Dotted.
-        meaning: As the schema tells it.
-        unit: As the schema tells it.
-        written: What the scenario has; of a number that it leaves open, what holds.
-        options: Of a menu; (): no menu.
-        low: Least value of a slider.
-        high: Largest value.
-        step: Between two values.
+        meaning: Its meaning in the schema.
+        unit: Its unit in the schema.
+        written: Its value in the scenario; the effective value if the scenario omits it.
+        options: The entries of a menu; (): no menu.
+        low: The least value of a slider.
+        high: The largest value of a slider.
+        step: The distance between two values of a slider.
     """
 
     key: str
@@ -70,31 +70,31 @@ class Control:
 
     @property
     def section(self) -> str:
-        """What stands above it: `control.inverse` for a key of that section, `control` for most others."""
+        """Its folder: `control.inverse` for a key of that section, `control` for most others."""
         steps = self.key.split(".")
         return ".".join(steps[:2]) if steps[:2] in HEADED else steps[0]
 
     @property
     def label(self) -> str:
-        """Its key within that."""
+        """Its key within the folder."""
         return self.key.removeprefix(f"{self.section}.")
 
     @property
     def hint(self) -> str:
-        """What it means, with its unit."""
+        """Its meaning, with the unit."""
         return f"{self.meaning} [{self.unit}]" if self.unit else self.meaning
 
     def parsed(self, value: Value) -> Value:
-        """Return a value of the page as a file has it: a number without what binary fractions add to it."""
+        """Return a value of the page as a file has it: numbers lose the tail of binary fractions."""
         return value if self.options or isinstance(value, bool) else float(f"{float(value):.9g}")
 
 
 def controls(prepared: Prepared, run: Run) -> tuple[Control, ...]:
-    """Return what can be changed of a scenario, in the order of the page.
+    """Return the controls of a scenario, in the order of the page.
 
     Args:
-        prepared: The scenario as it is written.
-        run: Its own, of one tick at least, which tells the sizes of its numbers.
+        prepared: The scenario as written.
+        run: Its run, of one tick at least; gives the sizes of its numbers.
     """
     return tuple(_controls(prepared, run))
 
@@ -132,13 +132,13 @@ def _controls(prepared: Prepared, run: Run) -> Iterator[Control]:
 
 
 def _first(parameter: Parameter) -> str:
-    """Return the menu under which a number that several choices read stands."""
+    """Return the menu that shows a number which several choices read."""
     order = (SCHEDULE, METHOD, *MENUS)
     return next(key for key in order if parameter in MENUS[key].parameters)
 
 
 def _highest(parameter: Parameter, written: float, seen: Scales) -> float:
-    """Return the largest value that is worth trying, which is not far from what is written."""
+    """Return the largest useful value, which is not far from the written one."""
     if parameter.bounds.lt == 1:
         return min(BEYOND * written, 0.5)
     far = BEYOND * (written or parameter.default or 1.0)
@@ -163,11 +163,11 @@ def _ends(high: float) -> tuple[float, float]:
 
 
 def read_of(written: Values, values: Values) -> frozenset[str]:
-    """Return the keys that a setting reads: others have no effect, and are not shown.
+    """Return the keys that a setting reads: the others have no effect, and the page hides them.
 
     Args:
-        written: Of each key, what the scenario has.
-        values: What differs from that.
+        written: The value of each key in the scenario.
+        values: The changed keys, with their values.
     """
     now: dict[str, Any] = {**written, **values}
     method = INVERSES[now[METHOD]]

@@ -1,4 +1,4 @@
-"""Who may ask the page's server: this machine, or who knows the token; and what the page may ask for."""
+"""Access to the server of the page: for this machine, or with a token; and limits of the page's requests."""
 
 import re
 import secrets
@@ -15,7 +15,7 @@ from websockets.http11 import Request, Response
 
 from rmrc.recording.viewer_page import OUR_NAMES
 
-# Of every answer. The browser lets the page talk to nobody but its own server, whatever its address asks for.
+# A header of every answer. The browser lets the page talk only to its own server, whatever the address.
 POLICY = "; ".join(
     (
         "default-src 'none'",
@@ -48,19 +48,19 @@ _serving = threading.Lock()
 class Gate:
     """Lets requests through to viser's server, or refuses them.
 
-    On 127.0.0.1 a request must name this machine, as a page of somebody whose name leads here (DNS rebinding)
-    does not. On another address it must begin with the token. A socket is opened by our own page alone.
+    On 127.0.0.1 a request must name this machine, which prevents DNS rebinding. On another address its path
+    must begin with the token. Only the page itself can open a socket.
 
     Args:
-        is_local: Whether only this machine can ask.
+        is_local: Whether only this machine can reach the server.
 
     Attributes:
-        token: What the path of the address begins with; "" where there is none.
-        is_used: Whether the server asks it.
+        token: The first part of the path; "": no token.
+        is_used: Whether the server uses the gate.
     """
 
     def __init__(self, is_local: bool) -> None:
-        """Draw a token, where one is needed."""
+        """Draw a token, unless the gate is local."""
         self.token = "" if is_local else secrets.token_urlsafe(24)
         self.is_used = False
         self._is_local = is_local
@@ -71,10 +71,10 @@ class Gate:
         return f"/{self.token}/" if self.token else "/"
 
     def admitted(self, request: Request) -> Request | None:
-        """Return a request as viser's server knows it, or None: it is refused.
+        """Return a request as viser's server expects it; None: refused.
 
         Args:
-            request: As it came.
+            request: The request as received.
         """
         hosts = request.headers.get_all("Host")
         if len(hosts) != 1 or (self._is_local and not OUR_NAMES.fullmatch(hosts[0].strip())):
@@ -91,10 +91,10 @@ class Gate:
         return replace(request, path=path)
 
     def guarding(self, answer: _Answer) -> _Answer:
-        """Return what answers requests that are admitted, and refuses others.
+        """Return a function that answers admitted requests, and refuses others.
 
         Args:
-            answer: Viser's own.
+            answer: The function of viser.
         """
         self.is_used = True
 
@@ -116,10 +116,10 @@ class Gate:
 
 @contextmanager
 def guarded_by(gate: Gate) -> Iterator[None]:
-    """Have what viser's server starts meanwhile ask a gate: it has no place for one of its own.
+    """Guard each server that viser starts in the block: viser has no option for this.
 
     Args:
-        gate: Which. `is_used` says afterwards whether it was asked.
+        gate: The gate. Its `is_used` says afterwards whether a server uses it.
     """
     module = websockets.asyncio.server
     original = module.serve
@@ -136,7 +136,7 @@ def guarded_by(gate: Gate) -> Iterator[None]:
 
 
 def host_of(text: str) -> str:
-    """Return a host as an address has it: one of six bytes in brackets.
+    """Return a host as an address has it: IPv6 in brackets.
 
     >>> host_of("127.0.0.1"), host_of("::1")
     ('127.0.0.1', '[::1]')

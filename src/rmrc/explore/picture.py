@@ -24,29 +24,29 @@ GRAY, PATH = 0x909090FF, 0x777777FF
 TIP, TARGET, SHAFT = 0.018, 0.014, 0.006
 # Room around arm and path, as a part of the reach.
 ROOM = 0.12
-# Widths of lines [px]; and of how many pieces a path is, every other of which is drawn.
+# Widths of lines [px]; pieces of a path, of which every other one is drawn.
 TRAIL, WANTED, PIECES = 4.0, 2.5, 200
 # Colors of a trail, from far from a singularity to in it.
 CALM, NEAR = HUES[0], RED
-# What of a geometry decides how it looks.
+# Properties of a geometry that decide its look.
 PARTS = ("size", "pose", "vertices", "rgba")
-# Half thickness below which nothing is drawn, as a part of the reach: a flat ellipsoid has one.
+# Least half thickness that is drawn, as a part of the reach: flat ellipsoids are thickened to it.
 THINNEST = 1e-3
 
 
 def rgb(color: int) -> tuple[int, int, int]:
-    """Return a color 0xRRGGBBAA as viser has it."""
+    """Return a color 0xRRGGBBAA as viser takes it."""
     return (color >> 24) & 255, (color >> 16) & 255, (color >> 8) & 255
 
 
 @dataclass(frozen=True)
 class View:
-    """Where the camera stands, and where it looks.
+    """The position and the aim of the camera.
 
     Attributes:
-        position: Of the camera, (3,) [m].
-        look_at: A point in the middle of what is seen, (3,) [m].
-        up: What is up in the picture, (3,).
+        position: The position of the camera, (3,) [m].
+        look_at: The point in the middle of the view, (3,) [m].
+        up: The upward direction of the picture, (3,).
         fov: Vertical angle of view [rad].
     """
 
@@ -57,7 +57,7 @@ class View:
 
 
 def view(answer: Answer, aspect: float) -> View:
-    """Return a view of all of a run.
+    """Return a view of a whole run.
 
     Args:
         answer: The run.
@@ -79,10 +79,10 @@ class Picture:
 
     Args:
         nodes: The scene of that browser, as viser has it.
-        marks: Of `velocity`, `force` and `lost`, those that are shown.
+        marks: The shown ones of `velocity`, `force` and `lost`.
 
     Attributes:
-        marks: They.
+        marks: The same.
     """
 
     def __init__(self, nodes: Any, marks: Iterable[str]) -> None:
@@ -94,11 +94,11 @@ class Picture:
         self.marks = frozenset(marks)
 
     def show(self, answer: Answer, other: Answer | None) -> None:
-        """Draw the lines of a run, and its arm if that is another one.
+        """Draw the lines of a run, and its arm if the arm is new.
 
         Args:
             answer: The run.
-            other: The ghost; None: there is none.
+            other: The ghost; None: no ghost.
         """
         self._arm("arm", answer.scene, 1.0)
         if other is not None:
@@ -141,7 +141,7 @@ class Picture:
     # The arm ---------------------------------------------------------------------------------
 
     def _arm(self, root: str, scene: Scene, opacity: float) -> None:
-        """Make the bodies of an arm, unless they are there: most settings do not change them."""
+        """Make the bodies of an arm, unless they exist: most settings do not change them."""
         if self._shapes.get(root) is not None and _are_alike(self._shapes[root], scene):
             return
         for _, node in self._bodies.pop(root, []):
@@ -171,7 +171,7 @@ class Picture:
             pose = answer.frames.bodies[row, body]
             node.position, node.wxyz = pose[:3], pose[3:]
 
-    # What is beside it -----------------------------------------------------------------------
+    # Its marks -------------------------------------------------------------------------------
 
     def _line(self, name: str, points: Array, colors: NDArray[Any], width: float) -> None:
         """Draw pieces (p, 2, 3) of a line."""
@@ -227,7 +227,7 @@ def _are_alike(shapes: list[Shape], scene: Scene) -> bool:
 
 
 def _pieces(shape: Shape) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Yield what each part of a geometry is drawn by: a function of the scene, and what it is told."""
+    """Yield the drawing of each part of a geometry: a function of the scene, and its arguments."""
     position, turn = shape.pose[:3], shape.pose[3:]
     size = [float(one) for one in shape.size]
     place = {"position": position, "wxyz": turn}

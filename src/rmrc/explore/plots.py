@@ -1,4 +1,4 @@
-"""A run as plots over time, and a strip of what limited it; another run beside it, in gray."""
+"""A run as plots over time, with a strip of its statuses; another run beside it, in gray."""
 
 import html
 import math
@@ -19,16 +19,16 @@ from rmrc.show.traces import GRAYS, ROOM, Panel, Trace, kept
 
 Array = NDArray[np.float64]
 
-# Rows of the plots of `rmrc.show.traces` that the page has: rates, singular values, errors.
+# Rows of the plots of `rmrc.show.traces` on the page: rates, singular values, errors.
 SHOWN = 3
 GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
 # Room beyond the largest value of an axis that no limit bounds.
 MARGIN = 1.08
 # Least value of a logarithmic axis: uPlot writes less as 0.
 LEAST = 1e-3
-# Dashes of limits and bounds, and of what the plain inverse asks for [px].
+# Dashes of limits and bounds, and of the rates of the plain inverse [px].
 DOTS, PLAIN = (2.0, 4.0), (7.0, 4.0)
-# Figures of the table: of the scorecard, with the power of ten of their unit.
+# Metrics of the table: name in the scorecard, words, factor to the unit, unit.
 FIGURES = (
     ("joint_rate_cmd.peak", "largest rate commanded", 1.0, ""),
     ("joint_rate_plain.peak", "… by the plain inverse", 1.0, ""),
@@ -41,14 +41,14 @@ FIGURES = (
 
 
 class Plot(NamedTuple):
-    """What uPlot draws.
+    """A plot as uPlot takes it.
 
     Attributes:
-        title: Above it.
+        title: The title above it.
         data: Time, then the values of each curve, (T,) each.
-        series: How each is drawn, time first.
-        scales: Of its axes.
-        axes: How they are labeled.
+        series: The style of each curve, time first.
+        scales: The scales of its axes.
+        axes: The labels of its axes.
     """
 
     title: str
@@ -62,10 +62,10 @@ def plots(run: Run, other: Run | None, *, dark: bool, with_plain: bool) -> list[
     """Return the plots of a run: its rates, singular values and errors.
 
     Args:
-        run: Of one tick at least.
-        other: What is drawn in gray beside it.
-        dark: Whether they are on a dark page.
-        with_plain: Whether with what the plain inverse asks for.
+        run: The run, of one tick at least.
+        other: The run in gray beside it.
+        dark: Whether the page is dark.
+        with_plain: Whether to draw the rates of the plain inverse.
     """
     found = traces.of_run(replace(run, baseline=other))
     rates, sigma, errors = found.panels[:SHOWN]
@@ -87,8 +87,8 @@ def _at(time: Array, run: Run, values: Array) -> Array:
 
 
 def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
-    """Return a panel as uPlot takes it. What is beyond its axis stays in the data."""
-    # what comes first is drawn below: the other run, then what is only asked for
+    """Return a panel as uPlot takes it. The data keep values beyond the axis."""
+    # from the lowest layer up: the other run, the rates of the plain inverse, the run
     drawn = sorted(panel.traces, key=lambda one: (not one.is_gray, not one.label.endswith("plain inverse")))
     rows = kept([one.values for one in drawn], ROOM)
     time = panel.time[rows]
@@ -134,7 +134,7 @@ def _range(curves: Sequence[Array]) -> tuple[float, float]:
 
 
 def key(plot: Plot) -> str:
-    """Return the names of a plot's curves with their strokes, as HTML: uPlot's own take too much room."""
+    """Return the names of a plot's curves with their strokes, as HTML: those of uPlot take too much room."""
     told, seen = list[str](), set[str]()
     for one in plot.series[1:]:
         name = _short(one["label"])
@@ -155,7 +155,7 @@ def key(plot: Plot) -> str:
 
 
 def _short(label: str) -> str:
-    """Return the name of a curve: that of its joint if it is commanded, else what it is of all joints."""
+    """Return the name of a curve: its joint if it is commanded, else its quantity for all joints."""
     name, _, what = label.rpartition(", ")
     if what == "plain inverse":
         return what
@@ -165,12 +165,12 @@ def _short(label: str) -> str:
 
 
 def strip(run: Run, at: float, end: float) -> str:
-    """Return what acted in a run as lanes over time, with the instant that is shown, as HTML.
+    """Return the statuses of a run as lanes over time, with a mark at an instant, as HTML.
 
     Args:
-        run: Of one tick at least.
+        run: The run, of one tick at least.
         at: The instant [s].
-        end: Where the lanes end [s].
+        end: The end of the lanes [s].
     """
     lanes = [_lane(in_words(flag), run, flag, end) for flag in statuses(run)]
     told = "".join(lanes) or '<div style="padding:.2em 0">nothing limited this run</div>'
@@ -201,12 +201,12 @@ def _lane(name: str, run: Run, flag: Status, end: float) -> str:
 
 
 def table(run: Run, other: Run | None, beside: str) -> str:
-    """Return the figures of a run, with those of another one, as HTML.
+    """Return the metrics of a run, with those of another one, as HTML.
 
     Args:
-        run: Of one tick at least.
-        other: What it is compared with.
-        beside: What that is called.
+        run: The run, of one tick at least.
+        other: The run to compare with.
+        beside: The name of the other run.
     """
     rows = [f"<tr><th></th><th>now</th><th>{html.escape(beside) if other else ''}</th></tr>"]
     for name, said, factor, unit in FIGURES:
@@ -221,7 +221,7 @@ def table(run: Run, other: Run | None, beside: str) -> str:
 
 
 def _cell(run: Run, name: str, factor: float, unit: str) -> str:
-    """Return a figure with its unit, or nothing where a run has none."""
+    """Return a metric with its unit, or an empty text if the run lacks it."""
     figure = run.scorecard.get(name)
     if figure is None or not isinstance(figure.value, float) or not math.isfinite(figure.value):
         return ""

@@ -1,4 +1,4 @@
-"""What is taken along: a scenario that runs to the same figures, its columns, and its control block."""
+"""Exports of the page: a scenario with the same results, its columns, and its control block."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -8,25 +8,25 @@ from rmrc.scenario import block
 from rmrc.support.files import written_whole
 from rmrc.support.invocation import command
 
-# Of the files; and of the name within, so that to run it leaves alone what the scenario itself left.
+# Endings of the file names and of the scenario's name: a run of it keeps the files of the original.
 SUFFIX, NAMED = ".explore", "-explore"
 
 
 def save(answer: Answer, folder: Path) -> tuple[Path, Path]:
-    """Write NAME.explore.yaml and NAME.explore.npz, each whole or not at all, and return where.
+    """Write NAME.explore.yaml and NAME.explore.npz, each whole or not at all, and return their paths.
 
     Args:
-        answer: What is saved.
-        folder: Made if it is missing.
+        answer: The answer to save.
+        folder: The folder, which is created if it is missing.
 
     Raises:
-        OSError: It cannot be written.
+        OSError: A file cannot be written.
     """
     stem = answer.prepared.scenario.name.removesuffix(NAMED)
     scenario = answer.prepared.scenario.set({"name": stem + NAMED})
     said = f"# {answer.prepared.scenario.name} as it was left by `{command('explore')}`"
     told = [f"# {key}: {value}" for key, value in answer.values.items()]
-    text = "\n".join([f"{said}; what was changed:" if told else f"{said}, as it was.", *told])
+    text = "\n".join([f"{said}; changes:" if told else f"{said}, as it was.", *told])
     file, columns = (folder / f"{stem}{SUFFIX}{kind}" for kind in (".yaml", ".npz"))
     replace(answer.run, name=scenario.name).save(columns)
     with written_whole(file) as temporary:
@@ -35,6 +35,6 @@ def save(answer: Answer, folder: Path) -> tuple[Path, Path]:
 
 
 def control_block(answer: Answer) -> str:
-    """Return the section `control` of a setting, without what are defaults, as a scenario has it."""
+    """Return the section `control` of a setting as a scenario has it, without defaults."""
     control = answer.prepared.scenario.control.model_dump(mode="json", exclude_defaults=True)
     return block({"control": control})

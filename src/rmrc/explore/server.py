@@ -1,4 +1,4 @@
-"""Serves the page: on this machine alone unless asked otherwise, and without viser's public tunnel."""
+"""The server of the page: by default for this machine alone, and without viser's public tunnel."""
 
 import io
 import os
@@ -20,12 +20,12 @@ from rmrc.support.errors import RmrcError
 from rmrc.support.interruption import interruptible
 
 LOOPBACK = "127.0.0.1"
-# Addresses that need no token: nobody else reaches them, and requests name them.
+# Addresses without a token: only this machine reaches them, and requests must name them.
 LOCAL = (LOOPBACK, "localhost")
-# The variable by which viser would take another port than it is told.
+# The variable with which viser would replace the given port.
 OVERRIDE = "_VISER_PORT_OVERRIDE"
 TITLE = "rmrc explore"
-# What viser warns of where a tab was closed while it was told something.
+# The warning of viser when a tab closes during a message.
 GONE = r"Queued a \w+ on a closed connection"
 
 
@@ -34,10 +34,10 @@ class ExploreError(RmrcError, OSError):
 
 
 def refuse_missing() -> None:
-    """Refuse where viser is not installed.
+    """Check that viser is installed.
 
     Raises:
-        ExploreError: It is not.
+        ExploreError: Viser is not installed.
     """
     try:
         import viser  # noqa: F401
@@ -46,10 +46,10 @@ def refuse_missing() -> None:
 
 
 def refuse_taken(host: str, port: int) -> None:
-    """Refuse an address that cannot be listened on; viser would take the next port, or never answer.
+    """Check that an address is free; otherwise viser would take the next port, or never answer.
 
     Raises:
-        ExploreError: Why.
+        ExploreError: Nothing can listen on the address; says why.
     """
     try:
         kind, _, _, _, address = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0]
@@ -66,15 +66,15 @@ class Server:
     """A page and its sessions; a context manager.
 
     Args:
-        scenario: What is explored.
-        out: Where files are saved.
-        host: Address to listen on.
-        port: 0: a free one.
-        lesson: What the reader is asked.
-        failed: Told of an error by which a session ended.
+        scenario: The scenario to explore.
+        out: The folder for saved files.
+        host: The address to listen on.
+        port: The port; 0: a free one.
+        lesson: The lesson for the reader, if there is one.
+        failed: Called with the error that ended a session.
 
     Attributes:
-        sessions: Those that are open, by the number of their browser.
+        sessions: The open sessions, by the number of their browser.
     """
 
     def __init__(
@@ -103,7 +103,7 @@ class Server:
         warnings.filterwarnings("ignore", GONE, UserWarning)
         override = os.environ.pop(OVERRIDE, None)
         try:
-            # it prints a table of addresses, and "Server stopped" when it ends
+            # viser prints a table of addresses, and "Server stopped" at the end
             with guarded_by(self._gate), redirect_stdout(io.StringIO()):
                 self._server = _without_tunnel(host, port)
         finally:
@@ -133,14 +133,14 @@ class Server:
                 session.start()
 
     def _leave(self, client: Any) -> None:
-        """Let go of what a browser had."""
+        """End the session of a browser."""
         with self._lock:
             session = self.sessions.pop(client.client_id, None)
         if session is not None:
             session.close()
 
     def close(self) -> None:
-        """End all sessions, and listen no more."""
+        """End all sessions, and stop listening."""
         with self._lock:
             self._is_closed = True
             ended = list(self.sessions.values())
@@ -160,7 +160,7 @@ class Server:
 
 
 def _without_tunnel(host: str, port: int) -> Any:
-    """Return viser's server, of which nobody can ask for a public address."""
+    """Return viser's server without requests for a public address."""
     import viser
     from viser import _messages
 
@@ -188,23 +188,23 @@ def serve(
     """Serve the page until a signal comes.
 
     Args:
-        scenario: What is explored.
-        out: Where files are saved.
-        host: Address to listen on.
-        port: 0: a free one.
-        lesson: What the reader is asked.
-        say: Told the address.
-        failed: Told of an error by which a session ended.
-        opens: Whether to open it in a browser.
+        scenario: The scenario to explore.
+        out: The folder for saved files.
+        host: The address to listen on.
+        port: The port; 0: a free one.
+        lesson: The lesson for the reader, if there is one.
+        say: Called with the address of the page.
+        failed: Called with the error that ended a session.
+        opens: Whether to open the page in a browser.
 
     Raises:
-        ScenarioError: All that is wrong with the scenario.
+        ScenarioError: The scenario is invalid; lists all faults.
         ExploreError: Viser is not installed, or the address cannot be listened on.
         KeyboardInterrupt: The signal that ended it.
     """
     refuse_missing()
     refuse_taken(host, port)
-    Explored(scenario)  # what is wrong with it, before anybody comes
+    Explored(scenario)  # finds the faults of the scenario before a browser connects
     with interruptible() as stop, Server(scenario, out, host, port, lesson, failed) as server:
         say(server.url)
         if opens:

@@ -1,4 +1,4 @@
-"""One browser at the page: its settings, what they came to, and the instant that it sees."""
+"""The session of one browser: its settings, their answers, and the shown instant."""
 
 import html
 import threading
@@ -21,38 +21,38 @@ from rmrc.support.errors import RmrcError
 from rmrc.support.invocation import command
 
 MARKS = {"velocity": "velocity ellipsoid", "force": "force ellipsoid", "lost": "lost direction"}
-# An arrow key moves the slider that has the focus; viser would turn the view by it as well.
+# An arrow key moves the focused slider; viser would also turn the view.
 KEYS = (
     '<img hidden alt="" src="data:," onerror="document.body.addEventListener(\'keydown\','
     "e=>{if(e.target.getAttribute('role')==='slider')e.stopPropagation()})\">"
 )
 BEFORE, WRITTEN, NOTHING = "the setting before", "as written", "nothing"
 SPEEDS = {"1/10": 0.1, "1/4": 0.25, "1": 1.0, "2": 2.0}
-# Widths of the panels, heights of the plots [px]: beside them a screen of 1280 × 720 has room for the arm.
+# Widths of the panels, heights of the plots [px]: a screen of 1280 × 720 has room for the arm beside them.
 SETTINGS, PLOTS, HEIGHT = 320, 420, 118
-# Between two pictures while it plays, and between two of the time that the page is told [s].
+# Periods of the pictures and of the shown time while the run plays [s].
 FRAME, TOLD = 1 / 30, 0.1
-# Changes of one key within this are one gesture, which leaves the setting before it as it was [s].
+# Changes of one key within this time are one gesture, which keeps the setting before it [s].
 GESTURE = 1.5
-# A run that takes longer ends once there is another setting [s].
+# A new setting ends a run that takes longer [s].
 LONG = 0.5
-# Canvas beside the panels: width over height, at least.
+# Least width over height of the canvas beside the panels.
 ASPECT = 0.3
 
 
 class Session:
-    """What one browser has; its own thread runs the scenario and moves the arm.
+    """The state of one browser; its own thread runs the scenario and moves the arm.
 
     Args:
-        scenario: What is explored.
-        out: Where files are saved.
-        lesson: What the reader is asked.
-        client: The browser, as viser has it.
-        failed: Told of an error that ended the session.
+        scenario: The scenario to explore.
+        out: The folder for saved files.
+        lesson: The lesson for the reader, if there is one.
+        client: The browser, as viser represents it.
+        failed: Called with the error that ended the session.
 
     Attributes:
-        answer: What is shown; None before the first.
-        controls: What can be changed.
+        answer: The shown answer; None before the first.
+        controls: The keys that the page can change.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class Session:
         client: Any,
         failed: Callable[[Exception], None],
     ) -> None:
-        """Wait for `start`."""
+        """Prepare the session; `start` runs it."""
         self._scenario, self._out, self._lesson = scenario, out, lesson
         self._client, self._failed = client, failed
         self.answer: Answer | None = None
@@ -78,11 +78,11 @@ class Session:
         self._thread = threading.Thread(target=self._live, name="rmrc explore", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def close(self) -> None:
-        """End, and let go of what was held."""
+        """End the session, and free its answers."""
         with self._lock:
             self._closed = True
             self._stop.set()
@@ -91,7 +91,7 @@ class Session:
     # Its thread ------------------------------------------------------------------------------
 
     def _live(self) -> None:
-        """Show the scenario, and answer until the session is closed, or an error ends it."""
+        """Show the scenario, and answer changes until a call of `close` or an error."""
         try:
             explored = Explored(self._scenario)
             self._build(explored)
@@ -101,7 +101,7 @@ class Session:
             if not self._closed:
                 with suppress(Exception):  # the browser may have gone
                     self._client.gui.reset()
-                    self._client.gui.add_markdown("This session ended by an error of rmrc. Reload the page.")
+                    self._client.gui.add_markdown("An error in rmrc ended this session. Reload the page.")
                 self._failed(error)
         finally:
             self.answer = self._before = None
@@ -128,7 +128,7 @@ class Session:
                 self._picture.at(self.answer, self._other, self._time)
 
     def _advance(self, passed: float) -> None:
-        """Go on by the time that passed; at the end begin again, or stop."""
+        """Advance by the passed time; at the end, start again or stop."""
         assert self.answer is not None
         self._time += passed * self._speed
         if self._time > self.answer.end:
@@ -137,7 +137,7 @@ class Session:
                 self._play(False)
 
     def _ask(self, explored: Explored) -> None:
-        """Run the scenario with the latest setting; one that cannot be leaves what is shown."""
+        """Run the scenario with the latest setting; an invalid one leaves the page unchanged."""
         with self._lock:
             self._is_asked, values = False, dict(self._values)
             self._stop, self._began = threading.Event(), time.perf_counter()
@@ -154,7 +154,7 @@ class Session:
         self._say(f"ran again in {1e3 * (time.perf_counter() - self._began):.0f} ms")
 
     def _take(self, answer: Answer) -> None:
-        """Show an answer, and keep the one before it unless this goes on with the same gesture."""
+        """Show an answer, and keep the one before it unless both belong to one gesture."""
         key, when = self._gesture
         changed = "" if self.answer is None else _changed(self.answer, answer)
         now = time.perf_counter()
@@ -164,11 +164,11 @@ class Session:
         self._time = min(self._time, answer.end)
         self._publish()
 
-    # What the page shows ---------------------------------------------------------------------
+    # Its display -----------------------------------------------------------------------------
 
     @property
     def _other(self) -> Answer | None:
-        """The answer that is drawn in gray."""
+        """The answer in gray."""
         found = {BEFORE: self._before, WRITTEN: self._as_written}.get(self._ghost.value)
         return None if found is None or self.answer is None or found.values == self.answer.values else found
 
@@ -186,7 +186,7 @@ class Session:
                         setattr(chart, prop, getattr(plot, prop))
                 chart.data = plot.data
                 _set(name, "content", plots.key(plot))
-        self._client.flush()  # the curves are there while the rest is worked out
+        self._client.flush()  # the page shows the curves before the rest is computed
         with self._client.atomic():
             self._figures.content = plots.table(answer.run, beside, self._ghost.value)
             self._block.content = _copied(saving.control_block(answer))
@@ -207,7 +207,7 @@ class Session:
         color = ";color:#ff2d2d;font-weight:bold" if is_wrong else ""
         self._said.content = f'<div style="font-size:.8em;padding:.2em .5em{color}">{html.escape(text)}</div>'
 
-    # How it is built -------------------------------------------------------------------------
+    # Its layout ------------------------------------------------------------------------------
 
     def _build(self, explored: Explored) -> None:
         """Lay the page out: settings on the left, the arm in the middle, plots on the right."""
@@ -243,7 +243,7 @@ class Session:
         self._clock.on_update(self._scrub)
 
     def _scrub(self, event: Any) -> None:
-        if event.client is not None:  # not told by ourselves
+        if event.client is not None:  # the reader moved it, not this session
             self._time = self._clock.value
             self._wake.set()
 
@@ -282,7 +282,7 @@ class Session:
         gui.add_command("Back to as written", hotkey="W").on_trigger(self._reset)
 
     def _change(self, control: Control, event: Any) -> None:
-        """Take a control's value; what is as it was written is no change."""
+        """Take the value of a control; the value as written is no change."""
         if event.client is None:
             return
         value = control.parsed(self._handles[control.key].value)
@@ -300,9 +300,9 @@ class Session:
 
     @contextmanager
     def _asking(self) -> Iterator[None]:
-        """Have the scenario run with what is changed meanwhile.
+        """Run the scenario again with the changes of the block.
 
-        A run that goes on may end, so that a slider that is dragged shows something, unless it takes long.
+        A short run may end first, so that the page follows a dragged slider. A long run is stopped.
         """
         with self._lock:
             yield
@@ -314,7 +314,7 @@ class Session:
     def _build_looks(self) -> None:
         gui = self._client.gui
         self._ghost = gui.add_dropdown("beside it", (BEFORE, WRITTEN, NOTHING), initial_value=BEFORE)
-        self._plain = gui.add_checkbox("plain inverse", True, hint="what it would command, dashed")
+        self._plain = gui.add_checkbox("plain inverse", True, hint="its rates, dashed")
         self._dark = gui.add_checkbox("dark", False)
         for handle in (self._ghost, self._plain, self._dark):
             handle.on_update(self._look)
@@ -381,7 +381,7 @@ class Session:
 
 
 def _made(gui: Any, one: Control) -> Any:
-    """Return the handle of a control, named by its key."""
+    """Return the handle of a control."""
     if one.options:
         return gui.add_dropdown(one.label, one.options, initial_value=one.written, hint=one.hint)
     if isinstance(one.written, bool):
@@ -390,7 +390,7 @@ def _made(gui: Any, one: Control) -> Any:
 
 
 def _set(handle: Any, prop: str, value: object) -> None:
-    """Set a property, unless it is so already: the page need not hear of it."""
+    """Set a property if its value differs: the page needs no message otherwise."""
     if getattr(handle, prop) != value:
         setattr(handle, prop, value)
 

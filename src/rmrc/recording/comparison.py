@@ -149,7 +149,7 @@ class Overlay:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Close the file; what was written stays in `part_path` if `finish` was not called."""
+        """Close the file; without a call of `finish`, the data stay in `part_path`."""
         with suppress(RecordingError):  # the error that led here says more
             for arm in self._arms if self._out.is_open else ():
                 arm.write_last()

@@ -68,7 +68,7 @@ def refuse_unwritable(paths: Iterable[Path], size: int = 0, way_out: str = "") -
 
 @contextmanager
 def _made(folder: Path) -> Iterator[None]:
-    """Make a folder, and take away again what was made."""
+    """Make a folder with its parents, and remove new empty ones at the end."""
     missing = list(takewhile(lambda one: not one.exists(), (folder, *folder.parents)))
     folder.mkdir(parents=True, exist_ok=True)
     try:

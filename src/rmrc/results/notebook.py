@@ -47,7 +47,7 @@ def _cell(value: object) -> str:
 
 
 def figures(name: str, card: Mapping[str, Any]) -> str:
-    """Return the figures of a run that are defined, as HTML."""
+    """Return the defined metrics of a run, as HTML."""
     rows = [
         (key, one.value, one.unit, one.meaning)
         for key, one in card.items()

@@ -44,7 +44,7 @@ class Run(Recorded):
 
     @cached_property
     def scorecard(self) -> "Scorecard":
-        """The figures of the run, as far as it came."""
+        """The metrics of the run, up to its last tick."""
         from rmrc.results.scorecard import scorecard
 
         return scorecard(self)

@@ -42,7 +42,7 @@ _Figures = Iterator[tuple[str, Sequence[float | str], str, str]]
 
 
 class Figure(NamedTuple):
-    """One figure of merit.
+    """One metric.
 
     Attributes:
         value: A number (NaN: undefined for this run), or the name of a joint.
@@ -156,7 +156,7 @@ class Outcome:
 
 
 def scorecard(run: Recorded) -> Scorecard:
-    """Return the figures of a run of any length, none included.
+    """Return the metrics of a run of any length, even 0.
 
     It adds up the columns as `rmrc.results.tally` adds up the ticks of a run whose columns are not kept: both
     give the same bits.
@@ -254,7 +254,7 @@ def _figures(runs: Sequence[Recorded], tallies: NDArray[np.void]) -> list[Scorec
 
 
 def figure_names(joints: Sequence[str], axes: Sequence[str]) -> list[str]:
-    """Return the names of all figures of a run.
+    """Return the names of all metrics of a run.
 
     Args:
         joints: Names of the joints.

@@ -174,7 +174,7 @@ def _name(joint: str) -> str:
 
 
 def _amount(value: float) -> str:
-    """Return three digits, or up to a million whole, with commas: what is not zero is not told as zero."""
+    """Return three digits, or up to a million whole, with commas: a nonzero value never shows as zero."""
     if not math.isfinite(value):
         return "infinite" if value > 0.0 else "unknown"
     if value >= 999.5:

@@ -508,7 +508,7 @@ def _changed(node: Any, tree: _Tree, context: Mapping[str, Any] | None) -> Any:
 
 
 def _is_of_profile(control: ControlSection, tree: _Tree) -> bool:
-    """Whether a change is one of what a profile sets, which needs to be told what was written beside it."""
+    """Whether a change sets a key of a profile, and thus depends on the keys written beside it."""
     if control.limits.profile is not None:
         return not tree.keys().isdisjoint(("limits", "period"))
     limits = tree.get("limits")

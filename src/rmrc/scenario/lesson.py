@@ -16,7 +16,7 @@ SHIPPED = {file.stem: file for file in sorted(Path(__file__).with_name("lessons"
 
 
 def _keys(values: dict[str, Any]) -> dict[str, Any]:
-    """Refuse what is no key."""
+    """Refuse a name that is no key."""
     for name in values:
         try:
             split(name)
@@ -33,7 +33,7 @@ class Question(Section):
 
 
 class Sought(Section):
-    """The number to find: a figure of the scorecard of a setting."""
+    """The number to find: a metric of the scorecard for a setting."""
 
     ask: Text = key("what to set, and which number to read")
     given: Annotated[dict[str, Any], AfterValidator(_keys)] = key(
@@ -46,7 +46,7 @@ class Sought(Section):
     within: Positive = key("how far from it an answer may be")
 
     def is_met(self, text: str) -> bool | None:
-        """Say whether a number is the one that is sought; None: it is no number."""
+        """Say whether a text is the sought number; None: it is no number."""
         try:
             return abs(float(text.strip().replace(",", ".")) - self.value) <= self.within
         except ValueError:
@@ -54,7 +54,7 @@ class Sought(Section):
 
 
 class Lesson(Section):
-    """A scenario to explore, with what to find out."""
+    """A scenario to explore, with questions and a number to find."""
 
     title: Text = key("above the lesson")
     scenario: Text = key("a shipped scenario by its name, or a file beside the lesson")

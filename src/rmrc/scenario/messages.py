@@ -86,7 +86,7 @@ def _has_texts(key: Key) -> bool:
 
 
 def _fields_at(key: Key) -> dict[str, FieldInfo]:
-    """Return what may stand below a key, by name."""
+    """Return the fields below a key, by name."""
     fields = _fields(Sections)
     for above, step in zip(("", *key), key, strict=False):
         if isinstance(step, str) and above != "expect":  # neither an item nor a metric

@@ -1,4 +1,4 @@
-"""The figure of runs side by side: a curve for each, the first one solid and bold."""
+"""A figure with runs side by side: one curve per run, the first one solid and bold."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence

@@ -147,7 +147,7 @@ def _beside(runs: Mapping[str, Run], variants: Sequence[Mapping[str, Any]]) -> S
 
 
 def _asked(scenario: Mapping[str, Any]) -> Sheet:
-    """Return what decides a run, in a few rows."""
+    """Return the decisive settings of a run, in a few rows."""
     arm, task, control, target, plant = (
         scenario[name] for name in ("arm", "task", "control", "target", "plant")
     )
@@ -171,7 +171,7 @@ def _asked(scenario: Mapping[str, Any]) -> Sheet:
 
 
 def _scenario(made: Page, scenario: Mapping[str, Any]) -> None:
-    """Add the scenario to copy, without what is as by default."""
+    """Add the scenario to copy, without defaults."""
     try:
         named = loads(block(scenario), "report").model_dump(mode="json", exclude_defaults=True)
     except ScenarioError:  # its model is gone, or it is of another version: all of it, then

@@ -158,7 +158,7 @@ def _numbers(path: Path) -> Mapping[str, Array]:
 
 
 def _checked_time(path: Path, time: Array) -> Array:
-    """Return the times from 0 on, or raise what is wrong with them."""
+    """Return the times from 0 on, or raise their fault."""
     if len(time) < 2:
         raise TargetError(f'"{path}" must have 2 rows or more, got {len(time)}')
     _check_finite(path, ("t",), time[:, None])
@@ -179,7 +179,7 @@ def _check_finite(path: Path, names: Sequence[str], rows: Array) -> None:
 
 
 def _checked_poses(path: Path, poses: Array) -> Array:
-    """Return poses with unit quaternions of which neighbors are near, or raise what is wrong with them."""
+    """Return poses with unit quaternions whose neighbors are near, or raise their fault."""
     size = np.linalg.norm(poses[:, 3:], axis=1)
     row = int(np.argmax(np.abs(size - 1.0)))
     if abs(size[row] - 1.0) > UNIT:

@@ -248,7 +248,7 @@ class Prepared:
             yield Assumed(f"cannot be shown: the run ends before look.at, {look.at:g} s", True)
 
     def _by_profile(self) -> Iterator[Assumed]:
-        """Yield what the profile of `control.limits` sets, except what is written otherwise."""
+        """Yield the settings of the profile in `control.limits`, except for keys that the scenario sets."""
         control = self.scenario.control
         if control.limits.profile is None:
             return

@@ -132,7 +132,7 @@ class _Shard:
         columns: Mapping[str, NDArray[np.generic]],
         divergence: Divergence | None = None,
     ) -> Run:
-        """Return a run of a world with what is known beside its columns."""
+        """Return a run of a world with its columns and further data."""
         prepared, contacts = self.prepared[w], self.batch.contacts
         arm, scenario = prepared.arm, prepared.scenario
         chain = prepared.true_arm.chain

@@ -149,7 +149,7 @@ def _first_tick(start: float, period: float) -> int:
 def _checked(
     segments: Sequence[Segment], limits: TargetLimitsSection, start_pose: ArrayLike, period: float
 ) -> Array:
-    """Return the start pose, or raise what is wrong with the arguments."""
+    """Return the start pose, or raise the fault of the arguments."""
     if not segments:
         raise TargetError("target.path: must have at least 1 item, got 0")
     values = {f"target.limits.{name}": value for name, value in limits}

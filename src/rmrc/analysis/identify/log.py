@@ -109,7 +109,7 @@ def _log(
 
 
 def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
-    """Return a name, columns by name, and what is to be said of the file."""
+    """Return a name, columns by name, and notes on the file."""
     if isinstance(source, Run):
         return source.name, *_of_run(source.columns, source.joints)
     if isinstance(source, Mapping):
@@ -139,7 +139,7 @@ def _numbers(source: Source) -> tuple[str, Mapping[str, Array], dict[str, str]]:
 def _of_run(
     arrays: Mapping[str, ArrayLike], joints: tuple[str, ...]
 ) -> tuple[Mapping[str, Array], dict[str, str]]:
-    """Return columns of one value per row, and what is to be said: (T, n) are named by joints or numbers."""
+    """Return columns of one value per row, and notes; joints or numbers name the columns of (T, n)."""
     found = dict[str, Array]()
     for name in arrays:
         values = np.asarray(arrays[name])
@@ -206,7 +206,7 @@ def _in_si(
 
 
 def _in_order(time: Array, values: Array) -> tuple[Array, list[str]]:
-    """Return rows with times that rise, (R, 1 + columns), and what was done to them."""
+    """Return rows with increasing times, (R, 1 + columns), and notes on the changes."""
     notes, rows = [], np.column_stack([time, values])
     lacking = ~np.isfinite(time)
     if lacking.any():
@@ -242,7 +242,7 @@ def _spread_out(time: Array) -> Array:
 
 
 def _fresh(q: Array, rates: Array) -> tuple[Array, list[str]]:
-    """Return positions without those that only repeat what was read before, and what was done."""
+    """Return positions without repeated readings, and notes on the changes."""
     top = np.nanmax(np.abs(rates), axis=0, initial=0.0)
     driven = np.nanmax(np.abs(rates) / np.where(top > 0.0, top, 1.0), axis=1, initial=0.0)[1:] > 0.5
     same = (np.diff(q, axis=0) == 0.0) | np.isnan(q[1:])

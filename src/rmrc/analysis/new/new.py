@@ -235,7 +235,7 @@ def _trial(suits: Scales, move: Move, cache: Cache) -> _Trial:
 
 
 def _run(suits: Scales, move: Move, plant: str, cache: Cache, period: float = PERIOD) -> Run:
-    """Return what comes of a move on a plant."""
+    """Return the run of a move on a plant."""
     one = loads(_placed(suits, move, plant, {}, [])).set({"control.period": period})
     return Simulation([prepare(one, cache)]).run()[0]
 

@@ -54,7 +54,7 @@ def save(found: Workspace | JointMap, path: Path) -> None:
 
 
 def _workspace(found: Workspace) -> tuple[dict[str, Any], dict[str, str], dict[str, Any]]:
-    """Return the arrays, what each means, and what they are of."""
+    """Return the arrays, their meanings, and their subject."""
     arm, part = found.task.arm, found.part
     arrays: dict[str, Any] = {"a": found.a, "b": found.b, "home": found.home}
     for word, reach in (("free", found.free), ("limited", found.limited)):
@@ -85,7 +85,7 @@ def _workspace(found: Workspace) -> tuple[dict[str, Any], dict[str, str], dict[s
 
 
 def _joint_map(found: JointMap) -> tuple[dict[str, Any], dict[str, str], dict[str, Any]]:
-    """Return the arrays, what each means, and what they are of."""
+    """Return the arrays, their meanings, and their subject."""
     arm = found.task.arm
     meaning = {
         "first": "positions of the first joint, (A,) [rad or m]",
