@@ -13,15 +13,14 @@ from rmrc.results.run import Run
 from rmrc.scenario.choices import Status
 from rmrc.show import traces
 from rmrc.show.figures import DASHES
-from rmrc.show.palette import RED, TEAL, distinct
-from rmrc.show.panels import grouped, in_words, paints, statuses
+from rmrc.show.palette import of_status
+from rmrc.show.panels import grouped, in_words, statuses
 from rmrc.show.traces import GRAYS, ROOM, Panel, Trace, kept
 
 Array = NDArray[np.float64]
 
 # Rows of the plots of `rmrc.show.traces` on the page: rates, singular values, errors.
 SHOWN = 3
-GRAVE = Status.SINGULAR | Status.STOPPED | Status.STUCK | Status.CONTACT
 # Room beyond the largest value of an axis that no limit bounds.
 MARGIN = 1.08
 # Least value of a logarithmic axis: uPlot writes less as 0.
@@ -92,7 +91,6 @@ def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
     drawn = sorted(panel.traces, key=lambda one: (not one.is_gray, not one.label.endswith("plain inverse")))
     rows = kept([one.values for one in drawn], ROOM)
     time = panel.time[rows]
-    paint = [f"#{color >> 8:06x}" for color in distinct(colors)] if dark else paints(colors)
     data, series = [time], [dict[str, Any](label="t [s]")]
     for one in drawn:
         values = one.values[rows]
@@ -100,9 +98,8 @@ def _plot(panel: Panel, colors: int, dark: bool) -> Plot:
         is_plain = one.label.endswith("plain inverse")
         dashes = [2.0 * part for part in DASHES[one.dash % len(DASHES)]] if one.dash else ()
         dash = PLAIN if is_plain else dashes
-        stroke = GRAYS[dark] if one.is_gray else paint[one.color]
         width = 2.0 if not (one.is_gray or is_plain) else 1.2
-        series.append(_series(one.label, stroke, width, dash))
+        series.append(_series(one.label, one.colors(colors)[dark], width, dash))
     for value in panel.lines:
         data.append(np.full(len(time), value))
         series.append(_series("ε" if panel.is_logarithmic else "limit", GRAYS[dark], 1.5, DOTS))
@@ -188,7 +185,7 @@ def strip(run: Run, at: float, end: float) -> str:
 def _lane(name: str, run: Run, flag: Status, end: float) -> str:
     holds = (run["status"].astype(np.int64) & int(flag)) != 0
     edges = np.flatnonzero(np.diff(np.concatenate([[False], holds, [False]]).astype(np.int8)))
-    color = f"#{(RED if flag & GRAVE else TEAL) >> 8:06x}"
+    color = f"#{of_status(int(flag)) >> 8:06x}"
     time, spans = run["time"], list[str]()
     for first, last in edges.reshape(-1, 2):
         left, width = time[first] / end, (time[last - 1] + run.period - time[first]) / end
