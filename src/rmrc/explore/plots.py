@@ -27,6 +27,8 @@ MARGIN = 1.08
 LEAST = 1e-3
 # Dashes of limits and bounds, and of the rates of the plain inverse [px].
 DOTS, PLAIN = (2.0, 4.0), (7.0, 4.0)
+# Left and right of the data of a plot [px]: the lanes have them too, so that times are in line.
+AREA = (55, 25)
 # Metrics of the table: name in the scorecard, words, factor to the unit, unit.
 FIGURES = (
     ("joint_rate_cmd.peak", "largest rate commanded", 1.0, ""),
@@ -172,13 +174,12 @@ def strip(run: Run, at: float, end: float) -> str:
     lanes = [_lane(in_words(flag), run, flag, end) for flag in statuses(run)]
     told = "".join(lanes) or '<div style="padding:.2em 0">nothing limited this run</div>'
     place = 100.0 * min(max(at / end, 0.0), 1.0) if end > 0.0 else 0.0
-    mark = (
-        f'<div style="position:absolute;left:calc(7.5em + (100% - 7.5em)*{place / 100:.4f});top:0;bottom:0;'
-        'border-left:2px solid currentColor"></div>'
-    )
+    style = f"position:absolute;left:{place:.2f}%;top:0;bottom:0;border-left:2px solid currentColor"
+    mark = f'<div style="{style}"></div>'
     return (
-        '<div style="font-size:.8em;padding:.2em .5em;position:relative"><div style="position:relative">'
-        f'{told}{mark}</div><div style="text-align:right">t = {at:.3f} s of {end:.2f} s</div></div>'
+        f'<div style="font-size:.75em;line-height:1.2;padding:0 {AREA[1]}px 0 {AREA[0]}px">'
+        f'<div style="position:relative">{told}{mark}</div>'
+        f'<div style="text-align:right">t = {at:.3f} s of {end:.2f} s</div></div>'
     )
 
 
@@ -191,9 +192,9 @@ def _lane(name: str, run: Run, flag: Status, end: float) -> str:
         left, width = time[first] / end, (time[last - 1] + run.period - time[first]) / end
         spans.append(f'<rect x="{1e3 * left:.1f}" width="{max(1e3 * width, 2.0):.1f}" height="10"/>')
     return (
-        f'<div style="display:flex;align-items:center"><span style="width:7.5em">{html.escape(name)}</span>'
-        '<svg viewBox="0 0 1000 10" preserveAspectRatio="none" style="flex:1;height:.9em;'
-        f'background:#8883" fill="{color}" aria-label="{html.escape(name)}">{"".join(spans)}</svg></div>'
+        f'<div style="padding-left:4px">{html.escape(name)}</div>'
+        '<svg viewBox="0 0 1000 10" preserveAspectRatio="none" style="display:block;width:100%;height:.6em;'
+        f'background:#8883" fill="{color}" aria-label="{html.escape(name)}">{"".join(spans)}</svg>'
     )
 
 
