@@ -104,6 +104,7 @@ def test_the_plots_are_the_columns_to_the_bit_and_nothing_leaves(browser, served
         assert "share" not in page.inner_text("body").lower()
 
 
+@pytest.mark.long
 def test_two_tabs_have_sessions_of_their_own_and_a_closed_one_frees_its(browser, served):
     with opened(browser, served):
         (first,) = served.sessions.values()

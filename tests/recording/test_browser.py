@@ -324,6 +324,7 @@ def display():
         yield f":{server.stdout.readline().strip()}"
 
 
+@pytest.mark.long  # a page stands for it
 def test_a_window_stands_still_at_the_time_that_it_is_told(recordings, display, tmp_path, monkeypatch):
     from rerun.experimental import ViewerClient
 
