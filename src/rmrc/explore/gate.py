@@ -13,7 +13,7 @@ import websockets.asyncio.server
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
-from rmrc.recording.viewer_page import OUR_NAMES
+from rmrc.recording import viewer_page
 
 # A header of every answer. The browser lets the page talk only to its own server, whatever the address.
 POLICY = "; ".join(
@@ -31,15 +31,7 @@ POLICY = "; ".join(
         "frame-ancestors 'none'",
     )
 )
-HEADERS = {
-    "Content-Security-Policy": POLICY,
-    "X-Content-Type-Options": "nosniff",
-    "X-DNS-Prefetch-Control": "off",
-    "Referrer-Policy": "no-referrer",
-    "Cross-Origin-Opener-Policy": "same-origin",
-    "Cross-Origin-Resource-Policy": "same-origin",
-    "Cache-Control": "no-store",
-}
+HEADERS = {"Content-Security-Policy": POLICY, **viewer_page.HEADERS}
 
 _Answer = Callable[[Any, Request], Response | None]
 _serving = threading.Lock()
@@ -77,7 +69,7 @@ class Gate:
             request: The request as received.
         """
         hosts = request.headers.get_all("Host")
-        if len(hosts) != 1 or (self._is_local and not OUR_NAMES.fullmatch(hosts[0].strip())):
+        if len(hosts) != 1 or (self._is_local and not viewer_page.OUR_NAMES.fullmatch(hosts[0].strip())):
             return None
         is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
         if is_socket and request.headers.get_all("Origin") != [f"http://{hosts[0].strip()}"]:

@@ -14,12 +14,12 @@ from typing import Any
 
 from rmrc.explore.answer import Explored
 from rmrc.explore.session import Session
+from rmrc.recording.viewer_process import LOOPBACK
 from rmrc.scenario import Scenario
 from rmrc.scenario.lesson import Lesson
 from rmrc.support.errors import RmrcError
 from rmrc.support.interruption import interruptible
 
-LOOPBACK = "127.0.0.1"
 # Addresses without a token: only this machine reaches them, and requests must name them.
 LOCAL = (LOOPBACK, "localhost")
 # The variable with which viser would replace the given port.
@@ -202,7 +202,6 @@ def serve(
         ExploreError: Viser is not installed, or the address cannot be listened on.
         KeyboardInterrupt: The signal that ended it.
     """
-    refuse_missing()
     refuse_taken(host, port)
     Explored(scenario)  # finds the faults of the scenario before a browser connects
     with interruptible() as stop, Server(scenario, out, host, port, lesson, failed) as server:

@@ -104,7 +104,7 @@ def serves(model: mujoco.MjModel) -> bool:
 def offsets() -> dict[str, int]:
     """Return where in an MjData the pointers to FIELDS are, and its warnings [B]; nothing if that is unsure.
 
-    They are looked up in live data, which takes a hundredth of the time of reading MuJoCo's own description.
+    They are looked up in live data: reading MuJoCo's own description takes longer.
     """
     try:
         library()
@@ -112,15 +112,16 @@ def offsets() -> dict[str, int]:
         data.warning[0].lastinfo, data.warning[0].number = 0x5EA1, 0x0DD5
         sought = {0x5EA1 | 0x0DD5 << 32: "warning"} | {_address(data, name): name for name in FIELDS}
         # the whole buffer begins where qpos does, and comes first: of equal words the last is meant
-        found = {sought[word]: 8 * i for i, word in enumerate(_words(data)) if word in sought}
-        if len(found) == len(FIELDS) + 1:
-            return found
+        words = _words(data)
+        found = {name: np.flatnonzero(words == word)[-1:] for word, name in sought.items()}
+        if len(found) == len(FIELDS) + 1 and all(map(len, found.values())):
+            return {name: 8 * int(at[0]) for name, at in found.items()}
     except (OSError, AttributeError, TypeError, ValueError):  # another MuJoCo, or another system
         pass
     return {}
 
 
-def _words(data: mujoco.MjData) -> list[int]:
+def _words(data: mujoco.MjData) -> NDArray[np.int64]:
     """Return all words of the memory that was allocated for an MjData.
 
     Raises:
@@ -129,7 +130,8 @@ def _words(data: mujoco.MjData) -> list[int]:
     system = ctypes.CDLL(None)
     allocated = getattr(system, next((name for name in _ALLOCATED if hasattr(system, name)), _ALLOCATED[0]))
     allocated.restype, allocated.argtypes = ctypes.c_size_t, [_POINTER]
-    return list((ctypes.c_int64 * (allocated(data._address) // 8)).from_address(data._address))
+    words = (ctypes.c_int64 * (allocated(data._address) // 8)).from_address(data._address)
+    return np.frombuffer(words, np.int64)
 
 
 def _address(data: mujoco.MjData, name: str) -> int:
