@@ -383,7 +383,7 @@ IDLE = (*THREE, "arm.joints=[shoulder, wrist]")
         (("control.state=guessed",), '--set control.state: … "measured", "integrated", … "guessed"'),
         (("control.rate_filter=-1",), "--set control.rate_filter: … 0 … -1"),
         *(
-            ((*IDLE, text), f"--set {text.partition('=')[0]}: {told}joint \"elbow\" … is not driven, … drive it, or leave {key} out")
+            ((*IDLE, text), f"--set {text.partition('=')[0]}: {told}joint \"elbow\" … is not actuated, … actuate it, or leave {key} out")
             for text, key, told in (
                 ("arm.encoder.delay=0.01", "arm.encoder", "arm.encoder: "), ("control.state=integrated", "control.state", ""),
                 ("plant.stretch.link_1=1.01", "plant.stretch", "plant.stretch: "), ("plant.joint_offset=0.01", "plant.joint_offset", ""),
@@ -414,7 +414,7 @@ def test_joints_before_the_site_of_a_second_task_are_to_be_driven_too(scenario, 
     with pytest.raises(ScenarioError) as caught:
         prepare(scenario(*shared, "control.nullspace.secondary.site=end", "control.state=integrated"))
     assert str(caught.value) == says(
-        f'--set control.state: joint "grip" of {path} … drive it, or leave control.state out'
+        f'--set control.state: joint "grip" of {path} … actuate it, or leave control.state out'
     )
 
 

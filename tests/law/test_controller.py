@@ -291,7 +291,7 @@ def test_what_the_chain_does_not_tell_is_read_from_data():
     assert out.status & Status.INVALID_INPUT
     assert (
         out.problem
-        == f'joint "{ARM.joints[2]}" moves the site and is not driven: step_data reads where it is'
+        == f'joint "{ARM.joints[2]}" moves the site and is not actuated: step_data reads its position'
     )
     data = seen(ARM, START)
     assert one.step_data(data, **ahead()).problem == ""

@@ -297,7 +297,7 @@ def test_joints_that_are_not_driven_stay_where_the_scenario_has_them(tmp_path):
     path.write_text(TEXT.replace(TEXT.split("\n")[2], arm).replace("to: [1.93, 0.0]", "by: [0.1, 0.0]"))
     with pytest.raises(ScenarioError) as caught:
         Tuning(path, ["arm.start=away"])
-    assert str(caught.value).splitlines() == [says('--start: … 0 … arm.start "away" … not driven … home')]
+    assert str(caught.value).splitlines() == [says('--start: … 0 … arm.start "away" … not actuated … home')]
     assert Tuning(path, ["arm.start=away"], spread=Spread(0.0)).spread_in_words
     for copy in Tuning(path, ["arm.start=home"]).copies:
         assert prepare(load(path, ["arm.start=home", *texts(copy)])).qpos[0] == 0.0

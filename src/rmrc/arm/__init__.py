@@ -1,8 +1,8 @@
 """An MJCF or URDF file as an arm: a chain of joints to a site, every name resolved once.
 
-Any model will do: the frame of its hand is found where none is named, the chain is found from the frame,
-the limits are read from joints and actuators, and `Arm.adapted` gives each joint of the chain the one
-actuator that a plant needs. Nothing here steps the physics.
+Any model works: the frame of its hand is found if none is named, the chain is found from the frame, and the
+limits are read from joints and actuators. `Arm.adapted` gives each joint of the chain the one actuator that a
+plant needs. Nothing here steps the physics.
 """
 
 from rmrc.arm.adapting import Drive, Own

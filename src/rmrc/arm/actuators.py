@@ -1,16 +1,16 @@
-"""An actuator that is added to a model, without what the model's defaults say of actuators."""
+"""An actuator that is added to a model, without the model's defaults for actuators."""
 
 from functools import cache
 
 import mujoco
 import numpy as np
 
-# What an actuator is and acts on: its own, whatever the defaults.
+# The identity and target of an actuator: its own, whatever the defaults.
 _OWN = {"classname", "compiler", "id", "info", "name", "plugin", "signature", "target", "trntype", "userdata"}
 
 
 def reset(actuator: mujoco.MjsActuator) -> None:
-    """Give an actuator the values that MuJoCo has by itself, in all fields but its name and transmission."""
+    """Give an actuator MuJoCo's own default values in all fields except its name and transmission."""
     for name, value in _pristine().items():
         setattr(actuator, name, value)
     actuator.userdata = []

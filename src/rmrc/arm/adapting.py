@@ -1,4 +1,4 @@
-"""The model as a plant needs it: the author's, with actuators on the arm's joints, and what is locked."""
+"""The model as a plant needs it: the author's, with actuators on the arm's joints and other joints locked."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -17,28 +17,28 @@ from rmrc.arm.wiring import soft_bodies
 
 Array = NDArray[np.float64]
 
-# Makes an actuator what drives a joint, given by its position in the arm; equal ones do the same.
+# Makes an actuator the one of a joint, given by its position in the arm; equal ones do the same.
 Drive: TypeAlias = Callable[[mujoco.MjsActuator, int], None]
-# What drives an arm by the actuators that its author gave it.
+# The author's own actuators.
 Own: TypeAlias = Literal["own"]
 
-# Models for plants that an arm keeps, those compiled last: few sweeps ask for more by turns.
+# Number of the last compiled plant models that an arm keeps: few sweeps use more in turn.
 _MOST = 8
 
 
 @dataclass(frozen=True, eq=False)
 class Adaptations:
-    """Models for plants, each compiled once for all who ask for the same: see `Arm.adapted`.
+    """Models for plants, each compiled once for equal requests: see `Arm.adapted`.
 
     Attributes:
         path: Path of the author's file.
-        model: As its author wrote it.
+        model: The author's model.
         spec: The same, without textures; it is copied.
-        others: What of it is not the arm.
+        others: The parts that are not the arm.
         joints: Names of the arm's joints.
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
         site: Name of the controlled site.
-        known: What was compiled, by what was asked for.
+        known: The compiled models, by their requests.
     """
 
     path: Path
@@ -66,9 +66,9 @@ class Adaptations:
         """Return a model.
 
         Args:
-            drive: As `Arm.adapted` has it, and so are those up to `loaded`.
+            drive: This and the arguments up to `loaded` are as in `Arm.adapted`.
             timestep: MuJoCo's step [s].
-            gravity_compensation: Whether the arm's bodies are made to float.
+            gravity_compensation: Whether the weight of the arm's bodies is compensated.
             loaded: Whether a body for a payload is added.
             frees: Whether other joints that no actuator holds are free to move.
         """
@@ -91,7 +91,7 @@ class Adaptations:
     ) -> mujoco.MjModel:
         spec = self.spec.copy()
         locks = drive is not None and not frees and bool(self.others.locked)
-        with in_our_words(self.path):  # a specification refuses some things before it is compiled
+        with in_our_words(self.path):  # a specification refuses some errors before it is compiled
             self._adapt(spec, drive, gravity_compensation, loaded)
             if locks:
                 self.others.lock(spec, self.path)
@@ -104,14 +104,14 @@ class Adaptations:
         if drive is None:
             option.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
         model = compiled(self.path, spec)
-        if locks:  # by which MuJoCo's solver tells when it is done
+        if locks:  # MuJoCo's solver uses it to decide when to stop
             model.stat.meaninertia = self.model.stat.meaninertia
         return model
 
     def _adapt(
         self, spec: mujoco.MjSpec, drive: Drive | Own | None, gravity_compensation: bool, loaded: bool
     ) -> None:
-        """Take keyframes and the arm's actuators out, and put in what a plant needs: see `adapted`."""
+        """Remove keyframes and the arm's actuators, and add the parts that a plant needs: see `adapted`."""
         for key in list(spec.keys):  # their controls no longer fit; `configuration` has their positions
             spec.delete(key)
         replaced = [actuator for actuator in spec.actuators if actuator.id in self.others.replaced]
@@ -119,7 +119,7 @@ class Adaptations:
             actuator.delay, actuator.nsample = (
                 0.0,
                 0,
-            )  # a control that never changes can be as late as it likes
+            )  # the delay of a constant control does not matter
         if drive != "own":
             self._replace_actuators(spec, replaced, drive)
         if gravity_compensation:
@@ -130,7 +130,7 @@ class Adaptations:
         if loaded:
             site = spec.site(self.site)
             site.parent.add_body(name=PAYLOAD, pos=site.pos, ipos=[0.0, 0.0, 0.0], explicitinertial=True)
-            spec.compiler.fusestatic = False  # or it would become a part of the body that carries it
+            spec.compiler.fusestatic = False  # otherwise it would merge into the body that carries it
 
     def _replace_actuators(
         self, spec: mujoco.MjSpec, replaced: Sequence[mujoco.MjsActuator], drive: Drive | None
@@ -138,7 +138,7 @@ class Adaptations:
         gone = {actuator.name for actuator in replaced}
         sensors = [sensor for sensor in spec.sensors if sensor.objtype == mujoco.mjtObj.mjOBJ_ACTUATOR]
         for element in [*(one for one in sensors if one.objname in gone), *replaced]:
-            spec.delete(element)  # chosen before, as ids change with every one that goes
+            spec.delete(element)  # chosen before, as ids change with every deletion
         if drive is None:
             return
         for j, (joint, limit) in enumerate(zip(self.joints, self.torque_limit, strict=True)):
@@ -153,7 +153,7 @@ class Adaptations:
 
 
 def descends(model: mujoco.MjModel, body: int, root: int) -> bool:
-    """Return whether a body is another one, or hangs at it."""
+    """Return whether a body is another one or one of its descendants."""
     while body > root:
         body = model.body_parentid[body]
     return bool(body == root)

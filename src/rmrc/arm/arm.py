@@ -43,23 +43,23 @@ class Arm:
         joints: Names, from the world outward, n of them.
         is_slide: Whether each joint slides, (n,).
         followers: Joints that follow its joints, on the chain or not.
-        ties: What else of the model ties its joints, in words: with any, they are no open chain.
+        ties: Other constraints of the model on its joints, in words; with any, the arm is no open chain.
         position_limit: Lower and upper, (n, 2) [rad or m]; infinite where the model has none.
         rate_limit: (n,) [rad/s or m/s]; infinite where the model has none.
         torque_limit: (n,) [N·m or N]; infinite where the model has none.
         keyframes: Configurations by name, each (nq,).
-        model: The model as its author wrote it, except what is stretched.
-        variant: What else than the file makes the model: a tool, folders of packages.
-        frame: Key of a scenario's `arm` that names what is controlled, and its value; None where only default
-            names it.
+        model: The model as its author wrote it, except for stretched bodies.
+        variant: Options that change the model beside the file: a tool, folders of packages.
+        frame: Key of a scenario's `arm` that names the controlled frame, and its value; None where only the
+            default names it.
         packages: Names and folders of a URDF's packages that were given.
-        notes: What was assumed where the file does not say it, one line each.
-        home: Number of the keyframe that is `home`; None where none is.
-        obvious: Which of them tells a choice of the site that hardly anybody would doubt; "" if none does.
+        notes: Assumptions where the file leaves something open, one line each.
+        home: Number of the keyframe that is `home`; None without one.
+        obvious: The note about a choice of the site that hardly anybody would doubt; "" if there is none.
         stretch: Factor on all lengths of a body, by its name.
-        rest: Where the joints stand that are not the arm's, in a whole configuration, (nq,); None: at `home`.
+        rest: Positions of the joints that are not the arm's, in a whole configuration, (nq,); None: `home`.
         frees_others: Whether those that no actuator holds are free to move in a plant, or locked.
-        mocap: Poses of the bodies that motion capture places, (nmocap, 7); None: as at `home`.
+        mocap: Poses of the mocap bodies, (nmocap, 7); None: as at `home`.
     """
 
     path: Path
@@ -106,42 +106,42 @@ class Arm:
 
     @cached_property
     def others(self) -> Others:
-        """What of the model is not the arm."""
+        """The parts of the model that are not the arm."""
         wiring = self.wiring
         return Others(self.model, [*wiring.joint, *wiring.follower_joint], wiring.site)
 
     @cached_property
     def drives(self) -> OwnDrives:
-        """What of the author's actuators drives the arm."""
+        """The author's actuators that move the arm."""
         return OwnDrives(self.model, self.others, self.wiring, self.followers)
 
     def place_mocap(self, data: mujoco.MjData) -> None:
-        """Place the bodies that motion capture places where they are at the start of a run."""
+        """Set the mocap bodies to their poses at the start of a run."""
         if self.model.nmocap:
             poses = self.mocap_now
             data.mocap_pos[:], data.mocap_quat[:] = poses[:, :3], poses[:, 3:]
 
     @property
     def mocap_now(self) -> Array:
-        """Poses of the bodies that motion capture places, (nmocap, 7)."""
+        """Poses of the mocap bodies, (nmocap, 7)."""
         return self.mocap_at("home") if self.mocap is None else self.mocap
 
     def mocap_at(self, start: str | Sequence[float]) -> Array:
-        """Return the poses of the bodies that motion capture places, (nmocap, 7), for a start of `held`."""
+        """Return the poses of the mocap bodies, (nmocap, 7), for a start of `held`."""
         data, key = mujoco.MjData(self.model), self._key_of(start)
         if key is not None:
             mujoco.mj_resetDataKeyframe(self.model, data, key)
         return np.hstack([data.mocap_pos, data.mocap_quat])
 
     def at(self, qpos: Array, frees_others: bool = False, mocap: Array | None = None) -> "Arm":
-        """Return the arm where the joints that are not its own stand elsewhere; itself where nothing changes.
+        """Return the arm with other positions of the joints that are not its own; itself if none changes.
 
-        Kinematics, statics and inertias are those of the arm that stands there. The compiled model is shared.
+        Kinematics, statics and inertias are those of the returned arm. The compiled model is shared.
 
         Args:
-            qpos: A configuration of the model, (nq,); of the arm's own joints nothing is taken.
+            qpos: A configuration of the model, (nq,); positions of the arm's own joints are ignored.
             frees_others: Whether joints that no actuator holds are free to move in a plant.
-            mocap: Where motion capture places its bodies, (nmocap, 7); None: as they are.
+            mocap: Poses of the mocap bodies, (nmocap, 7); None: as they are.
         """
         mocap = self.mocap if mocap is None or np.array_equal(mocap, self.mocap_now) else mocap
         rest, elsewhere = np.array(self._rest), self.others.addresses
@@ -159,14 +159,14 @@ class Arm:
         return self.wire(self.model)
 
     def wire(self, model: mujoco.MjModel) -> Wiring:
-        """Resolve the names of the arm in a model that was compiled from the author's."""
+        """Resolve the names of the arm in a model compiled from the author's."""
         return wire(model, self.joints, [one.name for one in self.followers], self.axis_names, self.site)
 
     @property
     def pitch(self) -> Array:
-        """Way along its axis for each radian that a joint turns, (n,) [m/rad].
+        """Translation along its axis for each radian that a joint turns, (n,) [m/rad].
 
-        0 of a hinge, inf of a slide, else a screw's: as in `rmrc.textbook.screws`.
+        It is 0 for a hinge, inf for a slide, and else the pitch of a screw, as in `rmrc.textbook.screws`.
         """
         pitch = np.where(self.is_slide, np.inf, 0.0)
         for one in self.followers:
@@ -176,7 +176,7 @@ class Arm:
 
     @property
     def leads(self) -> NDArray[np.bool_]:
-        """Which joints others follow, (n,), as no half of a screw."""
+        """Which joints have followers, (n,), not counting the slide of a screw."""
         return np.isin(np.arange(self.n), [one.leader for one in self.followers if not one.is_screw])
 
     @property
@@ -186,9 +186,9 @@ class Arm:
 
     @property
     def comes_round(self) -> NDArray[np.bool_]:
-        """Which joints are where they were after a whole turn, (n,).
+        """Which joints return to the same configuration after a whole turn, (n,).
 
-        Hinges that are no screws, and whose followers turn whole turns as well.
+        They are hinges without a screw whose followers turn whole turns as well.
         """
         comes = np.asarray(self.pitch == 0.0)
         for joint, one in zip(self.wiring.follower_joint, self.followers, strict=True):
@@ -203,7 +203,7 @@ class Arm:
 
     @cached_property
     def inertia(self) -> Array:
-        """Inertia that each joint feels alone at `home`, (n,) [kg·m² or kg]: the diagonal of M."""
+        """Inertia that each joint alone moves at `home`, (n,) [kg·m² or kg]: the diagonal of M."""
         self._kinematics(self.configuration("home")[self.wiring.qpos])
         mujoco.mj_makeM(self.model, self._data)
         full = np.zeros((self.model.nv, self.model.nv))
@@ -212,19 +212,19 @@ class Arm:
 
     @cached_property
     def masses(self) -> Masses:
-        """What the joints move, with all of them at 0, and those that are not the arm's at rest."""
+        """The masses that the joints move, with all of them at 0 and the other joints at rest."""
         self._kinematics(np.zeros(self.n))
         return find_masses(self.model, self._data, self.wiring, self.followers)
 
     @cached_property
     def axis_names(self) -> tuple[str, ...]:
-        """Names of the joints on the axes of the chain, outward: its own, and those that follow them."""
+        """Names of the joints on the axes of the chain, outward: its own, and their followers."""
         moving = {*self.joints, *(one.name for one in self.followers if not one.is_screw)}
         return tuple(name for name in find_chain(self.path, self.model, self.site) if name in moving)
 
     @cached_property
     def chain(self) -> Chain:
-        """Geometry with all joints of the arm at 0, and those that are not the arm's at rest."""
+        """Geometry with all joints of the arm at 0 and the other joints at rest."""
         self._kinematics(np.zeros(self.n))
         names, joint = self.axis_names, self.wiring.axis
         following = {one.name: one for one in self.followers}
@@ -250,8 +250,8 @@ class Arm:
         """Return all of qpos, (nq,), for a keyframe's name or for positions of the arm's joints (n,).
 
         Args:
-            start: Where there is no keyframe `home`, that name means the model's zero position. Positions of
-                the arm's joints leave the others where they rest.
+            start: Without a keyframe `home`, that name means the model's zero position. With positions of the
+                arm's joints, the other joints rest.
 
         Raises:
             ModelError: No such keyframe.
@@ -273,14 +273,14 @@ class Arm:
     def held(self, start: str | Sequence[float], qpos: Array, own: bool = False) -> tuple[Array, Array]:
         """Return controls and activations of the actuators that are not the arm's, as `adapted` orders them.
 
-        They are those of the keyframe. Where it has none, actuators that can hold their joints do.
+        They are those of the keyframe. If it has none, each actuator that can hold its joints does.
 
         Args:
-            start: A keyframe's name, or positions of the arm's joints; these go with the keyframe `home` if
-                the others stand where it has them, and with none if not.
-            qpos: Where the model starts, (nq,).
-            own: Whether the arm's own actuators are among them. They have the keyframe's if the arm stands
-                where it does, and NaN if not: `rmrc.plants.model` finds what holds the arm.
+            start: A keyframe's name, or positions of the arm's joints. Positions go with the keyframe `home`
+                if the other joints are where it has them, and with none if not.
+            qpos: Start configuration of the model, (nq,).
+            own: Whether to include the arm's own actuators. They have the keyframe's values if the arm is at
+                its positions, and NaN if not: `rmrc.plants.model` then finds values that hold the arm.
         """
         if not (self.others.kept or own):
             return np.empty(0), np.empty(0)
@@ -306,14 +306,14 @@ class Arm:
         return key is not None and bool(self.model.key_qvel[key].any())
 
     def _key_of(self, start: str | Sequence[float]) -> int | None:
-        """Return the number of a start's keyframe: of its name, or of what stands for `home`."""
+        """Return the number of a start's keyframe: by its name, or the one that replaces `home`."""
         name = start if isinstance(start, str) else "home"
         if name == "home" and self.home is not None:
             return self.home
         return next((i for i in range(self.model.nkey) if self.model.key(i).name == name), None)
 
     def placed(self, qpos: Array, q: Array) -> Array:
-        """Return a configuration of the model, (nq,), but with the arm's joints at q, (n,)."""
+        """Return a configuration of the model, (nq,), with the arm's joints moved to q, (n,)."""
         there = np.array(qpos)
         self._place(there, q)
         return there
@@ -322,12 +322,12 @@ class Arm:
         qpos[self.wiring.qpos] = q
         for address, one in zip(self.wiring.follower_qpos, self.followers, strict=True):
             qpos[address] = one.offset + one.ratio * qpos[self.wiring.qpos[one.leader]]
-        for name, link in self._links.items():  # what follows joints that are not the arm's
+        for name, link in self._links.items():  # followers of joints that are not the arm's
             leader = qpos[self.model.jnt_qposadr[link.leader]] if link.leader >= 0 else 0.0
             qpos[self.model.joint(name).qposadr[0]] = link.offset + link.ratio * leader
 
     def _followed(self, columns: Array) -> Array:
-        """Return the columns of the arm's joints, (..., n), from those of the model, (..., nv)."""
+        """Return the columns of the arm's joints, (..., n), from the model's, (..., nv)."""
         own = columns[..., self.wiring.dof]
         for address, one in zip(self.wiring.follower_dof, self.followers, strict=True):
             own[..., one.leader] += one.ratio * columns[..., address]
@@ -335,14 +335,14 @@ class Arm:
 
     @property
     def followed_dofs(self) -> tuple[list[int], Array]:
-        """Addresses in qvel of all joints that move with the arm, and how far those of the arm move them."""
+        """Addresses in qvel of all joints that move with the arm, and their ratios to the arm's joints."""
         rows = [np.eye(self.n), *(one.ratio * np.eye(self.n)[[one.leader]] for one in self.followers)]
         return [*self.wiring.dof.tolist(), *self.wiring.follower_dof.tolist()], np.concatenate(rows)
 
     def sampled(self, count: int, seed: int = 0) -> Array:
-        """Return random joint positions, (count, n), the same at every call, evenly between the limits.
+        """Return random joint positions, (count, n), the same at every call, uniform between the limits.
 
-        A joint without limits is taken half a turn, or π meters, to either side of `home`.
+        For a joint without limits the range is half a turn, or π meters, to either side of `home`.
         """
         home = self.configuration("home")[self.wiring.qpos]
         lower, upper = self.position_limit.T
@@ -352,11 +352,11 @@ class Arm:
 
     @property
     def sites(self) -> tuple[str, ...]:
-        """Names of all sites of the model that have one."""
+        """Names of all sites of the model that have a name."""
         return tuple(name for i in range(self.model.nsite) if (name := self.model.site(i).name))
 
     def require_open(self) -> None:
-        """Refuse an arm that is no open chain, which no law here can drive.
+        """Refuse an arm that is no open chain, which no law here can control.
 
         Raises:
             ModelError: An equality ties it.
@@ -370,7 +370,7 @@ class Arm:
 
     @property
     def idle(self) -> tuple[str, ...]:
-        """Names of the joints that move the controlled site and are not driven."""
+        """Names of the joints that move the controlled site and are not actuated."""
         known = {*self.joints, *(one.name for one in self.followers)}
         return tuple(name for name in find_chain(self.path, self.model, self.site) if name not in known)
 
@@ -380,10 +380,10 @@ class Arm:
         return np.isin(self.wiring.axis, joints_above(self.model, body))
 
     def behind(self, site: str) -> tuple[int, Array, Array]:
-        """Return where a site is behind the chain, with all joints of the arm at 0.
+        """Return the place of a site behind the chain, with all joints of the arm at 0.
 
         Returns:
-            The last axis that moves it, the way from the point on that to the site, (3,) [m], and the
+            The last axis that moves it, the vector from the point on that axis to the site, (3,) [m], and the
             orientation of the site, (4,).
         """
         last = int(np.flatnonzero(self.moves(site))[-1])
@@ -401,7 +401,7 @@ class Arm:
 
         Args:
             q: Joint positions.
-            site: Name of a site; None for the one that is controlled.
+            site: Name of a site; None: the controlled site.
         """
         self._kinematics(q)
         i = self.wiring.site if site is None else self.model.site(site).id
@@ -421,9 +421,9 @@ class Arm:
         return self._followed(full)
 
     def rest_torques(self, q: Sequence[float] | Array) -> tuple[Array, Array]:
-        """Return what the actuators give at rest against gravity, and against springs, (n,) each [N·m or N].
+        """Return the actuator loads at rest from gravity and from springs, (n,) each [N·m or N].
 
-        What the model itself compensates of gravity is taken off. Joints not of the arm are at rest.
+        The model's own gravity compensation is subtracted. Joints that are not the arm's are at rest.
         """
         self._kinematics(q)
         mujoco.mj_fwdPosition(self.model, self._data)
@@ -441,14 +441,14 @@ class Arm:
 
     @property
     def friction(self) -> Array:
-        """Dry friction that can bear a part of an actuator's load at rest, (n,) [N·m or N]."""
+        """Dry friction that can carry a part of an actuator's load at rest, (n,) [N·m or N]."""
         loss = np.array(self.model.dof_frictionloss[self.wiring.dof])
         for address, one in zip(self.wiring.follower_dof, self.followers, strict=True):
             loss[one.leader] += abs(one.ratio) * self.model.dof_frictionloss[address]
         return loss
 
     def frames(self, qpos: Array) -> tuple[Array, Array]:
-        """Return what moves, for configurations of the model, (T, nq).
+        """Return the moving frames for configurations of the model, (T, nq).
 
         Returns:
             Poses of all bodies in the world, (T, nbody, 7), and Jacobians of the site, (T, 6, n).
@@ -463,7 +463,7 @@ class Arm:
 
     @property
     def base(self) -> int:
-        """Id of the body that carries the first joint's: the world, or what stands on it."""
+        """Id of the body that carries the first joint's body: the world, or a body on it."""
         return int(self.model.body_parentid[self.model.jnt_bodyid[self.wiring.joint[0]]])
 
     @property
@@ -474,12 +474,12 @@ class Arm:
 
     @property
     def body_names(self) -> list[str]:
-        """Names of all bodies, the world first; a body without one goes by its number."""
+        """Names of all bodies, the world first; a body without a name has its number."""
         return [self.model.body(b).name or f"body{b}" for b in range(self.model.nbody)]
 
     @property
     def is_balanced(self) -> bool:
-        """Whether gravity pulls at no joint of the arm: there is none, or the model compensates all of it."""
+        """Whether gravity acts on no joint of the arm: there is none, or the model compensates all of it."""
         model, root = self.model, int(self.model.jnt_bodyid[self.wiring.joint[0]])
         heavy = [b for b in range(root, model.nbody) if model.body_mass[b] > 0.0 and self._descends(b, root)]
         return not model.opt.gravity.any() or all(model.body_gravcomp[b] == 1.0 for b in heavy)
@@ -492,10 +492,10 @@ class Arm:
 
     @property
     def _written(self) -> mujoco.MjSpec:
-        """The model as it is written.
+        """The specification of the model.
 
         Raises:
-            ModelError: Only what was compiled of it is there.
+            ModelError: Only a compiled model is known.
         """
         if self._spec is None:
             raise ModelError(
@@ -520,9 +520,9 @@ class Arm:
     def stretched(self, stretch: Mapping[str, float]) -> "Arm":
         """Return the arm with some bodies larger.
 
-        A body of factor f has all its lengths times f, about its frame's origin: where bodies, sites, joints
-        and geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times
-        what it was. Ranges of joints and limits stay. Its model has no textures.
+        For a body with factor f, all lengths about its frame's origin are multiplied by f: positions of
+        bodies, sites, joints and geoms on it, and sizes of geoms. Its mass stays, so its inertia is
+        multiplied by f². Ranges of joints and limits stay. The returned model has no textures.
 
         Args:
             stretch: Factor of each body, by its name.
@@ -548,22 +548,20 @@ class Arm:
     ) -> mujoco.MjModel:
         """Return the model with the actuators of a plant: one on each joint of the arm, its own, or none.
 
-        It is compiled once for all who ask for the same, and none of them may write to it.
+        It is compiled once for equal requests, and no caller may write to it.
 
-        Actuators that pull at other joints as well stay, before those that are added, in their order. What
-        the author's defaults say of actuators is not said of those that are added: a control of 1 is 1 rad/s
-        or N·m. The law limits the rates, so that the controls are not clamped here; torque limits are kept.
-        Other joints that no actuator holds are locked, unless `frees_others`. Sensors are off, as nothing
-        reads them. The integrator is `implicitfast`: servos of the stiffness that tracking needs blow up
-        under Euler. Lengths are the author's, whatever is stretched: worlds that are stretched differently
-        share this model.
+        Actuators that also act on other joints stay, before the added ones, in their order. The author's
+        defaults for actuators do not apply to the added ones: a control of 1 is 1 rad/s or N·m. Controls are
+        not clamped here, because the law limits the rates; torque limits are kept. Other joints that no
+        actuator holds are locked, unless `frees_others`. Sensors are off, as nothing reads them. The
+        integrator is `implicitfast`, because servos stiff enough for tracking are unstable under Euler.
+        Lengths are the author's even if bodies are stretched: worlds with different factors share this model.
 
         Args:
-            drive: What the actuators are; "own" for all those of the author, with his integrator; None for a
-                plant without physics, which needs kinematics alone.
+            drive: The kind of actuators; "own" for the author's, with his integrator; None for a plant
+                without physics, which only needs kinematics.
             timestep: MuJoCo's step [s].
-            gravity_compensation: Whether the arm's bodies are made to float, as with balanced or compensated
-                arms.
+            gravity_compensation: Whether the weight of the arm's bodies is compensated, as in a balanced arm.
             loaded: Whether a body without mass is added at the site, to be given the mass of a payload;
                 nothing compensates its weight.
         """
@@ -581,5 +579,5 @@ class Arm:
         return descends(self.model, body, root)
 
     def shapes(self) -> list[Shape]:
-        """Return the visible geometries of the model, planes left out."""
+        """Return the visible geoms of the model, without planes."""
         return visible(self.model, self.stretch)

@@ -1,4 +1,4 @@
-"""What else than its actuators acts on an arm at rest: ends of ranges, other actuators, what hangs there."""
+"""Other forces on an arm at rest than its actuators: ends of ranges, other actuators, attached flexes."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from rmrc.arm.wiring import flex_bodies, flex_name, joints_above
 
 Array = NDArray[np.float64]
 
-# A joint or tendon is at the end of its range this near to it [rad or m]: MuJoCo's limits give a little.
+# A joint or tendon this near to the end of its range is at the end [rad or m]: MuJoCo's limits are soft.
 NEAR = 1e-3
 
 
@@ -20,7 +20,7 @@ def ends(arm: Arm, qpos: Array) -> Iterator[str]:
 
     Args:
         arm: The arm.
-        qpos: Where the model stands, (nq,).
+        qpos: Configuration of the model, (nq,).
     """
     q, near = qpos[arm.wiring.qpos], NEAR + arm.model.jnt_margin[arm.wiring.joint]
     lower, upper = arm.position_limit.T
@@ -35,12 +35,12 @@ def ends(arm: Arm, qpos: Array) -> Iterator[str]:
 
 
 def pulls(arm: Arm, start: Array, qpos: Array) -> Iterator[str]:
-    """Yield the actuators that pull at an arm and at something else, and each flex that hangs at it.
+    """Yield the actuators that act on an arm and on something else, and each flex that is attached to it.
 
     Args:
         arm: The arm.
-        start: Where the model stood when their controls were chosen, (nq,).
-        qpos: Where it stands, (nq,).
+        start: Configuration of the model for which their controls were chosen, (nq,).
+        qpos: Present configuration, (nq,).
     """
     model, data = arm.model, _at_rest(arm, qpos)
     data.ctrl[:], data.act[:] = arm.others.controls(start, None, None, every=True)

@@ -1,4 +1,4 @@
-"""What a model may take of this machine: memory, time, and the numbers that a state of it has."""
+"""Bounds on the resources of a model: memory, time, and the size of its state."""
 
 import sys
 from collections.abc import Iterator
@@ -12,22 +12,22 @@ from rmrc.support.errors import ModelError
 if sys.platform != "win32":
     import resource
 
-# What a model may take while it is read and compiled, beyond what the process has. Of some 240 models of
-# others the largest takes 3.4 GB, nearly all of which it never touches.
+# Memory that a model may take to be read and compiled, beyond that of the process. Of some 240 published
+# models the largest takes 3.4 GB, and never touches nearly all of it.
 MOST_MEMORY = 2**32
 
-# Of a solver in one step, and of the search for an actuator's range of lengths, which takes 1000 by itself.
+# Steps of a solver, and of the search for an actuator's range of lengths, which takes 1000 by itself.
 _MOST_ITERATIONS, _MOST_STEPS = 10_000, 100_000
-# A state beside joints and bodies: 80 MB.
+# Numbers in a state beside joints and bodies: 80 MB.
 _MOST_NUMBERS = 10_000_000
 _EXTRA = ("nuserdata", "nsensordata", "na", "nhistory", "npluginstate")
 
 
 @contextmanager
 def bounded_memory(most: int = MOST_MEMORY) -> Iterator[None]:
-    """Let this process have only so many more bytes meanwhile: MuJoCo then says so, and nothing is killed.
+    """Limit the additional memory of this process: MuJoCo then raises an error, and nothing is killed.
 
-    Only where the system says what the process has, which is on Linux.
+    It works only on systems that report the memory of a process, such as Linux.
     """
     try:
         taken = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
@@ -44,7 +44,7 @@ def bounded_memory(most: int = MOST_MEMORY) -> Iterator[None]:
 
 
 def check_spec(path: Path, spec: mujoco.MjSpec) -> None:
-    """Check what makes compiling take forever.
+    """Refuse settings with which compiling would take practically forever.
 
     Raises:
         ModelError: MuJoCo would look for lengths of actuators in too many steps.
@@ -59,7 +59,7 @@ def check_spec(path: Path, spec: mujoco.MjSpec) -> None:
 
 
 def check_model(path: Path, model: mujoco.MjModel) -> None:
-    """Check what makes states of a model too large, and steps of it too long.
+    """Refuse a model whose states are too large or whose steps are too long.
 
     Raises:
         ModelError: A state has too many numbers, or a solver too many iterations.

@@ -1,4 +1,4 @@
-"""The geometry of a chain of joints: what forward kinematics needs, and no more."""
+"""The geometry of a chain of joints, as forward kinematics needs it."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,17 +13,18 @@ Array = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Chain:
-    """The arm's geometry with all its joints at 0: what forward kinematics needs, and no more.
+    """The arm's geometry with all its joints at 0, as forward kinematics needs it.
 
-    It has an axis for each joint, and for each joint that follows one; both halves of a screw have one axis.
+    It has an axis for each joint, and for each follower; both halves of a screw have one axis.
 
     Attributes:
         names: Names of the joint on each axis, outward, ℓ of them.
-        leader: Which joint of the arm moves it, (ℓ,).
-        ratio: How far, for each rad or m of that joint, (ℓ,).
+        leader: The joint of the arm that moves it, (ℓ,).
+        ratio: Its motion for each rad or m of that joint, (ℓ,).
         pitch: As `Arm.pitch`, (ℓ,).
         axis: Unit vectors in the world, (ℓ, 3).
-        step: From a point on the axis before (the first: the world's origin) to one on this axis, (ℓ, 3) [m].
+        step: From a point on the previous axis (the first: the world's origin) to one on this axis, (ℓ, 3)
+            [m].
         tip_step: From the last of these points to the site, (3,) [m].
         tip_quat: Orientation of the site, (4,).
     """
@@ -38,16 +39,16 @@ class Chain:
     tip_quat: Array
 
     def positions(self, q: ArrayLike) -> Array:
-        """Return how far each axis is from where it is with all joints at 0, (ℓ,), for positions (n,)."""
+        """Return the displacement of each axis from its zero position, (ℓ,), for positions (n,)."""
         return np.asarray(self.ratio * np.asarray(q, dtype=np.float64)[self.leader])
 
     @property
     def reach(self) -> float:
-        """How far the site can be from the point on the first axis at most [m]; 0 where an axis slides.
+        """Largest distance of the site from the point on the first axis [m]; 0 where an axis slides.
 
-        From each point to the next is one link of constant length, however the joints are turned: no sum of
-        such steps is longer than that of their lengths. An arm whose points do not come to lie on a line
-        comes less far.
+        The link from each point to the next has a constant length, whatever the joint positions, so no sum of
+        these vectors is longer than the sum of the lengths. An arm whose points cannot be on one line reaches
+        less far.
         """
         steps = np.vstack([self.step[1:], self.tip_step])
         return float(np.linalg.norm(steps, axis=1).sum()) if not self.pitch.any() else 0.0

@@ -1,4 +1,4 @@
-"""MuJoCo's compiler, which speaks in our words: errors of one line, warnings that Python can filter."""
+"""MuJoCo's compiler with this package's messages: errors of one line, warnings that Python can filter."""
 
 import warnings
 from collections.abc import Iterator, Mapping
@@ -13,9 +13,9 @@ from rmrc.arm.bounds import MOST_MEMORY, bounded_memory, check_model, check_spec
 from rmrc.arm.scan import check_file
 from rmrc.support.errors import ModelError, ModelWarning
 
-# How MuJoCo says that there is no memory: as itself, or of an exception that its bindings do not know.
+# MuJoCo's messages about a lack of memory: its own, and that of an exception that its bindings do not know.
 _NO_MEMORY = ("allocate", "unknown exception")
-# Ways out of what MuJoCo says without one.
+# Remedies for messages of MuJoCo that name none.
 _WAYS_OUT = {
     "opening file": "put it there, or correct meshdir, texturedir or assetdir of <compiler>",
     "'mujocoinclude'": "it is a fragment; give the file that includes it",
@@ -26,8 +26,8 @@ class Read(NamedTuple):
     """A model as it was read.
 
     Attributes:
-        spec: As it is written.
-        model: As it is compiled.
+        spec: Its specification.
+        model: The compiled model.
         velocity: The largest rate of each joint that has one, by its name: a URDF's.
         notes: Assumptions.
     """
@@ -39,7 +39,7 @@ class Read(NamedTuple):
 
 
 def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
-    """Return an MJCF or URDF file as it is written and as it is compiled.
+    """Return an MJCF or URDF file as a specification and as a compiled model.
 
     Args:
         path: The file.
@@ -73,12 +73,13 @@ def read(path: Path, packages: Mapping[str, Path] | None = None) -> Read:
 def parsed(
     path: Path, text: urdf.Urdf | None, only_readable: bool = False
 ) -> tuple[mujoco.MjSpec, tuple[str, ...]]:
-    """Return a file as MuJoCo parses it, and what was assumed.
+    """Return a file as MuJoCo parses it, and the assumptions.
 
     Args:
         path: The file.
         text: Text of a URDF; None for MJCF.
-        only_readable: Whether to leave out meshes that MuJoCo cannot read, as far as the arm moves alike.
+        only_readable: Whether to leave out meshes that MuJoCo cannot read, if the arm moves alike without
+            them.
     """
     spec = mujoco.MjSpec.from_string(text.text) if text else mujoco.MjSpec.from_file(str(path))
     notes = list(text.notes) if text else []
@@ -90,11 +91,11 @@ def parsed(
 
 
 def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Return the model of a specification that was changed.
+    """Return the model of a changed specification.
 
     Args:
-        path: Path of the file that it was.
-        spec: As it is now.
+        path: Path of the original file.
+        spec: The changed specification.
 
     Raises:
         ModelError: MuJoCo refuses it.
@@ -106,7 +107,7 @@ def compiled(path: Path, spec: mujoco.MjSpec) -> mujoco.MjModel:
 
 
 def quiet_log() -> None:
-    """Keep MuJoCo from writing MUJOCO_LOG.TXT into the user's directory; we read its counters."""
+    """Keep MuJoCo from writing MUJOCO_LOG.TXT into the user's directory; its counters are read instead."""
     config = mujoco.MjLogConfig.get()
     config.logto_file = False
     config.logto_console = False
@@ -115,7 +116,7 @@ def quiet_log() -> None:
 
 @contextmanager
 def in_our_words(path: Path) -> Iterator[list[warnings.WarningMessage]]:
-    """Yield the warnings that come, for those who go on; an error is told alone."""
+    """Yield the warnings that come, if the caller continues; an error is reported alone."""
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:

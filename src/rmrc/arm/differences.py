@@ -1,4 +1,4 @@
-"""Numbers that one world has different from the model that it shares with others."""
+"""Fields in which one world differs from the model that it shares with others."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -13,11 +13,11 @@ from rmrc.support.legible import listed
 
 Array = NDArray[np.float64]
 
-# The body that carries the payload; only a model that was adapted to have one has it.
+# The body that carries the payload; only a model adapted for a payload has it.
 PAYLOAD = "rmrc:payload"
 
-# MuJoCo computes what follows from these, such as the mass of a subtree, only when told to. Where a
-# body that carries no other is stretched, no `body_pos` changes, but its inertia does.
+# MuJoCo computes quantities derived from these, such as a subtree's mass, only on request. If a stretched
+# body carries no other body, no `body_pos` changes, but its inertia does.
 NEED_CONSTANTS = frozenset(
     {"body_mass", "body_pos", "body_ipos", "body_inertia", "jnt_pos", "site_pos", "cam_pos", "light_pos"}
     | {"geom_pos", "geom_size", "geom_aabb"}
@@ -31,7 +31,7 @@ def loaded_fields(model: mujoco.MjModel, payload: float) -> dict[str, Array]:
     """Return the fields of a model that carries a payload, whole, by their names in MuJoCo.
 
     Args:
-        model: With a body for the payload, unless there is none.
+        model: A model with a body for the payload, unless the payload is 0.
         payload: Point mass at the controlled site [kg].
     """
     if not payload:
@@ -52,8 +52,8 @@ def rubbed_fields(
     Args:
         model: A model.
         dofs: Addresses of the joints in qvel, (n,).
-        coulomb: Dry friction beside the model's own, of all or of each [N·m or N].
-        viscous: Damping beside the model's own, of all or of each [N·m·s/rad or N·s/m].
+        coulomb: Dry friction in addition to the model's own, of all or of each [N·m or N].
+        viscous: Damping in addition to the model's own, of all or of each [N·m·s/rad or N·s/m].
     """
     fields = {}
     for name, more in (("dof_frictionloss", coulomb), ("dof_damping", viscous)):
@@ -64,11 +64,10 @@ def rubbed_fields(
 
 
 def stretched_fields(model: mujoco.MjModel, stretch: Mapping[str, float]) -> dict[str, Array]:
-    """Return the fields of a model some of whose bodies are larger, whole, by their names in MuJoCo.
+    """Return the fields of a model with some larger bodies, whole, by their names in MuJoCo.
 
-    A body of factor f has all its lengths times f, about its frame's origin: where bodies, sites, joints and
-    geometries sit on it, and how large these are. Its mass stays, so that its inertia is f² times what
-    it was.
+    For a body with factor f, all lengths about its frame's origin are multiplied by f: positions of bodies,
+    sites, joints and geoms on it, and sizes of geoms. Its mass stays, so its inertia is multiplied by f².
 
     Args:
         model: A model.
@@ -104,7 +103,7 @@ def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float
     """Refuse bodies that cannot be stretched.
 
     Raises:
-        ModelError: No such body; a factor beyond reason; parts whose size is not a number of theirs.
+        ModelError: No such body; a factor beyond reason; parts whose size is not one of their own numbers.
     """
     bodies = [name for b in range(1, model.nbody) if (name := model.body(b).name)]
     for name in stretch:
@@ -112,7 +111,7 @@ def check_stretch(path: Path, model: mujoco.MjModel, stretch: Mapping[str, float
             hint = did_you_mean(name, bodies)
             about = (
                 f"stretch.{name}" if re.fullmatch(r"[\w-]+", name) else "stretch"
-            )  # else it is no plain key
+            )  # otherwise it is no plain key
             raise ModelError(f'{path}: has no body "{name}"{hint}; its bodies: {listed(bodies)}', about)
         body = model.body(name).id
         collides = (model.geom_contype | model.geom_conaffinity) != 0

@@ -1,7 +1,7 @@
-"""The drives that an arm's author gave it: which of his actuators move its joints, and what each is told.
+"""The arm's own actuators: which of the author's actuators move its joints, and the command that each takes.
 
-The force of an actuator is gain · u + bias₀ + bias₁ · length + bias₂ · speed, where u is its control or what
-its dynamics make of it. By these numbers it is a position servo, a servo of a position that it integrates, a
+The force of an actuator is gain · u + bias₀ + bias₁ · length + bias₂ · speed, where u is its control or the
+output of its dynamics. These numbers make it a position servo, a servo of a position that it integrates, a
 rate servo or a motor, whatever element of MJCF it was written as.
 """
 
@@ -26,38 +26,38 @@ _FIXED, _NO_BIAS, _AFFINE = (
 )  # fmt: skip
 _STATELESS, _INTEGRATOR = int(mujoco.mjtDyn.mjDYN_NONE), int(mujoco.mjtDyn.mjDYN_INTEGRATOR)
 _FILTERS = (int(mujoco.mjtDyn.mjDYN_FILTER), int(mujoco.mjtDyn.mjDYN_FILTEREXACT))
-# Of moments of which the largest is 1: less is rounding.
+# With moments scaled to a largest one of 1, less than this is rounding.
 _RANK = 1e-9
 
 
 class DriveKind(IntEnum):
-    """What an actuator is told."""
+    """The command that an actuator takes."""
 
-    POSITION = 0  # where to be
-    INTEGRATED = 1  # how fast to move where it shall be
-    RATE = 2  # how fast to move
-    MOTOR = 3  # what force to give
+    POSITION = 0  # the target position
+    INTEGRATED = 1  # the rate of the target position
+    RATE = 2  # the rate
+    MOTOR = 3  # the force
 
 
 class OwnDrives:
-    """The author's actuators that pull at an arm's joints and at no others.
+    """The author's actuators that act on an arm's joints and on no others.
 
-    A motor drives joints that no servo pulls at. Beside a servo it keeps its control, and so do actuators of
-    other kinds.
+    A motor moves joints without a servo. Beside a servo it keeps its control, and so do actuators of other
+    kinds.
 
     Attributes:
-        kinds: What each actuator is told, by its id.
-        idle: Ids of those that pull at the arm's joints and are told nothing.
+        kinds: Kind of the command of each actuator, by its id.
+        idle: Ids of actuators that act on the arm's joints and get no commands.
     """
 
     def __init__(
         self, model: mujoco.MjModel, others: Others, wiring: Wiring, followers: Sequence[Follower]
     ) -> None:
-        """Look at the actuators of a model.
+        """Examine the actuators of a model.
 
         Args:
-            model: As its author wrote it.
-            others: What of it is not the arm.
+            model: The author's model.
+            others: Its parts that are not the arm.
             wiring: Wiring of the arm.
             followers: Joints that follow those of the arm.
         """
@@ -73,7 +73,7 @@ class OwnDrives:
 
     @cached_property
     def joint_of(self) -> tuple[NDArray[np.int64], Array]:
-        """Joint of the arm that each degree of freedom is of, or -1, and its speed at a rate of 1, (nv,)."""
+        """Joint of the arm for each degree of freedom, or -1, and its speed at unit rate of that, (nv,)."""
         joint, ratio = np.full(self._model.nv, -1), np.zeros(self._model.nv)
         joint[self._wiring.dof], ratio[self._wiring.dof] = np.arange(len(self._wiring.dof)), 1.0
         for address, one in zip(self._wiring.follower_dof, self._followers, strict=True):
@@ -81,7 +81,7 @@ class OwnDrives:
         return joint, ratio
 
     def moments(self, data: mujoco.MjData) -> Array:
-        """Return how fast each actuator shortens or lengthens at a rate of 1 of each joint, (d, n)."""
+        """Return the rate of length of each actuator at unit rate of each joint, (d, n)."""
         joint, ratio = self.joint_of
         moments = np.zeros((len(self.kinds), len(self._wiring.dof)))
         for row, i in zip(moments, self.kinds, strict=True):
@@ -94,7 +94,7 @@ class OwnDrives:
         return moments
 
     def undriven(self, qpos: Array) -> list[int]:
-        """Return the joints of the arm that the actuators cannot move one by one, by their positions in it.
+        """Return the joints of the arm that the actuators cannot move one by one, by their indices.
 
         Args:
             qpos: A configuration of the model, (nq,).
@@ -110,7 +110,7 @@ class OwnDrives:
         return [j for j in range(moments.shape[1]) if np.abs(free[:, j]).max(initial=0.0) > _RANK]
 
     def forget(self, ctrl: Array, act: Array, has_ctrl: bool, has_act: bool) -> None:
-        """Write NaN over what no keyframe says of the actuators, and 0 over the same of the idle ones.
+        """Write NaN for controls and activations that no keyframe sets, or 0 if the actuator is idle.
 
         Args:
             ctrl: Controls of the model, (nu,).
@@ -134,7 +134,7 @@ class OwnDrives:
 
 
 def kind_of(model: mujoco.MjModel, i: int) -> DriveKind | None:
-    """Return what an actuator is told, or None if it is a muscle or another that is no plain drive."""
+    """Return the command kind of an actuator; None for a muscle or another one that is no servo or motor."""
     gain, bias, dynamics = (
         int(kinds[i]) for kinds in (model.actuator_gaintype, model.actuator_biastype, model.actuator_dyntype)
     )

@@ -15,7 +15,7 @@ from rmrc.support.errors import ModelError
 _JOINT_EQUALITY = int(mujoco.mjtEq.mjEQ_JOINT)
 _NO_EQUALITIES = int(mujoco.mjtDisableBit.mjDSBL_EQUALITY | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
 
-# A screw's slide points along its hinge to what eight digits of an axis in a file leave of 1 − cos.
+# A screw's slide is parallel to its hinge up to the 1 − cos that eight digits of an axis in a file leave.
 PARALLEL = 1e-9
 
 
@@ -27,11 +27,11 @@ class Follower:
 
     Attributes:
         name: Name of the joint.
-        leader: Which joint of the arm it follows.
-        ratio: How far it moves for each rad or m of its leader [m or rad].
+        leader: The joint of the arm that it follows.
+        ratio: Its motion for each rad or m of its leader [m or rad].
         offset: [m or rad]
-        pitch: Pitch of the screw formed with its leader, an adjacent hinge on the same axis: ± ratio, as it
-            slides along that axis or back [m/rad]; 0 where it makes none.
+        pitch: Pitch of the screw formed with its leader, an adjacent hinge on the same axis: ± ratio, by the
+            direction in which it slides along that axis [m/rad]; 0 where it forms none.
     """
 
     name: str
@@ -48,10 +48,10 @@ class Follower:
 
 @dataclass(frozen=True)
 class Link:
-    """What a joint follows that an equality holds: position = offset + ratio · (position of the leader).
+    """How a joint follows another by an equality: position = offset + ratio · (position of the leader).
 
     Attributes:
-        leader: Id of the joint that it follows in the end, which follows none; -1 where it is held still.
+        leader: Id of the joint that it finally follows, which follows none; -1 if it is held still.
         ratio: [m or rad per m or rad]
         offset: [m or rad]
     """
@@ -62,16 +62,16 @@ class Link:
 
 
 def active_equalities(model: mujoco.MjModel) -> list[int]:
-    """Return the equalities that act from the start."""
+    """Return the equalities that are active from the start."""
     if model.opt.disableflags & _NO_EQUALITIES:
         return []
     return [int(i) for i in np.flatnonzero(model.eq_active0)]
 
 
 def find_links(path: Path, model: mujoco.MjModel, chain: Sequence[str]) -> dict[str, Link]:
-    """Return what joints follow, by name: through other joints, to one that follows none.
+    """Return the link of each follower, by its name, through other joints to one that follows none.
 
-    Those of the chain come first, outward. Of other joints those are left out for which the error would be.
+    Followers on the chain come first, outward. Other followers are left out if their link is invalid.
 
     Raises:
         ModelError: A joint of the chain follows another by a polynomial, two of them, or in a circle.
@@ -100,7 +100,7 @@ def _followed(
     joint: int,
     rules: Mapping[int, Sequence[tuple[int, NDArray[np.float64]]]],
 ) -> Link:
-    """Return what a joint follows in the end."""
+    """Return the final link of a joint."""
     at, ratio, offset, passed = joint, 1.0, 0.0, {joint}
     while at in rules:
         (leader, polynomial), more = rules[at][0], rules[at][1:]
@@ -134,12 +134,12 @@ def _name(model: mujoco.MjModel, joint: int) -> str:
 def followers(
     model: mujoco.MjModel, chain: Sequence[str], links: Mapping[str, Link], driven: Sequence[str]
 ) -> tuple[Follower, ...]:
-    """Return the joints that follow those that are driven, on the chain or not.
+    """Return the joints that follow actuated ones, on the chain or not.
 
     Args:
-        model: As its author wrote it.
+        model: The author's model.
         chain: Names of its joints, outward.
-        links: What they follow.
+        links: The links of the followers.
         driven: Names of the joints of the arm.
     """
     data = mujoco.MjData(model)

@@ -1,4 +1,4 @@
-"""Which frame of a model is controlled where its user names none: that of the hand, not of a finger."""
+"""The frame of a model that is controlled where its user names none: that of the hand, not of a finger."""
 
 import re
 from collections.abc import Sequence
@@ -9,22 +9,22 @@ import numpy as np
 
 from rmrc.arm.wiring import HINGE, SLIDE, joints_above, joints_of, soft_bodies
 
-# How words begin that name what is mounted, held or aimed with, the most telling last; those of three letters
-# or fewer are whole words.
+# Beginnings of words in names of frames to mount, hold or aim with, the most specific last; those of three
+# letters or fewer are whole words.
 _TELLING = (
     ("attach", "flange", "mount"),
     ("grip", "hand", "palm"),
     ("ee", "eef", "effector", "endeff", "tip", "tool"),
     ("grasp", "pinch", "tcp"),
 )
-# What is seen, measured or drawn there instead.
+# Words in the names of other things there: sensors, displays, parts of the gripper.
 _BESIDE = (
     "axis", "base", "cali", "cam", "camera", "center", "claw", "cylinder", "finger", "focus", "force", "ft",
     "goal", "imu", "inner", "jaw", "knuckle", "lidar", "light", "marker", "motor", "object", "outer", "pad",
     "pads", "sensor", "target", "thumb", "torque", "touch", "x", "y", "z",
 )  # fmt: skip
 _FINGERS = ("claw", "finger", "jaw", "knuckle", "thumb")
-# A thumb has so many joints.
+# Joints of the longest finger, a thumb.
 _LONGEST_FINGER = 5
 # A joint of the wrist may be called the gripper's.
 _TURNS = ("pitch", "roll", "rot", "wrist", "yaw")
@@ -36,10 +36,10 @@ class Frame:
 
     Attributes:
         kind: `site` or `body`.
-        id: In the model.
-        why: What speaks for it, in words.
-        others: What else may be meant: names of sites and bodies, as messages have them.
-        is_clear: Whether its name is more telling than those of all other sites.
+        id: Its id in the model.
+        why: The reason for it, in words.
+        others: Other candidates: names of sites and bodies, as messages have them.
+        is_clear: Whether its name is more specific than those of all other sites.
     """
 
     kind: str
@@ -52,13 +52,14 @@ class Frame:
 def default_frame(model: mujoco.MjModel, prefix: str = "") -> Frame | None:
     """Return the frame of a model's hand; None where no joint moves anything.
 
-    That is a site whose name says so, on the links beyond the first half of the arm's joints, the farthest of
-    them; else the only site beside the fingers and no camera's or sensor's; else a body that moves with the
-    last link, whose name says so or from which fingers branch; else the last link.
+    It is a site whose name says so, on the links beyond the first half of the arm's joints, the farthest of
+    them. Otherwise it is the only site beside the fingers that belongs to no camera or sensor; otherwise a
+    body that moves with the last link, whose name says so or from which fingers branch; otherwise the last
+    link.
 
     Args:
-        model: Any.
-        prefix: How the names of sites and bodies begin that are to be chosen from.
+        model: Any model.
+        prefix: Beginning of the names of the sites and bodies to choose from.
     """
     links = _trunk(model)
     if not links:
@@ -137,7 +138,7 @@ def _children(model: mujoco.MjModel, but: frozenset[int]) -> list[list[int]]:
 
 
 def _depths(model: mujoco.MjModel, children: Sequence[Sequence[int]]) -> list[int]:
-    """Return how many hinges and slides one branch has at most that begins with a body; 0 beyond a ball."""
+    """Return the most hinges and slides on one branch that begins with a body; 0 beyond a ball."""
     depth = [0] * model.nbody
     for body in range(model.nbody - 1, 0, -1):  # children come after their parents
         first = int(model.body_jntadr[body])
@@ -148,7 +149,7 @@ def _depths(model: mujoco.MjModel, children: Sequence[Sequence[int]]) -> list[in
 
 
 def _end(model: mujoco.MjModel, body: int) -> int:
-    """Return the end of the bodies that are fixed to a link one after the other, as flanges are in URDF."""
+    """Return the end of a series of bodies that are fixed to a link, as flanges are in URDF."""
     while (
         len(fixed := np.flatnonzero(model.body_parentid == body)) == 1
         and _rank(model.body(fixed[0]).name) >= 0
@@ -166,7 +167,7 @@ def _joints(model: mujoco.MjModel, body: int) -> list[int]:
 
 
 def _is_finger(model: mujoco.MjModel, body: int) -> bool:
-    """Return whether a body, or a joint that moves it, is called a finger or a gripper."""
+    """Return whether a body, or a joint that moves it, has the name of a finger or a gripper."""
     joints = [_words(model.joint(i).name) for i in _own(model, body)]
     if any(_has(words, _FINGERS) for words in (_words(model.body(body).name), *joints)):
         return True
@@ -174,7 +175,7 @@ def _is_finger(model: mujoco.MjModel, body: int) -> bool:
 
 
 def _rank(name: str) -> int:
-    """Return how telling a name is: 0 says nothing, and -1 that it is something else."""
+    """Return how specific a name is: 0 is unspecific, and -1 means something else than a hand."""
     words = _words(name)
     if _has(words, _BESIDE):
         return -1
@@ -182,7 +183,7 @@ def _rank(name: str) -> int:
 
 
 def _telling(name: str) -> tuple[int, bool]:
-    """Return how telling a name is, and whether it is that of a frame, which was made to be named."""
+    """Return how specific a name is, and whether it is that of a frame, which exists to be named."""
     return _rank(name), "frame" in _words(name)
 
 

@@ -1,4 +1,4 @@
-"""Whether MuJoCo's data are fresh: bodies where the positions put them, and not where they were before."""
+"""Whether MuJoCo's data are up to date: bodies at the poses of the present positions, not of earlier ones."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -6,25 +6,25 @@ from typing import Any
 import mujoco
 import numpy as np
 
-# Kinematics of the same positions differ by rounding at the most, if by that [m, and parts of a quaternion].
+# Kinematics of the same positions differ at most by rounding [m, and parts of a quaternion].
 ROUNDING = 1e-9
 
 
 class Freshness:
-    """Tells of some bodies of data whether their poses are those that the data's positions give.
+    """Checks whether the poses of some bodies in the data are those of the data's positions.
 
-    MuJoCo itself computes these once more, in data of its own: so any model is served, whatever else moves.
+    MuJoCo itself computes these again, in data of its own, so it works for any model, whatever else moves.
     """
 
     def __init__(
         self, data: mujoco.MjData, bodies: Sequence[int], scratch: mujoco.MjData | None = None
     ) -> None:
-        """Bind it.
+        """Bind it to data.
 
         Args:
-            data: To look at.
-            bodies: Whose poses count.
-            scratch: Other data of the same model, which are written over; None: new ones.
+            data: The data to check.
+            bodies: The bodies whose poses are compared.
+            scratch: Other data of the same model, which are overwritten; None: new ones.
         """
         self.scratch = mujoco.MjData(data.model) if scratch is None else scratch
         of, rows = self.scratch, np.unique(np.asarray(bodies, np.int64))
@@ -37,7 +37,7 @@ class Freshness:
         self._poses = [(of.xpos, data.xpos), (of.xquat, data.xquat)]
 
     def __call__(self) -> bool:
-        """Return whether the poses are those of the positions now; of what is not finite, yes."""
+        """Return whether the poses are those of the present positions; True if these are not finite."""
         for own, given in self._given:
             own[:] = given
         mujoco.mj_kinematics(self._model, self.scratch)

@@ -1,4 +1,4 @@
-"""What a model has beside its arm: actuators and what they drive, other joints, and what touches what."""
+"""The parts of a model beside its arm: actuators and their targets, other joints, and contacts."""
 
 from dataclasses import dataclass
 
@@ -31,7 +31,7 @@ class Actuator:
         name: Its own, or its number.
         kind: `position`, `velocity`, `intvelocity`, `motor`, `muscle` or `general`, by what it computes.
         drives: `joint`, `tendon`, `site` or `body`, and its name.
-        is_replaced: Whether it acts on a joint of the arm alone, so that a plant puts its own there.
+        is_replaced: Whether it acts on a joint of the arm alone, so that a plant replaces it.
     """
 
     name: str
@@ -42,12 +42,12 @@ class Actuator:
 
 @dataclass(frozen=True)
 class OtherJoint:
-    """A joint of the model that is not driven.
+    """A joint of the model that is not actuated.
 
     Attributes:
         name: Its own, or its number.
         kind: `hinge`, `slide`, `ball`, `free` or `flex`.
-        body: That it moves; of a flex the last.
+        body: The body that it moves; for a flex the last one.
         moves_site: Whether it is between the world and the site.
     """
 
@@ -59,12 +59,12 @@ class OtherJoint:
 
 @dataclass(frozen=True)
 class Contact:
-    """Two geometries that are within each other.
+    """Two geoms that overlap.
 
     Attributes:
         geoms: Their names, or numbers.
-        bodies: Those that carry them.
-        depth: How far [m].
+        bodies: Their bodies.
+        depth: Depth of the overlap [m].
         is_moved: Whether a joint of the arm moves one of the two and not the other.
     """
 
@@ -84,7 +84,7 @@ def actuators(arm: Arm) -> tuple[Actuator, ...]:
 
 
 def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
-    """Return the joints of the model that are neither the arm's nor follow one of them; a flex is one."""
+    """Return the joints of the model that are neither the arm's nor its followers; a flex is one."""
     model, idle, soft = arm.model, arm.idle, soft_bodies(arm.model)
     own = {*arm.joints, *(one.name for one in arm.followers)}
     flexes = (
@@ -105,10 +105,10 @@ def other_joints(arm: Arm) -> tuple[OtherJoint, ...]:
 
 
 def contacts(arm: Arm, qpos: NDArray[np.float64]) -> tuple[Contact, ...]:
-    """Return what touches at any of some configurations of the model, (N, nq), the deepest first.
+    """Return the contacts at any of some configurations of the model, (N, nq), the deepest first.
 
-    These are MuJoCo's contacts of negative distance, of each pair the deepest: pairs that the model excludes,
-    bodies that are welded together and those of parent and child are left out as it leaves them out.
+    These are MuJoCo's contacts of negative distance, the deepest of each pair. Like MuJoCo, they leave out
+    pairs that the model excludes, bodies that are welded together, and parent and child.
     """
     model, data, above = arm.model, mujoco.MjData(arm.model), _joints_above(arm)
     arm.place_mocap(data)
@@ -154,7 +154,7 @@ def _driven(arm: Arm, i: int) -> tuple[str, bool]:
 
 
 def _actuator_kind(model: mujoco.MjModel, i: int) -> str:
-    """Return what an actuator is by what it computes, whichever element of MJCF it was written as."""
+    """Return the kind of an actuator by its computation, whichever element of MJCF it was written as."""
     dynamics, bias = int(model.actuator_dyntype[i]), int(model.actuator_biastype[i])
     stiffness, damping = -model.actuator_biasprm[i, 1], -model.actuator_biasprm[i, 2]
     if dynamics == _MUSCLE:

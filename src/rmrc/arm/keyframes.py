@@ -1,4 +1,4 @@
-"""Where the joints of a model start: its keyframes, and which of them is home where none is called so."""
+"""The start of a model's joints: its keyframes, and which of them is home if none has that name."""
 
 from collections.abc import Sequence
 
@@ -15,9 +15,9 @@ def starting_key(model: mujoco.MjModel, joints: Sequence[int], prefix: str = "")
     """Return the keyframe `home`, else the only one, else the first with joints within limits; None without.
 
     Args:
-        model: Any.
+        model: Any model.
         joints: Ids of the joints whose limits count.
-        prefix: How the names of keyframes begin that are a tool's, if one is attached.
+        prefix: Beginning of the names of a tool's keyframes, if one is attached.
     """
     keys = _own(model, prefix)
     home = [i for i in keys if model.key(i).name == "home"]
@@ -41,10 +41,10 @@ def keyframes(
     """Return the keyframes of a model by name, (nq,) each; `home` is among them unless it is qpos0.
 
     Args:
-        model: Any.
+        model: Any model.
         joints: Ids of the arm's joints, n of them.
         limit: Limit of their positions, (n, 2).
-        prefix: How the names of keyframes begin that are a tool's, if one is attached.
+        prefix: Beginning of the names of a tool's keyframes, if one is attached.
         notes: Assumptions are added.
     """
     found = {name: np.array(model.key(i).qpos) for i in range(model.nkey) if (name := model.key(i).name)}

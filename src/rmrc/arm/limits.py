@@ -1,4 +1,4 @@
-"""What a model says that its joints may do: position, rate and torque limits."""
+"""Limits of a model's joints: position, rate and torque."""
 
 from collections.abc import Callable, Sequence
 
@@ -17,7 +17,7 @@ FIXED_GAIN = int(mujoco.mjtGain.mjGAIN_FIXED)
 
 
 def position_limit(model: mujoco.MjModel, joints: Sequence[str], followers: Sequence[Follower]) -> Array:
-    """Return the range of each joint, (n, 2); a joint also ends where one that follows it does."""
+    """Return the range of each joint, (n, 2); the range of a follower also limits its leader."""
 
     def limit(name: str) -> Array:
         joint = model.joint(name).id
@@ -44,7 +44,7 @@ def leading_limit(
     """Return the tightest limit of each joint and of those that follow it, (n,).
 
     Args:
-        model: As its author wrote it.
+        model: The author's model.
         joints: Names of the arm's joints, n of them.
         followers: Joints that follow them.
         limit: Limit of a joint, by its id.
@@ -65,7 +65,7 @@ def _actuators(model: mujoco.MjModel, joint: int) -> list[int]:
         for i in range(model.nactuator)
         if model.actuator_trntype[i] == DRIVES_JOINT
         and model.actuator_trnid[i, 0] == joint
-        and abs(model.actuator_gear[i, 0]) > mujoco.mjMINVAL  # or it drives nothing
+        and abs(model.actuator_gear[i, 0]) > mujoco.mjMINVAL  # otherwise it moves nothing
     ]
 
 
@@ -91,7 +91,7 @@ def torque_limit(model: mujoco.MjModel, joint: int) -> float:
         gear = abs(model.actuator_gear[i, 0])
         if model.actuator_forcelimited[i]:
             limits.append(np.abs(model.actuator_forcerange[i]).min() * gear)
-        # the force of a damper, whose gain is no constant, comes from its speed
+        # the force of a damper, whose gain is not constant, depends on its speed
         is_motor = model.actuator_biastype[i] == NO_BIAS and model.actuator_gaintype[i] == FIXED_GAIN
         if is_motor and model.actuator_ctrllimited[i]:
             gain = abs(model.actuator_gainprm[i, 0])

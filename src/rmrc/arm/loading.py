@@ -1,4 +1,4 @@
-"""An MJCF or URDF file becomes an arm."""
+"""Loading an MJCF or URDF file as an arm."""
 
 import os
 from collections.abc import Mapping, Sequence
@@ -40,15 +40,15 @@ def load(
     Args:
         path: The file.
         site: Name of the site to control.
-        joints: Names of the joints to drive, all on the chain to the site; None for all of them.
+        joints: Names of the joints to actuate, all on the chain to the site; None for all of them.
         body: Name of the body whose frame to control.
-        tool: What is attached, whose frame to control. Of site, body and tool one is given, or none for the
+        tool: The tool to attach, whose frame to control. Give one of site, body and tool, or none for the
             frame of the hand: see `rmrc.arm.frames`.
-        base: `fixed`: a base that floats stands where the first keyframe has it.
+        base: `fixed`: a floating base is fixed where the first keyframe has it.
         packages: Folders of a URDF's packages, by their names; others are searched upward from the file.
 
     Raises:
-        ModelError: The file, the site, the body or a joint is missing or will not do.
+        ModelError: The file, the site, the body or a joint is missing or not usable.
     """
     if not path.is_file():
         near = did_you_mean(path.name, _siblings(path)) or suggestion(path, "models")
@@ -59,7 +59,7 @@ def load(
 
 
 def is_model(given: object) -> bool:
-    """Return whether `load_model` takes something."""
+    """Return whether `load_model` accepts an object."""
     return isinstance(given, mujoco.MjModel | mujoco.MjSpec)
 
 
@@ -70,17 +70,17 @@ def load_model(
     *,
     body: str | None = None,
 ) -> Arm:
-    """Find the arm in a model that is loaded already.
+    """Find the arm in a loaded model.
 
     Args:
-        given: It stays as it is. A model that is compiled can have no site added: its arm needs a site, names
-            of all joints, and a base that does not float.
+        given: The model; it is not changed. No site can be added to a compiled model: its arm needs a site,
+            names of all joints, and a base that does not float.
         site: As in `load`, like the others.
-        joints: Names of the joints to drive.
+        joints: Names of the joints to actuate.
         body: Name of the body whose frame to control.
 
     Raises:
-        ModelError: The site, the body or a joint is missing or will not do, or a number is not finite.
+        ModelError: The site, the body or a joint is missing or not usable, or a number is not finite.
     """
     is_spec = isinstance(given, mujoco.MjSpec)
     title = given.modelname if is_spec else bytes(given.names).split(b"\0")[0].decode("utf-8", "replace")
@@ -166,7 +166,7 @@ def _rate(model: mujoco.MjModel, velocity: Mapping[str, float], i: int) -> float
 
 
 def _with_ties(arm: Arm) -> Arm:
-    """Return the arm with the equalities of its model that tie it, which no Jacobian here knows."""
+    """Return the arm with its `ties`: equalities of its model that no Jacobian here includes."""
     ties = find_ties(arm.model, arm.configuration("home"), *arm.followed_dofs, arm.others)
     if not ties:
         return arm
@@ -179,7 +179,7 @@ def _driven(
     path: Path, model: mujoco.MjModel, site: str, own: Sequence[str], links: Mapping[str, Link],
     joints: Sequence[str], notes: list[str],
 ) -> tuple[str, ...]:  # fmt: skip
-    """Return the joints that shall be driven, outward."""
+    """Return the joints to actuate, outward."""
     for name in joints:
         if name in links:
             leader = model.joint(links[name].leader).name if links[name].leader >= 0 else ""
@@ -201,14 +201,14 @@ def _driven(
 
 
 def files(path: Path, packages: Mapping[str, Path] | None = None) -> list[Path]:
-    """Return a model's file and every file that it depends on: what it includes, meshes, textures.
+    """Return a model's file and every file that it depends on: included files, meshes, textures.
 
     Args:
         path: The file, absolute.
         packages: Folders of a URDF's packages, by their names.
 
     Returns:
-        Those that are there; the file alone if it cannot be read as a model, which `load` then tells.
+        Those that exist; only the file itself if it cannot be read as a model, which `load` then reports.
     """
     quiet_log()
     try:
@@ -217,7 +217,7 @@ def files(path: Path, packages: Mapping[str, Path] | None = None) -> list[Path]:
             return sorted({path, *urdf.files(path, packages or {})})
         with bounded_memory():
             found = set(mujoco.mju_getXMLDependencies(str(path)))
-            # which looks for height fields beside the model, where the compiler does not
+            # it looks for height fields beside the model, where the compiler does not
             spec = mujoco.MjSpec.from_file(str(path))
         found |= {os.path.normpath(path.parent / spec.meshdir / field.file) for field in spec.hfields}
     except (ValueError, RuntimeError, MemoryError, OSError, mujoco.FatalError):

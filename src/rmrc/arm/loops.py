@@ -1,4 +1,4 @@
-"""A mechanism that is closed in loops: what its actuators make of the site."""
+"""A mechanism with closed loops: the motion of the site by its actuators."""
 
 from dataclasses import dataclass
 
@@ -15,9 +15,9 @@ Array = NDArray[np.float64]
 
 # A smaller share of the largest singular value is rounding.
 _ROUNDING = 1e-9
-# Newton's method closes in a few steps the loops that can be closed; after so many it has failed.
+# Newton's method closes loops that can be closed in a few steps; after this many it has failed.
 _STEPS = 50
-# What is left of a gap then [m or rad].
+# The largest remaining gap then [m or rad].
 _CLOSED = 1e-10
 
 
@@ -28,12 +28,12 @@ class Mechanism:
     Attributes:
         drives: Joints with an actuator of their own, m of them.
         lengths: Their positions, (m,) [rad or m].
-        gap: How far the loops are open, whatever the other joints do [m or rad].
-        rows: What the site can move along and about independently, the first f of x y z rx ry rz.
-        inverse: K: rates of the actuators for a unit of each row, (m, f); None if the site does not tell
+        gap: Smallest opening of the loops, for any positions of the other joints [m or rad].
+        rows: Independent motions of the site, the first f of x y z rx ry rz.
+        inverse: K: rates of the actuators for a unit of each row, (m, f); None if the site does not determine
             them.
-        freedom: Motions that are left while all actuators are locked; more than 0 is a singularity of the
-            loops.
+        freedom: Number of motions that remain while all actuators are locked; more than 0 is a singularity of
+            the loops.
     """
 
     drives: tuple[str, ...]
@@ -45,7 +45,7 @@ class Mechanism:
 
     @property
     def jacobian(self) -> Array | None:
-        """K⁻¹: the twist of the site for a unit rate of each actuator, (f, m); None where there is none."""
+        """K⁻¹: the twist of the site for a unit rate of each actuator, (f, m); None if K has no inverse."""
         K = self.inverse
         if K is None or len(K) != len(self.rows) or self.freedom:
             return None
@@ -53,9 +53,9 @@ class Mechanism:
 
 
 def find_mechanism(arm: Arm, q: Array) -> Mechanism | None:
-    """Return the mechanism whose chain to the site is an arm; None if the arm is driven alone, or in no loop.
+    """Return the mechanism whose chain to the site is an arm; None if the arm alone is actuated or open.
 
-    The other joints are moved so that the loops close: from the keyframe `home`, by Newton's method.
+    The other joints move so that the loops close: from the keyframe `home`, by Newton's method.
 
     Args:
         arm: The chain from the world to the site.
@@ -93,7 +93,7 @@ def find_mechanism(arm: Arm, q: Array) -> Mechanism | None:
 
 
 def _closed(model: mujoco.MjModel, data: mujoco.MjData, dofs: NDArray[np.intp]) -> tuple[Array, Array]:
-    """Close the loops by some joints; return the rows of the equalities there, and the gaps that are left."""
+    """Close the loops by some joints; return the rows of the equalities there, and the remaining gaps."""
     for _ in range(_STEPS):
         rows, _, gap = equality_rows(model, data)
         if np.abs(gap).max(initial=0.0) < _CLOSED:

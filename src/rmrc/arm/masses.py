@@ -1,4 +1,4 @@
-"""What an arm's joints move: the masses between them, from which its inertia M(q) follows."""
+"""The masses that an arm's joints move, from which its inertia M(q) follows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,21 +17,21 @@ Array = NDArray[np.float64]
 class Masses:
     """The links that the joints of an arm move, with all of these at 0, along world axes.
 
-    A link is all that moves with a joint and with none behind it. Joints that follow others have links of
-    their own, on the chain to the site or beside it, and both halves of a screw. What hangs at joints that
-    are not the arm's is a part of the link, as it rests.
+    A link is everything that moves with a joint and with no joint behind it. Followers have links of their
+    own, on the chain to the site or beside it, and so have both halves of a screw. Bodies on joints that are
+    not the arm's are a part of the link, in their rest position.
 
     Attributes:
         parent: The link that carries each, or -1, (ℓ,); links come after their parents.
-        leader: Which joint of the arm moves it, (ℓ,).
-        ratio: How far, for each rad or m of that joint, (ℓ,).
+        leader: The joint of the arm that moves it, (ℓ,).
+        ratio: Its motion for each rad or m of that joint, (ℓ,).
         is_slide: Whether it slides, (ℓ,).
         axis: Unit vectors, (ℓ, 3).
         step: From the joint of the parent to its own, (ℓ, 3) [m].
         mass: (ℓ,) [kg].
-        moment: Mass times the way from its joint to its center of mass, (ℓ, 3) [kg·m].
+        moment: Mass times the vector from its joint to its center of mass, (ℓ, 3) [kg·m].
         inertia: About its joint, (ℓ, 3, 3) [kg·m²].
-        armature: What rotors add to each joint, (n,) [kg·m² or kg].
+        armature: Inertia of the rotors at each joint, (n,) [kg·m² or kg].
     """
 
     parent: NDArray[np.int64]
@@ -53,9 +53,9 @@ def find_masses(
 
     Args:
         model: The arm.
-        data: With fresh kinematics, the joints of the arm at 0.
-        wiring: Its joints, and those that follow them.
-        followers: What these follow.
+        data: Data with up-to-date kinematics, the joints of the arm at 0.
+        wiring: Its joints, and their followers.
+        followers: The links of the followers.
     """
     n = len(wiring.joint)
     moved = [*((int(joint), j, 1.0) for j, joint in enumerate(wiring.joint))]
@@ -65,7 +65,7 @@ def find_masses(
     number = {int(joint): link for link, joint in enumerate(ids)}
 
     def above(body: int, joint: int | None = None) -> int:
-        """Return the last link at or above a body; of those before a joint of it, if one is given."""
+        """Return the last link at or above a body; before a joint of it, if one is given."""
         joints = joints_above(model, body)
         joints = joints[joints.index(joint) + 1 :] if joint is not None else joints
         return next((number[one] for one in joints if one in number), -1)

@@ -1,4 +1,4 @@
-"""Meshes of a model that MuJoCo cannot read: they are left out where the arm moves alike without them."""
+"""Meshes of a model that MuJoCo cannot read are left out if the arm moves alike without them."""
 
 import mujoco
 
@@ -6,15 +6,15 @@ from rmrc.support.legible import listed
 
 
 def drop_unreadable(spec: mujoco.MjSpec, contacts: bool) -> list[str]:
-    """Take out meshes whose file is missing or cannot be decoded, with the shapes that they have.
+    """Remove meshes whose file is missing or cannot be decoded, with their geoms.
 
     Args:
-        spec: Spec of the model, parsed and not compiled.
-        contacts: Whether shapes that make contact go as well; else only those that are seen and weigh
-            nothing.
+        spec: Specification of the model, parsed and not compiled.
+        contacts: Whether geoms with contacts are removed as well; otherwise only visual geoms without
+            mass.
 
     Returns:
-        What was left out.
+        Notes about the removed meshes.
     """
     seen, touched = [], []
     for mesh in list(spec.meshes):

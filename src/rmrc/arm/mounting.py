@@ -1,4 +1,4 @@
-"""What an arm stands on and what it holds: its base, and the frame that is controlled."""
+"""The mounting of an arm: its base, its tool, and the controlled frame."""
 
 from collections.abc import Collection, Hashable, Sequence
 from dataclasses import dataclass
@@ -32,12 +32,12 @@ NamedFrame: TypeAlias = tuple[Literal["site", "body", "tool"], str | ToolSection
 
 @dataclass(frozen=True)
 class Asked:
-    """What is asked of a model beside its joints.
+    """The requests about a model, except its joints.
 
     Attributes:
-        site: To be controlled.
-        body: Whose frame is to be controlled.
-        tool: Whose frame is to be controlled.
+        site: The site to control.
+        body: The body whose frame to control.
+        tool: The tool whose frame to control.
         base: `fixed` or `free`.
         packages: Packages of a URDF, names and folders.
     """
@@ -50,23 +50,23 @@ class Asked:
 
     @property
     def prefix(self) -> str:
-        """How the names of what belongs to a tool's model begin."""
+        """Beginning of all names in a tool's model."""
         return "tool_" if self.tool and self.tool.model else ""
 
     @property
     def variant(self) -> Hashable:
-        """What makes different models of one file: nothing for most."""
+        """The options that make different models of one file; for most requests none."""
         return () if (self.tool, self.packages) == (None, ()) else (self.tool, self.packages)
 
 
 class Mounted(NamedTuple):
-    """A model with the frame that is controlled.
+    """A model with the controlled frame.
 
     Attributes:
         model: Compiled.
         site: The name of a site at the frame.
         frame: Key of a scenario's `arm` that names the frame, and its value; None if only its default does.
-        obvious: Which note tells a choice of it that hardly anybody would doubt; "" if none does.
+        obvious: The note about a choice of it that hardly anybody would doubt; "" if there is none.
     """
 
     model: mujoco.MjModel
@@ -78,24 +78,24 @@ class Mounted(NamedTuple):
 def mounted(
     path: Path, spec: mujoco.MjSpec | None, model: mujoco.MjModel, asked: Asked, notes: list[str]
 ) -> Mounted:
-    """Return the model with a fixed base and a site that is the frame to be controlled.
+    """Return the model with a fixed base and a site at the controlled frame.
 
     Args:
         path: Path of the model.
-        spec: As it was parsed and compiled; it is changed if the model is. None: the model cannot be changed.
-        model: That it gave.
-        asked: Which frame, and which base.
-        notes: What was assumed is added.
+        spec: Its parsed and compiled specification, changed if the model is. None: the model cannot change.
+        model: The model compiled from it.
+        asked: The requested frame and base.
+        notes: Assumptions are added.
 
     Raises:
-        ModelError: There is no such site or body, nothing moves it, or the base is to float.
+        ModelError: There is no such site or body, nothing moves it, or a floating base is requested.
     """
     kind, i, obvious = _place(path, model, asked, notes)
     body = i if kind == "body" else int(model.site_bodyid[i])
     if spec is None:
         _check_whole(path, model, kind, joints_above(model, body))
         return Mounted(model, model.site(i).name, ("site", model.site(i).name), obvious)
-    holder = next(each for each in spec.bodies if each.id == body)  # a spec that was changed has no ids
+    holder = next(each for each in spec.bodies if each.id == body)  # a changed specification has no ids
     above = joints_above(model, body)
     changed = _name(spec, model, above, notes)
     changed |= _fix(path, spec, model, above, asked, notes)
@@ -123,7 +123,7 @@ def mounted(
 
 
 def _check_whole(path: Path, model: mujoco.MjModel, kind: str, joints: Sequence[int]) -> None:
-    """Refuse a compiled model that lacks what a specification could be given.
+    """Refuse a compiled model without parts that a specification could be given.
 
     Raises:
         ModelError: It has no site where one is controlled, a joint without a name, or a base that floats.
@@ -143,7 +143,7 @@ def _check_whole(path: Path, model: mujoco.MjModel, kind: str, joints: Sequence[
 
 
 def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) -> tuple[str, int, str]:
-    """Return what carries the frame, `site` or `body`, its id, and which note about it nobody would doubt."""
+    """Return the kind of the frame, `site` or `body`, its id, and the code of its note if that is obvious."""
     if asked.site is not None:
         return "site", model.site(find_site(path, model, asked.site)).id, ""
     if asked.body is not None:
@@ -164,12 +164,12 @@ def _place(path: Path, model: mujoco.MjModel, asked: Asked, notes: list[str]) ->
 
 
 def _or(others: Sequence[str]) -> str:
-    """Return the other frames that may be named, as the end of a message."""
+    """Return the end of a message that lists the other frames."""
     return f"; others: {listed(others)}; name one by site or body" if others else ""
 
 
 def _name(spec: mujoco.MjSpec, model: mujoco.MjModel, joints: Sequence[int], notes: list[str]) -> bool:
-    """Give names to the joints of an arm that have none; say whether there were any."""
+    """Give names to unnamed joints of an arm; return whether there were any."""
     nameless = [i for i in joints if not model.joint(i).name and model.jnt_type[i] != _FREE]
     taken = {joint.name for joint in spec.joints}
     given = []
@@ -193,7 +193,7 @@ def _fix(
     asked: Asked,
     notes: list[str],
 ) -> bool:
-    """Have a base that floats stand where its keyframe has it; say whether there was one."""
+    """Fix a floating base where its keyframe has it; return whether there was one."""
     free = next((i for i in joints if model.jnt_type[i] == _FREE), None)
     if free is None:
         return False
@@ -209,7 +209,7 @@ def _fix(
     qpos, address = model.qpos0 if key is None else model.key_qpos[key], int(model.jnt_qposadr[free])
     pose = np.array(qpos[address : address + 7])
     spec.delete(next(joint for joint in spec.joints if joint.id == free))
-    body.set_frame(spec.worldbody.add_frame())  # or it would be there as seen from the author's
+    body.set_frame(spec.worldbody.add_frame())  # otherwise the pose would be relative to the author's frame
     body.alt.type = mujoco.mjtOrientation.mjORIENTATION_QUAT
     body.pos, body.quat = pose[:3], pose[3:]
     at = "the file" if key is None else f'keyframe "{model.key(key).name}"'
@@ -238,7 +238,7 @@ def _attach(
         held = read(tool.model)
         for joint in [each for each in held.spec.joints if each.type == mujoco.mjtJoint.mjJNT_FREE]:
             held.spec.delete(joint)
-            held.spec.compile()  # or its keyframes would not be attached
+            held.spec.compile()  # otherwise its keyframes would not be attached
         spec.attach(held.spec, frame=body.add_frame(pos=position, quat=quat), prefix=prefix)
     except ModelError as error:
         raise ModelError(str(error), "tool.model") from None
@@ -250,7 +250,7 @@ def _attach(
 
 
 def _unused(spec: mujoco.MjSpec, wanted: str) -> str:
-    """Return a name that neither a site has nor, where it is a tool's, a body."""
+    """Return a name that no site has, and no body of the tool."""
     taken = {each.name for each in spec.sites} | (
         {each.name for each in spec.bodies} if wanted == "tool" else set()
     )

@@ -1,4 +1,4 @@
-"""What the elements of a compiled model are called: for messages, and checked to be fit for them."""
+"""Names of the elements of a compiled model, for messages, and checks that they are fit for these."""
 
 import unicodedata
 from pathlib import Path
@@ -8,7 +8,7 @@ import mujoco
 
 from rmrc.support.errors import ModelError
 
-# Lines and pages end at these too, and after those the rest of a line is written backwards.
+# These characters end lines and pages too, or reverse the direction of the rest of a line.
 _CONTROLS = frozenset("\u2028\u2029\u061c\u200e\u200f\u202a\u202b\u202c\u202d\u202e\u2066\u2067\u2068\u2069")
 _SHOWN = 40
 
@@ -17,8 +17,8 @@ class Kind(NamedTuple):
     """A kind of element in MuJoCo's arrays.
 
     Attributes:
-        word: In messages, as in MJCF.
-        body: Field with the body of each; "" for what is on none.
+        word: Word in messages, as in MJCF.
+        body: Field with the body of each; "" for kinds without bodies.
     """
 
     word: str
@@ -59,10 +59,10 @@ def count(model: mujoco.MjModel, kind: str) -> int:
 
 
 def called(model: mujoco.MjModel, kind: str, i: int) -> str:
-    """Return an element in words: `joint "elbow"`, or `geom 3 of body "arm"` for one without a name.
+    """Return an element in words: `joint "elbow"`, or `geom 3 of body "arm"` for an unnamed one.
 
     Args:
-        model: Whose names were checked.
+        model: A model with checked names.
         kind: Prefix of its fields.
         i: Its number.
     """
@@ -74,7 +74,7 @@ def called(model: mujoco.MjModel, kind: str, i: int) -> str:
 
 
 def check(path: Path, model: mujoco.MjModel) -> None:
-    """Check that all names are text that does nothing to a terminal or a file but be read.
+    """Check that all names are plain text, safe to print on a terminal and to write into files.
 
     Raises:
         ModelError: One has a control character, or is no UTF-8.

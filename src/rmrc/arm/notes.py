@@ -1,8 +1,8 @@
-"""What was assumed of a model where its file does not say it: lines, some with a code of their own."""
+"""Assumptions about a model where its file leaves something open: lines, some with a code of their own."""
 
 
 class Note(str):
-    """A line with the code by which `rmrc check` tells it; lines that are plain text go by `assumed`.
+    """A line with the code by which `rmrc check` reports it; plain lines have the code `assumed`.
 
     >>> Note("frame", 'site "tool" is controlled').code
     'frame'
@@ -23,7 +23,7 @@ class Note(str):
 
 
 def code_of(note: str) -> str:
-    """Return the code by which a line is told.
+    """Return the code of a line.
 
     >>> code_of(Note("frame", "a")), code_of("a")
     ('frame', 'assumed')

@@ -1,6 +1,6 @@
 """Every number of a compiled model is finite, and none is so large that its powers are not.
 
-MuJoCo compiles a NaN or an infinity of a file without a word, and steps it to nonsense.
+MuJoCo compiles a NaN or an infinity of a file without an error, and its steps then give nonsense.
 """
 
 from collections.abc import Iterator
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 from rmrc.arm.names import KINDS, called, count
 from rmrc.support.errors import ModelError
 
-# Of lengths and positions [m, rad]: such are kept to 1e-10. Of all else: its tenth power is finite, and no
-# equation here has a higher one.
+# The largest length or position [m, rad]: those are kept to 1e-10. The largest other number: its tenth
+# power is finite, and no equation here has a higher one.
 FARTHEST, LARGEST = 1e6, 1e30
 
-# Of a field `kind_rest`, what MJCF calls `rest`, where it has another name for it.
+# MJCF's attribute for a field `kind_rest`, `rest`, where it has another name.
 _ATTRIBUTES = {
     "body_quat": "orientation",
     "body_ipos": "inertial pos",
@@ -48,17 +48,18 @@ _ATTRIBUTES = {
     "qpos_spring": "springref",
 }  # fmt: skip
 
-# What MuJoCo computes of others: told last, as the cause is mostly another field. A plane's box ends at 1e10.
+# Fields that MuJoCo computes from others: reported last, as the cause is mostly another field. A plane's box
+# ends at 1e10.
 _DERIVED = (
     "actuator_acc0", "actuator_length0", "actuator_lengthrange", "body_invweight0", "body_subtreemass",
     "bvh_aabb", "dof_M0", "dof_invweight0", "dof_length", "geom_aabb", "geom_rbound", "stat.",
     "tendon_invweight0", "tendon_length0", "tendon_lengthspring",
 )  # fmt: skip
 
-# Lengths and positions, by how their fields end.
+# Lengths and positions, by the ends of their field names.
 _LENGTHS = ("_pos", "_ipos", "mesh_vert", "geom_size", "site_size", "qpos0", "key_qpos")
 
-# What MuJoCo makes unit vectors, which it cannot where squares are not finite or nothing is left of them.
+# Fields that MuJoCo normalizes, which fails where squares are not finite or all entries are zero.
 _UNITS, _ROUNDING = ("jnt_axis", "body_quat", "body_iquat", "site_quat", "geom_quat"), 1e-6
 
 _SHOWN = 8
@@ -69,14 +70,14 @@ def check(path: Path, model: mujoco.MjModel) -> None:
 
     Args:
         path: Its file.
-        model: Compiled.
+        model: The compiled model.
 
     Raises:
         ModelError: One is NaN or infinite, or too large to compute with; it names element and attribute.
     """
     fields = sorted(_floats(model), key=lambda field: field[0].startswith(_DERIVED))
     for name, values in fields:
-        # of what is computed, only NaN and infinity: it may well be the square of what is allowed
+        # of computed fields, check only for NaN and infinity: one may be the square of a valid number
         most = np.inf if name.startswith(_DERIVED) else FARTHEST if name.endswith(_LENGTHS) else LARGEST
         wrong = ~(np.isfinite(values) & (np.abs(values) <= most))
         if wrong.any():
@@ -98,7 +99,7 @@ def _floats(structure: Any, prefix: str = "") -> Iterator[tuple[str, NDArray[np.
         value = None if name.startswith("_") else getattr(structure, name)
         if isinstance(value, float) or (isinstance(value, np.ndarray) and value.dtype.kind == "f"):
             yield prefix + name, np.asarray(value)
-        elif type(value).__module__.startswith("mujoco."):  # options, statistics, looks
+        elif type(value).__module__.startswith("mujoco."):  # options, statistics, visual settings
             yield from _floats(value, f"{prefix}{name}.")
 
 
@@ -126,7 +127,7 @@ def _place(model: mujoco.MjModel, field: str, row: int) -> str:
 
 
 def _owner(first: NDArray[np.int32], row: int) -> int:
-    """Return which element has a row, where the first row of each is known."""
+    """Return which element has a row, given the first row of each."""
     return int(np.searchsorted(first, row, side="right")) - 1
 
 

@@ -1,8 +1,8 @@
-"""What of a model is not the arm: which of its joints its actuators hold, and which are locked.
+"""The parts of a model that are not the arm: which of its joints its actuators hold, and which are locked.
 
 Joints beside the arm stay where a run starts. An actuator that works like a spring about its control holds
-them. Those that none holds are locked in a copy of the model, unless they follow joints that move by an
-equality, or belong to a thing that floats, as a cube on a table does, or to a flex.
+its joints. Joints that none holds are locked in a copy of the model, unless they follow moving joints by an
+equality, or belong to a floating object, such as a cube on a table, or to a flex.
 """
 
 from collections import Counter
@@ -21,12 +21,12 @@ from rmrc.support.errors import ModelError
 Array = NDArray[np.float64]
 
 # Inertia [kg·m² or kg] and damping [N·m·s/rad or N·s/m] of a locked joint: 1 kN·m turns it at 1e-12 rad/s,
-# and next to it a robot has no inertia. With 1e8 and more, MuJoCo's solver of contacts stops too early: 4e-3
-# rad off with 1e9. A model that disables damping has the larger inertia instead: 1 kN·m then turns it by 2e-6
-# rad in a minute.
+# and a robot's inertia is negligible beside it. With 1e8 and more, MuJoCo's contact solver stops too early:
+# 4e-3 rad off with 1e9. A model that disables damping has the larger inertia instead: 1 kN·m then turns it by
+# 2e-6 rad in a minute.
 LOCKED_INERTIA, LOCKED_DAMPING, UNDAMPED_INERTIA = 1e6, 1e15, 1e12
 
-# Pairs of bodies that are kept from touching, each of which the model holds as an exclude.
+# The most pairs of bodies that are kept from touching; the model holds each as an exclude.
 MOST_PAIRS = 100_000
 
 # MuJoCo's arrays hold plain integers, which its enums do not equal.
@@ -49,18 +49,18 @@ class Others:
     """Joints and actuators of a model that are not an arm's, by their ids.
 
     Attributes:
-        model: As its author wrote it.
-        replaced: Actuators that pull at joints of the arm and at no other.
+        model: The author's model.
+        replaced: Actuators that act on joints of the arm and on no other.
         kept: All other actuators, in order.
     """
 
     def __init__(self, model: mujoco.MjModel, joints: Sequence[int], site: int) -> None:
-        """Look at a model.
+        """Examine a model.
 
         Args:
-            model: As its author wrote it.
-            joints: Joints of the arm, and those that follow them.
-            site: That they move.
+            model: The author's model.
+            joints: Joints of the arm, and their followers.
+            site: The site that they move.
         """
         self.model, self._own, self._site = model, frozenset(int(joint) for joint in joints), site
         pulls = [self._found_pulled(i) for i in range(model.nactuator)]
@@ -76,7 +76,7 @@ class Others:
 
     @cached_property
     def locked(self) -> frozenset[int]:
-        """Joints that no actuator holds, that no equality moves, and of nothing that floats or is soft."""
+        """Joints without an actuator that holds them, a moving leader, a floating root or a flex."""
         model = self.model
         held = (self._pulls[i] for i in self.kept if self.holds(i))
         moving = self._own.union(*held, self._floating())
@@ -91,11 +91,11 @@ class Others:
         return frozenset(range(model.njnt)) - moving
 
     def pulled(self, actuator: int) -> frozenset[int]:
-        """Return the joints that an actuator pulls at."""
+        """Return the joints on which an actuator acts."""
         return self._pulls[actuator]
 
     def holds(self, actuator: int) -> bool:
-        """Return whether a constant control keeps what an actuator pulls at: it is a spring about that."""
+        """Return whether a constant control holds an actuator's joints: it acts as a spring about that."""
         model = self.model
         return bool(
             model.actuator_gaintype[actuator] == _FIXED_GAIN
@@ -109,13 +109,13 @@ class Others:
     def controls(
         self, qpos: Array, ctrl: Array | None, act: Array | None, every: bool = False
     ) -> tuple[Array, Array]:
-        """Return controls and activations of the actuators that are kept, in their order.
+        """Return controls and activations of the kept actuators, in their order.
 
-        Where the keyframe has none, an actuator that can hold gets those at which it gives no force at the
+        If the keyframe has none, an actuator that can hold gets values at which it gives no force at the
         start: gain · u + bias₀ + bias₁ · length = 0, within its range.
 
         Args:
-            qpos: Where the model starts, (nq,).
+            qpos: Start configuration of the model, (nq,).
             ctrl: Controls of the keyframe, (nu,), or None if it has none.
             act: Its activations, (na,), or None.
             every: Whether to return those of all actuators.
@@ -142,7 +142,7 @@ class Others:
     def _hold(
         self, i: int, length: float, controls: Array, states: Array, ctrl: Array | None, act: Array | None
     ) -> None:
-        """Write control and activation of one actuator, those of them that no keyframe gives."""
+        """Write the control and activation of one actuator, unless a keyframe gives them."""
         model = self.model
         at = int(model.actuator_ctrladr[i])
         state = int(model.actuator_actadr[i] + model.actuator_actnum[i] - 1)
@@ -161,9 +161,9 @@ class Others:
             states[state] = controls[at]
 
     def lock(self, spec: mujoco.MjSpec, path: Path) -> None:
-        """Lock joints in a specification that the model was compiled from.
+        """Lock joints in a specification from which the model was compiled.
 
-        No limit, spring, equality, tendon or contact moves them, as MuJoCo gives constraints whatever force
+        No limit, spring, equality, tendon or contact acts on them, as MuJoCo gives constraints any force that
         they need.
 
         Args:
@@ -190,7 +190,7 @@ class Others:
         self._keep_apart(spec, path)
 
     def _keep_apart(self, spec: mujoco.MjSpec, path: Path) -> None:
-        """Exclude contacts between bodies that only locked joints are between."""
+        """Exclude contacts between bodies that only locked joints connect."""
         model = self.model
         carrier = np.arange(model.nbody)
         for b in range(1, model.nbody):
@@ -219,7 +219,7 @@ class Others:
                 spec.delete(pair)
 
     def _floating(self) -> frozenset[int]:
-        """Joints of trees that hang at a free joint, and of the points of a flex."""
+        """Joints of trees with a free joint at their root, and of the points of a flex."""
         model = self.model
         soft = {joint for body in soft_bodies(model) for joint in joints_of(model, body)}
         trees = {int(model.body_rootid[model.jnt_bodyid[j]]) for j in np.flatnonzero(model.jnt_type == _FREE)}
@@ -251,7 +251,7 @@ class Others:
         return of_joints.union(*(self._between(a, b) for a, b in pairwise(bodies)))
 
     def _equalities(self) -> dict[int, frozenset[int]]:
-        """Return which joints each equality that is active links."""
+        """Return the joints that each active equality links."""
         return {
             int(i): linked
             for i in np.flatnonzero(self.model.eq_active0)
@@ -272,7 +272,7 @@ class Others:
                 yield from self.along(one)
 
     def _between(self, a: int, b: int) -> frozenset[int]:
-        """Return the joints that move one body against another."""
+        """Return the joints that move one body relative to another."""
         return frozenset(self._above(a) ^ self._above(b))
 
     def _above(self, body: int) -> set[int]:
@@ -298,5 +298,5 @@ def _named(body: mujoco.MjsBody) -> str:
 
 
 def _spans(values: Array, first: NDArray[np.int32], count: NDArray[np.int32], chosen: Sequence[int]) -> Array:
-    """Return the values of some actuators, of which each has so many from its first one on."""
+    """Return the values of some actuators; each has a number of values from its first one on."""
     return values[[k for i in chosen for k in range(first[i], first[i] + count[i])]]

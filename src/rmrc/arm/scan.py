@@ -1,6 +1,6 @@
-"""The text of a model: looked at before MuJoCo reads it, which nothing can interrupt.
+"""The text of a model is checked before MuJoCo reads it, because nothing can interrupt MuJoCo's reading.
 
-A line can ask for a million bodies, for which MuJoCo would take hours. And a NaN compiles without an error.
+One line can ask for a million bodies, for which MuJoCo would take hours, and a NaN compiles without an error.
 """
 
 import math
@@ -13,10 +13,10 @@ from typing import NamedTuple
 from rmrc.scenario.wording import brief
 from rmrc.support.errors import ModelError
 
-# The largest XML of those models has 1 MB, 300 geoms and 130 joints. MuJoCo's time grows with the square:
-# so many of either take it some seconds.
+# The largest XML of those models has 1 MB, 300 geoms and 130 joints. MuJoCo's time is quadratic: these
+# numbers take it some seconds.
 _MOST_BYTES, _MOST_ELEMENTS, _MOST_JOINTS = 50_000_000, 10_000, 3_000
-# Of elements that are grids, or hold so many of something: the product of these attributes, of all together.
+# Elements with grids or counts: the attributes whose product is the count, and the largest total.
 _GRIDS = {
     "flexcomp": (("count",), 30_000),
     "texture": (("width", "height"), 2**26),
@@ -27,7 +27,7 @@ _TAG = re.compile(r"""<(/?)([\w:.\-]+)((?:[^<>"']|"[^"]*"|'[^']*')*+)>""")
 _ATTRIBUTE = re.compile(r"""([\w:.\-]+)\s*=\s*(?:"([^"]*)"|'([^']*)')""")
 _INFINITE = re.compile(r"[+-]?(nan(\(\w*\))?|inf(inity)?)", re.IGNORECASE)
 _ENDS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>", "<!": ">"}
-# Values of these are words, whatever they look like.
+# The values of these attributes are words, even if they look like numbers.
 _WORDS = frozenset({
     "actuator", "body", "body1", "body2", "childclass", "class", "cranksite", "file", "geom", "geom1",
     "geom2", "hfield", "joint", "joint1", "joint2", "jointinparent", "material", "mesh", "model", "name",
@@ -40,12 +40,12 @@ class Tag(NamedTuple):
     """A tag of a file.
 
     Attributes:
-        closes: Whether an element ends with it.
+        closes: Whether it closes an element.
         name: Name of the element.
         attributes: Their texts by name.
-        line: In the file.
+        line: Line in the file.
         is_alone: Whether the element ends where it begins.
-        span: Where it begins and ends in the text.
+        span: Its start and end in the text.
     """
 
     closes: bool
@@ -57,7 +57,7 @@ class Tag(NamedTuple):
 
 
 def check_file(path: Path) -> None:
-    """Check an MJCF file and those that it includes, as far as they can be read; MuJoCo tells the rest.
+    """Check an MJCF file and those that it includes, as far as they can be read; MuJoCo reports the rest.
 
     Raises:
         ModelError: It is too large, has too many elements, or a number of it is NaN or infinite.
@@ -82,16 +82,16 @@ class _Scan:
 
         Args:
             path: Its path.
-            times: How often its elements are there.
+            times: Number of repetitions of its elements.
         """
-        if not path.is_file() or path.resolve() in self._read:  # which MuJoCo refuses
+        if not path.is_file() or path.resolve() in self._read:  # MuJoCo refuses it
             return
         self._read.add(path.resolve())
         size = path.stat().st_size
         if size > _MOST_BYTES:
             raise ModelError(f"{path}: must have {_MOST_BYTES / 1e6:g} MB at most, got {size / 1e6:.6g} MB")
         self._open.append(path.resolve())
-        inside: list[tuple[Tag, int]] = []  # elements that are open, and what multiplies within them
+        inside: list[tuple[Tag, int]] = []  # open elements, and the factor of repetition within them
         for tag in tags(path.read_text("utf-8", "surrogateescape")):
             if tag.closes:
                 if inside and inside[-1][0].name == tag.name:
@@ -115,7 +115,7 @@ class _Scan:
         before = self._elements, self._joints
         for folder in dict.fromkeys((self._path.parent, path.parent)):
             named = folder / tag.attributes["file"]
-            if tag.name == "model" and named.resolve() in self._open:  # MuJoCo would read it without end
+            if tag.name == "model" and named.resolve() in self._open:  # MuJoCo would read it endlessly
                 what = f'model must name another file than itself, got "{brief(tag.attributes["file"])}"'
                 raise ModelError(f"{path}:{tag.line}: {what}")
             self.read(named, times)
@@ -150,7 +150,7 @@ class _Scan:
 
 
 def tags(text: str) -> Iterator[Tag]:
-    """Iterate over the tags of an XML text, until one that is none, at which MuJoCo stops too."""
+    """Iterate over the tags of an XML text, until invalid text, at which MuJoCo stops too."""
     at, line, counted = text.find("<"), 1, 0
     while at >= 0:
         line, counted = line + text.count("\n", counted, at), at
@@ -181,7 +181,7 @@ def _check_finite(place: str, tag: Tag, parent: Tag | None) -> None:
 
 
 def _check_class(place: str, tag: Tag) -> None:
-    """Refuse what MuJoCo takes for a format of C where there is no such class: `%n` ends its process."""
+    """Refuse a class that MuJoCo would use as a C format if undefined: `%n` ends its process."""
     name = tag.attributes.get("class", "")
     if "%" in name:
         raise ModelError(
@@ -203,6 +203,6 @@ def _is_number(text: str) -> bool:
 
 
 def _whole(text: str) -> int:
-    """Return a positive whole number, 1 for what is none."""
+    """Return a positive whole number, or 1 for any other text."""
     found = re.match(r"\s*\+?(\d{1,18})", text)
     return max(1, int(found[1])) if found else 1

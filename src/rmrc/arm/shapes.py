@@ -1,4 +1,4 @@
-"""What is seen of a model: its visible geometries."""
+"""The visible geoms of a model."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ _NO_MESH = (np.empty((0, 3)), np.empty((0, 3), np.int32))
 
 @dataclass(frozen=True)
 class Shape:
-    """A visible geometry, fixed to a body.
+    """A visible geom, fixed to a body.
 
     Attributes:
         name: Its name in the model, or its number.
@@ -46,10 +46,10 @@ class Shape:
 
 
 def visible(model: mujoco.MjModel, stretch: Mapping[str, float]) -> list[Shape]:
-    """Return the visible geometries of a model, planes left out.
+    """Return the visible geoms of a model, without planes.
 
     Args:
-        model: With sizes as they are; only meshes are kept as their author made them.
+        model: A model with its final sizes; only meshes keep the sizes that their author gave them.
         stretch: Factor on all lengths of a body, by its name.
     """
     shapes = []

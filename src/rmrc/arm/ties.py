@@ -1,4 +1,4 @@
-"""What ties an arm, so that it is no open chain: welds, connects and other equalities."""
+"""Constraints that tie an arm, so that it is no open chain: welds, connects and other equalities."""
 
 from collections.abc import Sequence
 
@@ -24,8 +24,8 @@ _KINDS = {
 }
 _SITE = int(mujoco.mjtObj.mjOBJ_SITE)
 
-# Configurations at which the constraints are looked at besides the start. What ties the arm does so at all of
-# them: at one alone, a linkage may be stretched.
+# Configurations at which the constraints are examined besides the start. A constraint ties the arm only if it
+# does so at all of them: at a single one, a linkage may be stretched.
 _SAMPLES = 2
 # A smaller share of the largest entry is rounding.
 _ROUNDING = 1e-9
@@ -34,19 +34,19 @@ _ROUNDING = 1e-9
 def find_ties(
     model: mujoco.MjModel, qpos: Array, dofs: Sequence[int], follow: Array, others: Others
 ) -> tuple[str, ...]:
-    """Return the equalities that take freedom from the joints of an arm, in words.
+    """Return the equalities that remove freedom from the joints of an arm, in words.
 
-    With the rows G of all equalities, those motions of the arm are free that other joints can make up for.
-    The arm is tied if (1 − G_o G_o⁺) G_a is not 0, with the columns a of the arm and o of the joints that are
-    free to move: neither locked nor held by an actuator. So a weld to the world, a mocap body or a second arm
-    ties it; a thing welded into the hand, and a linkage within a gripper, do not.
+    With the rows G of all equalities, motions of the arm are free if other joints can make up for them. The
+    arm is tied if (1 − G_o G_o⁺) G_a is not 0, with the columns a of the arm and o of the joints that are
+    free to move: neither locked nor held by an actuator. A weld to the world, a mocap body or a second arm
+    ties it; an object welded to the hand, or a linkage within a gripper, does not.
 
     Args:
-        model: As its author wrote it.
-        qpos: Where it starts, (nq,).
+        model: The author's model.
+        qpos: Start configuration, (nq,).
         dofs: Addresses in qvel of all joints on the chain that move with the arm.
-        follow: How far these move for each joint of the arm, (len(dofs), n).
-        others: What is not the arm.
+        follow: Their motion for each joint of the arm, (len(dofs), n).
+        others: The parts that are not the arm.
     """
     if not active_equalities(model):
         return ()
@@ -71,7 +71,7 @@ def find_ties(
 
 
 def equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, NDArray[np.int32], Array]:
-    """Return the rows of all equalities that act, (rows, nv), the number of the equality of each, its gap."""
+    """Return the rows of all active equalities, (rows, nv), the number of the equality of each, its gap."""
     mujoco.mj_fwdKinematics(model, data)
     data.ncon = 0
     mujoco.mj_makeConstraint(model, data)
@@ -79,7 +79,7 @@ def equality_rows(model: mujoco.MjModel, data: mujoco.MjData) -> tuple[Array, ND
         full = np.zeros((data.nefc, model.nv))
         mujoco.mju_sparse2dense(full, data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind)
     else:
-        # behind the rows there can be room that MuJoCo counted and did not use
+        # behind the rows there can be space that MuJoCo allocated and did not use
         full = np.array(data.efc_J)[: data.nefc * model.nv].reshape(data.nefc, model.nv)
     chosen = data.efc_type == _EQUALITY
     return full[chosen], np.array(data.efc_id)[chosen], np.array(data.efc_pos)[chosen]
@@ -91,7 +91,7 @@ def _dofs(model: mujoco.MjModel, joint: int) -> range:
 
 
 def _in_words(model: mujoco.MjModel, i: int) -> str:
-    """Return such as `weld "grip" of body "hand" to body "mocap"`."""
+    """Return a text such as `weld "grip" of body "hand" to body "mocap"`."""
     kind, of = _KINDS.get(int(model.eq_type[i]), ("equality", None))
     name = f'{kind} "{model.equality(i).name}"' if model.equality(i).name else f"{kind} {i}"
     if of is None:

@@ -1,4 +1,4 @@
-"""A URDF file as MuJoCo can read it: packages are found, links stay, and inertias are physical."""
+"""A URDF file as MuJoCo can read it: packages are found, links kept, and inertias made physical."""
 
 import re
 from collections.abc import Mapping, Sequence
@@ -14,23 +14,23 @@ from rmrc.arm.scan import Tag, tags
 from rmrc.support.errors import ModelError
 from rmrc.support.legible import listed
 
-# A link that moves has this mass [kg] and these moments of inertia [kg·m²] at least: a gram whose radius of
-# gyration is 3 cm, which is little beside any link of an arm, and enough for MuJoCo to divide by.
+# The least mass [kg] and moments of inertia [kg·m²] of a moving link: a gram, radius of gyration 3 cm,
+# which is little beside any link of an arm, and enough for MuJoCo to divide by.
 LEAST_MASS, LEAST_INERTIA = 1e-3, 1e-6
 
-# Of the compiler, where the file does not say otherwise: visual shapes are for the recording, and links that
-# are fixed to others can be named.
+# Compiler settings where the file has no others: visual geoms are for the recording, and links that are fixed
+# to others keep their names.
 _KEPT = {"discardvisual": "false", "fusestatic": "false"}
 _SCHEME = re.compile(r"(package|model|file)://+(.*)", re.DOTALL)
 
 
 class Urdf(NamedTuple):
-    """What a URDF file says.
+    """The contents of a URDF file.
 
     Attributes:
-        text: For MuJoCo, with the paths of meshes absolute.
+        text: Text for MuJoCo, with the paths of meshes absolute.
         velocity: The largest rate of each joint that has one, by its name [rad/s or m/s].
-        notes: What was assumed.
+        notes: Assumptions.
     """
 
     text: str
@@ -53,7 +53,7 @@ def read(path: Path, packages: Mapping[str, Path]) -> Urdf:
         packages: Folders of packages, by their names; others are searched upward from the file.
 
     Raises:
-        ModelError: It is no UTF-8, or a xacro file.
+        ModelError: It is not UTF-8, or a xacro file.
     """
     try:
         text = path.read_text("utf-8")
@@ -63,7 +63,7 @@ def read(path: Path, packages: Mapping[str, Path]) -> Urdf:
 
 
 def files(path: Path, packages: Mapping[str, Path]) -> set[Path]:
-    """Return the meshes of a URDF file that are there, and what makes folders above it packages.
+    """Return the existing meshes of a URDF file, and the files that make folders above it packages.
 
     Args:
         path: The file, absolute.
@@ -82,7 +82,7 @@ def files(path: Path, packages: Mapping[str, Path]) -> set[Path]:
 
 
 class _Reading:
-    """One pass through the tags of a file, which notes what is to be written instead."""
+    """One pass through the tags of a file, which collects the replacements."""
 
     def __init__(self, path: Path, text: str, packages: Mapping[str, Path]) -> None:
         self._path, self._text, self._packages = path, text, packages
@@ -118,14 +118,14 @@ class _Reading:
             section = f"<mujoco>{_element('compiler', _KEPT)}</mujoco>"
             self._instead.append(((tag.span[1], tag.span[1]), section))
         elif tag.name == "mujoco" and names == ["robot"] and self._compiler is None:
-            # of which MuJoCo takes one alone
+            # MuJoCo accepts only one
             raise ModelError(f"{self._path}:{tag.line}: mujoco must have a compiler in it; write <compiler/>")
         elif tag.name == "compiler" and names == ["robot", "mujoco"]:
             # absolute paths must keep their folders
             self._replace(tag, **{**_KEPT, **tag.attributes, "strippath": "false"})
         elif tag.name in ("visual", "collision") and "name" in tag.attributes:
             name = tag.attributes["name"]
-            if name in self._shapes:  # which MuJoCo would print
+            if name in self._shapes:  # MuJoCo would print it
                 self._instead.append((tag.span, _element(tag.name, {}, tag.is_alone)))
             self._shapes.add(name)
         elif tag.name == "mesh" and "filename" in tag.attributes:
@@ -144,7 +144,7 @@ class _Reading:
         self._instead.append((tag.span, _element(tag.name, {**tag.attributes, **attributes}, tag.is_alone)))
 
     def _found(self, uri: str) -> Path:
-        """Return the file that a mesh names; one that may be there, where none is."""
+        """Return the file that a mesh names; a possible path if none exists."""
         scheme = _SCHEME.fullmatch(uri.strip())
         if scheme is None:
             compiler = self._compiler or {}
@@ -161,7 +161,7 @@ class _Reading:
                     (folders[0] if folders else self._path.parent / name) / rest)  # fmt: skip
 
     def _folders(self, name: str) -> list[Path]:
-        """Return the folders that a package may be: the one that is given, else those above the file."""
+        """Return the possible folders of a package: the given one, else those above the file."""
         if name in self._packages:
             return [self._packages[name].absolute()]
         found = []
@@ -201,7 +201,7 @@ def _element(name: str, attributes: Mapping[str, str], is_alone: bool = True) ->
 
 
 def _positive(text: str) -> float | None:
-    """Return a number above 0; in the files of others, 0 means that nobody knows."""
+    """Return a number above 0; in many published files, 0 means unknown."""
     try:
         return value if (value := float(text)) > 0.0 else None
     except ValueError:
@@ -230,10 +230,10 @@ def _package_of(folder: Path) -> str | None:
 
 
 def mend(spec: mujoco.MjSpec) -> list[str]:
-    """Make the inertias of a URDF's links physical, and hide shapes for contact where there are others.
+    """Make the inertias of a URDF's links physical, and hide collision geoms of links with visual ones.
 
     Returns:
-        What was assumed.
+        Assumptions.
     """
     massless, unphysical = [], []
     for body in spec.bodies[1:]:
@@ -245,7 +245,7 @@ def mend(spec: mujoco.MjSpec) -> list[str]:
         visual = [geom for geom in body.geoms if not geom.contype and not geom.conaffinity]
         for geom in body.geoms:
             if visual and (geom.contype or geom.conaffinity):
-                geom.group = 3  # which viewers hide
+                geom.group = 3  # a group that viewers hide
     notes = []
     if massless:
         least = f"{LEAST_MASS:g} kg and {LEAST_INERTIA:g} kg m^2 at least"
@@ -257,9 +257,9 @@ def mend(spec: mujoco.MjSpec) -> list[str]:
 
 
 def _has_moments(body: mujoco.MjsBody) -> bool:
-    """Make an inertia one that a body can have, or none at all; say whether the file had such a one."""
+    """Replace an impossible inertia by the nearest valid one, or by none; return whether it was valid."""
     xx, yy, zz, xy, xz, yz = body.fullinertia
-    if np.isnan(xx):  # it has none but what its shapes give it
+    if np.isnan(xx):  # its only inertia is that of its geoms
         return True
     moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
     if moments[0] > mujoco.mjMINVAL and moments[0] + moments[1] >= moments[2]:
@@ -290,18 +290,18 @@ def _give(body: mujoco.MjsBody, mass: float, inertia: float) -> None:
 
 
 def keep_apart(spec: mujoco.MjSpec, model: mujoco.MjModel, qpos: NDArray[np.float64]) -> list[str]:
-    """Have bodies of a URDF not touch that are within each other at home.
+    """Exclude contacts between bodies of a URDF that overlap at home.
 
-    A URDF has no place for pairs that do not collide, and MuJoCo takes the convex hull of each mesh: links
-    near each other in the chain are within each other then, wherever they are.
+    A URDF cannot list pairs that do not collide, and MuJoCo uses the convex hull of each mesh, so neighboring
+    links of the chain overlap wherever they are.
 
     Args:
-        spec: That the model was compiled from; pairs are added.
-        model: Its model.
+        spec: The specification of the model; pairs are added.
+        model: The compiled model.
         qpos: Home, (nq,).
 
     Returns:
-        What was assumed.
+        Assumptions.
     """
     data = mujoco.MjData(model)
     data.qpos[:] = qpos

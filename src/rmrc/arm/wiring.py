@@ -1,4 +1,4 @@
-"""Where an arm is found in a model: its site, and the chain of joints to it."""
+"""The indices of an arm in a model: its site, and the chain of joints to it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ DRIVES_JOINT = int(mujoco.mjtTrn.mjTRN_JOINT)
 
 @dataclass(frozen=True)
 class Wiring:
-    """Where the arm is found in a model that MuJoCo compiled: four kinds of index, never mixed up.
+    """Indices of the arm in a model that MuJoCo compiled: four kinds, never mixed up.
 
     Attributes:
         joint: Joint ids, (n,).
@@ -48,7 +48,7 @@ class Wiring:
 def wire(
     model: mujoco.MjModel, joints: Sequence[str], followers: Sequence[str], axes: Sequence[str], site: str
 ) -> Wiring:
-    """Resolve the names of joints, of those that follow them, of all that have an axis, and of the site."""
+    """Resolve the names of joints, of their followers, of all joints with an axis, and of the site."""
     ids = np.array([model.joint(name).id for name in joints])
     following = np.array([model.joint(name).id for name in followers], np.int64)
     drives = {
@@ -71,10 +71,10 @@ def wire(
 
 
 def find_site(path: Path, model: mujoco.MjModel, wanted: str) -> str:
-    """Return the site that is wanted.
+    """Return the id of the wanted site.
 
     Raises:
-        ModelError: There is none of that name.
+        ModelError: No site has that name.
     """
     sites: list[str] = [name for i in range(model.nsite) if (name := model.site(i).name)]
     if wanted not in sites:
@@ -84,16 +84,16 @@ def find_site(path: Path, model: mujoco.MjModel, wanted: str) -> str:
 
 
 def find_body(path: Path, model: mujoco.MjModel, wanted: str, about: str = "body") -> int:
-    """Return the id of the body that is wanted.
+    """Return the id of the wanted body.
 
     Args:
         path: Path of the model.
         model: Compiled.
         wanted: Its name.
-        about: What the error is about.
+        about: The key that an error names.
 
     Raises:
-        ModelError: There is none of that name.
+        ModelError: No body has that name.
     """
     bodies: list[str] = [name for i in range(1, model.nbody) if (name := model.body(i).name)]
     if wanted not in bodies:
@@ -103,7 +103,7 @@ def find_body(path: Path, model: mujoco.MjModel, wanted: str, about: str = "body
 
 
 def soft_bodies(model: mujoco.MjModel) -> frozenset[int]:
-    """Return the bodies that are points of a flex: moved by slides alone, and without a shape."""
+    """Return the bodies that are points of a flex: only slides move them, and they have no geom."""
     return frozenset(
         b
         for b in set().union(*(flex_bodies(model, i) for i in range(model.nflex)))
@@ -113,7 +113,7 @@ def soft_bodies(model: mujoco.MjModel) -> frozenset[int]:
 
 
 def flex_bodies(model: mujoco.MjModel, flex: int) -> set[int]:
-    """Return the bodies that carry points of a flex, the world among them where it is pinned there."""
+    """Return the bodies that carry points of a flex, including the world where the flex is pinned there."""
     points = (
         (model.flex_vertbodyid, model.flex_vertadr, model.flex_vertnum),
         (model.flex_nodebodyid, model.flex_nodeadr, model.flex_nodenum),
@@ -123,7 +123,7 @@ def flex_bodies(model: mujoco.MjModel, flex: int) -> set[int]:
 
 
 def flex_name(model: mujoco.MjModel, flex: int) -> str:
-    """Return what a flex is called."""
+    """Return the name of a flex."""
     return mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_FLEX, flex) or f"flex{flex}"
 
 
@@ -134,7 +134,7 @@ def joints_of(model: mujoco.MjModel, body: int) -> range:
 
 
 def joints_above(model: mujoco.MjModel, body: int) -> list[int]:
-    """Return the joints between the world and a body, its own among them, the last first."""
+    """Return the joints between the world and a body, including its own, the last first."""
     joints: list[int] = []
     while body > 0:
         joints += reversed(joints_of(model, body))

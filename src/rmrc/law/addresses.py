@@ -1,4 +1,4 @@
-"""Machine code that is called at an address, and numbers that are read at one: what a C library needs."""
+"""Call machine code at an address and read numbers at an address, as a C library requires."""
 
 from collections.abc import Callable
 from typing import Any, cast
@@ -34,21 +34,21 @@ def _typed_call(_: Any, address: Any, first: Any, second: Any) -> Any:
 _make: Any = intrinsic
 _carray: Any = cast(Any, numba).carray
 _pointer: Callable[[int], int] = _make(_typed_pointer)
-# Calls a C function of two pointers that returns nothing.
+# Calls a C function that takes two pointers and returns nothing.
 call_c: Callable[[int, int, int], None] = _make(_typed_call)
 
 
 @inlined
 def words_at(address: int, count: int) -> NDArray[np.int64]:
-    """Return the words of 64 bits that begin at an address, (count,)."""
+    """Return the 64-bit words that begin at an address, (count,)."""
     return _carray(_pointer(address), count, np.int64)  # type: ignore[no-any-return]
 
 
 def caller_of(count: int) -> Callable[[int, int, int], int]:
-    """Return what calls an entry at its address, compiled: (address, words, last) -> its int.
+    """Return a compiled function that calls an entry at its address: (address, words, last) -> its int.
 
-    The entry takes so many words of 64 bits, which begin at the address `words`, as `words_of` makes them of
-    arrays; and one int after them.
+    The entry takes `count` 64-bit words, which begin at the address `words` (`words_of` makes them from
+    arrays), and then one int.
     """
     taken = [types.int64] * (count + 1)
 
@@ -68,5 +68,5 @@ def caller_of(count: int) -> Callable[[int, int, int], int]:
 
 
 def words_of(array: NDArray[Any]) -> list[int]:
-    """Return an array as numba hands it over: no owner, how many, how large, where, its shape and strides."""
+    """Return an array in numba's layout: no owner, item count, item size, address, shape and strides."""
     return [0, 0, array.size, array.itemsize, array.ctypes.data, *array.shape, *array.strides]

@@ -1,11 +1,11 @@
-"""The law of a Jacobian that somebody else computes: no model, and no MuJoCo.
+"""The control law for a Jacobian that the caller computes, without a model and without MuJoCo.
 
     law = Law(7, 6, {"feedback": 0, "limits": {"rate": 2.0}})
     while True:
         rates = law.step(J, twist).qdot_cmd
         ...
 
-`resolve_rates` is its inverse alone, for one Jacobian and one twist.
+`resolve_rates` applies one inverse to one Jacobian and one twist.
 """
 
 import math
@@ -37,17 +37,17 @@ TWIST = int(Given.TWIST)
 
 
 class Law(Loop):
-    """The law without an arm: a Jacobian and a twist in, joint rates within the limits out.
+    """The law without an arm: it turns a Jacobian and a twist into joint rates within the limits.
 
-    It is the same compiled law as that of a run. What depends on the arm is given with each step: the error
-    of the schedule `error`, the gradient that the objective `manipulability` climbs, the inertia of the
-    metric `inertia`. `Controller` alone has a pose, the objective `secondary`, which `rates` with `qdot0`
-    may stand for, and all policies but `damp` and `slow`.
+    It is the same compiled law as in a run. Quantities that depend on the arm are given with each step: the
+    error for the schedule `error`, the gradient for the objective `manipulability`, the inertia for the
+    metric `inertia`. Only `Controller` has a pose, the objective `secondary` (here `rates` with `qdot0` can
+    replace it) and the policies other than `damp` and `slow`.
 
     Attributes:
         n: Number of joints.
         m: Number of task rows.
-        control: What it does.
+        control: The settings of the law.
     """
 
     def __init__(
@@ -70,18 +70,18 @@ class Law(Loop):
             n: Number of joints.
             m: Number of task rows, 1 to 6.
             control: As in `Controller`.
-            period: Time between two steps [s]; None for that of `control`.
+            period: Time between two steps [s]; None: the period of `control`.
             weights: Task weights W_x, (m,); None: all 1.
-            position_limit: Lower and upper position of each joint, (n, 2) [rad or m]; None: none are kept.
-                With limits `step` needs q.
+            position_limit: Lower and upper position of each joint, (n, 2) [rad or m]; None: no limits. With
+                limits `step` needs q.
             rate_limit: Largest rates where `control` has none, (n,) [rad/s or m/s]; None: none.
-            joints: Names of the joints, which messages and `limited_by` use.
+            joints: Names of the joints, used in messages and in `limited_by`.
             watchdog: See `watchdog`.
-            clock: By which a step is overdue [s].
+            clock: Returns the time that the watchdog compares [s].
 
         Raises:
-            QuestionError: A shape or a number will not do.
-            ScenarioError: What `control` says cannot be used, or does not fit n and m.
+            QuestionError: A shape or a number is not usable.
+            ScenarioError: `control` has an unusable value, or does not fit n and m.
         """
         if not (isinstance(n, int) and n > 0 and isinstance(m, int) and 0 < m <= ROWS):
             raise QuestionError(f"n must be 1 or more, and m 1 to {ROWS}, got n {n} and m {m}")
@@ -116,9 +116,9 @@ class Law(Loop):
         """Forget all steps: the next one is the first, from rest.
 
         Args:
-            q: Where the joints are, (n,), or (w, n) for a batch of w worlds [rad or m]; the posture of the
-                null space is that where `control` has none. None: as many worlds as there were, and q of the
-                first step.
+            q: Positions of the joints, (n,), or (w, n) for a batch of w worlds [rad or m]. They are also the
+                posture of the null space where `control` has none. None: the number of worlds stays, and q
+                comes from the first step.
             worlds: Number of worlds, instead of q.
 
         Raises:
@@ -132,7 +132,7 @@ class Law(Loop):
         starts = started("q", np.zeros(shape) if q is None else q, self.n)
         laws = [TaskLaw(self._task, self.control, start) for start in starts.reshape(-1, self.n)]
         self._renew([[self._task, law, Sight()] for law in laws], self.n, starts.ndim == 1)
-        if self.control.nullspace.objective == "manipulability":  # whose gradient makes rates
+        if self.control.nullspace.objective == "manipulability":  # the gradient is given as rates
             self._worlds[OBJECTIVES.field] = OBJECTIVES.code("rates")
         J = self._worlds["J"][:, : self.m, : self.n]
         self._J = J[0] if self._is_one else J
@@ -151,25 +151,25 @@ class Law(Loop):
         qdot0: ArrayLike | None = None,
         M: ArrayLike | None = None,
     ) -> Command:
-        """Return what to command for the next period; nothing is raised, and nothing kept.
+        """Return the command for the next period. It raises nothing and keeps no argument.
 
         Args:
             J: Jacobian of the task, (m, n), or (w, m, n) of a batch, in the axes of the twist.
             twist: Wanted velocity of the task, feedback included, (m,) or (w, m) [m/s, rad/s].
             q: Joint positions, as measured, (n,) or (w, n) [rad or m]; position limits and the objectives
                 `posture` and `joint_limits` need them.
-            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; a jerk limit judges by them how far
-                a joint lags behind its commands.
-            error: Norm of the task's error, of the schedule `error`, () or (w,).
-            gradient: Of what the objective `manipulability` is to raise, by the joints, (n,) or (w, n).
-            qdot0: Rates of the objective `rates` in this step, instead of `nullspace.rates`, (n,) or (w, n)
-                [rad/s or m/s]. J₂⁺ v₂ is a second task of `robust` priority.
-            M: Inertia of the joints, of the metric `inertia`, (n, n) or (w, n, n); its lower triangle counts.
-                It is taken as a multiple of the mean of the diagonal of the first one after `reset`.
+            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; with a jerk limit the law estimates
+                from them how far a joint lags behind its commands.
+            error: Norm of the task's error for the schedule `error`, () or (w,).
+            gradient: Gradient of the quantity that the objective `manipulability` raises, with respect to the
+                joints, (n,) or (w, n).
+            qdot0: Rates for the objective `rates` in this step, instead of `nullspace.rates`, (n,) or (w, n)
+                [rad/s or m/s]. J₂⁺ v₂ makes it a second task of `robust` priority.
+            M: Joint inertia for the metric `inertia`, (n, n) or (w, n, n); only the lower triangle is read.
+                Its unit is the mean diagonal of the first M after `reset`.
 
         Returns:
-            Views that the next step writes over. What cannot be used brakes the joints: see
-            `Command.problem`.
+            Views that the next step overwrites. Unusable input brakes the joints: see `Command.problem`.
         """
         given = TWIST
         try:
@@ -193,7 +193,7 @@ class Law(Loop):
         return self._finish(given)
 
     def _take_more(self, **given: ArrayLike | None) -> str:
-        """Put what the law reads beside J and twist where it does; return what is wrong with it, or ""."""
+        """Write the optional arguments into the records; return an error text, "" if there is none."""
         n, w, wrong = self.n, len(self._worlds), ""
         for name, one in given.items():
             key = self._reads.get(name, "")
@@ -208,12 +208,12 @@ class Law(Loop):
             found = np.empty((w, *each))
             wrong = taken(name, values, _Whole(found), [each] if self._is_one else [(w, *each), each])
             if not wrong:
-                with np.errstate(all="ignore"):  # what is not finite is told
+                with np.errstate(all="ignore"):  # the caller reports non-finite results
                     wrong = self._put_more(name, found)
         return f"{wrong}; reset made a batch of {w}" if wrong and not self._is_one else wrong
 
     def _put_more(self, name: str, values: Array) -> str:
-        """Put one of them, (w, ...), into the records; return what is wrong with it, or ""."""
+        """Write one optional argument, (w, ...), into the records; return an error text, "" if none."""
         n, worlds = self.n, self._worlds
         if name == "M":
             unit: Any = self._unit
@@ -242,7 +242,7 @@ class Law(Loop):
         qdot: ArrayLike | None,
         *more: ArrayLike | None,
     ) -> Command:
-        """Take what is no array of 64 bits of the right shape, or say why not."""
+        """Take input that is no 64-bit array of the right shape, or refuse it and say why."""
         n, w = self.n, len(self._worlds)
         rows, twists = ([(n,)], [(self.m,)]) if self._is_one else ([(w, n), (n,)], [(w, self.m), (self.m,)])
         wrong = taken("J", J, self._J, [self._J.shape]) or taken("twist", twist, self._twist, twists)
@@ -259,7 +259,7 @@ class Law(Loop):
 
 
 class _Whole:
-    """Takes an array, or one of its rows for all of them, where `taken` puts it."""
+    """Lets `taken` assign an array for all worlds, or one row that all worlds share."""
 
     def __init__(self, values: Array) -> None:
         self._values = values
@@ -269,7 +269,7 @@ class _Whole:
 
 
 _NEEDS_Q = "q is needed: position limits or the null space depend on it"
-# Of what a step may be given beside J, twist and the state: what reads it.
+# The part of the law that reads each optional argument of a step.
 _READERS = {
     "error": 'the schedule "error"', "gradient": 'the objective "manipulability"',
     "qdot0": 'the objective "rates"', "M": 'the metric "inertia"',
@@ -277,7 +277,7 @@ _READERS = {
 
 
 def _read_of(control: ControlSection) -> Iterator[tuple[str, str]]:
-    """Yield what a law reads of what a step may be given, and what of it does."""
+    """Yield each optional argument that a law reads, with the part of the law that reads it."""
     inverse, objective = control.inverse, control.nullspace.objective
     if INVERSES[inverse.method].is_scheduled and inverse.damping.schedule == "error":
         yield "error", _READERS["error"]
@@ -301,7 +301,7 @@ def _limits(name: str, given: ArrayLike | None, shape: tuple[int, ...], nothing:
 
 
 def started(name: str, q: ArrayLike, n: int) -> Array:
-    """Return joint positions to start from, (n,) or (w, n).
+    """Return the initial joint positions, (n,) or (w, n).
 
     Raises:
         QuestionError: They have another shape, or are not finite.
@@ -319,14 +319,14 @@ def started(name: str, q: ArrayLike, n: int) -> Array:
 
 def _misfits(control: ControlSection, m: int, joints: BareJoints) -> list[tuple[str, str]]:
     found = list(misfits(control, m, joints))
-    needs = "needs the arm's kinematics, which a Jacobian alone does not tell; take rmrc.Controller"
+    needs = "needs the arm's kinematics, which a Jacobian alone does not give; use rmrc.Controller"
     objective, policy = control.nullspace.objective, control.at_singularity
     if objective == "secondary":
         text = f'"secondary" {needs}, or "rates", and give qdot0 with each step'
         found.append(("control.nullspace.objective", text))
     if objective == "joint_limits" and not np.isfinite(joints.position_limit).all():
         found.append(("control.nullspace.objective", '"joint_limits" needs position_limit of all joints'))
-    if policy in ("stop", "singularity_consistent", "keep_out"):  # what else it lacks would be given in vain
+    if policy in ("stop", "singularity_consistent", "keep_out"):  # replaces the findings about the same key
         found = [one for one in found if one[0] != "control.at_singularity"]
         found.append(("control.at_singularity", f'"{policy}" {needs}'))
     return found
@@ -352,7 +352,7 @@ def resolve_rates(
     rate_bound: float = 2.0,
     **others: float,
 ) -> Array:
-    """Return the joint rates that one inverse answers to one twist: the law for a notebook.
+    """Return the joint rates of one inverse for one twist: the law for a notebook.
 
     The defaults are those of a scenario.
 
@@ -360,23 +360,23 @@ def resolve_rates(
         J: Jacobian of the task, (m, n), m <= 6.
         twist: Commanded task velocity, (m,).
         method: One of the inverses; `inverse` needs a square J.
-        schedule: How the damping of `damped` is chosen.
+        schedule: The damping schedule of `damped`.
         damping_maximum: λ_max, in the units of σ.
-        damping_below: ε, where `smallest_singular_value` and the method `filtered` start to damp.
-        manipulability_below: w₀, where `manipulability` starts to damp.
+        damping_below: ε, below which `smallest_singular_value` and the method `filtered` damp.
+        manipulability_below: w₀, below which `manipulability` damps.
         error_gain: λ of the schedule `error` for an error of 1.
         error: Norm of the task error, for that schedule.
         tolerance: `pseudoinverse` drops σ_i <= tolerance · σ_1.
         cutoff: `truncated` drops σ_i <= cutoff.
-        gamma: γ; `jparse` lets directions fade with σ_i < γ σ_1.
+        gamma: γ; `jparse` fades directions with σ_i < γ σ_1.
         rate_bound: Largest joint rate of `selectively_damped`, largest norm of the schedule `rate_bound`.
-        others: Parameters without a name here, by their key below `control.inverse`, with `_` for the dots.
+        others: Other parameters, by their key below `control.inverse`, with `_` for the dots.
 
     Returns:
         Joint rates, (n,).
 
     Raises:
-        ValueError: A shape or a name that the law does not have.
+        ValueError: The law does not have such a shape or name.
 
     >>> resolve_rates(np.diag([1.0, 0.1]), np.array([1.0, 1.0]), schedule="constant").round(3)
     array([0.99, 5.  ])
@@ -401,7 +401,7 @@ def resolve_rates(
     return one(J, twist, error)
 
 
-# Of the numbers above, by their keys below `control.inverse`.
+# The parameters above, by their keys below `control.inverse`.
 _NAMES = (
     "damping_maximum", "damping_below", "damping_manipulability_below", "damping_error_gain", "tolerance",
     "cutoff", "gamma", "rate_bound",
@@ -411,7 +411,7 @@ _known = threading.local()
 
 
 class _Resolved:
-    """One inverse for Jacobians of one shape: its records are made once, and used by one thread."""
+    """One inverse for Jacobians of one shape. One thread uses its records, which are made once."""
 
     def __init__(
         self, shape: tuple[int, ...], method: str, schedule: str, parameters: Mapping[str, float]
@@ -442,7 +442,7 @@ class _Resolved:
             raise ValueError(_shapes(J, twist))
         if (
             np.vdot(J, self._nothing) != 0.0 or np.vdot(twist, self._nothing[:, 0]) != 0.0
-        ):  # 0 times what is not finite
+        ):  # 0 times a non-finite number
             raise ValueError("J and twist must be finite")
         self._J[...], self._twist[...], self._error[0], self._age[0] = J, twist, error, 0
         self._resolve()
@@ -451,7 +451,7 @@ class _Resolved:
 
 
 class _Inverse:
-    """A task without an arm, and a law that inverts it and does nothing else."""
+    """A task without an arm, and a law that only inverts it."""
 
     fields: ClassVar[tuple[Field, ...]] = (*Task.fields, *TaskLaw.fields, *Sight.fields)
 

@@ -1,29 +1,30 @@
-"""How fast a joint may be that shall stop within a distance: exact for rates that are constant over a tick.
+"""The largest rate from which a joint can stop within a distance, exact for rates constant over each tick.
 
-With a bounded deceleration that is an arithmetic series. With a bounded jerk as well, the deceleration of the
-shortest stop is a trapezoid over the ticks: it rises as fast as jerk lets it, holds, and falls so that it
-ends with the motion. In units of the jerk step δ, from a rate r and a change a of it per tick on,
+With a bounded deceleration the distances per tick are an arithmetic series. With a bounded jerk as well, the
+deceleration of the shortest stop is a trapezoid over the ticks: it rises as fast as the jerk bound lets it,
+holds, and falls so that it ends with the motion. In units of the jerk step δ, from a rate r that changes by a
+per tick,
 
     m_k = min(k − a, top, τ − k),   r = Σ m_k,   way = Σ k m_k,     k = 1, 2, … < τ
 
-as Σ_i v_i of v_i = Σ_{k>i} m_k, with the rate of this tick, is Σ k m_k.
+because v_i = Σ_{k>i} m_k, and Σ_i v_i, with the rate of this tick, is Σ k m_k.
 """
 
 import math
 
 from rmrc.law.jit import compiled
 
-# So many halvings bring any bracket to rounding; Newton's and the false position take a tenth of them.
+# This many halvings reduce any bracket to rounding; Newton's method and the false position need a tenth.
 ENOUGH = 60
 CLOSE = 1e-13
 
 
 @compiled
 def brake(distance: float, braking: float, period: float) -> float:
-    """Return the largest rate that can be braked within a distance, tick by tick.
+    """Return the largest rate from which a joint can brake within a distance, tick by tick.
 
-    N ticks that begin with a rate r, each slower by b T than the one before, take N T (r − (N − 1) b T/2),
-    and N is the least with N (N + 1)/2 · b T² >= distance.
+    N ticks that begin with a rate r, each slower by b T than the one before, cover N T (r − (N − 1) b T/2).
+    N is the least number with N (N + 1)/2 · b T² >= distance.
     """
     if distance <= 0.0:
         return 0.0
@@ -35,10 +36,10 @@ def brake(distance: float, braking: float, period: float) -> float:
 
 @compiled
 def brake_gently(rate: float, distance: float, period: float) -> float:
-    """Return the next rate of the stop within a distance that takes the least deceleration.
+    """Return the next rate of the stop within a distance that needs the least deceleration.
 
-    N ticks that follow a rate r, each slower by b T, take T (N r − N (N + 1)/2 · b T). With the least N >=
-    2 d/(r T) the last is no faster than b T, and the first not negative.
+    N ticks that follow a rate r, each slower by b T, cover T (N r − N (N + 1)/2 · b T). With the least N >=
+    2 d/(r T) the last rate is at most b T, and the first is not negative.
     """
     if distance <= 0.0:
         return min(rate, 0.0)
@@ -50,15 +51,15 @@ def brake_gently(rate: float, distance: float, period: float) -> float:
 def stops_within(
     distance: float, rate: float, change: float, braking: float, step: float, period: float
 ) -> bool:
-    """Say whether a joint that has a rate in this tick can stop within a distance, from this tick on.
+    """Return whether a joint that has a rate in this tick can stop within a distance, from this tick on.
 
     Args:
-        distance: That is left, not negative.
-        rate: In this tick, positive towards the limit.
-        change: Of the rate, from the last tick to this one.
-        braking: Largest fall of the rate in a tick, if it does not fall faster already.
-        step: Largest change of the change in a tick.
-        period: Of a tick.
+        distance: Remaining distance, not negative.
+        rate: Rate in this tick, positive towards the limit.
+        change: Change of the rate from the last tick to this one.
+        braking: Largest decrease of the rate per tick, unless the rate already decreases faster.
+        step: Largest change of the change per tick.
+        period: Length of a tick.
     """
     return is_far(distance, rate, change, braking, step, period) or (
         way(rate / step, change / step, braking / step) * step * period <= distance
@@ -67,10 +68,10 @@ def stops_within(
 
 @compiled
 def is_far(distance: float, rate: float, change: float, braking: float, step: float, period: float) -> bool:
-    """Say whether a joint stops within a distance even by a bound on its way that takes no root.
+    """Return whether a joint stops within a distance by an upper bound that needs no root.
 
-    It goes on with the rate that it coasts to, for half the time v/b + b/j of a stop from there, and a tick
-    more each time something is rounded to ticks. The arguments are those of `stops_within`.
+    The bound is the rate that the joint coasts to, for half the time v/b + b/j of a stop from there, plus one
+    tick for each rounding to ticks. The arguments are those of `stops_within`.
     """
     rises = max(change, 0.0) / step
     coasting = rate + 0.5 * max(change, 0.0) * (rises + 1.0)
@@ -80,17 +81,17 @@ def is_far(distance: float, rate: float, change: float, braking: float, step: fl
 
 @compiled
 def steady_stop(distance: float, braking: float, step: float, period: float) -> float:
-    """Return the largest rate that a joint may keep at a distance, and stop within it from there.
+    """Return the largest rate that a joint may keep at a distance and still stop within it.
 
-    From a steady rate v it comes to rest in v/b + b/j, or 2 √(v/j) if the deceleration stays below b, at half
-    that rate. A rate that follows this down takes no more than 2/9 of the jerk: there is some in reserve. As
-    nothing hard depends on it, ticks only matter for the last.
+    From a steady rate v a stop takes v/b + b/j, or 2 √(v/j) if the deceleration stays below b, at half that
+    rate on average. A rate that follows this bound down needs no more than 2/9 of the jerk, so there is a
+    reserve. No hard limit depends on the result, so ticks only matter for the last one.
 
     Args:
-        distance: That is left, not negative.
-        braking: Largest fall of the rate in a tick.
-        step: Largest change of the change in a tick.
-        period: Of a tick.
+        distance: Remaining distance, not negative.
+        braking: Largest decrease of the rate per tick.
+        step: Largest change of the change per tick.
+        period: Length of a tick.
     """
     ticks = distance / period
     bend = 0.5 * braking * braking / step
@@ -105,17 +106,17 @@ def largest_change(
 ) -> float:
     """Return the largest change of a rate in this tick from which the joint can stop within a distance.
 
-    Between the change that stops it at once, and one from which it cannot stop in time, the way is all but a
-    line: by the false position.
+    Between the change that stops the joint at once and a change from which it cannot stop in time, the
+    stopping distance is almost linear: the method is the false position.
 
     Args:
-        distance: That is left, not negative.
-        rate: Of the last tick, positive towards the limit.
-        least: A change from which it can.
-        most: One from which it cannot.
-        braking: Largest fall of the rate in a tick, if it does not fall faster already.
-        step: Largest change of the change in a tick.
-        period: Of a tick.
+        distance: Remaining distance, not negative.
+        rate: Rate of the last tick, positive towards the limit.
+        least: A change from which the joint can stop.
+        most: A change from which it cannot.
+        braking: Largest decrease of the rate per tick, unless the rate already decreases faster.
+        step: Largest change of the change per tick.
+        period: Length of a tick.
     """
     r, left, top = rate / step, distance / (step * period), braking / step
     low, high = least / step, most / step
@@ -123,7 +124,7 @@ def largest_change(
     if low < at_once < high and way(r + at_once, at_once, top) <= left:
         low = at_once
     below, above = way(r + low, low, top) - left, way(r + high, high, top) - left
-    moved = 0  # which end did: one that stays twice counts half from then on [Dowell71]
+    moved = 0  # which end moved: the value of an end that stays twice is halved from then on [Dowell71]
     for _ in range(ENOUGH):
         if below >= -CLOSE * left:
             break
@@ -142,14 +143,15 @@ def largest_change(
 
 @compiled
 def way(r: float, a: float, top: float) -> float:
-    """Return the least way on which a joint stops, this tick with it; see above for the units.
+    """Return the shortest stopping distance, this tick included; see above for the units.
 
-    Where it turns back even if the deceleration falls as fast as it may, that is the way until it turns.
+    If the joint turns back even though its deceleration falls as fast as it may, it is the distance until it
+    turns.
 
     Args:
         r: Rate in this tick.
-        a: Its change from the last tick.
-        top: Largest deceleration, if it is not larger already.
+        a: Change of the rate from the last tick.
+        top: Largest deceleration, unless it is larger already.
     """
     top = max(top, -a)
     ticks = math.floor(abs(a))
@@ -165,7 +167,7 @@ def way(r: float, a: float, top: float) -> float:
 
 @compiled
 def until_it_turns(r: float, m: float) -> float:
-    """Return the way of a rate that falls by m − 1, m − 2, … until it is no longer positive."""
+    """Return the distance of a rate that falls by m − 1, m − 2, … until it is no longer positive."""
     b = m - 0.5
     ticks = math.ceil(b - math.sqrt(max(0.0, b * b - 2.0 * r)))
     return ticks * r - m * 0.5 * ticks * (ticks - 1.0) + (ticks - 1.0) * ticks * (ticks + 1.0) / 6.0
@@ -173,7 +175,7 @@ def until_it_turns(r: float, m: float) -> float:
 
 @compiled
 def trapezoid_end(r: float, a: float, top: float) -> float:
-    """Return τ, by Newton's method from that of continuous time: Σ m_k grows with it, in pieces of a line."""
+    """Return τ by Newton's method from the value for continuous time: Σ m_k is piecewise linear in τ."""
     area = max(r + 0.5 * a * (a - 1.0), 0.0)
     height = min(top, math.sqrt(area))
     low, high = abs(a), math.inf
@@ -200,7 +202,7 @@ def trapezoid_end(r: float, a: float, top: float) -> float:
 
 @compiled
 def ramps(tau: float, a: float, top: float) -> tuple[float, float]:
-    """Return where the deceleration stops rising and where it begins to fall: at one point in a triangle."""
+    """Return where the deceleration stops rising and where it begins to fall; equal in a triangle."""
     middle = 0.5 * (a + tau)
     return min(a + top, middle), max(tau - top, middle)
 

@@ -1,4 +1,4 @@
-"""What the law commands in one step: views of its records, and words that are made when they are asked."""
+"""The command of one step: views of the law's records, and texts that are made on request."""
 
 from collections.abc import Sequence
 from typing import Any, TypeAlias
@@ -11,29 +11,29 @@ from rmrc.scenario.choices import Status
 
 Array: TypeAlias = NDArray[np.float64]
 
-# A joint is at a limit that it uses all of, but for rounding.
+# A joint is at a limit when it uses all of it, up to rounding.
 AT_LIMIT = 1.0 - 1e-9
 
 
 class Command:
-    """What the law commands: views that the next step writes over; `copy` keeps one.
+    """The command of one step. Its arrays are views that the next step overwrites; `copy` keeps them.
 
-    Of a batch of w worlds each array has one row a world, and each number is an array (w,).
+    For a batch of w worlds each array has one row per world, and each number is an array (w,).
 
     Attributes:
         qdot_cmd: Joint rates, (n,) [rad/s or m/s].
-        q_cmd: Joint positions for arms that are told positions, (n,) [rad or m]: the integral of the rates,
-            from `reset` or the first step on, one period ahead.
-        qdot_plain: What the plain inverse, or the pseudoinverse, would command here, without damping and
-            limits, (n,) [rad/s or m/s]; NaN where no twist is resolved.
-        sigma: Singular values of A, falling, (k,) with k = min(m, n); NaN where nothing is known.
-        gain: What stands for 1/σ, (k,).
-        lost_direction: Direction of the task that is lost first: the left vector of the least σ, over the six
-            rows of a twist along the axes of the task's frame, scaled, (6,).
-        lost_motion: Motion of the joints that goes with it, scaled, (n,).
-        pose: Of the site, as the law sees it, [p, quat w x y z], (7,) [m, 1].
-        pose_error: From the site to where it is wanted, [Δp; rotation vector], along the axes of the task's
-            frame, (6,) [m, rad].
+        q_cmd: Joint positions for arms that take positions, (n,) [rad or m]: the integral of the rates since
+            `reset` or the first step, one period ahead.
+        qdot_plain: Rates of the plain inverse, or of the pseudoinverse, without damping and limits, (n,)
+            [rad/s or m/s]; NaN where no twist is resolved.
+        sigma: Singular values of A, descending, (k,) with k = min(m, n); NaN where nothing is known.
+        gain: Gains g(σ) that replace 1/σ, (k,).
+        lost_direction: Task direction that is lost first: the left singular vector of the smallest σ, over
+            the six rows of a twist along the axes of the task's frame, scaled, (6,).
+        lost_motion: Joint motion that belongs to it, scaled, (n,).
+        pose: Pose of the site, as the law sees it, [p, quat w x y z], (7,) [m, 1].
+        pose_error: Error from the site to its wanted pose, [Δp; rotation vector], along the axes of the
+            task's frame, (6,) [m, rad].
     """
 
     def __init__(
@@ -44,10 +44,10 @@ class Command:
         is_one: bool,
         problem: str = "",
     ) -> None:
-        """Look into the records of worlds and their ticks, (w,)."""
+        """Make views of the records of worlds and of their ticks, (w,)."""
         n, k = len(joints), int(worlds["k"][0])
         self._worlds, self._ticks, self._joints, self._is_one = worlds, ticks, tuple(joints), is_one
-        self.refusal = problem  # of the call as a whole, by whoever calls the law
+        self.refusal = problem  # about the call as a whole; the caller of the law sets it
 
         def seen(values: Array, size: int) -> Array:
             rows: Array = values[:, :size]
@@ -64,12 +64,12 @@ class Command:
         }
 
     def copy(self) -> "Command":
-        """Return the same, which no step writes over."""
+        """Return a copy that no step overwrites."""
         return Command(self._worlds.copy(), self._ticks.copy(), self._joints, self._is_one, self.refusal)
 
     @property
     def status(self) -> Any:
-        """What happened, a `Status`; of a batch the numbers of that, (w,)."""
+        """The `Status` flags; for a batch their numbers, (w,)."""
         return Status(self._status.item()) if self._is_one else self._status
 
     @property
@@ -79,7 +79,7 @@ class Command:
 
     @property
     def path_rate(self) -> Any:
-        """By how many periods the reference shall advance: 1, less where it is slowed, 0 where it waits."""
+        """Number of periods by which to advance the reference: 1, less where it is slowed, 0 to wait."""
         return self._number("path_rate")
 
     @property
@@ -89,7 +89,7 @@ class Command:
 
     @property
     def condition(self) -> Any:
-        """Largest singular value over the least."""
+        """Ratio of the largest to the smallest singular value."""
         return self._number("condition")
 
     def _number(self, name: str) -> Any:
@@ -98,7 +98,7 @@ class Command:
 
     @property
     def limited_by(self) -> Any:
-        """Which limits act, and at which joints: `{"rate": ("elbow",)}`; of a batch a list of such.
+        """The limits that act, and their joints: `{"rate": ("elbow",)}`; for a batch one such per world.
 
         The limits are `rate`, `acceleration`, `jerk` and `position`.
         """
@@ -107,7 +107,7 @@ class Command:
 
     @property
     def problem(self) -> Any:
-        """What of the input cannot be used, in words, "" for nothing; of a batch a list of such."""
+        """Why the input is not usable, in words, "" if it is; for a batch one text per world."""
         found = [self._refused(world) for world in self._worlds]
         return found[0] if self._is_one else found
 

@@ -1,4 +1,4 @@
-"""The law of an arm in a loop of one's own: the same rates as a run, to the bit where it sees the same.
+"""The law for an arm in the caller's own loop. With the same input it gives the rates of a run to the bit.
 
 c = Controller("ur5e.xml", site="tool", control="tuned.yaml", period=0.002)
 c.reset(q)
@@ -43,30 +43,30 @@ TWIST, QUATERNION, MATRIX, ROTVEC = map(int, (Given.TWIST, Given.QUATERNION, Giv
 POSITION_TARGET, RATE_TARGET = int(Given.POSITION_TARGET), int(Given.RATE_TARGET)
 
 ControlledModel: TypeAlias = "str | os.PathLike[str] | Arm | mujoco.MjModel | mujoco.MjSpec"
-"""An MJCF or URDF file, the name of a shipped model, an Arm, or a model that is loaded already."""
+"""An MJCF or URDF file, the name of a shipped model, an Arm, or a loaded model."""
 
 STALE = (
-    "the kinematics of data are not those of its qpos: call mj_fwdPosition, or mj_kinematics, after what "
-    "changed it"
+    "the kinematics of data do not belong to its qpos: call mj_fwdPosition, or mj_kinematics, after the last "
+    "change"
 )
 FRAME_CODES = {name: code * FRAME for code, name in enumerate(FRAMES)}
-# Where an orientation is of a pose, by the size of its last axis.
+# The representation of an orientation in a pose, by the size of its last axis.
 POSES = {7: QUATERNION, 6: ROTVEC, 4: MATRIX}
 
 
 class Controller(Loop):
-    """One arm, or a batch of them, under the law, to be stepped once a control period.
+    """The law for one arm, or for a batch of arms, stepped once per control period.
 
-    `step` raises nothing. What is not finite, has another shape, is no rotation or comes too late brakes the
-    joints from the last command within all limits, and the status says so. So does a joint outside its
-    position limits: it comes back slowly while the others come to rest. Near a singularity the status says
-    so, and the law does what it is told to.
+    `step` raises nothing. Input that is not finite, has a wrong shape, is no rotation or comes too late
+    brakes the joints from the last command within all limits, and the status reports it. The status also
+    reports a joint outside its position limits: that joint comes back slowly while the others come to rest.
+    Near a singularity the status says so, and the law applies the chosen policy.
 
     Attributes:
         arm: The arm.
-        task: What of the site's motion counts.
-        control: The law.
-        actuators: Where the arm's joints are in `data.ctrl` of the model, (n,).
+        task: The task: which components of the site's motion are controlled.
+        control: The settings of the law.
+        actuators: Indices of the arm's actuators in `data.ctrl` of the model, (n,).
     """
 
     def __init__(
@@ -82,27 +82,27 @@ class Controller(Loop):
         watchdog: float | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """Load the arm and its law; nothing is compiled yet.
+        """Load the arm and its law. Nothing is compiled yet.
 
         Args:
-            model: The arm, or what it is in.
-            site: Name of the site to control; None for that of a scenario that is given as `control`, else
-                that of the hand: see `rmrc.arm.frames`.
+            model: The arm, or the model that contains it.
+            site: Name of the site to control. None: that of the scenario given as `control`, or else that of
+                the hand, see `rmrc.arm.frames`.
             control: The law: a mapping or a YAML file with the keys of the section `control`, or with that
-                section, as `rmrc tune` prints it; a scenario, whose task, frame and joints are taken where
-                none are given here; or a ControlSection. None: all defaults.
-            period: Time between two steps [s]; None for that of `control`.
-            task: A section `task` or its keys: axes, weights, length, frame. None for that of `control`, else
-                the axes that the arm can move independently of each other.
+                section, as `rmrc tune` prints it; a scenario, whose task, frame and joints apply where none
+                are given here; or a ControlSection. None: all defaults.
+            period: Time between two steps [s]; None: the period of `control`.
+            task: A section `task` or its keys: axes, weights, length, frame. None: the task of `control`, or
+                else the axes that the arm can move independently of each other.
             body: Name of the body whose frame to control, instead of a site.
-            joints: Names of the joints to drive; None for all on the chain to the site.
+            joints: Names of the joints to actuate; None: all joints on the chain to the site.
             watchdog: See `watchdog`.
-            clock: By which a step is overdue [s]: that of a simulation, for example.
+            clock: Returns the time that the watchdog compares [s], such as that of a simulation.
 
         Raises:
-            ModelError: The model, the site or a joint is missing or will not do.
-            ScenarioError: What `control` or `task` says cannot be used, or does not fit the arm.
-            QuestionError: The period or the watchdog is no positive time.
+            ModelError: The model, the site or a joint is missing or not usable.
+            ScenarioError: `control` or `task` has an unusable value, or does not fit the arm.
+            QuestionError: The period or the watchdog is not a positive time.
         """
         told = read_controls(control, period)
         self.control = told.control
@@ -133,7 +133,7 @@ class Controller(Loop):
 
     @property
     def actuators(self) -> NDArray[np.int64]:
-        """Where the arm's joints are in `data.ctrl` of the model, (n,).
+        """Indices of the arm's actuators in `data.ctrl` of the model, (n,).
 
         Raises:
             ModelError: A joint has no actuator of its own.
@@ -148,9 +148,10 @@ class Controller(Loop):
         """Forget all steps: the next one is the first, from rest.
 
         Args:
-            q: Where the joints are, (n,), or (w, n) for a batch of w worlds [rad or m]. Commanded positions
-                go on from there, and it is what the null space holds where `control` says nothing else. None:
-                the next step tells; the null space holds what it did, at first the keyframe `home`.
+            q: Positions of the joints, (n,), or (w, n) for a batch of w worlds [rad or m]. Commanded
+                positions start there, and the null space holds them where `control` gives no posture. None:
+                q comes from the next step, and the null space keeps its posture, at first the keyframe
+                `home`.
 
         Raises:
             QuestionError: q has another shape, or is not finite.
@@ -171,25 +172,25 @@ class Controller(Loop):
     # Kinematics -----------------------------------------------------------------------------------
 
     def _idle(self) -> str:
-        """Return why the chain alone does not say where the sites are, "" if it does."""
+        """Return why the chain alone does not determine the poses of the sites, "" if it does."""
         second = self._laws[0].second
         idle = self.arm.idle or (self.arm.idle_before(second.site) if second else ())
         if idle:
-            return f'joint "{idle[0]}" moves the site and is not driven: step_data reads where it is'
+            return f'joint "{idle[0]}" moves the site and is not actuated: step_data reads its position'
         return ""
 
     def _follow_chain(self) -> None:
-        """Have steps compute kinematics by the arm's own chain."""
+        """Have steps compute the kinematics from the arm's own chain."""
         self._data, self._stale = [], []
         self._worlds["sites"] = CHAIN_ALONE
         self._point_at(NOTHING)
 
     def _look_at(self, data: "mujoco.MjData | Sequence[mujoco.MjData]") -> None:
-        """Have steps read state and kinematics of some data, of one for each world.
+        """Have steps read state and kinematics from MuJoCo's data, one object per world.
 
         Raises:
             ModelError: The model of the data lacks a part of the arm.
-            QuestionError: They are not as many as worlds, or no MjData.
+            QuestionError: Their number differs from that of the worlds, or one is no MjData.
         """
         self._data = []
         found: list[Any] = [data] if self._is_one else list(data) if isinstance(data, Sequence) else []
@@ -218,14 +219,14 @@ class Controller(Loop):
         self._data = found
 
     def _sees(self, data: Any) -> bool:
-        """Return whether steps read these data already."""
+        """Return whether steps already read these data."""
         if self._is_one:
             return bool(self._data) and data is self._data[0]
         is_list = bool(self._data) and isinstance(data, Sequence)
         return is_list and len(data) == len(self._data) and all(map(is_, data, self._data))
 
     def _finish_seen(self, given: int) -> Command:
-        """Call the law; worlds whose kinematics are stale brake."""
+        """Call the law; worlds with stale kinematics brake."""
         if not self._stale:
             return self._finish(given)
         self.command.refusal = STALE
@@ -235,7 +236,7 @@ class Controller(Loop):
         return out
 
     def _read_data(self) -> int:
-        """Read states, and of which worlds kinematics are stale; return what is given."""
+        """Read the states and find the worlds with stale kinematics; return the bits of `Given`."""
         self._stale = [w for w, seen in enumerate(self._seen) if not seen.read()]
         return RATES
 
@@ -252,28 +253,28 @@ class Controller(Loop):
         q_target: ArrayLike | None = None,
         qdot_target: ArrayLike | None = None,
     ) -> Command:
-        """Return what to command for the next period, by the arm's own kinematics; nothing is raised or kept.
+        """Return the command for the next period, with the arm's own kinematics. It raises and keeps nothing.
 
-        What is wanted is a pose, a twist or both; or joint positions, rates or both, which are reached and
-        followed within the same limits. Where nothing is wanted, the site is to stand still. Of a batch each
-        array has one row a world, or is that of all worlds.
+        The target is a pose, a twist or both; or joint positions, rates or both, which the joints reach and
+        follow within the same limits. Without a target the site stands still. For a batch, each array has one
+        row per world, or one value that all worlds share.
 
         Args:
             q: Joint positions, as measured, (n,) or (w, n) [rad or m].
-            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; with a jerk limit the law judges by
-                them how far a joint lags behind its commands, so that it stops in time. Give them at each
-                step, or never.
-            pose: Where the site is wanted: [p, quat w x y z], (7,) [m, 1]; [p, rotation vector], (6,) [m,
+            qdot: Joint rates, as measured, (n,) or (w, n) [rad/s or m/s]; with a jerk limit the law estimates
+                from them how far a joint lags behind its commands, so that it stops in time. Give them at
+                each step, or never.
+            pose: Target pose of the site: [p, quat w x y z], (7,) [m, 1]; [p, rotation vector], (6,) [m,
                 rad]; or a homogeneous matrix, (4, 4). Without it there is no feedback.
-            twist: At which velocity, that of full pace, [v; ω], (6,) [m/s, rad/s]. Without it there is no
-                feed-forward.
-            frame: Of pose and twist: `world`; `base`, the body that carries the first joint; or `site`, the
-                site as it is: then pose is the way that is left, and twist is along the site's axes.
-            q_target: Where the joints are wanted, (n,) or (w, n) [rad or m].
-            qdot_target: At which rates, (n,) or (w, n) [rad/s or m/s].
+            twist: Target twist at full pace, [v; ω], (6,) [m/s, rad/s]. Without it there is no feed-forward.
+            frame: Frame of pose and twist: `world`; `base`, the body that carries the first joint; or
+                `site`, the site at its current pose. In `site`, pose is the remaining displacement, and twist
+                is along the site's axes.
+            q_target: Target positions of the joints, (n,) or (w, n) [rad or m].
+            qdot_target: Target rates of the joints, (n,) or (w, n) [rad/s or m/s].
 
         Returns:
-            Views that the next step writes over.
+            Views that the next step overwrites.
         """
         try:
             if self._data:
@@ -298,20 +299,20 @@ class Controller(Loop):
         q_target: ArrayLike | None = None,
         qdot_target: ArrayLike | None = None,
     ) -> Command:
-        """Return what to command for the next period, by MuJoCo's kinematics: to the bit as a run does.
+        """Return the command for the next period, with MuJoCo's kinematics: the same bits as in a run.
 
         Args:
-            data: Fresh positions, rates and kinematics of any model that has the arm: after `mj_step`,
-                `mj_fwdPosition`. Of a batch a list of them, one a world. Kinematics of other positions, as
-                `mj_step` leaves them, brake the joints.
-            pose: As in `step`, and so are the others.
-            twist: Velocity of the site.
-            frame: Of pose and twist.
-            q_target: Where the joints are wanted.
-            qdot_target: At which rates.
+            data: Positions, rates and kinematics of any model that contains the arm, up to date as after
+                `mj_fwdPosition`; for a batch, a list of objects, one per world. Kinematics of other
+                positions, which `mj_step` leaves behind, brake the joints.
+            pose: This and the other arguments are as in `step`.
+            twist: Target twist of the site.
+            frame: Frame of pose and twist.
+            q_target: Target positions of the joints.
+            qdot_target: Target rates of the joints.
 
         Returns:
-            Views that the next step writes over.
+            Views that the next step overwrites.
         """
         try:
             if not self._sees(data):
@@ -320,7 +321,7 @@ class Controller(Loop):
             given |= self._take(pose, twist, q_target, qdot_target)
         except Exception as error:
             if not self._data:
-                self._follow_chain()  # not those of data that were read before
+                self._follow_chain()  # not the data that were read before
                 return self._refuse(str(error))
             state = (self._worlds[name][:, : self.arm.n] for name in ("q", "qdot"))
             q, qdot = (rows[0] if self._is_one else rows for rows in state)
@@ -334,7 +335,7 @@ class Controller(Loop):
         q_target: ArrayLike | None,
         qdot_target: ArrayLike | None,
     ) -> int:
-        """Put what is wanted where the law reads it; raise what an array raises that does not fit."""
+        """Write the target where the law reads it; let the error of an array that does not fit pass."""
         given = 0
         if pose is not None:
             size = pose.shape[-1]  # type: ignore[union-attr]
@@ -370,7 +371,7 @@ class Controller(Loop):
         q_target: ArrayLike | None,
         qdot_target: ArrayLike | None,
     ) -> Command:
-        """Take what is no array of 64 bits of the right shape, or say why not."""
+        """Take input that is no 64-bit array of the right shape, or refuse it and say why."""
         given, wrong = 0, "" if self._data else self._unseen
         if q is None:
             wrong = wrong or f"q must be ({self.arm.n},), got None"
@@ -382,7 +383,7 @@ class Controller(Loop):
             wrong = wrong or "give pose and twist, or q_target and qdot_target, not both"
         try:
             sizes = np.shape(pose)[-1:]  # type: ignore[arg-type]
-        except ValueError:  # a list of lists that are not of one length
+        except ValueError:  # lists of different lengths
             sizes = ()
         kind = POSES.get(sizes[0] if sizes else 0, QUATERNION)
         named = {QUATERNION: "pose", ROTVEC: "vector", MATRIX: "matrix"}[kind]
@@ -419,12 +420,12 @@ class Controller(Loop):
 
 
 class _Seen:
-    """State and kinematics of one world's data."""
+    """Views of the state and kinematics in one world's data."""
 
     def __init__(
         self, world: Any, data: Any, joints: Sequence[str], sight: Sight, scratch: Any = None
     ) -> None:
-        """Find the joints there; KeyError where one is missing."""
+        """Find the joints in the data; raise KeyError where one is missing."""
         self.model, n = data.model, len(joints)
         wiring = [self.model.joint(name) for name in joints]
         self._qpos, self._qvel, self._q, self._qdot = data.qpos, data.qvel, world["q"][:n], world["qdot"][:n]
@@ -433,13 +434,13 @@ class _Seen:
         self.is_fresh = Freshness(data, [*self.model.jnt_bodyid[sight.joint], *sight.bodies], scratch)
 
     def read(self) -> bool:
-        """Read the state; return whether the kinematics are its own."""
+        """Read the state; return whether the kinematics belong to it."""
         self._q[:], self._qdot[:] = self._qpos[self._at_q], self._qvel[self._at_qdot]
         return self.is_fresh()
 
 
 def _address(numbers: Sequence[int]) -> Any:
-    """Return what takes these out of an array: a slice if they follow each other, which copies nothing."""
+    """Return an index of these numbers: a slice if they are consecutive, which copies nothing."""
     first = int(numbers[0])
     if list(numbers) == list(range(first, first + len(numbers))):
         return slice(first, first + len(numbers))
@@ -456,14 +457,14 @@ def _arm(
     """Return the arm of a model.
 
     Raises:
-        ModelError: The model, the site or a joint is missing or will not do.
-        QuestionError: It is none, or both site and body are given, or they are for an arm that is loaded.
+        ModelError: The model, the site or a joint is missing or not usable.
+        QuestionError: It is no model, site and body are both given, or they are given with a loaded arm.
     """
     if site is not None and body is not None:
         raise QuestionError("give site or body, not both")
     if isinstance(model, Arm):
         if (site, body, joints) != (None, None, None):
-            raise QuestionError("an Arm has its site and joints; load it with what is wanted")
+            raise QuestionError("an Arm has its site and joints; load it with those that you want")
         return model
     tool = None
     if told is not None:

@@ -1,6 +1,6 @@
-"""The schedules of the damping λ, in the units of σ (not λ²): a function each.
+"""The schedules of the damping λ, in the units of σ (not λ²), one function each.
 
-All take the world, what the task asks of each direction, Uᵀ S_x twist_cmd (k,), and the singular values (k,).
+All take the world, the demand on each direction, Uᵀ S_x twist_cmd (k,), and the singular values (k,).
 """
 
 import math
@@ -9,8 +9,8 @@ from rmrc.law.jit import Array, Record, compiled, dispatch, inlined
 from rmrc.law.svd import RANK_FLOOR, product
 from rmrc.scenario.choices import SCHEDULES
 
-# Newton's iteration for the least damping ends at this accuracy of the norm. From its starting point it takes
-# three to six steps; a hundred random problems of each size took ten at the most.
+# Newton's iteration for the least damping ends at this relative accuracy of the norm. From its starting point
+# it takes three to six steps; a hundred random problems of each size took at most ten.
 ACCURACY, STEPS_MAX = 1e-12, 30
 
 
@@ -35,7 +35,7 @@ def smallest_singular_value(world: Record, asked: Array, sigma: Array) -> float:
 
 @compiled
 def fading(world: Record, sigma: float) -> float:
-    """Return λ(σ) that rises from 0 at σ = ε to λ_max at σ = 0: λ² = (1 − (σ/ε)²) λ_max² [Chiaverini94]."""
+    """Return λ(σ), from 0 at σ = ε up to λ_max at σ = 0: λ² = (1 − (σ/ε)²) λ_max² [Chiaverini94]."""
     ratio = sigma / world.inverse_damping_below
     return 0.0 if ratio >= 1.0 else math.sqrt(1.0 - ratio * ratio) * float(world.inverse_damping_maximum)
 
@@ -50,7 +50,8 @@ def error(world: Record, asked: Array, sigma: Array) -> float:
 def rate_bound(world: Record, asked: Array, sigma: Array) -> float:
     """Return the least λ that keeps ‖S_q⁻¹ qdot‖ within the bound [Maciejewski88], [Deo92].
 
-    Newton on 1/bound − 1/‖S_q⁻¹ qdot(μ)‖ over μ = λ², from a μ that is never beyond the root [More83].
+    Newton's method on 1/bound − 1/‖S_q⁻¹ qdot(μ)‖ over μ = λ² starts from a μ that is never beyond the root
+    [More83].
     """
     bound, floor, mu = world.inverse_rate_bound, RANK_FLOOR * sigma[0], 0.0
     for i in range(world.k):

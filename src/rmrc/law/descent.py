@@ -1,9 +1,9 @@
-"""From joint positions down to a goal pose, compiled: Newton's steps, or damped ones that keep to the limits.
+"""Inverse kinematics from joint positions to a goal pose, compiled: Newton's or damped steps within limits.
 
-The error of a configuration is e = S_x pose_error, the rows that count, and its derivative is −A with
-A = S_x L(φ) J S_q: the rotation rows of J are turned by L(φ), the inverse of the right Jacobian of SO(3) at
-the rotation error φ [Sola18]. L(φ) is 1 at a goal of which all rotation rows count, and wherever a planar arm
-is. Where only some count, φ need not vanish at the goal, and without L(φ) no method would be quadratic.
+The error of a configuration is e = S_x pose_error over the rows that count. Its derivative is −A with
+A = S_x L(φ) J S_q: L(φ), the inverse of the right Jacobian of SO(3) at the rotation error φ [Sola18], turns
+the rotation rows of J. L(φ) is 1 at a goal where all rotation rows count, and for every planar arm. Where
+only some rows count, φ need not vanish at the goal, and no method would be quadratic without L(φ).
 """
 
 import math
@@ -24,33 +24,33 @@ from rmrc.law.record import JOINTS, Field, records
 from rmrc.law.svd import RANK_FLOOR, combine, dot, project, svd_from_scratch
 from rmrc.law.task import Task
 
-# λ² starts with this share of |e|². Of 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
+# λ² starts at this share of |e|². Of shares 0.001 to 1, 0.03 and 0.1 need the fewest steps for six joints.
 FIRST_SHARE = 0.03
-# The share falls no further: below, the steps are Newton's to rounding.
+# The lower bound of the share: below it, the steps are Newton's to rounding.
 LEAST_SHARE = 1e-8
-# A share that has grown so far moves nothing any more.
+# A share that has grown this far no longer moves anything.
 LARGEST_SHARE = 1e12
-# A model that promises a smaller share of the squared error than rounding has nothing to offer: a minimum.
+# At a minimum, the model promises less of the squared error than this share, which is rounding.
 FLAT = 1e-15
-# A descent that should soon give way to another start must within so many steps lose a tenth of its error. Of
-# 8, 12 and 20, 8 needs the fewest in all, and as many starts.
+# A descent that should soon give way to another start must lose a tenth of its error within this many steps.
+# Of 8, 12 and 20, 8 needs the fewest steps in all, with as many starts.
 PATIENCE = 8
 LOSS = 0.9
-# Below, 1/12 + θ²/720 is the factor of L(φ) to rounding; the closed form would lose digits.
+# Below this angle, 1/12 + θ²/720 is the factor of L(φ) to rounding; the closed form would lose digits.
 SMALL_TURN = 1e-2
 
-# Goals that a thread takes at a time: some milliseconds of work.
+# Goals that a thread takes at once: some milliseconds of work.
 SHARE = 32
-# An angle so little beyond half a turn is not taken back to minus half a turn: rounding must not choose.
+# An angle this little beyond half a turn is not taken back to minus half a turn: rounding must not choose.
 HALF_TURN = 1e-5
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """What joint positions are kept to: it owns this field of a world's record.
+    """The limits of joint positions: it owns this field of a world's record.
 
     Attributes:
-        limit: Lower and upper of each joint, (n, 2); may be infinite.
+        limit: Lower and upper limit of each joint, (n, 2); may be infinite.
     """
 
     limit: Array
@@ -58,12 +58,12 @@ class Bounds:
     fields: ClassVar[tuple[Field, ...]] = (Field("position_limit", size=(2, JOINTS)),)
 
     def write(self, world: np.void) -> None:
-        """Write its field of a world's record."""
+        """Write this field of a world's record."""
         world["position_limit"][:, : len(self.limit)] = self.limit.T
 
 
 def unwound(arm: Arm, limit: Array, q: Array, near: Array) -> Array:
-    """Return q (N, n), each hinge as near to other positions as whole turns within the limits bring it."""
+    """Return q (N, n), with each hinge moved by whole turns within limits as near as possible to `near`."""
     turn = 2.0 * np.pi
     turns = -np.ceil((q - near - np.pi - HALF_TURN) / turn)
     best, least = q, np.where(arm.comes_round, np.inf, 0.0) * np.ones_like(q)
@@ -83,7 +83,7 @@ def search(
     """Return q (N, n), |e| (N,) and tally (N, 3) of `reach`, on all cores."""
     n = task.arm.n
     record = records(n, [task, Bounds(limit)], axes=len(task.arm.axis_names))
-    # Machine code does not look at the layout of what it is given.
+    # Machine code does not check the layout of its arguments.
     goals, first, more = (np.ascontiguousarray(one) for one in (goals, first, more))
     q, error, tally = np.empty((len(goals), n)), np.empty(len(goals)), np.zeros((len(goals), 3), np.int64)
     trace = np.empty((0, n + 2)) if trace is None else trace
@@ -114,23 +114,23 @@ def reach(
     world: Record, undamped: bool, tolerance: float, most: int, goals: Array, first: Array, more: Array,
     q: Array, error: Array, tally: NDArray[np.int64], trace: Array,
 ) -> None:  # fmt: skip
-    """Write for each of N goals the first joint positions that reach it, or else the nearest that were found.
+    """Write for each of N goals the first joint positions that reach it, or else the nearest ones found.
 
-    Each goal is tried from its own start and then from those that all have in common. If none succeeds, the
-    best is followed to the end.
+    Each goal is tried from its own start and then from starts that all goals share. If none succeeds, the
+    best one is followed to the end.
 
     Args:
-        world: A task's record; its `position_limit` is kept to.
-        undamped: Newton's steps.
-        tolerance: Of |e|.
-        most: Steps of a try at most.
+        world: A task's record; positions stay within its `position_limit`.
+        undamped: Whether the steps are Newton's.
+        tolerance: Tolerance of |e|.
+        most: Largest number of steps of one try.
         goals: Poses [p, quat w x y z], (N, 7).
-        first: Where each goal is tried from first, (N, n).
-        more: Where it is tried from next, (T, n).
+        first: First start of each goal, (N, n).
+        more: Further starts, (T, n).
         q: Written, (N, n).
         error: |e| there, written, (N,).
-        tally: Added to, (N, 3): steps of all tries; steps of the try that gave q; which that was, from 0.
-        trace: Rows of q, |e|, λ of the last goal's first try are written as far as they go, (R, n + 2).
+        tally: Added to, (N, 3): steps of all tries; steps of the try that gave q; index of that try, from 0.
+        trace: Takes q, |e| and λ of the last goal's first try, one row per step while rows last, (R, n + 2).
     """
     none, positions, tries = trace[:0], world.best, more.shape[0] + 1
     for i in range(goals.shape[0]):
@@ -159,10 +159,10 @@ def reach(
 def newton(
     world: Record, goal: Array, q: Array, tolerance: float, most: int, trace: Array
 ) -> tuple[float, int]:
-    """Move joint positions q (n,) by q⁺ = q + S_q A⁺ e; return |e| at the end and the steps it took.
+    """Move joint positions q (n,) by q⁺ = q + S_q A⁺ e; return the final |e| and the number of steps.
 
-    It is Newton and Raphson's method [Selig92, §6.3], where A has no inverse with the smallest step that the
-    linear model asks for.
+    It is the Newton–Raphson method [Selig92, §6.3]. Where A has no inverse, the step is the smallest one that
+    the linear model asks for.
     """
     error = math.sqrt(start(world, goal, q))
     write_row(world, q, error, 0.0, trace, 0)
@@ -183,17 +183,17 @@ def newton(
 def descend(
     world: Record, goal: Array, q: Array, tolerance: float, most: int, patience: int, trace: Array
 ) -> tuple[float, int]:
-    """Move joint positions q (n,) to a goal as far as one start leads; return |e| there and the steps taken.
+    """Move joint positions q (n,) to a goal as far as one start leads; return the final |e| and the steps.
 
-    λ² = μ |e|² [Chan88], [Sugihara11] leaves the convergence quadratic and keeps steps near a singularity
-    finite. μ is quartered where the error fell as the linear model promised, and taken four times where it
-    did not; no step is taken that makes the error larger, as by a trust region [Fan03].
+    λ² = μ |e|² [Chan88], [Sugihara11] keeps the convergence quadratic and the steps near a singularity
+    finite. μ is divided by four where the error fell as the linear model promised, and multiplied by four
+    where it did not. As in a trust region, no step that increases the error is taken [Fan03].
     """
     squared, share, row, steps, is_last = start(world, goal, q), FIRST_SHARE, 1, 0, False
     before = squared
     write_row(world, q, math.sqrt(squared), 0.0, trace, 0)
     while steps < most and share < LARGEST_SHARE and not is_last:
-        # One step more than is needed: quadratic convergence makes it the last digits.
+        # One step more than needed: quadratic convergence makes it the last digits.
         is_last = squared <= tolerance * tolerance
         if steps % patience == patience - 1 and not is_last:
             if squared > LOSS * LOSS * before:
@@ -216,7 +216,7 @@ def descend(
 
 @compiled
 def adapted(share: float, ratio: float) -> float:
-    """Return the next μ for a ratio of what a step gave to what the linear model promised."""
+    """Return the next μ for the ratio of a step's actual reduction to the promised one."""
     if ratio > 0.75:
         return max(0.25 * share, LEAST_SHARE)
     if ratio > 0.25:
@@ -234,7 +234,7 @@ def start(world: Record, goal: Array, q: Array) -> float:
 
 @compiled
 def attempt(world: Record, goal: Array, q: Array) -> float:
-    """Return |e|² where the step leads, which is left in the world's `work`."""
+    """Return |e|² after the step, whose end stays in the world's `work`."""
     for j in range(world.n):
         # Rounding must not lead beyond a limit.
         least, largest = world.position_limit[0, j], world.position_limit[1, j]
@@ -244,7 +244,7 @@ def attempt(world: Record, goal: Array, q: Array) -> float:
 
 @compiled
 def accept(world: Record, q: Array) -> None:
-    """Go where the last attempt led, and make the linear model there."""
+    """Move to the end of the last attempt, and make the linear model there."""
     for j in range(world.n):
         q[j] = world.work[j]
     linearize(world)
@@ -252,7 +252,7 @@ def accept(world: Record, q: Array) -> None:
 
 @compiled
 def write_row(world: Record, q: Array, error: float, damping: float, trace: Array, row: int) -> None:
-    """Write q, |e| and λ into a row of the trace if it has one."""
+    """Write q, |e| and λ into a row of the trace if that row exists."""
     if row < trace.shape[0]:
         for j in range(world.n):
             trace[row, j] = q[j]
@@ -261,7 +261,7 @@ def write_row(world: Record, q: Array, error: float, damping: float, trace: Arra
 
 @compiled
 def measure(world: Record, goal: Array, q: Array) -> float:
-    """Return |e|² at joint positions q, and leave e in the world's `asked`, the whole error in `error_2`."""
+    """Return |e|² at joint positions q; leave e in the world's `asked`, the whole error in `error_2`."""
     follow_chain(world, q)
     pose_error(world.pose, goal, world.error_2)
     for i in range(world.m):
@@ -271,7 +271,7 @@ def measure(world: Record, goal: Array, q: Array) -> float:
 
 @compiled
 def linearize(world: Record) -> None:
-    """Keep e, and write A = S_x L(φ) J S_q, where the arm was last measured."""
+    """Keep e, and write A = S_x L(φ) J S_q at the configuration measured last."""
     J, error = world.J, world.error_2
     chain_jacobian(world, J)
     fx, fy, fz = error[3], error[4], error[5]
@@ -297,9 +297,9 @@ def linearize(world: Record) -> None:
 def find_step(world: Record, q: Array, damping: float) -> float:
     """Write a step into the world's `part_a`, and return by how much |e|² falls in the linear model.
 
-    The step minimizes |e − A z|² + λ² |z|² over the joints that are free [Levenberg44]. Those at a limit that
-    the gradient pushes beyond it are held. Those that the step would take beyond one go there and are held
-    next, until the rest stays within: an active set.
+    The step minimizes |e − A z|² + λ² |z|² over the free joints [Levenberg44]. Joints at a limit that the
+    gradient pushes beyond it are held. Joints that the step would take beyond a limit go there and are held
+    next, until the remaining step stays within the limits: an active set method.
     """
     hold_pushed(world, q)
     for _ in range(world.n + 1):
@@ -317,7 +317,7 @@ def find_step(world: Record, q: Array, damping: float) -> float:
 
 @compiled
 def hold_pushed(world: Record, q: Array) -> None:
-    """Begin a step: it is zero, and the joints are held that are at a limit and would go beyond it."""
+    """Begin a step at zero; hold the joints that are at a limit and would go beyond it."""
     limit = world.position_limit
     for j in range(world.n):
         downhill = 0.0
@@ -330,7 +330,7 @@ def hold_pushed(world: Record, q: Array) -> None:
 
 @inlined
 def solve_free(world: Record, damping: float) -> None:
-    """Write the damped step of the free joints into the world's `part_b`, after those that are held."""
+    """Write the damped step of the free joints into the world's `part_b`, given the held joints."""
     for i in range(world.m):
         world.task_B[i] = world.task[i]
         for j in range(world.n):
@@ -349,10 +349,10 @@ def solve_free(world: Record, damping: float) -> None:
 
 @compiled
 def solve_by_factor(world: Record, damping: float) -> bool:
-    """Write the damped step of the free joints by a Cholesky factor; return whether it serves.
+    """Write the damped step of the free joints by a Cholesky factor; return whether the factor serves.
 
-    It is that of the smaller of A Aᵀ + λ² and AᵀA + λ². A step is wrong by at most some 1e-8 of it, which the
-    next one corrects.
+    The factor is that of the smaller of A Aᵀ + λ² and AᵀA + λ². A step has a relative error of at most about
+    1e-8, which the next step corrects.
     """
     n, m, root, free = world.n, world.m, world.root_B, 0
     for j in range(n):
@@ -383,7 +383,7 @@ def solve_by_factor(world: Record, damping: float) -> bool:
 
 @compiled
 def go_to_limits(world: Record, q: Array) -> bool:
-    """Take the step of the free joints over, as far as limits let them; return whether it was all of it."""
+    """Add the step of the free joints as far as limits allow; return whether all of it was added."""
     is_all = True
     for j in range(world.n):
         if world.held[j] == 0.0:

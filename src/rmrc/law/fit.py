@@ -1,4 +1,4 @@
-"""Whether a law fits the joints that it is for: what a section cannot know by itself."""
+"""Whether a law fits the joints of an arm: the checks that a section alone cannot make."""
 
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, TypeAlias
@@ -17,14 +17,14 @@ if TYPE_CHECKING:
     from rmrc.arm import Arm
 
 Misfits: TypeAlias = Iterator[tuple[str, str]]
-"""Dotted keys, and what is wrong with each."""
+"""Dotted keys, and the problem with each."""
 
-# Scales between these and their inverses leave the squares of S_x J S_q finite.
+# Scales between this number and its inverse keep the squares of S_x J S_q finite.
 LARGEST_SCALE = 1e30
 
 
 def misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
-    """Yield all that is wrong with a law for a task of m rows, but for what needs a model."""
+    """Yield all misfits of a law and a task of m rows, except those that need a model."""
     yield from profile_misfits("control.limits.profile", control.limits.profile, arm)
     yield from length_misfits(control, arm)
     yield from scale_misfits("control.joint_weights", control.joint_weights or ())
@@ -33,7 +33,7 @@ def misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
 
 
 def profile_misfits(key: str, name: str | None, arm: Joints) -> Misfits:
-    """Yield that a profile is of another robot."""
+    """Yield a misfit if a profile is of another robot."""
     profile = load_profile(name) if name else None
     if profile and profile.joints != arm.n:
         has = f"the arm has {arm.n} ({', '.join(arm.joints)})"
@@ -41,13 +41,13 @@ def profile_misfits(key: str, name: str | None, arm: Joints) -> Misfits:
 
 
 def length_misfits(control: ControlSection, arm: Joints) -> Misfits:
-    """Yield what has one value a joint, and too many or too few."""
+    """Yield each list with one value per joint that has a wrong number of values."""
     by_profile = load_profile(control.limits.profile).limits if control.limits.profile else {}
     for key, values in (
         ("control.joint_weights", control.joint_weights),
         ("control.nullspace.posture", control.nullspace.posture),
         ("control.nullspace.rates", control.nullspace.rates),
-        *(  # of what a profile sets, the profile has been told
+        *(  # values of a profile are not checked again
             (f"control.limits.{name}", values)
             for name in ("rate", "acceleration", "jerk", "braking")
             if (values := getattr(control.limits, name)) != by_profile.get(name)
@@ -58,7 +58,7 @@ def length_misfits(control: ControlSection, arm: Joints) -> Misfits:
 
 
 def wrong_length(got: int, arm: Joints) -> str:
-    """Return what is wrong with so many values."""
+    """Return the misfit of this number of values."""
     return f"must have {arm.n} values, one for each joint ({', '.join(arm.joints)}), got {got}"
 
 
@@ -71,7 +71,7 @@ def scale_misfits(key: str, values: tuple[float, ...], is_list: bool = True) -> 
 
 
 def method_misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
-    """Yield that an inverse needs a square Jacobian, or joints for its metric."""
+    """Yield a misfit if an inverse needs a square Jacobian, or the metric of the joints."""
     method = control.inverse.method
     if INVERSES[method].needs_square and m != arm.n:
         yield (
@@ -98,7 +98,7 @@ def method_misfits(control: ControlSection, m: int, arm: Joints) -> Misfits:
 
 
 def second_task_misfits(control: ControlSection, arm: "Arm") -> Misfits:
-    """Yield that the site of a second task is not there, or that nothing moves it."""
+    """Yield a misfit if the site of a second task is missing, or no joint moves it."""
     site = control.nullspace.secondary.site
     if control.nullspace.objective != "secondary" or site is None:
         return
@@ -117,7 +117,7 @@ def second_task_misfits(control: ControlSection, arm: "Arm") -> Misfits:
 
 
 def slow_misfits(control: ControlSection, arm: Joints, called: object) -> Misfits:
-    """Yield what a policy that slows the path lacks: a feed-forward that it can scale, and limits to keep."""
+    """Yield the needs of a policy that slows the path: a feed-forward to scale, and limits to keep."""
     name = control.at_singularity
     if not POLICIES[name].slows:
         return
@@ -127,7 +127,7 @@ def slow_misfits(control: ControlSection, arm: Joints, called: object) -> Misfit
             (f'"{name}" scales the feed-forward, so it needs control.feedforward: true, got false'),
         )
     rate = control.limits.rate
-    if isinstance(rate, tuple) and len(rate) != arm.n:  # which has been told
+    if isinstance(rate, tuple) and len(rate) != arm.n:  # reported already
         return
     if not np.isfinite(rate_limit(arm, control.limits)).all():
         yield (

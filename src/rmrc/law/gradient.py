@@ -1,4 +1,4 @@
-"""How the singular values change with the joints, from the derivative of J, without differences."""
+"""Derivatives of the singular values by the joints, from the derivative of J, without differences."""
 
 from rmrc.law.inertia import add_energy_gradient
 from rmrc.law.jit import Array, Record, compiled
@@ -11,23 +11,23 @@ from rmrc.law.svd import dot
 def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
     """Write ∂σ_i/∂q_j = u_iᵀ (∂A/∂q_j) v_i, (n,), by the geometric derivative of J.
 
-    A joint turns the columns of all joints behind it, and moves the site for those before it:
+    A joint turns the columns of all joints behind it, and moves the site for the columns of joints before it:
 
         ∂[v_l; ω_l]/∂q_j = [ω_j × v_l; ω_j × ω_l]  for j before l,  [ω_l × v_j; 0] else
 
-    The columns of sliding joints have ω = 0, so the same terms serve them. Along the axes of the site, which
-    every joint turns, −[ω_j × v_l; ω_j × ω_l] is added to all: what is left of the first case is 0. Where
+    The columns of sliding joints have ω = 0, so the same terms serve them. Every joint turns the axes of the
+    site: along these, −[ω_j × v_l; ω_j × ω_l] is added to all columns, so the first case becomes 0. Where
     joints follow others, j and l are axes of the chain, each of which moves by a ratio of its leader.
 
     Args:
-        world: Reads J, the frame of its rows, the decomposition and the scales.
-        i: Which singular value.
+        world: Read: J, the frame of its rows, the decomposition and the scales.
+        i: Index of the singular value.
         gradient: Written, (n,) [1/rad or 1/m].
     """
     for j in range(world.n):
         world.shape[j] = world.v[i, j]
     scale_joints(world, world.shape)
-    # J and columns may be of two types, of which no one variable can be
+    # J and columns may have two types, which one variable cannot have
     if world.axes == world.n:
         gradient_of(world, i, world.J, gradient)
     else:
@@ -38,7 +38,7 @@ def sigma_gradient(world: Record, i: int, gradient: Array) -> None:
 
 @compiled
 def add_metric_gradient(world: Record, i: int, gradient: Array) -> None:
-    """Add what σ_i changes by as the inertia of the joints does: −σ_i ∂T/∂q at the rates of v_i."""
+    """Add the change of σ_i that the change of the joint inertia causes: −σ_i ∂T/∂q at the rates of v_i."""
     n, sigma = world.n, 0.0
     for j in range(n):
         world.shape[j] = world.v[i, j]
@@ -52,7 +52,7 @@ def add_metric_gradient(world: Record, i: int, gradient: Array) -> None:
 
 @compiled
 def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
-    """Write the gradient that `sigma_gradient` is asked for, from what each axis contributes, (6, ℓ)."""
+    """Write the gradient for `sigma_gradient` from the contributions of the axes, (6, ℓ)."""
     n, turns = world.axes, world.frame == SITE
     fx, fy, fz, mx, my, mz = expanded(world, i)
     for a in range(n):
@@ -82,7 +82,7 @@ def gradient_of(world: Record, i: int, J: Array, gradient: Array) -> None:
 
 @compiled
 def expanded(world: Record, i: int) -> tuple[float, float, float, float, float, float]:
-    """Return S_x u_i as six rows, 0 for those that do not count."""
+    """Return S_x u_i as six rows, 0 for rows that do not count."""
     fx = fy = fz = mx = my = mz = 0.0
     for r in range(world.m):
         row, value = world.row[r], world.row_scale[r] * world.u[i, r]

@@ -2,8 +2,8 @@
 
     M_ab = b S_bᵀ I_a^c S_a a,   link b at or before link a, each moved by its leader in a ratio
 
-with the composite inertia I^c of all that a link carries [Walker82], about the joint of the first link. Where
-the law takes the arm to be decides, as everywhere.
+with the composite inertia I^c of everything that a link carries [Walker82], about the joint of the first
+link. As everywhere, the joint positions are those that the law takes the arm to have.
 """
 
 import math
@@ -17,14 +17,14 @@ from rmrc.law.metric import INERTIA, factor
 from rmrc.law.record import CHAIN, JOINTS, Field
 from rmrc.law.svd import dot
 
-if TYPE_CHECKING:  # MuJoCo is not loaded for a law without an arm
+if TYPE_CHECKING:  # a law without an arm does not load MuJoCo
     from rmrc.arm import Arm
 
 Twist: TypeAlias = tuple[float, float, float, float, float, float]
 
 
 class Inertia:
-    """The metric of a law: it owns the fields of a world's record that say what the joints move."""
+    """The metric of a law: it owns the fields of a world's record that describe the moving masses."""
 
     fields: ClassVar[tuple[Field, ...]] = (
         Field("links", np.int64), Field("link_parent", np.int64, (CHAIN,)),
@@ -43,7 +43,7 @@ class Inertia:
             length: Characteristic length [m].
         """
         self._masses, lengths = arm.masses, np.where(arm.is_slide, length, 1.0)
-        # so that it is 1 in the mean at `home`: σ and λ are then as large as those of the joints' metric
+        # The unit makes it 1 in the mean at `home`: σ and λ are then as large as in the metric of the joints.
         self._scale = lengths / math.sqrt(float(np.mean(lengths**2 * arm.inertia)))
 
     def write(self, world: np.void) -> None:
@@ -69,7 +69,7 @@ def find_metric(world: Record) -> None:
         for j in range(n):
             world.metric[i, j] = 0.0
         world.metric[i, i] = world.armature[i]
-    for a in range(world.links - 1, -1, -1):  # those that a link carries are added to it by then
+    for a in range(world.links - 1, -1, -1):  # the links that a link carries have been added to it by then
         carried, b = momentum(world, a, screw(world, a)), a
         while b >= 0:
             inertia = world.link_ratio[a] * world.link_ratio[b] * paired(carried, screw(world, b))
@@ -89,7 +89,7 @@ def find_metric(world: Record) -> None:
 
 @compiled
 def load_on(world: Record, a: int, b: int) -> None:
-    """Add what link a carries, itself included, to what link b carries."""
+    """Add the inertia that link a carries, itself included, to the inertia that link b carries."""
     world.moving_mass[b] += world.moving_mass[a]
     for i in range(3):
         world.moving_moment[b, i] += world.moving_moment[a, i]
@@ -99,7 +99,7 @@ def load_on(world: Record, a: int, b: int) -> None:
 
 @compiled
 def place_links(world: Record) -> None:
-    """Write where q puts each link: its axis, its joint, and its mass, moment and inertia."""
+    """Write the place of each link at q: its axis, its joint, and its mass, moment and inertia."""
     for a in range(world.links):
         b, moved = world.link_parent[a], world.link_ratio[a] * world.q[world.link_leader[a]]
         x = y = z = 0.0
@@ -130,7 +130,7 @@ def place_links(world: Record) -> None:
 
 @compiled
 def move_mass(world: Record, a: int, x: float, y: float, z: float) -> None:
-    """Write mass, moment and inertia of a link about the origin, its joint being at x, y, z.
+    """Write mass, moment and inertia of a link about the origin, with its joint at x, y, z.
 
     I_0 = R I Rᵀ + (2 p·h + m p·p) 1 − p hᵀ − h pᵀ − m p pᵀ,   h the moment about the joint
     """
@@ -154,7 +154,7 @@ def move_mass(world: Record, a: int, x: float, y: float, z: float) -> None:
 
 @compiled
 def screw(world: Record, a: int) -> Twist:
-    """Return the twist [ω; v at the origin] of a link at a unit rate of its joint."""
+    """Return the twist [ω; v at the origin] of a link at unit rate of its joint."""
     x, y, z = world.axis[a, 0], world.axis[a, 1], world.axis[a, 2]
     if world.link_slides[a]:
         return 0.0, 0.0, 0.0, x, y, z
@@ -164,7 +164,7 @@ def screw(world: Record, a: int) -> Twist:
 
 @compiled
 def momentum(world: Record, a: int, twist: Twist) -> Twist:
-    """Return [angular; linear] momentum about the origin of a link, and of all it carries, at a twist."""
+    """Return [angular; linear] momentum about the origin of a link and all that it carries, at a twist."""
     wx, wy, wz, vx, vy, vz = twist
     m, h, inertia = world.moving_mass[a], world.moving_moment[a], world.moving_inertia[a]
     return (
@@ -179,22 +179,22 @@ def momentum(world: Record, a: int, twist: Twist) -> Twist:
 
 @compiled
 def paired(a: Twist, b: Twist) -> float:
-    """Return the inner product of a momentum, or a wrench, and a twist."""
+    """Return the inner product of a momentum or wrench with a twist."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3] + a[4] * b[4] + a[5] * b[5]
 
 
 @compiled
 def add_energy_gradient(world: Record, rates: Array, factor: float, gradient: Array) -> None:
-    """Add a multiple of ∂T/∂q_j, T = ½ ratesᵀ M(q) rates, where `find_metric` was last.
+    """Add a multiple of ∂T/∂q_j, T = ½ ratesᵀ M(q) rates, at the q of the last `find_metric`.
 
-    A joint moves what it carries as a rigid body, and not what carries it: ∂T/∂q_a = −h_aᵀ (S_a × V_a), with
-    V_a the twist of the link and h_a the momentum of all that it carries, itself included. That is
-    I_a^c V_b + Σ_l I_l^c S_l rates_l, over itself and all behind it, b being the link before it.
+    A joint moves the links that it carries as a rigid body, and no others: ∂T/∂q_a = −h_aᵀ (S_a × V_a), with
+    V_a the twist of the link and h_a the momentum of all that it carries, itself included. That momentum is
+    I_a^c V_b + Σ_l I_l^c S_l rates_l, over the link itself and all behind it, with b the link before it.
 
     Args:
-        world: Reads the links where they are.
+        world: Read: the links at their places.
         rates: Joint rates, (n,).
-        factor: Of the gradient.
+        factor: Factor of the gradient.
         gradient: Added to, (n,).
     """
     for a in range(world.links):

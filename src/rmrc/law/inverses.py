@@ -1,8 +1,8 @@
-"""Every inverse as a filter g(σ): a function each.
+"""Every inverse as a filter g(σ), one function each.
 
-All take the world (parameters, and A), what the task asks of each direction, Uᵀ S_x twist_cmd (k,), the
-singular values (k,), which fall, the right vectors as rows (k, n), and λ of this tick. They write the gains
-g(σ_i), (k,), 0 where σ_i is zero to rounding, so that nothing is ever NaN.
+All take the world (parameters, and A), the demand on each direction, Uᵀ S_x twist_cmd (k,), the singular
+values (k,), descending, the right vectors as rows (k, n), and λ of this tick. They write the gains
+g(σ_i), (k,), 0 where σ_i is zero to rounding, so that no result is NaN.
 """
 
 import math
@@ -15,19 +15,19 @@ from rmrc.scenario.choices import INVERSES
 FILTERED, JPARSE = INVERSES.code("filtered"), INVERSES.code("jparse")
 SCHEDULED = INVERSES.codes(lambda one: one.is_scheduled)
 
-# No gain is larger: its products with any command then stay finite, so that nothing is ever NaN.
+# The largest gain: its products with any command stay finite, so that no result is NaN.
 LARGEST_GAIN = 1e150
 
 
 @compiled
 def damping(world: Record, asked: Array, sigma: Array) -> float:
-    """Return λ for this tick, in the units of σ (not λ²); zero for the methods that have none.
+    """Return λ for this tick, in the units of σ (not λ²); zero for methods without damping.
 
-    Of the method `filtered` it is that of the smallest σ.
+    For the method `filtered` it is the λ of the smallest σ.
 
     Args:
         world: Parameters.
-        asked: Uᵀ S_x twist_cmd, what the task asks of each direction, (k,).
+        asked: Uᵀ S_x twist_cmd, the demand on each direction, (k,).
         sigma: Singular values, (k,).
     """
     if world.inverse_method in SCHEDULED:
@@ -64,7 +64,7 @@ def invert_above(world: Record, sigma: Array, floor: float, gain: Array) -> None
 def transpose(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
     """Write α σ with the α that leaves the smallest task residual [Wolovich84], [Buss05].
 
-    All is taken relative to σ_1 and to the largest entry, so that no square leaves the range.
+    All values are relative to σ_1 and to the largest entry, so that no square overflows or underflows.
     """
     largest = 0.0
     for i in range(world.k):
@@ -91,7 +91,7 @@ def damped(world: Record, asked: Array, sigma: Array, v: Array, damped: float, g
 
 @inlined
 def filtered(world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array) -> None:
-    """Write σ/(σ² + λ(σ)²): each direction is damped by its own λ [Maciejewski88]."""
+    """Write σ/(σ² + λ(σ)²): each direction has its own λ [Maciejewski88]."""
     for i in range(world.k):
         gain[i] = damped_gain(sigma[i], RANK_FLOOR * sigma[0], fading(world, sigma[i]))
 
@@ -109,10 +109,10 @@ def damped_gain(sigma: float, floor: float, damped: float) -> float:
 def selectively_damped(
     world: Record, asked: Array, sigma: Array, v: Array, damped: float, gain: Array
 ) -> None:
-    """Write 1/σ, lessened by what Buss and Kim allow each direction, and all of them together [Buss05].
+    """Write 1/σ, reduced to Buss and Kim's bounds for each direction and for their sum [Buss05].
 
-    A direction whose joint motion moves the tip by less than the joints would one by one, which is one that
-    dies, gets as much less of the bound.
+    Where the joint motion of a direction moves the tip by less than the joints would one by one, as in a
+    direction that becomes singular, the bound is smaller in proportion.
     """
     invert_above(world, sigma, RANK_FLOOR * sigma[0], gain)
     n, bound, scale = world.n, world.inverse_rate_bound, world.work
@@ -154,7 +154,7 @@ def jparse(world: Record, asked: Array, sigma: Array, v: Array, damped: float, g
 
 @compiled
 def push_fading(world: Record, u: Array, task: Array, sigma: Array, asked: Array) -> None:
-    """Weigh what linear and angular rows ask of the directions that `jparse` lets fade: u_iᵀ K t."""
+    """Weigh the linear and angular rows in the demand on directions that `jparse` fades: u_iᵀ K t."""
     linear, angular = world.inverse_push_position, world.inverse_push_rotation
     if world.inverse_method != JPARSE or (linear == 1.0 and angular == 1.0):
         return

@@ -1,11 +1,10 @@
-"""A bounded jerk: what a joint may do in this tick so that it can go on within all of its limits.
+"""A bounded jerk: the motion of a joint in this tick that keeps it able to stay within all its limits.
 
-The state of a joint is its position, the rate that it was sent last, and the last change of that, its course.
-The rates of this tick are bounded so that from the next state on it can again go on: the bounds look ahead,
-to the tick in which the change has come to zero before the rate limit, and the joint to rest before the
-position limit [DelPrete18]. From a state within the bounds there is always a next one, so that they are never
-empty; where a measurement or a limit of higher rank leaves nothing, jerk gives way to acceleration, and that
-to rate and position.
+The state of a joint is its position, the last rate that was sent, and the last change of that rate, its
+course. The bounds on the rates of this tick look ahead: from the next state on, the change must be able to
+reach zero before the rate limit, and the joint to rest before the position limit [DelPrete18]. From a state
+within the bounds there is always a next one, so they are never empty. Where a measurement or a limit of
+higher rank leaves no room, jerk gives way to acceleration, and acceleration to rate and position.
 """
 
 import math
@@ -18,21 +17,21 @@ ACCELERATION_LIMITED, POSITION_LIMITED, JERK_LIMITED = map(
     int, (Status.ACCELERATION_LIMITED, Status.POSITION_LIMITED, Status.JERK_LIMITED)
 )
 
-# A step of jerk is exceeded if by more than this part of it: third differences of rates are mostly rounding.
+# A step of jerk counts as exceeded beyond this relative slack: third differences are mostly rounding.
 SLACK = 1e-9
 ALL = 1.0 - SLACK
-# No stop within a jerk limit takes a deceleration of so many steps of it.
+# No stop within a jerk limit needs a deceleration of this many steps of jerk.
 HARD = 1e9
-# How far a joint lags behind its commands is judged by so much of its past [s], which has some motions, and
-# is no more [s]: drives take some milliseconds, and the slowest that are known a third of a second.
+# The lag of a joint behind its commands is estimated from this much of its past [s], enough to contain some
+# motions, and is at most this long [s]: actuators take milliseconds, the slowest known a third of a second.
 REMEMBERED, LONGEST_LAG = 2.0, 0.5
-# No rate is larger [rad/s or m/s].
+# The largest rate that counts as measured [rad/s or m/s].
 LARGEST = 1e10
 
 
 @compiled
 def is_within_jerk(world: Record, rates: Array) -> bool:
-    """Say whether no limit is exceeded, nor will have to be; where a wish is still ahead, it is not."""
+    """Return whether all limits are kept, now and later; False where a wish is still ahead."""
     for j in range(world.n):
         rate, step, most = rates[j], world.jerk_step[j], world.change_limit[j]
         change = rate - world.qdot_cmd_last[j]
@@ -54,16 +53,16 @@ def is_within_jerk(world: Record, rates: Array) -> bool:
 
 @compiled
 def foresee(world: Record) -> None:
-    """Write how far each joint goes on after its commands have come to rest: its rate, times its lag.
+    """Write how far each joint moves after its commands have come to rest: its rate times its lag.
 
-    The lag of a drive is how far it is behind its commands over its rate, by least squares, both without what
-    they were long ago. A command that takes time counts like a lag.
+    The lag of an actuator is the ratio of its distance behind its commands to its rate, by least squares,
+    both without their values of long ago. The delay of a command counts as a lag.
     """
     T, sums = world.period, world.behind
     kept = max(0.0, 1.0 - T / REMEMBERED)
     for j in range(world.n):
         qdot, world.coast[j] = world.qdot[j], 0.0
-        if not abs(qdot) <= LARGEST:  # who calls may have no rates to tell
+        if not abs(qdot) <= LARGEST:  # the caller may have given no rates
             continue
         behind, rate = kept * sums[0, j] + T * (world.qdot_cmd_last[j] - qdot), qdot - sums[1, j]
         sums[0, j], sums[1, j] = behind, kept * sums[1, j] + (1.0 - kept) * qdot
@@ -82,7 +81,7 @@ def room(world: Record, j: int, side: float) -> float:
 
 @apart("call_rest_bounds", is_eased=())
 def rest_bounds(world: Record) -> None:
-    """Write the largest and smallest rate that each joint may keep, and stop before its limits."""
+    """Write the largest and smallest rate that each joint may keep and still stop before its limits."""
     for j in range(world.n):
         limit, T, braking, step = (
             world.rate_limit[j], world.period, world.braking[j] * world.period, world.jerk_step[j],
@@ -93,12 +92,12 @@ def rest_bounds(world: Record) -> None:
 
 @compiled
 def stopping_rate(world: Record, j: int, side: float) -> float:
-    """Return the largest rate towards an end of its range (side 1 or -1) from which a joint can stop before.
+    """Return the largest rate towards an end of its range (side 1 or -1) from which a joint can stop in time.
 
-    It brakes harder than it is told where it has to, as hard as jerk and acceleration allow. Where that is
-    too late it has strayed: since it could last stop in time, whatever pushes it has brought it farther than
-    what was sent. What was sent can still stop in time, and that is enough.
-    Only where it cannot, jerk gives way, to the braking rate or the least deceleration of all.
+    Where necessary, the joint brakes harder than configured, as hard as jerk and acceleration allow. Where
+    even that is too late, the joint has strayed: since the last tick at which it could stop, some disturbance
+    has moved it farther than its commands. It is enough that the commanded motion can still stop in time.
+    Only where it cannot, jerk gives way, to the braking rate or to the least deceleration of all.
     """
     limit, T, step = world.rate_limit[j], world.period, world.jerk_step[j]
     distance = room(world, j, side)
@@ -126,16 +125,16 @@ def stopping_rate(world: Record, j: int, side: float) -> float:
 
 @compiled
 def ease(world: Record, rates: Array, alone: bool) -> int:
-    """Bring the rates towards those that are wished for as acceleration and jerk allow; return status bits.
+    """Bring the rates towards the wished rates as acceleration and jerk allow; return status bits.
 
-    The wish is what rate and position limits leave. Changes, and changes of changes, are scaled by factors
-    for all joints alike, so that the tip keeps its direction, or of each joint alone. A joint that is held by
-    its position limit has its own way.
+    Rate and position limits have already been applied to the wish. Changes, and changes of changes, are
+    scaled by common factors for all joints, so that the tip keeps its direction, or by factors for each
+    joint. A joint that its position limit holds moves independently.
 
     Args:
-        world: Bounds, and the memory of what was sent.
-        rates: Wished for; replaced, (n,).
-        alone: Whether each joint has factors of its own.
+        world: Bounds, and the memory of the commands sent.
+        rates: The wished rates; replaced, (n,).
+        alone: Whether each joint has its own factors.
     """
     reach_by_jerk(world)
     for j in range(world.n):
@@ -150,7 +149,7 @@ def ease(world: Record, rates: Array, alone: bool) -> int:
     for j in range(world.n):
         rate = min(max(rates[j], world.lower[j]), world.upper[j])
         upper, lower = stopping_rate(world, j, 1.0), -stopping_rate(world, j, -1.0)
-        # No stop is within a range that is too short; then the limit that the joint moves towards is first.
+        # A range that is too short has no stop; then the limit that the joint moves towards comes first.
         if world.qdot_cmd_last[j] > 0.0:
             rates[j] = min(max(rate, lower), upper)
         else:
@@ -162,7 +161,7 @@ def ease(world: Record, rates: Array, alone: bool) -> int:
 
 @compiled
 def look_back(world: Record, wish: Array, rates: Array) -> None:
-    """Keep what was wished for, and where joints will be if they did as told since they strayed."""
+    """Remember the wish, and the positions of the joints if they had obeyed since they strayed."""
     for j in range(world.n):
         world.slope[j] = wish[j] - world.qdot_cmd_last[j] - world.lag[j]
         world.lag[j] = wish[j] - rates[j]
@@ -174,9 +173,9 @@ def look_back(world: Record, wish: Array, rates: Array) -> None:
 
 @compiled
 def reach_by_jerk(world: Record) -> None:
-    """Write the bounds that acceleration and jerk give to the rate of each joint, and the rate limit ahead.
+    """Write the bounds of each rate from acceleration and jerk, and from the rate limit ahead.
 
-    Acceleration comes before jerk, and jerk before what is ahead, which a joint within all bounds never has
+    Acceleration comes before jerk, and jerk before limits ahead, which a joint within all bounds never has
     to break.
     """
     for j in range(world.n):
@@ -204,11 +203,11 @@ def approach(world: Record, rates: Array, group: int) -> int:
 
 @compiled
 def catch_up(world: Record, rates: Array, group: int) -> int:
-    """Leave of the way to the wish what the next tick can do; return JERK_LIMITED if something is left out.
+    """Go as far towards the wish as one tick can; return JERK_LIMITED if some of the way is left.
 
-    That is as much as can come to an end when the wish is reached: by the largest change that steps of jerk
-    can take back on the way. So a rate goes from rest to a steady wish in the least time and without
-    overshoot. A wish that itself moves within the jerk limit is followed as if it stood.
+    The largest change is the one that steps of jerk can take back on the way, so that it ends when the wish
+    is reached. A rate then goes from rest to a steady wish in the least time and without overshoot. A wish
+    that itself moves within the jerk limit is followed as if it were steady.
     """
     share, moves = 1.0, True
     for j in range(world.n):
@@ -227,7 +226,7 @@ def catch_up(world: Record, rates: Array, group: int) -> int:
 
 @compiled
 def scale_to_changes(world: Record, rates: Array, group: int) -> int:
-    """Scale the change of rates until acceleration limits allow it, and it can end before rate limits."""
+    """Scale the change of rates until acceleration limits allow it and it can end before rate limits."""
     bits, part = 0, 1.0
     for j in range(world.n):
         change = rates[j] - world.qdot_cmd_last[j]
@@ -244,9 +243,9 @@ def scale_to_changes(world: Record, rates: Array, group: int) -> int:
 
 @compiled
 def scale_to_jerk(world: Record, rates: Array, group: int) -> int:
-    """Scale the change of the change of rates, from a course that all joints can keep, or nearly so.
+    """Scale the change of the change of rates, from a course that (nearly) all joints can keep.
 
-    That is the last change, times the factor nearest to 1 that acceleration, jerk and rate limits allow.
+    The course is the last change times the factor nearest to 1 that acceleration, jerk and rate limits allow.
     """
     least, most, part = -math.inf, math.inf, 1.0
     for j in range(world.n):
@@ -270,7 +269,7 @@ def scale_to_jerk(world: Record, rates: Array, group: int) -> int:
 
 @compiled
 def come_to_rest(world: Record, rates: Array) -> None:
-    """Write the rates that bring each joint to rest from its last, within jerk and the braking limit."""
+    """Write the rates that bring each joint from its last rate to rest, within jerk and the braking limit."""
     for j in range(world.n):
         last, course, step = world.qdot_cmd_last[j], world.course[j], world.jerk_step[j]
         change = -math.copysign(min(brake(abs(last), step, 1.0), world.braking[j] * world.period), last)
@@ -280,10 +279,10 @@ def come_to_rest(world: Record, rates: Array) -> None:
 
 @compiled
 def keep_changes(world: Record, rates: Array) -> None:
-    """Keep by how much each rate that is sent differs from the last one, which the next change goes on from.
+    """Remember by how much each sent rate differs from the last one; the next change starts from there.
 
-    After a change that jerk does not allow it goes on from no more than braking: what a stop in an emergency
-    was would else have to be kept for some time.
+    After a change that breaks the jerk limit, the memory holds no more than braking: otherwise the change of
+    an emergency stop would have to be kept for some time.
     """
     for j in range(world.n):
         change, course = rates[j] - world.qdot_cmd_last[j], world.course[j]
@@ -296,7 +295,7 @@ def keep_changes(world: Record, rates: Array) -> None:
 
 @compiled
 def remember(world: Record, rates: Array) -> None:
-    """Keep what is sent, and by how much it differs from the last."""
+    """Remember the sent rates, and by how much they differ from the last ones."""
     keep_changes(world, rates)
     for j in range(world.n):
         world.qdot_cmd_last[j] = rates[j]

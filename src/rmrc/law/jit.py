@@ -1,7 +1,7 @@
-"""How this package compiles: decorators, so that every function has the same flags, and dispatch by name.
+"""How this package compiles: decorators that give every function the same flags, and dispatch by name.
 
-A function that few worlds need is `apart`: it is machine code of its own, compiled when a world that needs it
-is first prepared, and called at its address, which the record of that world holds in this process.
+A function that few worlds need is `apart`. It is machine code of its own, which is compiled when a world that
+needs it is first prepared. It is called at its address, which the record of that world holds in this process.
 """
 
 import gc
@@ -31,22 +31,22 @@ Record: TypeAlias = Any  # one element of a structured array, see records.py
 Function = TypeVar("Function", bound=Callable[..., object])
 
 # `nogil` lets threads run worlds side by side. With `error_model="numpy"` 1/0 is infinite and raises nothing,
-# as the law decides itself what a zero means. No `fastmath`: the bits of a world must not depend on how
+# because the law itself decides what a zero means. No `fastmath`: the bits of a world must not depend on how
 # many others are computed beside it.
 _compile = partial(numba.njit, nogil=True, error_model="numpy", pipeline_class=WholeCompiler)
-# What only compiled code calls needs no doors to Python and C, which take a quarter of the compile time.
+# Functions that only compiled code calls need no wrappers for Python and C, a quarter of the compile time.
 _inner = {"no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 _compile_inner = partial(_compile, pipeline_class=PartCompiler, **_inner)
 
 
-# What the user hears that is compiled, where it is not the control law.
+# Names of the compiled parts beside the control law, for messages.
 _OTHER = {"descent": "the inverse kinematics", "sheet": "the search of workspaces"}
 
 
 class _Compiling(event.Listener):
-    """Says that numba compiles, when it does: it is not called for what is found in the cache."""
+    """Reports that numba compiles, when it does; cached functions do not reach it."""
 
-    depth = 0  # of functions within functions; numba's lock lets one thread in
+    depth = 0  # of nested functions; numba's lock admits one thread
 
     def on_start(self, event: Any) -> None:
         if self.depth == 0:
@@ -69,20 +69,20 @@ def compiled(function: Function) -> Function:
 
 
 def inlined(function: Function) -> Function:
-    """Compile a function as part of the one that calls it: for those that mainly call others in turn.
+    """Compile a function as part of its caller: for functions that mainly call others in turn.
 
-    Each level of calls would otherwise optimize all levels below once more, which takes most of the time.
+    Otherwise each level of calls would optimize all levels below once more, which takes most of the time.
     """
     return cast(Function, _compile_inner(inline="always")(function))
 
 
 class _Apart(NamedTuple):
-    """A function that is called at its address: in which field that is, and which worlds need it.
+    """A function that is called at its address: the field of the address, and the worlds that need it.
 
     Attributes:
-        field: Of a world's record.
+        field: Field of a world's record that holds the address.
         function: The function, with its types.
-        needs: By which fields, and which of their values, a world needs it; no values: all but 0.
+        needs: The fields and their values by which a world needs it; no values: all but 0.
     """
 
     field: str
@@ -94,7 +94,7 @@ class _Apart(NamedTuple):
 
         Args:
             worlds: Their records, (w,).
-            present: Values that these worlds have of the fields in `needs`; of a field that they lack, none.
+            present: Values of the fields in `needs` in these worlds; no values of a field that they lack.
         """
         used = None
         for name, values in self.needs.items():
@@ -112,14 +112,15 @@ _APARTS: list[_Apart] = []
 
 
 def apart(field: str, **needs: tuple[int, ...]) -> Callable[[Function], Function]:
-    """Compile a function apart from those that call it, and only if a world is prepared that needs it.
+    """Compile a function apart from its callers, and only when a world that needs it is prepared.
 
-    Its arguments are a world, and by the names `tick` or `out` the record of a tick. An array is named as
-    the field of the world or the tick that has its type, or is a row of the entry's argument of its name.
+    Its arguments are a world and, under the names `tick` or `out`, the record of a tick. An array is named
+    after the field of the world or the tick that has its type, or it is a row of the entry's argument of the
+    same name.
 
     Args:
-        field: Where the record of a world holds its address.
-        **needs: By which fields of its record a world needs it, and which values of them; none: all but 0.
+        field: Field of a world's record that holds its address.
+        **needs: The fields of its record, and their values, by which a world needs it; none: all but 0.
             Only such worlds may call it.
     """
 
@@ -131,12 +132,12 @@ def apart(field: str, **needs: tuple[int, ...]) -> Callable[[Function], Function
 
 
 def apart_by_code(field: str, chosen: str, functions: Mapping[int, Callable[..., Any]]) -> Callable[..., Any]:
-    """Return what calls one of several functions, each of them `apart`, by a code in a world's record.
+    """Return a function that calls one of several functions, each of them `apart`, by a code in a record.
 
     Args:
-        field: Of `ADDRESSES`, where a world's record holds the address of the one that it chooses.
+        field: Field of `ADDRESSES`: where a world's record holds the address of its choice.
         chosen: The field of the code.
-        functions: Compiled ones by their codes: all take the same arguments.
+        functions: Compiled functions by their codes; all take the same arguments.
     """
     plain = {code: cast(Any, function).py_func for code, function in functions.items()}
     for code, function in plain.items():
@@ -144,7 +145,7 @@ def apart_by_code(field: str, chosen: str, functions: Mapping[int, Callable[...,
     return _caller(field, next(iter(plain.values())))
 
 
-# What compiled code knows of a function that it calls at an address.
+# The types of a function's arguments that compiled code needs to call it at an address.
 _TYPES: Mapping[Any, Any] = {
     int: types.int64, float: types.float64, bool: types.boolean, None: types.none,
 }  # fmt: skip
@@ -181,12 +182,12 @@ def _caller(field: str, function: Callable[..., object]) -> Callable[..., Any]:
 
 
 def _link(function: Callable[..., object], worlds: Any, *others: Any) -> None:
-    """Compile what some worlds need of what is apart, or load it, and tell each world where it is.
+    """Compile or load the functions `apart` that some worlds need, and write their addresses into records.
 
     Args:
-        function: The entry that they are given to.
+        function: The entry that takes the worlds.
         worlds: Their records, (w,).
-        *others: The other arguments of the entry, of which the first are the ticks.
+        *others: The other arguments of the entry; the first of them are the ticks.
     """
     asked, read = _asked(worlds.dtype, len(_APARTS))
     present = {name: set(worlds[name].tolist()) for name in read}
@@ -206,7 +207,7 @@ _addresses: dict[tuple[object, ...], int] = {}
 
 @cache
 def _asked(kind: np.dtype[np.void], count: int) -> tuple[list[_Apart], list[str]]:
-    """Return which of the first functions that are `apart` worlds of a type may need, and what tells it."""
+    """Return which of the first functions `apart` a type of worlds may need, and the fields that decide."""
     has = kind.names or ()
     asked = [one for one in _APARTS[:count] if one.field in has]
     return asked, sorted({name for one in asked for name in one.needs if name in has})
@@ -218,7 +219,7 @@ def _entry_apart(function: Callable[..., object]) -> Any:
 
 
 def _address(function: Callable[..., object], given: Mapping[str, Any]) -> int:
-    """Return where the machine code of a function is, for what an entry is given, by name."""
+    """Return the address of a function's machine code for the arguments of an entry, by name."""
     typeof: Any = numba.typeof
     kinds = {name: typeof(one) for name, one in given.items()}
     world, tick = (kind.dtype for kind in list(kinds.values())[:2])
@@ -240,17 +241,16 @@ def _address(function: Callable[..., object], given: Mapping[str, Any]) -> int:
 
 
 def dispatch(choices: Choices[Choice], like: Function, field: str = "") -> Function:
-    """Compile a function that calls the one with the name of what a world chooses.
+    """Compile a function that calls the function with the name of a world's choice.
 
-    It is a chain of comparisons that is written here: as fast as one that is written by hand, where numba's
-    own ways, a tuple of functions or a function that is made of others, take a third longer. With a field,
-    each of the functions is `apart`.
+    It is a generated chain of comparisons, as fast as a handwritten one. Numba's own ways, a tuple of
+    functions or a function made of others, take a third longer. With a field, each function is `apart`.
 
     Args:
-        choices: For each that acts there is a compiled function of its name in the module of `like`. For
+        choices: Each choice that acts has a compiled function of its name in the module of `like`. For the
             others nothing is done, and 0 returned.
-        like: One of these functions; all take its arguments, of which the first is the world.
-        field: Of `ADDRESSES`, where a world's record holds the address of the function that it chooses.
+        like: One of these functions. All take its arguments; the first is the world.
+        field: Field of `ADDRESSES`: where a world's record holds the address of its function.
 
     Raises:
         ImportError: There is no such function, or it takes other arguments.
@@ -289,15 +289,15 @@ def _is_idle(one: Choice) -> bool:
 def chain(
     name: str, arguments: str, calls: Mapping[str, Callable[..., object]], passed: str = ""
 ) -> Callable[..., bool]:
-    """Compile a function that calls those of some functions whose condition holds, in order; is there any?
+    """Compile a function that calls, in order, each function whose condition holds; it returns if any did.
 
-    Its source is written here: if-chains cost nothing, where closures over functions cost a fifth.
+    Its source is generated: if-chains cost nothing, while closures over functions cost a fifth.
 
     Args:
-        name: Of the function.
-        arguments: Of the function.
+        name: Name of the function.
+        arguments: Arguments of the function.
         calls: Compiled functions, by conditions on the arguments such as `world.is_off`.
-        passed: What these are called with, where that is made of the arguments, and only for them.
+        passed: Their arguments, if these are expressions of the arguments, evaluated only for them.
     """
     names: dict[str, Any] = {f"call_{i}": function for i, function in enumerate(calls.values())}
     lines = [f"def {name}({arguments}):", "    called = False"]
@@ -310,8 +310,8 @@ def chain(
 def entry(function: Function, **options: bool) -> Function:
     """Compile a function that Python calls, and keep the machine code on disk for the next process.
 
-    Numba recompiles when the function's own file changes, but not when a file changes whose functions it
-    calls; what was kept from other sources is therefore removed here.
+    Numba recompiles when the function's own file changes, but not when the file of a function that it calls
+    does. Machine code of other sources is therefore removed here.
     """
     dispatcher = _kept(function, options)
     if dispatcher.stats.cache_path is not None:
@@ -321,7 +321,7 @@ def entry(function: Function, **options: bool) -> Function:
 
 
 def _kept(function: Callable[..., object], options: Mapping[str, bool]) -> Any:
-    """Return what compiles a function, and keeps it where numba can, else in a folder of the user's own."""
+    """Return a dispatcher that keeps its code where numba can, or else in a folder of the user's own."""
     try:
         with known_home():
             return _compile(cache=True, **options)(function)
@@ -342,13 +342,13 @@ def _kept(function: Callable[..., object], options: Mapping[str, bool]) -> Any:
 
 
 def machine_code(function: Function, *arguments: object) -> Function:
-    """Return the machine code of an `entry` for arguments of these types, compiled now if it is not yet.
+    """Return the machine code of an `entry` for arguments of these types, compiled now if necessary.
 
-    Calling it spares the look at the type of each argument, which takes as long as the law. It must only
-    be called with arguments of the very same types.
+    Calling it saves the look at the type of each argument, which takes as long as the law. Its arguments must
+    have exactly the same types.
 
-    Where the first two arguments are records of worlds and of their ticks, what these worlds need of what is
-    `apart` is compiled as well, and their records are told where it is.
+    Where the first two arguments are records of worlds and of their ticks, functions `apart` that these
+    worlds need are compiled as well, and their addresses are written into the records.
     """
     if all(isinstance(one, np.ndarray) and one.dtype.names for one in arguments[:2]):
         _link(function, *arguments)
@@ -362,12 +362,12 @@ def machine_code(function: Function, *arguments: object) -> Function:
 
 
 def address(function: Callable[..., object], *arguments: object, is_c: bool = False) -> int:
-    """Return where the machine code of an `entry` is, for arguments of these types.
+    """Return the address of an entry's machine code for arguments of these types.
 
     Args:
         function: The entry.
-        *arguments: As `machine_code` has them.
-        is_c: Whether C code calls it, and not compiled code of ours.
+        *arguments: As in `machine_code`.
+        is_c: Whether C code calls it, rather than compiled code of this package.
     """
     machine_code(function, *arguments)
     typeof, dispatcher = cast(Any, numba.typeof), cast(Any, function)
@@ -376,16 +376,16 @@ def address(function: Callable[..., object], *arguments: object, is_c: bool = Fa
     return int(made.library.get_pointer_to_function(name))
 
 
-# Asked for with each batch of a sweep, and numba takes milliseconds to tell the type of a record.
+# Each batch of a sweep asks for it, and numba takes milliseconds to find the type of a record.
 _codes: dict[tuple[object, ...], object] = {}
 
 
 def _kind(argument: object) -> object:
-    """Return what numba's type of an argument depends on."""
+    """Return the properties of an argument that determine its numba type."""
     if isinstance(argument, float):
         return float
     if not isinstance(argument, np.ndarray):
-        typeof: Any = numba.typeof  # a tuple's class says nothing of what it holds
+        typeof: Any = numba.typeof  # the class of a tuple does not show its items
         return argument.dtype if isinstance(argument, np.void) else typeof(argument)
     flags = argument.flags
     return (
@@ -402,10 +402,10 @@ def _kind(argument: object) -> object:
 def _briskly() -> Iterator[None]:
     """Compile in a quarter less time than numba by itself.
 
-    Level 2 makes code as fast as level 3 of loops as short as ours. Compiling makes millions of objects that
-    live on, which the garbage collector would look through again and again.
+    Level 2 makes code as fast as level 3 does for loops this short. Compiling makes millions of objects that
+    live on, and the garbage collector would search them again and again.
     """
-    settings: Any = config  # its names are made when it is imported
+    settings: Any = config  # its attributes are made on import
     level, collects = settings.OPT, gc.isenabled()
     settings.OPT = type(level)(min(2, level))
     gc.disable()
@@ -431,12 +431,12 @@ def _forget_other_sources(directory: Path, function: Callable[..., object]) -> N
         pass
 
 
-# Where modules may have compiled functions of their own.
+# Folders whose modules may have compiled functions.
 _ROOMS = ("plants", "results", "simulation", "analysis")
 
 
 def _digest_sources() -> str:
-    """Return a digest of all modules that hold compiled functions, and of what these take as constants."""
+    """Return a digest of all modules that hold compiled functions, and of the constants these use."""
     package = Path(__file__).parents[1]
     own = (path.read_bytes() for path in sorted(package.glob("law/*.py")))
     marks = b"@compiled", b"@inlined", b"@entry", b"@apart"

@@ -1,6 +1,6 @@
-"""Motion of the joints themselves, within their limits: to positions, at rates, back into range, to rest.
+"""Motion of the joints themselves within their limits: to positions, at rates, back into range, to rest.
 
-Each joint is limited on its own, but for the rate limits, which scale all joints alike unless the law clamps.
+Each joint is limited on its own. Only rate limits scale all joints alike, unless the law clamps.
 """
 
 import math
@@ -14,17 +14,17 @@ from rmrc.scenario.choices import LIMITS, Status
 NONE, CLAMP = LIMITS.code("none"), LIMITS.code("clamp")
 POSITION_LIMITED, STOPPED = int(Status.POSITION_LIMITED), int(Status.STOPPED)
 
-# A joint is taken to be outside its range when it is so by more than an encoder's noise or a servo's lag, and
-# comes back to as much inside [rad or m].
+# A joint is outside its range when it is so by more than an encoder's noise or a servo's lag. It comes back
+# to this far inside [rad or m].
 MARGIN = 1e-3
-# The rate for a given distance to where it comes back to [1/s], and the largest [rad/s or m/s]: an arm that
-# is where it cannot be moves slowly enough to be watched.
+# The gain of the rate towards that position [1/s], and the largest rate [rad/s or m/s]: an arm at an
+# impossible position moves slowly enough to be watched.
 RETURN_GAIN, RETURN_RATE = 5.0, 0.5
 
 
 @compiled
 def is_outside(world: Record) -> bool:
-    """Say whether a joint is on its way back into its range: from MARGIN outside until it is inside."""
+    """Return whether a joint is on its way back into its range: from MARGIN outside until it is inside."""
     outside = False
     for j in range(world.n if world.limits_on_excess != NONE else 0):
         beyond = max(world.q[j] - world.position_limit[1, j], world.position_limit[0, j] - world.q[j])
@@ -40,14 +40,14 @@ def is_outside(world: Record) -> bool:
 def approach_rate(world: Record, j: int, way: float, gain: float) -> float:
     """Return the rate towards a position from which the joint can stop there.
 
-    It is gain · way near the position, and farther off √(2 b (way − b/(2 gain²))), which continues it
-    smoothly and takes no more than the braking deceleration b; less where jerk is limited.
+    It is gain · way near the position, and farther away √(2 b (way − b/(2 gain²))), which continues it
+    smoothly and needs no more than the braking deceleration b; it is less where jerk is limited.
 
     Args:
         world: Limits.
         j: The joint.
-        way: To the position [rad or m].
-        gain: Of the position error [1/s].
+        way: Distance to the position [rad or m].
+        gain: Gain of the position error [1/s].
     """
     distance, braking, T = abs(way), world.braking[j], world.period
     rate = gain * distance
@@ -60,13 +60,13 @@ def approach_rate(world: Record, j: int, way: float, gain: float) -> float:
 
 @compiled
 def follow_joints(world: Record, tick: Record, to_positions: bool, to_rates: bool) -> int:
-    """Write the rates that bring the joints to where they are told to be; return the status.
+    """Write the rates that bring the joints to their targets; return the status.
 
     Args:
         world: q, q_target and qdot_target, and limits.
         tick: qdot_cmd is written.
-        to_positions: Whether positions are told.
-        to_rates: Whether rates are told.
+        to_positions: Whether there are target positions.
+        to_rates: Whether there are target rates.
     """
     for j in range(world.n):
         tick.qdot_cmd[j] = world.qdot_target[j] if to_rates else 0.0
@@ -78,7 +78,7 @@ def follow_joints(world: Record, tick: Record, to_positions: bool, to_rates: boo
 
 @compiled
 def come_back(world: Record, tick: Record) -> int:
-    """Write the rates that bring joints back into range, while the others come to rest; return the status."""
+    """Write the rates that bring joints back into range while the others come to rest; return the status."""
     tick.path_rate, status = 0.0, POSITION_LIMITED | STOPPED
     for j in range(world.n):
         lower, upper, last = world.position_limit[0, j], world.position_limit[1, j], world.qdot_cmd_last[j]
@@ -118,14 +118,14 @@ def limit_joints(world: Record, tick: Record) -> int:
         rates[j] *= factor
     confine(world, rates)
     if world.is_eased:
-        bits |= ease(world, rates, True)  # each joint has its own way to go
+        bits |= ease(world, rates, True)  # each joint has its own factors
         look_back(world, world.wish, rates)
     return bits | broken(world, rates)
 
 
 @compiled
 def brake_blindly(world: Record, tick: Record) -> None:
-    """Bring each joint nearer to rest from the last command, where nothing is known of the arm."""
+    """Bring each joint nearer to rest from its last command, where nothing is known of the arm."""
     if world.is_eased:
         come_to_rest(world, tick.qdot_cmd)
     for j in range(0 if world.is_eased else world.n):

@@ -1,7 +1,8 @@
 """Where machine code is kept if its usual places cannot be written.
 
-What numba keeps are pickles: whoever can write them runs code as whoever reads them. A folder that others
-can make first, as among temporary files, is only used if it is this user's and nobody else can write to it.
+Numba keeps pickles: anybody who can write them can run code as the user who reads them. A folder that others
+can create first, such as one among temporary files, is only used if this user owns it and nobody else can
+write to it.
 """
 
 import os
@@ -17,7 +18,7 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 
 
 def own_folder() -> Path | None:
-    """Return a folder among temporary files that is this user's alone, or None; it is made if missing."""
+    """Return a folder among temporary files that is this user's alone, made if missing; or None."""
     try:
         parent = Path(tempfile.gettempdir()).resolve(strict=True)
         folder = parent / f"rmrc-{os.getuid()}"
@@ -25,7 +26,7 @@ def own_folder() -> Path | None:
             return None
         with suppress(FileExistsError):
             folder.mkdir(mode=0o700)
-        found = folder.lstat()  # of a link, the link, which is no folder
+        found = folder.lstat()  # of a link, the link itself, which is no folder
     except (AttributeError, OSError):  # no user ids, no such folder, or it cannot be written
         return None
     is_own = stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid()
@@ -33,19 +34,19 @@ def own_folder() -> Path | None:
 
 
 def _is_kept_from_others(parent: os.stat_result) -> bool:
-    """Say whether nobody else, but for root, can move a folder away and put another in its place."""
+    """Return whether nobody else, except root, can replace a folder by another."""
     is_sticky = bool(parent.st_mode & stat.S_ISVTX)
     return parent.st_uid in (0, os.getuid()) and (is_sticky or not parent.st_mode & _OTHERS_WRITE)
 
 
 @contextmanager
 def known_home() -> Iterator[None]:
-    """Keep a user without a home from having a cache in whatever folder they are: `~` would be its name."""
+    """Keep a user without a home from getting a cache named `~` in the current folder."""
     before = os.environ.get("XDG_CACHE_HOME")
     if Path(before or os.path.expanduser("~")).is_absolute():
         yield
         return
-    os.environ["XDG_CACHE_HOME"] = os.devnull  # where nothing can be made
+    os.environ["XDG_CACHE_HOME"] = os.devnull  # a place where nothing can be made
     try:
         yield
     finally:
@@ -56,5 +57,5 @@ def known_home() -> Iterator[None]:
 
 
 def notice(text: str) -> None:
-    """Say once where machine code is, or why not."""
+    """Report once where machine code is, or why it is not kept."""
     warnings.warn(f"{text}; the variable NUMBA_CACHE_DIR names another folder", RuntimeWarning, stacklevel=2)

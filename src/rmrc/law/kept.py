@@ -1,8 +1,8 @@
-"""Machine code that need not be compiled: this computer's own, or what came with the package.
+"""Machine code that need not be compiled: this computer's own, and the code in the package.
 
-What numba keeps is for the processor that compiled it. A wheel may carry code for the third level of x86-64
-[psABI], which most processors of the last ten years run; others compile their own. Both round alike: nothing
-that would change the order of sums or fuse products is asked for.
+Numba keeps code for the processor that compiled it. A wheel may carry code for the third level of x86-64
+[psABI], which most processors of the last ten years run; others compile their own. Both round alike: no flag
+that would change the order of sums or fuse products is set.
 """
 
 from collections.abc import Callable
@@ -17,7 +17,7 @@ from numba.core.runtime.nrt import rtsys
 
 from rmrc.law.keeping import notice
 
-# Where a wheel has it, in a folder for each room, with a digest of all sources that were compiled.
+# The code in a wheel: one folder per room, with a digest of all compiled sources.
 SHIPPED = Path(__file__).parents[1] / "_machine_code"
 STAMP = "sources"
 LEVEL = "x86-64-v3"
@@ -29,32 +29,32 @@ FEATURES = ",".join(f"+{name}" for name in NEEDED)
 
 
 class Kept:
-    """A cache of numba's that knows the package's. What it cannot read is compiled again."""
+    """A cache of numba's that also knows the package's code. Files that it cannot read are compiled again."""
 
     def __init__(self, own: Any, sources: str) -> None:
         """Wrap a cache.
 
         Args:
-            own: Of a dispatcher.
-            sources: Digest of the sources that are compiled now.
+            own: Cache of a dispatcher.
+            sources: Digest of the present sources.
         """
         self._own, self._sources = own, sources
 
     def __getattr__(self, name: str) -> Any:
-        """Return what the cache itself has."""
+        """Return an attribute of the cache itself."""
         return getattr(self._own, name)
 
     def load_overload(self, signature: Any, target: Any) -> Any:
         """Return machine code, or None if there is none or its file is damaged.
 
-        Numba itself first has its context learn all that can be compiled, which takes 0.3 s. Machine code
-        needs its runtime alone.
+        Numba itself first registers everything that can be compiled, which takes 0.3 s. Machine code needs
+        only its runtime.
         """
         rtsys.initialize(target)
         try:
             with self._own._guard_against_spurious_io_errors():
                 found = self._own._load_overload(signature, target)
-        except Exception:  # whatever unpickling a torn file raises
+        except Exception:  # any error of unpickling a damaged file
             self._without(self._own.flush)
             found = None
         found = found or self._load_shipped(signature, target)
@@ -67,7 +67,7 @@ class Kept:
         self._without(self._own.save_overload, *about)
 
     def _load_shipped(self, signature: Any, target: Any) -> Any:
-        """Return machine code of the package, or None if there is none that serves."""
+        """Return machine code of the package, or None if it has none that serves."""
         own = self._own
         if not (own._enabled and is_served(self._sources)):
             return None
@@ -94,7 +94,7 @@ class Kept:
 @cache
 def is_served(sources: str) -> bool:
     """Return whether the package has machine code of these sources for this processor."""
-    if cast(Any, config).CPU_NAME or cast(Any, config).CPU_FEATURES:  # somebody asks for other code
+    if cast(Any, config).CPU_NAME or cast(Any, config).CPU_FEATURES:  # the user asks for other code
         return False
     try:
         if (SHIPPED / STAMP).read_text() != sources:

@@ -1,4 +1,4 @@
-"""What is known of the site: geometric Jacobian, pose, and the error to the reference."""
+"""Kinematics of the site: geometric Jacobian, pose, and the error to the reference."""
 
 import math
 from typing import TypeAlias
@@ -7,19 +7,19 @@ from rmrc.law.jit import Array, Record, compiled
 
 Quaternion: TypeAlias = tuple[float, float, float, float]
 
-# Along whose axes rows are taken, as a scenario names them and as a record has it.
+# The frames of the rows, as a scenario names them and as a record codes them.
 FRAMES = ("world", "base", "site")
 WORLD, BASE, SITE = range(3)
 
 
 @compiled
 def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array, J: Array) -> None:
-    """Write J (6, n), rows [v; ω], along world axes, at a point fixed to the last link.
+    """Write J (6, n), rows [v; ω], along world axes, for a point fixed to the last link.
 
-    The axes come from MuJoCo's fresh kinematics, so nothing is differentiated.
+    The axes come from MuJoCo's up-to-date kinematics, so nothing is differentiated.
 
     Args:
-        world: Reads ids, kinds, pitches and ratios of the axes; their own columns are written where some
+        world: Read: ids, kinds, pitches and ratios of the axes. Their own columns are written where some
             joints follow others.
         point: The site's origin, (3,) [m].
         anchors: A point on each of MuJoCo's joint axes, (njnt, 3) [m].
@@ -35,7 +35,7 @@ def geometric_jacobian(world: Record, point: Array, anchors: Array, axes: Array,
 
 @compiled
 def write_columns(world: Record, point: Array, anchors: Array, axes: Array, columns: Array) -> None:
-    """Write what each axis contributes to the twist of a point, (6, ℓ), as `geometric_jacobian` is asked."""
+    """Write the contribution of each axis to the twist of a point, (6, ℓ); see `geometric_jacobian`."""
     for a in range(world.axes):
         joint = world.joint[a]
         write_column(world, a, point, anchors[joint], axes[joint], columns)
@@ -43,7 +43,7 @@ def write_columns(world: Record, point: Array, anchors: Array, axes: Array, colu
 
 @compiled
 def second_jacobian(world: Record, point: Array, anchors: Array, axes: Array) -> None:
-    """Write J_2, as `geometric_jacobian`, of the second task's site; joints behind it do not move it."""
+    """Write J_2 of the second task's site like `geometric_jacobian`; joints behind it do not move it."""
     if world.axes == world.n:
         write_moving(world, point, anchors, axes, world.J_2)
     else:
@@ -53,7 +53,7 @@ def second_jacobian(world: Record, point: Array, anchors: Array, axes: Array) ->
 
 @compiled
 def write_moving(world: Record, point: Array, anchors: Array, axes: Array, columns: Array) -> None:
-    """Write what each axis contributes to the twist of the second task's site, (6, ℓ)."""
+    """Write the contribution of each axis to the twist of the second task's site, (6, ℓ)."""
     write_columns(world, point, anchors, axes, columns)
     for a in range(world.axes):
         if not world.moves_2[a]:
@@ -63,7 +63,7 @@ def write_moving(world: Record, point: Array, anchors: Array, axes: Array, colum
 
 @compiled
 def chain_jacobian(world: Record, J: Array) -> None:
-    """Write J (6, n), as `geometric_jacobian`, where `follow_chain` was last."""
+    """Write J (6, n) like `geometric_jacobian`, at the configuration of the last `follow_chain`."""
     if world.axes == world.n:
         for j in range(world.n):
             write_column(world, j, world.pose, world.anchor[j], world.axis[j], J)
@@ -75,7 +75,7 @@ def chain_jacobian(world: Record, J: Array) -> None:
 
 @compiled
 def gather(world: Record, columns: Array, J: Array) -> None:
-    """Write J (6, n) from the columns of the axes, (6, ℓ): with each joint move those that follow it."""
+    """Write J (6, n) from the columns of the axes, (6, ℓ): the followers of each joint move with it."""
     for i in range(6):
         for j in range(world.n):
             J[i, j] = 0.0
@@ -85,10 +85,10 @@ def gather(world: Record, columns: Array, J: Array) -> None:
 
 @compiled
 def write_column(world: Record, j: int, point: Array, anchor: Array, axis: Array, J: Array) -> None:
-    """Write what axis j contributes to the twist of a point.
+    """Write the contribution of axis j to the twist of a point.
 
     A revolute joint with axis z through o contributes [z × (p − o); z], a prismatic one [z; 0]
-    [Whitney72], one with a screw of pitch h [z × (p − o) + h z; z] [Selig92].
+    [Whitney72], and a helical one of pitch h [z × (p − o) + h z; z] [Selig92].
     """
     zx, zy, zz = axis[0], axis[1], axis[2]
     if world.is_slide[j]:
@@ -107,14 +107,14 @@ def write_column(world: Record, j: int, point: Array, anchor: Array, axis: Array
 
 @compiled
 def follow_chain(world: Record, q: Array) -> None:
-    """Write where the joints q put the axes, their anchors and the site, by the product of exponentials.
+    """Write the axes, their anchors and the site at joint positions q, by the product of exponentials.
 
     T(q) = exp(S_1 q_1) … exp(S_n q_n) T(0) [Brockett84], carried outward as a rotation and a point on the
-    next axis. It serves where there are too many configurations for MuJoCo's own kinematics. Axes of joints
-    that follow others are among them, and move with these.
+    next axis. It serves where there are too many configurations for MuJoCo's own kinematics. The axes of
+    followers are among them, and move with their leaders.
 
     Args:
-        world: Reads the arm's geometry at 0; `anchor`, `axis` and `pose` are written.
+        world: Read: the arm's geometry at 0. Written: `anchor`, `axis` and `pose`.
         q: Joint positions, (n,).
     """
     x = y = z = 0.0
@@ -143,7 +143,7 @@ def follow_chain(world: Record, q: Array) -> None:
 
 @compiled
 def follow_second(world: Record, q: Array) -> None:
-    """Write pose and Jacobian of the second task's site, where `follow_chain` was last, at the same q."""
+    """Write pose and Jacobian of the second task's site, at the same q as the last `follow_chain`."""
     turn, last = (1.0, 0.0, 0.0, 0.0), world.last_2
     for a in range(last + 1):
         if not world.is_slide[a]:
@@ -167,7 +167,7 @@ def follow_second(world: Record, q: Array) -> None:
 
 @compiled
 def write_followed(world: Record, columns: Array) -> None:
-    """Write what each axis of the chain contributes to the twist of the second task's site, (6, ℓ)."""
+    """Write the contribution of each axis of the chain to the twist of the second task's site, (6, ℓ)."""
     for a in range(world.axes):
         if a <= world.last_2:
             write_column(world, a, world.pose_2, world.anchor[a], world.axis[a], columns)
@@ -190,7 +190,7 @@ def turned(turn: Quaternion, v: Array) -> tuple[float, float, float]:
 
 @compiled
 def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
-    """Return a b, to the bit as MuJoCo multiplies them."""
+    """Return a b, with the same bits as MuJoCo's product."""
     return (
         a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
         a[0] * b[1] + a[1] * b[0] + a[2] * b[3] - a[3] * b[2],
@@ -203,8 +203,8 @@ def quat_product(a: Quaternion, b: Quaternion) -> Quaternion:
 def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
     """Write [p_ref − p; log(R_ref Rᵀ)], (6,) [m, rad], along world axes.
 
-    The rotation vector is taken from the quaternion's atan2 form, which keeps full precision for
-    small errors, where acos of the trace loses half the digits.
+    The rotation vector comes from the quaternion by atan2, which keeps full precision for small errors, where
+    acos of the trace loses half the digits.
     """
     for i in range(3):
         error[i] = pose_ref[i] - pose[i]
@@ -223,12 +223,12 @@ def pose_error(pose: Array, pose_ref: Array, error: Array) -> None:
 
 @compiled
 def frame_turn(frame: int, base: Array, pose: Array) -> Quaternion:
-    """Return what turns world vectors into the axes of a frame: the conjugate of the base's or the site's.
+    """Return the rotation of world vectors into the axes of a frame: the conjugate of its orientation.
 
     Args:
         frame: BASE or SITE.
         base: Orientation of the base, (4,).
-        pose: Of the site, (7,).
+        pose: Pose of the site, (7,).
     """
     if frame == SITE:
         return (pose[3], -pose[4], -pose[5], -pose[6])
@@ -255,15 +255,15 @@ def turn_columns(turn: Quaternion, J: Array, n: int) -> None:
 def framed_error(frame: int, base: Array, free: int, pose: Array, pose_ref: Array, error: Array) -> None:
     """Write `pose_error` along the axes of a frame.
 
-    Where the rotation about one axis of the site is free, the reference is first turned about it, so that the
-    other two errors are those of the axis itself, however far the site has turned about it.
+    Where the rotation about one axis of the site is free, the reference is first turned about it. The other
+    two errors are then those of the axis itself, however far the site has turned about it.
 
     Args:
         frame: WORLD, BASE or SITE.
         base: Orientation of the base, (4,).
-        free: The axis of the site, 0 to 2, or -1.
-        pose: Of the site, (7,).
-        pose_ref: Where it shall be, (7,).
+        free: The free axis of the site, 0 to 2, or -1.
+        pose: Pose of the site, (7,).
+        pose_ref: Wanted pose, (7,).
         error: Written, (6,) [m, rad].
     """
     pose_error(pose, pose_ref, error)
@@ -277,7 +277,7 @@ def framed_error(frame: int, base: Array, free: int, pose: Array, pose_ref: Arra
 def _free_axis(free: int, pose: Array, pose_ref: Array, error: Array) -> None:
     """Replace the rotations of an error along the site's axes: q = Rᵀ R_ref is a tilt after a free turn.
 
-    With q = (w, u + t k), u square to the axis k, the turn is (w, t k)/c and the tilt (c, (w u − t u × k)/c).
+    With q = (w, u + t k), u normal to the axis k, the turn is (w, t k)/c and the tilt (c, (w u − t u × k)/c).
     """
     w, x, y, z = quat_product(
         (pose[3], -pose[4], -pose[5], -pose[6]), (pose_ref[3], pose_ref[4], pose_ref[5], pose_ref[6])
@@ -292,7 +292,7 @@ def _free_axis(free: int, pose: Array, pose_ref: Array, error: Array) -> None:
     else:
         a, b, t = z, x, y
     c = math.sqrt(w * w + t * t)
-    if c > 0.0:  # else the axis points the other way, and every turn about it is as good
+    if c > 0.0:  # otherwise the axis points the other way, and every turn about it is equally good
         a, b = (w * a - t * b) / c, (w * b + t * a) / c
     sine = math.sqrt(a * a + b * b)
     factor = 2.0 if sine == 0.0 else 2.0 * math.atan2(sine, c) / sine

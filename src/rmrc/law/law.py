@@ -4,7 +4,7 @@
     A         = S_x Rᵀ J S_q = Σ σ_i u_i v_iᵀ       (task rows only; S_x = W_x^½ / L, S_q = W_q^-½ · L)
     qdot_cmd  = S_q Σ g(σ_i) v_i (u_iᵀ S_x twist_cmd)  +  N qdot0
 
-The columns of R are the axes of the task's frame, of the world, the base or the site; the error and J in the
+The columns of R are the axes of the task's frame: the world, the base or the site. The error and J in the
 record are along them. The characteristic length L divides linear rows and multiplies sliding joints, so that
 σ of any arm is a number without unit and does not change when the model is drawn in millimeters.
 """
@@ -43,33 +43,33 @@ from rmrc.scenario.profile import load_profile
 # Flags become plain integers in compiled code.
 DAMPED, SINGULAR = int(Status.DAMPED), int(Status.SINGULAR)
 
-# κ ≥ 100 is called SINGULAR: the direction that dies takes a hundred times the joint rates of the best one.
+# κ ≥ 100 is called SINGULAR: the worst direction needs a hundred times the joint rates of the best one.
 SINGULAR_BELOW = 0.01
 
-# A direction is called damped when it gets less of what it asks for than rounding explains.
+# A direction counts as damped when it gets less than its demand by more than rounding explains.
 GETS_ALL = 1.0 - 1e-9
 
-# Rotations accumulate rounding in the warm start; so often it is made orthonormal again. In 64 ticks of
-# some 30 rotations it has lost 1e-13 at the worst.
+# Rotations accumulate rounding in the warm start; after this many ticks it is made orthonormal again. In 64
+# ticks of some 30 rotations it loses at most 1e-13.
 REFRESH = 64
 
-# Between these, quotients and cubes of rates over steps of jerk are finite; beyond them, a joint that may not
-# change its rate at all, or as it likes [rad/s or m/s].
+# Between these, quotients and cubes of rates over steps of jerk are finite. Beyond them, a joint may not
+# change its rate at all, or may change it without limit [rad/s or m/s].
 JERK_STEPS = 1e-30, 1e30
 
 
 class TaskLaw:
-    """What a scenario asks of the joints of a task: it owns the parameters of the law in a world's record.
+    """The law of a scenario for the joints of a task: it owns the law's parameters in a world's record.
 
     Attributes:
-        task: What is moved.
-        second: What else shall stay where it is, if anything.
-        rate_limit: Largest rates, the model's own where the scenario has none, (n,); infinite for none.
+        task: The task of the site.
+        second: The second task, if any.
+        rate_limit: Largest rates, from the model where the scenario has none, (n,); infinite for none.
         acceleration_limit: Largest accelerations, (n,); infinite for none.
         jerk_limit: Largest jerks, (n,); infinite for none.
         braking: Decelerations before position limits, (n,).
-        position_limit: Lower and upper, (2, n); infinite where they are not kept.
-        posture: What the objective of this name aims for, (n,).
+        position_limit: Lower and upper, (2, n); infinite where they are not enforced.
+        posture: Posture of the objective with this name, (n,).
     """
 
     fields: ClassVar[tuple[Field, ...]] = (
@@ -90,9 +90,9 @@ class TaskLaw:
         """Bind parameters to joints.
 
         Args:
-            task: What is moved.
-            control: What the scenario says of the law; what it has one a joint fits the arm.
-            start: Where the arm starts, (n,).
+            task: The task of the site.
+            control: The control section; its lists over joints fit the arm.
+            start: Start configuration, (n,).
         """
         arm, limits, nullspace = task.arm, control.limits, control.nullspace
         self.task, self._control = task, control
@@ -125,7 +125,7 @@ class TaskLaw:
         world["position_range"][:, :n] = self.task.arm.position_limit.T
         is_eased = bool(np.isfinite(self.jerk_limit).any())
         world["rate_limit"][:n], world["is_eased"] = self.rate_limit, is_eased
-        # What eases changes keeps them within the acceleration limit as well.
+        # The limits on changes also keep them within the acceleration limit.
         world["acceleration_limit"][:n] = math.inf if is_eased else self.acceleration_limit
         world["change_limit"][:n] = self.acceleration_limit * control.period
         if is_eased:
@@ -142,7 +142,7 @@ class TaskLaw:
 
 
 def rate_limit(arm: Joints, limits: LimitsSection) -> Array:
-    """Return the largest rates of an arm's joints, (n,): the model's own where none are given."""
+    """Return the largest rates of an arm's joints, (n,), from the model where the limits give none."""
     return arm.rate_limit if limits.rate is None else np.full(arm.n, limits.rate)
 
 
@@ -151,10 +151,10 @@ def control(world: Record, tick: Record) -> None:
     """Turn the measured state and the reference of one tick into `tick.qdot_cmd`.
 
     Args:
-        world: Parameters, measurement (q, pose, J) and memory; scratch is overwritten, and J turned into the
-            frame of the task.
-        tick: Reads pose_ref and twist_ref, that of full pace; writes every column from pose_error to
-            status but tau.
+        world: Parameters, measurement (q, pose, J) and memory; scratch is overwritten, and J is turned into
+            the frame of the task.
+        tick: Read: pose_ref and twist_ref at full pace. Written: every column from pose_error to status
+            except tau.
     """
     aim(world, tick)
     resolve_twist(world, tick)
@@ -162,7 +162,7 @@ def control(world: Record, tick: Record) -> None:
 
 @inlined
 def aim(world: Record, tick: Record) -> None:
-    """Write the twist that is commanded, along the axes of the task's frame, into which J is turned."""
+    """Write the commanded twist along the axes of the task's frame; turn J into that frame."""
     take_error(world, tick.pose_ref, world.pose, tick.pose_error)
     for i in range(6):
         world.twist_task[i] = tick.twist_ref[i]
@@ -170,7 +170,7 @@ def aim(world: Record, tick: Record) -> None:
         turn = frame_turn(world.frame, world.frame_quat, world.pose)
         turn_twist(turn, world.twist_task)
         turn_columns(turn, world.J, world.n)
-        if world.axes > world.n:  # whose slopes are those of its axes
+        if world.axes > world.n:  # the slopes are those of its axes
             turn_columns(turn, world.columns, world.axes)
     feedforward = world.feedforward * world.pace
     for i in range(6):
@@ -182,7 +182,7 @@ def aim(world: Record, tick: Record) -> None:
 
 @inlined
 def take_error(world: Record, pose_ref: Array, pose: Array, error: Array) -> None:
-    """Write the error of a pose of the site, (6,) [m, rad], along the axes of the task's frame."""
+    """Write the error to a pose of the site, (6,) [m, rad], along the axes of the task's frame."""
     framed_error(world.frame, world.frame_quat, world.free, pose, pose_ref, error)
 
 
@@ -190,7 +190,7 @@ def take_error(world: Record, pose_ref: Array, pose: Array, error: Array) -> Non
 def resolve(worlds: Record, ticks: Record) -> None:
     """Resolve one `twist_cmd`: the law without its reference, for Python.
 
-    A record alone would take Python ten times as long to hand over as an array of one.
+    Python takes ten times as long to pass a single record as an array of one.
     """
     resolve_twist(worlds[0], ticks[0])
 
@@ -233,7 +233,7 @@ def scaled_error(world: Record, error: Array) -> float:
 
 @compiled
 def scale_task(world: Record) -> None:
-    """A = S_x J S_q and S_x twist_cmd, of the rows that count."""
+    """Write A = S_x J S_q and S_x twist_cmd over the rows that count."""
     for i in range(world.m):
         row, scale = world.row[i], world.row_scale[i]
         world.task[i] = scale * world.twist_cmd[row]
@@ -245,8 +245,8 @@ def scale_task(world: Record) -> None:
 def decompose(world: Record, sigma: Array) -> None:
     """A = Σ σ_i u_i v_iᵀ, warm-started from the vectors of the last tick.
 
-    Exactly at a singularity v_k is rounding, and the one of the last tick goes on in its place, as it would a
-    little beside it.
+    Exactly at a singularity v_k is rounding. The v_k of the last tick replaces it, as it would hold slightly
+    away from the singularity.
     """
     basis = world.u if world.m <= world.n else world.v
     if world.age == 0:
@@ -268,9 +268,9 @@ def decompose(world: Record, sigma: Array) -> None:
 
 @compiled
 def ask_plainly(world: Record, tick: Record) -> None:
-    """Write what the plain inverse would command, or the pseudoinverse: 1/σ of every σ that is not rounding.
+    """Write the command of the plain inverse or pseudoinverse: 1/σ of every σ above rounding.
 
-    Nothing is damped, weighed, limited or added. The gains are overwritten.
+    Nothing is damped, weighted, limited or added. The gains are overwritten.
     """
     invert_above(world, tick.sigma, RANK_FLOOR * tick.sigma[0], tick.gain)
     combine(tick.gain, world.asked, world.v, world.k, world.n, tick.qdot_plain)
@@ -279,7 +279,7 @@ def ask_plainly(world: Record, tick: Record) -> None:
 
 @compiled
 def singular_status(world: Record, tick: Record) -> int:
-    """Return DAMPED if any direction gets less than it asks for, and SINGULAR if one nearly dies."""
+    """Return DAMPED if any direction gets less than its demand, and SINGULAR if one is nearly lost."""
     status, floor = DAMPED if tick.damping > 0.0 else 0, RANK_FLOOR * tick.sigma[0]
     for i in range(world.k):
         if tick.sigma[i] > floor and tick.sigma[i] * tick.gain[i] < GETS_ALL:
@@ -291,7 +291,7 @@ def singular_status(world: Record, tick: Record) -> int:
 
 @compiled
 def record_measures(world: Record, tick: Record) -> None:
-    """Record w = ∏σ, κ = σ_1/σ_k, the dying task direction u_min and the joint motion v_min that it takes."""
+    """Record w = ∏σ, κ = σ_1/σ_k, the lost task direction u_min and its joint motion v_min."""
     last = world.k - 1
     tick.manipulability = product(tick.sigma, world.k)
     tick.condition = tick.sigma[0] / tick.sigma[last] if tick.sigma[last] > 0.0 else math.inf
@@ -301,7 +301,7 @@ def record_measures(world: Record, tick: Record) -> None:
         tick.u_min[world.row[i]] = world.u[last, i]
     for j in range(world.n):
         tick.v_min[j] = world.v[last, j]
-    if world.inverse_metric == INERTIA:  # of the joints, and of length 1
+    if world.inverse_metric == INERTIA:  # in coordinates of the joints, with length 1
         backward(world.root, tick.v_min, world.n)
         size = math.sqrt(dot(tick.v_min, tick.v_min, world.n))
         for j in range(world.n):

@@ -1,6 +1,6 @@
-"""Limits on what is sent: joint positions, rates, accelerations, and jerk by `rmrc.law.jerk`.
+"""Limits on the commands: joint positions, rates and accelerations; `rmrc.law.jerk` limits jerk.
 
-Where they contradict each other, position and rate come before acceleration, and that before jerk.
+Where they contradict each other, position and rate come before acceleration, and acceleration before jerk.
 """
 
 from rmrc.law.braking import brake, brake_gently
@@ -12,7 +12,7 @@ from rmrc.law.redistribution import ROUNDING, saturate
 from rmrc.law.stops import give_way, given_back, is_beyond, resolve_free
 from rmrc.scenario.choices import LIMITS, Status
 
-# A limit is broken if by more than this share of it, and rounding: that of rates adds up, twice, while a
+# A limit counts as broken beyond this relative slack and rounding. Rounding of rates adds up, twice, while a
 # change comes to zero over hundreds of ticks, to this share of the rate.
 ALL_OF, ADDED_UP = 1.0 + 1e-9, 1e-10
 NONE, CLAMP = LIMITS.code("none"), LIMITS.code("clamp")
@@ -24,7 +24,7 @@ ACCELERATION_EXCEEDED, JERK_EXCEEDED = int(Status.ACCELERATION_EXCEEDED), int(St
 
 @compiled
 def is_within(world: Record, rates: Array) -> bool:
-    """Say whether no limit is exceeded, which is so at most ticks.
+    """Return whether no limit is exceeded, as at most ticks.
 
     Braking from a rate r takes r (r + b T)/(2 b) and up to b T²/8 more, which needs no root as long as there
     is more room.
@@ -83,7 +83,7 @@ def kind(world: Record, j: int, side: int) -> int:
 def bounds(world: Record) -> None:
     """Write the largest and smallest rate of each joint within its position, rate and acceleration limits.
 
-    With a jerk limit acceleration is left to `ease`.
+    With a jerk limit `ease` handles acceleration.
     """
     if world.is_eased:
         rest_bounds(world)
@@ -96,7 +96,7 @@ def bounds(world: Record) -> None:
 
 @compiled
 def forget_stops(world: Record) -> None:
-    """Write the bounds that rate and acceleration limits alone would give."""
+    """Write the bounds from rate and acceleration limits alone."""
     for j in range(world.n):
         world.rest_upper[j] = world.rate_limit[j]
         world.rest_lower[j] = -world.rate_limit[j]
@@ -105,9 +105,9 @@ def forget_stops(world: Record) -> None:
 
 @compiled
 def reach(world: Record) -> None:
-    """Bring the bounds of position and rate within what the acceleration limit lets a joint reach.
+    """Bring the bounds of position and rate within the rates that the acceleration limit lets a joint reach.
 
-    A joint that cannot brake in time goes on braking, and harder than that only where it takes it.
+    A joint that cannot brake in time brakes at the limit, and harder only where it must.
     """
     for j in range(world.n):
         change = world.acceleration_limit[j] * world.period
@@ -133,7 +133,7 @@ def confine(world: Record, rates: Array) -> None:
 def scale_change(world: Record, rates: Array) -> int:
     """Scale the change of all rates by one factor; return the bits of the limits that acted.
 
-    That may leave a joint without the braking that it needs, which is then given to it alone.
+    The factor may leave a joint without its necessary braking, which that joint alone then gets.
     """
     bits, part = 0, 1.0
     for j in range(world.n):
@@ -151,7 +151,7 @@ def scale_change(world: Record, rates: Array) -> int:
 
 @compiled
 def scale(world: Record, tick: Record, acting: int) -> int:
-    """Scale all rates, let stops have their way, scale the change: the tip keeps its way, but at stops."""
+    """Scale all rates, let stops act, scale the change: the tip keeps its direction except at stops."""
     rates, bits, factor, stopped = tick.qdot_cmd, 0, 1.0, False
     for j in range(world.n):
         if abs(rates[j]) > world.rate_limit[j] * (1.0 + ROUNDING):
@@ -175,14 +175,14 @@ def scale(world: Record, tick: Record, acting: int) -> int:
 
 @inlined
 def clamp(world: Record, tick: Record, acting: int) -> int:
-    """Bring each rate within its own bounds: the tip leaves its direction, here as the contrast."""
+    """Bring each rate within its own bounds: the tip leaves its direction. It serves as the contrast."""
     confine(world, tick.qdot_cmd)
     return acting
 
 
 @inlined
 def redistribute(world: Record, tick: Record, acting: int) -> int:
-    """Let the other joints take over what a saturated joint cannot do [Flacco15]; scale where they cannot."""
+    """Let the other joints take over the part that a saturated joint cannot do [Flacco15]; else scale."""
     rates = tick.qdot_cmd
     forget_stops(world)
     share = saturate(world, tick)
@@ -194,7 +194,7 @@ def redistribute(world: Record, tick: Record, acting: int) -> int:
 
 @compiled
 def leave_to_stops(world: Record, tick: Record, share: float, acting: int) -> int:
-    """Let stops have their way with rates for a share of the task; scale where there is none (-1)."""
+    """Let stops act on the rates for a share of the task; scale where there is no share (-1)."""
     rates = tick.qdot_cmd
     bounds(world)
     if share < 0.0:
@@ -209,11 +209,11 @@ def leave_to_stops(world: Record, tick: Record, share: float, acting: int) -> in
 
 @compiled
 def optimal(world: Record, tick: Record, acting: int) -> int:
-    """Do what comes nearest to the task of all rates within their bounds.
+    """Find the rates within the bounds that come nearest to the task.
 
-    By the measure of the damped inverse; other inverses say nothing of what they cannot have, and get the
-    rates that are nearest to theirs. With `keep_direction` the largest share of the task that fits, and of
-    the rates that do it the least; a joint at its stop holds, and the others do what they can.
+    The measure is that of the damped inverse. Other inverses define no such measure; they get the rates
+    nearest to their own. With `keep_direction` it is the largest feasible share of the task, and of the rates
+    for it the smallest; a joint at its stop holds, and the others do the remaining part.
     """
     if world.keep_direction:
         forget_stops(world)
@@ -230,17 +230,17 @@ def optimal(world: Record, tick: Record, acting: int) -> int:
 
 @compiled
 def sns(world: Record, tick: Record, acting: int) -> int:
-    """Do the largest share of the task within all bounds, by the least rates [Flacco15]; scale if none."""
+    """Do the largest share of the task within all bounds, by the smallest rates [Flacco15]; else scale."""
     share = largest_share(world, tick)
     return acting | held_by(world) if share >= 0.0 else scale(world, tick, acting)
 
 
 @compiled
 def reverse_priority(world: Record, tick: Record, acting: int) -> int:
-    """Hold who is beyond a bound there, as an earlier task, and do of the last what is left [Flacco14].
+    """Hold joints beyond a bound there, as a task of higher priority, and do the rest of the last [Flacco14].
 
-    Position and rate limits are the first, then those of acceleration. Who is farthest beyond is held, until
-    all are within; nobody is let go again.
+    The first priority is position and rate limits, then acceleration limits. The joint farthest beyond is
+    held, until all are within; no joint is released again.
     """
     rates, is_damped = tick.qdot_cmd, world.inverse_method in SCHEDULED
     damped = tick.damping if is_damped else 0.0
@@ -275,7 +275,7 @@ def hold_farthest(world: Record, lower: Array, upper: Array) -> bool:
     return True
 
 
-# Brings rates that exceed a bound within what each choice makes of the bounds.
+# Brings rates that exceed a bound within the bounds by the chosen method.
 confine_by_choice = inlined(dispatch(LIMITS, like=scale, field="call_limits"))
 
 
@@ -283,8 +283,8 @@ confine_by_choice = inlined(dispatch(LIMITS, like=scale, field="call_limits"))
 def limit(world: Record, tick: Record) -> int:
     """Bring the rates within the bounds of every joint; return the status bits of the limits that act.
 
-    What is chosen is for rate and acceleration limits. A joint at its position limit holds, and does not slow
-    the others down: they do what they can of the task, in a direction that may be another.
+    The chosen method is for rate and acceleration limits. A joint at its position limit holds, and does not
+    slow the others down: they do as much of the task as they can, possibly in another direction.
     """
     if world.limits_on_excess == NONE:
         return 0
@@ -299,7 +299,7 @@ def limit(world: Record, tick: Record) -> int:
 
 @apart("call_eased", is_eased=())
 def limit_eased(world: Record, tick: Record) -> int:
-    """Do what `limit` does, where jerk is limited as well."""
+    """Do the same as `limit` where jerk is limited as well."""
     foresee(world)
     if is_within_jerk(world, tick.qdot_cmd):
         look_back(world, tick.qdot_cmd, tick.qdot_cmd)
@@ -313,7 +313,7 @@ def limit_eased(world: Record, tick: Record) -> int:
 
 @compiled
 def choose_rates(world: Record, tick: Record) -> int:
-    """Bring rates that exceed a bound within them, as is chosen; return the bits of the limits that act."""
+    """Bring rates that exceed a bound within the bounds; return the bits of the limits that act."""
     for j in range(world.n):
         world.drift[j] = world.qdot0[j]
     return confine_by_choice(world, tick, exceeded(world, tick.qdot_cmd))
@@ -321,7 +321,7 @@ def choose_rates(world: Record, tick: Record) -> int:
 
 @compiled
 def ease_by_choice(world: Record, tick: Record) -> int:
-    """Ease the rates by common factors, by those of each joint, or by what is best between the two."""
+    """Ease the rates by common factors, by factors for each joint, or by the best point between the two."""
     rates, is_free = tick.qdot_cmd, world.limits_on_excess == OPTIMAL and world.keep_direction == 0
     bits, differ = ease(world, rates, is_free or world.limits_on_excess == CLAMP), False
     if not is_free or world.inverse_method not in SCHEDULED:
@@ -339,7 +339,7 @@ def ease_by_choice(world: Record, tick: Record) -> int:
 
 @compiled
 def broken(world: Record, rates: Array) -> int:
-    """Return the bits of the limits that had to give way to others."""
+    """Return the bits of the limits that gave way to others."""
     bits = 0
     for j in range(world.n):
         change, rounding = rates[j] - world.qdot_cmd_last[j], ADDED_UP * abs(rates[j])

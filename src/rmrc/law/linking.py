@@ -8,7 +8,7 @@ from numba.core.compiler import Compiler
 
 
 class _Unnamed:
-    """A code generator that is told nothing of the globals of a function that no one calls from Python."""
+    """A code generator that leaves out the globals of functions that Python never calls."""
 
     def __init__(self, codegen: Any) -> None:
         self._codegen = codegen
@@ -17,11 +17,11 @@ class _Unnamed:
         return getattr(self._codegen, name)
 
     def set_env(self, name: str, env: object) -> None:
-        """Set nothing: what is not loaded has no place for it."""
+        """Set nothing: code that is not loaded has no place for it."""
 
 
 class Part(JITCodeLibrary):
-    """The code of a function that other compiled functions call: it waits for whoever links it.
+    """The code of a function that other compiled functions call; their linker turns it into machine code.
 
     Numba itself would optimize it, with all that it calls, and turn it into machine code: all code once for
     each level of calls above it.
@@ -29,15 +29,15 @@ class Part(JITCodeLibrary):
 
     @property
     def codegen(self) -> Any:
-        """What makes code, but for what needs the code to be loaded."""
+        """A code generator, without the parts that need the code to be loaded."""
         return _Unnamed(self._codegen)
 
     def finalize(self) -> None:
-        """Leave everything to whoever links it."""
+        """Leave everything to the linker."""
         self._finalized = True
 
     def get_pointer_to_function(self, name: str) -> int:  # noqa: ARG002 - as numba calls it
-        """Return that there is no machine code."""
+        """Return 0, as there is no machine code."""
         return 0
 
     def own_module(self) -> Any:
@@ -45,7 +45,7 @@ class Part(JITCodeLibrary):
         return super()._get_module_for_linking()  # type: ignore[no-untyped-call]
 
     def _get_module_for_linking(self) -> Any:
-        """Return the code with that of all whom it calls, for those that numba compiles in its own way."""
+        """Return the code with that of all its callees, for functions that numba compiles in its own way."""
         module = self.own_module().clone()
         for library in _all_parts(self._linking_libraries):
             of_part = isinstance(library, Part)
@@ -55,7 +55,7 @@ class Part(JITCodeLibrary):
 
 
 class Whole(JITCodeLibrary):
-    """The code of a function with that of all whom it calls: optimized once, and turned into machine code."""
+    """The code of a function with that of all its callees: optimized once, and turned into machine code."""
 
     def finalize(self) -> None:
         """Link each part once, at whatever level it is called."""
@@ -68,7 +68,7 @@ class Whole(JITCodeLibrary):
 
 
 def _all_parts(libraries: Sequence[Any]) -> list[Any]:
-    """Return libraries, and those that parts among them call."""
+    """Return libraries, and the libraries that parts among them call."""
     found, ahead = dict[Any, None](), list(libraries)
     while ahead:
         library = ahead.pop(0)
@@ -79,12 +79,12 @@ def _all_parts(libraries: Sequence[Any]) -> list[Any]:
 
 
 class WholeCompiler(Compiler):
-    """Numba's own compiler of functions that Python calls, or that are called at their address."""
+    """Numba's own compiler, for functions that Python calls or that are called at their address."""
 
     library: type[JITCodeLibrary] = Whole
 
     def define_pipelines(self) -> Any:
-        """Return numba's own passes, and say where their code goes."""
+        """Return numba's own passes, and set the destination of their code."""
         state = self.state
         state.library = self.library(state.targetctx.codegen(), state.func_id.func_qualname)
         state.library.enable_object_caching()
@@ -92,6 +92,6 @@ class WholeCompiler(Compiler):
 
 
 class PartCompiler(WholeCompiler):
-    """That of functions that compiled functions call."""
+    """The compiler of functions that compiled functions call."""
 
     library = Part

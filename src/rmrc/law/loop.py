@@ -1,4 +1,4 @@
-"""What `Controller` and `Law` have in common: records of worlds, one compiled call a period, a watchdog."""
+"""The common part of `Controller` and `Law`: records of worlds, one compiled call per period, a watchdog."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -15,27 +15,27 @@ from rmrc.law.step import OVERDUE, STOPPED, Given, step
 from rmrc.support.errors import QuestionError
 
 RATES, REFUSED = int(Given.RATES), int(Given.REFUSED)
-# Periods that are braked at most where no step came in time: any arm is at rest by then.
+# The most periods that are braked when no step came in time: any arm is at rest by then.
 MOST_LATE = 1_000_000
-# A part of a period by which clocks may differ.
+# The part of a period by which clocks may differ.
 ON_TIME = 1e-6
-# Stand for MuJoCo's data where nothing reads them.
+# Placeholders for MuJoCo's data where nothing reads them.
 NOTHING = np.zeros((1, 3)), np.zeros((1, 4)), np.zeros((1, 3)), np.zeros((1, 3))
 
 
 class Loop:
-    """A law that is stepped from Python, one world or a batch of them.
+    """A law that Python steps, for one world or a batch of worlds.
 
     Attributes:
-        joints: Names of the joints, n of them.
+        joints: Names of the n joints.
         period: Time from one step to the next [s].
-        command: What the last step gave; the next one writes over it.
+        command: Result of the last step; the next one overwrites it.
     """
 
     command: Command
 
     def __init__(self, joints: Sequence[str], rows: int, period: float, clock: Callable[[], float]) -> None:
-        """Keep what does not change: names, rows of the twist that is given, the period."""
+        """Keep the constants: names, rows of the given twist, the period."""
         self._rows = rows
         self.joints, self.period, self._clock = tuple(joints), period, clock
         self._watchdog: float | None = None
@@ -44,7 +44,7 @@ class Loop:
     # Records --------------------------------------------------------------------------------------
 
     def _renew(self, writers: Sequence[Sequence[Writer]], axes: int, is_one: bool) -> None:
-        """Make the records of worlds anew, and the views that steps write through."""
+        """Make the records of worlds anew, and the views through which steps write."""
         n = len(self.joints)
         self._worlds = worlds = records(n, *writers, axes=axes)
         self._ticks = ticks = np.zeros(len(worlds), tick_type(n))
@@ -66,7 +66,7 @@ class Loop:
         self._point_at(NOTHING)
 
     def _point_at(self, *places: tuple[Array, ...]) -> None:
-        """Have steps read these fields of MuJoCo's data: of one for all worlds, or of one for each."""
+        """Have steps read these fields of MuJoCo's data: one set for all worlds, or one for each."""
         self._places = places
         self._act: Callable[[], None] = self._load_and_act
 
@@ -75,7 +75,7 @@ class Loop:
         self._act()
 
     def warm_up(self) -> None:
-        """Compile the law, or load its machine code: seconds or tenths, which the first step takes else."""
+        """Compile the law (seconds) or load its machine code (tenths), before the first step does."""
         calls, each = [], len(self._places) > 1
         for w, arrays in enumerate(self._places):
             which = slice(w, w + 1) if each else slice(None)
@@ -91,10 +91,10 @@ class Loop:
     # Steps ----------------------------------------------------------------------------------------
 
     def _finish(self, given: int) -> Command:
-        """Call the law, once all that is given stands in the records."""
+        """Call the law, once the records hold all input."""
         if given != self._given:
             self._codes[:] = self._given = given
-            if not given & RATES:  # those of an earlier step are not measured any more
+            if not given & RATES:  # rates of an earlier step are not measurements any more
                 self._worlds["qdot"] = math.nan
         late = self._watchdog is not None and self._look_at_the_clock()
         self._act()
@@ -105,7 +105,7 @@ class Loop:
         return self.command
 
     def _refuse(self, given: str) -> Command:
-        """Brake, as what was given cannot be used; the text says why."""
+        """Brake because the input is not usable; the text says why."""
         self.command.refusal = given
         return self._finish(REFUSED)
 
@@ -113,14 +113,14 @@ class Loop:
 
     @property
     def watchdog(self) -> float | None:
-        """Time after which a step is overdue [s]; None: steps may come when they like.
+        """Time after which a step is overdue [s]; None: steps may come at any time.
 
-        A command holds for so long after its step. From then on it is braked by a period for each period that
-        goes by: `command_at` has what is to be sent meanwhile, and the next step goes on from there, and says
-        OVERDUE. No thread is started.
+        A command holds for this time after its step. From then on, it is braked by one period for each period
+        that passes: `command_at` returns the command to send meanwhile. The next step starts from there, and
+        reports OVERDUE. No thread is started.
 
         Raises:
-            QuestionError: It is set to what is no positive time.
+            QuestionError: The value is not a positive time.
         """
         return self._watchdog
 
@@ -137,31 +137,31 @@ class Loop:
         )
 
     def _periods_late(self, gap: float) -> int:
-        """Return in how many periods a command is braked that was given so long ago."""
+        """Return the number of periods for which to brake a command of this age."""
         assert self._watchdog is not None
         over = (gap - self._watchdog) / self.period - ON_TIME
         return min(MOST_LATE, math.ceil(over)) if over > 0.0 else 0  # NaN is not late
 
     def _look_at_the_clock(self) -> bool:
-        """Have the law brake for the periods that no step came in; say whether this step is overdue."""
+        """Have the law brake for the periods without a step; return whether this step is overdue."""
         now = self._clock()
         late = self._periods_late(now - self._called.item(0))
         if late > 1:
-            self._late[:] = late - 1  # the last of them is this step's
+            self._late[:] = late - 1  # the last of them belongs to this step
         self._called[:] = now
         return late > 0
 
     def command_at(self, time: float | None = None) -> Command:
-        """Return what is to be sent at a time: the last command, or a braked one where a step is overdue.
+        """Return the command to send at a time: the last command, or a braked one if a step is overdue.
 
-        It may be called from another thread than `step`, as by a driver that sends at a fixed rate, by one
-        thread alone. Nothing of the law changes.
+        One other thread than that of `step` may call it, such as that of a driver that sends at a fixed rate.
+        The law does not change.
 
         Args:
-            time: By the clock of the controller [s]; None: now.
+            time: Time by the clock of the controller [s]; None: now.
 
         Returns:
-            Views that the next call writes over.
+            Views that the next call overwrites.
 
         Raises:
             QuestionError: There is no watchdog.
@@ -177,9 +177,9 @@ class Loop:
 
 
 class _Shadow:
-    """What another thread may read while a step goes on: a copy of the records as the last step left them.
+    """What another thread may read during a step: a copy of the records as the last step left them.
 
-    Bytes are copied in one go, which Python's lock does not interrupt.
+    The bytes are copied in one operation, which Python's lock does not interrupt.
     """
 
     def __init__(
@@ -222,7 +222,7 @@ def _act_in_turn(calls: Sequence[Callable[[], None]]) -> None:
 
 
 class _Rows:
-    """Takes the values of all worlds, (w, size), or of one for all of them, (size,)."""
+    """Takes the values of all worlds, (w, size), or values that all worlds share, (size,)."""
 
     def __init__(self, values: Array) -> None:
         self._values, self._shapes = values, (values.shape, values.shape[1:])
@@ -234,28 +234,28 @@ class _Rows:
 
 
 def _entrance(values: Array, is_one: bool) -> Any:
-    """Return what takes all values of a row by `[:] =`, and refuses what has another shape.
+    """Return a target that takes all values of a row by `[:] =` and refuses other shapes.
 
-    A memoryview does for one world, in a third of the time of an array, and takes numbers of 64 bits alone.
+    For one world it is a memoryview, which takes a third of the time of an array and only 64-bit numbers.
     """
     return memoryview(values[0]) if is_one else _Rows(values)
 
 
 def taken(name: str, given: ArrayLike, entrance: Any, shapes: Sequence[tuple[int, ...]]) -> str:
-    """Put values where a step takes them, whatever holds them; return why not, or "".
+    """Write values of any array-like type where a step reads them; return why that fails, or "".
 
     Args:
-        name: Of the argument.
+        name: Name of the argument.
         given: Its values.
-        entrance: Where they go.
-        shapes: That it may have.
+        entrance: Their target.
+        shapes: Shapes that it may have.
     """
     try:
         values = np.asarray(given)
         if values.dtype.kind == "c":
             return f"{name} must be real, got complex numbers"
         values = values.astype(np.float64)
-    except Exception:  # whatever an object that is no array raises
+    except Exception:  # any error of an object that is no array
         return f"{name} must be numbers, got {type(given).__name__}"
     if values.shape not in shapes:
         return f"{name} must be {' or '.join(map(str, shapes))}, got {values.shape}"

@@ -1,4 +1,4 @@
-"""The metric of joint rates: S_q, which makes coordinates of them in which all directions weigh the same.
+"""The metric of joint rates: S_q, the coordinates of joint rates in which all directions weigh the same.
 
     S_q = W_q^-½ · L                         metric joints
     S_q = W_q^-½ · L · R⁻ᵀ,  R Rᵀ = M        metric inertia, of the scaled inertia M of the arm
@@ -17,7 +17,7 @@ INERTIA = METRICS.code("inertia")
 
 @compiled
 def factor(root: Array, n: int) -> None:
-    """Replace a positive definite matrix (n, n) by its Cholesky factor, lower; what is above it stays."""
+    """Replace a positive definite matrix (n, n) by its lower Cholesky factor; the upper part stays."""
     for i in range(n):
         for j in range(i + 1):
             left = root[i, j]
@@ -48,7 +48,7 @@ def backward(root: Array, values: Array, n: int) -> None:
 
 @compiled
 def times_transposed(root: Array, values: Array, n: int) -> None:
-    """Write Rᵀ values, (n,), in their place."""
+    """Replace values, (n,), by Rᵀ values."""
     for i in range(n):
         total = 0.0
         for p in range(i, n):
@@ -58,7 +58,7 @@ def times_transposed(root: Array, values: Array, n: int) -> None:
 
 @compiled
 def weigh_columns(root: Array, A: Array, m: int, n: int, B: Array) -> None:
-    """Write B = A R⁻ᵀ, (m, n), which may be A."""
+    """Write B = A R⁻ᵀ, (m, n); B may be A."""
     for r in range(m):
         for j in range(n):
             B[r, j] = A[r, j]
@@ -103,7 +103,7 @@ def weigh_wish(world: Record, wish: Array) -> None:
 
 @compiled
 def keep_free(world: Record, fade: Array) -> None:
-    """Write into `root_B` the factor of F M F + 1 − F²: of the joints that are free, where F is 1 or 0."""
+    """Write the factor of F M F + 1 − F² into `root_B`, where F is 1 if a joint is free and else 0."""
     for i in range(world.n):
         for j in range(i + 1):
             world.root_B[i, j] = fade[i] * world.metric[i, j] * fade[j]
@@ -113,7 +113,7 @@ def keep_free(world: Record, fade: Array) -> None:
 
 @compiled
 def weigh_faded(world: Record) -> None:
-    """Weigh the columns in B, of joints that fade: so that its singular values are those in their metric."""
+    """Weigh the columns of fading joints in B, so that its singular values are those in their metric."""
     if world.inverse_metric == INERTIA:
         keep_free(world, world.fade)
         weigh_columns(world.root_B, world.B, world.m, world.n, world.B)
@@ -121,15 +121,15 @@ def weigh_faded(world: Record) -> None:
 
 @compiled
 def weigh_free(world: Record, rates: Array, sign: float) -> None:
-    """Weigh the columns in B, those of the joints that are not held, and let these move along with the held.
+    """Weigh the columns of the free joints in B, and let these joints move along with the held ones.
 
-    That is by −M_FF⁻¹ M_FH (rates − drift)_H, scaled: of all motions of the free joints it has the least
-    energy. It is left in `sway`, and what the task has of it, times a sign, is added to `task_B`.
+    They move by −M_FF⁻¹ M_FH (rates − drift)_H, scaled, the motion of the free joints with the least energy.
+    It is left in `sway`, and its effect on the task, times a sign, is added to `task_B`.
 
     Args:
-        world: Reads M, what is held and the drift; with the metric of the joints nothing moves along.
-        rates: Of the held joints, (n,).
-        sign: Of what is added.
+        world: Read: M, the held joints and the drift; in the metric of the joints nothing moves along.
+        rates: Rates of the held joints, (n,).
+        sign: Sign of the addition.
     """
     n, sway, held = world.n, world.sway, world.held
     if world.inverse_metric != INERTIA:
@@ -151,7 +151,7 @@ def weigh_free(world: Record, rates: Array, sign: float) -> None:
 
 @compiled
 def take_along(world: Record, rates: Array, sign: float) -> None:
-    """Turn coordinates of the free joints into scaled rates, and add what moves along, times a sign."""
+    """Turn coordinates of the free joints into scaled rates, and add `sway` times a sign."""
     if world.inverse_metric == INERTIA:
         backward(world.root_B, rates, world.n)
         for j in range(world.n):

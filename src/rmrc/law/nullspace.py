@@ -1,4 +1,4 @@
-"""Objectives that wish for joint rates qdot0, and the projector that keeps them out of the task."""
+"""Objectives that propose joint rates qdot0, and the projector that keeps them out of the task."""
 
 import math
 
@@ -23,7 +23,7 @@ def posture(world: Record, tick: Record, qdot0: Array) -> None:
 def joint_limits(world: Record, tick: Record, qdot0: Array) -> None:
     """Write −gain · S_q² ∇H [Liegeois77], H = 1/(2n) Σ ((q − middle)/range)².
 
-    A joint without limits has no wish.
+    A joint without limits gets no rate.
     """
     n = world.n
     for j in range(n):
@@ -38,7 +38,7 @@ def joint_limits(world: Record, tick: Record, qdot0: Array) -> None:
 
 @inlined
 def manipulability(world: Record, tick: Record, qdot0: Array) -> None:
-    """Write gain · S_q² ∇w [Yoshikawa85], ∇w = Σ_i (Π_{l≠i} σ_l) ∇σ_i, which needs no division by σ."""
+    """Write gain · S_q² ∇w [Yoshikawa85], with ∇w = Σ_i (Π_{l≠i} σ_l) ∇σ_i, which needs no division by σ."""
     n, sigma = world.n, tick.sigma
     for j in range(n):
         qdot0[j] = 0.0
@@ -60,18 +60,18 @@ def manipulability(world: Record, tick: Record, qdot0: Array) -> None:
 
 @inlined
 def rates(world: Record, tick: Record, qdot0: Array) -> None:
-    """Write what the user says."""
+    """Write the rates that the user gives."""
     for j in range(world.n):
         qdot0[j] = world.nullspace_rates[j]
 
 
-# Writes qdot0, the rates that the objective would choose if there were no task.
+# Writes qdot0, the rates that the objective would choose without a task.
 wished_rates = inlined(dispatch(OBJECTIVES, like=posture, field="call_objective"))
 
 
 @apart("call_null_space", nullspace_objective=OBJECTIVES.codes(lambda one: one.acts))
 def move_in_null_space(world: Record, tick: Record) -> None:
-    """Add to the rates what the objective wishes for, without what the task would have of it."""
+    """Add to the rates the objective's rates without their part in the task."""
     wished_rates(world, tick, world.qdot0)
     add_projected(world, world.qdot0, tick.qdot_cmd)
 
@@ -80,9 +80,9 @@ def move_in_null_space(world: Record, tick: Record) -> None:
 def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
     """Add N qdot0 = S_q (I − Σ_{i<r} v_i v_iᵀ) S_q⁻¹ qdot0 to the rates, and leave it in qdot0.
 
-    J N qdot0 = 0. r is the rank of the task almost everywhere, which was found before the run. So as many
-    directions are taken away at a singularity as elsewhere: N changes continuously, and a direction that
-    dies is not handed to the objective, whatever the inverse does to it.
+    J N qdot0 = 0. r is the rank of the task almost everywhere, which was found before the run. The projector
+    removes as many directions at a singularity as elsewhere: N changes continuously, and the objective does
+    not get a direction that becomes singular, whatever the inverse does to it.
     """
     n, scale = world.n, world.joint_scale
     for j in range(n):
@@ -100,7 +100,7 @@ def add_projected(world: Record, qdot0: Array, rates: Array) -> None:
 
 @compiled
 def remove_task(world: Record, rates: Array) -> None:
-    """Take the task's directions away from scaled rates: (I − Σ_{i<r} v_i v_iᵀ) rates."""
+    """Remove the task's directions from scaled rates: (I − Σ_{i<r} v_i v_iᵀ) rates."""
     for i in range(world.rank):
         along = dot(world.v[i], rates, world.n)
         for j in range(world.n):

@@ -1,8 +1,8 @@
-"""The best rates within bounds: a small convex program, by an active set that goes on from the last tick's.
+"""The best rates within bounds: a small convex program, by an active set that starts from the last tick's.
 
     minimize ‖task − A y‖² + λ² ‖y − S_q⁻¹ drift‖²,   lower ≤ S_q y ≤ upper
 
-Where λ is 0, or nothing of it is felt, the second part decides among those that are as good for the first.
+Where λ is 0, or so small that it has no effect, the second part decides among equal minima of the first.
 """
 
 import math
@@ -18,33 +18,33 @@ from rmrc.scenario.choices import LIMITS
 
 OPTIMAL = LIMITS.code("optimal")
 
-# So many steps, for each joint and beyond, are more than any program takes: of 8,228 random ones of up to
-# eight joints, half took one, and none more than 12.
+# The step limit, for each joint and one more. No program needs as many: of 8,228 random ones of up to eight
+# joints, half took one step, and none more than 12.
 STEPS_EACH, STEPS_MORE = 4, 8
-# A share of the task is bounded by a few faces of what the rates within bounds can do: none of 800 random
-# tasks met more than four.
+# A few faces of the set of feasible task rates bound a share of the task: none of 800 random tasks met more
+# than four.
 FACES = 20
-# What is left of a task is rounding below this share of what made it.
+# The rest of a task is rounding below this share of its terms.
 LEFT = 1e-14
-# A Cholesky factor serves whose squared pivots, and λ² if there is one, are above this share of the largest
+# A Cholesky factor serves if its squared pivots, and λ² if positive, are above this share of the largest
 # entry: a step of refinement then leaves rounding.
 WELL = 1e-8
 
 
 @apart("call_best", limits_on_excess=(OPTIMAL, LIMITS.code("sns")))
 def best_within(world: Record, tick: Record, task: Array, share: float, damped: float) -> None:
-    """Replace the rates by the best within `world.lower` and `world.upper`; who is at a bound is `held`.
+    """Replace the rates by the best within `world.lower` and `world.upper`; joints at a bound are `held`.
 
-    From rates within the bounds it goes towards those of the free joints alone, until a joint meets its bound
-    and is held; where none does, the held joint is let go that the slope draws inwards most [Stark95]. The
-    first set of held joints is that of the last tick. Each step is within the bounds and none makes it worse,
-    so that a program that were cut off by the largest number of steps would still leave rates within bounds.
+    From rates within the bounds the method goes towards the optimum of the free joints alone, until a joint
+    meets its bound and is held. Where none does, the held joint that the slope draws inwards most is released
+    [Stark95]. The first set of held joints is that of the last tick. Each step is within the bounds and none
+    makes the result worse. A program that reached the step limit would still leave rates within bounds.
 
     Args:
         world: Bounds, A, scales, drift, and the set of the last tick.
-        tick: qdot_cmd, from which those are taken that are not held.
+        tick: qdot_cmd: the initial rates of the free joints, and the result.
         task: Scaled rows, (m,).
-        share: Of the task, that is to be done.
+        share: Share of the task to do.
         damped: λ.
     """
     n = world.n
@@ -72,7 +72,7 @@ def best_within(world: Record, tick: Record, task: Array, share: float, damped: 
 
 @compiled
 def begin_within(world: Record, rates: Array) -> None:
-    """Hold the joints that were held in the last tick, or that are beyond; the others are near rates."""
+    """Hold the joints that the last tick held or that are beyond a bound; others stay near their rates."""
     n, goes_on = world.n, False
     for j in range(n):
         goes_on |= world.active[j] != 0.0 and world.active_age >= world.age - 1
@@ -90,11 +90,12 @@ def begin_within(world: Record, rates: Array) -> None:
 
 @compiled
 def resolve_rest(world: Record, largest: float, task: Array, share: float, damped: float) -> None:
-    """Write into part_b the rates of the free joints that are best without bounds, and the slopes there.
+    """Write into part_b the best rates of the free joints without bounds, and find the slopes there.
 
-    With what the held joints leave of the task, r, and A of the free ones, the slope of the sum at a held
-    joint j is −2 (a_jᵀ (missing + λ² pull) − λ² y_j), y from the drift on: `missing` is what no free joint
-    can do, `pull` is what multiplies λ². So both keep their accuracy however small λ is.
+    With r, the task without the contribution of the held joints, and A of the free joints, the slope of the
+    sum at a held joint j is −2 (a_jᵀ (missing + λ² pull) − λ² y_j), with y from the drift on. `missing` is
+    the part that no free joint can do, and `pull` the factor of λ². Both keep their accuracy however small λ
+    is.
     """
     n, m = world.n, world.m
     for r in range(m):
@@ -118,7 +119,7 @@ def resolve_rest(world: Record, largest: float, task: Array, share: float, dampe
 def resolve_by_factor(world: Record, damped: float) -> bool:
     """Solve for the free joints by a Cholesky factor, a tenth of the work; return whether it serves.
 
-    It is that of the smaller of A Aᵀ + λ² and AᵀA + λ², A of the free joints.
+    The factor is that of the smaller of A Aᵀ + λ² and AᵀA + λ², with A of the free joints.
     """
     n, m, root, free = world.n, world.m, world.root_B, 0
     for j in range(n):
@@ -144,7 +145,7 @@ def resolve_by_factor(world: Record, damped: float) -> bool:
 
 @compiled
 def gram(world: Record, size: int, is_wide: bool, damped: float) -> float:
-    """Write A Aᵀ + λ², or AᵀA + λ², into `root_B`, the lower half; return the largest entry."""
+    """Write the lower half of A Aᵀ + λ² or AᵀA + λ² into `root_B`; return the largest entry."""
     largest = 0.0
     for i in range(size):
         for c in range(i + 1):
@@ -159,9 +160,9 @@ def gram(world: Record, size: int, is_wide: bool, damped: float) -> float:
 
 @compiled
 def solve_wide(world: Record, damped: float) -> None:
-    """Write y = Aᵀ w, (A Aᵀ + λ²) w = r, of at least as many free joints as rows: nothing is missing.
+    """Write y = Aᵀ w, (A Aᵀ + λ²) w = r, for at least as many free joints as rows: nothing is missing.
 
-    Where w is large and y is not, y is summed from the steps of w: Aᵀ w anew would have its rounding.
+    Where w is large and y is not, y is summed from the steps of w: a new product Aᵀ w would round.
     """
     n, m, w, y, rest = world.n, world.m, world.pull, world.part_b, world.missing
     for j in range(n):
@@ -183,7 +184,7 @@ def solve_wide(world: Record, damped: float) -> None:
 
 @compiled
 def solve_tall(world: Record, damped: float) -> None:
-    """Write y, (AᵀA + λ²) y = Aᵀ r, of fewer free joints than rows, and what of r is missing."""
+    """Write y, (AᵀA + λ²) y = Aᵀ r, for fewer free joints than rows, and the missing part of r."""
     n, m, y, rest = world.n, world.m, world.part_b, world.shape
     for j in range(n):
         y[j] = 0.0
@@ -204,7 +205,7 @@ def solve_tall(world: Record, damped: float) -> None:
     backward(world.root_B, rest, n)
     for r in range(m):
         world.missing[r] = world.task_B[r] - dot(world.B[r], y, n)
-        # with damping `missing` has all of it
+        # with damping `missing` holds all of it
         world.pull[r] = 0.0 if damped > 0.0 else dot(world.B[r], rest, n)
 
 
@@ -236,8 +237,8 @@ def resolve_by_decomposition(world: Record, largest: float, damped: float) -> No
 def most_inwards(world: Record, damped: float) -> int:
     """Return the held joint that the slope draws inwards most, or -1.
 
-    Where what is missing decides, that is by far the steeper: λ² times the other part is added to it, which
-    for λ = 0 comes after it.
+    Where `missing` is not zero, its slope is by far the steeper. With λ > 0 it is divided by λ² and added to
+    the other part; with λ = 0 it alone decides, and the other part comes after it.
     """
     chosen, most, by_missing = -1, 0.0, False
     for j in range(world.n):
@@ -269,12 +270,12 @@ def most_inwards(world: Record, damped: float) -> int:
 
 @compiled
 def largest_share(world: Record, tick: Record) -> float:
-    """Replace the rates by the least that do the largest share of what they do, within the bounds.
+    """Replace the rates by the smallest that do the largest share of the same task, within the bounds.
 
-    Return that share, in [0, 1]; -1 if the bounds let none of it be done, as those of acceleration may, and
-    the rates are as they came in. What is missing from too large a share is the normal of a face of what the
-    rates within bounds can do, and the share on that face is the next: never too small, and the largest after
-    a few faces.
+    Return that share, in [0, 1]. Return -1, with the rates unchanged, if the bounds allow none of the task,
+    as acceleration bounds may. The missing part of too large a share is the normal of a face of the set of
+    feasible task rates, and the share on that face is the next one. It is never too small, and the largest
+    after a few faces.
     """
     n, m, share = world.n, world.m, 1.0
     for r in range(m):

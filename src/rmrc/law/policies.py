@@ -1,4 +1,4 @@
-"""What happens near a singularity beyond the inverse itself: slow down along the path, stop, or keep out."""
+"""Policies near a singularity beyond the inverse itself: slow down along the path, stop, or keep out."""
 
 import math
 
@@ -12,25 +12,25 @@ from rmrc.scenario.choices import POLICIES, Status
 SLOWED, STOPPED, KEPT_OUT = int(Status.SLOWED), int(Status.STOPPED), int(Status.KEPT_OUT)
 KEEP_OUT = POLICIES.code("keep_out")
 
-# The pace is chosen for this share of the rate limits: the rest is for what feedback adds on the way.
+# The pace is chosen for this share of the rate limits: the rest is for the feedback along the way.
 USABLE = 0.95
-# A pace above it counts as this: early enough to be seen falling near a singularity, while the fall from
-# infinity where a path sets out from rest is not taken for one.
+# A larger pace counts as this one. It is small enough that the pace is seen to fall near a singularity, and
+# that the fall from infinity at a path's start from rest does not count.
 FASTEST = 8.0
 # Where the path has advanced by less than this part of a tick, a difference quotient along it is noise.
 ADVANCED = 1e-3
-# A pace below it waits. Along the kernel it halves from tick to tick where the path leads out of reach.
+# A pace below this waits. Along the kernel it halves from tick to tick where the path leads out of reach.
 WAITING = 1e-3
-# In a tick an arm goes at most this part of the way to a singularity, which it would else overstep.
+# The largest part of the way to a singularity in one tick; the arm would otherwise overstep it.
 OF_THE_WAY = 0.5
-# Below its floor σ_min is brought back by at most this times its squared slope [rad²]: where that fades, as
-# at its largest value, it would else take any rate. A slope that is less than FLAT [1/rad] is rounding.
+# Below its floor, σ_min is brought back by at most this times its squared slope [rad²]: where the slope
+# vanishes, as at a maximum of σ_min, any rate would follow. A slope below FLAT [1/rad] is rounding.
 FARTHEST, FLAT = 0.2, 1e-9
-# By so much of its multiplier a bound on a singular value may give way.
+# A bound on a singular value may give way by this much of its multiplier.
 SOFT = 1e-6
-# A bound is met when it is to rounding.
+# A bound is met when it is met to rounding.
 ROUNDING = 1e-12
-# A share that differs from 1 by rounding.
+# A share differs from 1 by rounding only.
 ALL = 1.0 - 1e-9
 
 
@@ -38,9 +38,10 @@ ALL = 1.0 - 1e-9
 def slow(world: Record, tick: Record) -> int:
     """Choose the pace ṡ that keeps the rates within their limits; return SLOWED if it is below 1.
 
-    The rates a + ṡ b depend linearly on the pace. What b is now is known; to fall in time for what it will
-    be, the pace keeps below what it could still follow if the limit went on falling as in the last tick.
-    Where the path leads out of reach, waiting does not help; after some time it goes on, as it may come back.
+    The rates a + ṡ b depend linearly on the pace. The present b is known. To slow down in time for the future
+    b, the pace stays below the value that could still follow if the limit kept falling as in the last tick.
+    Where the path leads out of reach, waiting does not help; after some time the pace returns, as the path
+    may come back.
 
     Args:
         world: Memory of the pace; task, and the gains' decomposition.
@@ -56,7 +57,7 @@ def slow(world: Record, tick: Record) -> int:
             fastest = 0.0
         elif b != 0.0:
             fastest = min(fastest, (math.copysign(limit, b) - a) / b)
-    # What the feedback alone asks for is too much: wait for it, but not for ever, as no pace mends that.
+        # The feedback alone asks for too much: wait for it, but not forever, as no pace can change that.
     waited = world.waited + (world.period if fastest == 0.0 else -world.period)
     world.waited = max(0.0, waited)
     if world.waited > world.slow_patience:
@@ -80,7 +81,7 @@ def slow(world: Record, tick: Record) -> int:
 
 @compiled
 def feedforward_rates(world: Record, tick: Record) -> None:
-    """Write into part_b what the feed-forward alone asks of the joints at full pace."""
+    """Write into part_b the joint rates of the feed-forward alone at full pace."""
     for r in range(world.m):
         world.task_B[r] = world.row_scale[r] * world.feedforward * world.twist_task[world.row[r]]
     project(world.u, world.task_B, world.k, world.m, world.asked_B)
@@ -91,9 +92,9 @@ def feedforward_rates(world: Record, tick: Record) -> None:
 
 @compiled
 def reachable(fastest: float, falling: float, change: float) -> float:
-    """Return the highest pace from which a fall by `change` a second stays below a line.
+    """Return the highest pace from which a fall by `change` per second stays below a line.
 
-    The line starts at `fastest` and falls by `falling` a second of path time. A pace that falls steadily in
+    The line starts at `fastest` and falls by `falling` per second of path time. A pace that falls steadily in
     time is a parabola over path time; where it touches the line its pace is x = change/falling.
     """
     if falling <= 0.0 or fastest * falling <= change:
@@ -104,9 +105,9 @@ def reachable(fastest: float, falling: float, change: float) -> float:
 
 @inlined
 def stop(world: Record, tick: Record) -> int:
-    """Take the rates away while they keep the arm too near a singularity; return STOPPED if any is gone.
+    """Remove the rates while they keep the arm too near a singularity; return STOPPED if any is removed.
 
-    Rates that raise the smallest singular value lead out, and are let pass. From zero it can only rise.
+    Rates that raise the smallest singular value lead out, and pass. From zero it can only rise.
     """
     last = world.rank - 1  # a row that the arm can never move is no singularity
     sigma = tick.sigma[last]
@@ -130,10 +131,10 @@ def stop(world: Record, tick: Record) -> int:
 def singularity_consistent(world: Record, tick: Record) -> int:
     """Choose rates and pace together, along the kernel of [A | −t]; return SLOWED if the pace is below 1.
 
-    (y, ṡ) = b (Σ c_i σ_r/σ_i v_i, σ_r), c = Uᵀ t, solves A y = ṡ t for every b, and nothing in it grows where
-    σ_r goes to 0: the pace does [Nenchev00]. b is the largest for which the pace is at most 1 and all rates
-    are within their limits. What feedback and null space ask for is left as the inverse has it. Where the
-    path leads out of reach it is as with `slow`.
+    (y, ṡ) = b (Σ c_i σ_r/σ_i v_i, σ_r), c = Uᵀ t, solves A y = ṡ t for every b. Nothing in it grows where σ_r
+    goes to 0; the pace does [Nenchev00]. b is the largest for which the pace is at most 1 and all
+    rates are within their limits. Rates of feedback and null space remain as the inverse gives them. Where
+    the path leads out of reach, it behaves like `slow`.
 
     Args:
         world: Memory of the pace; task, and the gains' decomposition.
@@ -169,7 +170,7 @@ def singularity_consistent(world: Record, tick: Record) -> int:
 
 @compiled
 def kernel_rates(world: Record, tick: Record, smallest: float) -> None:
-    """Write into part_a the rates of the kernel, with which the pace is σ_r."""
+    """Write into part_a the rates of the kernel, whose pace is σ_r."""
     project(world.u, world.task_B, world.k, world.m, world.asked_B)
     for i in range(world.k):
         share = smallest / tick.sigma[i] if tick.sigma[i] > smallest else 1.0
@@ -180,9 +181,9 @@ def kernel_rates(world: Record, tick: Record, smallest: float) -> None:
 
 @compiled
 def kernel_bound(world: Record, tick: Record, smallest: float) -> float:
-    """Return how many times the rates of the kernel fit beside the others into the limits; infinite: any.
+    """Return how many times the kernel's rates fit into the limits beside the other rates; may be infinite.
 
-    No more than with which a part of the way to the singularity is gone in the tick.
+    It is at most the number that covers a part of the way to the singularity in this tick.
     """
     sigma_gradient(world, world.rank - 1, world.work)
     falls = -world.period * dot(world.work, world.part_a, world.n)
@@ -197,7 +198,7 @@ def kernel_bound(world: Record, tick: Record, smallest: float) -> float:
 
 @compiled
 def take_on(world: Record, tick: Record) -> None:
-    """Add the rates in `work`, so that limits know them: as a wish, and as a part of the task."""
+    """Add the rates in `work` so that limits know them: to the wish, and to the task."""
     for j in range(world.n):
         tick.qdot_cmd[j] += world.work[j]
         world.qdot0[j] += world.work[j]
@@ -208,11 +209,11 @@ def take_on(world: Record, tick: Record) -> None:
 
 @compiled
 def keep_out(world: Record, tick: Record) -> int:
-    """Change the rates by the least that lets no σ_i fall to its floor too fast; return KEPT_OUT if they are.
+    """Change the rates as little as keeps σ_i from falling to its floor too fast; return KEPT_OUT if any.
 
-    The change z = S_q⁻¹ Δqdot is that with the least ‖A z‖² + σ_floor² ‖z‖² with which ∇σ_i · qdot ≥
-    −α (σ_i − σ_floor), i ≤ r: a control barrier function [Ames19]. Its multipliers p ≥ 0 are those with the
-    least ½ pᵀ G p − pᵀ need, G = B Bᵀ of the gradients B in coordinates in which the change has norm ‖z‖.
+    The change z = S_q⁻¹ Δqdot minimizes ‖A z‖² + σ_floor² ‖z‖² subject to ∇σ_i · qdot ≥ −α (σ_i − σ_floor),
+    i ≤ r: a control barrier function [Ames19]. Its multipliers p ≥ 0 minimize ½ pᵀ G p − pᵀ need, with
+    G = B Bᵀ of the gradients B in coordinates in which the change has norm ‖z‖.
     """
     n, z, is_asked = world.n, world.work, False
     for i in range(world.rank):
@@ -235,7 +236,7 @@ def keep_out(world: Record, tick: Record) -> int:
 
 @compiled
 def find_barrier(world: Record, tick: Record, i: int) -> None:
-    """Write the slope of σ_i, also as `push_back` takes it, its least rate, and what the rates lack of it."""
+    """Write the slope of σ_i, also in the form for `push_back`, its least rate, and the rates' shortfall."""
     n, z, floor = world.n, world.work, world.keep_out_sigma
     sigma_gradient(world, i, z)
     for j in range(n):
@@ -256,7 +257,7 @@ def find_barrier(world: Record, tick: Record, i: int) -> None:
 
 @compiled
 def value_task(world: Record, sigma: Array, z: Array) -> None:
-    """Multiply coordinates by (AᵀA + σ_floor² 1)^-½, (n,): motions that the task hardly feels cost less."""
+    """Multiply coordinates by (AᵀA + σ_floor² 1)^-½, (n,): motions that hardly move the task cost less."""
     floor = world.keep_out_sigma
     project(world.v, z, world.k, world.n, world.asked_B)
     for j in range(world.n):
@@ -269,10 +270,10 @@ def value_task(world: Record, sigma: Array, z: Array) -> None:
 
 @compiled
 def push_back(world: Record) -> None:
-    """Write the multipliers of the bounds on σ_i by an active set [Lawson95]: those that act are solved for.
+    """Write the multipliers of the bounds on σ_i by an active set [Lawson95], solving for the active ones.
 
-    Bounds may give way by SOFT of their multiplier, so that also those that contradict each other have an
-    answer, the one that is off by the least squares.
+    Bounds may give way by SOFT of their multiplier. Contradictory bounds then have a solution too, the one
+    with the least squares of violation.
     """
     k, G, acts, push = world.rank, world.u_B, world.gain_B, world.push
     for i in range(k):
@@ -295,9 +296,9 @@ def push_back(world: Record) -> None:
 
 @compiled
 def solve_acting(world: Record) -> bool:
-    """Bring the multipliers to those of the bounds that act, or to where the first is 0 and no longer acts.
+    """Move the multipliers to the solution of the active bounds, or to the point where the first becomes 0.
 
-    Return whether none is.
+    Return whether none becomes 0.
     """
     k, root, acts, push, wanted = world.rank, world.v_B, world.gain_B, world.push, world.sigma_B
     for i in range(k):
@@ -321,10 +322,10 @@ def solve_acting(world: Record) -> bool:
 
 @apart("call_hold_off", at_singularity=(KEEP_OUT,))
 def hold_off(world: Record, tick: Record) -> int:
-    """Take away of what limits made of the rates as much as `keep_out` needs; return KEPT_OUT if any.
+    """Reduce the limited rates as much as `keep_out` needs; return KEPT_OUT if they change.
 
-    Less of all rates alike is within rate and position limits again, and lets each σ_i fall more slowly. An
-    acceleration limit allows a part of that, a jerk limit none.
+    A common factor below 1 keeps rates within rate and position limits, and lets each σ_i fall more slowly.
+    An acceleration limit allows a part of the reduction, a jerk limit none.
     """
     n, share, part = world.n, 1.0, 1.0
     if world.is_eased:
@@ -346,5 +347,5 @@ def hold_off(world: Record, tick: Record) -> int:
     return KEPT_OUT if part > 0.0 else 0
 
 
-# What is done near a singularity; it returns the bits of the status.
+# The policy near a singularity; it returns the bits of the status.
 near_singularity = inlined(dispatch(POLICIES, like=slow, field="call_policy"))

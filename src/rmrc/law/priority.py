@@ -17,7 +17,7 @@ TOLERANCE = 1e-6
 def second_task(world: Record) -> float:
     """Write t_2 = S_x2 K_2 pose_error_2 of the rows that count; return the norm of their error, unscaled.
 
-    The error is along the axes of the second task's frame, into which J_2 is turned.
+    The error is along the axes of the second task's frame. J_2 is turned into that frame.
     """
     norm = second_error(world)
     if world.frame_2 != WORLD:
@@ -56,7 +56,7 @@ def scale_second(world: Record) -> float:
 
 @compiled
 def leave_first(world: Record) -> None:
-    """Replace A_2 by A_2 P: take the first task's directions out of each row."""
+    """Replace A_2 by A_2 P: remove the first task's directions from each row."""
     for r in range(world.m_2):
         for i in range(world.rank):
             along = dot(world.v[i], world.B[r], world.n)
@@ -80,7 +80,7 @@ def solve_second(world: Record, size: float, rates: Array) -> None:
 
 @inlined
 def classical(world: Record, tick: Record, size: float, qdot0: Array) -> None:
-    """Write S_q (A_2 P)* (t_2 − A_2 S_q⁻¹ qdot_1): what is missing, within what is left [Nakamura87]."""
+    """Write S_q (A_2 P)* (t_2 − A_2 S_q⁻¹ qdot_1): the missing part, in the remaining space [Nakamura87]."""
     n, m = world.n, world.m_2
     if world.inverse_metric == INERTIA:
         for j in range(n):
@@ -113,14 +113,14 @@ solve_by_priority = inlined(dispatch(PRIORITIES, like=classical))
 
 @compiled
 def secondary(world: Record, tick: Record, qdot0: Array) -> None:
-    """Write the rates that a second task asks for, of which `add_projected` lets pass what the first allows.
+    """Write the rates that a second task asks for; `add_projected` passes the part that the first allows.
 
-    P = I − Σ v_i v_iᵀ. Where both tasks can be done but not together, A_2 P loses rank: an algorithmic
+    P = I − Σ v_i v_iᵀ. Where both tasks are possible but not together, A_2 P loses rank: an algorithmic
     singularity. Its smallest singular value is recorded whatever the priority.
 
     Args:
-        world: Reads pose_2, J_2, and the decomposition of the first task.
-        tick: Reads qdot_cmd, the rates of the first task; writes secondary_error and secondary_sigma.
+        world: Read: pose_2, J_2, and the decomposition of the first task.
+        tick: Read: qdot_cmd, the rates of the first task. Written: secondary_error and secondary_sigma.
         qdot0: Written, (n,).
     """
     tick.secondary_error = second_task(world)

@@ -1,12 +1,12 @@
-"""What the compiled law reads and writes: one record a world, one record a tick.
+"""The data that the compiled law reads and writes: one record per world, one record per tick.
 
-Both are numpy structured types, so that a world's parameters have names in compiled code and the law
-of all worlds takes one argument instead of fifty. Vectors over joints are padded to a capacity: arms
-of up to eight joints share one compiled law.
+Both are numpy structured types: a world's parameters have names in compiled code, and the law of all worlds
+takes one argument instead of fifty. Vectors over joints are padded to a capacity: arms of up to eight joints
+share one compiled law.
 
-A world's record is made of the fields of its Writers, each of which owns some and fills them before the
-first tick, and of what the law measures, remembers and computes. It is flat: with records within records the
-law takes up to 1.8 times as long.
+A world's record consists of the fields of its Writers and of the fields that the law measures, remembers and
+computes. Each Writer owns some fields and fills them before the first tick. The record is flat: with nested
+records the law takes up to 1.8 times as long.
 """
 
 import math
@@ -17,9 +17,9 @@ from typing import NamedTuple, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-ROWS = 6  # a twist has six rows, so a task has at most as many, and so has sigma
-JOINTS = -1  # in the size of a field: as many as the record holds
-CHAIN = -2  # as many as axes of the chain: more than joints, where some follow others
+ROWS = 6  # a twist has six rows; a task, and so sigma, has at most as many
+JOINTS = -1  # in the size of a field: the number of joints that the record holds
+CHAIN = -2  # the number of axes of the chain: more than joints, where some follow others
 CAPACITY = 8  # joints of the smallest record; larger arms get the next power of two
 
 
@@ -27,10 +27,10 @@ class Field(NamedTuple):
     """A field of a world's record, as its owner declares it.
 
     Attributes:
-        name: As compiled code reads it.
+        name: Name in compiled code.
         kind: `np.float64` or `np.int64`: every field takes whole words, so that none is misaligned.
-        size: Its shape, of numbers, ROWS, JOINTS and CHAIN; () of a single value.
-        start: What it holds before anything is written.
+        size: Its shape, made of numbers, ROWS, JOINTS and CHAIN; () of a single value.
+        start: Its initial value.
 
     >>> Field("position_limit", size=(2, JOINTS))
     Field(name='position_limit', kind=<class 'numpy.float64'>, size=(2, -1), start=0.0)
@@ -43,19 +43,19 @@ class Field(NamedTuple):
 
 
 class Writer(Protocol):
-    """Who owns fields of a world's record: no one else writes them before the first tick."""
+    """An owner of fields of a world's record: nothing else writes them before the first tick."""
 
     @property
     def fields(self) -> tuple[Field, ...]:
-        """All that `write` writes, the same for every object of its class."""
+        """All fields that `write` writes, the same for every object of its class."""
         ...
 
     def write(self, world: np.void) -> None:
-        """Write its own fields of one record, which hold their `start`; what is beyond n joints stays."""
+        """Write its own fields of one record, which hold their `start`; entries beyond n joints stay."""
         ...
 
 
-# What is known of the arm at a tick: by MuJoCo, by its own chain, or by who calls.
+# The measurement of the arm at a tick: by MuJoCo, by its own chain, or by the caller.
 MEASUREMENT = (
     Field("q", size=(JOINTS,)), Field("qdot", size=(JOINTS,)),
     Field("pose", size=(7,)), Field("J", size=(ROWS, JOINTS)),
@@ -63,11 +63,11 @@ MEASUREMENT = (
     Field("columns", size=(ROWS, CHAIN)), Field("columns_2", size=(ROWS, CHAIN)),
 )  # fmt: skip
 
-# From tick to tick: vectors of the decomposition, last command and its change, what its next change goes on
-# from, how far it lags behind what was wished for, the change of that, where it is if it did what it was told
-# since it strayed, and what says how late it is; ticks of the path behind it, its pace and the fastest within
-# the rate limits, how fast that fell, share of the rates left, how long the site has stood still while it
-# should move; joints that were held at their bounds, and when.
+# Memory from tick to tick: vectors of the decomposition; the last command, its change, and the course from
+# which the next change starts; how far the joint lags behind its wish, and the change of that; its position
+# if it had obeyed since it strayed; sums that give its lag. Then ticks of the path so far, its pace, the
+# fastest pace within the rate limits and its fall, the share of the rates left; how long the site has stood
+# still while it should move; the joints that were held at their bounds, and when.
 MEMORY = (
     Field("u", size=(ROWS, JOINTS)), Field("v", size=(ROWS, JOINTS)), Field("age", np.int64),
     Field("v_last", size=(JOINTS,)), Field("qdot_cmd_last", size=(JOINTS,)),
@@ -78,9 +78,9 @@ MEMORY = (
     Field("active", size=(JOINTS,)), Field("active_age", np.int64),
 )  # fmt: skip
 
-# Of one tick: axes of the arm's own chain; the task, with the twist wanted along the axes of its frame;
-# bounds and parts of the rates; a second decomposition, of what is left of A for a second task, or for the
-# joints that are not saturated.
+# Scratch of one tick: axes of the arm's own chain; the task, with the twist wanted along the axes of its
+# frame; bounds and parts of the rates; a second decomposition, of the remaining A for a second task, or for
+# the joints that are not saturated.
 SCRATCH = (
     Field("axis", size=(CHAIN, 3)), Field("anchor", size=(CHAIN, 3)), Field("axis_rate", size=(CHAIN,)),
     Field("twist_task", size=(6,)), Field("twist_cmd", size=(6,)),
@@ -98,19 +98,19 @@ SCRATCH = (
     Field("u_B", size=(ROWS, JOINTS)), Field("v_B", size=(ROWS, JOINTS)),
     Field("direction", size=(ROWS,)), Field("missing", size=(ROWS,)), Field("pull", size=(ROWS,)),
     Field("magnitude", size=(ROWS,)),
-    # the metric of the joints: where their links are, what these carry, its factors
+    # the metric of the joints: poses of their links, the inertias that these carry, its factors
     Field("turn", size=(CHAIN, 4)), Field("point", size=(3,)), Field("half_turned", size=(3, 3)),
     Field("moving_mass", size=(CHAIN,)), Field("moving_moment", size=(CHAIN, 3)),
     Field("moving_inertia", size=(CHAIN, 3, 3)),
     Field("link_twist", size=(CHAIN, 6)), Field("link_momentum", size=(CHAIN, 6)),
     Field("metric", size=(JOINTS, JOINTS)), Field("root", size=(JOINTS, JOINTS)),
     Field("root_B", size=(JOINTS, JOINTS)), Field("shape", size=(JOINTS,)), Field("sway", size=(JOINTS,)),
-    # singular values that shall not fall faster: gradients, bounds, what is missing, and multipliers
+    # singular values that must not fall faster: gradients, bounds, shortfalls, and multipliers
     Field("slopes", size=(ROWS, JOINTS)), Field("barrier", size=(ROWS, JOINTS)),
     Field("least", size=(ROWS,)), Field("need", size=(ROWS,)), Field("push", size=(ROWS,)),
 )  # fmt: skip
 
-# Where in this process the machine code is that a world needs and others do not (`rmrc.law.jit.apart`).
+# Addresses in this process of machine code that only some worlds need (`rmrc.law.jit.apart`).
 ADDRESSES = tuple(
     Field(f"call_{name}", np.int64)
     for name in (
@@ -131,7 +131,7 @@ TICK = (
     Field("tau", size=(JOINTS,)), Field("tau_gravity", size=(JOINTS,)),
     Field("path_time"), Field("path_rate"),
     Field("secondary_error"), Field("secondary_sigma"), Field("status", np.int64),
-    Field("arrival"),  # no column: when its command is there, in ticks, where it takes time
+    Field("arrival"),  # no column: the arrival of its command, in ticks, where commands take time
 )  # fmt: skip
 
 
@@ -143,8 +143,8 @@ def records(
     Args:
         n: Number of joints.
         worlds: The Writers of each world: of the same classes, in the same order.
-        beside: Fields that no Writer writes: those of all worlds at once, and the memory of plants.
-        axes: Number of axes of the chain, where it has more than n.
+        beside: Fields without a Writer: those of all worlds at once, and the memory of plants.
+        axes: Number of axes of the chain, if more than n.
 
     Raises:
         ValueError: A field has two owners.
@@ -162,7 +162,7 @@ def records(
 
 
 def tick_type(n: int) -> np.dtype[np.void]:
-    """Return the record of one tick of one world: what a run's columns are cut from."""
+    """Return the record type of one tick of one world; a run's columns are its fields."""
     return _type(capacity(n), TICK, 0)
 
 
@@ -175,8 +175,8 @@ def capacity(n: int) -> int:
     return max(CAPACITY, 1 << (n - 1).bit_length())
 
 
-# Cached, so that equal types are one object: a call of compiled code compares the types of its arguments,
-# which takes longer than the law when it has to look into them.
+# Cached, so that equal types are one object: a call of compiled code compares its arguments' types. With
+# different objects that takes longer than the law.
 @cache
 def _type(joints: int, fields: tuple[Field, ...], axes: int) -> np.dtype[np.void]:
     sizes = {JOINTS: joints, CHAIN: axes}

@@ -1,4 +1,4 @@
-"""Saturation in the null space: what a saturated joint cannot do, the others take over [Flacco15]."""
+"""Saturation in the null space: the other joints take over the part of a saturated joint [Flacco15]."""
 
 import math
 
@@ -8,22 +8,22 @@ from rmrc.law.metric import take_along, weigh_free
 from rmrc.law.rest import decompose_rest_from_scratch
 from rmrc.law.svd import combine, project
 
-# A joint's bound is exceeded when it is by more than rounding.
+# The relative excess of a bound that is more than rounding.
 ROUNDING = 1e-12
-# The free joints can no longer do the task when the smallest singular value of what is left of A is below
-# this share of the largest of all of A.
+# The free joints can no longer do the task when the smallest singular value of the remaining A is below this
+# share of the largest of the whole A.
 LOST = 1e-6
 
 
 @inlined
 def saturate(world: Record, tick: Record) -> float:
-    """Fix joints at their bounds, the most critical first, and let the free ones do what they can.
+    """Fix joints at their bounds, the most critical first, and let the free ones do as much as they can.
 
-    With all joints free the rates are those that came in. The largest share of the task that fits decides
-    where not all of it does. Return that share; -1 if none did, and the rates are as they came in.
+    With all joints free the rates are the given ones. Where not all of the task fits, the largest share that
+    fits decides. Return that share; or -1, with the rates unchanged, if no share fits.
 
     Args:
-        world: Bounds, task, A, its decomposition; qdot0 is what the null space wishes for, projected.
+        world: Bounds, task, A, its decomposition; qdot0 holds the projected rates of the null space.
         tick: qdot_cmd is replaced.
     """
     n, best = world.n, -1.0
@@ -83,11 +83,11 @@ def free_rates(world: Record, tick: Record) -> bool:
 
 @compiled
 def task_share(world: Record) -> tuple[float, int]:
-    """Return the largest share s in [0, 1] of the task with all rates within bounds, and who bounds it.
+    """Return the largest share s in [0, 1] of the task with all rates within bounds, and the bounding joint.
 
-    1 and -1 if all of the task fits; -1 for the share if none does. Of the joints that all of the task takes
-    beyond their bounds, the one that alone would leave them first as s grows bounds it; of several, the one
-    that is taken farthest.
+    The result is 1 and -1 if all of the task fits, and -1 for the share if none does. Among joints that the
+    whole task takes beyond their bounds, the bounding joint would be the first to leave them as s grows;
+    of several, the one that goes farthest.
     """
     least, most, smallest, farthest, critical = 0.0, 1.0, math.inf, 0.0, -1
     for j in range(world.n):
@@ -108,8 +108,8 @@ def task_share(world: Record) -> tuple[float, int]:
 
 @compiled
 def shares(a: float, b: float, lower: float, upper: float) -> tuple[float, float]:
-    """Return the smallest and largest s with lower <= s a + b <= upper; none if not in this order."""
-    if abs(a) <= ROUNDING * max(1.0, abs(b)):  # the task says nothing to this joint
+    """Return the smallest and largest s with lower <= s a + b <= upper; if they are out of order, none."""
+    if abs(a) <= ROUNDING * max(1.0, abs(b)):  # the task does not move this joint
         return (-math.inf, math.inf) if lower <= b <= upper else (math.inf, -math.inf)
     first, last = (lower - b) / a, (upper - b) / a
     return (first, last) if first <= last else (last, first)

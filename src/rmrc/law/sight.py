@@ -1,4 +1,4 @@
-"""What a step of a loop of one's own is given, and where it reads kinematics."""
+"""The input of a step outside a run, and where that step reads kinematics."""
 
 import math
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from rmrc.arm import Arm
     from rmrc.law.task import SecondTask
 
-MjModel: TypeAlias = Any  # of MuJoCo, which is not loaded where a Jacobian is all
+MjModel: TypeAlias = Any  # MuJoCo's type; MuJoCo is not loaded where a Jacobian is all
 
 
 class Sight:
-    """What a step is given, and where it reads kinematics: it owns the fields of a record that say so.
+    """The input of a step and the source of its kinematics: it owns the fields of a record that hold them.
 
     Attributes:
         sites: Number of sites that are read from MuJoCo's data; 0: the chain is followed; −1: J is given.
@@ -28,13 +28,13 @@ class Sight:
     fields: ClassVar[tuple[Field, ...]] = (
         Field("sites", np.int64), Field("joint", np.int64, (CHAIN,)),
         Field("site", np.int64, (2,)), Field("body", np.int64, (2,)), Field("site_quat", size=(2, 4)),
-        # where the site is in the body whose position is read instead, as the model lacks the site
+        # place of the site in the body whose position is read instead, as the model lacks the site
         Field("is_beside", np.int64), Field("site_step", size=(2, 3)),
-        # what is given, when, and what of it was refused; periods that no step came in
+        # the input, its time, and the refused parts of it; periods without a step
         Field("given", np.int64), Field("called"), Field("refused", np.int64), Field("late", np.int64),
         Field("base", size=(7,)), Field("given_matrix", size=(4, 4)), Field("given_vector", size=(6,)),
         Field("q_target", size=(JOINTS,)), Field("qdot_target", size=(JOINTS,)),
-        # memory of a loop of one's own: integral of the commands, joints on their way back, the change before
+        # memory outside a run: integral of the commands, joints on their way back, the change before
         Field("q_cmd", size=(JOINTS,), start=math.nan), Field("returning", size=(JOINTS,)),
         Field("change_before", size=(JOINTS,)),
     )  # fmt: skip
@@ -45,15 +45,15 @@ class Sight:
         second: "SecondTask | None" = None,
         model: "MjModel | None" = None,
     ) -> None:
-        """Say where kinematics are read.
+        """Choose the source of the kinematics.
 
         Args:
             arm: The arm; None where a Jacobian is all.
             second: A second task, if any.
-            model: Of the data that are read; None: the arm's own chain.
+            model: Model of the data that are read; None: the arm's own chain.
 
         Raises:
-            KeyError: The model lacks a joint of the arm, or what carries the site.
+            KeyError: The model lacks a joint of the arm, or the body with the site.
         """
         self.sites = JACOBIAN_ALONE if arm is None else CHAIN_ALONE
         self._base = None if arm is None else arm.base_pose
@@ -73,7 +73,7 @@ class Sight:
 
     @property
     def bodies(self) -> list[int]:
-        """Ids of the bodies that carry the sites."""
+        """Ids of the bodies with the sites."""
         return [body for _, body, _, _ in self._places]
 
     def write(self, world: np.void) -> None:

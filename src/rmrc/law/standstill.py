@@ -6,29 +6,29 @@ from rmrc.scenario.choices import Status
 STUCK, WAITS = int(Status.STUCK), int(Status.STOPPED | Status.KEPT_OUT)
 
 # The site stands still below this share of the speed that it should have, in scaled rows. A limit or damping
-# that slows an arm down leaves it more, but for the moments in which a rate changes its sign.
+# that slows an arm down leaves it more, except in moments in which a rate changes its sign.
 SHARE = 0.02
-# Slower than this the reference is at rest, and nothing is asked [1/s]: 1 mm/s for a length of 1 m.
+# Below this speed the reference is at rest, and asks for nothing [1/s]: 1 mm/s for a length of 1 m.
 SLOWEST = 1e-3
-# Slower than this is standing still, whatever is asked.
+# Below this speed the site stands still in any case.
 CREEPS = 0.1 * SLOWEST
-# So long it may stand still before it is called stuck [s]: longer than a turn of direction or the start of a
-# lagging feedback takes, shorter than what matters on a path.
+# The site may stand still for this long before it is called stuck [s]: longer than a turn of direction or the
+# start of a lagging feedback takes, shorter than the times that matter on a path.
 PATIENCE = 0.2
 
 
 @compiled
 def stuck(world: Record, tick: Record, status: int) -> int:
-    """Return STUCK once the site has stood still for a while that its reference was moving.
+    """Return STUCK once the site has stood still for a while although its reference was moving.
 
-    It lasts until the site moves, nothing is asked any more, or the arm waits because it was told to.
+    It lasts until the site moves, the reference rests, or the arm waits by command.
 
     Args:
-        world: Task, J, the twist of the reference, and how long it has stood still.
-        tick: Rates as they are sent.
+        world: Task, J, the twist of the reference, and how long the site has stood still.
+        tick: The rates sent.
         status: All other bits of this tick.
     """
-    if (status == 0 and world.m <= world.n) or status & WAITS:  # it does what is asked, or waits
+    if (status == 0 and world.m <= world.n) or status & WAITS:  # it obeys fully, or waits
         world.still = 0.0
         return 0
     wanted, asked, done = 0.0, 0.0, 0.0

@@ -1,11 +1,10 @@
-"""One call of the law from Python: kinematics, what is wanted in any frame, the law, and what may be wrong.
+"""One call of the law from Python: kinematics, a target in any frame, the law, and checks of the input.
 
-    what is given --receive--> q, pose, J; pose and twist that are wanted, along world axes
+    input         --receive--> q, pose, J; target pose and twist along world axes
                   --aim, resolve_twist--> qdot_cmd     or: a motion of the joints, or the way to rest
                   --send--> memory, q_cmd
 
-It is the law of a run, so that a loop of one's own gives the rates of a run to the bit where it sees the
-same.
+It is the law of a run: with the same input, a loop outside a run gives the same rates to the bit.
 """
 
 import math
@@ -32,14 +31,14 @@ from rmrc.scenario.choices import Status
 
 INVALID, OVERDUE, STOPPED = int(Status.INVALID_INPUT), int(Status.OVERDUE), int(Status.STOPPED)
 
-# A larger position, velocity or command is none: MuJoCo calls it bad (its mjMAXVAL).
+# The largest position, velocity or command; MuJoCo calls larger ones bad (its mjMAXVAL).
 LARGEST = 1e10
-# A quaternion that is shorter, or a matrix whose columns are farther from being orthonormal, is no rotation.
+# Tolerances: a shorter quaternion, or a matrix whose columns are less orthonormal, is no rotation.
 SHORTEST, SKEWEST = 1e-3, 1e-3
 
 
 class Given(IntFlag):
-    """What one call is given; the frame of pose and twist is added, times FRAME."""
+    """The kinds of input of one call; the frame of pose and twist is added, times FRAME."""
 
     TWIST = 1
     QUATERNION = 2
@@ -52,7 +51,7 @@ class Given(IntFlag):
 
 
 class Refused(IntFlag):
-    """What of a call cannot be used: it is not finite, too large, or no rotation."""
+    """The unusable parts of an input: not finite, too large, or no rotation."""
 
     CALL = 1
     POSITIONS = 2
@@ -65,7 +64,7 @@ class Refused(IntFlag):
 
 
 FRAME = 1024
-# Where kinematics are from: MuJoCo's data of one site or two, the chain, or no kinematics but a Jacobian.
+# Sources of the kinematics: MuJoCo's data of one or two sites, the chain, or a Jacobian alone.
 CHAIN_ALONE, JACOBIAN_ALONE = 0, -1
 # Flags become plain integers in compiled code.
 TWIST, QUATERNION, MATRIX, ROTVEC, RATES = map(
@@ -81,14 +80,15 @@ POSITION_TARGET, RATE_TARGET, REFUSED = int(Given.POSITION_TARGET), int(Given.RA
 def step(
     worlds: Record, ticks: Record, site_xpos: Array, xquat: Array, xanchor: Array, xaxis: Array
 ) -> None:  # fmt: skip
-    """Turn what is given into `qdot_cmd`, world by world; nothing is raised.
+    """Turn the input into `qdot_cmd`, world by world. Nothing is raised.
 
-    A record alone would take Python ten times as long to hand over as an array of one.
+    Python takes ten times as long to pass a single record as an array of one.
 
     Args:
         worlds: The records of worlds, (w,).
-        ticks: Those of their ticks, (w,).
-        site_xpos: And the other fields of MjData of the same names: fresh, read where the world has sites.
+        ticks: The records of their ticks, (w,).
+        site_xpos: This and the others are the fields of MjData of the same names, up to date, read where the
+            world has sites.
         xquat: Orientation of each body.
         xanchor: Joint anchors.
         xaxis: Joint axes.
@@ -117,7 +117,7 @@ def step(
 
 @compiled
 def brake_while_late(world: Record, tick: Record) -> int:
-    """Brake for the periods that no step came in, as whoever sends has; return OVERDUE if there are any."""
+    """Brake for the periods without a step, as the sender has done; return OVERDUE if there are any."""
     if world.late == 0:
         return 0
     tick.path_rate = 0.0
@@ -135,7 +135,7 @@ def brake_while_late(world: Record, tick: Record) -> int:
 
 @compiled
 def send(world: Record, tick: Record) -> None:
-    """Remember what is sent; where joints are told positions, that is its integral, within their range."""
+    """Remember the command; for joints that take positions, integrate it within their range."""
     for j in range(world.n):
         world.change_before[j] = world.change_last[j]
         at, rate = world.q_cmd[j], tick.qdot_cmd[j]
@@ -152,7 +152,7 @@ def send(world: Record, tick: Record) -> None:
 
 @compiled
 def receive(world: Record, tick: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) -> int:
-    """Read kinematics, and turn pose and twist into those along world axes; return the bits of `Refused`."""
+    """Read kinematics, and turn pose and twist to world axes; return the bits of `Refused`."""
     given = world.given & (FRAME - 1)
     if given & REFUSED:
         return BAD_CALL
@@ -172,7 +172,7 @@ def receive(world: Record, tick: Record, xpos: Array, xquat: Array, anchors: Arr
 
 @compiled
 def read_wanted(world: Record, tick: Record, given: int) -> int:
-    """Write pose and twist that are wanted, along world axes; return what of them is none."""
+    """Write target pose and twist along world axes; return the unusable parts."""
     refused = 0
     for i in range(6 if given & TWIST == 0 else 0):
         tick.twist_ref[i] = 0.0
@@ -192,7 +192,7 @@ def read_wanted(world: Record, tick: Record, given: int) -> int:
 
 @compiled
 def look(world: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) -> None:
-    """Write poses and Jacobians, by the arm's own chain or by MuJoCo's data."""
+    """Write poses and Jacobians, from the arm's own chain or from MuJoCo's data."""
     if world.sites == CHAIN_ALONE:
         follow_chain(world, world.q)
         chain_jacobian(world, world.J)
@@ -208,7 +208,7 @@ def look(world: Record, xpos: Array, xquat: Array, anchors: Array, axes: Array) 
 
 @compiled
 def see(world: Record, i: int, xpos: Array, xquat: Array, pose: Array) -> None:
-    """Write the pose of a site, its orientation that of its body times its own, to the bit as in a run."""
+    """Write the pose of a site, with its body's orientation times its own, to the bit as in a run."""
     body, own = xquat[world.body[i]], world.site_quat[i]
     turn = (body[0], body[1], body[2], body[3])
     for c in range(3):
@@ -221,7 +221,7 @@ def see(world: Record, i: int, xpos: Array, xquat: Array, pose: Array) -> None:
 
 @compiled
 def read_target(world: Record, given: int) -> int:
-    """Return BAD_TARGET if what the joints are told is not finite."""
+    """Return BAD_TARGET if the targets of the joints are not finite."""
     is_known = given & POSITION_TARGET == 0 or is_bounded(world.q_target, world.n)
     return (
         0 if is_known and (given & RATE_TARGET == 0 or is_bounded(world.qdot_target, world.n)) else BAD_TARGET
@@ -230,9 +230,9 @@ def read_target(world: Record, given: int) -> int:
 
 @compiled
 def read_pose(world: Record, tick: Record, given: int) -> bool:
-    """Write the pose that is given as a quaternion's; where none is, that of the site, which has no error.
+    """Write the given pose with a quaternion; without one, the pose of the site, which has no error.
 
-    Return whether it is one.
+    Return whether it is a pose.
     """
     pose = tick.pose_ref
     if given & MATRIX:
@@ -247,16 +247,16 @@ def read_pose(world: Record, tick: Record, given: int) -> bool:
     if given & QUATERNION:
         norm2 = pose[3] * pose[3] + pose[4] * pose[4] + pose[5] * pose[5] + pose[6] * pose[6]
         return is_bounded(pose, 7) and norm2 >= SHORTEST * SHORTEST
-    for i in range(7):  # as seen from where it is, in the frame of the site or of the base as well
+    for i in range(7):  # relative to its position, also in the frame of the site or of the base
         pose[i] = world.pose[i]
     return True
 
 
 @compiled
 def read_matrix(T: Array, pose: Array) -> bool:
-    """Write the pose of a homogeneous matrix, (4, 4); return whether it is one.
+    """Write the pose of a homogeneous matrix, (4, 4); return whether it is a pose.
 
-    4 q qᵀ is linear in R; its row with the largest diagonal entry is q up to a factor that cannot vanish
+    4 q qᵀ is linear in R; its row with the largest diagonal entry is q times a factor that cannot vanish
     [Shepperd78].
     """
     worst = abs(T[3, 3] - 1.0) + abs(T[3, 0]) + abs(T[3, 1]) + abs(T[3, 2])
@@ -291,7 +291,7 @@ def read_matrix(T: Array, pose: Array) -> bool:
 
 @compiled
 def to_world(frame: Array, tick: Record, given: int) -> None:
-    """Turn pose and twist from a frame, whose pose is (7,), into those along world axes."""
+    """Turn pose and twist from a frame, whose pose is (7,), to world axes."""
     turn = (frame[3], frame[4], frame[5], frame[6])
     if given & (QUATERNION | MATRIX | ROTVEC):
         pose = tick.pose_ref
@@ -304,9 +304,9 @@ def to_world(frame: Array, tick: Record, given: int) -> None:
 
 @compiled
 def take_twist(world: Record, tick: Record) -> None:
-    """Take the rows of a twist as they are given, with the feedback that its caller has put in.
+    """Take the rows of a twist as given; its caller has included the feedback.
 
-    `error` is what the caller says.
+    The caller gives `error` as well.
     """
     for i in range(6):
         world.twist_task[i] = tick.twist_ref[i]
@@ -316,7 +316,7 @@ def take_twist(world: Record, tick: Record) -> None:
 
 @compiled
 def takes_metric(world: Record) -> bool:
-    """Factor the inertia that is given, of which the lower triangle counts; return whether it is positive."""
+    """Factor the given inertia, of which only the lower triangle is read; return whether it is positive."""
     n, is_positive = world.n, True
     for i in range(n):
         for j in range(i + 1):
@@ -329,7 +329,7 @@ def takes_metric(world: Record) -> bool:
 
 @compiled
 def move_joints(world: Record, tick: Record, outside: bool) -> None:
-    """Write the rates of a motion of the joints: back into their range, or what they are told."""
+    """Write the rates of a motion of the joints: back into their range, or to their targets."""
     scale_task(world)
     decompose(world, tick.sigma)
     for i in range(world.k):
@@ -349,7 +349,7 @@ def move_joints(world: Record, tick: Record, outside: bool) -> None:
 
 @compiled
 def is_bounded(values: Array, count: int) -> bool:
-    """Say whether the first values are finite and no larger than anything can be."""
+    """Return whether the first values are finite and within the largest possible magnitude."""
     bounded = True
     for i in range(count):
         bounded = bounded and abs(values[i]) <= LARGEST
@@ -358,7 +358,7 @@ def is_bounded(values: Array, count: int) -> bool:
 
 @compiled
 def forget(world: Record, tick: Record) -> None:
-    """Say that nothing is known in this tick; no decomposition starts from what this one left."""
+    """Mark this tick as one without measures; no decomposition starts from it."""
     for i in range(world.k):
         tick.sigma[i] = tick.gain[i] = math.nan
     for i in range(6):

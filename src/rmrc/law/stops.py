@@ -1,4 +1,4 @@
-"""A joint at its stop holds, and the others do what they still can of the task."""
+"""A joint at its stop holds, and the others do as much of the task as they can."""
 
 from rmrc.law.inverses import SCHEDULED, damping, gains, push_fading
 from rmrc.law.jit import Array, Record, compiled, inlined
@@ -8,8 +8,8 @@ from rmrc.law.rest import decompose_rest_from_scratch
 from rmrc.law.svd import combine, dot, project
 from rmrc.scenario.choices import SCHEDULES
 
-# How often a joint may be let go. Once left 2 of 3,000 random tasks of six joints beside their optimum; twice
-# none of 30,000.
+# How often a joint may be released. Once left 2 of 3,000 random tasks of six joints away from their optimum;
+# twice left none of 30,000.
 LET_GO = 2
 
 FOLLOWS_ARM = SCHEDULES.codes(lambda one: one.follows == "arm")
@@ -18,23 +18,23 @@ FOLLOWS_COMMAND = SCHEDULES.codes(lambda one: one.follows == "command")
 
 @inlined
 def give_way(world: Record, tick: Record, share: float, lower: Array, upper: Array) -> None:
-    """Bring the rates within their bounds; who is at a bound holds it, and the others make up for it.
+    """Bring the rates within their bounds; joints at a bound hold it, and the others make up for them.
 
-    Of the damped inverse the rates are those within the bounds with the least
+    With the damped inverse the result is the rates within the bounds that minimize
 
         ‖share · S_x twist_cmd − A y‖² + λ² ‖y − S_q⁻¹ drift‖²,   y = S_q⁻¹ qdot,
 
-    by an active set: from rates within the bounds it goes towards those of the free joints
-    alone, until a joint meets its bound and is held; where none does, the held joint is let go that the
-    residual draws inwards most. Every step is within the bounds. Of the other inverses it goes the same way,
-    with their own gains. No joint is let go more than LET_GO times, so that it ends.
+    by an active set: from rates within the bounds the method goes towards the optimum of the free joints
+    alone, until a joint meets its bound and is held. Where none does, the held joint that the residual draws
+    inwards most is released. Every step is within the bounds. The other inverses go the same way with their
+    own gains. No joint is released more than LET_GO times, so the method ends.
 
     Args:
-        world: Task, A; drift is the motion in the null space that is wished for, projected.
+        world: Task, A; drift is the wanted motion in the null space, projected.
         tick: qdot_cmd is replaced.
-        share: Of the task.
+        share: Share of the task.
         lower: Smallest rate of each joint, (n,).
-        upper: Largest, (n,).
+        upper: Largest rate of each joint, (n,).
     """
     n, damped = world.n, tick.damping if world.inverse_method in SCHEDULED else 0.0
     for j in range(n):
@@ -67,18 +67,18 @@ def give_way(world: Record, tick: Record, share: float, lower: Array, upper: Arr
 
 @compiled
 def given_back(world: Record, rates: Array, share: float, lower: Array, upper: Array) -> float:
-    """Return the share of the task to do where rates for a share of it take joints beyond their stops.
+    """Return the share of the task to do where rates for a given share take joints beyond their stops.
 
-    That share is there to keep a direction that is lost now, and a joint that hardly moves may have asked for
-    it. All of it is given back where a joint stands that would go as fast as any, and nothing where one
-    begins to be held, so that the rates have no jump there.
+    The given share keeps a direction that is lost at a stop, and a joint that hardly moves may have caused
+    it. The result is 1 where a joint stands that would move as fast as any, and the given share where a joint
+    begins to be held, so that the rates do not jump there.
 
     Args:
         world: Limits and scales.
-        rates: For that share of the task, (n,).
-        share: Of the task, that fits the rate limits.
+        rates: Rates for that share of the task, (n,).
+        share: Share of the task that fits the rate limits.
         lower: Smallest rate of each joint, (n,).
-        upper: Largest, (n,).
+        upper: Largest rate of each joint, (n,).
     """
     fastest, most = 0.0, 0.0
     for j in range(world.n):
@@ -92,18 +92,18 @@ def given_back(world: Record, rates: Array, share: float, lower: Array, upper: A
 
 @compiled
 def is_beyond(rate: float, lower: float, upper: float) -> bool:
-    """Whether a rate is out of its bounds by more than rounding."""
+    """Return whether a rate is out of its bounds by more than rounding."""
     slack = ROUNDING * abs(rate)
     return rate > upper + slack or rate < lower - slack
 
 
 @compiled
 def resolve_free(world: Record, share: float, damped: float) -> float:
-    """Write into part_b the rates that the free joints would have, the held ones being as they are.
+    """Write into part_b the rates of the free joints, given those of the held ones.
 
-    Return λ: that of the tick, and more where what is left of a redundant arm is nearer to a singularity. A
-    joint counts for that by the share of its wish that its bound leaves to it, so that λ has no jump where a
-    joint begins to be held.
+    Return λ: that of the tick, or more where the remaining columns of a redundant arm are nearer to a
+    singularity. There each joint counts by the share of its wish that its bound allows, so that λ does not
+    jump where a joint begins to be held.
     """
     n, m, k, free = world.n, world.m, world.k, 0
     for j in range(n):
@@ -141,9 +141,9 @@ def resolve_free(world: Record, share: float, damped: float) -> float:
 
 @compiled
 def first_blocked(world: Record, lower: Array, upper: Array) -> tuple[int, float]:
-    """Return which free joint first meets its bound on the way from `best` to `part_b`, and at which part.
+    """Return the free joint that first meets its bound on the way from `best` to `part_b`, and at which part.
 
-    -1 and 1 if none does; of several, the one that would be taken farthest.
+    The result is -1 and 1 if none does; of several, the one that would go farthest.
     """
     blocked, step, farthest = -1, 1.0, 0.0
     for j in range(world.n):

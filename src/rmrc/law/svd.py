@@ -1,4 +1,4 @@
-"""Small dense matrices: the singular value decomposition that serves the whole law.
+"""Small dense matrices: the singular value decomposition of the whole law.
 
 Index loops live here and nowhere else. Sizes are those of arms: at most six task rows, a few joints.
 """
@@ -11,20 +11,21 @@ from rmrc.law.jit import Array, compiled, entry, inlined
 
 # Two vectors count as orthogonal when their cosine is at the rounding of a dot product of a dozen terms.
 ORTHOGONAL = 3e-15
-# Rotations by so little leave cosines of their square, 1e-13.
+# Rotations below this leave cosines of their square, 1e-13.
 SMALL = 3e-7
-# Of values alone: rotations by so little leave others of their square, which move a value by that squared.
+# For values alone: rotations below this leave others of their square, which move a value by that squared.
 SMALL_FOR_VALUES = 1e-4
-# Matrices that are decomposed side by side, the same entry of all of them in a row, so that the processor
-# works on several at once: enough to make up for the start of a loop, few enough for its nearest memory.
+# Number of matrices that are decomposed side by side, with the same entry of all of them adjacent in memory,
+# so that the processor works on several at once: enough to make up for the start of a loop, few enough for
+# its nearest memory.
 LANES = 64
-# Up to here the neglected terms of the cosine's series, 5/16 t⁶, are below rounding.
+# Below this tangent the neglected terms of the cosine's series, 5/16 t⁶, are below rounding.
 SERIES = 1e-3
 # Quadratic convergence needs 3 to 6 sweeps from a cold start; more means the input is not finite.
 SWEEPS_MAX = 30
 # Below this fraction of sigma_1 a singular value is rounding, and its long vector is noise.
 RANK_FLOOR = 1e-14
-# Products of two sums of squares must stay in range, and so must the smallest of them that counts; a matrix
+# Products of two sums of squares must stay in range, and also the smallest of them that counts; a matrix
 # whose sum of squares is beyond these bounds is scaled first.
 TINY, HUGE = 1e-120, 1e120
 
@@ -49,7 +50,7 @@ def project(basis: Array, vector: Array, k: int, size: int, along: Array) -> Non
 def product(values: Array, count: int) -> float:
     """Return the product of the first values, the last first.
 
-    Of singular values it meets a zero before it can overflow.
+    With singular values it meets a zero before it can overflow.
     """
     found = 1.0
     for i in range(count - 1, -1, -1):
@@ -59,7 +60,7 @@ def product(values: Array, count: int) -> float:
 
 @compiled
 def combine(gain: Array, along: Array, basis: Array, k: int, size: int, total: Array) -> None:
-    """Write the sum of the k rows, each times its gain and its amount."""
+    """Write the sum of the k rows, each times its gain and its component."""
     for j in range(size):
         total[j] = 0.0
     for i in range(k):
@@ -78,7 +79,7 @@ def set_identity(basis: Array, size: int) -> None:
 
 @compiled
 def orthogonalize_row(rows: Array, i: int, size: int) -> None:
-    """Remove from row i what it has of the orthonormal rows before it, and give it length 1."""
+    """Remove from row i its components along the orthonormal rows before it, and normalize it."""
     for p in range(i):
         along = dot(rows[i], rows[p], size)
         for j in range(size):
@@ -145,9 +146,9 @@ def squared_norms(rows: Array, norm2: Array, k: int, size: int) -> None:
 def rotation(gamma: float, difference: float) -> tuple[float, float]:
     """Return tangent and cosine of the smaller angle that zeroes the inner product `gamma`.
 
-    t² + 2 ζ t = 1 with ζ = difference / (2 gamma) [Golub13, §8.5]. For small angles, which is what a warm
-    start leaves, the series needs one division instead of three and no root. The cosine is exact to
-    rounding, as it must be; the tangent need not be, the next sweep sees to it.
+    t² + 2 ζ t = 1 with ζ = difference / (2 gamma) [Golub13, §8.5]. For the small angles of a warm start, the
+    series needs one division instead of three, no root. The cosine is exact to rounding, as it must be; the
+    tangent need not be, because the next sweep corrects it.
     """
     x = gamma / difference if difference != 0.0 else math.inf
     if abs(x) < SERIES:
@@ -193,17 +194,17 @@ def complete_row(rows: Array, i: int, size: int) -> None:
     for j in range(size):
         rows[i, j] = 1.0 if j == best else 0.0
     orthogonalize_row(rows, i, size)
-    orthogonalize_row(rows, i, size)  # removes what cancellation left by the first
+    orthogonalize_row(rows, i, size)  # removes the cancellation errors of the first
 
 
 @compiled
 def continue_row(rows: Array, i: int, wish: Array, size: int) -> None:
-    """Turn row i, one that is free to be any orthogonal to those before it, as near as can be to a wish."""
+    """Turn row i, any unit vector orthogonal to the rows before it, as near as possible to a wish."""
     left = dot(wish, wish, size)
     for p in range(i):
         along = dot(rows[p], wish, size)
         left -= along * along
-    if left > 0.5:  # else those before it have turned so far that the wish means nothing
+    if left > 0.5:  # otherwise the rows before it have turned so far that the wish is meaningless
         for j in range(size):
             rows[i, j] = wish[j]
         orthogonalize_row(rows, i, size)
@@ -225,11 +226,10 @@ def normalize_rows(sigma: Array, long: Array, k: int, size: int) -> None:
 def svd(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array) -> None:
     """Decompose the leading (m, n) block of `a` as sum_i sigma_i u_i v_iᵀ, sigma falling.
 
-    One-sided Jacobi on the shorter side [Hestenes58]: the rows of the smaller of `u` (k, m) and
-    `v` (k, n) are the start and are rotated. Whatever orthonormal basis they hold from the last
-    tick is the warm start, so that between neighboring ticks some two sweeps are enough and the signs
-    of the vectors stay continuous. Vectors of singular values that are zero to rounding complete
-    the basis.
+    One-sided Jacobi on the shorter side [Hestenes58] rotates the rows of the smaller of `u` (k, m) and
+    `v` (k, n). Any orthonormal basis that they hold from the last tick is the warm start. Between neighboring
+    ticks about two sweeps are then enough, and the signs of the vectors stay continuous. Vectors of singular
+    values that are zero to rounding complete the basis.
 
     Args:
         a: Matrix, at least (m, n).
@@ -263,7 +263,7 @@ def svd_alone(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array) -> Non
 
 @inlined
 def svd_from_scratch(a: Array, m: int, n: int, u: Array, sigma: Array, v: Array) -> None:
-    """Decompose a matrix of which nothing is known from the last tick, as `svd` does."""
+    """Decompose a matrix as `svd` does, without a warm start."""
     if m <= n:
         set_identity(u, m)
     else:
@@ -325,8 +325,8 @@ def cold_svd(a: Array) -> tuple[Array, Array, Array]:
 def singular_values_of_lanes(long: Array, norm2: Array, k: int, size: int) -> None:
     """Write the squared singular values of LANES matrices at once, unsorted: `decompose` without any vectors.
 
-    The same rotations, but for all matrices in step; one that is finished is rotated by exactly nothing, so
-    that its bits do not depend on those beside it.
+    The rotations are the same, but all matrices proceed in step. A finished matrix is rotated by exactly
+    nothing, so its bits do not depend on those beside it.
 
     Args:
         long: The k rows of each matrix, (k, size, LANES); overwritten.
@@ -357,7 +357,7 @@ def rotate_lanes(
     long: Array, p: int, q: int, size: int, norm2: Array, left: Array, sine: Array, cosine: Array,
     gamma: Array, largest: Array,
 ) -> None:  # fmt: skip
-    """Rotate rows p and q of each matrix until they are orthogonal, of those that are left to do.
+    """Rotate rows p and q of each unfinished matrix until they are orthogonal.
 
     Args:
         long: Rows of all matrices, (k, size, LANES).
@@ -365,7 +365,7 @@ def rotate_lanes(
         q: Another.
         size: Columns.
         norm2: Squared lengths of the rows, (k, LANES); kept up.
-        left: 1 where a matrix is left to do, else 0, (LANES,).
+        left: 1 where a matrix is unfinished, else 0, (LANES,).
         sine: Overwritten, (LANES,).
         cosine: Overwritten, (LANES,).
         gamma: Overwritten, (LANES,).
@@ -413,8 +413,8 @@ def put_in_lane(a: Array, m: int, n: int, rows: Array, norm2: Array, long: Array
         n: Columns.
         rows: Overwritten, at least (min(m, n), max(m, n)).
         norm2: Overwritten, at least (min(m, n),).
-        long: Of all lanes; one is written.
-        w: Which.
+        long: Rows of all lanes; one lane is written.
+        w: Index of the lane.
     """
     k, size = min(m, n), max(m, n)
     for p in range(k):
@@ -430,7 +430,7 @@ def put_in_lane(a: Array, m: int, n: int, rows: Array, norm2: Array, long: Array
 
 @compiled
 def take_from_lane(norm2: Array, k: int, w: int, scale: float, sigma: Array) -> None:
-    """Write the singular values of a lane, falling, times what its matrix was divided by."""
+    """Write the singular values of a lane, descending, times the divisor of its matrix."""
     for i in range(k):
         value, p = scale * math.sqrt(norm2[i, w]), i
         while p > 0 and sigma[p - 1] < value:

@@ -1,4 +1,4 @@
-"""What an arm is asked to move: the rows of its Jacobian that count, scaled as in the law."""
+"""The motion that an arm is asked for: the rows of its Jacobian that count, scaled as in the law."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,28 +23,28 @@ from rmrc.support.spatial import (
     tilt_error,
 )
 
-if TYPE_CHECKING:  # MuJoCo is not loaded for a task without an arm
+if TYPE_CHECKING:  # a task without an arm does not load MuJoCo
     from rmrc.arm import Arm
     from rmrc.scenario import SecondarySection
 
 Array = NDArray[np.float64]
 
-# The rank of a task almost everywhere is the largest at so many random configurations. One would do with
-# probability 1; more are for those that come near a singularity by chance.
+# The rank of a task almost everywhere is the largest at this many random configurations. One would do with
+# probability 1; more guard against configurations that are singular by chance.
 SAMPLES = 20
 # A singular value below this share of the largest, at a random configuration, is rounding.
 RANK_TOLERANCE = 1e-9
-# A row that others give but for this share of itself is none to choose: files have π/2 as 1.5708 or 1.57.
+# A row that depends on others up to this share of itself is not chosen: files have π/2 as 1.5708 or 1.57.
 INDEPENDENT = 2e-3
 
 
 class View(NamedTuple):
-    """Along whose axes the rows of a twist are taken.
+    """The axes along which the rows of a twist are taken.
 
     Attributes:
-        frame: Of the world, of the arm's base, or of the site as it turns.
+        frame: The frame: the world, the arm's base, or the site as it turns.
         base: Orientation of the base, (4,).
-        free: The site's axis, 0 to 2, about which alone it may turn as it likes, or -1.
+        free: The axis of the site, 0 to 2, about which it may turn freely, or -1.
     """
 
     frame: Frame = "world"
@@ -54,7 +54,7 @@ class View(NamedTuple):
     @property
     def codes(self) -> tuple[int, tuple[float, ...], int]:
         """Its fields of a world's record."""
-        from rmrc.law.kinematics import FRAMES  # with numba, which a run that is only read does without
+        from rmrc.law.kinematics import FRAMES  # imports numba, which a run that is only read does not need
 
         return FRAMES.index(self.frame), self.base, self.free
 
@@ -63,7 +63,7 @@ class View(NamedTuple):
         return rows if self.frame == "world" else _turned(np.moveaxis(self._axes(pose), -1, -2), rows)
 
     def back(self, rows: Array, pose: Array) -> Array:
-        """Return vectors, (..., 3 or 6) or (..., 3 or 6, n), along world axes, of these axes."""
+        """Return vectors, (..., 3 or 6) or (..., 3 or 6, n), along world axes from those along these axes."""
         return rows if self.frame == "world" else _turned(self._axes(pose), rows)
 
     def _axes(self, pose: Array) -> Array:
@@ -87,13 +87,13 @@ WORLD_VIEW = View()
 def _turned(R: Array, rows: Array) -> Array:
     """Return R times each three rows of (..., 3 k) or (..., 3 k, n)."""
     columns = rows.shape[-1:] if rows.ndim == R.ndim else (1,)
-    count = rows.shape[R.ndim - 2] // 3  # said, as there may be none of (...)
+    count = rows.shape[R.ndim - 2] // 3  # explicit, as the leading dimensions may be empty
     threes = rows.reshape(*R.shape[:-2], count, 3, *columns)
     return np.asarray((R[..., None, :, :] @ threes).reshape(rows.shape))
 
 
 def view(arm: "Arm", frame: Frame, rows: NDArray[np.intp]) -> View:
-    """Return along whose axes some rows of an arm's twist are."""
+    """Return the axes of some rows of an arm's twist."""
     free = {3, 4, 5} - set(rows.tolist())
     is_one = frame == "site" and len(free) == 1
     return View(frame, tuple(arm.base_pose[3:].tolist()), free.pop() - 3 if is_one else -1)
@@ -103,15 +103,16 @@ def view(arm: "Arm", frame: Frame, rows: NDArray[np.intp]) -> View:
 class Task:
     """Rows of an arm's Jacobian, weighted and made comparable by a characteristic length.
 
-    It owns the fields of a world's record that say what is moved: sizes, scales and the geometry of the arm.
+    It owns the fields of a world's record that describe the moved rows: sizes, scales and the geometry of the
+    arm.
 
     Attributes:
         arm: The arm.
-        rows: Rows of the twist that count, (m,), rising.
+        rows: Rows of the twist that count, (m,), ascending.
         length: Characteristic length L, which makes meters and radians comparable [m].
         weights: Task weights W_x, (m,); None: all 1.
         joint_weights: Joint weights W_q, (n,): a heavier joint moves less; None: all 1.
-        frame: Along whose axes the rows are: of the world, of the arm's base, or of the site as it turns.
+        frame: The frame of the rows: the world, the arm's base, or the site as it turns.
     """
 
     arm: "Arm"
@@ -126,10 +127,10 @@ class Task:
         Field("n", np.int64), Field("m", np.int64), Field("k", np.int64),
         # rows of the twist that count, S_x and S_q
         Field("row", np.int64, (ROWS,)), Field("row_scale", size=(ROWS,)),
-        # along whose axes they are, the orientation of the base, and the axis about which the site is free
+        # their frame, the orientation of the base, and the axis about which the site is free
         Field("frame", np.int64), Field("frame_quat", size=(4,)), Field("free", np.int64),
         Field("joint_scale", size=(JOINTS,)),
-        # axes of the chain, outward: the joint that moves each, how far, what it is, and where it is at 0
+        # axes of the chain, outward: the joint that moves each, its ratio, its kind, and its place at 0
         Field("axes", np.int64), Field("leader", np.int64, (CHAIN,)), Field("ratio", size=(CHAIN,)),
         Field("is_slide", np.int64, (CHAIN,)), Field("pitch", size=(CHAIN,)),
         Field("zero_axis", size=(CHAIN, 3)), Field("zero_step", size=(CHAIN, 3)),
@@ -159,25 +160,25 @@ class Task:
         return self._rank(*_sampled(self.arm, self.frame))
 
     def _rank(self, jacobians: Array, poses: Array) -> int:
-        """Return the largest rank of A, by Jacobians (s, 6, n) along world axes and poses (s, 7)."""
+        """Return the largest rank of A, from Jacobians (s, 6, n) along world axes and poses (s, 7)."""
         sigma = np.linalg.svd(self.matrix(self.turned(jacobians, poses)), compute_uv=False)
         return int(np.count_nonzero(sigma > RANK_TOLERANCE * sigma[:, :1], axis=1).max())
 
     def matrix(self, jacobian: Array) -> Array:
-        """Return A = S_x J S_q, (..., m, n), of a Jacobian along the axes of the frame, (..., 6, n)."""
+        """Return A = S_x J S_q, (..., m, n), for a Jacobian along the axes of the frame, (..., 6, n)."""
         return self.row_scale[:, None] * jacobian[..., self.rows, :] * self.joint_scale
 
     @cached_property
     def view(self) -> "View":
-        """Along whose axes its rows are."""
+        """The axes of its rows."""
         return view(self.arm, self.frame, self.rows)
 
     def turned(self, rows: Array, pose: Array) -> Array:
         """Return twists (..., 6) or Jacobians (..., 6, n) along the axes of the frame.
 
         Args:
-            rows: Along world axes.
-            pose: Of the site, (..., 7).
+            rows: Twists or Jacobians along world axes.
+            pose: Pose of the site, (..., 7).
         """
         return self.view.turned(rows, pose)
 
@@ -198,7 +199,7 @@ class Task:
 def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
     """Return Jacobians (s, 6, n) along world axes, and poses (s, 7) of the site if its frame needs them.
 
-    The last of them are those at home.
+    The last of them are at the keyframe `home`.
     """
     q = [*arm.sampled(SAMPLES), arm.configuration("home")[arm.wiring.qpos]]
     poses = [arm.pose(one) if frame == "site" else ORIGIN for one in q]
@@ -206,7 +207,7 @@ def _sampled(arm: "Arm", frame: Frame) -> tuple[Array, Array]:
 
 
 class Joints(Protocol):
-    """What the limits of a law need to know of joints."""
+    """The properties of joints that the limits of a law use."""
 
     @property
     def n(self) -> int:
@@ -214,11 +215,11 @@ class Joints(Protocol):
 
     @property
     def joints(self) -> tuple[str, ...]:
-        """Their names."""
+        """Names of the joints."""
 
     @property
     def position_limit(self) -> Array:
-        """Lower and upper, (n, 2) [rad or m]; infinite where there are none."""
+        """Lower and upper limits, (n, 2) [rad or m]; infinite where there are none."""
 
     @property
     def rate_limit(self) -> Array:
@@ -227,7 +228,7 @@ class Joints(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class BareJoints:
-    """Joints of which nothing is known but their limits: see `Joints`."""
+    """Joints of which only the limits are known: see `Joints`."""
 
     joints: tuple[str, ...]
     position_limit: Array
@@ -241,7 +242,7 @@ class BareJoints:
 
 @dataclass(frozen=True, eq=False)
 class BareTask:
-    """A task without an arm: whoever calls the law brings the Jacobian of its rows.
+    """A task without an arm: the caller of the law supplies the Jacobian of its rows.
 
     It owns the same fields of a world's record as `Task`.
 
@@ -261,7 +262,7 @@ class BareTask:
 
     @property
     def rank(self) -> int:
-        """Rank of A almost everywhere, of rows that do not depend on each other."""
+        """Rank of A almost everywhere, for independent rows."""
         return min(self.m, self.arm.n)
 
     def write(self, world: np.void) -> None:
@@ -277,18 +278,18 @@ class BareTask:
 
 
 class SecondTask:
-    """A pose that a site of the arm shall keep, as far as the first task leaves room for it.
+    """A pose of a second site that the arm keeps as far as the first task leaves room for it.
 
     Attributes:
         site: Name of the site.
     """
 
     fields: ClassVar[tuple[Field, ...]] = (
-        # rows, scales, the site and the joints that move it, and where it shall be
+        # rows, scales, the site and the joints that move it, and its target pose
         Field("m_2", np.int64), Field("row_2", np.int64, (ROWS,)), Field("row_scale_2", size=(ROWS,)),
         Field("frame_2", np.int64), Field("frame_quat_2", size=(4,)), Field("free_2", np.int64),
         Field("site_2", np.int64), Field("moves_2", np.int64, (CHAIN,)), Field("pose_ref_2", size=(7,)),
-        # by the chain: the last axis that moves it, and where it is from there with all joints at 0
+        # by the chain: the last axis that moves it, and its pose from there with all joints at 0
         Field("last_2", np.int64), Field("tip_step_2", size=(3,)), Field("tip_quat_2", size=(4,)),
     )  # fmt: skip
 
@@ -296,15 +297,15 @@ class SecondTask:
         """Bind it to an arm.
 
         Args:
-            first: The first task, whose arm and length are its own as well.
-            section: What the scenario says of it.
-            start: Where the arm starts, (n,).
+            first: The first task; its arm and length apply here as well.
+            section: The section `secondary` of the scenario.
+            start: Start configuration, (n,).
         """
         arm = first.arm
         self.site = section.site or arm.site
         self._rows = np.array([AXES.index(axis) for axis in section.axes])
         self._row_scale = 1.0 / np.where(self._rows < 3, first.length, 1.0)
-        # what `Arm.adapted` adds are actuators, so a site keeps its number
+        # `Arm.adapted` adds actuators only, so a site keeps its number
         self._id, self._moves = arm.model.site(self.site).id, arm.moves(self.site)
         self._by_chain = arm.behind(self.site)
         self._view = view(arm, section.frame, self._rows)
@@ -334,17 +335,16 @@ def choose(
 
     These are the rows of its reduced Jacobian [Khatib08]: of x y z rx ry rz, in this order, each that raises
     the rank that the rows before it have almost everywhere. A 2-link planar arm gets x and y, a SCARA arm
-    x, y, z and rz, an arm with six joints or more usually all. What moves a row by a few thousandths of what
-    others do is rounding of the file. The rotations come first if they alone can
-    tell all joints and the translations cannot: a spherical wrist gets rx, ry and rz at any of its points.
-    Of rotations that would do as well, those come first that the arm has at home: a pan and three pitches
-    that face along x get ry, not rx.
+    x, y, z and rz, an arm with six joints or more usually all. A row that moves by a few thousandths of the
+    others is rounding of the file. The rotations come first if they alone can distinguish all joints and the
+    translations cannot: a spherical wrist gets rx, ry and rz at any of its points. Of equally good rotations,
+    those that the arm has at home come first: a pan and three pitches that face along x get ry, not rx.
 
     Args:
         arm: The arm.
         axes: Of x y z rx ry rz; None to choose.
         length: Characteristic length [m].
-        frame: Along whose axes the rows are: of the world, of the arm's base, or of the site as it turns.
+        frame: The frame of the rows: the world, the arm's base, or the site as it turns.
 
     Raises:
         ValueError: No such axis.

@@ -1,7 +1,7 @@
-"""Play between a drive and its joint: who turns back moves nothing until the play is crossed.
+"""Backlash between an actuator and its joint: an actuator that reverses crosses it before it moves the joint.
 
-The joint is where one side of the drive holds it, and stays where it is between the two: a play without mass,
-spring or impact. The drive is not what MuJoCo moves, so that both share one joint.
+The joint follows whichever side of the gap the actuator pushes, and stays in place between the two. The model
+has no mass, spring or impact. MuJoCo does not move the actuator's side, so both share one joint.
 """
 
 from collections.abc import Iterator
@@ -16,7 +16,7 @@ from rmrc.scenario.choices import PLANTS
 
 @compiled
 def cross_play(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
-    """Take from each rate what the drive needs to reach the side of the play towards which it goes."""
+    """Remove from each rate the part that the actuator needs to cross the gap in its direction."""
     for j in range(world.n):
         rate, half = world.qdot_sent[j], world.half_play[j]
         side = 1.0 if rate > 0.0 else -1.0
@@ -30,28 +30,28 @@ def cross_play(world: Record, out: Record, past: Record, t: int) -> None:  # noq
 
 
 class Backlash(Stage):
-    """Drives have play."""
+    """Backlash of the actuators."""
 
     slot, uses, change = "sent", "has_play", staticmethod(cross_play)
     fields = (Field("has_play", np.int64), Field("half_play", size=(JOINTS,)))
-    # where the drive is in it, from the middle on
+    # the position of the actuator in it, from the middle on
     memory = (Field("in_play", size=(JOINTS,)),)
 
     @property
     def is_used(self) -> bool:
-        """Whether any joint has play."""
+        """Whether any joint has backlash."""
         return bool(np.any(self.scenario.plant.backlash))
 
     def write(self, world: np.void) -> None:
-        """Write half of the play of each joint."""
+        """Write half of each joint's backlash."""
         world["has_play"] = self.is_used
         world["half_play"][: self.arm.n] = np.multiply(0.5, self.scenario.plant.backlash)
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield a plant without drives."""
+        """Yield a misfit for a plant without actuators."""
         if self.is_used and not PLANTS[self.scenario.plant.kind].physics:
             yield (
                 "plant.backlash",
-                f'"{self.scenario.plant.kind}" has no drives that could have play; take one of '
+                f'"{self.scenario.plant.kind}" has no actuators that could have backlash; choose from '
                 f"{PLANTS.physical}",
             )

@@ -1,6 +1,6 @@
-"""MuJoCo's batches: worlds that share a model but for some numbers, and that are used again.
+"""MuJoCo's batches: worlds that share a model except for some numbers, and that are used again.
 
-To make one takes memory for each of its worlds, which every batch of a sweep would ask for and give back.
+Making a batch takes memory for each of its worlds, which every batch of a sweep would allocate and free.
 """
 
 import threading
@@ -21,10 +21,10 @@ _Kind = tuple[mujoco.MjModel, int, bool, frozenset[str]]
 
 
 class Batches:
-    """Batches that wait for their next worlds; threads may share it."""
+    """Batches that wait for their next worlds. Threads may share it."""
 
     def __init__(self) -> None:
-        """Begin without any."""
+        """Start without batches."""
         self._kinds: WeakKeyDictionary[_Made, _Kind] = WeakKeyDictionary()
         self._idle: list[_Made] = []
         self._lock = threading.Lock()
@@ -38,14 +38,14 @@ class Batches:
     ) -> Native: ...
 
     def take(self, model: mujoco.MjModel, worlds: Sequence[Difference], in_blocks: bool = False) -> _Made:
-        """Return a batch of worlds as they are before their first step, of one thread.
+        """Return a batch of worlds in the state before their first step, for one thread.
 
-        What MuJoCo cannot keep for each world, such as the mean inertia that its solver takes for a scale, is
-        the model's own: so it does not depend on the other worlds.
+        Quantities that MuJoCo cannot keep per world, such as the mean inertia by which its solver scales, are
+        the model's own, so they do not depend on the other worlds.
 
         Args:
-            model: As `Arm.adapted` compiled it.
-            worlds: What each has different, one or more.
+            model: The model, as `Arm.adapted` compiled it.
+            worlds: The fields that differ in each world, one or more worlds.
             in_blocks: Whether they run many ticks in one call.
         """
         different = {}
@@ -68,7 +68,7 @@ class Batches:
         return batch
 
     def _waiting(self, kind: _Kind) -> _Made | None:
-        """Return a batch of a kind; where none waits, the one that waits longest makes room for another."""
+        """Return a batch of a kind; if none waits, the one with the longest wait is dropped for a new one."""
         with self._lock:
             for i, batch in enumerate(self._idle):
                 if self._kinds[batch] == kind:
@@ -77,7 +77,7 @@ class Batches:
         return None
 
     def give_back(self, batch: _Made) -> None:
-        """Keep a batch for other worlds; its own have ended, and nothing of it is read any more."""
+        """Keep a batch for other worlds; its own worlds have ended, and nothing reads it any more."""
         with self._lock:
             self._idle.append(batch)
 

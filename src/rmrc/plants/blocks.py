@@ -1,4 +1,4 @@
-"""Many ticks of each world in one call: compiled code that runs within MuJoCo's batch calls the tick."""
+"""Many ticks of each world in one call: compiled code within MuJoCo's batch calls the tick."""
 
 from typing import Any
 
@@ -10,14 +10,14 @@ from rmrc.law.jit import Array, address, entry
 from rmrc.plants.lockstep import tick
 from rmrc.plants.native import Native, function_at, offsets
 
-# What the head of the words says, which all worlds share: what is called, how far it goes, and where the
-# words of a world are. After it come pairs: which of the words of a world is the address of a field of its
-# MjData, and where MjData has it.
+# The head of the words, which all worlds share: the functions to call, the end of the block, and the place of
+# each world's words. Pairs follow it: the index of the word of a world that holds the address of a field of
+# its MjData, and the place of that address in MjData.
 (
     TICK, BEFORE, AFTER, STEP, STEPS, LAST, ROWS, WORLDS, STRIDE, PAIRS, WARNING_WORD, WARNING, KEPT,
     COUNT, KEPT_ROWS, HEAD,
 ) = range(16)  # fmt: skip
-# Of the arrays that `tick` takes, as many words as numba hands over, from the second word of a world on.
+# The dimensions of the arrays that `tick` takes; numba passes each as words, from a world's second word on.
 DIMENSIONS = (1, 2, 3, 2, 3, 3, 3, 3, 3, 2, 2)
 ARGUMENTS = sum(5 + 2 * dimensions for dimensions in DIMENSIONS)
 _call_tick = caller_of(ARGUMENTS)
@@ -25,13 +25,13 @@ _call_tick = caller_of(ARGUMENTS)
 
 @entry
 def block(model: int, data: int, world: int, about: int) -> None:
-    """Do ticks of one world, from that which its first word says, until it ends or has reached LAST.
+    """Do ticks of one world, from the one in its first word, until it ends or has reached LAST.
 
-    Its first word counts them: after an error it tells which tick was the last.
+    Its first word counts them: after an error it holds the last tick.
 
     Args:
         model: Address of its MjModel, as mjb_apply gives it.
-        data: Of its MjData.
+        data: Address of its MjData.
         world: Its number.
         about: Address of the head.
     """
@@ -76,11 +76,11 @@ class Blocks:
 
         Args:
             batch: MuJoCo's part.
-            forces: The field of the forces of the last step.
-            substeps: MuJoCo's steps in a tick; 0 where it computes kinematics and nothing else.
+            forces: Name of the field with the forces of the last step.
+            substeps: MuJoCo's steps in a tick; 0 where it only computes kinematics.
             arrays: Worlds, (w,), ticks, (rows, w), and references, (r, ticks, 13), as `tick` has them.
-            is_compensated: Whether `tick` reads what compensates gravity.
-            kept: Where all positions go, (rows, w, nq); None: nowhere.
+            is_compensated: Whether `tick` reads the gravity compensation.
+            kept: Target of all positions, (rows, w, nq); None: they are not kept.
         """
         worlds, ticks, reference = arrays
         fields = (
@@ -100,7 +100,7 @@ class Blocks:
         self._words[:, 1:] = np.concatenate(words)
         of_worlds, of_ticks, _, state, warning, *places = (begins + 4).tolist()
         each = np.arange(len(worlds))
-        # a world's own part of what all share: it is the only one there
+        # a world's own row of the shared arrays, as if it were alone
         self._words[:, of_worlds] += each * worlds.itemsize
         self._words[:, of_ticks] += each * ticks.itemsize
         named = [("qpos", state), *((name, at) for name, at in zip(fields, places, strict=True) if name)]
@@ -125,12 +125,12 @@ class Blocks:
             self._head[at] = number
 
     def run(self, ids: NDArray[np.intp], first: int, last: int, steps: bool) -> None:
-        """Do ticks [first, last) of some worlds; each ends earlier that must.
+        """Do ticks [first, last) of some worlds; worlds that end stop earlier.
 
         Args:
-            ids: The worlds, by their numbers.
+            ids: Numbers of the worlds.
             first: Number of the first tick.
-            last: One after the last.
+            last: One after the last tick.
             steps: Whether MuJoCo steps after each tick.
 
         Raises:
@@ -142,13 +142,13 @@ class Blocks:
         self._batch.apply(ids, self._block, self._head.ctypes.data)
 
     def finished(self, ids: NDArray[np.intp]) -> NDArray[np.int64]:
-        """Return how many ticks of some worlds were finished, those before the last block among them."""
+        """Return the number of finished ticks of some worlds, including those before the last block."""
         finished: NDArray[np.int64] = self._words[ids, 0]
         return finished
 
 
 def _seen(batch: Native, name: str) -> NDArray[Any]:
-    """Return an array as MuJoCo's own batch gives it, (1, …), of no world; without a name, of nothing."""
+    """Return an array like that of MuJoCo's own batch, (1, …), of no world; without a name, an empty one."""
     seen = getattr(batch.data, name)[None].view() if name else np.empty((1, 0))
     seen.flags.writeable = False
     return seen

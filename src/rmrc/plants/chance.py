@@ -1,7 +1,7 @@
 """Random numbers of a tick: counted, not drawn in turn, so that a world's depend on its own keys alone.
 
-They are made of the words of Philox4x64-10 [Salmon11], which numpy has as `numpy.random.Philox`. Its key is a
-seed and a stream, which says what the numbers are for. Its counter says which tick they are of.
+They come from the words of Philox4x64-10 [Salmon11], which numpy has as `numpy.random.Philox`. Its key is a
+seed and a stream, which names the purpose of the numbers. Its counter is the tick.
 """
 
 import math
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from rmrc.law.jit import Array, compiled
 
-# Multipliers of a round, and what is added to the two words of the key between rounds.
+# Multipliers of a round, and the increments of the two words of the key between rounds.
 _FIRST, _SECOND = np.uint64(0xD2E7470EE14C6C93), np.uint64(0xCA5A826395121157)
 _STEP_FIRST, _STEP_SECOND = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xBB67AE8584CAA73B)
 _ROUNDS = 10
@@ -23,11 +23,11 @@ _SCALE = 2.0**-53
 TRANSPORT = 1  # jitter and loss of commands
 ENCODER_NOISE = 2
 
-# The ziggurat [Marsaglia00] has as many layers as a byte counts, all of one area. The lowest is number 0: it
-# has the tail beyond its edge, and is as wide as if it were a box of that area. The narrowest is number 1.
+# The ziggurat [Marsaglia00] has one layer per value of a byte, all of one area. The lowest is number 0: it
+# includes the tail beyond its edge, and is as wide as a box of that area. The narrowest is number 1.
 _LAYERS, _EDGE = 256, 3.6541528853610088
 _AREA = _EDGE * math.exp(-0.5 * _EDGE**2) + math.sqrt(0.5 * math.pi) * math.erfc(_EDGE / math.sqrt(2.0))
-# A word is, from its low end, the layer (a byte), the sign (a bit), and how far inward (52 bits).
+# A word holds, from its low end, the layer (a byte), the sign (a bit), and the position inward (52 bits).
 _BYTE, _MANTISSA = 255, 2**52 - 1
 
 Four = tuple[np.uint64, np.uint64, np.uint64, np.uint64]
@@ -35,7 +35,7 @@ Words: TypeAlias = NDArray[np.int64]
 
 
 def _ziggurat() -> tuple[Array, Array, Array]:
-    """Return of each layer its width, how far its inside reaches, both per 2⁻⁵² of it, and its density."""
+    """Return the width of each layer, the extent of its inside, both per 2⁻⁵² of it, and its density."""
     width = np.empty(_LAYERS)
     width[0], width[-1] = _AREA / math.exp(-0.5 * _EDGE**2), _EDGE
     for i in range(_LAYERS - 1, 1, -1):
@@ -50,7 +50,7 @@ _WIDTH, _INSIDE, _DENSITY = _ziggurat()
 
 
 def word(seed: int) -> int:
-    """Return what a record holds of a seed, which may be of any size: a word of numpy's `SeedSequence`."""
+    """Return the word that a record holds for a seed of any size: from numpy's `SeedSequence`."""
     return int(np.random.SeedSequence(seed).generate_state(1, np.uint64).view(np.int64)[0])
 
 
@@ -77,12 +77,12 @@ def words(seed: int, stream: int, first: int, second: int) -> Four:
 
 @compiled
 def uniforms(seed: int, stream: int, tick: int) -> tuple[float, float]:
-    """Return two numbers of a tick from [0, 1), of the words at a counter of the tick.
+    """Return two numbers of a tick from [0, 1), made from the words at the tick's counter.
 
     Args:
-        seed: Of the world, as `word` has it.
-        stream: What they are for, as above.
-        tick: Its number.
+        seed: Seed of the world, as `word` makes it.
+        stream: Their purpose, as above.
+        tick: Number of the tick.
     """
     first, second, _, _ = words(seed, stream, tick, 0)
     return (first >> _REST) * _SCALE, (second >> _REST) * _SCALE
@@ -90,16 +90,16 @@ def uniforms(seed: int, stream: int, tick: int) -> tuple[float, float]:
 
 @compiled
 def normals(seed: int, stream: int, tick: int, count: int, drawn: Words, found: Array) -> None:
-    """Write numbers of the standard normal distribution: those that numpy's `standard_normal` draws.
+    """Write numbers of the standard normal distribution, the same as numpy's `standard_normal` draws.
 
-    Its generator is a `numpy.random.Philox` whose first counter is of the words 0, tick, 0, 0. All but one of
-    a hundred numbers take a word, a multiplication and a comparison.
+    Its generator is a `numpy.random.Philox` whose first counter is the words 0, tick, 0, 0. All but one of
+    a hundred numbers take one word, one multiplication and one comparison.
 
     Args:
-        seed: Of the world, as `word` has it.
-        stream: What they are for, as above.
-        tick: Its number.
-        count: How many.
+        seed: Seed of the world, as `word` makes it.
+        stream: Their purpose, as above.
+        tick: Number of the tick.
+        count: How many numbers to write.
         drawn: Scratch, with room for a multiple of four.
         found: Written, (count,).
     """
@@ -115,7 +115,7 @@ def normals(seed: int, stream: int, tick: int, count: int, drawn: Words, found: 
 
 @compiled
 def _draw_on(seed: int, stream: int, tick: int, first: int, count: int, found: Array) -> None:
-    """Write normal numbers from the first on, which has the word of its place, and takes more."""
+    """Write normal numbers from the first on, which starts with the word at its index and takes more."""
     place = first
     for k in range(first, count):
         found[k], place = _draw(seed, stream, tick, place)
@@ -123,14 +123,14 @@ def _draw_on(seed: int, stream: int, tick: int, first: int, count: int, found: A
 
 @compiled
 def _draw(seed: int, stream: int, tick: int, place: int) -> tuple[float, int]:
-    """Return a normal number made of the word at a place, or of more, and the place behind them."""
+    """Return a normal number from the word at a place or from several, and the place behind them."""
     while True:
         word = _word(seed, stream, tick, place)
         layer, inward = word & _BYTE, (word >> 9) & _MANTISSA
         x, sign, place = inward * _WIDTH[layer], 1 - ((word >> 7) & 2), place + 1
         if inward < _INSIDE[layer]:
             return sign * x, place
-        if layer == 0:  # beyond the edge, where it is as good as exponential [Marsaglia64]
+        if layer == 0:  # beyond the edge, by exponential numbers [Marsaglia64]
             beyond, fall = 1.0, 0.0
             while 2.0 * fall <= beyond * beyond:
                 beyond = -math.log1p(-_unit(seed, stream, tick, place)) / _EDGE
@@ -149,5 +149,5 @@ def _word(seed: int, stream: int, tick: int, place: int) -> np.int64:
 
 @compiled
 def _unit(seed: int, stream: int, tick: int, place: int) -> float:
-    """Return a number from [0, 1) that is made of a word of a tick."""
+    """Return a number from [0, 1), made from a word of a tick."""
     return (np.uint64(_word(seed, stream, tick, place)) >> _REST) * _SCALE

@@ -1,8 +1,9 @@
-"""Contacts of an arm: with other things and with itself, looked at only where their number changes.
+"""Contacts of an arm with other things and with itself, examined only when their number changes.
 
-A contact is one that MuJoCo includes in its dynamics. The arm is all that its first joint moves, a gripper
-among it. What touches from the start on is at rest while it stays: parts of the arm that overlap in the model
-or a hand that is closed, and what floats, such as a thing that is held, or a flex. A floor is none of these.
+A contact is one that MuJoCo includes in its dynamics. The arm consists of all bodies that its first joint
+moves, including a gripper. Contacts that exist at the start are at rest while they last if both sides are
+parts of the arm, such as overlapping geoms or a closed hand, or free to float, such as a held object, or a
+flex. A contact with the floor always counts.
 """
 
 from collections.abc import Callable, Iterator
@@ -16,9 +17,9 @@ from rmrc.arm import Wiring
 from rmrc.arm.wiring import flex_name
 from rmrc.scenario.choices import Status
 
-Pair = tuple[str, str]  # names: of the arm's body first
+Pair = tuple[str, str]  # names: the arm's body first
 
-# Where contacts do not count, others that begin just when one of these ends are noticed so many ticks late.
+# A contact that begins in the same tick as an uncounted one ends is noticed at most this many ticks late.
 LOOK_EVERY = 16
 
 CONTACT = int(Status.CONTACT)
@@ -26,11 +27,11 @@ FREE = int(mujoco.mjtJoint.mjJNT_FREE)
 
 
 def can_touch(model: mujoco.MjModel, wiring: Wiring) -> bool:
-    """Return whether any shape of an arm may collide with another body's.
+    """Return whether any geom of an arm may collide with another body's.
 
     Args:
-        model: That is stepped.
-        wiring: Of the arm in it.
+        model: The stepped model.
+        wiring: Wiring of the arm in it.
     """
     off = mujoco.mjtDisableBit.mjDSBL_CONTACT | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
     if model.opt.disableflags & off:
@@ -58,7 +59,7 @@ def _moved(model: mujoco.MjModel, wiring: Wiring) -> NDArray[np.bool_]:
 
 
 def _floats(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """Return which bodies hang at a free joint, (nbody,)."""
+    """Return which bodies belong to a tree with a free joint at its root, (nbody,)."""
     floats = np.zeros(model.nbody, bool)
     floats[model.jnt_bodyid[model.jnt_type == FREE]] = True
     return np.asarray(floats[model.body_rootid])
@@ -68,8 +69,8 @@ class Contacts:
     """Contacts of worlds that are stepped together.
 
     Attributes:
-        first: The two that touched first, by world.
-        resting: Those that touch at the start and do not count while they do, by world.
+        first: The first contact pair, by world.
+        resting: The pairs that touch at the start and do not count while they last, by world.
     """
 
     def __init__(
@@ -80,31 +81,31 @@ class Contacts:
         worlds: NDArray[np.void],
         ticks: NDArray[np.void],
     ) -> None:
-        """Look into a batch before its first step.
+        """Bind to the arrays of a batch before its first step.
 
         Args:
-            model: Of the batch.
-            wiring: Of the arm in it.
+            model: Model of the batch.
+            wiring: Wiring of the arm in it.
             batch: MuJoCo's part.
             worlds: World records, (w,).
-            ticks: Tick records, (rows, w); the status of those with a contact is written.
+            ticks: Tick records, (rows, w); the status of ticks with a contact is written.
         """
         self.first: dict[int, Pair] = {}
         self.resting: dict[int, list[Pair]] = {}
-        self._rests: dict[int, set[Pair]] = {}  # still
+        self._rests: dict[int, set[Pair]] = {}  # those that still touch
         self._model, self._batch, self._worlds, self._status = model, batch, worlds, ticks["status"]
         self._is_own, self._may_rest = _moved(model, wiring), _floats(model)
         self._may_rest |= self._is_own
-        self._counts = batch.bind("nefc")  # each contact that is included has rows
+        self._counts = batch.bind("nefc")  # each included contact has rows
         self._last = np.full(self._counts.shape, -1)
-        self._known = b""  # the last of them: bytes compare in a tenth of a microsecond
-        self._more = set[int]()  # worlds with contacts that do not count, so that their number says less
+        self._known = b""  # the last counts: bytes compare in a tenth of a microsecond
+        self._more = set[int]()  # worlds with uncounted contacts, which can hide a new one in the number
         self._touching: list[int] = []
         self._is_busy = True
         self._data: mujoco.MjData | None = None
 
     def after(self, control: Callable[[int], int]) -> Callable[[int], int]:
-        """Return what does a tick and notes who touches, in no more time than it must where nobody does."""
+        """Return a function that does a tick and notes contacts, at little cost where there are none."""
         counts = self._counts.tobytes
 
         def control_and_look(t: int) -> int:
@@ -116,7 +117,7 @@ class Contacts:
         return control_and_look
 
     def _see(self, t: int) -> None:
-        """Note who touches at tick t, which was written."""
+        """Note the contacts at tick t, whose record is written."""
         counts = self._counts.tobytes()
         again = self._more if t % LOOK_EVERY == 0 else ()
         if counts != self._known or again:
@@ -131,8 +132,8 @@ class Contacts:
             row[w] |= CONTACT
 
     def _touches(self, w: int, t: int) -> bool:
-        """Look at the contacts of a world; return whether any of them counts."""
-        if self._worlds["diverged"][w] >= 0 or t >= self._worlds["ticks"][w]:  # it has ended before
+        """Examine the contacts of a world; return whether any of them counts."""
+        if self._worlds["diverged"][w] >= 0 or t >= self._worlds["ticks"][w]:  # it has already ended
             return False
         pairs = list(self._pairs(w)) if self._counts[w] else []
         own = {names: rests for names, is_own, rests in pairs if is_own}
@@ -148,7 +149,7 @@ class Contacts:
         return bool(count)
 
     def _pairs(self, w: int) -> Iterator[tuple[Pair, bool, bool]]:
-        """Yield the names of two that touch, whether the arm is one of them, and whether they may rest."""
+        """Yield the names of a contact's two sides, whether one is the arm, and whether they may rest."""
         if self._data is None:
             self._data = mujoco.MjData(self._model)
         contact = self._batch.get_data(w, self._data).contact
@@ -162,7 +163,7 @@ class Contacts:
             yield (first, second), any(owns), rests
 
     def _end(self, geom: int, flex: int) -> tuple[str, int]:
-        """Return a body's name and id; of the world, the name of what stands there; of a flex, -1."""
+        """Return a body's name and id; for the world the name of its geom; for a flex -1."""
         model = self._model
         if geom < 0:
             return flex_name(model, flex), -1

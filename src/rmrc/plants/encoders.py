@@ -1,8 +1,8 @@
-"""Encoders: what the law is told of the joints, where that is not what they do.
+"""Encoders: the joint state that the law is given, where it differs from the true one.
 
-A reading is as old as the encoders' delay, off by an offset, noisy, and rounded, in this order. Encoders that
-are off by an offset alone leave the rates as they are, as a constant has none; else there is no tachometer,
-and a rate is the difference quotient of what was read.
+A reading is delayed, offset, noisy and rounded, in this order. Encoders that only have an offset leave the
+rates unchanged, because a constant has none. Otherwise there is no tachometer, and a rate is the difference
+quotient of readings.
 """
 
 import math
@@ -16,7 +16,7 @@ from rmrc.law.record import JOINTS, Field
 from rmrc.plants.chance import ENCODER_NOISE, normals, word
 from rmrc.plants.stage import Stage, in_ticks, refuse_unseen
 
-# No joint of an arm is so far off [rad, m]; lengths of models are bounded alike.
+# A larger offset of a joint is an error of the input [rad, m]; the same bound is on lengths of models.
 _MOST_OFF = 1e6
 # Finer steps [rad, m] are lost in the rounding of positions, and their number overflows.
 _FINEST = 1e-12
@@ -24,7 +24,7 @@ _FINEST = 1e-12
 
 @compiled
 def read_encoders(world: Record, out: Record, past: Record, t: int) -> None:
-    """Have the law take the joints to be where their encoders say."""
+    """Have the law take the readings of the encoders for the joint positions."""
     if not world.differentiates:
         for j in range(world.n):
             world.q[j] = out.q[j] + world.encoder_offset[j]
@@ -46,7 +46,7 @@ def read_encoders(world: Record, out: Record, past: Record, t: int) -> None:
 
 @compiled
 def look_back(world: Record, past: Record, t: int) -> None:
-    """Write where the joints were, between two ticks if need be; before the first they were where it is."""
+    """Write earlier joint positions, interpolated between ticks; before the first tick they are constant."""
     when, rows = max(t - world.encoder_delay, 0.0), past.shape[0]
     before, after = math.floor(when), math.ceil(when)
     first, last = past[before % rows].q, past[after % rows].q
@@ -56,7 +56,7 @@ def look_back(world: Record, past: Record, t: int) -> None:
 
 @compiled
 def differentiate(world: Record, t: int) -> None:
-    """Have the rates be the filtered difference quotients of what was read: y⁺ = u + exp(−T/τ) (y − u)."""
+    """Set the rates to the filtered difference quotients of the readings: y⁺ = u + exp(−T/τ) (y − u)."""
     for j in range(world.n):
         quotient = (world.q[j] - world.q_read[j]) / world.period if t > 0 else 0.0
         world.q_read[j] = world.q[j]
@@ -65,10 +65,10 @@ def differentiate(world: Record, t: int) -> None:
 
 
 class Encoders(Stage):
-    """Encoders that are off, late, noisy or coarse, and an arm whose lengths the law does not know.
+    """Encoders with an offset, a delay, noise or a resolution, and an arm with lengths unknown to the law.
 
-    Wherever a world has one of these, the law takes q to be what was read, and the site to be where that and
-    the lengths that it knows put it.
+    Where a world has any of these, the law takes the readings for q, and computes the site from them and from
+    the lengths that it knows.
     """
 
     slot, uses, change = "sensed", "is_misled", staticmethod(read_encoders)
@@ -85,9 +85,9 @@ class Encoders(Stage):
 
     @cached_property
     def offset(self) -> Array:
-        """What the encoders say too much, (n,): offset + deviation · z − the plant's joint_offset.
+        """Offset of the readings, (n,): offset + deviation · z − the plant's joint_offset.
 
-        z is `numpy.random.default_rng(seed).standard_normal(n)`, one number a joint.
+        z is `numpy.random.default_rng(seed).standard_normal(n)`, one number per joint.
         """
         encoder, n = self.scenario.arm.encoder, self.arm.n
         offset = np.full(n, encoder.offset)
@@ -98,32 +98,32 @@ class Encoders(Stage):
 
     @property
     def differentiates(self) -> bool:
-        """Whether rates are difference quotients: what is read is no longer a constant beside q."""
+        """Whether rates are difference quotients: readings are no longer q plus a constant."""
         encoder = self.scenario.arm.encoder
         return bool(np.any(encoder.noise) or np.any(encoder.resolution) or encoder.delay)
 
     @property
     def delay(self) -> float:
-        """How old a reading is, in ticks."""
+        """Delay of a reading, in ticks."""
         return in_ticks(self.scenario.arm.encoder.delay, self.scenario.control.period)
 
     @property
     def span(self) -> int:
-        """How many ticks back a reading is from, at most."""
+        """Largest delay of a reading, in whole ticks."""
         return math.ceil(self.delay)
 
     @property
     def moves_q(self) -> bool:
-        """Whether what is read is anything but q."""
+        """Whether readings differ from q."""
         return bool(self.offset.any() or self.differentiates)
 
     @property
     def is_used(self) -> bool:
-        """Whether what is read is anything but q, or the arm has other lengths than the law knows."""
+        """Whether readings differ from q, or the arm has other lengths than the law knows."""
         return self.moves_q or bool(self.scenario.plant.stretch)
 
     def write(self, world: np.void) -> None:
-        """Write what is read."""
+        """Write the parameters of the readings."""
         scenario, n = self.scenario, self.arm.n
         encoder, control = scenario.arm.encoder, scenario.control
         world["is_misled"], world["encoder_offset"][:n] = self.is_used, self.offset
@@ -134,7 +134,7 @@ class Encoders(Stage):
         world["encoder_seed"], world["encoder_resolution"][:n] = word(encoder.seed), encoder.resolution
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield numbers beyond reason, and what needs an arm that is seen as it is."""
+        """Yield numbers beyond reason, and features that need an arm that is sensed as it is."""
         encoder, plant = self.scenario.arm.encoder, self.scenario.plant
         beyond = "plant.joint_offset", plant.joint_offset
         for key, values in (*((f"arm.encoder.{name}", getattr(encoder, name)) for name in _SIZES), beyond):

@@ -1,4 +1,4 @@
-"""What is between the rates that the law commands and those that it senses: plant and stages of a world."""
+"""The hardware between commanded and sensed rates: plant and stages of a world."""
 
 from collections.abc import Iterator
 
@@ -13,17 +13,17 @@ from rmrc.plants.stages import STAGES
 from rmrc.scenario import Scenario
 from rmrc.scenario.choices import PLANTS
 
-# Worlds of all plants, with all stages and with none, have records of one type: so one tick is compiled.
+# Worlds of all plants, with and without stages, have records of one type, so that one tick is compiled.
 _PARTS: tuple[type[Plant] | type[Stage], ...] = (*CLASSES, *STAGES)
 
 
 class Hardware:
-    """Plant and stages of a world; a Writer of their fields, those of other plants among them.
+    """Plant and stages of a world; a Writer of their fields and of those of the other plants.
 
     Attributes:
-        plant: What obeys.
-        stages: All there are, in order: those that its world does not have do nothing.
-        memory: What compiled functions keep from tick to tick, the rates that were sent last among it.
+        plant: The plant.
+        stages: All stages, in order; those that the world does not use do nothing.
+        memory: The fields that compiled functions keep from tick to tick, including the last rates sent.
     """
 
     fields = (
@@ -41,8 +41,8 @@ class Hardware:
         """Bind them to a world.
 
         Args:
-            scenario: Of the world.
-            arm: That it names.
+            scenario: Scenario of the world.
+            arm: The arm that it names.
         """
         section = scenario.plant
         self.plant = KINDS[section.kind](section, arm, scenario.control.period)
@@ -50,32 +50,32 @@ class Hardware:
 
     @property
     def span(self) -> int:
-        """How many ticks back its stages look."""
+        """Number of past ticks that its stages read."""
         return max(stage.span for stage in self.stages)
 
     @property
     def is_misled(self) -> bool:
-        """Whether the law takes the arm to be elsewhere than it is."""
+        """Whether the law takes the arm to be somewhere else than it is."""
         return any(stage.is_used for stage in self.stages if stage.slot == "sensed")
 
     @property
     def moves_q(self) -> bool:
-        """Whether the law takes the joints to be elsewhere than they are, and not only bodies and site."""
+        """Whether the law takes the joints, not only bodies and site, to be somewhere else than they are."""
         return any(stage.moves_q for stage in self.stages)
 
     @property
     def is_direct(self) -> bool:
-        """Whether the plant is told what the law commands, at once."""
+        """Whether the plant gets the commands of the law unchanged and without delay."""
         return not any(stage.is_used for stage in self.stages if stage.slot == "sent")
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
-        """Yield key and message of what is too much in a run of so many control ticks."""
+        """Yield key and message of each excess in a run of this many control ticks."""
         yield from self.plant.excesses(ticks)
         for stage in self.stages:
             yield from stage.excesses(ticks)
 
     def write(self, world: np.void) -> None:
-        """Write which plant it is, whether it has stages, and the parameters of all."""
+        """Write the kind of plant, whether it has stages, and the parameters of all."""
         world["plant"] = PLANTS.names.index(self.plant.name)
         world["is_sensed"], world["is_sent"] = self.is_misled, not self.is_direct
         self.plant.write(world)

@@ -1,4 +1,4 @@
-"""The ideal plant: Whitney's own arm, which does exactly what it is told; MuJoCo computes its kinematics."""
+"""The ideal plant: Whitney's own arm, which obeys exactly; MuJoCo computes its kinematics."""
 
 from collections.abc import Iterator, Sequence
 from typing import Self
@@ -12,7 +12,7 @@ from rmrc.plants.plant import Plant
 
 @compiled
 def read_positions(world: Record, out: Record, state: Array, force: Array) -> None:  # noqa: ARG001 - as all
-    """Read q; the rates are those that were sent last."""
+    """Read q; the rates are the last ones that were sent."""
     for j in range(world.n):
         out.q[j] = state[world.qpos_column[j]]
         out.qdot[j] = world.qdot_sent[j]
@@ -21,7 +21,7 @@ def read_positions(world: Record, out: Record, state: Array, force: Array) -> No
 
 @compiled
 def integrate(world: Record, out: Record, state: Array) -> None:  # noqa: ARG001 - as all
-    """Move each joint, and those that follow it: q⁺ = q + period · qdot."""
+    """Move each joint and its followers: q⁺ = q + period · qdot."""
     for j in range(world.n):
         state[world.qpos_column[j]] += world.period * world.qdot_sent[j]
     for f in range(world.followers):
@@ -30,7 +30,7 @@ def integrate(world: Record, out: Record, state: Array) -> None:  # noqa: ARG001
 
 
 class Ideal(Plant):
-    """Integrates the rates [Whitney72]: nothing pushes it, and it carries nothing."""
+    """Integrates the rates [Whitney72]: no force acts on it, and it carries nothing."""
 
     name = "ideal"
     sense, obey = staticmethod(read_positions), staticmethod(integrate)
@@ -38,17 +38,17 @@ class Ideal(Plant):
     substeps = 0
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield friction, which is a matter of torques."""
+        """Yield friction, which needs torques."""
         friction = self.section.friction
         if np.any(friction.coulomb) or np.any(friction.viscous):
             yield (
                 "plant.friction",
-                f'"{self.name}" does what it is told whatever resists it; take plant.kind: servo, torque or '
+                f'"{self.name}" obeys exactly, whatever the friction; choose plant.kind: servo, torque or '
                 "model, or leave plant.friction out",
             )
 
     @classmethod
     def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
-        """Return a model without actuators of the arm; what kinematics do not need is the first world's."""
+        """Return a model without actuators of the arm; its unused dynamics are those of the first world."""
         section = plants[0].section
         return plants[0].arm.adapted(None, section.step, section.is_compensated)

@@ -1,4 +1,4 @@
-"""`control.state: integrated`: the law believes its own commands, and never looks again."""
+"""`control.state: integrated`: the law integrates its own commands and never reads the encoders again."""
 
 from collections.abc import Iterator
 
@@ -11,7 +11,7 @@ from rmrc.plants.stage import Stage, refuse_unseen
 
 @compiled
 def integrate_commands(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
-    """Have the law take q⁺ = q + period · qdot_cmd, from where the encoders said that it started."""
+    """Have the law use q⁺ = q + period · qdot_cmd, from the encoders' reading at the start."""
     if t > 0:
         last = past[(t - 1) % past.shape[0]]
         for j in range(world.n):
@@ -19,19 +19,19 @@ def integrate_commands(world: Record, out: Record, past: Record, t: int) -> None
 
 
 class Integral(Stage):
-    """The integral of what was commanded, in place of what the encoders say; rates stay the measured ones."""
+    """The integral of the commands, in place of the encoders' readings; rates stay the measured ones."""
 
     slot, uses, change = "sensed", "integrates", staticmethod(integrate_commands)
     fields = (Field("integrates", np.int64),)
 
     @property
     def is_used(self) -> bool:
-        """Whether the law takes the integral."""
+        """Whether the law uses the integral."""
         return bool(self.scenario.control.state == "integrated")
 
     @property
     def span(self) -> int:
-        """How many ticks back it looks: to what it believed, and commanded."""
+        """Number of past ticks that it reads: those of its last estimate and command."""
         return int(self.is_used)
 
     def write(self, world: np.void) -> None:
@@ -39,6 +39,6 @@ class Integral(Stage):
         world["integrates"] = self.is_used
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield what needs an arm that is seen as it is."""
+        """Yield features that need an arm that is sensed as it is."""
         if self.is_used:
             yield from refuse_unseen(self, "control.state")

@@ -1,4 +1,4 @@
-"""Plants by name: each that is declared has a class, of which the tick takes the compiled functions."""
+"""Plants by name: each declared plant has a class, whose compiled functions the tick calls."""
 
 from rmrc.law.jit import apart_by_code
 from rmrc.plants.ideal import Ideal

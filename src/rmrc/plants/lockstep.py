@@ -1,4 +1,4 @@
-"""The compiled tick of all worlds: sense, law, obey. MuJoCo then steps them, and leaves kinematics fresh."""
+"""The compiled tick of all worlds: sense, law, obey. MuJoCo then steps them and updates the kinematics."""
 
 import math
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ from rmrc.scenario.choices import Status
 
 # MuJoCo calls a larger position, velocity or acceleration bad (its mjMAXVAL).
 LARGEST = 1e10
-# A drive is at its limit that gives all of it, but for the rounding of a gear.
+# An actuator is at its limit when it gives all of it, up to the rounding of a gear.
 AT_LIMIT = 1.0 - 1e-9
 TORQUE_LIMITED = int(Status.TORQUE_LIMITED)
 BAD_FIRST, BAD_LAST = int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarning.mjWARN_BADQACC)
@@ -34,12 +34,12 @@ BAD_FIRST, BAD_LAST = int(mujoco.mjtWarning.mjWARN_BADQPOS), int(mujoco.mjtWarni
 
 @dataclass(frozen=True)
 class Course:
-    """What a world has before it: it owns the fields of its record that say how far it goes.
+    """The path ahead of a world: it owns the fields of its record that hold how far it goes.
 
     Attributes:
         reference: Index of its reference in the batch.
-        path_ticks: Ticks of that.
-        ticks: Ticks to run at most.
+        path_ticks: Number of ticks of that reference.
+        ticks: Largest number of ticks to run.
     """
 
     reference: int
@@ -75,7 +75,7 @@ def tick(
 ) -> int:
     """Control all worlds for one tick; return how many of them are to be stepped.
 
-    Each argument costs a call as much as a joint costs the law, so they are few.
+    The arguments are few, because each one costs as much per call as a joint costs the law.
 
     Args:
         worlds: World records, (w,).
@@ -83,12 +83,12 @@ def tick(
         reference: Pose and twist of each reference at each tick, (r, ticks, 13).
         state: MuJoCo's state rows, (w, nstate); controls and wrenches are written.
         warning: MuJoCo's warning counters, (w, 7, 2).
-        site_xpos: And the other fields of MjData of the same names: fresh, (w, …).
+        site_xpos: This and the next three are the fields of MjData of the same names, up to date, (w, …).
         site_xquat: Orientation of each site.
         xanchor: Joint anchors.
         xaxis: Joint axes.
         force: Forces of the last step.
-        qfrc_gravcomp: What compensates gravity, of all degrees of freedom, or (w, 0) where nothing does.
+        qfrc_gravcomp: Gravity compensation of all degrees of freedom, or (w, 0) without any.
         t: Number of the tick.
     """
     running, row = 0, t % ticks.shape[0]
@@ -126,7 +126,7 @@ def tick(
 
 @compiled
 def read_joints(world: Record, out: Record, ticks: Record, w: int, t: int, xpos: Array, xquat: Array) -> bool:
-    """Read what is sensed of joints and site; does a stage have the law take the arm to be elsewhere?"""
+    """Sense joints and site; return whether a stage has the law take the arm to be elsewhere."""
     for j in range(world.n):
         world.q[j] = out.q_believed[j] = out.q[j]
         world.qdot[j] = out.qdot[j]
@@ -144,7 +144,7 @@ def read_joints(world: Record, out: Record, ticks: Record, w: int, t: int, xpos:
 
 @apart("call_sensed", is_sensed=())
 def sense_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
-    """Change what is sensed by the stages before the law, and take the arm to be there."""
+    """Apply the stages before the law to the sensed state, and compute the kinematics from it."""
     sensed(world, out, ticks, w, t)
     for j in range(world.n):
         out.q_believed[j] = world.q[j]
@@ -154,7 +154,7 @@ def sense_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) -
 
 @compiled
 def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
-    """Read what compensates gravity, and return TORQUE_LIMITED if a drive is at its limit."""
+    """Read gravity compensation; return TORQUE_LIMITED if an actuator is at its limit."""
     status, compensated = 0, gravcomp.shape[0] > 0
     for j in range(world.n):
         out.tau_gravity[j] = world.gravity_apart[j] * gravcomp[world.dof[j]] if compensated else 0.0
@@ -170,7 +170,7 @@ def read_loads(world: Record, out: Record, gravcomp: Array) -> int:
 def measure_second(
     world: Record, is_misled: bool, site_xpos: Array, site_xquat: Array, xanchor: Array, xaxis: Array
 ) -> None:
-    """Write pose and Jacobian of the second task's site, where the law takes the arm to be."""
+    """Write pose and Jacobian of the second task's site, from the state that the law uses."""
     if is_misled:
         follow_second(world, world.q)
     else:
@@ -180,7 +180,7 @@ def measure_second(
 
 @compiled
 def take_true_errors(world: Record, out: Record, xpos: Array, xquat: Array) -> None:
-    """Record errors as they are, where the law took the arm to be elsewhere."""
+    """Record the true errors, where the law took the arm to be elsewhere."""
     take_error(world, out.pose_ref, out.pose, out.pose_error)
     if world.m_2 > 0:
         see_second(world, xpos, xquat)
@@ -198,10 +198,10 @@ def see_second(world: Record, xpos: Array, xquat: Array) -> None:
 
 @compiled
 def read_reference(world: Record, out: Record, reference: Array) -> None:
-    """Read pose and twist wanted at the path tick; between two ticks, of a slowed world, interpolate them.
+    """Read target pose and twist at the path tick; interpolate them between two ticks of a slowed world.
 
-    Quaternions are interpolated linearly and normalized: neighbors are a fraction of a degree apart, where
-    that is as good as the arc.
+    Quaternions are interpolated linearly and normalized: neighbors differ by a fraction of a degree, for
+    which that equals the arc.
     """
     before = int(world.path_tick)
     part = world.path_tick - before
@@ -228,7 +228,7 @@ def read_reference(world: Record, out: Record, reference: Array) -> None:
 
 @compiled
 def send(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
-    """Send what is commanded through the stages after the law, and record what arrives."""
+    """Send the command through the stages after the law, and record what arrives."""
     if world.is_eased:
         keep_changes(world, out.qdot_cmd)
     for j in range(world.n):
@@ -239,7 +239,7 @@ def send(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
 
 @apart("call_sent", is_sent=())
 def send_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) -> None:
-    """Change what is commanded by the stages after the law."""
+    """Apply the stages after the law to the command."""
     sent(world, out, ticks, w, t)
     for j in range(world.n):
         out.qdot_arrived[j] = world.qdot_sent[j]
@@ -247,7 +247,7 @@ def send_by_stages(world: Record, out: Record, ticks: Record, w: int, t: int) ->
 
 @compiled
 def proceed(world: Record, t: int) -> None:
-    """Advance along the path; the world ends with the tick that was at the end of its path."""
+    """Advance along the path; the world ends with the tick at the end of its path."""
     end = world.path_ticks - 1.0
     if world.path_tick >= end:
         world.ticks = t + 1
@@ -256,7 +256,7 @@ def proceed(world: Record, t: int) -> None:
 
 @compiled
 def bad_joint(world: Record, warning: NDArray[np.int32]) -> int:
-    """Return the joint whose state is not finite, -1 if it is another's, -2 if all is well."""
+    """Return the joint whose state is not finite, -1 if it is of another joint, -2 if all are finite."""
     for j in range(world.n):
         if not (abs(world.q[j]) <= LARGEST and abs(world.qdot[j]) <= LARGEST):
             return j
@@ -274,7 +274,7 @@ def bad_joint(world: Record, warning: NDArray[np.int32]) -> int:
 
 @compiled
 def bad_command(world: Record, out: Record) -> int:
-    """Return the joint whose command is not finite, or -2: MuJoCo would take it for 0 and go on."""
+    """Return the joint whose command is not finite, or -2; MuJoCo would take it for 0 and continue."""
     for j in range(world.n):
         if not abs(out.qdot_cmd[j]) <= LARGEST:
             return j

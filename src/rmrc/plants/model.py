@@ -1,4 +1,4 @@
-"""The model plant: the drives that the model's author gave the arm, each told what its kind is told."""
+"""The model plant: the actuators in the model, each with the kind of command that it takes."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -25,20 +25,20 @@ from rmrc.support.legible import listed
 POSITION, INTEGRATED, RATE, MOTOR = map(int, DriveKind)
 RATE_LIMITED, POSITION_LIMITED = int(Status.RATE_LIMITED), int(Status.POSITION_LIMITED)
 
-# A smaller share of a drive's largest moment is rounding, and of a joint's square what others leave of it.
+# Smaller shares are rounding: of an actuator's largest moment, and of a joint's squared pivot.
 _NO_MOMENT, _SINGULAR = 1e-12, 1e-18
 # Decimal fractions such as 0.003/0.001 are off by some 1e-16.
 _ROUNDING = 1e-9
 
-# A drive as compiled code reads it: its kind, number among the outputs of actuators, columns of the state row
-# or -1; its control is scale · (length, speed or force) + offset; the ranges of that and of its activation.
+# An actuator in compiled code: its kind, index among actuator outputs, columns of the state row or -1;
+# its control is scale · (length, speed or force) + offset; the ranges of its control and activation.
 _DRIVE = np.dtype([
     ("kind", np.int64), ("output", np.int64), ("ctrl", np.int64), ("act", np.int64),
     ("scale", float), ("offset", float), ("stiffness", float), ("lower", float), ("upper", float),
     ("act_lower", float), ("act_upper", float),
 ])  # fmt: skip
-# A degree of freedom: the arm's joint that it belongs to or -1, its speed at a rate of 1 of that, and whether
-# the actuators compensate its gravity.
+# A degree of freedom: its joint of the arm or -1, its speed at unit rate of that joint, and whether the
+# actuators compensate its gravity.
 _FREEDOM = np.dtype([("joint", np.int64), ("ratio", float), ("is_balanced", np.int64)])
 
 
@@ -55,14 +55,14 @@ def read_joints(world: Record, out: Record, state: Array, force: Array) -> None:
 
 @compiled
 def ask(world: Record, out: Record, state: Array) -> None:
-    """Keep what the joints shall do; `tell_drives` does the rest. The status tells of the last controls."""
+    """Remember the command of the joints; `tell_drives` does the rest. The status is of the last controls."""
     choose_acceleration(world, out, state)
     out.status |= world.clamped
 
 
 @compiled
 def speed_of(world: Record, first: int, count: int, freedoms: Record, dofs: Array, moment: Array) -> float:
-    """Return the speed of a drive at the rates that are sent."""
+    """Return the speed of an actuator at the rates that were sent."""
     speed = 0.0
     for e in range(first, first + count):
         freedom = freedoms[dofs[e]]
@@ -73,7 +73,7 @@ def speed_of(world: Record, first: int, count: int, freedoms: Record, dofs: Arra
 
 @compiled
 def within(world: Record, drive: Record, control: float, limited: int) -> float:
-    """Return a control within its range, and note which status it is if it was not."""
+    """Return a control within its range, and note the status bit if it was outside."""
     if drive.lower <= control <= drive.upper:
         return control
     world.clamped |= limited
@@ -93,17 +93,17 @@ def tell_drives(
 ) -> None:
     """Set the controls of servos.
 
-    A position servo is told the integral of the rates, which stops at the end of its range. Others are told
-    the rates.
+    A position servo gets the integral of the rates, which stops at the end of its range. The others get the
+    rates.
 
     Args:
         worlds: World records with the rates that were sent, (w,).
         state: MuJoCo's state rows, (w, nstate); controls are written.
-        drives: Of the model, (d,).
+        drives: Actuators of the model, (d,).
         freedoms: Its degrees of freedom, (nv,).
         moment: Moments of actuators, the entries of their sparse rows, (w, e).
         first: First entry of each, (w, outputs).
-        count: How many entries each has, (w, outputs).
+        count: Number of entries of each, (w, outputs).
         dofs: The degree of freedom of each entry, (w, e).
     """
     for w in range(worlds.shape[0]):
@@ -130,7 +130,7 @@ def tell_drives(
 
 @compiled
 def factorize(R: Array, count: int, n: int, N: Array) -> None:
-    """Write the Cholesky factor of Rᵀ R; its diagonal is infinite where no drive moves a joint alone."""
+    """Write the Cholesky factor of Rᵀ R; its diagonal is infinite where no actuator moves a joint alone."""
     for i in range(n):
         for j in range(i + 1):
             N[i, j] = 0.0
@@ -147,16 +147,16 @@ def factorize(R: Array, count: int, n: int, N: Array) -> None:
 
 @compiled
 def share_out(tau: Array, R: Array, count: int, n: int, N: Array, force: Array) -> None:
-    """Write the least forces f of drives that give the joints torques τ: Rᵀ f = τ, so f = R (Rᵀ R)⁻¹ τ.
+    """Write the smallest forces f that give the joints torques τ: Rᵀ f = τ, so f = R (Rᵀ R)⁻¹ τ.
 
-    Joints that no drive moves get none.
+    Joints without an actuator get none.
 
     Args:
-        tau: Torques, (n,); written over.
+        tau: Torques, (n,); overwritten.
         R: Moments, (d, n).
-        count: How many drives there are.
-        n: How many joints.
-        N: Of use for nothing else, (n, n).
+        count: Number of actuators.
+        n: Number of joints.
+        N: Scratch, (n, n).
         force: Forces, (d,), written.
     """
     factorize(R, count, n, N)
@@ -188,24 +188,24 @@ def tell_motors(
 ) -> None:
     """Set the controls of motors: their forces give tau = M qddot + bias − passive [Luh80].
 
-    What actuators compensate of gravity is taken off. Joints that are not the arm's are taken to be at rest.
+    Gravity compensation by the actuators is subtracted. Joints that are not the arm's are assumed at rest.
 
     Args:
         worlds: World records with the wanted acceleration, (w,).
-        state: As `tell_drives` has it, and so are those up to `dofs`.
-        drives: Of the model, (d,).
+        state: This and the arguments up to `dofs` are as in `tell_drives`.
+        drives: Actuators of the model, (d,).
         freedoms: Its degrees of freedom, (nv,).
         moment: Moments of actuators.
         first: First entry of each.
-        count: How many it has.
-        dofs: Of each entry.
+        count: Number of entries of each.
+        dofs: The degree of freedom of each entry.
         qfrc_bias: Gravity and velocity forces, (w, nv).
-        qfrc_passive: Springs, dampers and gravity compensation that is none of the actuators', (w, nv).
+        qfrc_passive: Springs, dampers and gravity compensation that the actuators do not provide, (w, nv).
         qfrc_gravcomp: Gravity compensation, (w, nv).
         mass: Joint-space inertia, the entries of its lower triangle, (w, nM).
-        mass_entries: Of each entry that is needed: row, column and index, (e, 3).
-        R: Room for moments, (d, n).
-        N: Room for their products, (n, n).
+        mass_entries: Row, column and index of each entry that is used, (e, 3).
+        R: Scratch for moments, (d, n).
+        N: Scratch for their products, (n, n).
     """
     tau, force = np.zeros(N.shape[0]), np.zeros(R.shape[0])
     for w in range(worlds.shape[0]):
@@ -234,7 +234,7 @@ def tell_motors(
 
 @compiled
 def loads(world: Record, freedoms: Record, bias: Array, passive: Array, gravcomp: Array, tau: Array) -> None:
-    """Write what the drives bear at the arm's joints, but for inertia: bias − passive."""
+    """Write the load of the actuators at the arm's joints without inertia: bias − passive."""
     for j in range(world.n):
         tau[j] = 0.0
     for dof in range(freedoms.shape[0]):
@@ -246,7 +246,7 @@ def loads(world: Record, freedoms: Record, bias: Array, passive: Array, gravcomp
 
 @compiled
 def dense(n: int, first: int, count: int, freedoms: Record, dofs: Array, moment: Array, row: Array) -> None:
-    """Write the moments of a drive at the arm's joints, (n,)."""
+    """Write the moments of an actuator at the arm's joints, (n,)."""
     for j in range(n):
         row[j] = 0.0
     for e in range(first, first + count):
@@ -278,25 +278,26 @@ def settle(
     R: Array,
     N: Array,
 ) -> None:
-    """Set controls and activations that are NaN to those that hold the arm, within their ranges.
+    """Replace controls and activations that are NaN by values that hold the arm, within their ranges.
 
-    The forces are the least that bear what the joints bear at rest. A rate servo bears nothing at rest.
+    The forces are the smallest that balance the load of the joints at rest. A rate servo gives no force at
+    rest.
 
     Args:
         worlds: World records, (w,).
-        state: As `tell_motors` has it, and so are the others.
-        drives: Of the model, (d,).
+        state: This and the others are as in `tell_motors`.
+        drives: Actuators of the model, (d,).
         freedoms: Its degrees of freedom, (nv,).
         moment: Moments of actuators.
         first: First entry of each.
-        count: How many it has.
-        dofs: Of each entry.
+        count: Number of entries of each.
+        dofs: The degree of freedom of each entry.
         length: Lengths of actuators, (w, outputs).
         qfrc_bias: Gravity and velocity forces.
-        qfrc_passive: Springs, dampers and gravity compensation that is none of the actuators'.
+        qfrc_passive: Springs, dampers and gravity compensation that the actuators do not provide.
         qfrc_gravcomp: Gravity compensation.
-        R: Room for moments, (d, n).
-        N: Room for their products, (n, n).
+        R: Scratch for moments, (d, n).
+        N: Scratch for their products, (n, n).
     """
     tau, force = np.zeros(N.shape[0]), np.zeros(R.shape[0])
     for w in range(worlds.shape[0]):
@@ -314,7 +315,7 @@ def settle(
 
 @compiled
 def settle_drive(drive: Record, state: Array, length: float, force: float) -> None:
-    """Set control and activation of a drive, if they are NaN, to those at which it gives a force at rest."""
+    """Set NaN in the control and activation of an actuator to values at which it gives a force at rest."""
     control = drive.offset
     if drive.kind == MOTOR:
         control += drive.scale * force
@@ -333,8 +334,8 @@ def settle_drive(drive: Record, state: Array, length: float, force: float) -> No
 class Model(Physical):
     """The actuators of the model as they are, with its integrator, timestep and gravity compensation.
 
-    It knows what the torque plant knows: where there is more, a second batch of MuJoCo's computes for motors
-    what is known, from the same states.
+    It has the knowledge of the torque plant. Where the arm has more, a second MuJoCo batch computes the known
+    dynamics for motors from the same states.
     """
 
     name, drives = "model", ("actuators", "")
@@ -355,12 +356,12 @@ class Model(Physical):
 
     @property
     def gravity_apart(self) -> Array:
-        """0 of the joints whose gravity the actuators compensate: their forces have it."""
+        """0 for joints whose gravity the actuators compensate: their forces include it."""
         return np.where(self.arm.model.jnt_actgravcomp[self.arm.wiring.joint], 0.0, 1.0)
 
     @classmethod
     def drive(cls, plants: Sequence[Self]) -> Own:
-        """Return that the drives are the author's."""
+        """Return the marker for the model's own actuators."""
         del plants
         return "own"
 
@@ -370,7 +371,7 @@ class Model(Physical):
         world["bandwidth"] = self.section.bandwidth
 
     def assumed(self) -> Iterator[Assumed]:
-        """Yield a timestep and gravity compensation that are not the model's, and idle actuators."""
+        """Yield a timestep and gravity compensation that differ from the model's, and idle actuators."""
         own, drives = float(self.arm.model.opt.timestep), self.arm.drives
         if self.timestep != own:
             why = "" if self.section.timestep else f", to divide the control period of {self.period:g} s"
@@ -382,7 +383,7 @@ class Model(Physical):
 
     @classmethod
     def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps:
-        """Return what tells the drives of worlds what to do; the first time, it settles them."""
+        """Return a function that sets the controls of worlds; its first call settles the actuators."""
         model, batch, drives = wired.model, wired.batch, plants[0].arm.drives
         table, freedoms = _drives(model, drives.kinds), _freedoms(model, *drives.joint_of)
         room = np.zeros((len(table), plants[0].arm.n)), np.zeros((plants[0].arm.n,) * 2)
@@ -413,7 +414,7 @@ class Model(Physical):
         return before
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield joints that no drive of the model's moves, and what no such plant can do."""
+        """Yield joints that no actuator of the model moves, and features that such plants lack."""
         yield from super().misfits()
         arm = self.arm
         if undriven := arm.drives.undriven(arm.configuration("home")):
@@ -428,7 +429,7 @@ class Model(Physical):
 
 
 def _drives(model: mujoco.MjModel, kinds: dict[int, DriveKind]) -> NDArray[np.void]:
-    """Return the drives of a model as compiled code reads them, (d,)."""
+    """Return the actuators of a model for compiled code, (d,)."""
     table = np.zeros(len(kinds), _DRIVE)
     for row, (i, kind) in zip(table, kinds.items(), strict=True):
         gain, (b0, b1, b2) = model.actuator_gainprm[i, 0], model.actuator_biasprm[i, :3]
@@ -450,12 +451,12 @@ def _drives(model: mujoco.MjModel, kinds: dict[int, DriveKind]) -> NDArray[np.vo
 
 
 def _is_disabled(model: mujoco.MjModel) -> bool:
-    """Return whether a model's option has MuJoCo clamp no controls."""
+    """Return whether an option of the model keeps MuJoCo from clamping controls."""
     return bool(model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_CLAMPCTRL)
 
 
 def _freedoms(model: mujoco.MjModel, joint: NDArray[np.int64], ratio: Array) -> NDArray[np.void]:
-    """Return the degrees of freedom of a model as compiled code reads them, (nv,)."""
+    """Return the degrees of freedom of a model for compiled code, (nv,)."""
     table = np.zeros(model.nv, _FREEDOM)
     table["joint"], table["ratio"] = -1, 0.0
     table["joint"][: len(joint)], table["ratio"][: len(ratio)] = joint, ratio
@@ -476,7 +477,7 @@ def _mass_entries(model: mujoco.MjModel, freedoms: NDArray[np.void]) -> NDArray[
 
 
 def _fill_history(model: mujoco.MjModel, batch: Batch) -> None:
-    """Have delayed drives begin as if their first controls had always been theirs."""
+    """Fill the history of delayed actuators with their first controls."""
     delayed = [i for i in range(model.nactuator) if model.actuator_history[i, 0] > 0]
     if not delayed:
         return

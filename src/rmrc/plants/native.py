@@ -1,7 +1,7 @@
 """MuJoCo's C batch, through which one call runs many ticks of a world: Python's own batch cannot do that.
 
-A function of ours is run on the data of each world (mjb_apply): no global callback is needed, and an error of
-the engine ends its own world. Where MuJoCo keeps what of that data is looked up in data of the same model.
+mjb_apply runs a function of this package on the data of each world: no global callback is needed, and an
+error of the engine ends only its own world. The offsets in that data are found in data of the same model.
 """
 
 import ctypes
@@ -20,7 +20,7 @@ from rmrc.plants.wiring import column
 
 _POINTER, _INT, _TEXT, _FLAG = ctypes.c_void_p, ctypes.c_int, ctypes.c_char_p, ctypes.c_bool
 _SIZES = ctypes.POINTER(_INT)
-# What of MuJoCo's C interface is called from here, with its arguments and its result.
+# The functions of MuJoCo's C interface that are called here, with their arguments and results.
 _CALLED: dict[str, tuple[Any, list[Any]]] = {
     "mjb_makeBatch": (_POINTER, [_POINTER, _INT, _POINTER, _TEXT, _INT]),
     "mjb_deleteBatch": (None, [_POINTER]),
@@ -35,12 +35,12 @@ _CALLED: dict[str, tuple[Any, list[Any]]] = {
     "mjb_step": (_INT, [_POINTER, _POINTER, _INT, _INT, _INT]),
     "mjb_apply": (_INT, [_POINTER, _POINTER, _INT, _POINTER, _POINTER, _FLAG]),
 }
-# Without that of the clock, which the Python package installs.
+# Without the callback of the clock, which the Python package installs.
 _CALLBACKS = ("passive", "control", "contactfilter", "sensor", "act_dyn", "act_gain", "act_bias")
 _WARNINGS = len(mujoco.mjtWarning.__members__) - 1  # the last is their number
 
-# Fields of MjData that a tick reads. Each begins at an address of its own in the model that they are looked
-# up in, where none is empty.
+# Fields of MjData that a tick reads. In the model that is used to find their addresses none is empty, so each
+# has an address of its own.
 FIELDS = (
     "qpos", "site_xpos", "site_xquat", "xanchor", "xaxis", "actuator_force", "qfrc_actuator", "qfrc_gravcomp",
 )  # fmt: skip
@@ -70,7 +70,7 @@ def library() -> ctypes.CDLL:
 
 
 def function_at(name: str) -> int:
-    """Return the address of a function of MuJoCo's."""
+    """Return the address of one of MuJoCo's functions."""
     return int(ctypes.cast(getattr(library(), name), _POINTER).value or 0)
 
 
@@ -80,14 +80,14 @@ def _callbacks() -> list[ctypes.c_void_p]:
 
 
 def has_callbacks() -> bool:
-    """Return whether somebody installed a callback of MuJoCo's, in C or in Python."""
+    """Return whether a callback of MuJoCo is installed, in C or in Python."""
     return any(pointer.value for pointer in _callbacks())
 
 
 def serves(model: mujoco.MjModel) -> bool:
     """Return whether `Native` can run worlds of a model: `offsets` holds for it, and there are no callbacks.
 
-    MuJoCo's own batch knows how to call these.
+    MuJoCo's own batch can call these.
     """
     where = offsets()
     if not where or has_callbacks():
@@ -102,16 +102,16 @@ def serves(model: mujoco.MjModel) -> bool:
 
 @cache
 def offsets() -> dict[str, int]:
-    """Return where in an MjData the pointers to FIELDS are, and its warnings [B]; nothing if that is unsure.
+    """Return the offsets in MjData of the pointers to FIELDS, and of its warnings [B]; none if unsure.
 
-    They are looked up in live data: reading MuJoCo's own description takes longer.
+    They are found in live data: reading MuJoCo's own description takes longer.
     """
     try:
         library()
         data = mujoco.MjData(mujoco.MjModel.from_xml_string(_LOOKED_UP))
         data.warning[0].lastinfo, data.warning[0].number = 0x5EA1, 0x0DD5
         sought = {0x5EA1 | 0x0DD5 << 32: "warning"} | {_address(data, name): name for name in FIELDS}
-        # the whole buffer begins where qpos does, and comes first: of equal words the last is meant
+        # the whole buffer begins where qpos does, and comes first: of equal words the last is the right one
         words = _words(data)
         found = {name: np.flatnonzero(words == word)[-1:] for word, name in sought.items()}
         if len(found) == len(FIELDS) + 1 and all(map(len, found.values())):
@@ -139,10 +139,10 @@ def _address(data: mujoco.MjData, name: str) -> int:
 
 
 class Native:
-    """Worlds of one model; the names are those of `mujoco.batch.Batch`, of which this has what blocks need.
+    """Worlds of one model, with the parts of `mujoco.batch.Batch` that blocks need, under the same names.
 
     Attributes:
-        data: Data of the model, for shapes and places; no world's.
+        data: Data of the model, for shapes and offsets; it belongs to no world.
         state: MuJoCo's state rows, (w, nstate).
         warning: Its warning counters, (w, 7, 2).
     """
@@ -151,7 +151,7 @@ class Native:
         """Make some worlds of a copy of a model.
 
         Raises:
-            ValueError: MuJoCo does not, with what it says.
+            ValueError: MuJoCo refuses, with its reason.
         """
         why = ctypes.create_string_buffer(1000)
         config = _Config(1, True)
@@ -169,7 +169,7 @@ class Native:
         self._status = self._view(self._library.mjb_status(made), np.int32)
 
     def _view(self, address: int, kind: Any, *shape: int) -> NDArray[Any]:
-        """Return an array over the batch's own memory, (w, *shape), which is there as long as the batch."""
+        """Return a view of the batch's own memory, (w, *shape), valid as long as the batch."""
         dtype, whole = np.dtype(kind), (self._count, *shape)
         memory = (ctypes.c_char * (int(np.prod(whole)) * dtype.itemsize)).from_address(address)
         return np.frombuffer(memory, dtype).reshape(whole)
@@ -191,7 +191,7 @@ class Native:
         self._check(None, self._library.mjb_setConst(self._made, None, 0))
 
     def reset(self, stage: int) -> None:
-        """Begin again with the model's defaults."""
+        """Reset to the model's defaults."""
         self._check(None, self._library.mjb_reset(self._made, None, 0, None, int(stage)))
 
     def step(self, ids: NDArray[np.intp] | None, steps: int, stage: int) -> None:
@@ -205,7 +205,7 @@ class Native:
         self._check(chosen, self._library.mjb_step(*about))
 
     def apply(self, ids: NDArray[np.intp], function: int, given: int) -> None:
-        """Run a C function on some worlds, given an address for its last argument, and keep their states.
+        """Run a C function on some worlds with an address as its last argument, and keep their states.
 
         Raises:
             SimulationError: MuJoCo raised an error in some of them.
@@ -215,7 +215,7 @@ class Native:
         self._check(chosen, self._library.mjb_apply(*about))
 
     def error(self, world: int) -> str:
-        """Return what MuJoCo said of a world in the last call, or nothing."""
+        """Return MuJoCo's message about a world in the last call, or an empty text."""
         return str(self._library.mjb_error(self._made, world).decode(errors="replace"))
 
     def _check(self, ids: NDArray[np.int32] | None, failed: int) -> None:
@@ -225,5 +225,5 @@ class Native:
             raise SimulationError(wrong, self.error(int(wrong[0])), len(chosen))
 
     def place(self, component: str) -> int:
-        """Return where a component of the state begins in a world's data, in numbers from `qpos` on."""
+        """Return the offset of a component of the state in a world's data, in numbers from `qpos` on."""
         return (_address(self.data, component.lower()) - _address(self.data, "qpos")) // 8

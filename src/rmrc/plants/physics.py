@@ -1,4 +1,4 @@
-"""What plants have in common that MuJoCo steps: gravity, a payload, a wrench, and what drives measure."""
+"""The common part of plants that MuJoCo steps: gravity, a payload, a wrench, and the actuators' sensors."""
 
 import math
 from abc import abstractmethod
@@ -16,14 +16,14 @@ from rmrc.law.record import JOINTS, Field
 from rmrc.plants.plant import Assumed, Plant
 from rmrc.support.legible import listed
 
-# Ten billion steps of MuJoCo are a day of a small arm on one core: more is a slip of a unit.
+# Ten billion steps of MuJoCo are a day of a small arm on one core: more is an error of units.
 MOST_STEPS = 10_000_000_000
-# So short a step [s] changes no position of an arm by a bit; gains of inertia over timestep are finite.
+# A step this short [s] changes no position of an arm by a bit; gains of inertia over timestep stay finite.
 _SHORTEST_STEP = 1e-12
-# MuJoCo's own, which a model has that says nothing [s].
+# MuJoCo's own, for a model that names none [s].
 _UNSAID_TIMESTEP = 0.002
 
-# Flags of a model's option without which there is no friction of a kind.
+# Flags of a model's option without which a kind of friction is absent.
 _LEFT_OUT = {
     "coulomb": int(mujoco.mjtDisableBit.mjDSBL_FRICTIONLOSS | mujoco.mjtDisableBit.mjDSBL_CONSTRAINT),
     "viscous": int(mujoco.mjtDisableBit.mjDSBL_DAMPER),
@@ -68,7 +68,7 @@ class Physical(Plant):
         Field("gravity_apart", size=(JOINTS,)),
     )  # fmt: skip
     stage = mujoco.mjtStage.mjSTAGE_VEL
-    drives: ClassVar[tuple[str, str]]  # what they are called, and the kind of actuator that they are
+    drives: ClassVar[tuple[str, str]]  # their name in messages, and the kind of the actuators
 
     @classmethod
     @abstractmethod
@@ -92,23 +92,23 @@ class Physical(Plant):
 
     @property
     def rubs(self) -> bool:
-        """Whether there is friction that no compensation knows of."""
+        """Whether there is friction that no compensation includes."""
         friction = self.section.friction
         return bool(np.any(friction.coulomb) or np.any(friction.viscous))
 
     @property
     def has_secrets(self) -> bool:
-        """Whether the arm is another than computed torque takes it for."""
+        """Whether the arm differs from the one that computed torque assumes."""
         return self.is_loaded or self.rubs or bool(self.section.stretch)
 
     @property
     def gravity_apart(self) -> Array:
-        """1 of joints whose `tau` is without gravity compensation, 0 of those whose `tau` has it, (n,)."""
+        """1 for joints whose `tau` excludes gravity compensation, 0 for those where it is included, (n,)."""
         return np.ones(self.arm.n)
 
     @property
     def shares(self) -> Hashable:
-        """What worlds must have in common: besides the arm their steps, and a body where a payload goes."""
+        """The common properties of worlds: besides the arm, their steps, and a body for a payload."""
         section = self.section
         return super().shares, self.timestep, section.is_compensated, self.substeps, self.is_loaded
 
@@ -126,18 +126,18 @@ class Physical(Plant):
         return fields | rubbed_fields(model, wiring.dof, friction.coulomb, friction.viscous)
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
-        """Return what is different and no secret: all but payload, friction and lengths that nobody knows."""
+        """Return the known differences: all except payload, friction and unknown lengths."""
         gravity = self.section.gravity
         fields = super().known(model, wiring)
         return fields if gravity is None else fields | {"opt.gravity": np.array(gravity)}
 
     def write(self, world: np.void) -> None:
-        """Write the wrench, the limits of the drives, and where they have no part in gravity compensation."""
+        """Write the wrench, the actuators' limits, and the joints whose gravity they do not compensate."""
         world["wrench"], world["torque_limit"][: self.arm.n] = self.section.wrench, self.arm.torque_limit
         world["gravity_apart"][: self.arm.n] = self.gravity_apart
 
     def assumed(self) -> Iterator[Assumed]:
-        """Yield actuators that it replaces, and what of options and gravity is not the model's."""
+        """Yield actuators that it replaces, and options and gravity that differ from the model's."""
         model, section = self.arm.model, self.section
         for kind, names in self._replaced().items():
             text = f"{self.drives[0]} take the place of {kind} actuators: {listed(names)}"
@@ -164,7 +164,7 @@ class Physical(Plant):
         return found
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield friction that the model has MuJoCo leave out."""
+        """Yield friction that an option of the model disables."""
         option, friction = self.arm.model.opt, self.section.friction
         for name, flag in _LEFT_OUT.items():
             if np.any(getattr(friction, name)) and option.disableflags & flag:
@@ -174,7 +174,7 @@ class Physical(Plant):
                 )
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
-        """Yield what is wrong with the steps of a run of so many control ticks."""
+        """Yield misfits of the steps of a run of this many control ticks."""
         timestep, steps = self.timestep, ticks * float(self.substeps)
         if steps > MOST_STEPS:
             yield (

@@ -1,8 +1,8 @@
-"""What a plant is: what turns commanded rates into motion, and what it asks of MuJoCo for that.
+"""The interface of plants: how they turn commanded rates into motion, and which parts of MuJoCo they use.
 
-A plant is declared in `rmrc.scenario.choices.PLANTS`, and done by the module of its name here: by two
-compiled functions, which a tick calls before and after the law, and by a class of `Plant`, of which every
-world has an object. `rmrc.plants.kinds` finds it by its name.
+A plant is declared in `rmrc.scenario.choices.PLANTS` and implemented by the module of its name here: by two
+compiled functions, which a tick calls before and after the law, and by a class of `Plant`, with one object
+per world. `rmrc.plants.kinds` finds it by its name.
 """
 
 from abc import ABC, abstractmethod
@@ -22,23 +22,23 @@ from rmrc.law.record import Field
 from rmrc.scenario import PlantSection
 from rmrc.scenario.choices import PLANTS
 
-# Fields of MuJoCo's model that one world has different, whole, by their names.
+# Fields of MuJoCo's model that differ in one world, whole, by their names.
 Difference: TypeAlias = Mapping[str, Array]
 
-# Called before MuJoCo steps, with the numbers of the worlds that it will step, or None for all.
+# Called before MuJoCo steps, with the numbers of the worlds to step, or None for all.
 BeforeSteps: TypeAlias = Callable[[NDArray[np.intp] | None], None]
 
 
 @dataclass(frozen=True, eq=False)
 class Wired:
-    """Worlds that are stepped together, as a plant finds them.
+    """Worlds that are stepped together, as a plant sees them.
 
     Attributes:
-        model: What they share.
-        wiring: Of the arm in it.
+        model: The model that they share.
+        wiring: Wiring of the arm in it.
         worlds: Their records, (w,).
         batch: MuJoCo's part.
-        take: Returns another batch of the same worlds, each with differences of its own.
+        take: Returns another batch of the same worlds, each with its own differences.
     """
 
     model: mujoco.MjModel
@@ -49,11 +49,11 @@ class Wired:
 
 
 class Assumed(NamedTuple):
-    """What a run has otherwise than the model's author wrote it.
+    """A deviation of a run from the model as its author wrote it.
 
     Attributes:
-        text: In words.
-        is_otherwise: Whether the author chose something else, or nothing.
+        text: Description.
+        is_otherwise: Whether the author chose a different value, rather than none.
     """
 
     text: str
@@ -61,22 +61,22 @@ class Assumed(NamedTuple):
 
 
 class Plant(ABC):
-    """What obeys the rates of one world.
+    """The plant of one world, which obeys the rates.
 
     Attributes:
-        section: What the scenario says of it.
-        arm: What is to be moved.
+        section: The section `plant` of the scenario.
+        arm: The arm that it moves.
         period: Control period [s].
-        name: As it is declared.
+        name: Its declared name.
         sense: Compiled, (world, out, state, force): writes `out.q`, `out.qdot` and `out.tau`, from MuJoCo's
             state row and the forces of the last step.
-        obey: Compiled, (world, out, state): brings `world.qdot_sent` into MuJoCo's state row.
-        fields: Of the record of a world, those that `write` writes.
-        memory: Those that the compiled functions keep for themselves, 0 at first.
-        forces: The field of MjData that `sense` gets for the forces of the last step.
-        stage: How far MuJoCo computes what follows from a new state: all that `sense` reads is fresh.
-        batches: How many of MuJoCo's it takes at most.
-        works_between: Whether `before_steps` returns anything: then MuJoCo's loop is left at each tick.
+        obey: Compiled, (world, out, state): writes `world.qdot_sent` into MuJoCo's state row.
+        fields: Fields of a world's record that `write` writes.
+        memory: Fields that the compiled functions keep for themselves, 0 at first.
+        forces: The field of MjData with the forces of the last step for `sense`.
+        stage: How far MuJoCo computes the consequences of a new state, until all input of `sense` is current.
+        batches: Largest number of MuJoCo batches that it takes.
+        works_between: Whether `before_steps` returns anything: then MuJoCo's loop ends after each tick.
     """
 
     name: ClassVar[str]
@@ -93,8 +93,8 @@ class Plant(ABC):
         """Bind it to a world.
 
         Args:
-            section: What the scenario says of it.
-            arm: What is to be moved.
+            section: The section `plant` of the scenario.
+            arm: The arm that it moves.
             period: Control period [s].
         """
         self.section, self.arm, self.period = section, arm, period
@@ -106,43 +106,43 @@ class Plant(ABC):
 
     @property
     def compensates(self) -> bool:
-        """Whether its drives take damping and dry friction of the joints out."""
+        """Whether its actuators compensate damping and dry friction of the joints."""
         return False
 
     @property
     @abstractmethod
     def substeps(self) -> int:
-        """MuJoCo's steps in a control period; 0 where it computes kinematics and nothing else."""
+        """MuJoCo's steps in a control period; 0 where it only computes kinematics."""
 
     @property
     def stretch(self) -> Mapping[str, float]:
-        """Factors on the lengths of bodies as they are, by name: what the law knows times the rest."""
+        """Factors on the true lengths of bodies, by name: the known factors times the unknown."""
         known, secret = self.arm.stretch, self.section.stretch
         return {name: known.get(name, 1.0) * secret.get(name, 1.0) for name in {**known, **secret}}
 
     @property
     def shares(self) -> Hashable:
-        """What worlds must have in common to be stepped together."""
+        """The common properties of worlds that are stepped together."""
         arm = self.arm
         return self.section.kind, arm.path, arm.site, arm.joints, arm.variant, arm.frees_others
 
     @classmethod
     @abstractmethod
     def model(cls, plants: Sequence[Self]) -> mujoco.MjModel:
-        """Return the model that worlds share, one or more: see `Arm.adapted`."""
+        """Return the model that one or more worlds share: see `Arm.adapted`."""
 
     def difference(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
-        """Return what this world has different from the model that it shares with others.
+        """Return the differences of this world from the model that it shares with others.
 
         Args:
-            model: As `model` returned it.
-            wiring: Of the arm in it.
+            model: The model, as `model` returned it.
+            wiring: Wiring of the arm in it.
         """
         fields = self.known(model, wiring)
         return fields | stretched_fields(model, self.stretch) if self.section.stretch else fields
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
-        """Return what of the difference is no secret."""
+        """Return the known part of the differences."""
         del wiring
         return stretched_fields(model, self.arm.stretch)
 
@@ -151,19 +151,19 @@ class Plant(ABC):
 
     @classmethod
     def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps | None:
-        """Return what is to be done before MuJoCo steps these worlds, or None if nothing is."""
+        """Return a function to call before MuJoCo steps these worlds, or None."""
         del plants, wired
         return None
 
     def assumed(self) -> Iterator[Assumed]:
-        """Yield what it has otherwise than the model."""
+        """Yield its deviations from the model."""
         yield from ()
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield key and message of what it cannot do with this arm."""
+        """Yield key and message of each feature that it lacks or that does not fit this arm."""
         yield from ()
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
-        """Yield key and message of what is too much in a run of so many control ticks."""
+        """Yield key and message of each excess in a run of this many control ticks."""
         del ticks
         yield from ()

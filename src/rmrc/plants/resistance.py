@@ -1,4 +1,4 @@
-"""What joints resist motion with, damping and dry friction, as drives take it out again."""
+"""Joint resistance, damping and dry friction, as the actuators compensate it."""
 
 from typing import Any
 
@@ -41,14 +41,15 @@ def write_resistance(
 ) -> None:
     """Write these fields of the records of a batch.
 
-    What follows a joint, as the slide of a screw, resists with its own damping and friction, by its ratio.
+    A follower of a joint, such as the slide of a screw, resists with its own damping and friction, by its
+    ratio.
 
     Args:
         worlds: The records, (w,).
-        model: That the worlds share.
-        wiring: Of the arm in it.
-        arm: In it.
-        compensates: Whether the drives of each world take resistance out, (w,).
+        model: The model that the worlds share.
+        wiring: Wiring of the arm in it.
+        arm: The arm.
+        compensates: Whether the actuators of each world compensate resistance, (w,).
     """
     damping = np.column_stack([model.dof_damping, model.dof_dampingpoly])
     if model.opt.disableflags & mujoco.mjtDisableBit.mjDSBL_DAMPER:
@@ -68,7 +69,7 @@ def write_resistance(
 
 
 def _friction(model: mujoco.MjModel) -> tuple[NDArray[np.float64], ...]:
-    """Return loss, I and b of each degree of freedom, (nv,) each, as MuJoCo itself has them."""
+    """Return loss, I and b of each degree of freedom, (nv,) each, by MuJoCo's definitions."""
     loss, inertia, decay = np.zeros((3, model.nv))
     if model.dof_frictionloss.any():
         data = mujoco.MjData(model)

@@ -1,7 +1,7 @@
-"""How drives follow what arrives, whatever the plant: with a lag, or as something that swings.
+"""The response of actuators to their commands, for any plant: a lag, or an oscillation.
 
-Each is a linear filter of one joint's rates, exact for a command that is constant during a tick; the plant is
-told the mean of the filtered rate over the tick, so that one which integrates goes exactly as far.
+Each is a linear filter of one joint's rates, exact for a command that is constant during a tick. The plant
+gets the mean of the filtered rate over the tick, so that a plant that integrates moves exactly as far.
 """
 
 import math
@@ -14,17 +14,17 @@ from rmrc.law.record import JOINTS, Field
 from rmrc.plants.stage import Stage
 from rmrc.scenario.choices import PLANTS
 
-# Ticks of a lag within which a joint does not move to speak of.
+# After this many ticks of a lag a joint has not moved noticeably.
 _ALWAYS = 2.0**52
 
-# Beyond these shares of the control rate a frequency is a slip of a unit: swings of 100,000 ticks, and a
-# thousand swings in one. More damping is a lag. Within them `oscillator` is off by 1e-11 at most.
+# Beyond these shares of the control rate a frequency is an error of units: oscillations of 100,000 ticks, and
+# a thousand oscillations in one. More damping is a lag. Within them `oscillator` is off by at most 1e-11.
 _SLOWEST, _FASTEST, _MOST_DAMPED = 1e-5, 1e3, 10.0
 
 
 @compiled
 def lag_behind(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
-    """Follow u, what arrived, by lag · dy/dt = u − y: the plant is told the mean of y."""
+    """Follow the arriving rate u by lag · dy/dt = u − y; the plant gets the mean of y."""
     for j in range(world.n):
         u = world.qdot_sent[j]
         behind = u - world.lagging[j]
@@ -57,13 +57,13 @@ class Lag(Stage):
         world["lags"], world["lag_step"][:n], world["lag_mean"][:n] = self.is_used, step, step * ticks
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield nothing: any lag will do."""
+        """Yield nothing: every lag is possible."""
         yield from ()
 
 
 @compiled
 def swing(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: ARG001 - as all
-    """Follow u, what arrived, by y" + 2ζω y' + ω² y = ω² u: the plant is told the mean of y.
+    """Follow the arriving rate u by y" + 2ζω y' + ω² y = ω² u; the plant gets the mean of y.
 
     The state is [y − u; y'/ω], each joint by itself.
     """
@@ -77,7 +77,7 @@ def swing(world: Record, out: Record, past: Record, t: int) -> None:  # noqa: AR
 
 
 class Resonance(Stage):
-    """Rates swing about what arrived: a drive with a spring in it."""
+    """Rates oscillate about the command, as with a spring in the actuator."""
 
     slot, uses, change = "sent", "swings", staticmethod(swing)
     fields = (Field("swings", np.int64), Field("swing_step", size=(2, 2)), Field("swing_mean", size=(2,)))
@@ -89,7 +89,7 @@ class Resonance(Stage):
         return self.scenario.plant.resonance.frequency is not None
 
     def write(self, world: np.void) -> None:
-        """Write the matrix of a step, and the row that makes the mean of a tick."""
+        """Write the matrix of a step, and the row that gives the mean of a tick."""
         world["swings"] = self.is_used
         resonance = self.scenario.plant.resonance
         if resonance.frequency is not None:
@@ -97,7 +97,7 @@ class Resonance(Stage):
             world["swing_step"], world["swing_mean"] = oscillator(angle, resonance.damping)
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield a plant that cannot swing, and numbers beyond reason."""
+        """Yield a plant without a mass to oscillate, and numbers beyond reason."""
         plant, period = self.scenario.plant, self.scenario.control.period
         frequency, damping = plant.resonance.frequency, plant.resonance.damping
         if frequency is None:
@@ -105,8 +105,8 @@ class Resonance(Stage):
         if not PLANTS[plant.kind].physics:
             yield (
                 "plant.resonance",
-                f'"{plant.kind}" has no mass that could swing; take one of {PLANTS.physical}, '
-                "or plant.lag instead",
+                f'"{plant.kind}" has no mass that could oscillate; choose from {PLANTS.physical}, '
+                "or use plant.lag instead",
             )
         least, most = _SLOWEST / period, _FASTEST / period
         if not least <= frequency <= most:
@@ -123,7 +123,7 @@ class Resonance(Stage):
 
 
 def oscillator(angle: float, damping: float) -> tuple[Array, Array]:
-    """Return what a tick does to x = [y; y'/ω] of y" + 2ζω y' + ω² y = 0: E x is its end, m x the mean of y.
+    """Return the effect of a tick on x = [y; y'/ω] of y" + 2ζω y' + ω² y = 0: its end E x, the mean m x of y.
 
     E = exp(ωT A) by its closed form, with A = [[0, 1], [−1, −2ζ]], and m the first row of A⁻¹ (E − I)/(ωT).
 

@@ -16,7 +16,7 @@ from rmrc.plants.resistance import damping_at, friction_at
 
 @compiled
 def tell_servos(world: Record, out: Record, state: Array) -> None:
-    """Tell the servos the rates, and what damping and friction take at these, as a rate of as much torque."""
+    """Command the rates to the servos, plus the torque of damping and friction at these rates, as a rate."""
     push(world, out, state)
     for j in range(world.n):
         rate = world.qdot_sent[j]
@@ -42,7 +42,7 @@ class RateServos:
 
 
 class Servo(Physical):
-    """Servos that are told the rates."""
+    """Servos that take rates."""
 
     name, drives = "servo", ("rate servos", "velocity")
     obey = staticmethod(tell_servos)
@@ -50,25 +50,25 @@ class Servo(Physical):
 
     @property
     def compensates(self) -> bool:
-        """Whether they are told what damping and dry friction of the joints take besides."""
+        """Whether their commands include the damping and dry friction of the joints."""
         return self.section.friction_compensation
 
     @property
     def kv(self) -> Array:
         """Gains, (n,) [N·m·s/rad or N·s/m].
 
-        Without a number of the scenario's it is inertia over timestep, with what a step of MuJoCo's takes
-        damping for: a rate error is then gone after one step. Less tracks worse, and much more makes servos
-        chatter when they reach their torque limits.
+        If the scenario gives no number, a gain is inertia over timestep plus the joint's damping, which
+        MuJoCo's step takes implicitly: a rate error then vanishes after one step. Lower gains track worse;
+        much higher ones make servos chatter at their torque limits.
         """
         kv, arm = self.section.kv, self.arm
         return arm.inertia / self.timestep + arm.damping if kv is None else np.full(arm.n, kv)
 
     @classmethod
     def drive(cls, plants: Sequence[Self]) -> RateServos:
-        """Return servos with the gains of all worlds if they have the same, and else ones.
+        """Return servos with the gains of all worlds if these are equal, or else with gains of 1.
 
-        So the model need not be compiled anew for other worlds whose gains differ.
+        The model is then not compiled again for other worlds with different gains.
         """
         gains = np.array([plant.kv for plant in plants])
         alike = (gains == gains[0]).all()
@@ -80,7 +80,7 @@ class Servo(Physical):
         world["kv"][: self.arm.n] = self.kv
 
     def known(self, model: mujoco.MjModel, wiring: Wiring) -> dict[str, Array]:
-        """Return what is different, the gains of this world's servos among it."""
+        """Return the known differences, including the gains of this world's servos."""
         gain, bias = np.array(model.actuator_gainprm), np.array(model.actuator_biasprm)
         gain[wiring.actuator, 0], bias[wiring.actuator, 2] = self.kv, -self.kv
         return super().known(model, wiring) | {"actuator_gainprm": gain, "actuator_biasprm": bias}

@@ -1,9 +1,9 @@
-"""What a stage is: what stands between law and plant, in the worlds that have it.
+"""The interface of stages: effects between law and plant, in the worlds that use them.
 
-A stage of the slot `sensed` changes what the law is told of the joints, `world.q` and `world.qdot`: the law
-then takes the arm to be there. One of the slot `sent` changes what the plant is told, `world.qdot_sent`. The
-truth is recorded, and what the law commanded; a stage may look back at it. A stage is a compiled function and
-a class of `Stage`, in a module that says what it stands for; `rmrc.plants.stages` has them in order.
+A stage of the slot `sensed` changes the joint state that the law gets, `world.q` and `world.qdot`, and the
+law takes the arm to be there. A stage of the slot `sent` changes the command that the plant gets,
+`world.qdot_sent`. The true state and the law's command are recorded; a stage may read past ones. A stage is a
+compiled function and a class of `Stage`, in a module of their own; `rmrc.plants.stages` lists them in order.
 """
 
 from abc import ABC, abstractmethod
@@ -16,7 +16,7 @@ from rmrc.arm import Arm
 from rmrc.law.record import Field
 from rmrc.scenario import Scenario
 
-# No run has so many ticks, and compiled code counts them in 64 bits.
+# No run has this many ticks, and compiled code counts them in 64 bits.
 _NEVER = 2.0**52
 # Decimal fractions such as 0.3/0.1 are off by some 1e-16: a whole number of ticks is one.
 _ROUNDING = 1e-9
@@ -26,12 +26,12 @@ class Stage(ABC):
     """A stage of one world.
 
     Attributes:
-        slot: Whether it changes what is sensed, before the law, or what is sent, after it.
-        uses: The field of a record that says whether its world has it.
-        change: Compiled, (world, out, past, t): does what it does at tick t, whose record is `out`; that of
-            an earlier tick k is `past[k % len(past)]`.
-        fields: Of the record of a world, those that `write` writes; `uses` is one of them.
-        memory: Those that `change` keeps for itself.
+        slot: Whether it changes the sensed state, before the law, or the command sent, after it.
+        uses: The field of a record that is set if its world uses the stage.
+        change: Compiled, (world, out, past, t): acts at tick t, whose record is `out`; the record of an
+            earlier tick k is `past[k % len(past)]`.
+        fields: Fields of a world's record that `write` writes, including `uses`.
+        memory: Fields that `change` keeps for itself.
     """
 
     slot: ClassVar[Literal["sensed", "sent"]]
@@ -44,15 +44,15 @@ class Stage(ABC):
         """Bind it to a world.
 
         Args:
-            scenario: Of the world.
-            arm: That it names.
+            scenario: Scenario of the world.
+            arm: The arm that it names.
         """
         self.scenario, self.arm = scenario, arm
 
     @property
     @abstractmethod
     def is_used(self) -> bool:
-        """Whether its world has it."""
+        """Whether its world uses it."""
 
     @property
     def moves_q(self) -> bool:
@@ -61,7 +61,7 @@ class Stage(ABC):
 
     @property
     def span(self) -> int:
-        """How many ticks back it looks."""
+        """Number of past ticks that it reads."""
         return 0
 
     @abstractmethod
@@ -70,26 +70,26 @@ class Stage(ABC):
 
     @abstractmethod
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield key and message of what it cannot do in this scenario."""
+        """Yield key and message of each feature that does not fit this scenario."""
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
-        """Yield key and message of what is too much in a run of so many control ticks."""
+        """Yield key and message of each excess in a run of this many control ticks."""
         del ticks
         yield from ()
 
 
 def in_ticks(time: float, period: float) -> float:
-    """Return a time [s] in ticks of a period [s]: a whole number where it is one but for rounding."""
+    """Return a time [s] in ticks of a period [s]: a whole number if it is one up to rounding."""
     ticks = min(time / period, _NEVER)
     return float(round(ticks)) if abs(ticks - round(ticks)) <= _ROUNDING * ticks else ticks
 
 
 def refuse_unseen(stage: Stage, key: str) -> Iterator[tuple[str, str]]:
-    """Yield what needs the law to see the arm as it is, for a key by which it does not.
+    """Yield features that need a law that senses the arm as it is, for a key that prevents this.
 
     Args:
-        stage: Which changes what is sensed.
-        key: That has it do so.
+        stage: The stage that changes the sensed state.
+        key: The key that enables it.
     """
     arm, nullspace = stage.arm, stage.scenario.control.nullspace
     sites = [arm.site]
@@ -98,6 +98,6 @@ def refuse_unseen(stage: Stage, key: str) -> Iterator[tuple[str, str]]:
     for joint in dict.fromkeys(joint for site in sites for joint in arm.idle_before(site)):
         yield (
             key,
-            f'joint "{joint}" of {arm.path} moves the site and is not driven, so that what the law believes '
-            f"does not say where the site is; drive it, or leave {key} out",
+            f'joint "{joint}" of {arm.path} moves the site and is not actuated, so the law cannot compute '
+            f"the pose of the site; actuate it, or leave {key} out",
         )

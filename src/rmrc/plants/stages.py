@@ -1,4 +1,4 @@
-"""Stages between law and plant in order: a tick passes those that its world has."""
+"""Stages between law and plant, in order: a tick applies those that its world uses."""
 
 from collections.abc import Callable
 
@@ -10,7 +10,7 @@ from rmrc.plants.response import Lag, Resonance
 from rmrc.plants.stage import Stage
 from rmrc.plants.transport import Transport
 
-# In the order in which they are passed.
+# In the order of their application.
 STAGES: tuple[type[Stage], ...] = (Encoders, Integral, Transport, Lag, Resonance, Backlash)
 
 

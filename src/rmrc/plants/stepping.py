@@ -1,7 +1,7 @@
 """Worlds of one arm under one plant, stepped together: the compiled tick, and MuJoCo's batch.
 
-Where nothing of ours in Python is needed between two ticks, many of them are one call: a block. Else each
-tick is one call, and each step of MuJoCo's another. Both have the same bits.
+Where no Python function of this package is needed between two ticks, one call does many of them: a block.
+Otherwise each tick is one call, and each of MuJoCo's steps another. Both give the same bits.
 """
 
 import time
@@ -28,7 +28,7 @@ from rmrc.support.pace import Pace
 
 
 class _Left(NamedTuple):
-    """What is left of a tick: steps of some worlds, by their numbers, before a tick."""
+    """The rest of a tick: remaining steps of some worlds, by their numbers, before a tick."""
 
     ids: NDArray[np.intp]
     steps: int
@@ -36,18 +36,18 @@ class _Left(NamedTuple):
 
 
 def has_others(wiring: Wiring, nq: int) -> bool:
-    """Return whether qpos, (nq,), is more than the positions of an arm's joints, or in another order."""
+    """Return whether qpos, (nq,), holds more than the positions of an arm's joints, or another order."""
     return not np.array_equal(wiring.qpos, np.arange(nq))
 
 
 def _keep_and(control: Callable[[int], int], positions: Array, kept: Array, t: int) -> int:
-    """Keep where all joints are, and do the tick."""
+    """Keep the positions of all joints, and do the tick."""
     kept[t % len(kept)] = positions
     return control(t)
 
 
 def _nothing(count: int) -> Array:
-    """Return no values of so many worlds, of the type of what MuJoCo computes."""
+    """Return no values for this many worlds, in the type of MuJoCo's fields."""
     nothing = np.empty((count, 0))
     nothing.flags.writeable = False
     return nothing
@@ -58,10 +58,10 @@ class Stepper:
 
     Attributes:
         worlds: Their records, (w,).
-        ticks: What was recorded last, (rows, w): tick t is in row t modulo rows.
-        positions: All of qpos beside them, (rows, w, nq); None where that is q in its order.
-        contacts: Of the arm; None where it can touch nothing.
-        done: Ticks finished so far.
+        ticks: The latest tick records, (rows, w): tick t is in row t modulo rows.
+        positions: All of qpos for these ticks, (rows, w, nq); None where qpos is q in its order.
+        contacts: Contacts of the arm; None where it can touch nothing.
+        done: Number of finished ticks.
     """
 
     def __init__(
@@ -77,14 +77,14 @@ class Stepper:
         """Wire the worlds to MuJoCo and set their start.
 
         Args:
-            plants: That of each world: of one class, and what they share is equal.
+            plants: The plant of each world: all of one class, with equal `shares`.
             worlds: Records with all parameters set, (w,); the wiring is written.
             qpos: Start, (w, nq).
             held: Controls and activations of the actuators that the model has before those of the plant,
                 (w, …) each.
             reference: Pose and twist of each reference at each tick, (r, ticks, 13).
-            ticks: Where the tick records go, (rows, w); with fewer rows than ticks, they are used again.
-            batches: Where MuJoCo's part comes from.
+            ticks: Target of the tick records, (rows, w); with fewer rows than ticks, rows are used again.
+            batches: Source of MuJoCo's part.
         """
         self.worlds = worlds
         self.ticks = ticks
@@ -121,7 +121,7 @@ class Stepper:
         batch = batches.take(model, differences)
         self._begin(batch, plants, qpos, held)
         write_wiring(worlds, model, wiring, plants, partial(column, model))
-        # bound before the first forward, so that it fills them
+        # bound before the first forward, which then fills them
         fields = ("site_xpos", "site_xquat", "xanchor", "xaxis", kind.forces)
         seen = [batch.bind(field) for field in fields]
         seen.append(batch.bind("qfrc_gravcomp") if is_compensated else _nothing(len(worlds)))
@@ -139,7 +139,7 @@ class Stepper:
     def _begin(
         self, batch: Batch | Native, plants: Sequence[Plant], qpos: Array, held: tuple[Array, Array]
     ) -> None:
-        """Have a batch begin where its worlds do."""
+        """Set a batch to the start of its worlds."""
         self._batch = batch
         self._lent.append(batch)
         batch.bind("qpos")[:] = qpos
@@ -156,16 +156,16 @@ class Stepper:
         return q if self.positions is None else self.positions[row : row + len(q), w]
 
     def advance(self, count: int, is_stopped: Callable[[], bool] = lambda: False) -> int:
-        """Run the next `count` ticks at most; return how many worlds still run.
+        """Run at most the next `count` ticks; return how many worlds still run.
 
-        It returns after a moment, so that one can look whether to stop, and at the last row of `ticks`, so
-        that no row is used twice in one call. After an exception, an interrupt among them, `done` says how
-        far it came.
+        It returns after a moment, so that the caller can check for a stop, and at the last row of `ticks`, so
+        that one call uses no row twice. After an exception, such as an interrupt, `done` is the number of
+        finished ticks.
 
         Args:
             count: Number of ticks.
-            is_stopped: Asked between two parts of a tick whose steps take longer than a moment; the next call
-                does what is left of them.
+            is_stopped: Called between two parts of a tick whose steps take longer than a moment; the next
+                call does the remaining parts.
         """
         if self.done >= self._longest:
             return 0
@@ -185,7 +185,7 @@ class Stepper:
         return running if self.done < self._longest else 0
 
     def _do_block(self, last: int, in_parts: bool, is_stopped: Callable[[], bool]) -> int:
-        """Run ticks to the one before `last` in one call; return how many worlds still run."""
+        """Run ticks up to the one before `last` in one call; return how many worlds still run."""
         if native.has_callbacks():
             raise RuntimeError("a callback of MuJoCo's (mjcb_...) must be set before worlds are wired to it")
         before, ids, blocks = self.done, self._running(self.done - 1), cast(Blocks, self._blocks)
@@ -204,7 +204,7 @@ class Stepper:
         return len(running)
 
     def _do_ticks(self, last: int, in_parts: bool, is_stopped: Callable[[], bool]) -> int:
-        """Run ticks to the one before `last`, each in calls of its own; return how many worlds still run."""
+        """Run ticks up to the one before `last`, each in its own calls; return how many worlds still run."""
         control, proceed = self._tick, self._proceed(None, in_parts, is_stopped)
         running, expected, t = 0, len(self.worlds), self.done
         try:
@@ -218,7 +218,7 @@ class Stepper:
                     proceed()
                 except SimulationError as error:
                     self._stop(error, np.full(len(error.ids), t + 1))
-                    expected = -1  # so that the next tick looks again
+                    expected = -1  # the next tick then checks again
         finally:
             self._note(t)
         return len(self._running(t)) if expected < 0 or in_parts else running
@@ -230,7 +230,7 @@ class Stepper:
     def _proceed(
         self, ids: NDArray[np.intp] | None, in_parts: bool, is_stopped: Callable[[], bool]
     ) -> Callable[[], None]:
-        """Return what brings some worlds, or all of them, to their next tick."""
+        """Return a function that takes some worlds, or all of them, to their next tick."""
         if not self._substeps:
             return partial(self._forward, ids, self._stage)
         step = partial(self._batch.step, ids, self._substeps, self._stage)
@@ -248,7 +248,7 @@ class Stepper:
         return prepare_and_step
 
     def _step_on(self, left: _Left, is_stopped: Callable[[], bool]) -> None:
-        """Do what is left of the steps of a tick, in parts, or as much of it until there is a stop.
+        """Do the remaining steps of a tick, in parts, until they are done or there is a stop.
 
         The bits are those of all steps at once.
         """
@@ -270,23 +270,23 @@ class Stepper:
         return np.flatnonzero((worlds["diverged"] < 0) & (t + 1 < worlds["ticks"]))
 
     def _stop(self, error: SimulationError, ticks: NDArray[np.int64]) -> None:
-        """End the worlds of an error, each at a tick of its own."""
+        """End the worlds of an error, each at its own tick."""
         for i, t in zip(error.ids, ticks, strict=True):
             self.worlds["diverged"][i], self.worlds["diverged_joint"][i] = t, -1
             self._errors[int(i)] = self._batch.error(int(i)) or str(error)
 
     def release(self) -> None:
-        """Let others have MuJoCo's part; there is no next tick. Once is enough."""
+        """Return MuJoCo's part for use by others. There is no next tick; one call is enough."""
         self._longest = self.done
         while self._lent:
             self._batches.give_back(self._lent.pop())
 
     def error(self, world: int) -> str:
-        """Return what MuJoCo said when it refused to step a world, or nothing."""
+        """Return MuJoCo's message when it refused to step a world, or an empty text."""
         return " ".join(self._errors.get(world, "").split())
 
     def warnings(self, world: int) -> dict[str, int]:
-        """Return what MuJoCo warned of in a world, and how often, by the names of its warnings."""
+        """Return the number of MuJoCo's warnings in a world, by their names."""
         counts = self._batch.warning[world, :, 1]
         return {
             mujoco.mjtWarning(kind).name.removeprefix("mjWARN_"): int(count)

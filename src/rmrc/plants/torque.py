@@ -1,4 +1,4 @@
-"""The torque plant: computed torque, which takes the arm's own dynamics out, in MuJoCo's physics."""
+"""The torque plant: computed torque, which compensates the arm's own dynamics, in MuJoCo's physics."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ from rmrc.plants.resistance import friction_at
 
 @compiled
 def choose_acceleration(world: Record, out: Record, state: Array) -> None:
-    """Keep the acceleration that the joints shall have; `computed_torque` does the rest."""
+    """Keep the wanted acceleration of the joints; `computed_torque` does the rest."""
     push(world, out, state)
     for j in range(world.n):
         sent = world.qdot_sent[j]
@@ -41,11 +41,11 @@ def computed_torque(
     free: NDArray[np.int64],
     free_damping: Array,
 ) -> None:
-    """Set tau = Fᵀ (M F qddot + bias − passive) [Luh80], and what damping and dry friction take besides.
+    """Set tau = Fᵀ (M F qddot + bias − passive) [Luh80], plus the torque of damping and dry friction.
 
-    With each joint, F moves those that follow it; without any, it is 1. Degrees of freedom that are free give
-    way, M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm feels as M_au qddot_u [Spong94]. All
-    others of the model are taken to be at rest.
+    F moves the followers of each joint along; without any, it is 1. Free degrees of freedom give way,
+    M_uu qddot_u = passive_u − bias_u − M_ua qddot, which the arm feels as M_au qddot_u [Spong94]. All others
+    of the model are assumed at rest.
 
     Args:
         worlds: World records with the wanted acceleration, (w,).
@@ -56,9 +56,9 @@ def computed_torque(
         mass_entries: For each entry between two joints that move with the arm: which of its joints moves
             each, its index, and whether it is the inertia of one of the arm's, (e, 4); free degrees of
             freedom are numbered after the joints.
-        mass_factors: How far they move for these, one times the other, (e,).
-        free: Addresses of those in qvel, (u,).
-        free_damping: What implicit steps add to their inertia, (u,).
+        mass_factors: Product of the ratios by which these move them, (e,).
+        free: Addresses of the free degrees of freedom in qvel, (u,).
+        free_damping: Inertia that implicit steps add to them, (u,).
     """
     for w in range(worlds.shape[0]):
         world = worlds[w]
@@ -96,7 +96,7 @@ def give_way(
     free: NDArray[np.int64],
     damping: Array,
 ) -> None:
-    """Add to the controls what the arm feels of degrees of freedom that give way; as `computed_torque`."""
+    """Add to the controls the effect of free degrees of freedom on the arm; see `computed_torque`."""
     n, inertias, coupling = world.n, np.diag(damping), np.zeros((len(free), world.n))
     for e in range(entries.shape[0]):
         i, j, inertia = entries[e, 0], entries[e, 1], factors[e] * mass[entries[e, 2]]
@@ -119,7 +119,7 @@ def give_way(
 
 @compiled
 def _carried(j: int, mass: Array, entries: NDArray[np.int64], factors: Array) -> Any:
-    """Return the inertia that joint j feels alone, of all that moves with it."""
+    """Return the inertia of everything that joint j alone moves."""
     inertia = 0.0
     for e in range(entries.shape[0]):
         if entries[e, 0] == j and entries[e, 1] == j:
@@ -129,11 +129,11 @@ def _carried(j: int, mass: Array, entries: NDArray[np.int64], factors: Array) ->
 
 @compiled
 def _resisted(world: Record, j: int, inertia: float) -> Any:
-    """Return what joint j resists its wanted acceleration with, beside the damping at its rate.
+    """Return the resistance of joint j to its wanted acceleration, beside the damping at its rate.
 
-    MuJoCo's implicit steps of h take damping d for an inertia: n of them, each (M + h d) Δq̇ = h (τ − d q̇),
-    reach the rate that is wanted if τ has M + e, e = n h d/(1 − (M/(M + h d))ⁿ) − M, instead of M. Dry
-    friction feels the acceleration of explicit steps, (M + e)/M as large.
+    MuJoCo's implicit steps of h treat damping d as an inertia: n of them, each (M + h d) Δq̇ = h (τ − d q̇),
+    reach the wanted rate if τ is for M + e, e = n h d/(1 − (M/(M + h d))ⁿ) − M, instead of M. Dry friction
+    feels the acceleration of explicit steps, which is (M + e)/M times as large.
     """
     wanted, added = world.qddot[j], 0.0
     d, size = world.damping[j], abs(world.qdot[j])
@@ -146,7 +146,7 @@ def _resisted(world: Record, j: int, inertia: float) -> Any:
 
 @dataclass(frozen=True)
 class Motors:
-    """A motor on each joint: it gives the torque that it is told."""
+    """A motor on each joint: it gives the commanded torque."""
 
     def __call__(self, actuator: mujoco.MjsActuator, joint: int) -> None:
         """Make an actuator the motor of a joint."""
@@ -155,23 +155,23 @@ class Motors:
 
 
 class Torque(Physical):
-    """Motors that are told tau = M (Δqdot/period + bandwidth · (qdot sent − qdot)) + bias − passive [Luh80].
+    """Motors with tau = M (Δqdot/period + bandwidth · (qdot sent − qdot)) + bias − passive [Luh80].
 
-    It knows gravity and the lengths that the law knows, but no payload, no other lengths and no friction that
-    is not the model's: where there are any, a second batch of MuJoCo's computes what is known, from the same
+    It knows gravity and the lengths that the law knows, but not the payload, other lengths or friction that
+    the model lacks. Where there are any, a second MuJoCo batch computes the known dynamics from the same
     states. The rate that it corrects is the measured one.
     """
 
     name, drives = "torque", ("motors", "motor")
     obey = staticmethod(choose_acceleration)
     fields = (*Physical.fields, Field("bandwidth"), Field("substeps", np.int64))
-    # the acceleration that the joints shall have, and the rates that were sent before
+    # the wanted acceleration of the joints, and the rates that were sent before
     memory = (Field("qddot", size=(JOINTS,)), Field("sent_before", size=(JOINTS,)))
     batches, works_between = 2, True
 
     @property
     def compensates(self) -> bool:
-        """Whether tau has what damping and dry friction of the joints take at the wanted acceleration."""
+        """Whether tau includes damping and dry friction of the joints at the wanted acceleration."""
         return self.section.friction_compensation
 
     @classmethod
@@ -187,7 +187,7 @@ class Torque(Physical):
 
     @classmethod
     def before_steps(cls, plants: Sequence[Self], wired: Wired) -> BeforeSteps:
-        """Return what sets the motors of worlds."""
+        """Return a function that sets the motors of worlds."""
         batch = known = wired.batch
         if any(plant.has_secrets for plant in plants):
             known = wired.take([plant.known(wired.model, wired.wiring) for plant in plants])
@@ -220,7 +220,7 @@ def _free(model: mujoco.MjModel, wiring: Wiring, arm: Arm) -> NDArray[np.int64]:
 def _mass_entries(
     model: mujoco.MjModel, wiring: Wiring, arm: Arm, free: NDArray[np.int64]
 ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-    """Return mass_entries (e, 4) and mass_factors (e,), as `computed_torque` has them."""
+    """Return mass_entries (e, 4) and mass_factors (e,) for `computed_torque`."""
     moved = {int(dof): (j, 1.0) for j, dof in enumerate([*wiring.dof, *free])}
     for dof, one in zip(wiring.follower_dof, arm.followers, strict=True):
         moved[int(dof)] = one.leader, one.ratio

@@ -1,8 +1,8 @@
-"""The way of a command to the plant: it takes time, more or less of it, and some never arrive.
+"""The transport of commands to the plant: it takes a variable time, and some commands are lost.
 
-Times here are in ticks: command k, sent at time k, arrives at `arrival`, and is in effect from then on. What
-arrives within a tick counts by its share of it: the plant is told the mean over the tick, which is all that
-a plant which integrates can tell.
+Times here are in ticks: command k, sent at time k, arrives at `arrival` and is in effect from then on. A
+command that arrives within a tick counts by its share of the tick: the plant gets the mean over the tick,
+which is all that a plant that integrates can distinguish.
 """
 
 import math
@@ -18,7 +18,7 @@ from rmrc.plants.stage import Stage, in_ticks
 
 @compiled
 def carry(world: Record, out: Record, past: Record, t: int) -> None:
-    """Tell the plant what is in effect in tick t, [t, t + 1): of all that is there, what was sent last."""
+    """Send the plant the command in effect in tick t, [t, t + 1): of all that have arrived, the last sent."""
     if world.jitter > 0.0 or world.loss > 0.0:
         carry_by_chance(world, out, past, t)
         return
@@ -34,10 +34,10 @@ def carry(world: Record, out: Record, past: Record, t: int) -> None:
 
 @compiled
 def carry_by_chance(world: Record, out: Record, past: Record, t: int) -> None:
-    """Do so where each command has a latency of its own, or is lost.
+    """Do the same where each command has its own latency, or is lost.
 
-    From the command that was sent last back in time: each is in effect from its arrival to the arrival of
-    one that was sent later. What was in effect before this tick, or nothing, has what is left.
+    The loop goes back in time from the last command: each is in effect from its arrival to the arrival of a
+    later one. The command in effect before this tick, or none, fills the rest.
     """
     later, chance = uniforms(world.transport_seed, TRANSPORT, t)
     out.arrival = math.inf if chance < world.loss else t + world.latency + world.jitter * later
@@ -62,30 +62,30 @@ def carry_by_chance(world: Record, out: Record, past: Record, t: int) -> None:
 
 @compiled
 def add(world: Record, share: float, rates: Array) -> None:
-    """Have rates be in effect for a share of the tick."""
+    """Add rates that are in effect for a share of the tick."""
     for j in range(world.n):
         world.qdot_sent[j] += share * rates[j]
 
 
 class Transport(Stage):
-    """Commands are on their way for a time, and may be lost."""
+    """The transport of commands, with latency and loss."""
 
     slot, uses, change = "sent", "is_late", staticmethod(carry)
     fields = (
         Field("is_late", np.int64), Field("latency"), Field("jitter"), Field("loss"),
         Field("span", np.int64), Field("transport_seed", np.int64),
     )  # fmt: skip
-    # the command that is in effect, and its number
+    # the command in effect, and its number
     memory = (Field("in_effect", size=(JOINTS,)), Field("arrived", np.int64, start=-1))
 
     @property
     def latency(self) -> float:
-        """How long a command takes at least, in ticks."""
+        """Least latency of a command, in ticks."""
         return in_ticks(self.scenario.plant.delay, self.scenario.control.period)
 
     @property
     def jitter(self) -> float:
-        """How much longer it may take, in ticks."""
+        """Largest additional latency, in ticks."""
         return in_ticks(self.scenario.plant.jitter, self.scenario.control.period)
 
     @property
@@ -95,22 +95,22 @@ class Transport(Stage):
 
     @property
     def span(self) -> int:
-        """How many ticks a command takes at most."""
+        """Largest latency of a command, in ticks."""
         return math.ceil(self.latency + self.jitter)
 
     def write(self, world: np.void) -> None:
-        """Write how long commands take, how many are lost, and what is drawn."""
+        """Write latency, loss and the seed of their random numbers."""
         plant = self.scenario.plant
         world["is_late"], world["span"] = self.is_used, self.span
         world["latency"], world["jitter"], world["loss"] = self.latency, self.jitter, plant.loss
         world["transport_seed"] = word(plant.seed)
 
     def misfits(self) -> Iterator[tuple[str, str]]:
-        """Yield nothing: any arm can be told late."""
+        """Yield nothing: every arm can have latency."""
         yield from ()
 
     def excesses(self, ticks: int) -> Iterator[tuple[str, str]]:
-        """Yield a delay within which the run ends."""
+        """Yield a delay that is longer than the run."""
         if self.latency >= ticks:
             period, delay = self.scenario.control.period, self.scenario.plant.delay
             yield (

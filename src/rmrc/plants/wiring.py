@@ -1,4 +1,4 @@
-"""Where the worlds of a batch find their numbers in MuJoCo's arrays: ids, and columns of its state rows."""
+"""The wiring of a batch: ids and columns by which its worlds find their numbers in MuJoCo's arrays."""
 
 from collections.abc import Callable, Sequence
 
@@ -23,7 +23,7 @@ WIRING = (
     Field("qvel_column", np.int64, (JOINTS,)),
     Field("ctrl_column", np.int64, (JOINTS,)),
     Field("wrench_column", np.int64),
-    # joints that follow others, both halves of a screw apart: which, how far, where their numbers are
+    # joints that follow others, both halves of a screw apart: index, ratio, and columns
     Field("followers", np.int64),
     Field("follows", np.int64, (CHAIN,)),
     Field("follower_ratio", size=(CHAIN,)),
@@ -32,7 +32,7 @@ WIRING = (
     # from the center of mass of the body that carries the site to the site, in the site's frame
     Field("lever", size=(3,)),
     *RESISTANCE,
-    # where in this process the machine code is that not all worlds need
+    # addresses in this process of machine code that not all worlds need
     *(Field(f"call_{name}", np.int64) for name in ("sensed", "sent", "second", "sense", "obey")),
 )
 
@@ -48,10 +48,10 @@ def write_wiring(
 
     Args:
         worlds: The records, (w,).
-        model: That the worlds share.
-        wiring: Of the arm in it.
-        plants: Of each world: of one arm, but for how it is stretched.
-        place: Returns where a component begins in a state row, by its name in mjtState.
+        model: The model that the worlds share.
+        wiring: Wiring of the arm in it.
+        plants: The plant of each world, all of one arm except for its stretched lengths.
+        place: Returns the offset of a component in a state row, by its name in mjtState.
     """
     arm = plants[0].arm
     n = arm.n
@@ -77,7 +77,7 @@ def write_wiring(
 
 
 def column(model: mujoco.MjModel, component: str) -> int:
-    """Return where a component begins in a state row: components are stored in the order of their bits."""
+    """Return the offset of a component in a state row: components are stored in the order of their bits."""
     bit = int(getattr(mujoco.mjtState, f"mjSTATE_{component}"))
     return int(mujoco.mj_stateSize(model, int(mujoco.mjtState.mjSTATE_INTEGRATION) & (bit - 1)))
 

@@ -64,12 +64,12 @@ def draw_copies(
         raise ScenarioError.about(
             "--copies", f"at most {MOST_DRAWN} numbers can be drawn, got {drawn}; use --start 0"
         )
-    # positions place the joints that are not driven as in `home`, which must be where the keyframe has them
+    # positions place the joints that are not actuated as in `home`, which must be where the keyframe has them
     placed = arm.at(arm.configuration("home")).configuration(nominal.qpos[arm.wiring.qpos])
     if joints and count and not np.array_equal(placed, nominal.qpos):
         raise ScenarioError.about(
             "--start",
-            f'must be 0 with arm.start "{scenario.arm.start}", which has joints that are not driven '
+            f'must be 0 with arm.start "{scenario.arm.start}", which has joints that are not actuated '
             "elsewhere than home",
         )
     itself = changes_of(robot.values(nominal, {}))
