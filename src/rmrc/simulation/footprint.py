@@ -9,36 +9,36 @@ from rmrc.simulation.prepare import Prepared
 from rmrc.support import memory
 from rmrc.support.errors import ScenarioError
 
-# Tick records that a batch holds where columns are not kept: half a megabyte of six joints, so that they are
-# added up before they leave the processor's caches, which takes half as long.
+# Ticks that a batch holds where columns are not kept: half a megabyte for six joints. They are then added up
+# before they leave the processor's caches, which takes half as long.
 HELD = 512
-# Where each block is shown to somebody, so many times as much: to show one takes as long as some ticks.
+# With a watcher this factor more, because showing a block takes as long as some ticks.
 SHOWN = 16
 
-# Measured [B]: one sample of a reference; what a recording needs for each beside it, the sample once more and
-# what is worked out from all of them at once; a world in MuJoCo; libraries that are loaded on the way, and
-# those of a recording.
+# Measured [B]: one sample of a reference; the additional memory of a recording per sample, the sample once
+# more and the results computed from all of them at once; a world in MuJoCo; libraries that are loaded on the
+# way, and those of a recording.
 SAMPLE, RECORDED, WORLD = 13 * 8, 3 * 13 * 8 + 24, 256_000
 LIBRARIES, RECORDER = 120_000_000, 130_000_000
 
 
 class Footprint(NamedTuple):
-    """What some runs take.
+    """Memory of some runs.
 
     Attributes:
-        held: Written to [B].
-        reserved: Asked for beside, and hardly touched: MuJoCo's arenas [B].
+        held: Memory that is written [B].
+        reserved: Memory that is only reserved, such as MuJoCo's arenas [B].
     """
 
     held: int
     reserved: int
 
     def __add__(self, other: "Footprint") -> "Footprint":  # type: ignore[override]
-        """Return what both take that share nothing."""
+        """Return the sum for two that share nothing."""
         return Footprint(self.held + other.held, self.reserved + other.reserved)
 
     def times(self, count: int) -> "Footprint":
-        """Return what so many take that share nothing."""
+        """Return the memory of this many that share nothing."""
         return Footprint(self.held * count, self.reserved * count)
 
     def or_more(self, other: "Footprint") -> "Footprint":
@@ -52,12 +52,12 @@ class Footprint(NamedTuple):
 
 
 def rows_of(prepared: Sequence[Prepared], keep_columns: bool = True, is_shown: bool = False) -> int:
-    """Return how many ticks are held of runs that are stepped together.
+    """Return how many ticks of runs that are stepped together are held.
 
     Args:
         prepared: The worlds.
-        keep_columns: Whether every tick is kept; else those that stages look back to, and some.
-        is_shown: Whether each block is shown: then it has more of them.
+        keep_columns: Whether every tick is kept; otherwise the ticks that stages read back, and some more.
+        is_shown: Whether each block is shown, which makes blocks longer.
     """
     longest = max(one.most_ticks for one in prepared)
     if keep_columns:
@@ -69,7 +69,7 @@ def rows_of(prepared: Sequence[Prepared], keep_columns: bool = True, is_shown: b
 def footprint(
     prepared: Sequence[Prepared], keep_columns: bool = True, recorded: bool = False, is_shown: bool = False
 ) -> Footprint:
-    """Return what runs take that are stepped together, if each is as long as it may be.
+    """Return the memory of runs that are stepped together, each at its largest length.
 
     Args:
         prepared: The worlds.
@@ -107,7 +107,7 @@ def refuse_excess(
         is_shown: Whether each block is shown.
 
     Raises:
-        ScenarioError: They do not, with the key that makes the longest of them so long.
+        ScenarioError: They do not fit, with the key that makes the longest of them so long.
     """
     excess = footprint(prepared, keep_columns, recorded, is_shown).excess
     if excess is None:

@@ -1,4 +1,4 @@
-"""A recorded motion: read from a file, checked, made smooth between its rows, and sampled at any times.
+"""A recorded motion: read from a file, checked, interpolated smoothly, and sampled at any times.
 
 Between rows the position and the quaternion are cubic splines with continuous acceleration, at rest at both
 ends [Boor01, ch. IV]; the quaternion is normalized, and the angular velocity is that of the normalized one:
@@ -26,18 +26,18 @@ from rmrc.support.spatial import exp_rotation, normalize, quat_conjugate, quat_m
 
 Array = NDArray[np.float64]
 
-# What a row has, by the names of its columns.
+# The columns of a row, by kind of motion.
 POSE = ("x", "y", "z", "qw", "qx", "qy", "qz")
 TWIST = ("vx", "vy", "vz", "wx", "wy", "wz")
 KINDS = ("pose", "q", "twist")
 
-# A quaternion this far from length 1 is no rounding of a file with few digits, but a mistake.
+# A quaternion this far from length 1 is an error, not the rounding of a file with few digits.
 UNIT = 1e-2
-# Beyond it a spline of quaternions could come near 0, and the way round is not told [rad].
+# Beyond it a spline of quaternions could come near 0, and the direction of rotation is ambiguous [rad].
 LARGEST_TURN = math.pi / 2
-# So much more than a limit is what the interpolation adds, and no fault of the motion.
+# The interpolation may exceed a limit by this factor; that is no fault of the motion.
 SLACK = 0.01
-# A motion that is slowed to a limit is brought below it by so much.
+# A motion that is slowed to a limit stays below it by this factor.
 ROUNDING = 1e-6
 
 
@@ -55,11 +55,11 @@ class Motion:
 
     @cached_property
     def _second(self) -> Array:
-        """Second derivatives at the rows of the spline whose first ones vanish at both ends, (R, 7)."""
+        """Second derivatives at the rows of the spline with zero first derivatives at both ends, (R, 7)."""
         return _second_derivatives(self.time, self.pose)
 
     def at(self, time: Array) -> Array:
-        """Return pose, twist and its derivative at some times, (T, 19)."""
+        """Return pose, twist and acceleration at some times, (T, 19)."""
         row = np.clip(np.searchsorted(self.time, time, "right") - 1, 0, len(self.time) - 2)
         h = (self.time[row + 1] - self.time[row])[:, None]
         b = (time - self.time[row])[:, None] / h
@@ -100,17 +100,17 @@ def _second_derivatives(t: Array, y: Array) -> Array:
 def read_motion(
     path: Path, kind: str | None, joints: Sequence[str], pose_at: Callable[[Array], Array], start: Array
 ) -> Motion:
-    """Return the motion of a file in the frame that it is written in.
+    """Return the motion of a file in the frame in which it is written.
 
     Args:
         path: A CSV or Parquet file, or the npz of a run.
         kind: `pose`, `pose_ref`, `twist` or `q`; None: the first of pose, q, twist that the file has.
-        joints: Names of the arm's joints, which the columns of `q` have.
-        pose_at: The pose of the site at joint positions, (n,), in that frame.
-        start: Where a twist is integrated from, (7,), in that frame.
+        joints: Names of the arm's joints, as in the columns of `q`.
+        pose_at: Returns the pose of the site at joint positions, (n,), in that frame.
+        start: Start pose for integrating a twist, (7,), in that frame.
 
     Raises:
-        TargetError: The file cannot be read, lacks columns, or holds what is no motion.
+        TargetError: The file cannot be read, lacks columns, or holds no motion.
     """
     names = {"pose": POSE, "twist": TWIST, "q": tuple(joints)}
     table = _run_columns(path, joints) if path.suffix == ".npz" else _numbers(path)
@@ -135,7 +135,7 @@ def read_motion(
 
 
 def _run_columns(path: Path, joints: Sequence[str]) -> Mapping[str, Array]:
-    """Return the columns of a run's file under the names that a CSV file has for them."""
+    """Return the columns of a run's file under their names in a CSV file."""
     try:
         with np.load(path, allow_pickle=False) as file:
             columns = {name: np.asarray(file[name], np.float64) for name in ("time", "pose", "pose_ref", "q")}
@@ -199,7 +199,7 @@ def _checked_poses(path: Path, poses: Array) -> Array:
 
 
 def _integrated(time: Array, twist: Array, start: Array) -> Array:
-    """Return the poses to which twists lead from a start, which run straight between the rows.
+    """Return the poses that twists reach from a start; the twists are linear between the rows.
 
     The rotation of an interval is exp of h (ω₀ + ω₁)/2 + h² (ω₁ × ω₀)/12, of fourth order [Magnus54].
     """
@@ -214,21 +214,21 @@ def _integrated(time: Array, twist: Array, start: Array) -> Array:
 
 
 def needed(motion: Motion, limits: TargetLimitsSection) -> tuple[float, str]:
-    """Return how many times slower a motion must be to keep the limits, and the limit that asks for most.
+    """Return the factor by which a motion must be slower to keep the limits, and the strictest limit.
 
     Args:
-        motion: As it is.
+        motion: The motion as it is.
         limits: Limits of the target.
     """
     (factor, said), slower = excess(motion, limits), 1.0
-    while factor > 1.0:  # the time that jerk is seen over does not stretch with the motion
+    while factor > 1.0:  # the time over which jerk is averaged does not stretch with the motion
         slower *= factor * (1.0 + ROUNDING)
         factor, _ = excess(motion.slowed(slower), limits)
     return (slower if slower > 1.0 else factor), said
 
 
 def excess(motion: Motion, limits: TargetLimitsSection) -> tuple[float, str]:
-    """Return by what factor a motion is too fast for the limits, and the limit that says so."""
+    """Return the factor by which a motion is too fast for the limits, and the limit that it exceeds most."""
     times = np.concatenate([motion.time, 0.5 * (motion.time[1:] + motion.time[:-1])])
     samples = motion.at(times)
     worst = 0.0, ""
@@ -251,8 +251,8 @@ def _mean_jerk(motion: Motion, times: Array, span: float) -> Array:
     """Return means of [v̈; ω̈] about some times, (3 T, 6), with the weights of a triangle of two spans.
 
     They are second differences of velocities over the square of the span, and no larger than the jerk itself.
-    That of the rows is noise: rounded to r every h, r/h³. Over half the time in which the jerk that is
-    allowed brings the acceleration up, an acceleration that jumps is seen to do so, and r is not.
+    The jerk of single rows is noise: with values rounded to r every h, r/h³. The span is half the time in
+    which the allowed jerk builds up the acceleration. It shows a jump of acceleration, and hides r.
     """
 
     def velocity(time: Array) -> Array:  # at rest before and after

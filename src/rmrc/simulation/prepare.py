@@ -39,7 +39,7 @@ T = TypeVar("T")
 
 
 class _Recent(Generic[T]):
-    """What was found last, by what it was asked for."""
+    """The latest results, by their keys."""
 
     def __init__(self, most: int, found: Mapping[object, T] | None = None) -> None:
         self._most, self._found = most, dict(found or {})
@@ -58,16 +58,16 @@ class _Recent(Generic[T]):
 class Cache:
     """Cache of prepared parts of scenarios: arms, references, tasks.
 
-    Only what was asked for last is kept. For one thread at a time.
+    Only the latest results are kept. For one thread at a time.
     """
 
     def __init__(self, *arms: Arm) -> None:
-        """Know some arms, as they were loaded.
+        """Start with some loaded arms.
 
         Args:
-            arms: They stand for their file, by the names of their frame and joints; not stretched.
+            arms: They replace their files, by the names of their frame and joints; not stretched.
         """
-        # Stretched arms and references take a megabyte each, and are kept by those who use them anyway.
+        # Stretched arms and references take a megabyte each, and their users keep them anyway.
         self._arms = _Recent[Arm](32, {_key(arm): arm for arm in arms})
         self._references, self._tasks = _Recent[Reference](32), _Recent[Task](256)
 
@@ -87,7 +87,7 @@ class Cache:
         )
 
     def placed(self, arm: Arm, section: ArmSection, qpos: NDArray[np.float64]) -> Arm:
-        """Return an arm where the joints that are not its own stand as in a configuration, (nq,)."""
+        """Return an arm with the joints that are not its own as in a configuration, (nq,)."""
         mocap = arm.mocap_at(section.start) if arm.model.nmocap else None
         placed = arm.at(qpos, section.others == "free", mocap)
         if placed.rest is None or placed is arm:
@@ -102,7 +102,7 @@ class Cache:
             TargetError: See `make_reference`.
         """
         target, period = scenario.target, scenario.control.period
-        # as text, which tells 0.0 from -0.0
+        # as text, which distinguishes 0.0 from -0.0
         key = (arm, q.tobytes(), target.model_dump_json(), period)
 
         def pose_at(configuration: str | Sequence[float] | NDArray[np.float64]) -> NDArray[np.float64]:
@@ -122,7 +122,7 @@ class Cache:
         )
 
     def task(self, scenario: Scenario, arm: Arm) -> Task:
-        """Return the task of a scenario, whose rank takes a millisecond to find."""
+        """Return the task of a scenario; finding its rank takes a millisecond."""
         section, joint_weights = scenario.task, scenario.control.joint_weights
         key = (arm, section.axes, section.length, section.weights, joint_weights, section.frame)
         rows = np.array([AXES.index(axis) for axis in section.axes])
@@ -132,7 +132,7 @@ class Cache:
 
 
 def _key(arm: Arm) -> Hashable:
-    """Return what `Cache.arm` knows an arm by: what names it in a scenario."""
+    """Return the key of an arm for `Cache.arm`: its names in a scenario."""
     named = dict([arm.frame] if arm.frame else [])
     frame = named.get("site"), arm.joints, named.get("body"), named.get("tool"), "fixed"
     return arm.path.resolve(), *frame, tuple((name, folder.absolute()) for name, folder in arm.packages)
@@ -141,15 +141,15 @@ def _key(arm: Arm) -> Hashable:
 @brief
 @dataclass(frozen=True, eq=False)
 class Prepared:
-    """All that a world needs.
+    """All data of a world.
 
     Attributes:
         scenario: As written.
         arm: The arm that it names, as the law knows it.
-        qpos: Where the model starts, (nq,), the true positions.
+        qpos: Start configuration of the model, (nq,), the true positions.
         held: Controls and activations of the author's actuators: see `Arm.held`.
         reference: Poses and twists at each control tick.
-        cache: What it shares with others.
+        cache: Parts that it shares with others.
     """
 
     scenario: Scenario
@@ -166,38 +166,38 @@ class Prepared:
 
     @property
     def plant(self) -> Plant:
-        """What obeys."""
+        """The plant."""
         return self.hardware.plant
 
     @property
     def most_ticks(self) -> int:
-        """Control ticks of the run, at most: where the path is slowed, more than it has."""
+        """Largest number of control ticks of the run: more than the path has where it can be slowed."""
         control, ticks = self.scenario.control, self.reference.ticks
         return math.ceil(control.slow.longest * ticks) if POLICIES[control.at_singularity].slows else ticks
 
     @cached_property
     def task(self) -> Task:
-        """What is moved."""
+        """The task of the site."""
         return self.cache.task(self.scenario, self.arm)
 
     @cached_property
     def law(self) -> TaskLaw:
-        """What is asked of the joints."""
+        """The law for the joints."""
         return TaskLaw(self.task, self.scenario.control, self.qpos[self.arm.wiring.qpos] - self.joint_offset)
 
     @property
     def encoder_offset(self) -> NDArray[np.float64]:
-        """What the encoders say too much, (n,)."""
+        """Offset of the encoders' readings, (n,)."""
         return Encoders(self.scenario, self.arm).offset
 
     @property
     def joint_offset(self) -> NDArray[np.float64]:
-        """How far the joints are beyond where the law takes them to be, (n,)."""
+        """Offset of the true joint positions from those that the law assumes, (n,)."""
         return np.full(self.arm.n, self.scenario.plant.joint_offset)
 
     @cached_property
     def true_arm(self) -> Arm:
-        """The arm that moves: another than the law knows where `plant.stretch` says so."""
+        """The arm that moves: it differs from the known one if `plant.stretch` says so."""
         return self.arm.stretched(self.plant.stretch) if self.scenario.plant.stretch else self.arm
 
     @cached_property
@@ -208,13 +208,13 @@ class Prepared:
 
     @cached_property
     def expected_profile(self) -> Profile | None:
-        """What the commands are held against."""
+        """The profile that the commands are checked against."""
         name = self.scenario.expect.get(PROFILE)
         return load_profile(name) if isinstance(name, str) else None
 
     @cached_property
     def assumed(self) -> tuple[Assumed, ...]:
-        """What the run has otherwise than the model's author wrote it, and the limits that are missing."""
+        """The deviations of the run from the model as its author wrote it, and the missing limits."""
         arm, law, physics = self.arm, self.law, self.plant.has_physics
         limits = {
             "rate": law.rate_limit,
@@ -233,7 +233,7 @@ class Prepared:
         return (*self.plant.assumed(), *self._by_profile(), *self._unseen(), *missing)
 
     def _unseen(self) -> Iterator[Assumed]:
-        """Yield that there is nothing of what the scenario asks to look at."""
+        """Yield warnings that a recording cannot show the quantity or time of `look`."""
         look, slows = self.scenario.look, POLICIES[self.scenario.control.at_singularity].slows
         if look is None:
             return
@@ -265,7 +265,7 @@ class Prepared:
         """Return the same world with encoder offsets drawn anew, without loading or timing anything again.
 
         Args:
-            seed: Takes the place of `arm.encoder.seed`.
+            seed: Replaces `arm.encoder.seed`.
         """
         return replace(self, scenario=self.scenario.set({"arm.encoder.seed": seed}))
 
@@ -358,7 +358,7 @@ def _check_stretch(scenario: Scenario, arm: Arm, problems: Problems) -> None:
 def _true_start(
     scenario: Scenario, arm: Arm, believed: NDArray[np.float64], problems: Problems
 ) -> NDArray[np.float64]:
-    """Return where an arm stands that the law takes to be elsewhere, (nq,)."""
+    """Return the true configuration, (nq,), of an arm with the positions that the law assumes."""
     offset = scenario.plant.joint_offset
     if not np.any(offset) or (isinstance(offset, tuple) and len(offset) != arm.n):
         return believed
@@ -376,7 +376,7 @@ def _true_start(
 
 
 def _in_degrees(arm: Arm, j: int, position: float) -> str:
-    """Return the way out for a position beyond a turn that would be within the limits in degrees."""
+    """Return the hint for a position beyond a turn that would be within the limits in degrees."""
     lower, upper = arm.position_limit[j]
     if arm.is_slide[j] or abs(position) <= math.tau or not lower <= math.radians(position) <= upper:
         return ""
@@ -384,7 +384,7 @@ def _in_degrees(arm: Arm, j: int, position: float) -> str:
 
 
 def _doubt_start(scenario: Scenario, arm: Arm) -> None:
-    """Say that a joint without limits starts beyond a turn, as one that was meant in degrees would."""
+    """Warn of a joint without limits that starts beyond a turn, as if it were in degrees."""
     start = scenario.arm.start
     for j, position in enumerate(() if isinstance(start, str) else start):
         if way := _in_degrees(arm, j, position):
@@ -394,7 +394,7 @@ def _doubt_start(scenario: Scenario, arm: Arm) -> None:
 
 
 def _positions_instead(start: object, arm: Arm) -> str:
-    """Return the way out for positions that stand where the name of a keyframe should."""
+    """Return the hint for positions in place of a keyframe's name."""
     if not isinstance(start, str):
         return ""
     if start.strip().lower() in ("zero", "zeros", "null"):
@@ -407,7 +407,7 @@ def _positions_instead(start: object, arm: Arm) -> str:
 
 
 def _check_profiles(scenario: Scenario, arm: Arm, problems: Problems) -> None:
-    """Refuse a profile of a robot that the arm is not, or whose conditions are on another period."""
+    """Refuse a profile of another robot, or with conditions for another period."""
     limits, expected = scenario.control.limits.profile, scenario.expect.get(PROFILE)
     for key, name in (("control.limits.profile", limits), ("expect.profile", expected)):
         if not isinstance(name, str):
@@ -456,7 +456,7 @@ _LONGEST = 9e9
 
 
 def _check_duration(prepared: Prepared, problems: Problems) -> None:
-    """Refuse a run that is longer than recordings count time, which they do in 64 bits of nanoseconds."""
+    """Refuse a run that is too long for the time of recordings, 64 bits of nanoseconds."""
     period = prepared.scenario.control.period
     if not prepared.most_ticks * period < _LONGEST:
         problems.add(
@@ -468,7 +468,7 @@ def _check_duration(prepared: Prepared, problems: Problems) -> None:
 
 
 def writers(prepared: Prepared, reference: int) -> tuple[Writer, ...]:
-    """Return who fills the record of a world.
+    """Return the Writers of a world's record.
 
     Args:
         prepared: The world.

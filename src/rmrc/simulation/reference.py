@@ -1,4 +1,4 @@
-"""A timed path, and where it is at every control tick: pieces in, samples out, compiled.
+"""A timed path, and its pose at every control tick: from pieces to samples, compiled.
 
 A piece is a segment of a path in time: a curve over u from 0 to 1, and u over time in phases of constant
 jerk. `rmrc.simulation.trajectory` makes them.
@@ -14,20 +14,20 @@ from numpy.typing import NDArray
 from rmrc.law.jit import Array, Record, compiled, entry, machine_code
 from rmrc.support.brief import brief
 
-# Ruckig's seven phases, and rest behind them.
+# Ruckig's seven phases, and rest after them.
 PHASES = 8
 
-# Where the columns of a sample end: of the pose, the twist, and the acceleration where that is asked for.
+# Ends of the columns of a sample: of the pose, the twist, and the acceleration if requested.
 POSE, TWIST, ACCELERATION = 7, 13, 19
 
 PIECE = np.dtype(
     [
-        # the segment that it is of, its ticks, [first, last), and when it starts [s]
+        # its segment, its ticks, [first, last), and its start [s]
         ("segment", np.int64), ("first", np.int64), ("last", np.int64), ("start", np.float64),
-        # each phase: when it begins, from the start on [s], and there u and its derivatives [1, ..., 1/s³]
+        # each phase: its start, from that of the piece on [s], and there u and its derivatives [1, ..., 1/s³]
         ("phases", np.float64, (PHASES, 5)),
         # its curve: p(u) = pose + straight·u + (cos θu − 1)·spoke + sin θu·tangent, turned by angle·u about
-        # axis; spoke is from an arc's center to its start, tangent square to it and to the axis of the arc;
+        # axis; spoke is from an arc's center to its start, tangent normal to it and to the axis of the arc;
         # in the world [m, rad], θ is the sweep
         ("pose", np.float64, (7,)), ("straight", np.float64, (3,)),
         ("spoke", np.float64, (3,)), ("tangent", np.float64, (3,)), ("sweep", np.float64),
@@ -41,13 +41,13 @@ PIECE = np.dtype(
 class Reference:
     """A target at each control tick, at rest at the first and at the last.
 
-    It is timed; its samples are made when they are first asked for.
+    The timing is known; the samples are made on first use.
 
     Attributes:
         ticks: Number of control ticks, T.
         period: The control period [s].
         pieces: Pieces of the segments of the path, (p,) of `PIECE`.
-        recorded: Motions that are no pieces: the first tick of each, and pose, twist and its derivative from
+        recorded: Motions that are not pieces: the first tick of each, and pose, twist and its derivative from
             there on, (t, 19). The piece in its place stands still.
     """
 
@@ -58,7 +58,7 @@ class Reference:
 
     @cached_property
     def time(self) -> Array:
-        """Of each tick, k · period, (T,) [s]."""
+        """Time of each tick, k · period, (T,) [s]."""
         return self.period * np.arange(self.ticks, dtype=np.float64)
 
     @cached_property
@@ -68,7 +68,7 @@ class Reference:
 
     @property
     def pose(self) -> Array:
-        """Of the site in the world, [p, quat w x y z], (T, 7) [m, 1]; the quaternion never jumps."""
+        """Pose of the site in the world, [p, quat w x y z], (T, 7) [m, 1]; the quaternion never jumps."""
         return self.samples[:, :POSE]
 
     @property
@@ -83,16 +83,16 @@ class Reference:
 
     @cached_property
     def segment(self) -> NDArray[np.int64]:
-        """Which segment of the path, counted from 0, (T,)."""
+        """Index of the path segment, from 0, (T,)."""
         return np.repeat(self.pieces["segment"], self.pieces["last"] - self.pieces["first"])
 
     @property
     def duration(self) -> float:
-        """The time of the last tick, the first at which the path is done [s]."""
+        """Time of the last tick, the first one at the end of the path [s]."""
         return self.period * (self.ticks - 1)
 
     def write(self, out: Array) -> None:
-        """Write `samples`, (T, 13); they are kept only if they were asked for before."""
+        """Write `samples`, (T, 13); they are kept only if they were used before."""
         if "samples" in self.__dict__:
             out[:] = self.samples
         else:
@@ -110,10 +110,10 @@ class Reference:
 
 
 def end(piece: NDArray[np.void]) -> Array:
-    """Return the pose in which a piece ends, (7,).
+    """Return the end pose of a piece, (7,).
 
     Args:
-        piece: One, (1,) of `PIECE`, not timed yet: its times are written, to be there at once.
+        piece: One piece, (1,) of `PIECE`, not timed yet; times are written so that it ends at once.
     """
     out = np.empty((1, TWIST))
     piece["first"], piece["last"], piece["start"], piece["phases"] = 0, 1, 0.0, (0.0, 1.0, 0.0, 0.0, 0.0)
@@ -130,7 +130,7 @@ def _write(pieces: NDArray[np.void], period: float, out: Array) -> None:
 
 @entry
 def sample(pieces: Record, period: float, out: Array) -> None:
-    """Write where a path is at each tick, see `PIECE`.
+    """Write a path's samples at each tick, see `PIECE`.
 
     Args:
         pieces: Pieces of the path, (p,).

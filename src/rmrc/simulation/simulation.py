@@ -1,4 +1,4 @@
-"""Scenarios that were prepared -> runs: worlds stepped together, in blocks.
+"""From prepared scenarios to runs: worlds are stepped together, in blocks.
 
 Worlds that share a model and a plant share a batch; each thread steps batches of its own. The bits of
 a run do not depend on the worlds and threads beside it.
@@ -26,17 +26,18 @@ from rmrc.simulation.footprint import refuse_excess, rows_of
 from rmrc.simulation.prepare import Prepared, world_records
 from rmrc.support.threads import side_by_side
 
-# Ticks that are recorded at once, and how long they may take [s]: a second at 1 kHz. Large enough that a
-# block costs little, small enough that a killed process loses little. One looks more often whether to stop:
-# see `rmrc.support.pace`.
+# Ticks that are recorded at once, and how long they may take [s]: a second at 1 kHz. A block is large enough
+# to cost little, and small enough that a killed process loses little. Stops are checked more often: see
+# `rmrc.support.pace`.
 BLOCK, LONGEST_BLOCK = 1000, 0.5
 
-# Sees each block of ticks once it was stepped, by the index of its world: progress, a recording, a rule that
-# ends the runs.
+# Gets each block of ticks after it was stepped, with the index of its world: for progress, a recording, or a
+# rule that ends the runs.
 Watcher: TypeAlias = Callable[[int, Run], None]
 
-# Says which worlds end here, from their indices and from their tallies so far, (w,). It is asked every so
-# many ticks of a world, and sees nothing else, so that where a world ends does not depend on those beside it.
+# Returns which worlds end here, from their indices and from their tallies so far, (w,). It is called once per
+# fixed number of ticks of a world, and gets nothing else, so that the end of a world does not depend on
+# others.
 Rule: TypeAlias = Callable[[Sequence[int], NDArray[np.void]], NDArray[np.bool_]]
 ASKED = 128
 
@@ -69,7 +70,7 @@ class _Shard:
     ) -> bool:
         """Step one block of ticks and show it; return whether any world still runs."""
         if not self.keeps or rule:
-            self._add()  # what the next block is written over, and what a rule sees
+            self._add()  # which the next block overwrites, and a rule reads
         first, started = self.batch.done, time.perf_counter()
         if rule and first and first % ASKED == 0:
             self._end(rule)
@@ -103,7 +104,7 @@ class _Shard:
         return running
 
     def run(self, w: int, first: int, last: int, names: Collection[str] | None = None) -> Run:
-        """Return ticks [first, last) of world w, or what there is of them; of some columns, or of all."""
+        """Return the existing ticks of [first, last) of world w, with some columns or all."""
         world = self.batch.worlds[w]
         diverged = int(world["diverged"])
         count = max(0, min(last, int(self._ends()[w])) - first)
@@ -136,7 +137,7 @@ class _Shard:
         prepared, contacts = self.prepared[w], self.batch.contacts
         arm, scenario = prepared.arm, prepared.scenario
         chain = prepared.true_arm.chain
-        reach = 0.0 if arm.idle else chain.reach  # a joint that nothing drives may move the links apart
+        reach = 0.0 if arm.idle else chain.reach  # a joint without an actuator may move the links apart
         return Run(
             name=scenario.name,
             joints=arm.joints,
@@ -165,22 +166,22 @@ class _Shard:
         )
 
     def scorecards(self) -> list[Scorecard]:
-        """Return the figures of each world as far as it came."""
+        """Return the metrics of each world so far."""
         self._add()
         return figures(self._abouts(), self._tallies)
 
     def _add(self) -> None:
-        """Add to the tallies what was stepped since: each tick once, wherever an interrupt came."""
-        with self._adding:  # scorecards may be asked for from another thread
+        """Add the newly stepped ticks to the tallies: each tick once, wherever an interrupt came."""
+        with self._adding:  # another thread may ask for scorecards
             self._adder(np.minimum(self._ends(), self.batch.done))
 
     def _ends(self) -> NDArray[np.int64]:
-        """Return the tick before which each world ends, or will at the latest, (w,)."""
+        """Return the tick before which each world ends, or the latest possible one, (w,)."""
         worlds = self.batch.worlds
         return np.where(worlds["diverged"] >= 0, worlds["diverged"], worlds["ticks"])
 
     def divergence(self, w: int) -> Divergence | None:
-        """Return where world w diverged."""
+        """Return the divergence of world w."""
         world = self.batch.worlds[w]
         tick, joint = int(world["diverged"]), int(world["diverged_joint"])
         if tick < 0:
@@ -191,10 +192,10 @@ class _Shard:
 
 
 class Simulation:
-    """Prepared scenarios, being run; whatever was recorded so far can be had at any time.
+    """Prepared scenarios during their run; all records so far are available at any time.
 
-    Without columns, what is left of the runs are their scorecards; of what is held, only the references grow
-    with the length of a run.
+    Without columns, the results of the runs are their scorecards. Only the references then take more memory
+    for longer runs.
     """
 
     def __init__(
@@ -208,10 +209,10 @@ class Simulation:
         """Wire the worlds to MuJoCo.
 
         Args:
-            prepared: At least one.
+            prepared: One or more scenarios.
             threads: Number of threads; each steps its share of the worlds.
             keep_columns: Whether to keep every tick, for `run` and `runs`.
-            batches: Batches of simulations before this one, to be used again; see `release`.
+            batches: Batches of earlier simulations, to be used again; see `release`.
             is_shown: Whether blocks will be shown to a watcher; without columns they are longer then.
 
         Raises:
@@ -253,8 +254,8 @@ class Simulation:
             on_block: Called after each block of ticks with the index of a world and the run of that
                 block alone; from any thread, one call at a time.
             stop: Once it is set, every world stops within a moment.
-            rule: Ends worlds before their time.
-            columns: That `on_block` sees beside `time`; None: all, which takes longer.
+            rule: Ends worlds early.
+            columns: Columns that `on_block` gets beside `time`; None: all, which takes longer.
 
         Raises:
             KeyboardInterrupt: Passed on, after `on_block` saw the last, shorter block.
@@ -275,12 +276,12 @@ class Simulation:
                 try:
                     for result in [pool.submit(work, shard) for shard in self._shards]:
                         result.result()
-                except BaseException:  # an interrupt, or an error of one thread: the others must not go on
+                except BaseException:  # an interrupt, or an error of one thread: the others must stop
                     failed.set()
                     raise
 
     def runs(self) -> list[Run]:
-        """Return what was recorded so far, a run for each world.
+        """Return the records so far, one run per world.
 
         Raises:
             ValueError: Columns are not kept.
@@ -291,11 +292,11 @@ class Simulation:
         )
 
     def scorecards(self) -> list[Scorecard]:
-        """Return the figures of what was stepped so far, for each world: those of `scorecard(run)`."""
+        """Return the metrics of each world so far: those of `scorecard(run)`."""
         return self._in_order([shard.scorecards() for shard in self._shards])
 
     def divergences(self) -> list[Divergence | None]:
-        """Return where each world diverged, or None."""
+        """Return the divergence of each world, or None."""
         return self._in_order([[s.divergence(w) for w in range(len(s.members))] for s in self._shards])
 
     def ended(self) -> list[bool]:
@@ -303,11 +304,11 @@ class Simulation:
         return self._in_order([shard.ended.tolist() for shard in self._shards])
 
     def warnings(self) -> list[dict[str, int]]:
-        """Return what MuJoCo warned of in each world, and how often, by the names of its warnings."""
+        """Return the number of MuJoCo's warnings in each world, by their names."""
         return self._in_order([list(map(s.batch.warnings, range(len(s.members)))) for s in self._shards])
 
     def release(self) -> None:
-        """Let other simulations have what `batches` lent to this one, which goes no further."""
+        """Return the batches that `batches` lent, for other simulations; this one cannot continue."""
         for shard in self._shards:
             shard.batch.release()
 
@@ -316,7 +317,7 @@ class Simulation:
             raise ValueError("columns are not kept: call step(), then scorecards() and divergences()")
 
     def _in_order(self, of_shards: Sequence[Sequence[_Result]]) -> list[_Result]:
-        """Return what each shard has of its worlds, in the order of `prepared`."""
+        """Return the results of the shards by world, in the order of `prepared`."""
         found = {
             index: one
             for shard, results in zip(self._shards, of_shards, strict=True)
@@ -326,14 +327,14 @@ class Simulation:
 
 
 def _damping_below(inverse: InverseSection) -> float:
-    """Return ε, where the inverse in use reads it, or 0."""
+    """Return ε if the inverse in use reads it, or 0."""
     method, schedule = INVERSES[inverse.method], SCHEDULES[inverse.damping.schedule]
     read = (*method.parameters, *(schedule.parameters if method.is_scheduled else ()))
     return inverse.damping.below if DAMPING_BELOW in read else 0.0
 
 
 def _groups(prepared: Sequence[Prepared], threads: int) -> list[list[int]]:
-    """Split worlds by what a batch must share, then among the threads."""
+    """Split worlds by the properties that a batch must share, then among the threads."""
     alike: dict[object, list[int]] = {}
     for i, one in enumerate(prepared):
         alike.setdefault(one.plant.shares, []).append(i)

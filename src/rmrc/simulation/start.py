@@ -1,4 +1,4 @@
-"""Where a run starts: the joint positions, of those that bring the site to a pose, that a search finds."""
+"""The start of a run: joint positions that bring the site to a pose, found by a search."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,27 +19,27 @@ from rmrc.support.spatial import (
 
 Array = NDArray[np.float64]
 
-# Of the error, as `rmrc ik` has it: orientation in rad, position over the length.
+# Tolerance of the error, as in `rmrc ik`: orientation in rad, position over the length.
 TOLERANCE = 1e-9
-# The search aims lower, so that rounding does not break the promise.
+# The search has a smaller tolerance, so that rounding does not break the promise.
 AIM = 0.99 * TOLERANCE
-# Steps of a try, and other starts that are tried if the one that is given leads nowhere.
+# Steps of a try, and number of further starts if the given one leads nowhere.
 STEPS, RESTARTS = 300, 200
 
 
 def start_positions(arm: Arm, section: StartPose, near: Array, length: float) -> Array:
     """Return joint positions within the limits at which the site has a pose, (n,).
 
-    The search sets out from the positions that are given; only where it ends elsewhere it tries others.
+    The search starts from the given positions; only if that fails it tries others.
 
     Args:
         arm: The arm.
-        section: The pose; what it does not say is as at the positions that are given.
+        section: The pose; components that it leaves out are as at the given positions.
         near: Joint positions, (n,).
         length: Characteristic length, which weighs rotation against position [m].
 
     Raises:
-        TargetError: The arm does not reach the pose: how near it comes.
+        TargetError: The arm does not reach the pose; it reports how near it comes.
     """
     goal = _goal(arm, section, arm.pose(near))
     parts = ((section.position, (0, 1, 2)), (section.orientation, (3, 4, 5)))

@@ -1,4 +1,4 @@
-"""Tables of numbers in files: CSV as many programs write it, and Parquet."""
+"""Tables of numbers in files: CSV in the dialects of many programs, and Parquet."""
 
 import io
 import re
@@ -12,15 +12,15 @@ from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
-# Of a file so many bytes tell how it is written.
+# The dialect of a file is found from this many bytes.
 HEAD = 65536
-# What begins a line that is no row, before the names of the columns.
+# The beginning of comment lines before the names of the columns.
 COMMENTS = ("#", "%", "//")
 
 
 @dataclass(frozen=True)
 class Table:
-    """What a file has.
+    """The contents of a file.
 
     Attributes:
         numbers: Columns of numbers by name, all (R,); a cell that is empty is NaN.
@@ -36,18 +36,17 @@ class Table:
 def read_table(path: Path, is_log: bool = False) -> Table:
     """Read a CSV or Parquet file.
 
-    A CSV file may begin with comments, of which the last may have the names of the columns. Commas,
-    semicolons, tabs or blanks are between its cells; where it is semicolons, a comma may stand for the
-    decimal point.
+    A CSV file may begin with comments; the last of them may hold the names of the columns. Its cells are
+    separated by commas, semicolons, tabs or blanks. With semicolons, a comma may be the decimal point.
 
     Args:
-        path: Path of the file; any suffix but `.parquet` means CSV.
-        is_log: Whether rows of another number of cells are skipped, and not refused, as a logger that is
-            ended leaves half a row; and dates with times are numbers as well, in ns.
+        path: Path of the file; any suffix except `.parquet` means CSV.
+        is_log: Whether to skip rows with another number of cells instead of refusing them, as a logger that
+            is killed leaves half a row; dates with times are then numbers as well, in ns.
 
     Raises:
         OSError: The file cannot be read.
-        ValueError: It is no such file; one line says why.
+        ValueError: It has another format; one line says why.
     """
     import pyarrow as untyped
     import pyarrow.parquet as pq
@@ -57,7 +56,7 @@ def read_table(path: Path, is_log: bool = False) -> Table:
     skipped: list[Any] = []
     try:
         is_csv = path.suffix != ".parquet"
-        # pyarrow tells a bad row to its handler as UTF-8, and ends where it is none
+        # pyarrow reports a bad row to its handler as UTF-8, and ends where it is not
         text = path.read_bytes().decode("utf-8", "replace") if is_csv else ""
         table: Any = _csv(text.encode(), is_log, skipped) if is_csv else pq.read_table(path)
     except pa.ArrowException as error:
@@ -74,7 +73,7 @@ def read_table(path: Path, is_log: bool = False) -> Table:
 
 
 def _csv(data: bytes, is_log: bool, skipped: list[Any]) -> Any:
-    """Return a CSV file as a table of pyarrow, whose types mypy does not know."""
+    """Return a CSV file as a pyarrow table, whose types mypy does not know."""
     from pyarrow import csv as untyped
 
     csv: Any = untyped
@@ -101,7 +100,7 @@ def _csv(data: bytes, is_log: bool, skipped: list[Any]) -> Any:
 
     return csv.read_csv(
         io.BytesIO(data),
-        # in one block: a column is of integers or not by all of its rows
+        # in one block: all rows decide whether a column is of integers
         csv.ReadOptions(skip_rows=start, column_names=names, block_size=min(len(data) + 1, 2**31 - 1)),
         csv.ParseOptions(
             delimiter=mark if mark != " " else ",", invalid_row_handler=skip if is_log else None

@@ -1,22 +1,21 @@
-"""A target path as a reference: where the site shall be, and how fast, at every control tick.
+"""A target path as a reference: pose and velocity of the site at every control tick.
 
-A path is geometry times timing. Each segment is a curve over one parameter u from 0 to 1: the
-site's origin at p(u), a straight line or a circular arc, and the orientation turned by φ u about
-one fixed axis. Points and axes are given in the world, or in the frame of the arm's base, of the
-site where the segment starts, or of the site where the path starts. Ruckig times u from rest to
-rest, jerk-limited and as fast as the limits allow [Berscheid21], so that translation and rotation
-end together, and the segments follow one another without a gap. Only point-to-point motions are
-asked of it: they are computed here, while its way-points would be sent to a server. A set-point is
-a step at rest, and a recorded motion has its own timing.
+A path is geometry times timing. Each segment is a curve over one parameter u from 0 to 1: the site's origin
+at p(u), a straight line or a circular arc, and the orientation turned by φ u about one fixed axis. Points and
+axes are given in the world, or in the frame of the arm's base, of the site where the segment starts, or of
+the site where the path starts. Ruckig times u from rest to rest, jerk-limited and as fast as the limits allow
+[Berscheid21], so that translation and rotation end together, and the segments follow one another without a
+gap. It only gets point-to-point motions: it computes these locally, but would send way-points to a server. A
+set-point is a step at rest, and a recorded motion has its own timing.
 
 The limits hold for the norms of the Cartesian vectors. Along an arc of radius r, at speed ṡ,
 
     |p̈|² = s̈² + (ṡ²/r)²,   |p⃛|² = (s⃛ − ṡ³/r²)² + (3 ṡ s̈/r)²,
 
-so `_along` gives s̈ and s⃛ what the centripetal parts leave. A target outside the workspace is no
+so `_along` gives s̈ and s⃛ the rest beside the centripetal parts. A target outside the workspace is not an
 error here: this module knows no arm.
 
-This module alone knows ruckig.
+Only this module uses ruckig.
 """
 
 import math
@@ -60,24 +59,24 @@ from rmrc.support.spatial import (
 
 Array = NDArray[np.float64]
 
-# Shorter lengths [m] and smaller angles [rad] are rounding of a pose, not something to follow.
+# Smaller lengths [m] and angles [rad] are rounding of a pose, not motions to follow.
 _SMALLEST = 1e-9
 
-# Ten million ticks are 2.8 h at 1 kHz, and 1.7 GB: more is a slip of a unit.
+# Ten million ticks are 2.8 h at 1 kHz, and 1.7 GB: more is an error of units.
 _MOST_TICKS = 10_000_000
 
-# A duration that is a whole number of periods, except rounding, gets no tick more. The sums of
+# A duration that is a whole number of periods, except rounding, gets no further tick. The sums of
 # durations of `_MOST_TICKS` periods are rounded to 1e-9 of a period.
 _TICK_ROUNDING = 1e-6
 
 
 class Places(NamedTuple):
-    """What a path may refer to beside the world.
+    """Other things than the world that a path may refer to.
 
     Attributes:
         base: Pose of the arm's base, (7,).
         joints: Names of the joints.
-        pose_at: The pose of the site, (7,), at joint positions, (n,), or at a keyframe.
+        pose_at: Returns the pose of the site, (7,), at joint positions, (n,), or at a keyframe.
     """
 
     base: Array = ORIGIN
@@ -103,15 +102,15 @@ def make_reference(
             bit, unless the path starts with a step.
         period: The control period [s].
         offset: Offset of the absolute points of the path, `scenario.target.offset`, (2,) or (3,) [m].
-        frame: Frame of the segments that have none of their own, `scenario.target.frame`.
-        places: What else they refer to.
+        frame: Frame of the segments that name none, `scenario.target.frame`.
+        places: Other things that they refer to.
 
     Returns:
         The reference; the last sample is the end of the path, at rest.
 
     Raises:
         TargetError: A segment has no extent or is not finite, a limit or the period is not > 0,
-            the path needs more than ten million periods, or a file is none or too fast.
+            the path needs more than ten million periods, or a file is unusable or too fast.
 
     >>> path = [LineSegment(line={"by": (0.1, 0)}), HoldSegment(hold={"for": 0.5})]
     >>> start = [0.5, 0.0, 0.3, 1.0, 0.0, 0.0, 0.0]
@@ -124,7 +123,7 @@ def make_reference(
     for i, segment in enumerate(segments):
         path.follow(i, segment)
     pieces = np.concatenate(path.pieces)
-    with np.errstate(over="ignore"):  # what takes forever is refused below
+    with np.errstate(over="ignore"):  # an endless path is refused below
         starts = np.cumsum([0.0, *pieces["phases"][:, -1, 0]])
     ticks = _intervals(float(starts[-1]), period) + 1
     # a tick on the border of two segments belongs to the later one
@@ -141,7 +140,7 @@ def make_reference(
 
 
 def _first_tick(start: float, period: float) -> int:
-    """Return the first tick that is not before a time: the quotient may be rounded to a tick beside it."""
+    """Return the first tick that is not before a time; rounding may move the quotient to its neighbor."""
     nearest = round(start / period)
     return next(tick for tick in range(nearest - 1, nearest + 3) if period * tick >= start)
 
@@ -157,7 +156,7 @@ def _checked(
         if not 0 < value < math.inf:
             raise TargetError(f"{name}: must be finite and > 0, got {value:g}")
     pose = np.array(start_pose, dtype=float)
-    # Quaternions of a simulator are of length 1 to rounding; 1e-9 leaves room for theirs.
+    # Quaternions of a simulator are of length 1 to rounding; 1e-9 leaves room for it.
     if pose.shape != (7,) or not np.isfinite(pose).all() or abs(np.linalg.norm(pose[3:]) - 1) > 1e-9:
         shown = ", ".join(f"{x:g}" for x in pose.flat)
         raise TargetError(f"start_pose: must be [x, y, z] and a unit quaternion, got [{shown}]")
@@ -165,7 +164,7 @@ def _checked(
 
 
 def _intervals(duration: float, period: float) -> int:
-    """Return how many periods cover a duration, 1 at least."""
+    """Return how many periods cover a duration, at least 1."""
     count = duration / period
     if not count <= _MOST_TICKS:
         raise TargetError(
@@ -197,7 +196,7 @@ class _Curve(NamedTuple):
 
 
 class _Path:
-    """A path that grows: its pieces, and where they have come to."""
+    """A path under construction: its pieces, and its present end."""
 
     def __init__(
         self, limits: TargetLimitsSection, offset: Sequence[float], frame: PathFrame, places: Places,
@@ -208,7 +207,7 @@ class _Path:
         self.pieces: list[NDArray[np.void]] = []
         self.motions: dict[int, Motion] = {}
 
-    @np.errstate(over="ignore", invalid="ignore")  # what is not finite is an error of `_curve`
+    @np.errstate(over="ignore", invalid="ignore")  # `_curve` reports results that are not finite
     def follow(self, index: int, segment: Segment) -> None:
         """Add a segment."""
         (kind,) = type(segment).model_fields
@@ -229,12 +228,12 @@ class _Path:
         self.pieces.append(piece)
 
     def _origin(self, frame: PathFrame | None) -> Array | None:
-        """Return the pose of a frame, None for the world's: it leaves what is written in it as it is."""
+        """Return the pose of a frame, None for the world, whose coordinates need no change."""
         frames = {"base": self._places.base, "site": self._pose, "start": self._start}
         return frames.get(frame or self._frame)
 
     def _point(self, point: tuple[float, ...], frame: PathFrame | None) -> Array:
-        """Return a point of 2 or 3 values in the world; z of its frame is kept where it is missing."""
+        """Return a point of 2 or 3 values in the world; a missing z stays as it is in the frame."""
         origin = self._origin(frame)
         if any(self._offset) and (frame or self._frame) in ("world", "base"):
             point = tuple(x + d for x, d in zip(point, self._offset, strict=False))
@@ -297,7 +296,7 @@ class _Path:
         self._pose = curve.end
 
     def _go(self, place: str, pose: Array) -> None:
-        """Go straight to a pose, if that is any way."""
+        """Go straight to a pose, unless it is the present one."""
         nothing, straight = np.zeros(3), pose[:3] - self._pose[:3]
         axis, angle = _shortest(pose[3:], self._pose[3:])
         if np.linalg.norm(straight) >= _SMALLEST or abs(angle) >= _SMALLEST:
@@ -323,7 +322,7 @@ class _Path:
         self._add(_still(self._pose), _pause(step.duration))
 
     def _play(self, place: str, file: MotionFile) -> None:
-        """Follow a recorded motion, from its first pose or from where the path is."""
+        """Follow a recorded motion, from its first pose or from the present end of the path."""
         origin = self._origin(file.frame)
         origin = ORIGIN if origin is None else origin
         back, places = pose_inverse(origin), self._places
@@ -349,7 +348,7 @@ class _Path:
         self._pose = poses[-1]
 
     def _within_limits(self, place: str, motion: Motion, file: MotionFile) -> Motion:
-        """Return a motion within the limits, also between its rows, or raise by how much it is too fast."""
+        """Return a motion within the limits, also between its rows, or raise the factor of its excess."""
         factor, what = needed(motion, self._limits)
         if file.speed == "auto":
             return motion.slowed(max(1.0, factor))
@@ -362,7 +361,7 @@ class _Path:
 
 
 class _Way(NamedTuple):
-    """The shape of a segment, as `PIECE` has it; `normal` is the axis of an arc."""
+    """The shape of a segment as in `PIECE`; `normal` is the axis of an arc."""
 
     straight: Array
     spoke: Array
@@ -380,7 +379,7 @@ def _still(pose: Array) -> NDArray[np.void]:
 
 
 def _curve(place: str, way: _Way, start: Array, on_the_spot: bool | None) -> tuple[_Curve, NDArray[np.void]]:
-    """Return the geometry of a segment that starts at a pose, and its piece, (1,); None: any size will do."""
+    """Return the geometry of a segment from a pose, and its piece, (1,); None: any size is valid."""
     piece = _still(start)
     tangent = np.cross(way.normal, way.spoke) if way.sweep else way.spoke
     (one,) = piece
@@ -402,7 +401,7 @@ def _curve(place: str, way: _Way, start: Array, on_the_spot: bool | None) -> tup
 
 
 def _spoke(place: str, center: Array, normal: Array, start: Array) -> Array:
-    """Return the way from the circle's center to the start, square to its axis."""
+    """Return the vector from the circle's center to the start, normal to its axis."""
     way = start[:3] - center
     spoke: Array = way - (way @ normal) * normal
     if np.linalg.norm(spoke) < _SMALLEST:
@@ -420,8 +419,8 @@ def _shortest(to: Array, start: Array) -> tuple[Array, float]:
     if angle == 0:
         return np.array([0.0, 0.0, 1.0]), 0.0
     axis = rotvec / angle
-    # Both ways of a half turn are the shortest: rounding must not choose between them. The first
-    # large component shall be positive; one is at least 1/√3, and 0.55 is no component of a
+    # Both directions of a half turn are equally short: rounding must not choose between them. The first
+    # large component becomes positive; one is at least 1/√3, and 0.55 is no component of a
     # tidy axis.
     if angle > math.pi - _SMALLEST and axis[np.argmax(np.abs(axis) > 0.55)] < 0:
         return -axis, 2 * math.pi - angle
@@ -433,7 +432,7 @@ def _tilt(R: Array, own: Array, to: Array) -> tuple[Array, float]:
     now = R @ own
     square = np.cross(now, to)
     sine = float(np.linalg.norm(square))
-    if sine < _SMALLEST:  # there already, or half a turn about the axis that follows
+    if sine < _SMALLEST:  # there already, or half a turn about the axis below
         after = np.eye(3)[(np.argmax(np.abs(own)) + 1) % 3]
         return R @ normalize(after - (after @ own) * own), 0.0 if now @ to > 0 else math.pi
     return square / sine, math.atan2(sine, float(now @ to))
@@ -465,7 +464,7 @@ def _pause(duration: float) -> Array:
 def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> Array:
     """Return the phases of `PIECE` of the fastest u, from rest at 0 to rest at 1, within the limits.
 
-    Ruckig is asked in a unit of time in which all limits on u are at least 1: it has absolute
+    Ruckig gets a unit of time in which all limits on u are at least 1: it has absolute
     tolerances, and fails for lengths or times far from 1.
     """
     along, length, angle = _along(limits, curve.radius), curve.length, abs(curve.angle)
@@ -476,17 +475,17 @@ def _rest_to_rest(curve: _Curve, limits: TargetLimitsSection) -> Array:
     )
     unit = max(times)
     if unit == math.inf:
-        return _pause(unit)  # too long: `_intervals` says so
+        return _pause(unit)  # too long: `_intervals` reports it
     motion, trajectory = ruckig.InputParameter(1), ruckig.Trajectory(1)
     motion.current_position, motion.target_position = [0.0], [1.0]
-    # u̇ never passes 1/unit: that is what one of the three limits allows on a way of 1. A limit
-    # 200 times less strict than the strictest counts as 200: no slower by more than 0.1 %, and
-    # ruckig's first step fails now and then for jerks above 1e8.
+    # u̇ never passes 1/unit: one of the three limits allows no more on a way of 1. A limit
+    # 200 times less strict than the strictest counts as 200: this slows the motion by at most 0.1 %, and
+    # ruckig's first step sometimes fails for jerks above 1e8.
     ratios = [min(unit / time, 200.0) for time in times]
     motion.max_velocity = [min(ratios[0], 2.0)]
     motion.max_acceleration = [ratios[1] ** 2]
     reason = ""
-    # Where two of ruckig's cases meet, as at a length of 2 a³/j², it may find neither: not so beside it.
+    # Where two of ruckig's cases meet, as at a length of 2 a³/j², it may find neither, but it does nearby.
     for share in (1.0, 1.0 - 1e-12):
         motion.max_jerk = [share * ratios[2] ** 3]
         try:

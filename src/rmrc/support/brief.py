@@ -1,4 +1,4 @@
-"""What an object is in a line or a few: a repr that fits on a screen, whatever the object holds."""
+"""A short repr of any object, which fits on a screen."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence, Set
@@ -8,14 +8,14 @@ import numpy as np
 
 T = TypeVar("T")
 
-# Characters: of a value within another, and of the whole, which is 24 lines of 80.
+# Most characters of a value within another, and of the whole, which is 24 lines of 80.
 VALUE, WHOLE = 120, 1900
-# Members of a collection that are shown.
+# Number of members of a collection that are shown.
 MEMBERS = 6
 
 
 def brief(cls: type[T]) -> type[T]:
-    """Give a dataclass a repr that fits on a screen: arrays by their shapes, what is within by its name.
+    """Give a dataclass a repr that fits on a screen: arrays by their shapes, nested objects by their names.
 
     >>> import numpy as np
     >>> @brief
@@ -58,6 +58,6 @@ def _members(shown: Sequence[str], count: int) -> str:
 
 
 def cut(text: str, most: int = WHOLE) -> str:
-    """Return a text on one line, without its middle where it is longer than a screen, but with its end."""
+    """Return a text on one line; if it is longer than a screen, without its middle."""
     text = " ".join(text.split())
     return text if len(text) <= most else f"{text[: most - 2]}…{text[-1]}"

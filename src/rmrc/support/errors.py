@@ -4,11 +4,11 @@
     ├── ScenarioError    (ValueError)       a scenario is wrong; all its problems at once
     ├── ModelError       (ValueError)       a model cannot be loaded, or lacks what was named
     ├── TargetError      (ValueError)       a target path cannot be timed
-    ├── QuestionError    (ValueError)       what is asked about a model does not fit it
+    ├── QuestionError    (ValueError)       a question does not fit its model
     ├── ClusterError     (ConnectionError)  machines that should run a sweep cannot, or are lost
     └── DivergenceError  (ArithmeticError)  the simulated state stopped being finite
 
-ModelWarning (UserWarning) is what MuJoCo says about a model that it takes.
+ModelWarning (UserWarning) is a message of MuJoCo about a model that it accepts.
 A singularity is not an error: it is a status, recorded at every control tick.
 Messages are one line: the thing, the value, the bound and the way out.
 """
@@ -26,10 +26,10 @@ class RmrcError(Exception):
 
 
 class ScenarioError(RmrcError, ValueError):
-    """A scenario cannot be used; `str()` is all its problems, one a line.
+    """A scenario cannot be used; `str()` lists all its problems, one per line.
 
     Attributes:
-        problems: Each with its key, what is wrong, and where the value was given.
+        problems: Each with its key, its text, and the place where the value was given.
     """
 
     def __init__(self, problems: Iterable[Problem]) -> None:
@@ -39,16 +39,16 @@ class ScenarioError(RmrcError, ValueError):
 
     @classmethod
     def about(cls, source: object, text: str) -> ScenarioError:
-        """Return an error of one problem, with a file or an option as a whole.
+        """Return an error with one problem of a file or an option as a whole.
 
         Args:
-            source: What it is called.
-            text: What is wrong with it.
+            source: Its name.
+            text: The problem.
         """
         return cls([Problem((), text, Origin(str(source)))])
 
     def __str__(self) -> str:
-        """Return all problems, one a line."""
+        """Return all problems, one per line."""
         return "\n".join(map(str, self.problems))
 
 
@@ -60,13 +60,13 @@ class ModelError(RmrcError, ValueError):
     """
 
     def __init__(self, message: str, about: str = "model") -> None:
-        """Keep the message and what it is about."""
+        """Keep the message and its subject."""
         self.about = about
         super().__init__(message)
 
 
 class ModelWarning(UserWarning):
-    """MuJoCo takes a model and says something about it."""
+    """MuJoCo accepts a model with a message about it."""
 
 
 class TargetError(RmrcError, ValueError):
@@ -86,11 +86,11 @@ class DivergenceError(RmrcError, ArithmeticError):
 
 
 def did_you_mean(name: str, options: Iterable[str]) -> str:
-    """Return a suggestion to append to a message, or nothing when no option is near.
+    """Return a suggestion to append to a message, or an empty text if no option is near.
 
     Args:
         name: The text as written.
-        options: Possible intentions.
+        options: Valid names.
 
     Returns:
         `'; did you mean "velocity"?'` for the nearest option, else `''`.

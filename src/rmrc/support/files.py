@@ -28,7 +28,7 @@ def written_whole(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def _about(path: Path, temporary: Path) -> Iterator[None]:
-    """Have errors name the file that was asked for: not one that nobody knows, or none, as a full disk."""
+    """Have errors name the requested file, not its temporary one, or none, as for a full disk."""
     try:
         yield
     except OSError as error:

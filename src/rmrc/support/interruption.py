@@ -1,8 +1,8 @@
-"""Ctrl-C, SIGTERM and SIGHUP as an event, so that nothing is torn out of a block or of a file being written.
+"""Ctrl-C, SIGTERM and SIGHUP as an event, so that they interrupt no block and no write of a file.
 
-The first of them stops what goes on, and what is there is kept. The second one ends the process of a command
-at once; in another's process it does what it did before. A signal that the process was started deaf to, as by
-`nohup`, stays without effect.
+The first of them stops the work and keeps the results. The second one ends the process of a command at once;
+in another program's process its earlier handler runs. A signal that the process ignored from its start, as
+with `nohup`, stays without effect.
 """
 
 import os
@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from types import FrameType
 from typing import NoReturn
 
-# Those that there are: Windows has no SIGHUP.
+# The signals that the system has: Windows has no SIGHUP.
 _SIGNALS = tuple(getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name))
 _SHOW_CURSOR = b"\x1b[?25h"
 
@@ -29,21 +29,21 @@ def signal_that_came() -> int | None:
 
 @contextmanager
 def stops_like_ctrl_c() -> Iterator[None]:
-    """Have SIGTERM and SIGHUP do as Ctrl-C does: raise KeyboardInterrupt, or set an `interruptible` event.
+    """Have SIGTERM and SIGHUP act as Ctrl-C does: raise KeyboardInterrupt, or set an `interruptible` event.
 
     For a process that ends when it is stopped. It has no effect outside of the main thread.
     """
     _came.clear()
 
     def interrupt(number: int, frame: FrameType | None) -> None:
-        if _is_importing(frame):  # libraries make other errors of it, and there is nothing to keep
+        if _is_importing(frame):  # libraries turn it into other errors, and there is nothing to keep
             _end(number)
         _next_one_ends(number)
         raise KeyboardInterrupt
 
     def unraisable(lost: "sys.UnraisableHookArgs") -> None:
         if _came and isinstance(lost.exc_value, KeyboardInterrupt):
-            _end(_came[0])  # a callback took it, and nobody else would hear of it
+            _end(_came[0])  # a callback caught it, and nothing else would notice it
         before(lost)
 
     before = sys.unraisablehook
@@ -65,7 +65,7 @@ def interruptible() -> Iterator[threading.Event]:
         stop.set()
         if getattr(before[number], "is_ours", False):
             _next_one_ends(number)
-        else:  # somebody's notebook
+        else:  # in a notebook
             signal.signal(number, before[number])
 
     def is_like_ctrl_c(number: int) -> bool:
@@ -77,8 +77,8 @@ def interruptible() -> Iterator[threading.Event]:
 
 @contextmanager
 def _handled(handler: _Handler, is_chosen: Callable[[int], bool]) -> Iterator[None]:
-    """Handle the signals that are chosen, except those that are ignored."""
-    if threading.current_thread() is not threading.main_thread():  # signals are not ours to handle
+    """Handle the chosen signals, except those that are ignored."""
+    if threading.current_thread() is not threading.main_thread():  # another thread may not set handlers
         yield
         return
     handler.is_ours = True  # type: ignore[attr-defined]
@@ -88,13 +88,13 @@ def _handled(handler: _Handler, is_chosen: Callable[[int], bool]) -> Iterator[No
         yield
     finally:
         for number, previous in before.items():
-            # what `_next_one_ends` left to the system stays so for as long as the outer one holds
+            # a signal that `_next_one_ends` left to the system stays so while the outer handler is active
             is_left = signal.getsignal(number) == signal.SIG_DFL and getattr(previous, "is_ours", False)
             signal.signal(number, signal.SIG_DFL if is_left else previous)
 
 
 def _next_one_ends(number: int) -> None:
-    """Leave the next signal to the system, which ends the process even where Python does not listen."""
+    """Leave the next signal to the system, which ends the process even while Python does not react."""
     _came.append(number)
     for one in _SIGNALS:
         if getattr(signal.getsignal(one), "is_ours", False):

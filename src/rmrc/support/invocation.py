@@ -1,4 +1,4 @@
-"""How this program was called, for messages that print a command to copy."""
+"""The command line that started this program, for messages that print a command to copy."""
 
 import os
 import shlex
@@ -10,7 +10,7 @@ from rmrc.support.legible import visible
 
 
 def command(*words: str | os.PathLike[str]) -> str:
-    """Return a command line that a shell reads back: the program as it was called, and words behind it.
+    """Return a command line for a shell: the program as it was called, followed by some words.
 
     Args:
         words: Verb, options and arguments; quoted where a shell needs it.
@@ -38,6 +38,6 @@ def _called() -> list[str]:
     found = shutil.which(name)
     if name != "rmrc":  # another program, or a notebook, that uses this one as a library
         return ["rmrc"]
-    # What a shell finds by its name alone was most likely called so; the kernel tells its whole path.
+    # A program that a shell finds by its name was most likely called by it; the kernel gives the whole path.
     is_found = found is not None and os.path.realpath(found) == os.path.realpath(script)
     return [name if is_found or os.sep not in script else script]

@@ -1,7 +1,7 @@
-"""Foreign texts as a terminal can show them: no control characters, not too long, in any encoding.
+"""Texts from elsewhere in a form for terminals: no control characters, not too long, in any encoding.
 
-A file, a model, MuJoCo or an option may hold anything. What would move the cursor, reverse the direction of
-writing or show nothing is written as its escape.
+A file, a model, MuJoCo or an option may hold anything. Characters that would move the cursor, reverse the
+direction of writing or show nothing are written as escapes.
 """
 
 import codecs
@@ -9,13 +9,13 @@ import re
 import unicodedata
 from collections.abc import Iterable
 
-# Of a value in a message: two of them and the words between them fill two lines of a terminal.
+# Characters of a value in a message: two of them and the words between them fill two lines of a terminal.
 LONGEST = 80
 
-# Of a message, and of one word in it, which may be a path: what goes beyond is cut in the middle.
+# Characters of a message, and of one word in it, which may be a path: longer ones are cut in the middle.
 LONGEST_LINE, LONGEST_WORD = 2000, 500
 
-# The name of our error handler for streams, see `codecs.register_error`.
+# The name of the error handler for streams, see `codecs.register_error`.
 IN_ASCII = "rmrc.in_ascii"
 
 
@@ -35,11 +35,11 @@ def visible(text: str, keep: str = "") -> str:
 
 
 def shortened(text: str, most: int = LONGEST) -> str:
-    """Return a text of about so many characters: its middle is left out, and its length is told.
+    """Return a text of about this many characters: without its middle, and with its length.
 
     Args:
-        text: What may be too long; quotes around it stay.
-        most: Up to this many characters it stays as it is.
+        text: A text that may be too long; quotes around it stay.
+        most: A text of up to this many characters stays as it is.
 
     >>> shortened('"' + "a" * 10_000 + '"', 10)
     '"aaa…aaa" (10,000 characters)'
@@ -54,7 +54,7 @@ def shortened(text: str, most: int = LONGEST) -> str:
 def line(text: str) -> str:
     """Return a message as one printable line: its long words cut in their middle, then the message itself.
 
-    A message begins with what is wrong and ends with the way out, so both stay.
+    A message begins with the problem and ends with the remedy, so both stay.
     """
     text = visible(text)
     if len(text) <= LONGEST_WORD:
@@ -76,7 +76,7 @@ def quoted(text: str) -> str:
 
 
 def listed(names: Iterable[str], most: int = 20) -> str:
-    """Return names with commas between them, the first of them if there are many.
+    """Return names with commas between them, only the first ones if there are many.
 
     >>> listed(["a", "b", "c", "d"], 2)
     'a, b and 2 more'
@@ -88,7 +88,7 @@ def listed(names: Iterable[str], most: int = 20) -> str:
 
 
 def in_ascii(text: str) -> str:
-    """Return a text in ASCII that can still be read: `sigma` for σ, `^2` for ², `-` for a rule of a table.
+    """Return a text in legible ASCII: `sigma` for σ, `^2` for ², `-` for a rule of a table.
 
     >>> in_ascii("κ = σ₁/σ_min, rad/s²")
     'kappa = sigma_1/sigma_min, rad/s^2'

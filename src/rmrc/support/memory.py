@@ -1,4 +1,4 @@
-"""Memory: what a process may still take, and whether what it is about to hold fits."""
+"""Memory: how much a process may still take, and whether a need fits."""
 
 import math
 import os
@@ -11,7 +11,7 @@ try:
 except ImportError:  # Windows
     resource = None  # type: ignore[assignment]
 
-# Of what is left, a check lets a run take this share: the rest is for what no estimate knows.
+# A check lets a run take this share of the remaining memory: the rest is for errors of the estimate.
 SHARE = 0.8
 
 
@@ -19,8 +19,8 @@ class Room(NamedTuple):
     """The remainder of a memory limit.
 
     Attributes:
-        size: How much [B]; infinite where nothing is known.
-        bound: What bounds it, in words.
+        size: Its size [B]; infinite if it is unknown.
+        bound: The limit, in words.
     """
 
     size: float
@@ -28,16 +28,16 @@ class Room(NamedTuple):
 
 
 def room(root: Path = Path("/")) -> Room:
-    """Return the least of what is left: of the machine's memory and of the limits of its cgroups.
+    """Return the smallest remainder: of the machine's memory and of the limits of its cgroups.
 
     Args:
-        root: Root of the file system with its data.
+        root: Root of the file system with these data.
     """
     return min((_machine(root), *_cgroups(root)), key=lambda one: one.size)
 
 
 def address_room(root: Path = Path("/")) -> Room:
-    """Return what is left of the addresses that `ulimit -v` allows, touched or not."""
+    """Return the remainder of the addresses that `ulimit -v` allows, touched or not."""
     bound = "ulimit -v"
     if resource is None:
         return Room(math.inf, bound)
@@ -50,11 +50,11 @@ def address_room(root: Path = Path("/")) -> Room:
 
 
 def excess(held: float, reserved: float = 0.0) -> str | None:
-    """Return how much too much this is, in words that go on after "need", or None if it fits.
+    """Return by how much a need is too large, in words that follow "need", or None if it fits.
 
     Args:
-        held: What will be written to [B].
-        reserved: What will be asked for and hardly touched, which only `ulimit -v` counts [B].
+        held: Memory that will be written [B].
+        reserved: Memory that will only be reserved, which only `ulimit -v` counts [B].
 
     Example:
         >>> excess(1e6) is None
@@ -91,7 +91,7 @@ def _machine(root: Path) -> Room:
 
 
 def _cgroups(root: Path) -> Iterator[Room]:
-    """Iterate over what is left of the limits of the process's cgroups and of those that these are in."""
+    """Iterate over the remainders of the limits of the process's cgroups and of their parents."""
     for line in _text(root / "proc/self/cgroup").splitlines():
         _, kinds, path = line.split(":", 2)
         if kinds == "":  # version 2
@@ -102,23 +102,23 @@ def _cgroups(root: Path) -> Iterator[Room]:
         else:
             continue
         parts = [part for part in path.split("/") if part not in ("", "..")]
-        # in a container, its own group is the root of what it sees
+        # in a container, its own group is the root that it can see
         for count in range(len(parts) + 1):
             yield _cgroup(base.joinpath(*parts[:count]), *names)
 
 
 def _cgroup(folder: Path, limit: str, usage: str, cache: str) -> Room:
-    """Return what is left in one group; files that are only cached make room where it is needed."""
+    """Return the remainder in one group; cached files count as free."""
     bound = "the memory limit of its cgroup"
     most, used = _text(folder / limit).strip(), _text(folder / usage).strip()
-    if not (most.isdecimal() and used.isdecimal()):  # none, or "max"
+    if not (most.isdecimal() and used.isdecimal()):  # no limit, or "max"
         return Room(math.inf, bound)
     known = dict(line.split(" ", 1) for line in _text(folder / "memory.stat").splitlines() if " " in line)
     return Room(max(0, int(most) - int(used) + int(known.get(cache, 0))), bound)
 
 
 def _text(path: Path) -> str:
-    """Return what a file says, nothing where there is none."""
+    """Return the contents of a file, "" if it does not exist."""
     try:
         return path.read_text("utf-8")
     except (OSError, ValueError):

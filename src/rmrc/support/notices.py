@@ -1,40 +1,40 @@
-"""What a user should hear while it happens: that something takes long, and why.
+"""Notices to a user during the work: that something takes long, and why.
 
-Nothing is said unless somebody listens, as the command line does.
+Nothing is reported without a listener, such as the command line.
 """
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 
-# Said by `rmrc.law.jit` when it is so, of what is compiled.
+# Sent by `rmrc.law.jit` while it compiles, with the name of the compiled part.
 COMPILING = "compiling {} ({}) ..."
 KEPT, NOT_KEPT = "once; kept for the next time", "this time and each other time; it cannot be kept"
-# Said by verbs that wait for a model, where that takes long.
+# Sent by verbs that wait for a model, if that takes long.
 READING = "reading the model ..."
 
 _listeners: list[Callable[[str, str], None]] = []
 
 
 def tell(text: str, once: str = "") -> None:
-    """Say something to whoever listens now.
+    """Send a notice to the present listener.
 
     Args:
         text: A line.
-        once: What it is about; of that only the first is heard. Default: the line itself.
+        once: Its subject; only the first notice about it is heard. Default: the line itself.
     """
     for listener in tuple(_listeners):
         listener(text, once or text)
 
 
 def tell_assumed(notes: Iterable[str]) -> None:
-    """Say assumptions, each once."""
+    """Send assumptions, each once."""
     for note in notes:
         tell(f"note: {note}")
 
 
 @contextmanager
 def heard_by(listener: Callable[[str], None]) -> Iterator[None]:
-    """Have a function called with what is said, of each matter once.
+    """Have a function called with the notices, once for each subject.
 
     Args:
         listener: Called with a line; threads may call it.

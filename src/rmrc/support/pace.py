@@ -1,39 +1,39 @@
-"""How much is done between two looks at whether to stop: as much as takes a moment, learned as it goes."""
+"""The amount of work between two checks for a stop: as much as takes a moment, learned during the work."""
 
 import math
 
-# Seconds between two looks: a stop is answered within half a second, with time to close what is open.
+# Seconds between two checks: a stop takes effect within half a second, with time to close open files.
 LOOK = 0.05
-# Steps of worlds between two looks at most, however fast they seem to be: about as long for a small arm.
+# Largest number of steps of worlds between two checks, however fast they seem: as long for a small arm.
 MOST = 10_000
-# What was quick may be so by chance, or because it had not begun: it grows by this factor at most.
+# A measured speed may be too high by chance, or from a slow start: the number grows at most by this factor.
 _GROWTH = 8
 
 
 class Pace:
-    """How many steps of some worlds fit between two looks; one at first.
+    """The number of steps of some worlds between two checks for a stop; one at first.
 
-    It decides when one looks, and nothing else: results do not depend on it.
+    It only decides the times of the checks: results do not depend on it.
 
     Attributes:
-        steps: So many may be done before the next look, 1 at least.
+        steps: Number of steps before the next check, at least 1.
     """
 
     def __init__(self, worlds: int) -> None:
         """Begin with one step.
 
         Args:
-            worlds: That are stepped together.
+            worlds: Number of worlds that are stepped together.
         """
         self._most = max(1, MOST // worlds)
         self.steps = 1
 
     def took(self, seconds: float, steps: int) -> None:
-        """Learn how long some steps took.
+        """Learn the duration of some steps.
 
         Args:
-            seconds: Since the last look.
-            steps: That were done since, 0 or more.
+            seconds: Time since the last check.
+            steps: Number of steps since then, 0 or more.
         """
         fitting = steps * LOOK / seconds if seconds > 0.0 else math.inf
         self.steps = max(1, int(min(fitting, _GROWTH * max(steps, 1), self._most)))

@@ -8,7 +8,7 @@ Key = tuple[str | int, ...]  # the steps from the root of a scenario to a value
 
 
 class Origin(NamedTuple):
-    """Where a value was given; all empty for one that was given in Python.
+    """The place where a value was given; all empty for a value given in Python.
 
     Attributes:
         source: A file, or an option such as `--set control.feedback`.
@@ -23,7 +23,7 @@ class Origin(NamedTuple):
     key: str = ""
 
     def of(self, name: str) -> str:
-        """Return how messages about a key begin: source, line, column, and the key where it is not told yet.
+        """Return the beginning of messages about a key: source, line, column, and the key unless it is there.
 
         Args:
             name: The key, by `join`.
@@ -45,18 +45,18 @@ class Origin(NamedTuple):
 
     @property
     def _has_other_name(self) -> bool:
-        """Whether the source calls its key otherwise than a scenario does."""
+        """Whether the source has another name for the key than a scenario."""
         return not self.source.endswith(self.key)
 
 
 class Problem(NamedTuple):
-    """One thing that is wrong; `str()` is the line that tells it.
+    """One problem; `str()` is the line that reports it.
 
     Attributes:
-        key: Of the value; () for what is wrong with all of it.
-        text: The requirement, the value and the way out.
-        origin: Where the value was given, if that is known.
-        who: Which of several scenarios has it; "" for the only one, or all.
+        key: Key of the value; () for a problem of the whole.
+        text: The requirement, the value and the remedy.
+        origin: Place where the value was given, if known.
+        who: Name of its scenario among several; "" for the only one, or all.
     """
 
     key: Key
@@ -65,7 +65,7 @@ class Problem(NamedTuple):
     who: str = ""
 
     def __str__(self) -> str:
-        """Return `WHO: ORIGIN: KEY: TEXT`, without what there is not."""
+        """Return `WHO: ORIGIN: KEY: TEXT`, without empty parts."""
         place = (self.origin or Origin()).of(join(self.key))
         return ": ".join(part for part in (self.who, place, self.text) if part)
 

@@ -14,16 +14,16 @@ from typing import Literal
 from rmrc.support.errors import did_you_mean
 
 Folder = Literal["scenarios", "models"]
-MOTION = ".csv"  # of the files that scenarios follow, beside them
+MOTION = ".csv"  # files that scenarios follow, beside them
 SUFFIX: Mapping[Folder, str] = {"scenarios": ".yaml", "models": ".xml"}
 
-# Characters of what a file is about, at least: less says nothing.
+# Least number of characters of a file's subject: fewer do not describe it.
 _LEAST = 40
 
 
 @cache
 def root() -> Path | None:
-    """Return the folder that has `scenarios` and `models`: in the package, or the clone that it is in."""
+    """Return the folder with `scenarios` and `models`: in the package, or in the clone around it."""
     package = Path(__file__).resolve().parents[1]
     clone = package.parents[1]
     if (package / "_examples").is_dir():
@@ -32,18 +32,18 @@ def root() -> Path | None:
 
 
 def shipped(folder: Folder) -> dict[str, Path]:
-    """Return the files of a kind by their bare names, sorted; none where the package came without them."""
+    """Return the files of a kind by their bare names, sorted; none if the package came without them."""
     top = root()
     files = () if top is None else sorted((top / folder).glob(f"*{SUFFIX[folder]}"))
     return {file.stem: file for file in files}
 
 
 def found(path: str | os.PathLike[str], folder: Folder) -> Path:
-    """Return what a path names: a bare name that no file has here is that of a shipped one.
+    """Return the file that a path names: a bare name without a file here is that of a shipped one.
 
     Args:
         path: Such as `blow_up`; a path with a folder or a suffix stays as it is.
-        folder: What it should be.
+        folder: Kind of the file.
     """
     name = os.fspath(path)
     if os.sep in name or Path(name).suffix or os.path.lexists(name):
@@ -52,11 +52,11 @@ def found(path: str | os.PathLike[str], folder: Folder) -> Path:
 
 
 def suggestion(path: Path, folder: Folder) -> str:
-    """Suggest the bare name of a shipped file for a path of none, to append to a message, or nothing.
+    """Suggest the bare name of a shipped file for a path without a file, to append to a message, or nothing.
 
     Args:
-        path: Where nothing is. In another folder a file's own name must be that of a shipped one.
-        folder: What it should be.
+        path: A path without a file. In another folder its name must be that of a shipped file.
+        folder: Kind of the file.
     """
     names = shipped(folder)
     if path.parent != Path() and (path.suffix != SUFFIX[folder] or path.stem not in names):
@@ -65,7 +65,7 @@ def suggestion(path: Path, folder: Folder) -> str:
 
 
 def about(file: Path) -> str:
-    """Return how the first comment of a shipped file begins: a clause, or several if the first is short."""
+    """Return the beginning of a shipped file's first comment: a clause, or several if the first is short."""
     end = "-->" if file.suffix == ".xml" else "\nname:"
     lines = file.read_text("utf-8").partition(end)[0].removeprefix("<!--").splitlines()
     text = " ".join(line.strip("# ") for line in lines).strip()
@@ -83,7 +83,7 @@ def copy_out(folder: Path) -> list[Path]:
         The two folders that were made in it.
 
     Raises:
-        OSError: One of them is there already, or cannot be written.
+        OSError: One of them already exists, or cannot be written.
     """
     wanted = [folder / name for name in SUFFIX]
     for path in wanted:
@@ -101,12 +101,12 @@ def copy_out(folder: Path) -> list[Path]:
     except BaseException as error:
         for path in made:
             shutil.rmtree(path, ignore_errors=True)
-        if isinstance(error, OSError):  # of a file that nobody asked for
+        if isinstance(error, OSError):  # about a file that the caller did not name
             raise OSError(error.errno, error.strerror, str(folder)) from None
         raise
     finally:
         shutil.rmtree(partial, ignore_errors=True)
-        with suppress(OSError):  # they hold something
+        with suppress(OSError):  # they are not empty
             for one in missing:
                 one.rmdir()
 

@@ -106,7 +106,7 @@ def quat_conjugate(q: ArrayLike) -> Array:
 def quat_from_axis_angle(axis: ArrayLike, angle: ArrayLike) -> Array:
     """Return the rotation by an angle about an axis.
 
-    It is continuous in the angle: a full turn more changes the sign.
+    It is continuous in the angle: one more full turn changes the sign.
 
     Args:
         axis: Axis of any length but 0, (..., 3).
@@ -282,7 +282,7 @@ def pose_error(pose_ref: ArrayLike, pose: ArrayLike) -> Array:
 
 
 def tilt_error(turn: ArrayLike, free: int) -> Array:
-    """Return the rotation errors of a body along its own axes, of which one is free to turn about.
+    """Return the rotation errors of a body along its own axes, about one of which it may turn freely.
 
     The rotation is tilt · turn about the free axis; the tilt has the rotation vector of the other two axes.
 
@@ -355,7 +355,7 @@ def twist_transform(R_a_b: ArrayLike, p_a_b: ArrayLike) -> Array:
 def wrench_transform(R_a_b: ArrayLike, p_a_b: ArrayLike) -> Array:
     """Return the matrix that takes a wrench on a body from frame b to frame a.
 
-    [[R, 0], [skew(p) R, R]], the inverse transpose of `twist_transform`, so that power is kept
+    [[R, 0], [skew(p) R, R]], the inverse transpose of `twist_transform`, which preserves power
     [Craig05, §5.11].
 
     Args:
@@ -400,9 +400,9 @@ def shift_twist(twist: ArrayLike, r: ArrayLike) -> Array:
 
 
 def shift_wrench(wrench: ArrayLike, r: ArrayLike) -> Array:
-    """Return the wrench that acts alike at another point, along the same axes.
+    """Return the equivalent wrench at another point, along the same axes.
 
-    n' = n + r × f, so that power is kept: wrench · twist is the same at both points
+    n' = n + r × f, which preserves power: wrench · twist is the same at both points
     [Craig05, §5.11].
 
     Args:

@@ -7,20 +7,20 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 
-# A thread that steps comes back to the interpreter thousands of times per second, for microseconds each: by
-# itself it would wait for 5 ms for one that prepares runs.
+# A thread that steps worlds returns to the interpreter thousands of times per second, for microseconds each.
+# By default it would wait 5 ms for a thread that prepares runs.
 _SWITCH = 5e-5
 
-# Objects that somebody else has frozen, who wants them to stay so; Python itself freezes some hundred.
+# More frozen objects than Python's own few hundred mean that another library froze them and relies on it.
 _FROZEN = 10_000
 
 
 @contextmanager
 def side_by_side(count: int) -> Iterator[ThreadPoolExecutor]:
-    """Yield a pool of threads; in the end, wait for what they are at, and cancel what has not begun.
+    """Yield a pool of threads; at the end, wait for running work, and cancel the rest.
 
     Args:
-        count: How many.
+        count: Number of threads.
     """
     pool = ThreadPoolExecutor(count)
     _interpreter.enter()
@@ -29,12 +29,12 @@ def side_by_side(count: int) -> Iterator[ThreadPoolExecutor]:
     finally:
         try:
             pool.shutdown(cancel_futures=True)
-        finally:  # a second Ctrl-C comes while we wait
+        finally:  # a second Ctrl-C during the wait
             _interpreter.leave()
 
 
 class _Interpreter:
-    """Its settings, which all pools of a process share: the first changes them, the last puts them back."""
+    """Interpreter settings that all pools of a process share: the first sets, the last restores them."""
 
     def __init__(self) -> None:
         self._pools, self._before, self._freezes, self._lock = 0, 0.0, False, threading.Lock()
@@ -46,7 +46,7 @@ class _Interpreter:
                 self._before = sys.getswitchinterval()
                 sys.setswitchinterval(_SWITCH)
                 self._freezes = gc.get_freeze_count() < _FROZEN
-                if self._freezes:  # what is loaded stays, and to look through it would stop all threads
+                if self._freezes:  # loaded objects stay, and searching them would stop all threads
                     gc.freeze()
 
     def leave(self) -> None:
